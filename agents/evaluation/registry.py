@@ -53,8 +53,8 @@ def learned_family(folder: Path, options: Any = None, recorded: str = FLIGHTS) -
 OWN_NETWORKS = {
     "anchor": ("anchor_decider", "AnchorDecider"), "statements": ("statement_decider", "StatementDecider"),
     "flights": ("flight_decider", "FlightAgent"), "gliders": ("glider_decider", "GliderAgent"),
-    "reward": ("reward_decider", "RewardDecider"), "tandem": ("tandem_decider", "TandemDecider"),
-    "kalman": ("kalman_decider", "KalmanDecider"),
+    "reward": ("reward_decider", "RewardDecider"), "tandem": ("tandem_net", "TandemDecider"),
+    "kalman": ("kalman_net", "KalmanDecider"),
     "distilled": ("distilled", "DistilledDecider"), "transformer": ("transformer_net", "TransformerDecider"),
 }  # fmt: skip
 """File and class of the deciders whose networks are of this package, by training algorithm."""

@@ -5,21 +5,41 @@ filters of every hypothesis start from its components. Where only the type of mo
 network predicts what a wrong radius costs in the next segment. The decider declares when the expected loss
 falls to alpha.
 
-All inputs are without units (`dimensionless`), and left and right turns are mirror images. The same weights
+All inputs are without units, and left and right turns are mirror images. The same weights
 therefore apply to objects of any size and to banks of any size.
 """
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import nn
 
-from agents.learned.anchor_net import AnchorNet, RegretNet, regret_inputs
-from agents.learned.dimensionless import Scales, ratios, turns_per_tick
+from agents.learned.anchor_net import (
+    COMPONENTS,
+    AnchorNet,
+    LastRow,
+    RegretNet,
+    Scales,
+    anchor_inputs,
+    bias_of_bank,
+    declared_side,
+    ratios,
+    regret_inputs,
+    select,
+    stated_factor,
+    turns_per_tick,
+)  # fmt: skip
 from agents.learned.posterior_decider import PosteriorDecider
-from agents.learned.track_filters import TrackFilters
+from baselines.rules.component_filters import (
+    ANCHOR_COLUMNS,
+    ComponentFilters,
+    anchor_rows,
+    joint_posterior,
+    stated_covariance,
+)  # fmt: skip
 from baselines.rules.decider import Observations
 from baselines.rules.measurements import observe_sensed, split_sensed
 from baselines.rules.msprt import error_and_best, mode_types
@@ -32,14 +52,109 @@ HEAVY_TAILS = 2.7
 as much as the best one under Lévy noise of index 1.5."""
 
 REGRET_SHARE = 0.5  # a wrong declaration loses 2, from 1 to -1
+SMALLEST = 1e-300
+
+
+class TrackFilters:
+    """The filters of the tracks of one or several worlds, started as the network predicts.
+
+    Args:
+        worlds: options, all with the same number of hypotheses.
+        tracks: number of tracks of each, N together.
+
+    Attributes:
+        last: what is remembered of the last row.
+        anchor_samples: inputs (n, 22 + C), factor (n, 4, 4) and tracks (n,) of the anchors predicted in the
+            last tick.
+    """
+
+    def __init__(self, worlds: Sequence[WorldOptions], tracks: Sequence[int]):
+        self.layout = Layout(worlds[0].hypotheses)
+        self.filters = [
+            ComponentFilters("anchor_aware", COMPONENTS, count, world, robust=True)
+            for world, count in zip(worlds, tracks, strict=True)
+        ]
+        self.splits = np.cumsum(tracks)[:-1]
+        self.scales = Scales.of(worlds, tracks)
+        total, M = int(sum(tracks)), self.layout.hypotheses
+        self.log_weights = np.zeros((total, COMPONENTS))
+        posterior, components = np.full((total, M), 1 / M), np.full((total, COMPONENTS), 1 / COMPONENTS)
+        self.last = LastRow(posterior, components, np.zeros((total, M, 2)), *(np.zeros(total) for _ in range(3)))
+        self.anchor_samples: tuple[NDArray[np.float32], FloatArray, IntArray] | None = None
+
+    def advance(
+        self, net: AnchorNet, rows: Observations, first: BoolArray, sensed: Sequence[FloatArray | None]
+    ) -> FloatArray:
+        """Process one row of every track; return the posterior of the hypotheses, (N, M).
+
+        Args:
+            net: predicts the anchors.
+            rows: (N, width).
+            first: (N,) True at the first tick of an episode, whose anchor is as the options say.
+            sensed: of each world what its sensors measured, see `sensed_of`; None without sensors.
+        """
+        layout = self.layout
+        ticks = layout.read(rows, "ticks")
+        begins = ticks < 1.5
+        anchors = np.zeros((COMPONENTS, len(rows), ANCHOR_COLUMNS))
+        self.anchor_samples = None
+        log_weights = self.log_weights.copy()
+        if begins.any():
+            anchors[:, begins] = self._anchors(net, rows[begins], begins, first[begins])
+        arrays = rows, begins, anchors.swapaxes(0, 1), log_weights, first
+        parts = (np.split(array, self.splits) for array in arrays)
+        for filters, own_rows, own_begins, own_anchors, *own in zip(self.filters, *parts, sensed, strict=True):
+            filters.advance(own_rows, own_begins, own_anchors.swapaxes(0, 1), *own)
+        share = joint_posterior(np.concatenate([one.log_likelihood for one in self.filters], axis=1), self.log_weights)
+        posterior = share.sum(0)
+        innovations = np.concatenate([one.innovations for one in self.filters], axis=1)
+        own = (share[..., None] * innovations).sum(0) / np.maximum(posterior, SMALLEST)[..., None]
+        left, speed = (layout.read(rows, name) for name in ("ticks_left", "speed"))
+        self.last = LastRow(posterior, share.sum(-1).T, bias_of_bank(layout, rows, own), ticks, left, speed)
+        return posterior
+
+    @property
+    def heavy_tails(self) -> FloatArray:
+        """Probability (N,) that the noise has heavy tails, from the segments before the present one."""
+        return np.concatenate([np.exp(filters.log_laws[-1]) for filters in self.filters])
+
+    def select_tracks(self, tracks: BoolArray) -> "TrackFilters":
+        """Return the filters of the tracks selected by a mask (N,)."""
+        parts = np.split(tracks, self.splits)
+        selected = TrackFilters([filters.world for filters in self.filters], [int(one.sum()) for one in parts])
+        selected.filters = [filters.select_tracks(part) for filters, part in zip(self.filters, parts, strict=True)]
+        selected.log_weights = self.log_weights[tracks]
+        selected.last = select(self.last, tracks)
+        return selected
+
+    def state_arrays(self) -> dict[str, NDArray[Any]]:
+        """Return all arrays that determine the next ticks; writing into them changes the filters."""
+        arrays = {f"last.{name}": array for name, array in self.last._asdict().items()}
+        arrays["log_weights"] = self.log_weights
+        for k, filters in enumerate(self.filters):
+            arrays |= {f"filters.{k}.{name}": array for name, array in filters.state_arrays().items()}
+        return arrays
+
+    def _anchors(self, net: AnchorNet, rows: Observations, begins: BoolArray, first: BoolArray) -> FloatArray:
+        """Return the anchors (C, n, 14) of the tracks that begin a segment, and set their weights."""
+        layout, scales, last = self.layout, select(self.scales, begins), select(self.last, begins)
+        log_weights = np.full((len(rows), COMPONENTS), -1e3)
+        log_weights[:, 0] = 0.0
+        mean = np.zeros((len(rows), COMPONENTS, 4))
+        covariance = np.repeat(stated_covariance(layout, rows)[:, None], COMPONENTS, axis=1)
+        later = np.flatnonzero(~first)
+        if later.size:
+            side = declared_side(layout, rows, last)
+            inputs = anchor_inputs(layout, rows, scales, last, side)[later]
+            factor = stated_factor(layout, rows, scales.tau, side)[later]
+            log_weights[later], mean[later], covariance[later] = net.anchors(inputs, factor)
+            self.anchor_samples = inputs, factor, np.flatnonzero(begins)[later]
+        self.log_weights[begins] = log_weights
+        return np.stack([anchor_rows(layout, rows, mean[:, k], covariance[:, k]) for k in range(COMPONENTS)])
 
 
 class AnchorNetworks(nn.Module):
-    """The two networks of the decider.
-
-    Args:
-        hidden: units of each hidden layer.
-    """
+    """The two networks of the decider, with `hidden` units in each layer."""
 
     def __init__(self, hidden: int = 48):
         super().__init__()
@@ -49,14 +164,10 @@ class AnchorNetworks(nn.Module):
 
 @torch.no_grad()
 def errors_and_best(
-    net: AnchorNetworks,
-    rows: Observations,
-    scales: Scales,
-    posterior: FloatArray,
-    by_type: BoolArray,
+    net: AnchorNetworks, rows: Observations, scales: Scales, posterior: FloatArray, by_type: BoolArray,
     alpha: FloatArray,
-) -> tuple[FloatArray, IntArray]:
-    """Return the expected loss of a declaration in units of a wrong one, and the hypothesis to declare.
+) -> tuple[FloatArray, IntArray]:  # fmt: skip
+    """Return the expected loss of a declaration in units of a wrong one, and the hypothesis to declare, (N,).
 
     If the hypothesis is rewarded, the loss is the posterior error probability of the most likely one. If only
     the type is rewarded, a wrong radius costs nothing at once, but the next anchor is less accurate. Its
@@ -70,61 +181,42 @@ def errors_and_best(
         posterior: (N, M).
         by_type: (N,) only the type is rewarded.
         alpha: (N,) the cost is added where the error probability is at most alpha.
-
-    Returns:
-        Loss (N,) and hypothesis (N,).
     """
     error, best = error_and_best(posterior, by_type)
     chosen = np.flatnonzero(by_type & (error <= alpha) & (scales.follows_bank == 0.0))
     if posterior.shape[1] == 3 or not chosen.size:
         return error, best
     layout = Layout.of_rows(rows)
-    rows, scales, posterior = rows[chosen], scales.select(chosen), posterior[chosen]
+    rows, scales, posterior = rows[chosen], select(scales, chosen), posterior[chosen]
     turn = turns_per_tick(layout, rows, scales)
     kind = mode_types(layout.hypotheses)
     same = kind == kind[best[chosen]][:, None]
     mean = (posterior * same * turn).sum(-1) / (posterior * same).sum(-1)
     candidates = [best[chosen], np.where(same, np.abs(turn - mean[:, None]), np.inf).argmin(-1)]
-    motion, process, *_ = (np.broadcast_to(one[:, None], turn.shape) for one in ratios(layout, rows, scales))
-    shared = [
-        np.broadcast_to(one[:, None], turn.shape)
-        for one in (layout.read(rows, "ticks_left"), scales.follows_bank, scales.anchor_aware)
-    ]
+    motion, process, *_ = ratios(layout, rows, scales)
+    of_track = motion, process, layout.read(rows, "ticks_left"), scales.follows_bank, scales.anchor_aware
     costs = []
     for candidate in candidates:
-        declared = np.broadcast_to(turn[np.arange(len(turn)), candidate][:, None], turn.shape)
-        regret = net.regret.regret(*regret_inputs(declared, turn, motion, process, *shared))
-        costs.append((posterior * regret.numpy()).sum(-1))
+        declared = turn[np.arange(len(turn)), candidate]
+        inputs = regret_inputs(declared[:, None], turn, *(one[:, None] for one in of_track))
+        costs.append((posterior * net.regret.regret(*inputs).numpy()).sum(-1))
     second = costs[1] < costs[0]
     best[chosen] = np.where(second, candidates[1], candidates[0])
     error[chosen] += REGRET_SHARE * np.where(second, costs[1], costs[0])
     return error, best
 
 
-@dataclass
-class AnchorState:
-    """State of the decider for N tracks.
+class AnchorState(NamedTuple):
+    """State of the decider for N tracks."""
 
-    Attributes:
-        filters: of the tracks; changed in place.
-        starting: (N,) an episode starts with the next first tick of a segment.
-    """
-
-    filters: TrackFilters
-    starting: BoolArray
+    filters: TrackFilters  # changed in place
+    starting: BoolArray  # (N,) an episode starts with the next first tick of a segment
 
 
 class AnchorDecider(PosteriorDecider):
     """Declares the best hypothesis once the expected loss of the declaration is at most alpha.
 
-    Args:
-        net: trained networks.
-        world: options of the world; the filters use its model.
-        alpha: threshold of the expected loss in units of a wrong declaration, in (0, 1]. If the hypothesis is
-            rewarded, the loss is the posterior error probability.
-
-    Raises:
-        ArgumentError: alpha is out of range.
+    If the hypothesis is rewarded, the loss is the posterior error probability. The filters use the model of `world`.
     """
 
     every_tick = True
@@ -139,33 +231,23 @@ class AnchorDecider(PosteriorDecider):
         """See `Decider.observe`: with sensors also what they measured."""
         return observe_sensed(tracks)
 
-    def posterior(
-        self, observation: Observations, state: Any, episode_start: BoolArray | None
-    ) -> tuple[FloatArray, AnchorState]:
-        """Return the posterior (N, M) after one tick, and the state."""
+    def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, AnchorState]:
+        """See `PosteriorDecider.posterior`."""
         rows, sensed = split_sensed(self.layout, np.asarray(observation))
         tracks = len(rows)
-        if state is None:
-            state = AnchorState(TrackFilters([self.world], [tracks]), np.ones(tracks, np.bool_))
-        starting = state.starting if episode_start is None else state.starting | episode_start
+        filters, starting = state or (TrackFilters([self.world], [tracks]), np.ones(tracks, np.bool_))
+        if episode_start is not None:
+            starting = starting | episode_start
         first = starting & (Layout.of_rows(rows).read(rows, "ticks") < 1.5)
-        state.starting = starting & ~first
-        return state.filters.advance(self.net.anchor, rows, first, [sensed]), state
+        return filters.advance(self.net.anchor, rows, first, [sensed]), AnchorState(filters, starting & ~first)
 
-    def errors(
-        self, observation: Observations, posterior: FloatArray, state: AnchorState
-    ) -> tuple[FloatArray, IntArray]:
-        """Return the expected loss of a declaration and the hypothesis to declare, see `errors_and_best`.
-
-        The loss is corrected by the probability that the noise of the track has heavy tails.
-        """
-        tracks = len(posterior)
-        error, best = errors_and_best(
-            self.net, split_sensed(self.layout, observation)[0], state.filters.scales, posterior,
-            np.full(tracks, self.by_type), np.full(tracks, self.alpha),
-        )  # fmt: skip
+    def errors(self, observation: Observations, posterior: FloatArray, state: Any) -> tuple[FloatArray, IntArray]:
+        """See `errors_and_best`; the loss is corrected by the probability that the noise has heavy tails."""
+        rows, tracks = split_sensed(self.layout, observation)[0], len(posterior)
+        by_type, alpha = np.full(tracks, self.by_type), np.full(tracks, self.alpha)
+        error, best = errors_and_best(self.net, rows, state.filters.scales, posterior, by_type, alpha)
         return np.minimum(error * HEAVY_TAILS**state.filters.heavy_tails, 1.0), best
 
     def select_tracks(self, state: AnchorState, tracks: BoolArray) -> AnchorState:
-        """Return the state of the tracks selected by a mask (N,); `evaluate` drops finished tracks."""
+        """See `Decider.select_tracks`."""
         return AnchorState(state.filters.select_tracks(tracks), state.starting[tracks])

@@ -1,4 +1,4 @@
-"""The networks of the anchor agent: the distribution of the anchor error, and the cost of a wrong turn.
+"""The networks of the anchor agent: the distribution of the anchor error, and the cost of a wrong turn; their inputs.
 
 The bank states a covariance of the anchor that is too small after turns and after wrong declarations. The
 network predicts a mixture of normal distributions instead: the filters of every component start from one of
@@ -8,28 +8,33 @@ Another network predicts what a declaration of another turn costs in the next se
 declared turn follows the object to the switch and gives the next anchor. If the object turns otherwise, that
 anchor is inaccurate, and the next decision is late or wrong. This cost is not in the reward of the
 declaration itself.
+
+The inputs have no units: lengths are divided by the standard deviation of a measurement or by the distance per tick,
+times by the tick. Lateral quantities are mirrored to the side of the declared turn, so that a mirrored trajectory
+gives the same inputs.
 """
 
 import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.learned.dimensionless import ANCHOR_INPUTS
 from baselines.rules.anchor_prior import MIRROR
 from baselines.rules.component_filters import stated_covariance
 from baselines.rules.decider import Observations
+from baselines.rules.msprt import mode_types
 from hybrid_env.checks import FloatArray
 from hybrid_env.observation import Layout
+from hybrid_env.options import WorldOptions
 
-CONTEXT = 7
-"""Inputs that do not depend on the declaration."""
-
-PAIR = 6
-"""Inputs that do."""
-
+LIMIT = 5.0  # inputs are clipped to +-5
+SMALLEST = 1e-12
+ANCHOR_INPUTS = 22  # without the posterior of the components
+CONTEXT, PAIR = 7, 6  # inputs that do not depend on the declaration, and that do
 NEGLIGIBLE_TURN = 1e-3  # difference of turn angles per tick [rad] below which a declaration costs little
 COMPONENTS = 4
 INITIAL_LOG_SCALES = (0.0, 1.2, 2.4, 3.6)  # of the standard deviations, relative to those that the bank states
@@ -40,20 +45,161 @@ NUMBERS = 1 + 4 + 4 + LOWER.shape[1]  # weight, mean, scales and correlations of
 FLOOR = 1e-3  # of the stated variances, relative to R and to R / tau^2 of the thousandth part
 
 
-class RegretNet(nn.Module):
-    """Loss of the next segment, which is 1 - reward, and how much of it a wrong turn causes.
+class Scales(NamedTuple):
+    """What the inputs need from the options of the worlds of N tracks, each (N,)."""
+
+    tau: FloatArray  # length of a tick [s]
+    process_deviation: FloatArray  # sqrt(Q) [m/s]
+    follows_bank: FloatArray  # 1 or 0
+    anchor_aware: FloatArray  # 1 or 0
+
+    @classmethod
+    def of(cls, worlds: Sequence[WorldOptions], tracks: Sequence[int]) -> "Scales":
+        """Return the scales of several worlds, each with a number of tracks."""
+        values = [(w.tau, np.sqrt(w.process_variance), w.follow == "bank", w.bank == "anchor_aware") for w in worlds]
+        return cls(*np.repeat(np.array(values, np.float64), tracks, axis=0).T)
+
+
+class LastRow(NamedTuple):
+    """What is remembered of the row before a switch, on which the declaration was made."""
+
+    posterior: FloatArray  # (N, M) of the hypotheses
+    components: FloatArray  # (N, C) posterior of the components of the anchor
+    bias: FloatArray  # (N, M, 2) see `bias_of_bank`
+    ticks: FloatArray  # (N,) of the row, as the others
+    ticks_left: FloatArray
+    speed: FloatArray
+
+
+Arrays = TypeVar("Arrays", Scales, LastRow)
+
+
+def select(arrays: Arrays, tracks: NDArray[Any]) -> Arrays:
+    """Return the arrays of selected tracks, by a mask (N,) or indices."""
+    return type(arrays)(*(part[tracks] for part in arrays))
+
+
+def _log(values: FloatArray) -> FloatArray:
+    return np.log(np.maximum(values, SMALLEST))
+
+
+def _log_odds(probability: FloatArray) -> FloatArray:
+    inside = np.clip(probability, SMALLEST, 1.0 - SMALLEST)
+    return np.log(inside) - np.log1p(-inside)
+
+
+def turns_per_tick(layout: Layout, rows: Observations, scales: Scales) -> FloatArray:
+    """Return the turn angle per tick of each hypothesis at the speed of the anchor, (N, M) [rad]."""
+    return layout.read(rows, "curvature") * (layout.read(rows, "speed") * scales.tau)[:, None]
+
+
+def ratios(layout: Layout, rows: Observations, scales: Scales) -> tuple[FloatArray, ...]:
+    """Return the logarithms of distance per tick / sqrt(R), of sqrt(Q) / speed, of sqrt(Q) / sqrt(R)
+    per tick, and of the variances of the anchor over R; each (N,).
+    """
+    log_speed = _log(layout.read(rows, "speed"))
+    log_tick, log_deviation = np.log(scales.tau), 0.5 * layout.read(rows, "log_noise")
+    log_process = np.log(np.maximum(scales.process_deviation, 1e-150))
+    return (
+        log_speed + log_tick - log_deviation,
+        log_process - log_speed,
+        log_process + log_tick - log_deviation,
+        _log(layout.read(rows, "anchor_xx")),
+        np.log(np.maximum(layout.read(rows, "anchor_vv"), 1e-150)) + 2.0 * log_tick,
+    )
+
+
+def clipped(columns: Sequence[FloatArray]) -> NDArray[np.float32]:
+    """Return inputs (..., K) within their limits from columns (...)."""
+    return np.clip(np.stack(columns, axis=-1), -LIMIT, LIMIT).astype(np.float32)
+
+
+def bias_of_bank(layout: Layout, rows: Observations, innovations: FloatArray) -> FloatArray:
+    """Return the innovations of the bank minus own ones (N, M, 3), see `ComponentFilters`, over sqrt(R), (N, M, 2).
+
+    The difference, along and across the heading, is that of the predicted positions: how far the filter of the bank
+    has drifted.
+    """
+    deviation = np.exp(0.5 * layout.read(rows, "log_variance"))[..., None]
+    names = ("innovation_along", "innovation_across")
+    of_bank = np.stack([layout.read(rows, name) for name in names], axis=-1) * deviation
+    log_noise = layout.read(rows, "log_noise")[:, None, None]
+    return of_bank - innovations[..., :2] * np.exp(0.5 * (innovations[..., 2:] - log_noise))
+
+
+def declared_side(layout: Layout, rows: Observations, last: LastRow) -> FloatArray:
+    """Return the side of the turn that the anchor follows, (N,): 1 left, -1 right.
+
+    After a straight segment it is the side with the larger posterior.
+    """
+    decided = layout.read(rows, "previous").argmax(-1)
+    kind = mode_types(layout.hypotheses)
+    left, right = (last.posterior[:, kind == one].sum(-1) for one in (1, 2))
+    return np.select([kind[decided] == 1, kind[decided] == 2, left < right], [1.0, -1.0, -1.0], 1.0)
+
+
+def anchor_inputs(
+    layout: Layout, rows: Observations, scales: Scales, last: LastRow, side: FloatArray
+) -> NDArray[np.float32]:
+    """Return the inputs for the distribution of the anchor error, (N, 22 + C).
 
     Args:
-        hidden: units of the hidden layers.
+        layout: of the rows.
+        rows: (N, width) first rows of a segment.
+        scales: of the worlds.
+        last: of the rows before the switch; the posterior of its components is the last C inputs.
+        side: see `declared_side`.
     """
+    tracks = np.arange(len(rows))
+    kind = mode_types(layout.hypotheses)
+    decided = layout.read(rows, "previous").argmax(-1)
+    straight = decided == 0
+    posterior = last.posterior
+    of_type = np.stack([posterior[:, kind == one].sum(-1) for one in range(3)], axis=-1)
+    same, other = np.where(side > 0, 1, 2), np.where(side > 0, 2, 1)
+    speed = layout.read(rows, "speed")
+    turn = turns_per_tick(layout, rows, scales) * side[:, None]
+    within = np.where(kind == kind[decided][:, None], posterior, 0.0)
+    within /= np.maximum(within.sum(-1, keepdims=True), SMALLEST)
+    deviation = turn - turn[tracks, decided][:, None]
+    mean = (within * deviation).sum(-1)
+    spread = np.sqrt((within * deviation**2).sum(-1))
+    motion, process, noise, position, velocity = ratios(layout, rows, scales)
+    xx, xv, vv = (layout.read(rows, name) for name in ("anchor_xx", "anchor_xv", "anchor_vv"))
+    variance = layout.read(rows, "anchor_vv") * np.exp(layout.read(rows, "log_noise"))
+    variance = variance + scales.process_deviation**2 * (last.ticks + last.ticks_left)
+    columns = [
+        np.where(straight, 0.0, 0.5 * (_log(np.abs(turn[tracks, decided])) + 3.0)),
+        straight.astype(np.float64),
+        0.2 * _log_odds(posterior[tracks, decided]),
+        0.2 * _log_odds(of_type[tracks, kind[decided]]),
+        *(of_type[:, 0], of_type[tracks, same], of_type[tracks, other]),
+        *(np.arcsinh(30.0 * one) for one in (mean, spread)),  # of the turn angles per tick
+        0.5 * (np.log(np.maximum(last.ticks, 1.0)) - 3.0),
+        0.5 * (np.log1p(last.ticks_left) - 4.0),
+        0.5 * (position + 2.0),
+        xv / np.sqrt(np.maximum(xx * vv, 1e-300)),
+        0.5 * (velocity + 6.0),
+        0.3 * (noise + 5.0),
+        0.5 * motion,
+        0.5 * (process + 4.0),
+        np.arcsinh((speed - last.speed) / np.sqrt(np.maximum(variance, 1e-300))),  # a change over its deviation
+        np.arcsinh(last.bias[tracks, decided, 0]),
+        np.arcsinh(last.bias[tracks, decided, 1]) * side,
+        *(scales.follows_bank, scales.anchor_aware),
+    ]
+    return np.concatenate([clipped(columns), last.components.astype(np.float32)], axis=-1)
+
+
+class RegretNet(nn.Module):
+    """Loss of the next segment, which is 1 - reward, and how much of it a wrong turn causes."""
 
     def __init__(self, hidden: int):
         super().__init__()
         self.base = nn.Sequential(nn.Linear(CONTEXT, hidden), nn.Tanh(), nn.Linear(hidden, 1))
         self.excess = nn.Sequential(
-            nn.Linear(CONTEXT + PAIR, hidden), nn.Tanh(), nn.Linear(hidden, hidden), nn.Tanh(),
-            nn.Linear(hidden, 1),
-        )  # fmt: skip
+            nn.Linear(CONTEXT + PAIR, hidden), nn.Tanh(), nn.Linear(hidden, hidden), nn.Tanh(), nn.Linear(hidden, 1)
+        )
 
     def regret(self, context: Tensor, pair: Tensor, difference: Tensor) -> Tensor:
         """Return the expected increase of the loss (...) from inputs (..., 7), (..., 6) and (...).
@@ -70,24 +216,14 @@ class RegretNet(nn.Module):
         return (predicted - losses).square().mean()
 
 
-def regret_inputs(
-    declared: FloatArray,
-    true: FloatArray,
-    motion: FloatArray,
-    process: FloatArray,
-    ticks_left: FloatArray,
-    follows_bank: FloatArray,
-    anchor_aware: FloatArray,
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Return the inputs of the network, (..., 7), (..., 6) and (...), from arrays of one shape (...).
+def regret_inputs(*values: FloatArray) -> tuple[Tensor, Tensor, Tensor]:
+    """Return the inputs of the network, (..., 7), (..., 6) and (...), from seven arrays that broadcast to (...).
 
-    Args:
-        declared, true: turn angle per tick [rad], positive to the left; 0 is straight.
-        motion: logarithm of the distance per tick over the standard deviation of a measurement.
-        process: logarithm of the deviation of process noise per tick over the speed.
-        ticks_left: from the declaration to the switch.
-        follows_bank, anchor_aware: 1 or 0, options of the environment.
+    They are the declared and the true turn angle per tick [rad], positive to the left, 0 for straight motion; `motion`
+    and `process` of `ratios`; the ticks from the declaration to the switch; 1 or 0 for the options that
+    the environment follows all filters, and that its bank is anchor-aware.
     """
+    declared, true, motion, process, ticks_left, follows_bank, anchor_aware = np.broadcast_arrays(*values)
     difference = np.abs(declared - true)
 
     def log_turn(turn: FloatArray) -> FloatArray:
@@ -103,23 +239,16 @@ def regret_inputs(
         0.5 * (log_difference + 4.0), 0.5 * (log_difference + motion + 4.0),
         0.5 * (log_difference + motion + np.log1p(ticks_left)),
     ]  # fmt: skip
-    tensors = [
-        torch.from_numpy(np.clip(np.stack(columns, axis=-1), -5.0, 5.0).astype(np.float32))
-        for columns in (context, pair)
-    ]
-    return tensors[0], tensors[1], torch.from_numpy(difference.astype(np.float32))
+    of_context, of_pair = (torch.from_numpy(clipped(columns)) for columns in (context, pair))
+    return of_context, of_pair, torch.from_numpy(difference.astype(np.float32))
 
 
 class AnchorNet(nn.Module):
-    """Mixture of normal distributions of the anchor error, relative to the covariance that the bank states.
-
-    Args:
-        hidden: units of each of the two hidden layers.
-    """
+    """Mixture of normal distributions of the anchor error, relative to the covariance that the bank states."""
 
     def __init__(self, hidden: int):
         super().__init__()
-        self.inputs = len(ANCHOR_INPUTS) + COMPONENTS
+        self.inputs = ANCHOR_INPUTS + COMPONENTS
         self.layers = nn.Sequential(nn.Linear(self.inputs, hidden), nn.Tanh(), nn.Linear(hidden, hidden), nn.Tanh())
         self.output = nn.Linear(hidden, COMPONENTS * NUMBERS)
         nn.init.zeros_(self.output.weight)
@@ -132,8 +261,7 @@ class AnchorNet(nn.Module):
     def forward(self, inputs: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Return log weights (n, C), means (n, C, 4) and Cholesky factors (n, C, 4, 4) of the covariances.
 
-        Args:
-            inputs: (n, 22 + C), see `dimensionless.anchor_inputs`.
+        The inputs are (n, 22 + C), see `anchor_inputs`.
         """
         numbers = self.output(self.layers(inputs)).unflatten(-1, (COMPONENTS, NUMBERS))
         scale = numbers[..., 5:9].clamp(SMALLEST_SCALE, LARGEST_SCALE).exp()
@@ -153,9 +281,7 @@ class AnchorNet(nn.Module):
     def anchors(self, inputs: NDArray[np.float32], whitener: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return log weights (n, C), mean errors (n, C, 4) and covariances (n, C, 4, 4) in the heading frame.
 
-        Args:
-            inputs: (n, 22 + C), see `dimensionless.anchor_inputs`.
-            whitener: (n, 4, 4), see `stated_factor`.
+        The inputs are as in `forward`, and the whitener (n, 4, 4) is that of `stated_factor`.
         """
         log_weight, mean, factor = (part.double().numpy() for part in self(torch.from_numpy(inputs)))
         root = whitener[:, None] @ factor
@@ -163,13 +289,9 @@ class AnchorNet(nn.Module):
 
 
 def stated_factor(layout: Layout, rows: Observations, tau: FloatArray, side: FloatArray) -> FloatArray:
-    """Return a factor F with F F' = stated covariance in the mirrored frame, (n, 4, 4).
+    """Return a factor F with F F' = stated covariance in the mirrored frame, (n, 4, 4), at the first row of a segment.
 
-    Args:
-        layout: of the rows.
-        rows: (n, width) first rows of a segment.
-        tau: (n,) length of a tick [s].
-        side: (n,) of the turn, 1 or -1, see `dimensionless.declared_side`.
+    The tick `tau` [s] and the side of the turn, 1 or -1, see `declared_side`, are (n,).
     """
     covariance = stated_covariance(layout, rows)
     noise = np.exp(layout.read(rows, "log_noise"))
@@ -180,5 +302,4 @@ def stated_factor(layout: Layout, rows: Observations, tau: FloatArray, side: Flo
     for i, j in ((0, 1), (1, 0), (2, 3), (3, 2)):
         covariance[:, i, j] = np.clip(covariance[:, i, j], -limit, limit)
     signs = np.where(side[:, None] < 0, MIRROR, 1.0)
-    factor: FloatArray = signs[..., None] * np.linalg.cholesky(covariance)
-    return factor
+    return np.asarray(signs[..., None] * np.linalg.cholesky(covariance))

@@ -24,19 +24,15 @@ from hybrid_env.checks import ArgumentError, reject
 
 VALUE_THRESHOLDS = (-1.0, -0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01, 0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 """On the differences of action values, in units of the reward."""
+HOW_TO_TRUST = "--trust unpickles it, which runs the code in the file"
 QUANTILES = 200  # of QR-DQN, by default
 ACTIVATIONS = {kind.__name__: kind for kind in (nn.Tanh, nn.ReLU, nn.ELU, nn.LeakyReLU, nn.SiLU, nn.GELU)}
+HEADS = {"pi": "policy_net", "vf": "value_net"}
 VALUE_NETS = {"q_net.q_net": "DQN", "quantile_net.quantile_net": "QR-DQN"}
 
 
 class RowNetwork(nn.Module):
-    """A network from rows to one number for each action, in place of the policy of an `ActorDecider`.
-
-    Args:
-        network: function of (N, width) float32 rows that returns (N, A) numbers.
-        width: of a row.
-        actions: number A of actions.
-    """
+    """A network from rows (N, width) to one number for each action (N, A), in place of the policy of an actor."""
 
     def __init__(self, network: Callable[[Tensor], Tensor], width: int, actions: int):
         super().__init__()
@@ -45,7 +41,7 @@ class RowNetwork(nn.Module):
         self.action_space = spaces.Discrete(actions)
 
     def forward(self, rows: Tensor) -> Tensor:
-        """Return (N, A) numbers."""
+        """Return the numbers."""
         return self.network(rows)
 
 
@@ -60,9 +56,6 @@ def exchanged_family(path: Path, options: Any) -> DeciderFamily:
         path: "model.zip", as `model.save` writes it, or "policy.onnx" with rows (N, width) as input and
             logits (N, A) or actions (N,) as its first output.
         options: of the environment to decide in.
-
-    Raises:
-        ArgumentError: the file cannot be read, or is not for this environment.
     """
     if not path.is_file() or path.stat().st_size > LARGEST_FILE:
         raise reject("decider", str(path), f"a file of at most {LARGEST_FILE:,} bytes")
@@ -95,10 +88,10 @@ def _from_zip(path: Path, options: Any) -> DeciderFamily:
             values = _value_network(weights, name, kwargs, quantiles=kind == "QR-DQN")
             family = _actor(values, path, options)
             return replace(family, symbol="value difference", thresholds=VALUE_THRESHOLDS)
-    widths = _widths(weights, "mlp_extractor.policy_net"), _widths(weights, "mlp_extractor.value_net")
+    layers = {head: _layers(weights, f"mlp_extractor.{net}") for head, net in HEADS.items()}
+    widths = {head: [len(weights[f"{layer}.bias"]) for layer in each] for head, each in layers.items()}
+    settings: dict[str, Any] = {"net_arch": widths, "ortho_init": False, "activation_fn": _activation(kwargs, nn.Tanh)}
     lstm = weights.get("lstm_actor.weight_ih_l0")
-    settings: dict[str, Any] = {"net_arch": dict(zip(("pi", "vf"), widths, strict=True)), "ortho_init": False}
-    settings["activation_fn"] = _activation(kwargs, nn.Tanh)
     if lstm is not None:
         settings |= {
             "lstm_hidden_size": lstm.shape[0] // 4,
@@ -107,18 +100,17 @@ def _from_zip(path: Path, options: Any) -> DeciderFamily:
             "shared_lstm": "lstm_critic.weight_ih_l0" not in weights and "critic.weight" not in weights,
         }
     if "action_net.weight" not in weights:
-        raise ValueError(f"it has no actor or value network of the usual names; {_how_to_trust()}")
-    rows = weights[f"{'mlp_extractor.policy_net.0' if widths[0] else 'action_net'}.weight"]
-    first = rows if lstm is None else lstm
+        raise ValueError(f"it has no actor or value network of the usual names; {HOW_TO_TRUST}")
+    first = weights[f"{(*layers['pi'], 'action_net')[0]}.weight"] if lstm is None else lstm
     width, actions = first.shape[1], len(weights["action_net.bias"])
-    if max(width, actions, settings.get("lstm_hidden_size", 0), *widths[0], *widths[1]) > LARGEST_WIDTH:
+    if max(width, actions, settings.get("lstm_hidden_size", 0), *widths["pi"], *widths["vf"]) > LARGEST_WIDTH:
         raise ValueError(f"it is wider than {LARGEST_WIDTH}")
     space = spaces.Box(-np.inf, np.inf, (width,), np.float32)
     policy = make_policy(space, spaces.Discrete(actions), settings, recurrent=lstm is not None)
     try:
         load_weights(policy, weights)
     except ValueError as error:
-        raise ValueError(f"{error}; {_how_to_trust()}") from None
+        raise ValueError(f"{error}; {HOW_TO_TRUST}") from None
     return _actor(policy, path, options)
 
 
@@ -130,45 +122,35 @@ def _actor(policy: Any, path: Path, options: Any) -> DeciderFamily:
     return ACTORS[task](policy).trained(path.stem)
 
 
+def _layers(weights: dict[str, Tensor], name: str) -> list[str]:
+    """Return the names of the linear layers of a network, from its input on."""
+    found = [key.removesuffix(".bias") for key in weights if re.fullmatch(rf"{name}\.\d+\.bias", key)]
+    return sorted(found, key=lambda one: int(one.split(".")[-1]))
+
+
 def _value_network(weights: dict[str, Tensor], name: str, kwargs: Any, quantiles: bool) -> RowNetwork:
     """Return the network of the action values of DQN, or of the means of the quantiles of QR-DQN."""
-    keys = [key for key in weights if re.fullmatch(rf"{name}\.\d+\.weight", key)]
     layers: list[nn.Module] = []
-    for key in sorted(keys, key=lambda one: int(one.split(".")[-2])):
-        outputs, inputs = weights[key].shape
+    for key in _layers(weights, name):
+        own = {part: weights[f"{key}.{part}"] for part in ("weight", "bias")}
+        outputs, inputs = own["weight"].shape
         layer = nn.Linear(inputs, outputs)
-        load_weights(layer, {"weight": weights[key], "bias": weights[key.replace("weight", "bias")]})
+        load_weights(layer, own)
         layers += [layer, _activation(kwargs, nn.ReLU)()]
     network, width = nn.Sequential(*layers[:-1]), weights[f"{name}.0.weight"].shape[1]
     if not quantiles:
         return RowNetwork(network, width, outputs)
     given = re.search(r"\d+", str(kwargs.get("n_quantiles", QUANTILES)))
     count = int(given[0]) if given else QUANTILES
-
-    def means(rows: Tensor) -> Tensor:
-        return network(rows).view(len(rows), count, -1).mean(1)
-
-    return RowNetwork(means, width, outputs // count)
-
-
-def _widths(weights: dict[str, Tensor], name: str) -> list[int]:
-    """Return the widths of the hidden layers of a network."""
-    keys = [key for key in weights if re.fullmatch(rf"{name}\.\d+\.bias", key)]
-    found = {int(key.split(".")[-2]): len(weights[key]) for key in keys}
-    return [found[place] for place in sorted(found)]
+    return RowNetwork(lambda rows: network(rows).view(len(rows), count, -1).mean(1), width, outputs // count)
 
 
 def _activation(kwargs: Any, default: type[nn.Module]) -> type[nn.Module]:
     """Return the activation function that is named in the plain text of the keyword arguments."""
-    text = str(kwargs.get("activation_fn", default.__name__))
-    name = re.sub(r".*\.|['>]", "", text)
+    name = re.sub(r".*\.|['>]", "", str(kwargs.get("activation_fn", default.__name__)))
     if name not in ACTIVATIONS:
-        raise ValueError(f"its activation function is {name}; {_how_to_trust()}")
+        raise ValueError(f"its activation function is {name}; {HOW_TO_TRUST}")
     return ACTIVATIONS[name]
-
-
-def _how_to_trust() -> str:
-    return "--trust unpickles it, which runs the code in the file"
 
 
 def _unpickled(path: Path, options: Any) -> DeciderFamily:
@@ -177,9 +159,8 @@ def _unpickled(path: Path, options: Any) -> DeciderFamily:
 
     data, params, _ = load_from_zip_file(path, device="cpu")
     assert data is not None
-    policy = data["policy_class"](
-        data["observation_space"], data["action_space"], lambda _: 0.0, **data["policy_kwargs"]
-    )
+    both = data["observation_space"], data["action_space"]
+    policy = data["policy_class"](*both, lambda _: 0.0, **data["policy_kwargs"])
     policy.load_state_dict(params["policy"])
     policy.set_training_mode(False)
     if hasattr(policy, "action_net") and hasattr(policy, "mlp_extractor"):

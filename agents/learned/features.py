@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 import torch
 from gymnasium import spaces
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
@@ -23,9 +22,6 @@ class ObservationFeatures(BaseFeaturesExtractor):
         observe: keys of the layout, or "posterior": the posterior of each hypothesis, under equal priors
             where the observation has no probabilities.
         layout: of the observation.
-
-    Raises:
-        ArgumentError: an unknown name.
     """
 
     def __init__(self, observation_space: spaces.Box, observe: tuple[str, ...], layout: type[Layout] = Layout):
@@ -34,17 +30,13 @@ class ObservationFeatures(BaseFeaturesExtractor):
         for name in observe:
             if name not in known:
                 raise reject("observe", name, ", ".join(known))
-        columns = np.concatenate(
-            [np.arange(rows.width)[rows.slices[name]] for name in observe if name != POSTERIOR]
-            or [np.zeros(0, np.int64)]
-        )
+        columns = [k for name in observe if name != POSTERIOR for k in range(rows.width)[rows.slices[name]]]
         hypotheses = rows.hypotheses if POSTERIOR in observe else 0
-        super().__init__(observation_space, columns.size + hypotheses)
-        self.columns: Any = torch.from_numpy(columns)
+        super().__init__(observation_space, len(columns) + hypotheses)
+        self.columns = torch.tensor(columns, dtype=torch.int64)
         logarithms = "log_probability" if "log_probability" in rows.slices else "log_ratio"
         first = rows.slices[logarithms].start
-        self.logarithms = slice(first, first + hypotheses)
-        self.log_scale = rows.scales[logarithms]
+        self.logarithms, self.log_scale = slice(first, first + hypotheses), rows.scales[logarithms]
 
     def forward(self, rows: Tensor) -> Tensor:
         """Return features (N, features) of observation rows (N, width)."""
@@ -58,7 +50,5 @@ def policy_kwargs_with_features(
     """Return `policy_kwargs` with the features extractor added; unchanged if `observe` is empty."""
     if not observe:
         return dict(policy_kwargs)
-    return dict(policy_kwargs) | {
-        "features_extractor_class": ObservationFeatures,
-        "features_extractor_kwargs": {"observe": observe, "layout": layout},
-    }
+    keywords = {"observe": observe, "layout": layout}
+    return {**policy_kwargs, "features_extractor_class": ObservationFeatures, "features_extractor_kwargs": keywords}

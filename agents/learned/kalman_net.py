@@ -1,4 +1,4 @@
-"""KalmanNet: a Kalman filter whose gain, and innovation covariance, a recurrent network learns.
+"""KalmanNet: a Kalman filter whose gain, and innovation covariance, a recurrent network learns; and it as a decider.
 
 Revach et al. 2022, "KalmanNet: neural network aided Kalman filtering for partially known dynamics", IEEE Transactions
 on Signal Processing 70. The motion and measurement model is known, the noise covariances are not. A GRU reads
@@ -7,14 +7,18 @@ memory of the GRU before a measurement gives the covariance of its innovation. W
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from agents.learned.reward_decider import RewardDecider
+from agents.learned.reward_net import zero_layer
 from agents.learned.statement_net import sides
+from baselines.rules.decider import Observations
+from hybrid_env.checks import BoolArray, FloatArray
 from hybrid_env.observation import Layout
 
 LARGEST_INPUT = 3.0  # the differences are compressed to +-3
@@ -28,44 +32,29 @@ SENSOR = torch.eye(2, 4)
 
 
 class KalmanState(NamedTuple):
-    """State of N filters.
+    """State of N filters of m states and n measurements."""
 
-    Attributes:
-        state: (N, m) estimate after the last measurement.
-        memory: (N, hidden) of the GRU.
-        measurement: (N, n) last one.
-        evolution, update: (N, m) last difference of two estimates, and of the estimate and its prediction.
-    """
-
-    state: Tensor
-    memory: Tensor
-    measurement: Tensor
-    evolution: Tensor
-    update: Tensor
+    state: Tensor  # (N, m) estimate after the last measurement
+    memory: Tensor  # (N, hidden) of the GRU
+    measurement: Tensor  # (N, n) last one
+    evolution: Tensor  # (N, m) last difference of two estimates
+    update: Tensor  # (N, m) last difference of the estimate and its prediction
 
 
 class KalmanNet(nn.Module):
-    """The filter of a linear model of m states and n measurements.
-
-    Args:
-        states, measurements: m and n.
-        hidden: units of the GRU.
-    """
+    """The filter of a linear model of m states and n measurements; `hidden` units of the GRU."""
 
     def __init__(self, states: int, measurements: int, hidden: int):
         super().__init__()
-        self.states, self.measurements = states, measurements
-        inputs = 2 * (states + measurements)
-        self.before = nn.Sequential(nn.Linear(inputs, hidden), nn.SiLU())
+        self.measurements = measurements
+        self.before = nn.Sequential(nn.Linear(2 * (states + measurements), hidden), nn.SiLU())
         self.recurrent = nn.GRUCell(hidden, hidden)
         self.gain = nn.Sequential(
-            nn.Linear(hidden, hidden), nn.SiLU(), nn.Linear(hidden, states * measurements),
+            nn.Linear(hidden, hidden), nn.SiLU(), zero_layer(hidden, states * measurements),
             nn.Unflatten(-1, (states, measurements)),
         )  # fmt: skip
         entries = measurements * (measurements + 1) // 2
-        self.covariance = nn.Sequential(nn.Linear(hidden, hidden), nn.SiLU(), nn.Linear(hidden, entries))
-        for parameter in (*self.gain[2].parameters(), *self.covariance[2].parameters()):
-            nn.init.zeros_(parameter)
+        self.covariance = nn.Sequential(nn.Linear(hidden, hidden), nn.SiLU(), zero_layer(hidden, entries))
 
     def start(self, state: Tensor, measurement: Tensor) -> KalmanState:
         """Return filters that start at estimates (N, m), with the measurements (N, n) that these predict."""
@@ -94,33 +83,18 @@ class KalmanNet(nn.Module):
         inputs = LARGEST_INPUT * torch.tanh(differences / LARGEST_INPUT)
         memory = self.recurrent(self.before(inputs), last.memory)
         update = (self.gain(memory) @ innovation[..., None])[..., 0]
-        n = self.measurements
         # from the memory before the measurement, or the density would be none
-        logs, below = self.covariance(last.memory).tensor_split((n,), -1)
+        logs, below = self.covariance(last.memory).tensor_split((self.measurements,), -1)
         state = predicted + update
         after = KalmanState(state, memory, measurement, state - last.state, update)
-        return after, normal_log_density(innovation / scale, logs, below) - n * scale.log()[..., 0]
-
-    def forward(
-        self, start: KalmanState, motion: Tensor, sensor: Tensor, measurements: Tensor, scale: Tensor
-    ) -> tuple[Tensor, Tensor]:
-        """Return the estimates (T, N, m) and log-likelihoods (T, N) of measurements (T, N, n); see `step`."""
-        found, logs = [], []
-        for measurement in measurements:
-            start, log = self.step(start, motion, sensor, measurement, scale)
-            found.append(start.state)
-            logs.append(log)
-        return torch.stack(found), torch.stack(logs)
+        return after, normal_log_density(innovation / scale, logs, below) - self.measurements * scale.log()[..., 0]
 
 
 def normal_log_density(values: Tensor, logs: Tensor, below: Tensor) -> Tensor:
     """Return the logarithm of the density (...) of normal vectors (..., n) with zero mean.
 
-    Args:
-        values: the vectors.
-        logs: (..., n) logarithms of the diagonal of the inverse of the Cholesky factor of the covariance, with the
-            other sign.
-        below: (..., n (n - 1) / 2) entries of this inverse below the diagonal, row by row.
+    The inverse of the Cholesky factor of the covariance has the logarithms -`logs` (..., n) on its diagonal, and the
+    entries `below` (..., n (n - 1) / 2) under it, row by row.
     """
     n = values.shape[-1]
     logs = LARGEST_LOG * torch.tanh(logs / LARGEST_LOG)
@@ -132,15 +106,11 @@ def normal_log_density(values: Tensor, logs: Tensor, below: Tensor) -> Tensor:
 
 
 def filter_inputs(rows: NDArray[np.float32], tau: float) -> NDArray[np.float32]:
-    """Return the inputs of the M + 1 filters of each track, (N, M + 1, 9): two for straight motion, one for each turn.
+    """Return the inputs of the M + 1 filters of each track, (N, M + 1, 9), from rows (N, width) and the tick tau [s].
 
     A filter estimates the deviation from the path that its hypothesis predicts from the anchor, along and across this
     path, in deviations of the measurement noise. It sees it from the side of its turn; straight motion has no side and
-    therefore two filters. A mirrored trajectory gives the same inputs for the mirrored turns.
-
-    Args:
-        rows: (N, width) of the environment.
-        tau: length of a tick [s].
+    therefore two filters, the first ones. A mirrored trajectory gives the same inputs for the mirrored turns.
     """
     layout = Layout.of_rows(rows)
     read = {name: layout.read(rows, name) for name in layout.slices}
@@ -160,8 +130,8 @@ def filter_inputs(rows: NDArray[np.float32], tau: float) -> NDArray[np.float32]:
         0.5 * np.log(speed[:, 0]),
     ]  # fmt: skip
     out = np.empty((*turn.shape, 9), np.float32)
-    out[..., 0] = np.clip((cosine * along + sine * across) / scale[:, None], -LARGEST_DEVIATION, LARGEST_DEVIATION)
-    out[..., 1] = np.clip((cosine * across - sine * along) / scale[:, None], -LARGEST_DEVIATION, LARGEST_DEVIATION)
+    for k, deviation in enumerate((cosine * along + sine * across, cosine * across - sine * along)):
+        out[..., k] = np.clip(deviation / scale[:, None], -LARGEST_DEVIATION, LARGEST_DEVIATION)
     out[..., :2] *= scale[:, None, None]
     out[..., TURN] = turn
     out[..., 3:8] = np.stack(of_track, -1)[:, None]
@@ -170,11 +140,7 @@ def filter_inputs(rows: NDArray[np.float32], tau: float) -> NDArray[np.float32]:
 
 
 class KalmanBank(KalmanNet):
-    """The filters of all hypotheses, which share one network; see `filter_inputs`.
-
-    Args:
-        hidden: units of the GRU.
-    """
+    """The filters of all hypotheses, which share one network; see `filter_inputs`."""
 
     def __init__(self, hidden: int):
         super().__init__(4, 2, hidden)
@@ -209,3 +175,41 @@ def turning(turn: Tensor) -> Tensor:
 def evidence(logs: Tensor) -> Tensor:
     """Return the log-likelihoods of the hypotheses (..., M) from those of the filters (..., M + 1)."""
     return torch.cat([logs[..., :2].mean(-1, keepdim=True), logs[..., 2:]], -1)
+
+
+class KalmanMemory(NamedTuple):
+    """State of N tracks."""
+
+    filters: KalmanState  # of N (M + 1) filters
+    logs: Tensor  # (N, M + 1) their log-likelihoods since the anchor
+
+
+class KalmanDecider(RewardDecider):
+    """Declares the likeliest hypothesis once its posterior by the learned filters, with equal priors, is 1 - alpha."""
+
+    default = 0.02
+    network = KalmanBank
+    label = "learned Kalman gain"
+
+    @torch.no_grad()
+    def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, KalmanMemory]:
+        """See `PosteriorDecider.posterior`. The state is a `KalmanMemory`."""
+        rows, ticks = self.read(observation)
+        inputs = torch.from_numpy(filter_inputs(rows, self.world.tau)).flatten(0, 1)
+        filters, before = self.net.begin(inputs), torch.zeros(len(rows), self.layout.hypotheses + 1)
+        if state is not None:
+            goes_on = (ticks > 1)[:, None]
+            each = goes_on.repeat_interleave(before.shape[1], 0)
+            pairs = zip(state.filters, filters, strict=True)
+            filters = KalmanState(*(torch.where(each, old, new) for old, new in pairs))
+            before = torch.where(goes_on, state.logs, before)
+        filters, logs = self.net.advance(filters, inputs)
+        logs = before + logs.view_as(before)
+        return torch.softmax(evidence(logs).double(), -1).numpy(), KalmanMemory(filters, logs)
+
+    def select_tracks(self, state: Any, tracks: BoolArray) -> KalmanMemory | None:
+        """See `RewardDecider.select_tracks`; every track has M + 1 filters."""
+        if state is None:
+            return None
+        each = np.repeat(tracks, state.logs.shape[1])
+        return KalmanMemory(super().select_tracks(state.filters, each), state.logs[torch.from_numpy(tracks)])

@@ -1,7 +1,8 @@
 """A trained actor of Stable-Baselines3 as a decider, and its file."""
 
+import functools
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import torch
@@ -19,10 +20,10 @@ from agents.learned.policy_file import (
     load_weights,
     save_policy,
     unreadable_policy,
-)
+)  # fmt: skip
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Actions, Decider, DeciderFamily, Observations
 from baselines.rules.threshold import read_statement
-from hybrid_env.checks import check_integer, reject
+from hybrid_env.checks import FloatArray, check_integer, reject
 from hybrid_env.observation import Layout
 from hybrid_env.rendering.evidence import EvidencePanel, Threshold, probability_panel
 
@@ -37,18 +38,14 @@ def make_policy(
     recurrent: bool = False,
     layout: type[Layout] = Layout,
 ) -> ActorCriticPolicy:
-    """Create an untrained actor-critic policy of Stable-Baselines3 or sb3-contrib.
+    """Create an untrained actor-critic policy of Stable-Baselines3, or the LSTM policy of sb3-contrib.
 
     Args:
-        observation_space: of one observation row.
-        action_space: of one track.
+        observation_space, action_space: of one track.
         policy_kwargs: keyword arguments of the policy, such as net_arch.
         observe: names of the quantities that the policy observes; all if empty.
-        recurrent: use the LSTM policy of sb3-contrib.
+        recurrent: use the LSTM policy; `ImportError` if sb3-contrib is not installed.
         layout: of the observation.
-
-    Raises:
-        ImportError: recurrent, and sb3-contrib is not installed.
     """
     kind: Any = ActorCriticPolicy
     if recurrent:
@@ -71,64 +68,47 @@ class ActorDecider(Decider):
     symbol = "log-odds"
 
     def __init__(self, policy: Any, threshold: float = 0.0):
-        self.policy = policy
-        self.threshold = threshold
+        self.policy, self.threshold = policy, threshold
         self.generator = np.random.default_rng(0)
-
-    def with_threshold(self, threshold: float) -> Self:
-        """Return the same policy at another threshold."""
-        return type(self)(self.policy, threshold)
 
     def trained(self, name: str) -> DeciderFamily:
         """Return the policy at any threshold."""
-        return DeciderFamily(name, self.symbol, self.thresholds, self.default, self.with_threshold, self.hypotheses)
+        make = functools.partial(type(self), self.policy)
+        return DeciderFamily(name, self.symbol, self.thresholds, self.default, make, self.hypotheses)
 
     @property
     def hypotheses(self) -> int:
         """Number M of hypotheses that the policy was trained for."""
-        shape = self.policy.observation_space.shape
-        assert shape is not None
-        return LAYOUTS[self.task].of_width(shape[0]).hypotheses
+        return LAYOUTS[self.task].of_width(self.policy.observation_space.shape[0]).hypotheses
 
     @torch.no_grad()
-    def logits(
-        self, observation: Observations, state: Any = None, episode_start: NDArray[np.bool_] | None = None
-    ) -> tuple[NDArray[np.float64], Any]:
+    def logits(self, rows: Observations, state: Any = None, episode_start: Any = None) -> tuple[FloatArray, Any]:
         """Return logits (N, actions) and the LSTM state: None, or two tensors (layers, N, hidden)."""
-        rows = torch.as_tensor(observation)
+        inputs = torch.as_tensor(rows)
         if not isinstance(self.policy, ActorCriticPolicy):
-            return self.policy(rows).numpy().astype(np.float64), None
+            return self.policy(inputs).numpy().astype(np.float64), None
         lstm: Any = getattr(self.policy, "lstm_actor", None)
-        features: Tensor = self.policy.pi_features_extractor(rows)
+        features: Tensor = self.policy.pi_features_extractor(inputs)
         if lstm is not None:
             if state is None:
-                zeros = torch.zeros(lstm.num_layers, len(rows), lstm.hidden_size)
-                state = (zeros, zeros)
+                state = (torch.zeros(lstm.num_layers, len(rows), lstm.hidden_size),) * 2
             starts = torch.zeros(len(rows)) if episode_start is None else torch.as_tensor(episode_start).float()
             features, state = self.policy._process_sequence(features, state, starts, lstm)  # type: ignore[operator]
         hidden = self.policy.mlp_extractor.forward_actor(features)
         return self.policy.action_net(hidden).numpy().astype(np.float64), state
 
-    def sample(self, logits: NDArray[np.float64]) -> NDArray[np.float64]:
+    def sample(self, logits: FloatArray) -> FloatArray:
         """Return logits (N, actions) with noise, the largest of which is a sample of the policy."""
         return logits + self.generator.gumbel(size=logits.shape)
 
-    def choose(self, logits: NDArray[np.float64], observation: Observations, deterministic: bool) -> Actions:
+    def choose(self, logits: FloatArray, observation: Observations, deterministic: bool) -> Actions:
         """Return the actions (N,), from logits (N, actions) and observation rows (N, width)."""
         raise NotImplementedError
 
     def predict(
-        self,
-        observation: Observations,
-        state: Any = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,
+        self, observation: Observations, state: Any = None, episode_start: Any = None, deterministic: bool = True
     ) -> tuple[Actions, Any]:
-        """See `Decider.predict`. Only an LSTM policy has a state. Sampling ignores the threshold.
-
-        Raises:
-            ArgumentError: the observation is not that of the bank the policy was trained for.
-        """
+        """See `Decider.predict`. Only an LSTM policy has a state. Sampling ignores the threshold."""
         expected = self.policy.observation_space.shape
         if observation.shape[1:] != expected:
             raise reject("observation shape", observation.shape, f"(N, *{expected}), as in training")
@@ -136,7 +116,7 @@ class ActorDecider(Decider):
         return self.choose(logits, observation, deterministic), state
 
     def select_tracks(self, state: Any, tracks: NDArray[np.bool_]) -> Any:
-        """Return the state of the tracks selected by a mask (N,); `evaluate` drops finished tracks."""
+        """See `Decider.select_tracks`."""
         return None if state is None else tuple(part[:, torch.from_numpy(tracks)] for part in state)
 
 
@@ -145,20 +125,15 @@ class PolicyDecider(ActorDecider):
 
     At threshold 0 this is the policy's most probable action; other thresholds trade decision time against
     accuracy. A policy with M + 1 actions declares the hypothesis with the largest logit, one with 2 actions
-    the most likely hypothesis of the bank.
-
-    Args:
-        policy: actor with 2 actions (wait, declare the most likely) or M + 1; with or without an LSTM.
-        threshold: on ln p(the declaration) - ln p(wait).
+    the most likely hypothesis of the bank. The threshold is on ln p(the declaration) - ln p(wait).
     """
 
     task = ANNOUNCED
     thresholds = (
-        *(-10.0, -8.0, -6.0, -5.0, -4.0, -3.0, -2.0, -1.5, -1.0, -0.5),
-        *(0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0),
-    )
+        -10.0, -8.0, -6.0, -5.0, -4.0, -3.0, -2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0,
+    )  # fmt: skip
 
-    def choose(self, logits: NDArray[np.float64], observation: Observations, deterministic: bool) -> Actions:
+    def choose(self, logits: FloatArray, observation: Observations, deterministic: bool) -> Actions:
         """See `ActorDecider.choose`."""
         if not deterministic:
             logits = self.sample(logits)
@@ -178,9 +153,7 @@ class PolicyDecider(ActorDecider):
             legend=f"threshold {self.threshold:g}",
         )
 
-    def evidence(
-        self, observation: Observations, state: Any = None, episode_start: NDArray[np.bool_] | None = None
-    ) -> NDArray[np.float64]:
+    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
         """Return the log-odds of declaring each hypothesis against waiting, (N, M)."""
         logits = self.logits(observation, state, episode_start)[0]
         return np.broadcast_to(logits[:, 1:] - logits[:, :1], (len(logits), self.hypotheses))
@@ -190,17 +163,14 @@ class StatementPolicyDecider(ActorDecider):
     """Changes its statement to the policy's most probable mode if the log-odds exceed a margin.
 
     At margin 0 it states the policy's most probable mode. A larger margin changes the statement later and
-    less often to a wrong mode. The first statement of an episode is the most probable mode.
-
-    Args:
-        policy: actor whose action i states mode i, for M modes; with or without an LSTM.
-        threshold: margin on ln p(another mode) - ln p(the stated mode); a negative one has no effect.
+    less often to a wrong mode. The first statement of an episode is the most probable mode. The threshold is a
+    margin on ln p(another mode) - ln p(the stated mode); a negative one has no effect.
     """
 
     task = UNKNOWN
     thresholds = 0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0
 
-    def choose(self, logits: NDArray[np.float64], observation: Observations, deterministic: bool) -> Actions:
+    def choose(self, logits: FloatArray, observation: Observations, deterministic: bool) -> Actions:
         """See `ActorDecider.choose`; action i states mode i."""
         if not deterministic:
             return self.sample(logits).argmax(1)
@@ -211,12 +181,10 @@ class StatementPolicyDecider(ActorDecider):
         return np.where((odds > self.threshold) | ~started, best, stated)
 
     def panel(self) -> EvidencePanel:
-        """Return the panel of `evidence`."""
+        """See `Decider.panel`."""
         return probability_panel("policy")
 
-    def evidence(
-        self, observation: Observations, state: Any = None, episode_start: NDArray[np.bool_] | None = None
-    ) -> NDArray[np.float64]:
+    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
         """Return the probabilities of the modes by the policy, (N, M)."""
         return np.asarray(softmax(self.logits(observation, state, episode_start)[0], axis=-1))
 
@@ -227,10 +195,10 @@ ACTORS: dict[str, type[ActorDecider]] = {kind.task: kind for kind in (PolicyDeci
 
 def save_actor(folder: Path, policy: ActorCriticPolicy, card: dict[str, Any], task: str = ANNOUNCED) -> None:
     """Write weights and card; see `save_policy`."""
-    shape = policy.observation_space.shape
-    assert shape is not None
-    assert isinstance(policy.action_space, spaces.Discrete)
-    card = card | {"observation_width": shape[0], "actions": int(policy.action_space.n)}
+    row, actions = policy.observation_space, policy.action_space
+    assert isinstance(row, spaces.Box)
+    assert isinstance(actions, spaces.Discrete)
+    card = card | {"observation_width": row.shape[0], "actions": int(actions.n)}
     save_policy(folder, policy.state_dict(), card, task)
 
 
@@ -241,19 +209,17 @@ def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -
         ArgumentError: weights and card do not match, or sb3-contrib is missing.
     """
     try:
-        entry = card["recipe"]["entry"]
+        entry, task = card["recipe"]["entry"], card_task(card)
         recurrent = entry["algo"] == "recurrent_ppo"
         check_policy_kwargs(entry["policy_kwargs"], recurrent)
-        space, actions = _spaces(card)
+        width = check_integer("observation_width", card["observation_width"], maximum=LARGEST_WIDTH)
+        actions = check_integer("actions", card["actions"], maximum=LARGEST_WIDTH)
+        check_actions(actions, LAYOUTS[task].of_width(width).hypotheses, task)
+        space = spaces.Box(-np.inf, np.inf, (width,), np.float32)
+        keywords = entry["policy_kwargs"] | {"ortho_init": False}  # slow, and the weights are replaced
+        observe = tuple(entry.get("observe", ()))
         # the limits on widths and layers keep this below 200 MB, whatever the card says
-        policy = make_policy(
-            space,
-            actions,
-            entry["policy_kwargs"] | {"ortho_init": False},  # slow, and the weights are replaced
-            tuple(entry.get("observe", ())),
-            recurrent,
-            LAYOUTS[card_task(card)],
-        )
+        policy = make_policy(space, spaces.Discrete(actions), keywords, observe, recurrent, LAYOUTS[task])
         load_weights(policy, weights)
     except ImportError:
         raise reject("run", str(folder), 'sb3-contrib: pip install "hybrid-track[recurrent]"') from None
@@ -261,15 +227,6 @@ def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -
         raise unreadable_policy(folder, error) from None
     policy.set_training_mode(False)
     return policy
-
-
-def _spaces(card: dict[str, Any]) -> tuple[spaces.Box, spaces.Discrete]:
-    """Return the spaces of observation and action; ArgumentError if the numbers on the card do not fit."""
-    width = check_integer("observation_width", card["observation_width"], maximum=LARGEST_WIDTH)
-    actions = check_integer("actions", card["actions"], maximum=LARGEST_WIDTH)
-    task = card_task(card)
-    check_actions(actions, LAYOUTS[task].of_width(width).hypotheses, task)
-    return spaces.Box(-np.inf, np.inf, (width,), np.float32), spaces.Discrete(actions)
 
 
 def check_actions(actions: int, hypotheses: int, task: str) -> None:

@@ -39,10 +39,7 @@ def package_versions() -> dict[str, str]:
 
 
 def save_policy(folder: Path, weights: Mapping[str, Tensor], card: Mapping[str, Any], task: str) -> None:
-    """Write weights and card, with the scales of the observation rows of the task, if it has rows.
-
-    Each file is written atomically.
-    """
+    """Write weights and card atomically, with the scales of the observation rows of the task, if it has rows."""
     with atomic_file(folder / WEIGHTS) as part:
         save_file({name: tensor.contiguous() for name, tensor in weights.items()}, part)
     scales = {"observation_scales": _scales(LAYOUTS[task])} if task in LAYOUTS else {}
@@ -65,8 +62,7 @@ def load_policy(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
     """Read weights and card of any agent.
 
     Raises:
-        ArgumentError: the files are missing or damaged, or the policy was trained with other observation
-            scales.
+        ArgumentError: the files are missing or damaged, or the policy was trained with other observation scales.
     """
     try:
         card = read_json(folder / CARD)
@@ -81,9 +77,8 @@ def load_policy(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
     except (OSError, ValueError, KeyError, TypeError, SafetensorError) as error:
         raise unreadable_policy(folder, error) from None
     if not is_known:
-        raise reject(
-            "run", str(folder), "a policy trained with the current observation scales; this one has other scales"
-        )
+        allowed = "a policy trained with the current observation scales; this one has other scales"
+        raise reject("run", str(folder), allowed)
     return weights, card
 
 
@@ -97,19 +92,13 @@ def _read_tensors(path: Path) -> dict[str, Tensor]:
                 raise ValueError(f"{name} in {path.name} is not of float32 numbers")
             tensor = tensors[name] = file.get_tensor(name)
             if not (tensor.abs() <= LARGEST_WEIGHT).all():
-                raise ValueError(
-                    f"{name} in {path.name} is not of finite numbers of magnitude at most {LARGEST_WEIGHT:g}"
-                )
+                allowed = f"finite numbers of magnitude at most {LARGEST_WEIGHT:g}"
+                raise ValueError(f"{name} in {path.name} is not of {allowed}")
     return tensors
 
 
 def check_tensor_file(path: Path, largest: int) -> None:
-    """Check the size of a safetensors file and of its header, in bytes, before it is read.
-
-    Raises:
-        OSError: the file cannot be read.
-        ValueError: it is missing or too large.
-    """
+    """Raise `ValueError` if a safetensors file or its header is too large [bytes], before it is read."""
     if not path.is_file():  # a named pipe would wait for its writer
         raise ValueError(f"{path.name} is missing or not a file")
     with path.open("rb") as start:
@@ -126,11 +115,7 @@ def load_network(
 ) -> Network:
     """Return a network for the weights and card that `load_policy` read from a folder.
 
-    Args:
-        kind: creates it with a number of hidden units.
-
-    Raises:
-        ArgumentError: weights and card do not match.
+    `kind` creates it with a number of hidden units; `ArgumentError` if weights and card do not match.
     """
     try:
         hidden = check_integer("hidden", card["recipe"]["entry"]["hidden"], maximum=LARGEST_HIDDEN)
@@ -144,18 +129,13 @@ def load_network(
 
 
 def load_weights(module: torch.nn.Module, weights: Mapping[str, Tensor]) -> None:
-    """Put weights into a module, which may have been created without memory, on the device "meta".
-
-    Raises:
-        ValueError: names or shapes differ.
-    """
+    """Put weights into a module, which may be on the device "meta"; `ValueError` if names or shapes differ."""
     expected = {name: tuple(tensor.shape) for name, tensor in module.state_dict().items()}
     found = {name: tuple(tensor.shape) for name, tensor in weights.items()}
     for name in sorted(expected | found):
         if found.get(name) != expected.get(name):
-            raise ValueError(
-                f"weights {name} have the shape {found.get(name)}, not {expected.get(name)} as on the card"
-            )
+            shapes = f"{found.get(name)}, not {expected.get(name)}"
+            raise ValueError(f"weights {name} have the shape {shapes} as on the card")
     module.load_state_dict(weights, assign=True)
 
 
@@ -178,11 +158,7 @@ LSTM_SETTINGS = ("lstm_hidden_size", "n_lstm_layers", "enable_critic_lstm")
 
 
 def check_policy_kwargs(policy_kwargs: Any, recurrent: bool) -> None:
-    """Check the keyword arguments of an actor-critic policy of Stable-Baselines3 or sb3-contrib.
-
-    Raises:
-        ArgumentError: an unknown name, a wrong type, or a network that is too large.
-    """
+    """Check names and types of the keyword arguments of an actor-critic policy, and the size of its network."""
     known = ACTOR_CRITIC_SETTINGS + (LSTM_SETTINGS if recurrent else ())
     if not isinstance(policy_kwargs, Mapping) or any(name not in known for name in policy_kwargs):
         raise reject("policy_kwargs", policy_kwargs, f"a mapping of {', '.join(known)}")

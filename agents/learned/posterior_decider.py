@@ -9,7 +9,7 @@ import numpy as np
 
 from baselines.rules.decider import Actions, Decider, DeciderFamily, Observations
 from baselines.rules.msprt import FEW_ALPHAS, mode_types, posterior_of
-from hybrid_env.checks import BoolArray, FloatArray, IntArray, reject
+from hybrid_env.checks import FloatArray, IntArray, reject
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel
@@ -22,9 +22,6 @@ class PosteriorDecider(Decider):
         net: trained network.
         world: options of the environment.
         alpha: threshold of the expected loss in units of a wrong declaration, in (0, 1].
-
-    Raises:
-        ArgumentError: alpha is out of range.
     """
 
     symbol, thresholds, default = "alpha", FEW_ALPHAS, 0.02
@@ -44,9 +41,7 @@ class PosteriorDecider(Decider):
         return DeciderFamily(name, cls.symbol, cls.thresholds, cls.default, functools.partial(cls, net, options))
 
     @abstractmethod
-    def posterior(
-        self, observation: Observations, state: Any, episode_start: BoolArray | None
-    ) -> tuple[FloatArray, Any]:
+    def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, Any]:
         """Return the posterior (N, M) after one tick, and the state."""
 
     @abstractmethod
@@ -60,12 +55,10 @@ class PosteriorDecider(Decider):
         return np.where(error <= self.alpha, best + 1, 0), state
 
     def panel(self) -> EvidencePanel:
-        """Return the panel of `evidence`."""
+        """See `Decider.panel`."""
         return posterior_panel(self.label, self.by_type, np.array([self.alpha]))
 
-    def evidence(
-        self, observation: Observations, state: Any = None, episode_start: BoolArray | None = None
-    ) -> FloatArray:
+    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
         """Return the posterior of each hypothesis or type, (N, M), for the best one 1 - expected loss."""
         # a copy, because `posterior` may change the state in place
         posterior, state = self.posterior(observation, copy.deepcopy(state), episode_start)

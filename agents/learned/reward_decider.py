@@ -4,6 +4,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from agents.learned.posterior_decider import PosteriorDecider
 from agents.learned.reward_net import RewardNet, reward_inputs
@@ -25,20 +26,20 @@ class RewardDecider(PosteriorDecider):
     @torch.no_grad()
     def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, Any]:
         """See `PosteriorDecider.posterior`."""
-        rows = self.checked(observation)
-        inputs, logs = (torch.from_numpy(part) for part in reward_inputs(rows, self.world.tau))
+        rows, ticks = self.read(observation)
+        inputs, logs = map(torch.from_numpy, reward_inputs(rows, self.world.tau))
         memory = self.net.features(inputs)
         if state is not None:
-            goes_on = torch.from_numpy(self.layout.read(rows, "ticks") > 1.5)
-            memory = memory + torch.where(goes_on[:, None, None], state, 0.0)
+            memory = memory + torch.where((ticks > 1)[:, None, None], state, 0.0)
         return self.net(inputs, memory, logs).double().exp().numpy(), memory
 
-    def checked(self, observation: Observations) -> Observations:
-        """Return the rows (N, width), checked."""
+    def read(self, observation: Observations) -> tuple[Observations, Tensor]:
+        """Return the rows (N, width), checked, and the ticks (N,) since the switch, from 1."""
         rows = np.asarray(observation, np.float32)
         if rows.ndim != 2 or rows.shape[1] != self.layout.width:
             raise reject("observation shape", rows.shape, f"(N, {self.layout.width})")
-        return rows
+        ticks = self.layout.read(rows, "ticks").round().astype(np.int64)
+        return rows, torch.from_numpy(ticks).clamp(min=1)
 
     def errors(self, observation: Observations, posterior: FloatArray, state: Any) -> tuple[FloatArray, IntArray]:
         """See `PosteriorDecider.errors`."""
@@ -47,5 +48,8 @@ class RewardDecider(PosteriorDecider):
         return 1.0 - largest[:, 0], np.where(values == largest, posterior, -1.0).argmax(-1)
 
     def select_tracks(self, state: Any, tracks: BoolArray) -> Any:
-        """Return the memory of the tracks selected by a mask (N,); `evaluate` drops finished tracks."""
-        return None if state is None else state[torch.from_numpy(tracks)]
+        """See `Decider.select_tracks`; the state is one tensor (N, ...) or a named tuple of them."""
+        if state is None:
+            return None
+        kept = torch.from_numpy(tracks)
+        return state[kept] if isinstance(state, Tensor) else type(state)(*(part[kept] for part in state))

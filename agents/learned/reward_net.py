@@ -5,6 +5,8 @@ over the rows of the segment, as in Deep Sets (Zaheer et al. 2017): the tick is 
 order of the rows is not lost, and a whole segment is processed at once in training.
 """
 
+from typing import Any
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -21,6 +23,7 @@ INPUTS = 3 * HYPOTHESIS_INPUTS + TRACK_INPUTS
 LIMIT = 5.0  # inputs are clipped to +-5
 SHARE = 0.2  # of the features of a row in the memory
 SMALLEST = 1e-30
+INNOVATIONS = "innovation_along", "innovation_across"
 
 
 def reward_inputs(rows: NDArray[np.float32], tau: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -36,12 +39,9 @@ def reward_inputs(rows: NDArray[np.float32], tau: float) -> tuple[NDArray[np.flo
     posterior = np.exp(ratio)
     posterior /= posterior.sum(-1, keepdims=True)
     logs = np.log(np.maximum(posterior, np.exp(np.float32(-30.0))))
-    innovations = [
-        0.5 * np.clip(read[name], -LARGEST_INNOVATION, LARGEST_INNOVATION)
-        for name in ("innovation_along", "innovation_across")
-    ]
+    innovations = [0.5 * read[name].clip(-LARGEST_INNOVATION, LARGEST_INNOVATION) for name in INNOVATIONS]
     turn = 10.0 * read["curvature"] * (speed * np.float32(tau))[:, None]
-    each = [
+    each: list[Any] = [
         2.0 * posterior - 1.0, np.maximum(logs, LOWEST_LOG) / 5.0, np.maximum(ratio, -6.0) / 2.0, *innovations,
         read["log_variance"], read["previous"], turn,
     ]  # fmt: skip
@@ -63,28 +63,35 @@ def _log(values: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.log(np.maximum(values, np.float32(SMALLEST)))
 
 
-class RewardNet(nn.Module):
-    """Corrects the posterior of the bank, from the present row and a memory of the segment.
+def zero_layer(inputs: int, outputs: int) -> nn.Linear:
+    """Return a linear layer whose outputs are zero until it is trained."""
+    layer = nn.Linear(inputs, outputs)
+    for parameter in layer.parameters():
+        nn.init.zeros_(parameter)
+    return layer
 
-    Without training it returns the posterior of the bank.
 
-    Args:
-        hidden: units of every layer.
+def with_straight(outputs: Tensor) -> Tensor:
+    """Return a number of each hypothesis (..., M) from two of each turn (..., M - 1, 2).
+
+    A turn has its first one, straight motion the mean of the second ones.
     """
+    return torch.cat([outputs[..., 1].mean(-1, keepdim=True), outputs[..., 0]], -1)
+
+
+class RewardNet(nn.Module):
+    """Corrects the posterior of the bank, from the present row and a memory of the segment; `hidden` units a layer."""
 
     def __init__(self, hidden: int):
         super().__init__()
         self.row = nn.Sequential(nn.Linear(INPUTS, hidden), nn.SiLU(), nn.Linear(hidden, hidden), nn.Tanh())
         self.layers = nn.Sequential(nn.Linear(INPUTS + hidden, hidden), nn.SiLU(), nn.Linear(hidden, hidden), nn.SiLU())
-        self.output = nn.Linear(hidden, 2)
+        self.output = zero_layer(hidden, 2)
         self.scale = nn.Parameter(torch.ones(1))
-        nn.init.zeros_(self.output.weight)
-        nn.init.zeros_(self.output.bias)
 
     def features(self, inputs: Tensor) -> Tensor:
         """Return features (N, M - 1, hidden) of rows; the memory is their sum from the first row of the segment."""
-        features: Tensor = SHARE * self.row(inputs)
-        return features
+        return SHARE * self.row(inputs)
 
     def forward(self, inputs: Tensor, memory: Tensor, logs: Tensor) -> Tensor:
         """Return the log-probability that the reward of declaring a hypothesis is positive, (N, M).
@@ -94,5 +101,4 @@ class RewardNet(nn.Module):
             memory: (N, M - 1, hidden) sum of `features` up to the present row.
         """
         outputs = GAIN * self.output(self.layers(torch.cat([inputs, memory], -1)))
-        correction = torch.cat([outputs[..., 1].mean(-1, keepdim=True), outputs[..., 0]], -1)
-        return torch.log_softmax(self.scale * logs + correction, -1)
+        return torch.log_softmax(self.scale * logs + with_straight(outputs), -1)

@@ -1,4 +1,4 @@
-"""The network of MSPRT-TANDEM: log-likelihood ratios of the hypotheses from short windows of rows.
+"""MSPRT-TANDEM: the matrix SPRT on log-likelihood ratios that a network learns from short windows of rows.
 
 Miyagawa & Ebihara 2021, "The power of log-sum-exp: sequential density ratio matrix estimation for
 speed-accuracy optimization", ICML. A network estimates the posterior of the hypotheses given the last rows alone.
@@ -7,24 +7,22 @@ share (the TANDEM formula of order N), so that no memory is learned. They are ex
 of order N.
 """
 
+from typing import Any, NamedTuple
+
 import torch
 from torch import Tensor, nn
 
-from agents.learned.reward_net import INPUTS
+from agents.learned.reward_decider import RewardDecider
+from agents.learned.reward_net import INPUTS, reward_inputs, with_straight, zero_layer
 from agents.learned.statement_net import GAIN
+from baselines.rules.decider import Observations
+from hybrid_env.checks import FloatArray
 
 ORDER = 5
 
 
 class WindowNet(nn.Module):
-    """Logarithms of the posterior of K hypotheses from a window of vectors of any kind.
-
-    Args:
-        inputs: length of a vector.
-        outputs: K.
-        hidden: units of every layer.
-        order: N; a window has at most N + 1 vectors.
-    """
+    """Posterior of K = `outputs` hypotheses from a window of up to N + 1 vectors of any kind, N = `order`."""
 
     def __init__(self, inputs: int, outputs: int, hidden: int, order: int = ORDER):
         super().__init__()
@@ -32,34 +30,26 @@ class WindowNet(nn.Module):
         self.layers = nn.Sequential(
             nn.Linear((order + 1) * (inputs + 1), hidden), nn.SiLU(), nn.Linear(hidden, hidden), nn.SiLU()
         )
-        self.output = nn.Linear(hidden, outputs)
-        nn.init.zeros_(self.output.weight)
-        nn.init.zeros_(self.output.bias)
+        self.output = zero_layer(hidden, outputs)
 
-    def logits(self, windows: Tensor) -> Tensor:
-        """Return unnormalized logarithms (..., K) of windows (..., (N + 1) (inputs + 1)), see `windows_of`."""
-        logits: Tensor = GAIN * self.output(self.layers(windows))
-        return logits
+    def outputs(self, windows: Tensor) -> Tensor:
+        """Return the outputs (..., K) of windows (..., (N + 1) (inputs + 1)), see `windows_of`."""
+        return GAIN * self.output(self.layers(windows))
 
     def forward(self, windows: Tensor) -> Tensor:
         """Return logarithms of the posterior (..., K)."""
-        return torch.log_softmax(self.logits(windows), -1)
+        return torch.log_softmax(self.outputs(windows), -1)
 
 
 class TandemNet(WindowNet):
-    """The network for the rows of an environment with any number of turns, which it sees one by one.
-
-    Args:
-        hidden: units of every layer.
-    """
+    """The network for the rows of an environment with any number of turns, which it sees one by one."""
 
     def __init__(self, hidden: int):
         super().__init__(INPUTS, 2, hidden)
 
     def forward(self, windows: Tensor) -> Tensor:
         """Return logarithms of the posterior (n, M) of windows of each turn, (n, M - 1, (N + 1) (inputs + 1))."""
-        outputs = self.logits(windows)
-        return torch.log_softmax(torch.cat([outputs[..., 1].mean(-1, keepdim=True), outputs[..., 0]], -1), -1)
+        return torch.log_softmax(with_straight(self.outputs(windows)), -1)
 
 
 def windows_of(inputs: Tensor, ticks: Tensor, order: int) -> tuple[Tensor, Tensor]:
@@ -77,10 +67,7 @@ def windows_of(inputs: Tensor, ticks: Tensor, order: int) -> tuple[Tensor, Tenso
     marked = torch.cat([inputs, torch.ones_like(inputs[..., :1])], -1)
     rows = torch.arange(len(ticks))
     shape = (-1,) + (1,) * (inputs.ndim - 1)
-    parts = []
-    for lag in range(order, -1, -1):
-        inside = (ticks > lag).view(shape)
-        parts.append(marked[(rows - lag).clamp(min=0)] * inside)
+    parts = [marked[(rows - lag).clamp(min=0)] * (ticks > lag).view(shape) for lag in range(order, -1, -1)]
     return torch.cat(parts, -1), torch.cat([*parts[:-1], torch.zeros_like(marked)], -1)
 
 
@@ -99,9 +86,31 @@ def log_ratios(longer: Tensor, shorter: Tensor, ticks: Tensor, order: int) -> Te
     return sums - (sums - steps)[begins] + longer[first]
 
 
-def lsel(ratios: Tensor, modes: Tensor) -> Tensor:
-    """Return the log-sum-exp loss of log-likelihoods (n, K) with true hypotheses (n,).
+class TandemState(NamedTuple):
+    """State of N tracks."""
 
-    It is log(1 + sum over l of exp(-lambda_kl)), for the ratios lambda_kl of the true hypothesis k to all others l.
-    """
-    return nn.functional.cross_entropy(ratios, modes)
+    rows: Tensor  # (N, order + 1, M - 1, inputs) last rows, the present one last
+    ratios: Tensor  # (N, M) log-likelihoods of the segment, up to a common term
+
+
+class TandemDecider(RewardDecider):
+    """Declares the likeliest hypothesis once its posterior by the learned ratios, with equal priors, is 1 - alpha."""
+
+    default = 0.02
+    network = TandemNet
+    label = "learned likelihood ratios"
+
+    @torch.no_grad()
+    def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, TandemState]:
+        """See `PosteriorDecider.posterior`. The state is a `TandemState`."""
+        rows, ticks = self.read(observation)
+        inputs, order = torch.from_numpy(reward_inputs(rows, self.world.tau)[0]), self.net.order
+        before = inputs[:, None].expand(-1, order + 1, -1, -1) if state is None else state.rows
+        last = torch.cat([before[:, 1:], inputs[:, None]], 1)
+        # every track as a segment of N + 1 rows, of which those before the switch are left out
+        lags = torch.arange(-order, 1).repeat(len(rows)) + ticks.repeat_interleave(order + 1)
+        windows = windows_of(last.flatten(0, 1), lags.clamp(min=1), order)
+        longer, shorter = (self.net(part[order :: order + 1]) for part in windows)
+        beyond = (ticks > order + 1)[:, None]
+        ratios = longer if state is None else torch.where(beyond, state.ratios + longer - shorter, longer)
+        return torch.softmax(ratios.double(), -1).numpy(), TandemState(last, ratios)

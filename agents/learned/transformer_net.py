@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from agents.learned.reward_decider import RewardDecider
+from agents.learned.reward_net import LIMIT, SMALLEST, with_straight, zero_layer
 from agents.learned.statement_net import GAIN, sides
 from baselines.rules.decider import Observations
-from hybrid_env.checks import BoolArray, FloatArray
+from hybrid_env.checks import FloatArray
 from hybrid_env.observation import Layout
 
 RAW_INPUTS = 11
-LIMIT = 5.0  # inputs are clipped to +-5
-SMALLEST = 1e-30
 LAYERS, HEADS, KEY = 2, 4, 16
 CONTEXT = 256  # last ticks of a segment that a decider remembers
 
@@ -28,9 +27,7 @@ CONTEXT = 256  # last ticks of a segment that a decider remembers
 def raw_inputs(rows: NDArray[np.float32], tau: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return the inputs of each turn hypothesis (N, M - 1, 11), and the logarithms of equal priors (N, M).
 
-    Args:
-        rows: (N, width) of the environment.
-        tau: length of a tick [s].
+    The rows are (N, width), and a tick has the length tau [s].
     """
     layout = Layout.of_rows(rows)
     side = sides(layout.hypotheses)[1:]
@@ -40,9 +37,7 @@ def raw_inputs(rows: NDArray[np.float32], tau: float) -> tuple[NDArray[np.float3
     ahead = layout.read(rows, "displacement_along") - pace * ticks
     across = layout.read(rows, "displacement_across")[:, None] * side
     longer, previous = ticks / 5.0 + 1.0, layout.read(rows, "previous")
-    kind = np.where(
-        previous @ np.where(np.arange(layout.hypotheses) == 0, 0.0, sides(layout.hypotheses)) > 0, 1.0, -1.0
-    )
+    kind = np.where(previous @ sides(layout.hypotheses) > 0, 1.0, -1.0)
     columns = [
         np.arcsinh(across), across / longer[:, None], np.arcsinh(ahead), ahead / longer, ticks / 50.0 - 0.5,
         np.log(np.maximum(ticks, 1.0)) - 2.0, np.log(pace), 10.0 * layout.read(rows, "curvature")[:, 1:] * side
@@ -55,11 +50,7 @@ def raw_inputs(rows: NDArray[np.float32], tau: float) -> tuple[NDArray[np.float3
 
 
 class AttentionLayer(nn.Module):
-    """Self-attention and a feed-forward part, each added to its input.
-
-    Args:
-        hidden: units of the stream.
-    """
+    """Self-attention and a feed-forward part, each added to its input: a stream of `hidden` units."""
 
     def __init__(self, hidden: int):
         super().__init__()
@@ -72,8 +63,7 @@ class AttentionLayer(nn.Module):
 
     def stored(self, x: Tensor) -> Tensor:
         """Return keys and values (..., 2 KEY) of a stream (..., hidden)."""
-        stored: Tensor = self.memory(self.norm(x))
-        return stored
+        return self.memory(self.norm(x))
 
     def forward(self, x: Tensor, stored: Tensor, mask: Tensor | None = None) -> Tensor:
         """Return the stream (B, Q, hidden) after the layer.
@@ -87,37 +77,26 @@ class AttentionLayer(nn.Module):
         key, value = stored[:, None].expand(-1, HEADS, -1, -1).split(KEY, -1)
         found = nn.functional.scaled_dot_product_attention(query, key, value, mask, is_causal=mask is None)
         x = x + self.join(found.transpose(1, 2).flatten(2))
-        out: Tensor = x + self.feed(x)
-        return out
+        return x + self.feed(x)
 
 
 class TransformerNet(nn.Module):
-    """Posterior of the hypotheses after each tick of a segment; equal without training.
-
-    Args:
-        hidden: units of the stream.
-    """
+    """Posterior of the hypotheses after each tick of a segment; equal without training."""
 
     def __init__(self, hidden: int):
         super().__init__()
         self.enter = nn.Linear(RAW_INPUTS, hidden)
         self.layers: Any = nn.ModuleList(AttentionLayer(hidden) for _ in range(LAYERS))
-        last = nn.Linear(hidden, 2)
-        self.output = nn.Sequential(nn.LayerNorm(hidden), last)
-        nn.init.zeros_(last.weight)
-        nn.init.zeros_(last.bias)
+        self.output = nn.Sequential(nn.LayerNorm(hidden), zero_layer(hidden, 2))
 
     def logits(self, x: Tensor) -> Tensor:
         """Return logarithms of the posterior (..., M) from streams of each turn (..., M - 1, hidden)."""
-        outputs = GAIN * self.output(x)
-        return torch.log_softmax(torch.cat([outputs[..., 1].mean(-1, keepdim=True), outputs[..., 0]], -1), -1)
+        return torch.log_softmax(with_straight(GAIN * self.output(x)), -1)
 
     def forward(self, inputs: Tensor, lengths: Tensor) -> Tensor:
-        """Return logarithms of the posterior (n, M) of all rows of S segments.
+        """Return logarithms of the posterior (n, M) of all rows of S segments of `lengths` (S,) rows.
 
-        Args:
-            inputs: (n, M - 1, 11), see `raw_inputs`.
-            lengths: (S,) rows of the segments.
+        The inputs (n, M - 1, 11) are those of `raw_inputs`, one segment after the other.
         """
         segment = torch.arange(len(lengths)).repeat_interleave(lengths)
         place = torch.arange(len(inputs)) - (lengths.cumsum(0) - lengths)[segment]
@@ -159,14 +138,9 @@ class TransformerDecider(RewardDecider):
     @torch.no_grad()
     def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, Tensor]:
         """See `PosteriorDecider.posterior`."""
-        rows = self.checked(observation)
+        rows, ticks = self.read(observation)
         inputs = torch.from_numpy(raw_inputs(rows, self.world.tau)[0])
-        ticks = torch.from_numpy(self.layout.read(rows, "ticks").round().astype(np.int64)).clamp(min=1)
         if state is None:
             longest = min(self.world.longest_segment, CONTEXT)
             state = torch.zeros(*inputs.shape[:2], longest, LAYERS, 2 * KEY + 1)
         return self.net.step(inputs, ticks, state).double().exp().numpy(), state
-
-    def select_tracks(self, state: Any, tracks: BoolArray) -> Any:
-        """See `RewardDecider.select_tracks`."""
-        return None if state is None else state[torch.from_numpy(tracks)]

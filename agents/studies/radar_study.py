@@ -14,8 +14,7 @@ from rich.table import Table
 from agents.evaluation.cells import bounds_cell, estimate_cell, filled_table
 from agents.figures.canvas import new_canvas, plain_axes
 from agents.interface.parallel import Workers
-from agents.learned.radar_net import filter_with
-from agents.training.radar_net import radar_net
+from agents.training.radar_net import filter_with, radar_net
 from baselines.papers.novospaskyi.dataset import RadarData
 from baselines.papers.novospaskyi.filters import COMBINED, CONTENDERS, ROBUST, SLOW, THESIS, filter_tracks
 from baselines.papers.novospaskyi.radars import NOISES, Noise

@@ -10,9 +10,8 @@ import math
 import os
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import safetensors.torch
@@ -32,8 +31,7 @@ CHECKPOINT = "checkpoint.safetensors"
 PREVIOUS = "checkpoint-previous.safetensors"
 LARGEST_CHECKPOINT = 2**29  # bytes
 DAMAGE = (
-    OSError, ArithmeticError, AttributeError, LookupError, TypeError, ValueError, RuntimeError,
-    SafetensorError,
+    OSError, ArithmeticError, AttributeError, LookupError, TypeError, ValueError, RuntimeError, SafetensorError,
 )  # fmt: skip
 """Exceptions that reading a damaged checkpoint can raise."""
 
@@ -53,11 +51,7 @@ def check_tracks(env: TrackVectorEnv) -> None:
 
 
 def restore_generator(generator: np.random.Generator, state: Any) -> None:
-    """Set the state of a generator.
-
-    Raises:
-        ValueError: the state is invalid.
-    """
+    """Set the state of a generator; `ValueError` or the like if it is invalid."""
     generator.bit_generator.state = state
     if generator.bit_generator.state != state:  # NumPy rounds fractions
         raise ValueError("the state of a generator is invalid")
@@ -95,19 +89,12 @@ def _numpy_state(state: dict[str, Any]) -> tuple[Any, ...]:
     return "MT19937", np.array(key, np.uint32), int(position), int(has_normal), float(normal)
 
 
-@dataclass(frozen=True)
-class Checkpoint:
-    """State of a run.
-
-    Attributes:
-        tensors: by name.
-        values: plain values, with `steps` and `seconds` so far.
-        path: of the file that it was read from.
-    """
+class Checkpoint(NamedTuple):
+    """State of a run."""
 
     tensors: dict[str, Tensor]
-    values: dict[str, Any]
-    path: Path
+    values: dict[str, Any]  # plain ones, with `steps` and `seconds` so far
+    path: Path  # of the file that it was read from
 
 
 def has_checkpoint(folder: Path) -> bool:
@@ -116,11 +103,7 @@ def has_checkpoint(folder: Path) -> bool:
 
 
 def write_checkpoint(folder: Path, tensors: Mapping[str, Tensor], values: Mapping[str, Any]) -> None:
-    """Write a checkpoint atomically; the one before becomes the previous one.
-
-    Raises:
-        ArgumentError: the state is too large, or the file cannot be written.
-    """
+    """Write a checkpoint atomically; the one before becomes the previous one."""
     tensors = {name: tensor.contiguous() for name, tensor in tensors.items()}
     text = json.dumps(values)
     content = safetensors.torch.save(tensors, {"values": text, "sha256": digest(tensors, text)})
@@ -133,11 +116,7 @@ def write_checkpoint(folder: Path, tensors: Mapping[str, Tensor], values: Mappin
 
 
 def read_checkpoint(folder: Path) -> Checkpoint:
-    """Read the last checkpoint, or the one before if the last is missing or damaged.
-
-    Raises:
-        ArgumentError: neither is complete.
-    """
+    """Read the last checkpoint, or the one before if the last is missing or damaged."""
     errors = []
     for name in (CHECKPOINT, PREVIOUS):
         try:
@@ -180,7 +159,7 @@ def incomplete_checkpoint(folder: Path, error: Exception) -> ArgumentError:
 
 def optimizer_tensors(optimizer: Optimizer) -> dict[str, Tensor]:
     """Return the state of an optimizer by name; writing into the tensors changes the optimizer."""
-    states: dict[int, dict[str, Tensor]] = optimizer.state_dict()["state"]
+    states = optimizer.state_dict()["state"]
     return {f"{index}.{name}": tensor for index, state in states.items() for name, tensor in state.items()}
 
 
@@ -197,17 +176,16 @@ def allocate_optimizer_state(optimizer: Optimizer) -> None:
 def copy_tensors(saved: Mapping[str, Tensor], live: Mapping[str, Tensor]) -> None:
     """Copy the tensors of a checkpoint into those of a run.
 
-    Raises:
-        ValueError: names, shapes or types differ, or a second moment of the optimizer is negative.
+    `ValueError` if names, shapes or types differ, or a second moment of the optimizer is negative.
     """
     different = sorted(saved.keys() ^ live.keys())
     if different:
         raise ValueError(f"{different[0]} is {'missing' if different[0] in live else 'unknown'}")
     for name, tensor in live.items():
         found = saved[name]
-        if found.shape != tensor.shape or found.dtype != tensor.dtype:
-            shape = tuple(tensor.shape)
-            raise ValueError(f"{name} is {found.dtype} {tuple(found.shape)}, not {tensor.dtype} {shape}")
+        kinds = [f"{one.dtype} {tuple(one.shape)}" for one in (found, tensor)]
+        if kinds[0] != kinds[1]:
+            raise ValueError(f"{name} is {kinds[0]}, not {kinds[1]}")
         if name.endswith(".exp_avg_sq") and bool((found < 0).any()):
             raise ValueError(f"{name} is negative")
     for name, tensor in live.items():
@@ -215,11 +193,7 @@ def copy_tensors(saved: Mapping[str, Tensor], live: Mapping[str, Tensor]) -> Non
 
 
 def check_scalars(values: Mapping[str, Any]) -> dict[str, float]:
-    """Return a mapping whose values are finite numbers or NaN.
-
-    Raises:
-        ValueError: one is not.
-    """
+    """Return a mapping whose values are finite numbers or NaN; `ValueError` or the like if one is not."""
     for name, value in values.items():
         if math.isinf(value):
             raise ValueError(f"{name} is infinite")

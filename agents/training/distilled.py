@@ -26,11 +26,7 @@ FACTORS = 1.0, 0.1, 10.0
 
 
 class DistilledRun(RewardRun):
-    """A training run on the posterior of the shipped agent; see `agents.training.runs.make_run`.
-
-    Raises:
-        ArgumentError: see `RewardRun`, or an environment with sensors, which are not in the rows.
-    """
+    """A training run on the posterior of the shipped agent; it refuses sensors, which are not in the rows."""
 
     decider: ClassVar[type[RewardDecider]] = DistilledDecider
 
@@ -63,18 +59,11 @@ class DistilledRun(RewardRun):
 
     def loss(self, inputs: Tensor, logs: Tensor, lengths: Tensor, *labels: Tensor) -> Tensor:
         """Return the mean cross-entropy of the posterior of the teacher, labels: (n, M)."""
-        (posterior,) = labels
-        return -(posterior * self.net(inputs, logs)).sum(-1).mean()
+        return -(labels[0] * self.net(inputs, logs)).sum(-1).mean()
 
 
 def taught(teacher: PosteriorDecider, rows: Observations, counts: IntArray) -> FloatArray:
-    """Return the posterior (n, M) of a decider on the rows of E whole episodes, one after the other.
-
-    Args:
-        teacher: the decider.
-        rows: (n, width).
-        counts: (E,) rows of the episodes.
-    """
+    """Return the posterior (n, M) of a decider on rows (n, width) of whole episodes, each of `counts` (E,) rows."""
     out, begins = np.empty((len(rows), teacher.layout.hypotheses)), counts.cumsum() - counts
     left, state = np.arange(len(counts)), None
     for tick in range(counts.max()):

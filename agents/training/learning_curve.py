@@ -55,7 +55,7 @@ class LearningCurve:
         return self._measure_rule()
 
     def due(self, steps: int) -> bool:
-        """Return whether an evaluation is due after a number of environment steps."""
+        """Whether an evaluation is due after a number of environment steps."""
         return steps >= self._next
 
     def skip(self, steps: int) -> None:
@@ -64,25 +64,13 @@ class LearningCurve:
             self._next *= EVALUATION_SPACING
 
     def evaluate(self, family: DeciderFamily, steps: int, seconds: float) -> dict[str, float]:
-        """Evaluate the agent.
-
-        Args:
-            family: the agent.
-            steps: environment steps so far.
-            seconds: training time so far.
-
-        Returns:
-            Training time, metrics of the agent, and reward of the classical rule.
-        """
+        """Return the training time so far, the metrics of the agent, and the reward of the classical rule."""
         self.skip(steps)
         measured = {PREFIX + name: value for name, value in self._measure(family).items()}
         return {"seconds": seconds} | measured | {self.reference_key: self.reference_reward}
 
     def summary(self, metrics: Sequence[dict[str, Any]]) -> list[str]:
-        """Return the lines printed after training, from the metrics of the run.
-
-        They are the final metrics, and when the agent surpassed the best reward of the classical rule.
-        """
+        """Return the lines printed after training: final metrics, and when the agent surpassed the rule."""
         points = learning_points(metrics)
         if not points:
             return []
@@ -101,12 +89,7 @@ class LearningCurve:
 
 
 def environment_curve(env_id: str, options: Mapping[str, Any]) -> LearningCurve:
-    """Return the learning curve of an agent in an environment.
-
-    Args:
-        env_id: registered id.
-        options: environment options that override those of the id.
-    """
+    """Return the learning curve of an agent in an environment with options that override those of its id."""
     task = task_of(env_id, options)
     wording = task.wording
 
@@ -129,26 +112,28 @@ def learning_points(metrics: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def draw_learning_curve(folder: Path, path: Path, curve: LearningCurve) -> None:
-    """Write the mean reward of a run against training time and environment steps as PNG.
+    """Write the mean reward of a run folder against training time and environment steps as PNG.
 
-    Args:
-        folder: run folder.
-        path: of the figure.
-        curve: of the run. A dashed line is its classical rule at the best threshold.
+    A dashed line is the classical rule of the learning curve at its best threshold.
     """
     points = learning_points(read_metrics(folder))
-    rewards, rule = [row[REWARD_KEY] for row in points], f"{curve.wording.rule} at its best threshold"
-    agent, reference = decider_style(folder.name), decider_style(curve.wording.rule)
+    rewards = [row[REWARD_KEY] for row in points]
     columns = {
         "training time, s": [row["seconds"] for row in points],
         "environment steps, millions": [row["step"] / 1e6 for row in points],
     }
     panels = []
     for label, values in columns.items():
-        curves = [Curve(folder.name, agent, values, rewards, size=3.5, filled=True)] if points else []
+        curves, limits = [], None
         if points:
             level, end = points[-1][curve.reference_key], 1.05 * max(values)
-            curves.append(Curve(rule, reference, [1e-3 * end, 0.999 * end], [level] * 2, size=0.0, dashes="--"))
-        axis = Axis(label, (0.0, end) if points else None)
-        panels.append(Panel("", axis, Axis(f"mean reward per {curve.wording.unit}"), curves))
+            limits, rule = (0.0, end), curve.wording.rule
+            curves = [
+                Curve(folder.name, decider_style(folder.name), values, rewards, size=3.5, filled=True),
+                Curve(
+                    f"{rule} at its best threshold", decider_style(rule), [1e-3 * end, 0.999 * end], [level] * 2,
+                    size=0.0, dashes="--",
+                ),
+            ]  # fmt: skip
+        panels.append(Panel("", Axis(label, limits), Axis(f"mean reward per {curve.wording.unit}"), curves))
     save_figure(curve_figure([panels], (10.0, 4.0), sharey=True), path)

@@ -21,7 +21,7 @@ from torch.utils.tensorboard import SummaryWriter
 
 from agents.evaluation.tasks import task_of
 from agents.learned.features import policy_kwargs_with_features
-from agents.learned.policy import ACTORS, ActorDecider, save_actor
+from agents.learned.policy import ACTORS, save_actor
 from agents.learned.policy_file import first_line
 from agents.training import run_folder
 from agents.training.checkpoint import check_random_state, check_scalars, check_tracks, random_state, set_random_state
@@ -64,16 +64,11 @@ class Events(TensorBoardOutputFormat):
         self._is_closed = False
 
     def write(self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0) -> None:
-        """Write the values of an update.
-
-        Raises:
-            ArgumentError: the file cannot be written.
-        """
+        """Write the values of an update."""
         try:
             super().write(key_values, key_excluded, step)
         except OSError as error:
-            allowed = f"a folder that can be written ({error.strerror})"
-            raise reject("run", str(self.folder), allowed) from None
+            raise reject("run", str(self.folder), f"a folder that can be written ({error.strerror})") from None
 
     def close(self) -> None:
         """Close the file."""
@@ -83,7 +78,7 @@ class Events(TensorBoardOutputFormat):
 
 @contextmanager
 def without_tracebacks_of_threads() -> Iterator[None]:
-    """Context manager without the traceback that TensorBoard's thread prints if a file cannot be written.
+    """Context without the traceback that TensorBoard's thread prints if a file cannot be written.
 
     The error is raised again by the next `write`.
     """
@@ -110,12 +105,7 @@ class _RunCallback(BaseCallback):
         self.run.between_updates()  # the update for all steps so far is complete
 
     def _on_rollout_end(self) -> None:
-        reward = ticks = math.nan
-        episodes = self.model.ep_info_buffer
-        if episodes:
-            reward, ticks = self.run.recent_means(
-                *(float(np.mean([episode[key] for episode in episodes])) for key in ("r", "l"))
-            )
+        reward, ticks = self.run.recent_means()
         if self.on_progress is not None:
             self.on_progress(TrainingProgress(self.model.num_timesteps, self.run.steps, reward, ticks))
 
@@ -133,21 +123,17 @@ def _model_class(algo: str) -> Any:
 class PPORun(Run):
     """A run of PPO or RecurrentPPO; see `agents.training.runs.make_run` for the arguments.
 
-    `steps` is rounded up to a multiple of the rollout size.
-
-    Raises:
-        ArgumentError: an invalid environment or recipe, such as one whose initial policy waits where a mode
-            is stated at every tick, or a damaged checkpoint.
+    `steps` is rounded up to a multiple of the rollout size. Recipes whose initial policy waits are refused where a
+    mode is stated at every tick.
     """
 
     def build(self) -> None:
         """Create model and environments; the initial policy waits if it can."""
         settings = self.recipe.settings
         assert isinstance(settings, PPOSettings)
-        self.settings = settings
         kind = _model_class(self.recipe.algo)
         env = HybridTrackVecEnv(self.env_id, settings.n_envs, **self.options)
-        self.world, self.layout = env.env.options, type(env.env.world.layout)
+        self.world = env.env.options
         self.task = task_of(self.env_id, self.options)
         rate, decays = learning_rate_schedule(settings.learning_rate)
         try:
@@ -158,7 +144,7 @@ class PPORun(Run):
                 gamma=settings.gamma, gae_lambda=settings.gae_lambda, ent_coef=settings.ent_coef,
                 seed=self.seed, device="cpu",
                 policy_kwargs=policy_kwargs_with_features(
-                    settings.policy_kwargs, settings.observe, self.layout
+                    settings.policy_kwargs, settings.observe, type(env.env.world.layout)
                 ),
             )  # fmt: skip
         except ArgumentError:
@@ -173,7 +159,7 @@ class PPORun(Run):
             allowed = "0 for an agent that states a mode at every tick, which cannot wait"
             raise reject("wait_bias", settings.wait_bias, allowed)
         # as at the start of `learn` of Stable-Baselines3, so that a checkpoint can be restored
-        env.seed(self.track_seeds()[0])
+        env.seed(seeds.TRAINING + 10**9 * self.seed)  # of the first track
         self.model._last_obs = env.reset()
         self.model._last_episode_starts = np.ones(settings.n_envs, np.bool_)
         self.model.ep_info_buffer = deque(maxlen=self.model._stats_window_size)
@@ -187,38 +173,26 @@ class PPORun(Run):
         super().set_steps(steps)
         self.model.num_timesteps = steps
 
-    def track_seeds(self) -> list[int]:
-        """Return the seeds of the tracks, disjoint from those of evaluations."""
-        first = seeds.TRAINING + 10**9 * self.seed
-        return [first + track for track in range(self.settings.n_envs)]
-
-    @property
-    def decider(self) -> ActorDecider:
-        """The current policy as a decider."""
-        return ACTORS[self.task.switches](self.model.policy)
-
     def family(self, name: str) -> DeciderFamily:
-        """Return the current policy as a family of deciders."""
-        return self.decider.trained(name)
+        """See `Run.family`."""
+        return ACTORS[self.task.switches](self.model.policy).trained(name)
 
     def evaluate(self) -> None:
         """See `Run.evaluate`; only if the actions are declarations of hypotheses, or statements."""
         if not self.task.waits or self.world.actions == "all":
             super().evaluate()
 
-    def recent_means(self, reward: float, ticks: float) -> tuple[float, float]:
-        """Log means of recent episodes, and return those of `TrainingProgress`.
-
-        Args:
-            reward: mean reward of an episode.
-            ticks: mean number of steps of an episode.
-        """
-        unit, count = self.task.wording.unit, self.task.length
-        self.model.logger.record(f"{unit}/reward", reward / count)
+    def recent_means(self) -> tuple[float, float]:
+        """Log the means of recent episodes, and return those of `TrainingProgress`."""
+        episodes = self.model.ep_info_buffer
+        if not episodes:
+            return math.nan, math.nan
+        reward, ticks = (float(np.mean([one[key] for one in episodes])) / self.task.length for key in ("r", "l"))
+        self.model.logger.record(f"{self.task.wording.unit}/reward", reward)
         if not self.task.waits:
-            return reward / count, math.nan
-        self.model.logger.record(f"{unit}/ticks", ticks / count)
-        return reward / count, ticks / count
+            return reward, math.nan
+        self.model.logger.record(f"{self.task.wording.unit}/ticks", ticks)
+        return reward, ticks
 
     def track_tensors(self) -> dict[str, Tensor]:
         """See `Run.track_tensors`."""
@@ -249,15 +223,11 @@ class PPORun(Run):
         check_random_state(values["random"])
         self._random, self._logged = values["random"], check_scalars(values["logged"])
         model._n_updates = check_integer("updates", values["updates"], minimum=0)
-        episodes = [{"r": float(reward), "l": int(ticks)} for reward, ticks in values["episodes"]]
-        model.ep_info_buffer.extend(episodes)
+        model.ep_info_buffer.extend({"r": float(reward), "l": int(ticks)} for reward, ticks in values["episodes"])
 
+    @without_tracebacks_of_threads()
     def learn(self, on_progress: Callable[[TrainingProgress], None] | None) -> None:
-        """Train for the remaining steps; see `Run.learn`."""
-        with without_tracebacks_of_threads():
-            self._learn(on_progress)
-
-    def _learn(self, on_progress: Callable[[TrainingProgress], None] | None) -> None:
+        """See `Run.learn`."""
         model, writers = self.model, []
         if self.folder is not None:
             writers = [MetricsWriter(self.folder), Events(self.folder, self.num_timesteps)]
@@ -283,5 +253,5 @@ class PPORun(Run):
             model.logger.close()
 
     def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
-        """Write weights and card of the current agent."""
+        """See `Run.save_agent`."""
         save_actor(folder, self.model.policy, card, self.world.switches)

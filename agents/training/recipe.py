@@ -21,18 +21,11 @@ FOLDER = Path(__file__).parent / "recipes"
 
 @dataclass(frozen=True)
 class Recipe:
-    """Algorithm and hyper-parameters of a training run.
-
-    Attributes:
-        name: of the recipe.
-        algo: a key of `ALGORITHMS`.
-        n_timesteps: environment steps, summed over tracks.
-        settings: hyper-parameters of the algorithm.
-    """
+    """Algorithm and hyper-parameters of a training run."""
 
     name: str
-    algo: str
-    n_timesteps: int
+    algo: str  # a key of `ALGORITHMS`
+    n_timesteps: int  # environment steps, summed over tracks
     settings: Settings
 
     def as_json(self) -> dict[str, Any]:
@@ -53,9 +46,6 @@ def load_recipe(name: str, env_id: str, changes: Sequence[str] = ()) -> Recipe:
         name: of a recipe of the package, or the path of a YAML file.
         env_id: id whose entry is used; the entry `default` if there is none.
         changes: hyper-parameters to override, each "name=value" with a value in YAML.
-
-    Raises:
-        ArgumentError: the recipe does not exist, is unreadable, or has an invalid value.
     """
     path = FOLDER / f"{name}.yml" if name in recipe_names() else Path(name)
     allowed = ", ".join(recipe_names()) + ", or a YAML file"
@@ -87,15 +77,7 @@ def load_recipe(name: str, env_id: str, changes: Sequence[str] = ()) -> Recipe:
 
 
 def recipe_of(name: str, entry: Mapping[str, Any]) -> Recipe:
-    """Create a recipe from an entry.
-
-    Args:
-        name: of the recipe.
-        entry: algorithm, number of steps and hyper-parameters.
-
-    Raises:
-        ArgumentError: an unknown hyper-parameter, a missing one, or an invalid value.
-    """
+    """Create a recipe from its entry: algorithm, number of steps and hyper-parameters."""
     if not isinstance(name, str) or not isinstance(entry, Mapping):
         raise reject("recipe", name, "a name, and an entry with hyper-parameters")
     entry = dict(entry)
@@ -108,17 +90,14 @@ def recipe_of(name: str, entry: Mapping[str, Any]) -> Recipe:
     for key in entry:
         if key not in known:
             raise reject("hyper-parameter", key, ", ".join(known))
-    missing = [
-        name
-        for name, one in known.items()
-        if one.default is dataclasses.MISSING and one.default_factory is dataclasses.MISSING and name not in entry
-    ]
+    nothing = dataclasses.MISSING
+    needed = [one.name for one in known.values() if one.default is nothing and one.default_factory is nothing]
+    missing = [one for one in needed if one not in entry]
     if missing:
         raise reject("recipe", name, f"an entry with {', '.join(missing)}")
-    if "worlds" in entry:
-        entry["worlds"] = _worlds("worlds", TrainingWorld, entry["worlds"])
-    if "drawn_worlds" in entry:
-        entry["drawn_worlds"] = _worlds("drawn_worlds", DrawnWorlds, entry["drawn_worlds"])
+    for key, world in (("worlds", TrainingWorld), ("drawn_worlds", DrawnWorlds)):
+        if key in entry:
+            entry[key] = _worlds(key, world, entry[key])
     if "observe" in entry:
         names = entry["observe"]
         if not isinstance(names, (list, tuple)) or not all(isinstance(one, str) for one in names):

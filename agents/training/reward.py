@@ -11,7 +11,6 @@ number, so that a checkpoint between two rounds needs no tracks.
 """
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -19,13 +18,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.learned.policy_file import save_policy
 from agents.learned.reward_decider import RewardDecider
 from agents.learned.reward_net import reward_inputs
 from agents.training.run import OwnNetworkRun, Round
 from agents.training.settings import LARGEST_ALPHA, RewardSettings, SegmentSettings
 from baselines.rules import seeds
-from baselines.rules.decider import ANNOUNCED, Actions, Decider, DeciderFamily, Observations
+from baselines.rules.decider import Actions, Decider, Observations
 from baselines.rules.msprt import mode_types
 from baselines.rules.rollout import rollout
 from hybrid_env.checks import BoolArray, IntArray, check_integer, reject
@@ -39,12 +37,7 @@ LARGEST_ROUND = 2**22  # rows x turns of a round, whose inputs take half a gigab
 
 
 class Explorer(Decider):
-    """An agent in training, which draws its decisions.
-
-    Args:
-        agent: in training.
-        generator: of thresholds, one for each segment, and of declarations.
-    """
+    """An agent in training, which draws a threshold for each segment, and some of its declarations."""
 
     def __init__(self, agent: RewardDecider, generator: np.random.Generator):
         self.agent, self.generator = agent, generator
@@ -68,12 +61,7 @@ class Explorer(Decider):
         return None if state is None else (self.agent.select_tracks(state[0], tracks), state[1][tracks])
 
     def segments(self, env: Any, seed: int) -> "Segments":
-        """Run one episode of every track, and return its segments up to the declaration.
-
-        Args:
-            env: vector environment.
-            seed: of the first track.
-        """
+        """Run one episode of every track of a vector environment; return its segments up to the declaration."""
         running, unfinished = np.arange(env.num_envs), np.ones(env.num_envs, np.bool_)
         tracks, rows, actions, rewards, modes = [], [], [], [], []
         nothing = np.zeros(env.num_envs, np.int64)
@@ -99,29 +87,17 @@ class Explorer(Decider):
 
 
 class Segments(NamedTuple):
-    """Segments up to their declarations.
+    """S segments up to their declarations."""
 
-    Attributes:
-        rows: (n, width) of all S segments.
-        lengths: (S,) number of rows.
-        declared: (S,) hypothesis.
-        rewarded: (S,) whether the reward of the declaration was positive.
-        modes: (S,) true mode, which an agent that learns from rewards alone does not read.
-    """
-
-    rows: Observations
-    lengths: IntArray
-    declared: IntArray
-    rewarded: BoolArray
-    modes: IntArray
+    rows: Observations  # (n, width), one segment after the other
+    lengths: IntArray  # (S,) number of rows
+    declared: IntArray  # (S,) hypothesis
+    rewarded: BoolArray  # (S,) whether the reward of the declaration was positive
+    modes: IntArray  # (S,) true mode, which an agent that learns from rewards alone does not read
 
 
 class RewardRun(OwnNetworkRun):
-    """A training run on rewards alone; see `agents.training.runs.make_run` for the arguments.
-
-    Raises:
-        ArgumentError: an environment in which hypotheses are not declared, or a damaged checkpoint.
-    """
+    """A training run on rewards alone; it refuses environments in which hypotheses are not declared."""
 
     smallest_factor: ClassVar[float] = 0.01
     decider: ClassVar[type[RewardDecider]] = RewardDecider
@@ -162,8 +138,7 @@ class RewardRun(OwnNetworkRun):
         """See `OwnNetworkRun.train_round`."""
         first = seeds.TRAINING + self.seed * 10**9 + self.rounds * self.settings.n_envs
         generator = np.random.default_rng(first)
-        explorer = Explorer(self.decider(self.net, self.world), generator)
-        found = explorer.segments(self.env, first)
+        found = Explorer(self.decider(self.net, self.world), generator).segments(self.env, first)
         lengths, labels = found.lengths, self.labels(found)
         inputs, logs = self.inputs(found.rows, self.world.tau)
         begins = lengths.cumsum() - lengths
@@ -171,9 +146,8 @@ class RewardRun(OwnNetworkRun):
         self.set_learning_rate()
         for start in range(0, lengths.size, self.settings.batch_size):
             chosen = order[start : start + self.settings.batch_size]
-            some = np.concatenate(
-                [np.arange(n) + begin for begin, n in zip(begins[chosen], lengths[chosen], strict=True)]
-            )
+            pairs = zip(begins[chosen], lengths[chosen], strict=True)
+            some = np.concatenate([np.arange(n) + begin for begin, n in pairs])
             own = (label[some if len(label) == len(inputs) else chosen] for label in labels)
             parts = inputs[some], logs[some], lengths[chosen], *own
             loss = self.loss(*map(torch.from_numpy, parts))
@@ -213,11 +187,3 @@ class RewardRun(OwnNetworkRun):
         if not self.settings.every_row:
             return -(target * logs[ends - 1]).sum(-1).mean()
         return -(target[segment] * logs).sum(-1).mean()
-
-    def family(self, name: str) -> DeciderFamily:
-        """Return the current agent as a family of deciders for the environment of the run."""
-        return self.decider.trained(name, self.net, self.world)
-
-    def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
-        """Write weights and card of the current agent."""
-        save_policy(folder, self.net.state_dict(), card, ANNOUNCED)

@@ -14,7 +14,8 @@ from torch import Tensor, nn
 from torch.optim import Optimizer
 
 from agents.interface.output_files import output_folder, write_json
-from agents.learned.policy_file import package_versions
+from agents.learned.policy_file import package_versions, save_policy
+from agents.learned.posterior_decider import PosteriorDecider
 from agents.training import checkpoint, run_folder
 from agents.training.learning_curve import LearningCurve, environment_curve
 from agents.training.recipe import Recipe
@@ -25,21 +26,12 @@ from hybrid_env.checks import ArgumentError, reject
 
 @dataclass(frozen=True)
 class TrainingProgress:
-    """Progress of a training run.
+    """Progress of a training run; NaN where there is no value yet."""
 
-    Attributes:
-        steps: environment steps so far.
-        total: environment steps of the run.
-        reward: mean reward of recent segments, or of recent ticks where a mode is stated at every tick; NaN
-            before there is one.
-        ticks: mean decision time of recent segments, in ticks; NaN before the first segment ends, or where
-            a mode is stated at every tick.
-    """
-
-    steps: int
-    total: int
-    reward: float
-    ticks: float
+    steps: int  # environment steps so far
+    total: int  # of the run
+    reward: float  # mean of recent segments, or of recent ticks where a mode is stated at every tick
+    ticks: float  # mean decision time of recent segments; NaN where a mode is stated at every tick
 
     @property
     def note(self) -> str:
@@ -55,21 +47,11 @@ class Run(ABC):
 
     A checkpoint is written between two rollouts and holds everything that the following ones depend on. A
     resumed run therefore equals an uninterrupted one, apart from times. What is logged must depend on steps
-    only, not on times, for the same reason.
-
-    Attributes:
-        steps: total environment steps of the run.
-        saved: the checkpoint that the run starts from; None for a new run.
-        seconds: training time so far, without evaluations.
-        last_evaluation: last point of the learning curve.
-        num_timesteps: environment steps so far.
-        network: the trained module; set by `build`.
-        optimizer: its optimizer; set by `build`.
+    only, not on times, for the same reason. `build` sets network and optimizer.
     """
 
     network: nn.Module
     optimizer: Optimizer
-
     next_command: ClassVar[str] = "hybridtrack evaluate"
     """Command that evaluates a run folder."""
 
@@ -91,8 +73,8 @@ class Run(ABC):
                 self.saved = checkpoint.read_checkpoint(folder)
             else:
                 run_folder.check_free(folder)
-        self.seconds, self.num_timesteps = 0.0, 0
-        self.last_evaluation: dict[str, float] = {}
+        self.seconds, self.num_timesteps = 0.0, 0  # without evaluations; environment steps
+        self.last_evaluation: dict[str, float] = {}  # last point of the learning curve
         self.curve = self.make_curve()
         self._opened = False
         torch.set_num_threads(1)  # for small networks the overhead of threads exceeds the gain
@@ -141,15 +123,10 @@ class Run(ABC):
         """Write weights and card of the current agent."""
 
     def train(self, on_progress: Callable[[TrainingProgress], None] | None = None, save_every: float = 10.0) -> None:
-        """Train for the remaining steps.
-
-        Args:
-            on_progress: called after every rollout.
-            save_every: seconds between checkpoints.
+        """Train for the remaining steps, with a checkpoint every `save_every` seconds.
 
         Raises:
-            ArgumentError: another training uses the folder, a file cannot be written, or the training
-                diverges.
+            ArgumentError: another training uses the folder, a file cannot be written, or the training diverges.
             OSError: the folder cannot be written.
         """
         self._save_every, self._last_save = save_every, time.monotonic()
@@ -187,11 +164,7 @@ class Run(ABC):
         self.last_evaluation["steps"] = self.num_timesteps
 
     def save(self) -> None:
-        """Write checkpoint and agent.
-
-        Raises:
-            ArgumentError: a file cannot be written, or a weight is not finite.
-        """
+        """Write checkpoint and agent; `ArgumentError` if a file cannot be written, or a weight is not finite."""
         assert self.folder is not None
         if not all(tensor.isfinite().all() for tensor in self.network.state_dict().values()):
             raise ArgumentError("the training has diverged: a weight is not finite")
@@ -260,6 +233,9 @@ class OwnNetworkRun(Run):
 
     smallest_factor: ClassVar[float]
     """Lower bound of the learning rate, as a factor of the first one, while it decays linearly."""
+    decider: ClassVar[type[PosteriorDecider]]
+    world: Any
+    """Options of the environment of the agent."""
 
     def start(self, network: nn.Module, learning_rate: str | float) -> None:
         """Create the optimizer of a new network."""
@@ -268,6 +244,14 @@ class OwnNetworkRun(Run):
         self.optimizer = torch.optim.Adam(network.parameters(), lr=self._rate)
         for parameter in network.parameters():  # a part without samples yet has no gradient
             parameter.grad = torch.zeros_like(parameter)
+
+    def family(self, name: str) -> DeciderFamily:
+        """See `Run.family`; for the environment of the run."""
+        return self.decider.trained(name, self.network, self.world)
+
+    def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
+        """See `Run.save_agent`."""
+        save_policy(folder, self.network.state_dict(), card, self.decider.task)
 
     @abstractmethod
     def train_round(self) -> Round:
@@ -278,7 +262,7 @@ class OwnNetworkRun(Run):
         return True
 
     def learn(self, on_progress: Callable[[TrainingProgress], None] | None) -> None:
-        """Train for the remaining steps; see `Run.learn`."""
+        """See `Run.learn`."""
         while self.num_timesteps < self.steps:
             self.between_updates()
             steps, reward, ticks, metrics = self.train_round()

@@ -22,27 +22,18 @@ LOCK = ".training.lock"
 
 
 def check_free(folder: Path) -> None:
-    """Refuse a folder that contains anything but the files of a run killed before its first checkpoint.
-
-    Raises:
-        ArgumentError: the folder is not free.
-    """
+    """Refuse a folder that contains anything but the files of a run killed before its first checkpoint."""
     if not is_free(folder):
         raise reject("out", str(folder), "a new or empty folder, or --resume to resume a run")
 
 
 def is_free(folder: Path) -> bool:
     """Return whether a new run can use a folder: it has no files, or none with results."""
-    if not folder.exists():
-        return True
     if not folder.is_dir():
-        return False
-    names = [path.name for path in folder.iterdir()]
-    return not names or (LOCK in names and all(map(_is_without_results, names)))
-
-
-def _is_without_results(name: str) -> bool:
-    return name in (LOCK, CONFIG) or name.startswith((PART_PREFIX, "events.out.tfevents"))
+        return not folder.exists()
+    names = {path.name for path in folder.iterdir()}
+    results = {name for name in names - {LOCK, CONFIG} if not name.startswith((PART_PREFIX, "events.out.tfevents"))}
+    return not names or (LOCK in names and not results)
 
 
 def delete_temporary_files(folder: Path) -> None:
@@ -54,11 +45,7 @@ def delete_temporary_files(folder: Path) -> None:
 
 @contextmanager
 def lock(folder: Path) -> Iterator[None]:
-    """Context manager that locks a run folder; a lock ends with its process, also with a killed one.
-
-    Raises:
-        ArgumentError: another training has the lock.
-    """
+    """Context manager that locks a run folder; a lock ends with its process, also with a killed one."""
     with (folder / LOCK).open("a", encoding="utf-8") as file:
         if fcntl is not None:
             try:
@@ -71,11 +58,7 @@ def lock(folder: Path) -> Iterator[None]:
 
 
 def read_config(folder: Path) -> dict[str, Any]:
-    """Read the config of a run to resume.
-
-    Raises:
-        ArgumentError: the config is missing or damaged.
-    """
+    """Read the config of a run to resume."""
     try:
         config = read_json(folder / CONFIG)
         return {name: config[name] for name in ("env", "options", "recipe", "steps", "seed")}
@@ -84,11 +67,7 @@ def read_config(folder: Path) -> dict[str, Any]:
 
 
 def append_metrics(folder: Path, step: int, metrics: Mapping[str, Any]) -> None:
-    """Append one line with a JSON object; a resumed run appends to the same file.
-
-    Raises:
-        ArgumentError: the line cannot be written; no part of it is.
-    """
+    """Append one line with a JSON object, or no part of it; a resumed run appends to the same file."""
     path = folder / METRICS
     size = path.stat().st_size if path.exists() else 0
     try:
@@ -116,8 +95,7 @@ def read_metrics(folder: Path) -> list[dict[str, Any]]:
 
 def drop_metrics_after(folder: Path, step: int) -> None:
     """Delete the metrics logged after a checkpoint; the resumed run logs them again."""
-    path = folder / METRICS
-    if path.is_file():
-        with atomic_file(path) as part:
+    if (folder / METRICS).is_file():
+        with atomic_file(folder / METRICS) as part:
             kept = [row for row in read_metrics(folder) if row["step"] <= step]
             part.write_text("".join(json.dumps(row) + "\n" for row in kept), encoding="utf-8")

@@ -7,16 +7,13 @@ from agents.training import run_folder
 from agents.training.anchor import AnchorRun
 from agents.training.checkpoint import has_checkpoint
 from agents.training.distilled import DistilledRun
-from agents.training.kalman import KalmanRun
 from agents.training.ppo import PPORun
 from agents.training.recipe import Recipe, recipe_of
 from agents.training.reward import RewardRun
 from agents.training.run import Run
-from agents.training.simulated_flights import FlightRun
-from agents.training.simulated_gliders import GliderRun
+from agents.training.simulated_flights import FlightRun, GliderRun
 from agents.training.statements import TrackRun
-from agents.training.tandem import TandemRun
-from agents.training.transformer import TransformerRun
+from agents.training.true_modes import KalmanRun, TandemRun, TransformerRun
 from hybrid_env.checks import check_integer, reject
 
 RUNS: dict[str, type[Run]] = {
@@ -52,9 +49,6 @@ def make_run(
         folder: run folder, created if missing; None writes nothing.
         steps: environment steps, summed over tracks; None uses those of the recipe.
         resume: start from the checkpoint in the folder.
-
-    Raises:
-        ArgumentError: an invalid argument, environment or recipe, or a damaged checkpoint.
     """
     check_integer("seed", seed, minimum=0)
     if seed >= 2**31:
@@ -66,12 +60,7 @@ def make_run(
 def resume_run(folder: Path, steps: int | None = None) -> Run:
     """Resume a run from its last checkpoint; a run killed before its first one starts anew.
 
-    Args:
-        folder: run folder.
-        steps: total environment steps; None uses those of the run.
-
-    Raises:
-        ArgumentError: the folder contains no run, or a damaged one.
+    `steps` is the total number of environment steps; None uses that of the run.
     """
     config = run_folder.read_config(folder)
     try:

@@ -1,7 +1,7 @@
-"""Training of the agent for recorded flights on simulated ones.
+"""Training of the agents for recorded flights, of aircraft and of gliders, on simulated ones.
 
-The labels are those of the smoother, as for recorded flights, and positions that they do not score have no
-reward. Steps are counted as if all flights had the number of positions in the recipe.
+The labels are those of recorded flights, and positions that they do not score have no reward. Steps are counted as
+if all flights had the number of positions in the recipe.
 """
 
 import functools
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from agents.evaluation.task import Wording
 from agents.interface.world_arguments import DEFAULT_ENV
 from agents.learned.flight_decider import FlightAgent, log_probabilities
+from agents.learned.glider_decider import GliderAgent
 from agents.training.checkpoint import restore_generator
 from agents.training.learning_curve import LearningCurve
 from agents.training.settings import FlightSettings
@@ -25,13 +26,13 @@ from baselines.estimation.turns import run_turn_imm
 from baselines.recordings.flights.flight import TIERS, Flight, stack_flights
 from baselines.recordings.flights.labels import Labels, label_flights
 from baselines.recordings.flights.simulated import DRAWN, WIDE, draw_world, simulate_flights
+from baselines.recordings.flights.simulated_gliders import RANGES, STEP, label_gliders, simulate_glider
 from baselines.rules.decider import DeciderFamily
 from baselines.rules.threshold import ThresholdDecider
 from hybrid_env.checks import check_integer, reject
 
 FIRST_SEED = 10**6  # of the flights, plus the seed of the run
 CURVE_SEED = 10**5  # of the flights of the learning curve
-CURVE_FLIGHTS = 12, 16, 20, 8
 ROWS = {"A": 1.2, "B": 1.2, "C": 5.2, "D": 8.3}  # time between two positions [s], about
 PROBABILITIES = 0.0, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95
 WORDING = Wording(
@@ -42,11 +43,7 @@ Simulated = tuple[list[Flight], list[Labels], list[float]]
 
 
 class FlightRun(StatementRun):
-    """A training run on simulated flights; see `StatementRun`.
-
-    Raises:
-        ArgumentError: an environment or options of one are given, or a damaged checkpoint.
-    """
+    """A training run on simulated flights; see `StatementRun`. It refuses an environment, and options of one."""
 
     decider_class: ClassVar[type[FlightAgent]] = FlightAgent
     next_command = "hybridtrack compare --flights --deciders imm"
@@ -54,6 +51,8 @@ class FlightRun(StatementRun):
     simulation: ClassVar[dict[str, Any]] = asdict(WIDE) | DRAWN
     early: ClassVar[float] = 0.0
     """Time before a change of the label in which a change of the statement costs nothing [s]."""
+    curve_flights: ClassVar[tuple[int, ...]] = 12, 16, 20, 8
+    """Of the learning curve, of each group."""
 
     def prepare(self) -> None:
         """See `StatementRun.prepare`."""
@@ -66,8 +65,26 @@ class FlightRun(StatementRun):
         self._generator = np.random.default_rng(FIRST_SEED + self.seed)
 
     def make_curve(self) -> LearningCurve:
-        """See `Run.make_curve`; the episodes are simulated flights."""
-        return flight_curve(self, CURVE_FLIGHTS)
+        """See `Run.make_curve`; the episodes are simulated flights, the rule is the threshold on the IMM."""
+
+        @functools.cache
+        def flights() -> Batch:
+            return self.simulate(self.curve_flights, np.random.default_rng(CURVE_SEED))
+
+        def measure(family: DeciderFamily) -> dict[str, float]:
+            batch, agent = flights(), family.make(family.default)
+            stated, state = [], None
+            for row in agent.utilities(batch.inputs.numpy(), batch.log_probability.numpy()):
+                actions, state = agent.predict(row, state)
+                stated.append(actions)
+            return mean_reward(batch, np.array(stated))
+
+        def measure_rule() -> float:
+            batch = flights()
+            logs = batch.log_probability.numpy().astype(np.float64)
+            return max(mean_reward(batch, ThresholdDecider(one).statements(logs))["reward"] for one in PROBABILITIES)
+
+        return LearningCurve(WORDING, f"{sum(self.curve_flights)} flights", measure, measure_rule)
 
     def remaining(self) -> float:
         """See `OwnNetworkRun.remaining`; of the updates, as if all flights were of full length."""
@@ -130,29 +147,6 @@ class FlightRun(StatementRun):
         return Batch(*(torch.from_numpy(one[:shortest, kept]) for one in arrays))
 
 
-def flight_curve(run: FlightRun, counts: tuple[int, ...]) -> LearningCurve:
-    """Return the learning curve on simulated flights of each group, next to the threshold on the IMM."""
-
-    @functools.cache
-    def flights() -> Batch:
-        return run.simulate(counts, np.random.default_rng(CURVE_SEED))
-
-    def measure(family: DeciderFamily) -> dict[str, float]:
-        batch, agent = flights(), family.make(family.default)
-        stated, state = [], None
-        for row in agent.utilities(batch.inputs.numpy(), batch.log_probability.numpy()):
-            actions, state = agent.predict(row, state)
-            stated.append(actions)
-        return mean_reward(batch, np.array(stated))
-
-    def measure_rule() -> float:
-        batch = flights()
-        logs = batch.log_probability.numpy().astype(np.float64)
-        return max(mean_reward(batch, ThresholdDecider(one).statements(logs))["reward"] for one in PROBABILITIES)
-
-    return LearningCurve(WORDING, f"{sum(counts)} flights", measure, measure_rule)
-
-
 def mean_reward(batch: Batch, stated: NDArray[np.int64]) -> dict[str, float]:
     """Return the mean reward of a position and the share of right statements, from statements (T, N)."""
     modes, costs, weights = (part.numpy() for part in (batch.true_modes, batch.change_cost, batch.weight))
@@ -163,3 +157,18 @@ def mean_reward(batch: Batch, stated: NDArray[np.int64]) -> dict[str, float]:
         "reward": float((weights * (right - costs * wrong)).sum() / total),
         "right": float((weights * right).sum() / total),
     }
+
+
+class GliderRun(FlightRun):
+    """A training run on simulated flights of gliders, with the labels of both rules of `label_gliders`."""
+
+    decider_class = GliderAgent
+    next_command = "hybridtrack compare --gliders --source igc-xc-score-1.8.0.tgz --deciders imm-climb"
+    early = 4.0
+    simulation: ClassVar[dict[str, Any]] = dict(RANGES)
+    curve_flights = (40,)
+
+    def draw(self, counts: tuple[int, ...], generator: np.random.Generator) -> Simulated:
+        """See `FlightRun.draw`; each flight has settings of its own."""
+        flights = [simulate_glider(STEP * self.settings.rows, generator) for _ in range(sum(counts))]
+        return flights, label_gliders(flights), [STEP] * len(flights)

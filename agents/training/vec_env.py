@@ -13,12 +13,9 @@ from hybrid_env.registration import make_track_vector_env
 
 
 class HybridTrackVecEnv(VecEnv):
-    """N parallel tracks as a VecEnv, with episode statistics in `info["episode"]`.
+    """N = `num_envs` parallel tracks as a VecEnv, with episode statistics in `info["episode"]`.
 
-    Args:
-        env_id: registered id.
-        num_envs: N.
-        options: environment options that override those of the id.
+    The options override those of the registered id.
     """
 
     def __init__(self, env_id: str = "hybrid_env:HybridTrack-v0", num_envs: int = 64, **options: Any):
@@ -28,15 +25,13 @@ class HybridTrackVecEnv(VecEnv):
         self.render_mode = None
         super().__init__(num_envs, self.env.single_observation_space, self.env.single_action_space)
         self._actions = np.zeros(num_envs, np.int64)
-        self._returns = np.zeros(num_envs)
-        self._steps = np.zeros(num_envs, np.int64)
+        self._returns, self._steps = np.zeros(num_envs), np.zeros(num_envs, np.int64)
 
     def reset(self) -> NDArray[np.float32]:
         """Start a new episode on every track, seeded if `seed()` was called since the last reset."""
         observation, _ = self.env.reset(seed=list(self._seeds))
         self._reset_seeds()
-        self._returns[:] = 0.0
-        self._steps[:] = 0
+        self._returns[:] = self._steps[:] = 0
         return observation
 
     def step_async(self, actions: NDArray[np.int64]) -> None:
@@ -55,8 +50,7 @@ class HybridTrackVecEnv(VecEnv):
                 "TimeLimit.truncated": False,
                 "episode": {"r": float(self._returns[i]), "l": int(self._steps[i])},
             }
-        self._returns[terminated] = 0.0
-        self._steps[terminated] = 0
+        self._returns[terminated] = self._steps[terminated] = 0
         return observation, rewards.astype(np.float32), terminated, infos
 
     def state_arrays(self) -> dict[str, NDArray[Any]]:

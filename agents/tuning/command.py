@@ -39,11 +39,7 @@ class Tune(WorldArguments, ParallelArguments):
     """Folder of the search: trials.log and best.yml."""
 
     def run(self) -> None:
-        """Search with a progress display, print the best trials and write best.yml.
-
-        Raises:
-            ArgumentError: an argument is not allowed, or the folder has another search.
-        """
+        """Search with a progress display, print the best trials and write best.yml."""
         check_integer("trials", self.trials)
         check_integer("seed", self.seed, minimum=0, maximum=2**31 - 1)
         if self.steps is not None:
@@ -87,12 +83,11 @@ class Tune(WorldArguments, ParallelArguments):
             if not rows:
                 raise reject("trials", self.trials, "more trials: none was trained to its end")
             path = write_best(search, study, folder)
-        lines = []
+        heads, lines = ("trial", "reward", *(one.name for one in ranges)), []
         for row in rows:
             values = [row.params[one.name] for one in ranges]
             shown = [f"{value:.3g}" if isinstance(value, float) else str(value) for value in values]
             lines.append((str(row.number), f"{row.value:.3f}", *shown))
-        heads = ("trial", "reward", *(one.name for one in ranges))
         console.print(filled_table(f"Best of {len(ended(study))} trials", heads, lines))
         console.print(f"Best recipe: {path}", markup=False, highlight=False)
         console.print(f"Next: hybridtrack train --recipe {path}", markup=False, highlight=False)

@@ -1,5 +1,6 @@
 """What is searched: hyper-parameters of a recipe and their ranges."""
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,53 +12,36 @@ from agents.interface.input_files import parse_yaml
 from agents.training.recipe import Recipe
 from hybrid_env.checks import reject
 
+RATE = "learning_rate=0.0003..0.03"
 DEFAULT_RANGES = {
-    "ppo": ("learning_rate=0.0003..0.03", "n_epochs=1..10", "gae_lambda=0.8..0.99", "ent_coef=0.0..0.02"),
-    "anchor": ("learning_rate=0.0003..0.03", "hidden=16..128", "smallest_alpha=0.0001..0.03"),
-    "reward": ("learning_rate=0.0003..0.03", "hidden=16..128"),
-    "tandem": ("learning_rate=0.0003..0.03", "hidden=16..128"),
-    "kalman": ("learning_rate=0.0003..0.03", "hidden=8..64"),
-    "distilled": ("learning_rate=0.0003..0.03", "hidden=16..128"),
-    "transformer": ("learning_rate=0.0003..0.03", "hidden=16..128"),
-    "statements": ("learning_rate=0.0003..0.03", "hidden=8..64"),
-    "flights": ("learning_rate=0.0003..0.03", "hidden=8..64"),
-    "gliders": ("learning_rate=0.0003..0.03", "hidden=8..64"),
+    "ppo": (RATE, "n_epochs=1..10", "gae_lambda=0.8..0.99", "ent_coef=0.0..0.02"),
+    "anchor": (RATE, "hidden=16..128", "smallest_alpha=0.0001..0.03"),
+    **dict.fromkeys(("reward", "tandem", "distilled", "transformer"), (RATE, "hidden=16..128")),
+    **dict.fromkeys(("kalman", "statements", "flights", "gliders"), (RATE, "hidden=8..64")),
 }
 """Ranges by algorithm; recurrent PPO has those of PPO."""
 
-LINEAR_DECAY = "lin_"
-"""Prefix of a learning rate that decays; a learning rate that is found keeps it."""
-
+LINEAR_DECAY = "lin_"  # a learning rate that is found keeps this prefix
 DIGITS = 3  # significant, of a number that is found
 WIDE = 10.0  # ratio of the bounds of a positive range from which it is searched on a logarithmic scale
 
 
 @dataclass(frozen=True)
 class Range:
-    """Values of a hyper-parameter.
+    """Values of a hyper-parameter."""
 
-    Attributes:
-        name: of the hyper-parameter, as in `--set`.
-        low, high: bounds, both integers for an integer.
-        choices: instead of bounds, values as YAML.
-    """
-
-    name: str
-    low: float = 0.0
+    name: str  # as in `--set`
+    low: float = 0.0  # an integer, as the other bound, for an integer
     high: float = 0.0
-    choices: tuple[str, ...] = ()
+    choices: tuple[str, ...] = ()  # instead of bounds, values as YAML
 
     def suggest(self, trial: Any) -> None:
         """Ask an Optuna trial for a value."""
         if self.choices:
             trial.suggest_categorical(self.name, self.choices)
-        elif isinstance(self.low, int):
-            trial.suggest_int(self.name, self.low, self.high, log=self._is_wide())
         else:
-            trial.suggest_float(self.name, self.low, self.high, log=self._is_wide())
-
-    def _is_wide(self) -> bool:
-        return self.low > 0 and self.high / self.low >= WIDE
+            suggest = trial.suggest_int if isinstance(self.low, int) else trial.suggest_float
+            suggest(self.name, self.low, self.high, log=self.low > 0 and self.high / self.low >= WIDE)
 
     def contains(self, value: Any) -> bool:
         """Return whether a value of an Optuna trial is in the range."""
@@ -67,11 +51,7 @@ class Range:
 
 
 def parse_range(text: str) -> Range:
-    """Read "n_epochs=1..10", "gae_lambda=0.8..1.0" or "batch_size=512|1024".
-
-    Raises:
-        ArgumentError: another text.
-    """
+    """Read "n_epochs=1..10", "gae_lambda=0.8..1.0" or "batch_size=512|1024"."""
     error = reject("search", text, "name=low..high with numbers, low < high, or name=value|value")
     name, equals, values = text.partition("=")
     if not equals or not name:
@@ -82,25 +62,18 @@ def parse_range(text: str) -> Range:
             raise error
         return Range(name, choices=choices)
     bounds = values.split("..")
+    kind = int if all(re.fullmatch(r"[+-]?\d+", bound) for bound in bounds) else float
     try:
-        if len(bounds) == 2 and all(re.fullmatch(r"[+-]?\d+", bound) for bound in bounds):
-            found = Range(name, int(bounds[0]), int(bounds[1]))
-        else:
-            low, high = (float(bound) for bound in bounds)
-            found = Range(name, low, high)
+        low, high = map(kind, bounds)
     except ValueError:
         raise error from None
-    if not (np.isfinite([found.low, found.high]).all() and found.low < found.high):
+    if not -math.inf < low < high < math.inf:
         raise error
-    return found
+    return Range(name, low, high)
 
 
 def parse_ranges(texts: Sequence[str], recipe: Recipe) -> tuple[Range, ...]:
-    """Read ranges, those of the algorithm of a recipe if there are none.
-
-    Raises:
-        ArgumentError: an invalid text, or a name twice.
-    """
+    """Read ranges, those of the algorithm of a recipe if there are none."""
     ranges = tuple(map(parse_range, texts or DEFAULT_RANGES[recipe.algo.removeprefix("recurrent_")]))
     names = [one.name for one in ranges]
     if len(set(names)) != len(names):

@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import optuna
 import yaml
@@ -27,26 +27,16 @@ from hybrid_env.checks import ArgumentError, check_number, reject
 
 POINTS = 20  # of the reward during a training
 FIRST_POINT = 5  # points before a training may end
-TRIALS_AT_A_TIME = 4
-"""Trials that Optuna proposes at once. It does not depend on the number of jobs, so results do not either."""
-
-FIRST_TRIALS = 5
-"""Trials that are all trained to their end, before others may end early."""
+TRIALS_AT_A_TIME = 4  # that Optuna proposes; independent of the number of jobs, so that results are, too
+FIRST_TRIALS = 5  # that are all trained to their end, before others may end early
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """Result of a trial.
+class Outcome(NamedTuple):
+    """Result of a trial."""
 
-    Attributes:
-        rewards: mean reward of recent segments or ticks in training, at up to `POINTS` equal parts of it.
-        reward: of the trained agent on the episodes of the learning curve; None if the training ended early.
-        error: why it could not be trained, "" if it could.
-    """
-
-    rewards: tuple[float, ...]
-    reward: float | None
-    error: str = ""
+    rewards: tuple[float, ...]  # mean of recent segments or ticks in training, at up to `POINTS` equal parts of it
+    reward: float | None  # of the agent on the episodes of the learning curve; None if the training ended early
+    error: str = ""  # why it could not be trained
 
 
 class _EndedEarlyError(Exception):
@@ -54,13 +44,10 @@ class _EndedEarlyError(Exception):
 
 
 def train_trial(search: "Search", recipe: Recipe, medians: Sequence[float]) -> Outcome:
-    """Train an agent without a folder and evaluate it.
+    """Train an agent with the recipe of a trial, without a folder, and evaluate it.
 
-    Args:
-        search: settings.
-        recipe: with the values of the trial.
-        medians: median rewards of earlier trials at each point; the training ends at a point at which its
-            best reward so far is smaller. Empty if there are too few trials.
+    The training ends at a point at which its best reward so far is smaller than the median of earlier trials, if there
+    are enough of them.
     """
     rewards: list[float] = []
 
@@ -68,9 +55,8 @@ def train_trial(search: "Search", recipe: Recipe, medians: Sequence[float]) -> O
         reached = min(POINTS, POINTS * now.steps // now.total)
         while len(rewards) < reached:
             rewards.append(now.reward)
-            known = [reward for reward in rewards if not math.isnan(reward)]
-            point = len(rewards)
-            if medians and FIRST_POINT <= point < POINTS and known and max(known) < medians[point - 1]:
+            best = max((reward for reward in rewards if not math.isnan(reward)), default=math.inf)
+            if medians and FIRST_POINT <= len(rewards) < POINTS and best < medians[len(rewards) - 1]:
                 raise _EndedEarlyError
 
     try:
@@ -89,32 +75,22 @@ JOURNAL, BEST = "trials.log", "best.yml"
 
 @dataclass(frozen=True)
 class Search:
-    """Settings of a search.
-
-    Attributes:
-        env_id: registered id of the environment.
-        options: environment options that override those of the id.
-        recipe_name: name of a recipe, or path of a YAML file.
-        changes: hyper-parameters of the recipe to override.
-        ranges: what is searched.
-        seed: of the trainings and of the proposals.
-        steps: environment steps of a training; None uses those of the recipe.
-    """
+    """Settings of a search."""
 
     env_id: str
-    options: dict[str, Any]
-    recipe_name: str
-    changes: tuple[str, ...]
-    ranges: tuple[Range, ...]
-    seed: int
-    steps: int | None
+    options: dict[str, Any]  # which override those of the id
+    recipe_name: str  # or path of a YAML file
+    changes: tuple[str, ...]  # hyper-parameters of the recipe to override
+    ranges: tuple[Range, ...]  # what is searched
+    seed: int  # of the trainings and of the proposals
+    steps: int | None  # of a training; None uses those of the recipe
 
     def recipe(self, values: dict[str, Any] | None = None) -> Recipe:
         """Return the recipe, with the values of a trial if they are given."""
         base = load_recipe(self.recipe_name, self.env_id, self.changes)
-        if values is None:
+        if not values:
             return base
-        return load_recipe(self.recipe_name, self.env_id, (*self.changes, *changes_of(values, base)))
+        return load_recipe(self.recipe_name, self.env_id, self.changes + changes_of(values, base))
 
     def as_text(self) -> str:
         """Return all settings; equal texts mean equal searches."""
@@ -122,11 +98,7 @@ class Search:
 
 
 def open_study(search: Search, folder: Path) -> optuna.Study:
-    """Create the study of a search in a folder, or open it to go on.
-
-    Raises:
-        ArgumentError: the folder has another search, or its file is damaged.
-    """
+    """Create the study of a search in a folder, or open it to go on."""
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
@@ -167,14 +139,7 @@ def ended(study: optuna.Study) -> list[FrozenTrial]:
 def run_trials(
     search: Search, study: optuna.Study, trials: int, workers: Workers, on_done: Callable[[str], None]
 ) -> None:
-    """Train until a study has a number of trials.
-
-    Args:
-        search: settings.
-        study: of the search; trials that it has are not repeated.
-        trials: their number in the end.
-        workers: where the trainings run.
-        on_done: called after every trial.
+    """Train with the workers until the study of a search has a number of trials.
 
     Raises:
         ArgumentError: no combination of values can be trained.
@@ -192,28 +157,19 @@ def run_trials(
             for searched in search.ranges:
                 searched.suggest(trial)
             try:
-                recipe = search.recipe(trial.params)
+                calls[one] = functools.partial(train_trial, search, search.recipe(trial.params), medians)
             except ArgumentError as error:
                 failed[one] = Outcome((), None, str(error))
-                continue
-            calls[one] = functools.partial(train_trial, search, recipe, medians)
         outcomes = failed | dict(workers.results(calls, lambda one: on_done(f"trial {one}")))
         for one, trial in asked.items():
-            _tell(study, trial, outcomes[one])
+            found = outcomes[one]
+            for point, reward in enumerate(found.rewards):
+                trial.report(reward, point)
+            early = None if found.reward is not None else TrialState.FAIL if found.error else TrialState.PRUNED
+            study.tell(trial, found.reward, early)
         errors = [outcome.error for outcome in outcomes.values() if outcome.error]
         if len(errors) == len(asked):
             raise ArgumentError(f"no trial could be trained: {errors[-1]}")
-
-
-def _tell(study: optuna.Study, trial: optuna.Trial, outcome: Outcome) -> None:
-    for point, reward in enumerate(outcome.rewards):
-        trial.report(reward, point)
-    if outcome.error:
-        study.tell(trial, state=TrialState.FAIL)
-    elif outcome.reward is None:
-        study.tell(trial, state=TrialState.PRUNED)
-    else:
-        study.tell(trial, outcome.reward)
 
 
 def median_rewards(study: optuna.Study) -> tuple[float, ...]:
@@ -232,10 +188,9 @@ def write_best(search: Search, study: optuna.Study, folder: Path) -> Path:
     short = search.env_id.rpartition(":")[2]
     text = f"# Trial {best.number} of {len(ended(study))}: reward {best.value:.3f} in the search.\n"
     text += yaml.safe_dump({short: json.loads(json.dumps(entry))}, sort_keys=False)
-    path = folder / BEST
-    with atomic_file(path) as part:
+    with atomic_file(folder / BEST) as part:
         part.write_text(text, encoding="utf-8")
-    return path
+    return folder / BEST
 
 
 def best_rows(study: optuna.Study, count: int) -> Sequence[FrozenTrial]:

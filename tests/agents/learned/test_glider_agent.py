@@ -6,9 +6,9 @@ import pytest
 from agents.evaluation.gliders import Setting, glider_rule, glider_statements
 from agents.evaluation.registry import learned_family
 from agents.learned.glider_decider import GliderAgent
-from agents.training import simulated_gliders
 from agents.training.recipe import load_recipe
 from agents.training.runs import make_run
+from agents.training.simulated_flights import GliderRun
 from baselines.estimation.turns import run_turn_imm
 from baselines.recordings.flights.flight import stack_flights
 from baselines.recordings.flights.metrics import STATISTICS, score_flights
@@ -28,7 +28,7 @@ def flights():
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs") / "mine"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulated_gliders, "CURVE_FLIGHTS", (2,))
+        patch.setattr(GliderRun, "curve_flights", (2,))
         env = "hybrid_env:HybridTrack-v0"
         make_run(env, {}, load_recipe("gliders", env, SMALL), 0, folder, 30_000).train()
     return folder

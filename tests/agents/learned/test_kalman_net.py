@@ -39,6 +39,16 @@ def kalman_filter(measurements, process):
     return torch.stack(found), torch.stack(logs)
 
 
+def filtered(net, start, measurements, scale):
+    """Estimates (T, N, 2) and log-likelihoods (T, N) of the learned filter, from estimates (N, 2)."""
+    last, found, logs = net.start(start, start), [], []
+    for measurement in measurements:
+        last, log = net.step(last, MOTION, SENSOR, measurement, scale)
+        found.append(last.state)
+        logs.append(log)
+    return torch.stack(found), torch.stack(logs)
+
+
 def compared(updates, length, process, hidden=32, seed=0):
     """Mean squared error and log-likelihood of the learned filter and of the Kalman filter on other tracks."""
     torch.set_num_threads(1)
@@ -50,9 +60,7 @@ def compared(updates, length, process, hidden=32, seed=0):
 
     def estimates(count):
         states, measurements = tracks(count, length, process, generator)
-        nothing = torch.zeros(count, 2)
-        found, logs = net(net.start(nothing, nothing), MOTION, SENSOR, measurements, torch.ones(count, 1))
-        return states, measurements, found, logs
+        return states, measurements, *filtered(net, torch.zeros(count, 2), measurements, torch.ones(count, 1))
 
     for _ in range(updates):
         states, _, found, logs = estimates(64)
@@ -82,15 +90,13 @@ def test_an_untrained_filter_predicts_and_its_units_do_not_matter():
     net = KalmanNet(2, 2, 8)
     _, measurements = tracks(4, 6, 0.1, torch.Generator().manual_seed(2))
     start = torch.ones(4, 2)
-    found, _ = net(net.start(start, start), MOTION, SENSOR, measurements, torch.ones(4, 1))
+    found, _ = filtered(net, start, measurements, torch.ones(4, 1))
     assert found.shape == (6, 4, 2)
     np.testing.assert_allclose(found[-1].detach(), start @ torch.matrix_power(MOTION, 6).T, rtol=1e-5)
     torch.nn.init.normal_(net.gain[2].weight, std=0.3)
     factor = 1000.0
-    one, logs = net(net.start(start, start), MOTION, SENSOR, measurements, torch.ones(4, 1))
-    other, scaled = net(
-        net.start(factor * start, factor * start), MOTION, SENSOR, factor * measurements, torch.full((4, 1), factor)
-    )
+    one, logs = filtered(net, start, measurements, torch.ones(4, 1))
+    other, scaled = filtered(net, factor * start, factor * measurements, torch.full((4, 1), factor))
     np.testing.assert_allclose(other.detach(), factor * one.detach(), rtol=1e-3, atol=0.1)
     np.testing.assert_allclose(scaled.detach(), logs.detach() - 2.0 * np.log(factor), rtol=1e-3, atol=1e-3)
 

@@ -67,7 +67,7 @@ def test_a_policy_with_two_actions_declares_the_most_likely_hypothesis():
 
 @pytest.mark.parametrize("margin", [0.0, 0.05, 0.3, 100.0])
 def test_a_statement_changes_if_the_log_odds_exceed_the_margin(margin):
-    decider = StatementPolicyDecider(random_policy(StatementPolicyDecider)).with_threshold(margin)
+    decider = StatementPolicyDecider(random_policy(StatementPolicyDecider), margin)
     stated = np.random.default_rng(2).integers(0, 3, 300)
     rows = statement_rows(stated.tolist())
     logits = decider.logits(rows)[0]

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from agents.learned.radar_net import RadarNet, filter_with
-from agents.training.radar_net import radar_net
+from agents.training.radar_net import RadarNet, filter_with, radar_net
 from baselines import load_radar_data
 from baselines.papers.novospaskyi.dataset import write_radar_data
 from baselines.papers.novospaskyi.scores import STATISTICS, score_estimates

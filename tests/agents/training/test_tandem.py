@@ -6,12 +6,11 @@ import torch
 from scipy.special import log_softmax
 
 from agents.learned.reward_net import reward_inputs
-from agents.learned.tandem_decider import TandemDecider
-from agents.learned.tandem_net import WindowNet, log_ratios, lsel, windows_of
+from agents.learned.tandem_net import TandemDecider, WindowNet, log_ratios, windows_of
 from agents.training.recipe import load_recipe
 from agents.training.reward import Explorer
 from agents.training.runs import make_run
-from agents.training.tandem import tandem_loss
+from agents.training.true_modes import tandem_loss
 from baselines import MSPRTDecider
 from baselines.rules.rollout import evaluate
 from hybrid_env import Layout
@@ -46,13 +45,6 @@ def test_exact_posteriors_of_windows_give_the_exact_ratios(order):
     posteriors = [torch.log_softmax(part.sum(1) @ MEANS.T, -1) for part in each]
     found = log_ratios(*posteriors, ticks, order)
     np.testing.assert_allclose(log_softmax(found, -1), log_softmax(exact, -1), atol=1e-5)
-
-
-def test_the_loss_is_the_log_sum_exp_of_the_ratios():
-    ratios, modes = torch.randn(6, 4, generator=torch.Generator().manual_seed(1)), torch.tensor([0, 1, 2, 3, 0, 1])
-    own = ratios.gather(1, modes[:, None])
-    others = torch.exp(ratios - own).sum(1) - 1.0
-    assert float(lsel(ratios, modes)) == pytest.approx(float(torch.log1p(others).mean()), rel=1e-6)
 
 
 def learned_ratios(updates, order, seed=0):

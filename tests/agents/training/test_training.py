@@ -20,6 +20,7 @@ from baselines.rules import seeds
 from baselines.rules.rollout import evaluate, record_statements
 from hybrid_env import QuickestLayout, QuickestOptions, WorldOptions
 from hybrid_env.checks import ArgumentError
+from hybrid_env.registration import make_track_vector_env
 
 ENV = "hybrid_env:HybridTrack-v0"
 QUICKEST = "hybrid_env:HybridTrackQuickest-v0"
@@ -64,7 +65,7 @@ def test_equal_seeds_give_equal_weights_and_different_seeds_different_ones(kind)
 def test_ppo_learns_to_wait_and_beats_immediate_declarations():
     run = make_run(ENV, {}, load_recipe("ppo", ENV), seed=1, steps=300_000)
     run.train()
-    decisions = evaluate(run.decider, ENV, episodes=150, seed=5)
+    decisions = evaluate(run.family("").make(0.0), ENV, episodes=150, seed=5)
     # immediate declarations earn -.35, no declarations -.50; the standard error of 900 segments is about .03
     assert decisions.reward.mean() > 0.2
 
@@ -73,7 +74,7 @@ def test_ppo_learns_to_state_the_mode():
     options = {"ticks": 60, "durations": "uniform 20-40"}
     run = make_run(QUICKEST, options, load_recipe("ppo", QUICKEST), seed=1, steps=100_000)
     run.train()
-    right = measure_statements(record_statements(run.decider, 200, 5, **options)).right
+    right = measure_statements(record_statements(run.family("").make(0.0), 200, 5, **options)).right
     # a third of the statements is right by chance; the standard error of 200 tracks is below .02
     assert right.mean() > 0.55
 
@@ -141,7 +142,7 @@ def test_deciders_are_loaded_by_name_threshold_and_folder(folders, tmp_path):
 
 
 def test_the_logits_of_a_recurrent_policy_depend_on_its_state(folders):
-    decider = folders("recurrent-ppo")[1].decider
+    decider = folders("recurrent-ppo")[1].family("").make(0.0)
     rows = np.random.default_rng(0).normal(0, 1, (3, 20, 28)).astype(np.float32)
     _, state = decider.predict(rows[0])
     first, second = (decider.logits(rows[2], one)[0] for one in (state, None))
@@ -161,7 +162,7 @@ def test_changed_recipes_are_restored_from_their_folder(kind, more, tmp_path):
     run = make_run(env, options, recipe, 0, tmp_path / "run", 640)
     run.train()
     loaded = load_decider(f"{tmp_path / 'run'}:0.5", run.world)
-    deciders = loaded, run.decider.with_threshold(0.5)
+    deciders = loaded, run.family("").make(0.5)
     if states:
         found = [record_statements(one, 5, 3, **options).stated_modes for one in deciders]
     else:
@@ -178,10 +179,10 @@ def test_the_learning_curve_measures_fixed_episodes_of_the_environment(kind, tmp
     _, env, options, _ = KINDS[kind]
     [point] = [row for row in read_metrics(tmp_path / "run") if "evaluation/reward" in row]
     if kind == "ppo":
-        decisions = evaluate(run.decider, ENV, 7, seeds.LEARNING_CURVE, **options)
+        decisions = evaluate(run.family("").make(0.0), ENV, 7, seeds.LEARNING_CURVE, **options)
         expected = {"reward": decisions.reward, "accuracy": decisions.correct, "ticks": decisions.ticks}
     else:
-        metrics = measure_statements(record_statements(run.decider, 7, seeds.LEARNING_CURVE, **options))
+        metrics = measure_statements(record_statements(run.family("").make(0.0), 7, seeds.LEARNING_CURVE, **options))
         expected = {name: getattr(metrics, name) for name in ("reward", "right", "wrong_changes")}
     for name, values in expected.items():
         assert point[f"evaluation/{name}"] == pytest.approx(values.mean(), rel=1e-12)
@@ -209,7 +210,11 @@ def test_the_command_trains_and_resumes(line, words, tmp_path, capsys):
 
 
 def test_training_and_evaluation_use_different_episodes():
-    assert min(small_run("ppo", steps=512).track_seeds()) >= 10**12
+    run = small_run("ppo", steps=512)
+    first = seeds.TRAINING + 10**9 * run.seed
+    env = make_track_vector_env(run.env_id, run.model.n_envs, **run.options)
+    np.testing.assert_array_equal(run.model._last_obs, env.reset(seed=first)[0])
+    assert first >= 10**12
 
 
 @pytest.mark.parametrize(("name", "value"), [("steps", 0), ("seed", -1), ("seed", 2**31)])
