@@ -123,11 +123,7 @@ def one_line(message: str) -> str:
 
 
 def parse(arguments: Sequence[str]) -> Any:
-    """Return the command of command-line arguments, ready to run.
-
-    Raises:
-        SystemExit: after the help text, or with a message on the standard error stream.
-    """
+    """Return the command of command-line arguments, ready to run."""
     config = (tyro.conf.DisallowNone,)  # a flag is left out, not given as "None"
     name = arguments[0] if arguments else ""
     if name in COMMANDS:  # the flags of one command are parsed much sooner than those of all
@@ -141,14 +137,10 @@ def parse(arguments: Sequence[str]) -> Any:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command.
+    """Run a command, with the arguments of the process if there are none.
 
-    Args:
-        arguments: command-line arguments; None takes those of the process.
-
-    Returns:
-        The exit status: 0, 1 if the reader of the output has closed it, 2 for an invalid argument or a file
-        that cannot be read or written, or 130 after an interrupt by the user.
+    Returns the exit status: 0, 1 if the reader of the output has closed it, 2 for an invalid argument or a file that
+    cannot be read or written, or 130 after an interrupt by the user.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):

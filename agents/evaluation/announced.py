@@ -32,14 +32,8 @@ CALIBRATION_TICKS = (2, 5, 10, 20, 40)
 def calibration_rows(episodes: int, seed: int, options: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the calibration of the bank's posterior after numbers of ticks without a decision.
 
-    The keys of a row are "ticks", "right" (accuracy of the most probable hypothesis or type), "stated" (its
-    mean posterior) and "worst" (the largest calibration error: posterior minus accuracy in a bin; None
-    without a bin of enough segments).
-
-    Args:
-        episodes: number of simulated episodes.
-        seed: of the first episode.
-        options: of the environment.
+    Of a row, "right" is the accuracy of the most probable hypothesis or type, "stated" its mean posterior, and
+    "worst" the largest calibration error: posterior minus accuracy in a bin; None without a bin of enough segments.
     """
     paths = simulate_posterior_paths(episodes, seed, max(CALIBRATION_TICKS), **options)
     ticks = [tick for tick in CALIBRATION_TICKS if (paths.length >= tick).any()]
@@ -171,9 +165,8 @@ class AnnouncedTask(Task):
         return {"segments": episodes * self.options.segments, "bank": rows}
 
     def further_tables(self, scores: Sequence[Scores], remarks: Mapping[str, Any]) -> list[Table]:
-        """Return error rates by previous decision, as after a wrong one the next anchor is inaccurate.
-
-        A second table has the calibration of the bank.
+        """Return error rates by previous decision, as after a wrong one the next anchor is inaccurate, and the
+        calibration.
         """
         heads = ("decider", "after a correct\ndecision, %", "after a wrong\ndecision, %")
         rows = []

@@ -45,14 +45,10 @@ def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def estimate_cell(estimate: Estimate, scale: float, digits: int, undefined: str = "-", sign: str = "") -> str:
-    """Return the value of an estimate, and below it the half width of its confidence interval if it has one.
+    """Return the value of an estimate, times `scale`, and below it the half width of its confidence interval if it has
+    one.
 
-    Args:
-        estimate: of a figure.
-        scale: factor on the figure.
-        digits: after the decimal point.
-        undefined: text for a value that is not finite.
-        sign: "+" shows the sign of the value.
+    `undefined` stands for a value that is not finite; the sign "+" shows that of the value.
     """
     if not np.isfinite(estimate.value):
         return undefined

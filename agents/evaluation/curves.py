@@ -17,15 +17,10 @@ from hybrid_env.checks import FloatArray, IntArray
 
 @dataclass(frozen=True, eq=False)
 class Selected:
-    """Scores of a decider, and the threshold selected for it.
+    """Scores of a decider, and the threshold selected for it."""
 
-    Attributes:
-        scores: at all its thresholds, or at the selected one.
-        chosen: index of the threshold that was selected on other episodes.
-    """
-
-    scores: Scores
-    chosen: int
+    scores: Scores  # at all its thresholds, or at the selected one
+    chosen: int  # index of the threshold that was selected on other episodes
 
 
 Groups = Mapping[str, Sequence[Selected]]
@@ -43,12 +38,8 @@ def means(group: Sequence[Selected], statistic: Statistic) -> FloatArray:
 
 
 def curves(groups: Groups, x: Statistic, y: Statistic, above: tuple[float, float]) -> list[Curve]:
-    """Return one curve for each name.
-
-    Args:
-        groups: the deciders.
-        x, y: statistics on the axes.
-        above: points whose x is not larger are left out, and y is at least the second number.
+    """Return one curve for each name. Points whose x is not above `above[0]` are left out, and y is at least
+    `above[1]`.
     """
     styles = decider_styles(groups)
     found = [_curve(name, group, x, y, above, styles[name]) for name, group in groups.items()]

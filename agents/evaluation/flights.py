@@ -42,17 +42,15 @@ METRICS = (
 class FlightTask:
     """What is decided on recorded flights.
 
-    Attributes:
-        source: folder or wheel of the package `traffic`; None for the installed package.
-        identities: of the flights; without any those of `SCORED`.
-        tiers: names of the tiers; of the default flights only these are used.
-        form: "native", the positions as reported, with filters for turn rates; "semi-real", their smoothed
-            path with white noise in the setting of HybridTrackQuickest-v0, with its deciders.
+    The form "native" is the positions as reported, with filters for turn rates; "semi-real" their smoothed path with
+    white noise in the setting of HybridTrackQuickest-v0, with its deciders.
     """
 
-    source: Path | None
-    identities: tuple[str, ...]
-    tiers: tuple[str, ...]
+    source: Path | None  # folder or wheel of the package `traffic`; None for the installed package
+    identities: tuple[str, ...]  # of the flights; without any those of `SCORED`
+    tiers: tuple[str, ...]  # names of the tiers; of the default flights only these are used
+    # "native", the positions as reported, with filters for turn rates; "semi-real", their smoothed path with white
+    # noise in the setting of HybridTrackQuickest-v0, with its deciders
     form: str
 
     def check(self) -> None:
@@ -69,11 +67,7 @@ class FlightTask:
         return COMPARED[self.form] or tuple(dict.fromkeys(("threshold", *rules(UNKNOWN), SHIPPED)))
 
     def label(self, name: str) -> str:
-        """Return the name of a decider in figures.
-
-        Raises:
-            ArgumentError: there is no such decider.
-        """
+        """Return the name of a decider in figures."""
         base, threshold = split_threshold(name)
         self.decider(name)
         if self.form == SEMI_REAL:
@@ -86,11 +80,7 @@ class FlightTask:
         return title if threshold is None else f"{title} {threshold:g}"
 
     def decider(self, name: str) -> Decider:
-        """Return the decider of a name with an optional threshold.
-
-        Raises:
-            ArgumentError: there is no such decider.
-        """
+        """Return the decider of a name with an optional threshold."""
         if self.form == SEMI_REAL:
             family, threshold = find_decider(name, WORLD)
             made: Decider = family.make(threshold)
@@ -109,11 +99,7 @@ class FlightTask:
         return made
 
     def read(self) -> list[Flight]:
-        """Return the flights of the tiers.
-
-        Raises:
-            ArgumentError: there are no samples, or there is no such flight.
-        """
+        """Return the flights of the tiers."""
         samples = Samples(self.source)
         wanted = self.identities or tuple(one for tier in self.tiers for one in SCORED[tier])
         by_file = sorted(dict.fromkeys(wanted))  # the flights of a file one after the other

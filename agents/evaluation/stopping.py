@@ -36,16 +36,8 @@ def stopping_rule(name: str) -> tuple[str, str] | None:
 
 
 def stopping_family(family: DeciderFamily, options: ModelOptions, ending: str) -> DeciderFamily:
-    """Return a decider without a threshold.
-
-    Args:
-        family: the decider at any threshold.
-        options: of the environment; the decider is told all but the law of the noise.
-        ending: "auto" for the largest reward, or the rate that is asked for, as "2%" of wrong declarations or
-            "3/1000" wrong changes in 1,000 ticks.
-
-    Raises:
-        ArgumentError: the ending is not for this decider or task.
+    """Return a decider without a threshold, by an ending as of `stopping_rule`. It is told all but the law of the
+    noise.
     """
     told = task_of(ENVIRONMENTS[options.switches], {**vars(options), "noise": "gaussian"})
     name, unit = f"{family.name}:{ending}", RATES[told.switches]

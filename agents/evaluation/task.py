@@ -31,96 +31,56 @@ Levels = dict[tuple[str, ...], "Metric"]
 
 @dataclass(frozen=True)
 class Metric:
-    """A figure of a decider at one threshold, as a column of tables.
+    """A figure of a decider at one threshold, as a column of tables."""
 
-    Attributes:
-        name: key in JSON.
-        head: heading, with the unit.
-        statistic: the figure.
-        digits: after the decimal point.
-        scale: factor on the figure in tables.
-    """
-
-    name: str
-    head: str
-    statistic: Statistic
-    digits: int
-    scale: float = 1.0
+    name: str  # key in JSON
+    head: str  # heading, with the unit
+    statistic: Statistic  # the figure
+    digits: int  # after the decimal point
+    scale: float = 1.0  # factor on the figure in tables
 
 
 @dataclass(frozen=True)
 class Wording:
-    """What a learning curve shows of an agent, and of the classical rule beside it.
+    """What a learning curve shows of an agent, and of the classical rule beside it."""
 
-    Attributes:
-        key: of the reward of the rule in the metrics, without prefix.
-        rule: name of the rule in figures.
-        sentence: name of the rule in a sentence.
-        unit: what a mean reward is the mean of.
-        measured: names of other metrics of the agent.
-        text: these metrics as text, a format string.
-    """
-
-    key: str
-    rule: str
-    sentence: str
-    unit: str
-    measured: tuple[str, ...]
-    text: str
+    key: str  # of the reward of the rule in the metrics, without prefix
+    rule: str  # name of the rule in figures
+    sentence: str  # name of the rule in a sentence
+    unit: str  # what a mean reward is the mean of
+    measured: tuple[str, ...]  # names of other metrics of the agent
+    text: str  # these metrics as text, a format string
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """What one decider did on E episodes.
+    """What one decider did on E episodes."""
 
-    Attributes:
-        figures: (E, F) figures of each episode, see `Task.columns`.
-        samples: values of which quantiles or counts are taken, by name.
-    """
-
-    figures: FloatArray
+    figures: FloatArray  # (E, F) figures of each episode, see `Task.columns`
+    # values of which quantiles or counts are taken, by name
     samples: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Task(ABC):
-    """What is decided, in which environment, and what counts.
+    """What is decided, in which environment, and what counts."""
 
-    Args:
-        env_id: registered id of the environment.
-        given: keyword arguments of the environment, which override those of the id.
+    env_id: str  # registered id of the environment
+    given: Mapping[str, Any]  # keyword arguments of the environment, which override those of the id
 
-    Attributes:
-        switches: task of the deciders, see `baselines.rules.decider`.
-        waits: whether action 0 waits, and others declare hypotheses.
-        columns: names of the figures of an episode.
-        metrics: figures of a decider at one threshold, in the order of tables.
-        further: other figures at one threshold, for JSON.
-        goal: figure that thresholds are selected for.
-        episode_word: what an episode is called in the note of figures.
-        notes: lines that explain the metrics below a table.
-        paired: how `against` compares, as a word for headings.
-        reference: name of the rule that others are compared with.
-        wording: of the learning curve of an agent.
-        compared, agents: names of the deciders that are compared by default.
-        episodes, selection_episodes: default numbers.
-    """
-
-    env_id: str
-    given: Mapping[str, Any]
-
-    switches: ClassVar[str]
-    waits: ClassVar[bool] = False
-    columns: ClassVar[tuple[str, ...]]
-    metrics: ClassVar[tuple[Metric, ...]]
-    further: ClassVar[Mapping[str, Statistic]] = {}
-    goal: ClassVar[str] = "reward"
-    episode_word: ClassVar[str] = "episodes"
-    notes: ClassVar[str] = ""
-    paired: ClassVar[str]
-    reference: ClassVar[str]
-    wording: ClassVar[Wording]
+    switches: ClassVar[str]  # task of the deciders, see `baselines.rules.decider`
+    waits: ClassVar[bool] = False  # whether action 0 waits, and others declare hypotheses
+    columns: ClassVar[tuple[str, ...]]  # names of the figures of an episode
+    metrics: ClassVar[tuple[Metric, ...]]  # figures of a decider at one threshold, in the order of tables
+    further: ClassVar[Mapping[str, Statistic]] = {}  # other figures at one threshold, for JSON
+    goal: ClassVar[str] = "reward"  # figure that thresholds are selected for
+    episode_word: ClassVar[str] = "episodes"  # what an episode is called in the note of figures
+    notes: ClassVar[str] = ""  # lines that explain the metrics below a table
+    paired: ClassVar[str]  # how `against` compares, as a word for headings
+    reference: ClassVar[str]  # name of the rule that others are compared with
+    wording: ClassVar[Wording]  # of the learning curve of an agent
     agents: ClassVar[tuple[str, ...]]
+    # episodes, selection_episodes: default numbers
     episodes: ClassVar[int]
     selection_episodes: ClassVar[int]
 
@@ -157,9 +117,8 @@ class Task(ABC):
         """Return a number of episodes in words, for titles."""
 
     def shifted(self) -> dict[str, dict[str, Any]]:
-        """Return name and changed options of the environments of a distribution shift, the nominal one first.
-
-        Without any, there are no random worlds either.
+        """Return name and changed options of shifted environments, the nominal one first. Without any, none is
+        drawn.
         """
         return {}
 
@@ -193,14 +152,9 @@ class Task(ABC):
         seed: int,
         on_progress: Callable[[float], None],
     ) -> list[Recorded]:
-        """Roll deciders of one rule out on the same episodes.
+        """Roll deciders of one rule at different thresholds out on the same episodes, at most `batch`.
 
-        Args:
-            deciders: at different thresholds.
-            changes: options of the environment that they need, see `Decider.options`.
-            episodes: number of episodes, at most `batch`.
-            seed: of the first episode.
-            on_progress: called with the finished share.
+        `changes` are options of the environment that they need; the finished share is reported.
         """
 
     @abstractmethod
@@ -209,27 +163,18 @@ class Task(ABC):
 
     @abstractmethod
     def levels(self, reference: Scores, default: float) -> Levels:
-        """Return figures of whole operating curves.
-
-        Args:
-            reference: scores of the reference.
-            default: its default threshold.
-        """
+        """Return figures of whole operating curves, from the scores of the reference and its default threshold."""
 
     @abstractmethod
     def against(self, mine: Selected, reference: Selected, curves: bool) -> dict[str, dict[str, Estimate]]:
-        """Return paired figures of a decider and the reference on the same episodes, by their keys in JSON.
-
-        curves: whether both have whole operating curves.
+        """Return paired figures of a decider and the reference by their keys in JSON; `curves`: both have whole
+        ones.
         """
 
     @abstractmethod
     def panels(self, groups: Groups, complete: bool) -> list[Panel]:
-        """Return the operating curves of deciders, see `agents.evaluation.curves`.
-
-        Args:
-            groups: the deciders, the reference first.
-            complete: whether those after the first were scored at all thresholds.
+        """Return the operating curves of deciders, the reference first; `complete`: the others have all thresholds
+        too.
         """
 
     def figure(self, groups: Groups, complete: bool) -> Figure:
@@ -254,12 +199,7 @@ class Task(ABC):
 
     @abstractmethod
     def track_record(self, history: History, **common: Any) -> TrackRecord:
-        """Return what was declared or stated in an episode, for a figure.
-
-        Args:
-            history: the episode.
-            common: the other attributes of the record.
-        """
+        """Return what was declared or stated in an episode, for a figure; `common` has the other attributes."""
 
     def remarks(self, episodes: int, seed: int) -> dict[str, Any]:
         """Return what else a comparison tells of the episodes, as plain values by their keys in JSON."""
@@ -286,18 +226,9 @@ def sweep(
     on_progress: Callable[[float], None] | None = None,
     thresholds: Sequence[float] | None = None,
 ) -> Scores:
-    """Return the scores of a decider at each threshold on the same episodes.
+    """Return the scores of a decider at each threshold, or at those given, on the same episodes.
 
-    Args:
-        task: what is decided.
-        family: of the decider.
-        episodes: number of episodes, rolled out in batches.
-        seed: of the first episode; later episodes use consecutive seeds.
-        on_progress: called repeatedly with the finished share.
-        thresholds: to use instead of those of the family.
-
-    Raises:
-        ArgumentError: the episodes would fill the memory.
+    Episodes have consecutive seeds and are rolled out in batches. `on_progress` is called with the finished share.
     """
     task.check_episodes("episodes", episodes)
     used = family.thresholds if thresholds is None else tuple(thresholds)

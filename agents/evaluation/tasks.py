@@ -12,15 +12,7 @@ TASKS: tuple[type[Task], ...] = (AnnouncedTask, UnknownTask)
 
 
 def task_of(env_id: str, given: Mapping[str, Any] | None = None) -> Task:
-    """Return the task of an environment.
-
-    Args:
-        env_id: registered id.
-        given: options of the environment that override those of the id.
-
-    Raises:
-        ArgumentError: the id is unknown.
-    """
+    """Return the task of an environment."""
     options: Any = environment_options(env_id)
     kind = next(kind for kind in TASKS if kind.switches == options.switches)
     return kind(env_id, dict(given or {}))

@@ -106,15 +106,10 @@ def _log_uniform(generator: Generator, limits: tuple[float, float], beyond: floa
 
 
 def draw_world(generator: Generator, radii_count: int, beyond: float = 1.0) -> dict[str, Any]:
-    """Return options of a random world.
+    """Return options of a random world, with ranges that are wider by a factor `beyond` at both ends.
 
-    Half of the worlds have the tick and the speed of HybridTrack-v0, because the published reset of the
-    covariance to the identity depends on the units. In each, some properties differ from their usual values.
-
-    Args:
-        generator: source of randomness.
-        radii_count: number of radii of the bank.
-        beyond: factor by which the ranges are wider at both ends.
+    Half of the worlds have the tick and the speed of HybridTrack-v0, because the published reset of the covariance
+    to the identity depends on the units. In each, some properties differ from their usual values.
     """
     low, high = SHORTEST
     drawn = round(_log_uniform(generator, (low, high), beyond))
@@ -170,13 +165,7 @@ def _draw_heavy_tails(generator: Generator) -> str:
 
 
 def draw_worlds(count: int, seed: int, beyond: float) -> dict[str, dict[str, Any]]:
-    """Return name and options of random worlds with 3, 7 or 21 hypotheses.
-
-    Args:
-        count: number of worlds.
-        seed: of the first world.
-        beyond: see `draw_world`.
-    """
+    """Return name and options of random worlds with 3, 7 or 21 hypotheses."""
     worlds = {}
     for k in range(count):
         generator = np.random.default_rng(seed + k)

@@ -16,26 +16,14 @@ GREY, DARK_GREY, TRUTH = "#9a9a9a", "#4d4d4d", "#1a1a1a"
 
 
 def new_canvas(size: tuple[float, float], dpi: float = DPI, layout: Any = "constrained") -> Figure:
-    """Return an empty figure.
-
-    Args:
-        size: width and height [in].
-        dpi: dots per inch.
-        layout: a layout engine of Matplotlib, or its name.
-    """
+    """Return an empty figure of width and height [in]."""
     canvas = Figure(figsize=size, layout=layout, dpi=dpi)
     FigureCanvasAgg(canvas)
     return canvas
 
 
 def paper_figure(title: str, size: tuple[float, float], widths: Sequence[float]) -> tuple[Figure, Any]:
-    """Return a figure of a paper with axes in a row.
-
-    Args:
-        title: above all axes.
-        size: width and height [in].
-        widths: relative width of each of the axes.
-    """
+    """Return a figure of a paper, of width and height [in], with axes of relative widths in a row."""
     figure = new_canvas(size, PAPER_DPI)
     figure.suptitle(title)
     return figure, figure.subplots(1, len(widths), width_ratios=widths)
@@ -61,10 +49,6 @@ def legend_beside(axes: Any, **handles: Any) -> None:
 
 
 def save_figure(canvas: Figure, path: Path) -> None:
-    """Write a figure as PNG, completely or not at all.
-
-    Raises:
-        ArgumentError: the file cannot be written.
-    """
+    """Write a figure as PNG, completely or not at all."""
     with atomic_file(path) as part:
         canvas.savefig(part, format="png")

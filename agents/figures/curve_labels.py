@@ -22,19 +22,11 @@ Mask = NDArray[np.bool_]
 
 
 def label_curves(axes: Any, curves: Sequence[tuple[Any, str]], *, fixed: bool = False) -> list[Any]:
-    """Write the name of each curve beside it, in its colour.
+    """Write the name of each curve, a `Line2D` of these axes, beside it in its colour; return the annotations.
 
-    Labels overlap neither curves nor markers nor each other, as long as there is free space. A label that
-    does not fit beside its curve is joined to it by a thin line. Call this last: the labels avoid all lines
-    of the axes, and limits and layout must not change afterwards.
-
-    Args:
-        axes: of a figure with an Agg canvas.
-        curves: pairs of a `Line2D` of these axes and its label.
-        fixed: whether the figure has been drawn since its layout was last changed.
-
-    Returns:
-        The annotations, in the order of the curves.
+    Labels overlap neither curves nor markers nor each other, as long as there is free space. One that does not fit
+    beside its curve is joined to it by a thin line. Call this last: limits and layout must not change afterwards.
+    `fixed`: the figure has been drawn since they last did.
     """
     if not fixed:
         axes.figure.draw_without_rendering()

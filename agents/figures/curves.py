@@ -22,71 +22,47 @@ MARKER_SPACING = 10.0  # between the markers of points without a value [pt]
 
 @dataclass(frozen=True)
 class Curve:
-    """One curve.
+    """One curve."""
 
-    Attributes:
-        name: written beside it.
-        style: colour and marker.
-        x, y: (K,) points; `Panel.strip` shows those whose y is not finite.
-        bounds: (2, K) lower and upper bound of y, drawn as a band.
-        bars: (2, K) lengths of the bars below and above y.
-        selected: (n, 2) points with large filled markers.
-        size: of the markers [pt], 0 for none.
-        filled: whether the markers are filled.
-        width, dashes: width [pt] and dashes of the line.
-    """
-
-    name: str
-    style: DeciderStyle
+    name: str  # written beside it
+    style: DeciderStyle  # colour and marker
+    # x, y: (K,) points; `Panel.strip` shows those whose y is not finite
     x: ArrayLike
     y: ArrayLike
-    bounds: FloatArray | None = None
-    bars: FloatArray | None = None
-    selected: ArrayLike = ()
-    size: float = 4.5
-    filled: bool = False
+    bounds: FloatArray | None = None  # (2, K) lower and upper bound of y, drawn as a band
+    bars: FloatArray | None = None  # (2, K) lengths of the bars below and above y
+    selected: ArrayLike = ()  # (n, 2) points with large filled markers
+    size: float = 4.5  # of the markers [pt], 0 for none
+    filled: bool = False  # whether the markers are filled
+    # width, dashes: width [pt] and dashes of the line
     width: float = 1.4
     dashes: str = "-"
 
 
 @dataclass(frozen=True)
 class Axis:
-    """One axis of a panel.
+    """One axis of a panel."""
 
-    Attributes:
-        label: of the axis.
-        limits: first and last value; None fits the data.
-        ticks: their labels by value; None chooses them.
-        minor: whether there are small ticks between these.
-        log: whether the scale is logarithmic.
-        levels: values that are marked by dashed lines.
-    """
-
-    label: str = ""
-    limits: tuple[float, float] | None = None
-    ticks: Mapping[float, str] | None = None
-    minor: bool = False
-    log: bool = False
-    levels: tuple[float, ...] = ()
+    label: str = ""  # of the axis
+    limits: tuple[float, float] | None = None  # first and last value; None fits the data
+    ticks: Mapping[float, str] | None = None  # their labels by value; None chooses them
+    minor: bool = False  # whether there are small ticks between these
+    log: bool = False  # whether the scale is logarithmic
+    levels: tuple[float, ...] = ()  # values that are marked by dashed lines
 
 
 @dataclass(frozen=True)
 class Panel:
-    """One panel.
+    """One panel."""
 
-    Attributes:
-        title: above it.
-        x, y: axes.
-        curves: in drawing order.
-        strip: y of a line, and y above it where hollow markers stand for points whose y is not finite.
-        unreached: by level of y, a text at the right edge and the styles of the curves that do not reach it.
-    """
-
-    title: str
+    title: str  # above it
+    # x, y: axes
     x: Axis
     y: Axis
-    curves: Sequence[Curve]
+    curves: Sequence[Curve]  # in drawing order
+    # y of a line, and y above it where hollow markers stand for points whose y is not finite
     strip: tuple[float, float] | None = None
+    # by level of y, a text at the right edge and the styles of the curves that do not reach it
     unreached: Mapping[float, tuple[str, Sequence[DeciderStyle]]] = field(default_factory=dict)
 
 
@@ -98,14 +74,10 @@ def curve_figure(
     title_size: float = 12.0,
     **sharing: Any,
 ) -> Figure:
-    """Draw panels of curves. An arrow marks where a curve leaves its panel.
+    """Draw rows of panels with curves, width and height in inches. An arrow marks where a curve leaves its panel.
 
-    Args:
-        rows: of panels, equally many in each.
-        size: width and height [in].
-        title, note: above and below all panels.
-        title_size: of the titles of the panels [pt].
-        sharing: arguments `sharex` and `sharey` of `Figure.subplots`.
+    `title` and `note` stand above and below all panels, `title_size` [pt] is that of each, and `sharing` has
+    `sharex` and `sharey` of `Figure.subplots`.
     """
     canvas = new_canvas(size)
     grid = canvas.subplots(len(rows), len(rows[0]), squeeze=False, **sharing)
@@ -181,9 +153,8 @@ def _draw_curve(axes: Any, curve: Curve) -> Any:
 
 
 def _draw_missing(axes: Any, curve: Curve, height: float, missing: dict[float, int]) -> list[Any]:
-    """Draw a hollow marker at a height for every point without a finite y, beside those of earlier curves.
-
-    missing: number of markers by x, which is increased.
+    """Draw a hollow marker at a height for every point without a finite y, beside the markers by x of earlier
+    curves.
     """
     values = np.asarray(curve.x, float)
     marks = []

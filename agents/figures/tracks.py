@@ -51,40 +51,23 @@ def plot_by_mode(
 
 @dataclass(frozen=True, kw_only=True)
 class TrackRecord:
-    """What a decider declared or stated on a track of T ticks.
+    """What a decider declared or stated on a track of T ticks."""
 
-    Attributes:
-        name: of the decider.
-        truth, measurements: (T, 2) positions [m].
-        true_modes: (T,) true mode of each tick.
-        modes: (T,) declared or stated mode of each tick, `UNDECIDED` before a declaration.
-        right: (T,) whether the decision of the tick, or of its segment, is right.
-        marks: (n,) 0-based ticks at which a mode is declared, or the statement changes.
-        switches: (K,) 0-based first tick of each segment if the switches are announced, else None.
-        estimates: (T, 2) estimated positions [m].
-        summary: figures of the decider on this track.
-    """
-
-    name: str
+    name: str  # of the decider
+    # truth, measurements: (T, 2) positions [m]
     truth: FloatArray
     measurements: FloatArray
-    true_modes: IntArray
-    modes: IntArray
-    right: BoolArray
-    marks: IntArray
-    switches: IntArray | None
-    estimates: FloatArray
-    summary: str
+    true_modes: IntArray  # (T,) true mode of each tick
+    modes: IntArray  # (T,) declared or stated mode of each tick, `UNDECIDED` before a declaration
+    right: BoolArray  # (T,) whether the decision of the tick, or of its segment, is right
+    marks: IntArray  # (n,) 0-based ticks at which a mode is declared, or the statement changes
+    switches: IntArray | None  # (K,) 0-based first tick of each segment if the switches are announced, else None
+    estimates: FloatArray  # (T, 2) estimated positions [m]
+    summary: str  # figures of the decider on this track
 
 
 def track_figure(records: Sequence[TrackRecord], radii: Sequence[float], title: str) -> Figure:
-    """The track with the decisions or statements of one or two deciders, and their modes over time.
-
-    Args:
-        records: of the deciders on the same track.
-        radii: (n,) turn radii of the bank [m].
-        title: above.
-    """
+    """The track with the decisions or statements of one or two deciders, and their modes over time; radii in m."""
     canvas = new_canvas((11, 8))
     track, timeline = canvas.subplots(2, 1, height_ratios=(3, 0.5 + 0.3 * len(records)))
     first = records[0]
@@ -167,15 +150,9 @@ def recording_figure(
 ) -> Figure:
     """A recorded track by the modes of the first decider over the labels, and all modes over time.
 
-    Args:
-        points: (n, 2) positions [km].
-        minutes: (n,) times [min].
-        pieces: first row and row after the last of each piece without gaps.
-        labels: (n,) modes 0 .. 2 of the labels, 3 where they do not count; a wide pale line.
-        stated: statements (n,) of each decider by name; a thin line for the first.
-        names: of the modes.
-        title: above.
-        label: what the labels are called.
+    Points (n, 2) in km, times (n,) in min; pieces without gaps have a first row and one after the last. Labels (n,)
+    are modes 0 .. 2, or 3 where they do not count, drawn as a wide pale line; statements (n,) of deciders come by
+    name.
     """
     width, height = np.maximum(1000.0 * np.ptp(points, axis=0), 1.0)
     tall = float(np.clip(9.0 * height / width, 3.5, 8.0))

@@ -32,18 +32,11 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 @dataclass(frozen=True)
 class Workers:
-    """Where calls run.
+    """Where calls run."""
 
-    Attributes:
-        jobs: number of calls that run at the same time; 1 with the engine "local" runs them in this process.
-        engine: "local" for processes of this machine, "ray" for the cluster at RAY_ADDRESS, or one that is
-            started on this machine.
-
-    Raises:
-        ArgumentError: a value is not allowed, or Ray is not installed.
-    """
-
-    jobs: int = 1
+    jobs: int = 1  # number of calls that run at the same time; 1 with the engine "local" runs them in this process
+    # "local" for processes of this machine, "ray" for the cluster at RAY_ADDRESS, or one that is started on this
+    # machine
     engine: str = "local"
 
     def __post_init__(self) -> None:
@@ -62,15 +55,8 @@ class Workers:
     ) -> Iterator[tuple[Name, Any]]:
         """Return the names and results of calls, in the order of the calls.
 
-        The call of a worker that is lost (killed, out of memory, or on a machine that went down) is repeated.
-
-        Args:
-            calls: independent of each other, by name. They begin in this order.
-            on_done: called in this process with the name of every call that has ended.
-
-        Raises:
-            ArgumentError: workers are lost more often than calls are repeated.
-            Exception: the error of a call. No further call begins.
+        The call of a worker that is lost (killed, out of memory, or on a machine that went down) is repeated. After
+        the error of a call no further one begins. `on_done` is called with the name of every call that has ended.
         """
         if self.engine == "ray":
             ended = _ray(calls, self.jobs)
@@ -180,9 +166,5 @@ class ParallelArguments:
     starts, or one on this machine."""
 
     def workers(self) -> Workers:
-        """Return where calls run.
-
-        Raises:
-            ArgumentError: a flag is out of range, or Ray is not installed.
-        """
+        """Return where calls run."""
         return Workers(joblib.cpu_count() if self.jobs is None else self.jobs, self.engine)

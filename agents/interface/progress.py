@@ -15,11 +15,7 @@ LONGEST_SILENCE = 60.0  # seconds between two such lines
 def progress_display(console: Console, transient: bool = False) -> Progress:
     """A live progress display; outside a terminal, occasional lines on the standard error stream.
 
-    Every task needs a `note` field with a short status text.
-
-    Args:
-        console: to print on.
-        transient: remove the display at the end.
+    Every task needs a `note` field with a short status text. A transient display is removed at the end.
     """
     if not console.is_terminal:
         return _ProgressLines()

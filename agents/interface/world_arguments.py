@@ -78,14 +78,7 @@ class WorldArguments(_Flags):
         return DEFAULT_ENV if self.env is None else self.env
 
     def world_options(self, env_id: str | None = None) -> dict[str, Any]:
-        """Return the given options, as keyword arguments of `gym.make`.
-
-        Args:
-            env_id: of the environment they are for; None is the given id, or the default.
-
-        Raises:
-            ArgumentError: the id is unknown, or its environment has no such option.
-        """
+        """Return the given options as keyword arguments of `gym.make`; refuse what the environment does not have."""
         env_id = env_id or self.env_id
         flags = [field for field in dataclasses.fields(WorldArguments) if field.name != "env"]
         values = {flag.name: getattr(self, flag.name) for flag in flags}
@@ -99,9 +92,7 @@ class WorldArguments(_Flags):
     def world_of(self, decider: str) -> tuple[str, dict[str, Any]]:
         """Environment id and options for a decider.
 
-        Args:
-            decider: name of a decider. A run folder brings the id and the options of its training; flags that
-                are given override these options.
+        A run folder brings those of its training; flags that are given override these options.
         """
         card = read_card(decider)
         if card is None or self.env not in (None, card["environment"]):
@@ -111,13 +102,8 @@ class WorldArguments(_Flags):
 
 
 def read_card(decider: str) -> dict[str, Any] | None:
-    """Environment id and options on the card of a run folder; None for any other decider.
-
-    Args:
-        decider: name of a decider, with an optional ":threshold".
-
-    Raises:
-        ArgumentError: the card is damaged.
+    """Environment id and options on the card of a run folder, with an optional ":threshold"; None for other
+    deciders.
     """
     names = (decider, decider.rpartition(":")[0])
     for path in (Path(name) / CARD for name in names if name):

@@ -34,11 +34,7 @@ class League(TrustArguments, ParallelArguments):
     training.png."""
 
     def run(self) -> None:
-        """Play the deciders, print the tables and write the files.
-
-        Raises:
-            ArgumentError: a decider is unknown, or a file is not of this league.
-        """
+        """Play the deciders, print the tables and write the files."""
         workers = self.workers()
         check_integer("training-seeds", self.training_seeds)
         if self.steps is not None:

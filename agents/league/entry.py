@@ -34,11 +34,7 @@ def make_entry(
 
 
 def read_entry(path: Path) -> dict[str, Any]:
-    """Read the file of a decider.
-
-    Raises:
-        ArgumentError: it cannot be read, was changed, or is of another protocol or version.
-    """
+    """Read the file of a decider; refuse one that was changed, or is of another protocol or version."""
     try:
         entry = read_json(path, LARGEST)
         digest, protocol = entry["digest"], entry["protocol"]

@@ -49,16 +49,8 @@ def play(
 ) -> dict[str, Any]:
     """Play a decider in all worlds, or some, and return its entry, see `agents.league.entry`.
 
-    The threshold with the best reward is selected in each world, on other episodes than those reported.
-
-    Args:
-        name: of the decider, without a threshold, see `find_family`.
-        workers: where the work runs.
-        on_progress: called with the name of each world.
-        worlds: to play in; None for all.
-
-    Raises:
-        ArgumentError: it can decide in no world; the reason in the first one.
+    The threshold with the best reward is selected in each world, on other episodes than those reported. One that can
+    decide in no world is refused.
     """
     calls = {world: functools.partial(_play, name, world) for world in (WORLDS if worlds is None else worlds)}
     found = dict(workers.results(calls, on_progress))

@@ -34,11 +34,7 @@ class Track(TrackingArguments, TrustArguments, FileArguments):
     """Write track.html, a map in which time, mode and probability can be read. Needs the extra 'html'."""
 
     def run(self) -> None:
-        """Track the recordings, write the results and print the decisions.
-
-        Raises:
-            ArgumentError: an argument or a line of a file is invalid.
-        """
+        """Track the recordings, write the results and print the decisions."""
         self.check_files()
         self.check_tracking()
         if self.html:
@@ -50,14 +46,8 @@ class Track(TrackingArguments, TrustArguments, FileArguments):
         work_on_files(work.track_file, self.files, self.folders(), self.jobs)
 
     def track_file(self, path: Path, folder: Path) -> Report:
-        """Track the recordings of a file. Nothing is written before all are tracked.
-
-        Args:
-            path: the file.
-            folder: output folder, with one inside for each object if there are several.
-
-        Raises:
-            ArgumentError: the file is invalid, or a recording cannot be tracked.
+        """Track the recordings of a file; a folder inside for each object if there are several. Nothing is written
+        before.
         """
         check_free(folder, self.overwrite)
         given = [one.name for one in fields(self) if getattr(self, one.name) != one.default]

@@ -155,11 +155,7 @@ def _draw_residuals(axes: Any, tracked: TrackedRecording, known: IntArray, edges
 
 
 def check_plotly() -> Any:
-    """Return the module of plotly.
-
-    Raises:
-        ArgumentError: it is not installed.
-    """
+    """Return the module of plotly."""
     try:
         import plotly.graph_objects as module
     except ImportError:
@@ -168,11 +164,7 @@ def check_plotly() -> Any:
 
 
 def write_map(path: Path, tracked: TrackedRecording) -> None:
-    """Write the ground track with decided modes; time, mode and probability appear under the pointer.
-
-    Raises:
-        ArgumentError: plotly is not installed, or the file cannot be written.
-    """
+    """Write the ground track with decided modes; time, mode and probability appear under the pointer."""
     plotly = check_plotly()
     recording, names, colours = tracked.recording, tracked.mode_names(), mode_colours(tracked)
     figure = plotly.Figure()

@@ -63,11 +63,7 @@ class FileArguments:
     """Files that are tracked at the same time. By default one for each core if there are many files."""
 
     def read(self, path: Path) -> "RecordingFile":
-        """Read a file.
-
-        Raises:
-            ArgumentError: the file is invalid, or its columns are unclear.
-        """
+        """Read a file."""
         from baselines.recordings.reading.read import read_recordings  # pandas; other commands start faster
 
         return read_recordings(
@@ -76,7 +72,7 @@ class FileArguments:
         )  # fmt: skip
 
     def parsed_radar(self) -> Radar | None:
-        """Return the radar. Raises `ArgumentError` for other texts."""
+        """Return the radar, if there is one."""
         try:
             one = None if self.radar is None else parse_sensors([f"radar {self.radar}"])[0]
         except ArgumentError:
@@ -86,11 +82,7 @@ class FileArguments:
         return one
 
     def column_names(self) -> dict[str, str]:
-        """Return the columns by role.
-
-        Raises:
-            ArgumentError: an element is not of the form role=column, or a role is given twice.
-        """
+        """Return the columns by role."""
         names: dict[str, str] = {}
         for text in self.columns:
             role, sign, column = text.partition("=")
@@ -102,11 +94,7 @@ class FileArguments:
         return names
 
     def folders(self) -> list[Path]:
-        """Return the output folder of each file.
-
-        Raises:
-            ArgumentError: two files have the same one.
-        """
+        """Return the output folder of each file."""
         folders = [self._folder(Path(path)) for path in self.files]
         first: dict[Path, Path] = {}
         for path, folder in zip(self.files, folders, strict=True):
@@ -120,11 +108,7 @@ class FileArguments:
         return folders
 
     def check_files(self) -> None:
-        """Check all arguments before any work.
-
-        Raises:
-            ArgumentError: one is not allowed.
-        """
+        """Check all arguments before any work."""
         if not self.files:
             raise reject("files", self.files, "at least one file")
         self.column_names()
@@ -161,17 +145,11 @@ def object_folders(folder: Path, names: Sequence[str]) -> list[Path]:
 
 @dataclass(frozen=True)
 class Report:
-    """What is printed about a file.
+    """What is printed about a file."""
 
-    Attributes:
-        lines: what was read, found and written.
-        table: details, which are printed for a single file only.
-        files: the files that were written, printed for a single file only.
-    """
-
-    lines: tuple[str, ...]
-    table: Table | None = None
-    files: tuple[Path, ...] = ()
+    lines: tuple[str, ...]  # what was read, found and written
+    table: Table | None = None  # details, which are printed for a single file only
+    files: tuple[Path, ...] = ()  # the files that were written, printed for a single file only
 
 
 Work = Callable[[Path, Path], Report]
@@ -179,19 +157,10 @@ Work = Callable[[Path, Path], Report]
 
 
 def work_on_files(work: Work, paths: Sequence[Path], folders: Sequence[Path], jobs: int | None = None) -> None:
-    """Work on files and print a report for each, in their order.
+    """Work on files in processes and print a report for each, in their order.
 
-    The results do not depend on the number of jobs.
-
-    Args:
-        work: work on one file.
-        paths: the files.
-        folders: their output folders.
-        jobs: number of processes; None is one for each core if there are at least eight files.
-
-    Raises:
-        ArgumentError: a file could not be worked on. If there are several, each such file has its line on the
-            standard error output and the error gives their number.
+    Of several files, those that cannot be worked on have their line on the standard error output, and the error
+    gives their number.
     """
     console = Console(emoji=False)
     if len(paths) == 1:
@@ -220,11 +189,7 @@ def work_on_files(work: Work, paths: Sequence[Path], folders: Sequence[Path], jo
 
 
 def check_free(folder: Path, overwrite: bool) -> None:
-    """Check that the results of a file can be written to a folder, before any work.
-
-    Raises:
-        ArgumentError: the folder holds files and may not be overwritten, or it cannot be written to.
-    """
+    """Check before any work that the folder can be written to, and is empty unless it may be overwritten."""
     try:
         if folder.is_dir() and any(folder.iterdir()) and not overwrite:
             raise reject("out", str(folder), "a new or empty folder, or --overwrite")

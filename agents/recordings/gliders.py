@@ -30,17 +30,7 @@ HEADS = {
 
 
 def track_glider(name: str, log: IgcLog, folder: Path, picture: bool) -> Report:
-    """Find the circles of a log, write circles.csv and track.png, and return what is printed.
-
-    Args:
-        name: of the file.
-        log: its positions.
-        folder: of the results.
-        picture: write track.png.
-
-    Raises:
-        ArgumentError: the log is too short, or the folder cannot be written.
-    """
+    """Find the circles of a log, write circles.csv and track.png, and return what is printed."""
     flight = glider_flight(name, "", log)
     if not flight.pieces:
         raise ArgumentError(f"{name} has no 20 positions without a gap of a minute: expected a flight")
@@ -81,11 +71,7 @@ def circle_row(
 ) -> tuple[Any, ...]:
     """Return the cells of circles.csv after the number, for rows from `first` to `end` to one side.
 
-    Args:
-        flight, motion: with n positions.
-        stated: (n,) statements of a live decider.
-        start: of the flight [s after midnight UTC].
-        first, end, mode: of the circles.
+    The statements (n,) are of a live decider; the flight starts at `start` [s after midnight UTC].
     """
     times, rows = flight.times[first:end] - flight.times[first], slice(first, end)
     seconds, wind = float(times[-1]), motion.wind[rows].mean(0)

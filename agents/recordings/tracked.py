@@ -86,17 +86,7 @@ def row_results(
     consistency: Consistency,
     outliers: int,
 ) -> TrackedRecording:
-    """Return the results of ticks at the rows of a recording.
-
-    Args:
-        recording: the recording.
-        grid: its ticks.
-        model: its model.
-        decider: name of the decider.
-        decisions: of each piece of the grid.
-        consistency: of the model.
-        outliers: number of measurements that were not used.
-    """
+    """Return the results of the ticks of each piece at the rows of a recording."""
     rows, M = len(recording.times), 2 * len(model.radii) + 1
     arrays: dict[str, Any] = {
         "modes": np.full(rows, NO_ROW),

@@ -68,11 +68,7 @@ class TrackingArguments(ErrorArguments):
     """Exact state x, vx, y, vy one tick before the first measurement; by default from the measurements."""
 
     def check_tracking(self) -> None:
-        """Check the arguments before any work.
-
-        Raises:
-            ArgumentError: one is not allowed.
-        """
+        """Check the arguments before any work."""
         for length in self.lengths:
             check_integer("lengths", length, maximum=MAX_LENGTH)
         if self.radii:
@@ -103,14 +99,7 @@ class TrackingArguments(ErrorArguments):
             raise reject("decider", self.decider, f"{', '.join(announced)} or an agent with --lengths")
 
     def track(self, recording: Recording) -> TrackedRecording:
-        """Track a recording.
-
-        Args:
-            recording: measured positions.
-
-        Raises:
-            ArgumentError: an argument does not fit the recording.
-        """
+        """Track a recording."""
         self.check_tracking()
         if recording.radar is not None and self.measurement_variance is not None:
             raise reject("measurement_variance", self.measurement_variance, "none with radar, which has its own")

@@ -59,11 +59,7 @@ class Reproduce(ParallelArguments):
     """Output folder for the tables (Markdown and JSON) and the figures."""
 
     def run(self) -> None:
-        """Run the studies, print the tables and write the files.
-
-        Raises:
-            ArgumentError: an argument is out of range, or the output folder cannot be written.
-        """
+        """Run the studies, print the tables and write the files."""
         if self.runs is not None:
             check_integer("runs", self.runs, minimum=2)
         check_integer("seed", self.seed, minimum=0)

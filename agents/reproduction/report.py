@@ -104,16 +104,7 @@ def to_json(result: Reproduction) -> dict[str, Any]:
 def print_report(
     paper: str, result: Reproduction, figures: Mapping[str, Figure], seconds: float, folder: Path, console: Console
 ) -> None:
-    """Print the tables of a paper, and write them and the figures.
-
-    Args:
-        paper: its name, which the files have.
-        result: its reproduction.
-        figures: by the names of their files.
-        seconds: that the reproduction took.
-        folder: existing output folder.
-        console: where the tables are printed.
-    """
+    """Print the tables of a paper, and write them and the figures, which come by file name."""
     text = to_markdown(result)
     console.print(Markdown(text))
     write_json(folder / f"{paper}.json", to_json(result))

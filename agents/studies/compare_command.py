@@ -39,15 +39,7 @@ class FlightArguments:
     aircraft, ticks and noises, the agent at its default threshold and rules that are tuned in each."""
 
     def compare_gliders(self, deciders: tuple[str, ...], out: Path) -> None:
-        """Compare, print the tables and write gliders.json and gliders.png.
-
-        Args:
-            deciders: names; without any all rules for gliders, the IMM first, and the agent.
-            out: output folder.
-
-        Raises:
-            ArgumentError: a name is unknown, there are no logs, or the seal is broken.
-        """
+        """Compare, print the tables and write gliders.json and gliders.png."""
         from rich.console import Console
 
         from agents.figures.canvas import save_figure
@@ -72,15 +64,7 @@ class FlightArguments:
         console.print(f"Files in {folder}: gliders.json, gliders.png", markup=False, highlight=False)
 
     def compare_flights(self, deciders: tuple[str, ...], out: Path) -> None:
-        """Compare, print the tables and write flights.json and a picture of each flight.
-
-        Args:
-            deciders: names with optional thresholds; without any the default ones.
-            out: output folder.
-
-        Raises:
-            ArgumentError: a name is unknown, there are no samples, or the output folder cannot be written.
-        """
+        """Compare, print the tables and write flights.json and a picture of each flight."""
         from rich.console import Console
 
         from agents.evaluation.flights import FlightTask
@@ -162,11 +146,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
     for flights.json and a picture of each flight, with --gliders for gliders.json and gliders.png."""
 
     def run(self) -> None:
-        """Train, score, print the tables and write the figures and compare.json.
-
-        Raises:
-            ArgumentError: an argument is out of range, or the output folder cannot be written.
-        """
+        """Train, score, print the tables and write the figures and compare.json."""
         if self.simulators:
             parallel = {field.name for field in fields(ParallelArguments)}
             self._refuse({"simulators", "episodes", "seed"} | parallel, "no value with --simulators")
@@ -227,11 +207,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         console.print(files.format(folder), markup=False, highlight=False)
 
     def plan(self) -> "Plan":
-        """Return the checked plan.
-
-        Raises:
-            ArgumentError: an argument is not allowed.
-        """
+        """Return the checked plan."""
         from agents.evaluation.tasks import task_of
         from agents.studies.continuation import Plan
 

@@ -25,17 +25,11 @@ from baselines.scoring.scores import Scores
 
 @dataclass(frozen=True, eq=False)
 class Entry(Selected):
-    """Results of one decider on the reported episodes.
+    """Results of one decider on the reported episodes."""
 
-    Attributes:
-        decider: its name in the plan.
-        selected: the goal of the task at that threshold, on the selection episodes.
-        folder: run folder of an agent that was trained.
-    """
-
-    decider: str
-    selected: float
-    folder: Path | None = None
+    decider: str  # its name in the plan
+    selected: float  # the goal of the task at that threshold, on the selection episodes
+    folder: Path | None = None  # run folder of an agent that was trained
 
     @property
     def name(self) -> str:
@@ -54,15 +48,10 @@ class Entry(Selected):
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Result of a comparison.
+    """Result of a comparison."""
 
-    Attributes:
-        plan: settings.
-        entries: results of the deciders so far; the first is the reference.
-    """
-
-    plan: Plan
-    entries: Sequence[Entry]
+    plan: Plan  # settings
+    entries: Sequence[Entry]  # results of the deciders so far; the first is the reference
 
     @cached_property
     def levels(self) -> Levels:
@@ -118,10 +107,8 @@ class Comparison:
         return self.plan.task.figure(self.seed_groups, self.plan.curves)
 
     def largest_difference(self) -> tuple[Entry, int]:
-        """The best agent, or without agents the best rule, and the episode on which it differs most.
-
-        Returns:
-            The entry, and the index of the episode with the largest difference of the goal to the reference.
+        """The best agent, or without agents the best rule, and the episode on which its goal differs most from the
+        reference.
         """
         agents = [one for one in self.entries if one.decider in self.plan.agents]
         best = max(agents, key=lambda one: one.selected) if agents else self.best_rule
@@ -176,14 +163,8 @@ def compare(
 ) -> Comparison:
     """Train and score the deciders of a plan.
 
-    Args:
-        plan: settings.
-        workers: where the work runs.
-        progress: display.
-        folder: for the agents that are trained and, until the comparison is complete, for the scores of each
-            decider. A comparison that was interrupted and is started again goes on from there, with the same
-            results. None writes nothing.
-        on_entry: called after each decider with the comparison of those so far.
+    The folder keeps trained agents and, until the comparison is complete, the scores of each decider: one that was
+    interrupted goes on from there, with the same results. `on_entry` is called after each decider.
     """
     calls: dict[tuple[str, int], Call] = {}
     shown = None if workers.parallel else progress
@@ -208,13 +189,7 @@ def compare(
 def score(plan: Plan, folder: Path | None, name: str, number: int, full: bool, progress: Progress | None) -> Entry:
     """Train a decider if needed, select its threshold and score it, unless its file exists.
 
-    Args:
-        plan: settings.
-        folder: see `compare`.
-        name: of the decider in the plan.
-        number: training seed.
-        full: also score thresholds that are not selected, if the plan has no curves.
-        progress: display; None shows nothing.
+    `number` is its training seed. `full`: also score thresholds that are not selected, if the plan has no curves.
     """
     display = Progress(disable=True) if progress is None else progress
     continuation = Continuation(plan.settings, folder)

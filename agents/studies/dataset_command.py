@@ -28,11 +28,7 @@ RANDOM = "random"
 
 
 class RandomPolicy:
-    """Chooses every action of the environment with the same probability.
-
-    Args:
-        actions: number of actions.
-    """
+    """Chooses every action of the environment with the same probability."""
 
     def __init__(self, actions: int):
         self.actions, self.random = actions, np.random.default_rng(0)
@@ -164,15 +160,8 @@ class Dataset(WorldArguments, TrustArguments):
 def record(env_id: str, options: dict[str, Any], decider: Any, episodes: int, seed: int) -> list[dict[str, Any]]:
     """Return E episodes of a decider, each as the fields of Minari's `EpisodeBuffer`.
 
-    Observations (T + 1, width), actions, rewards, terminations and truncations (T,), and as `infos` the true
-    mode (T + 1,).
-
-    Args:
-        env_id: registered id.
-        options: of the environment.
-        decider: see `baselines.rules.decider.as_decider`.
-        episodes: E.
-        seed: of the first episode.
+    Observations (T + 1, width), actions, rewards, terminations and truncations (T,), and as `infos` the true mode (T
+    + 1,).
     """
     from baselines.rules.rollout import rollout
     from hybrid_env.registration import make_track_vector_env

@@ -36,17 +36,12 @@ RADIUS, VARIANCE = 5.0, 0.001  # listed radius [m] and Q [m^2/s^2]
 
 @dataclass(frozen=True)
 class Level:
-    """A world on a road.
+    """A world on a road."""
 
-    Attributes:
-        name: of the level.
-        world: options of the environment in which nobody is told of the departure.
-        truth: options of the same world, told to its filters.
-    """
-
-    name: str
+    name: str  # of the level
+    # options of the environment in which nobody is told of the departure
     world: Mapping[str, Any] = field(default_factory=dict)
-    truth: Mapping[str, Any] = field(default_factory=dict)
+    truth: Mapping[str, Any] = field(default_factory=dict)  # options of the same world, told to its filters
 
 
 def _radius(factor: float) -> Level:
@@ -86,20 +81,14 @@ ROADS: dict[str, tuple[str, tuple[Level, ...]]] = {
 
 @dataclass(frozen=True)
 class Response:
-    """A decider at one level.
+    """A decider at one level."""
 
-    Attributes:
-        road, level: names.
-        decider: its name; of the reference, that of the best rule.
-        reward: its reward.
-        gap: the reward less that of the reference on the same episodes; of the reference, None.
-    """
-
+    # road, level: names
     road: str
     level: str
-    decider: str
-    reward: Estimate
-    gap: Estimate | None = None
+    decider: str  # its name; of the reference, that of the best rule
+    reward: Estimate  # its reward
+    gap: Estimate | None = None  # the reward less that of the reference on the same episodes; of the reference, None
 
     def as_json(self) -> dict[str, Any]:
         """Return the figures."""
@@ -110,13 +99,7 @@ class Response:
 
 
 def calls(further: Sequence[str], episodes: int, seed: int) -> dict[str, Callable[[], list[Response]]]:
-    """Return the parts of the study by name.
-
-    Args:
-        further: names of deciders beside `DECIDERS`, for announced switches.
-        episodes: number of evaluation episodes.
-        seed: of the first episode.
-    """
+    """Return the parts of the study by name, with `further` deciders for announced switches."""
     found: dict[str, Callable[[], list[Response]]] = {}
     for road, (switches, levels) in ROADS.items():
         names = DECIDERS[switches] + (tuple(further) if switches == ANNOUNCED else ())

@@ -20,11 +20,7 @@ from hybrid_env.rendering.window import Renderer
 
 
 class OneTrack:
-    """An environment of one track with the interface of a vector environment.
-
-    Args:
-        env: the environment.
-    """
+    """An environment of one track with the interface of a vector environment."""
 
     num_envs = 1
 
@@ -48,22 +44,10 @@ class OneTrack:
 
 
 class Episodes:
-    """Episodes of a decider on one track.
+    """Episodes of a decider on one track, with the render mode "rgb_array".
 
-    Args:
-        task: what is decided.
-        name: of the decider, with an optional threshold; empty for the reference of the task.
-        decider: to use in place of the one of this name.
-        changes: options of the environment that it needs.
-
-    Attributes:
-        task: what is decided, with these options.
-        env: environment with the render mode "rgb_array".
-        name: of the decider.
-        decider: the decider.
-
-    Raises:
-        ArgumentError: the decider is unknown, or not for this environment.
+    The name has an optional threshold; `decider` replaces the one of this name, and `changes` are options that it
+    needs.
     """
 
     def __init__(self, task: Task, name: str = "", decider: Any = None, changes: Any = None):
@@ -90,12 +74,7 @@ class Episodes:
         return Renderer(self.env.options, human, self.decider.panel())
 
     def play(self, seed: int, on_step: Callable[[], None]) -> Iterator[History]:
-        """Play an episode; yield its history before every step, with the evidence of the decider.
-
-        Args:
-            seed: of the episode.
-            on_step: called after every step.
-        """
+        """Play an episode; yield its history before every step, with the evidence of the decider."""
         for now in rollout(OneTrack(self.env), self.decider, seed):
             if now.step:
                 on_step()
@@ -111,14 +90,7 @@ class Episodes:
         return table
 
     def record(self, name: str, seed: int) -> TrackRecord:
-        """Play an episode and return what was declared or stated at every tick.
-
-        A declaration is a statement from its tick to the end of the segment; before it nothing is stated.
-
-        Args:
-            name: of the decider in the figure.
-            seed: of the episode.
-        """
+        """Play an episode and return what was declared or stated at every tick, with the name in the figure."""
         for _ in self.play(seed, lambda: None):
             pass
         history, trace = self.history, self.history.trace

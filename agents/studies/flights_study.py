@@ -34,51 +34,31 @@ NOISE_SEED, TWIN_NOISE_SEED = 20190602, 20190603
 
 
 class Sensitivity(NamedTuple):
-    """Effect of one setting of the labels.
+    """Effect of one setting of the labels."""
 
-    Attributes:
-        name: the setting.
-        same: share of the time, scored with both settings, with the label as used.
-        scored: share of the time that is scored.
-        turns: number of turns.
-        agreement: of the first decider, in the tiers that are compared.
-    """
-
-    name: str
-    same: float
-    scored: float
-    turns: int
-    agreement: float
+    name: str  # the setting
+    same: float  # share of the time, scored with both settings, with the label as used
+    scored: float  # share of the time that is scored
+    turns: int  # number of turns
+    agreement: float  # of the first decider, in the tiers that are compared
 
 
 @dataclass(frozen=True, eq=False)
 class FlightComparison:
-    """Results.
+    """Results."""
 
-    Attributes:
-        task: settings.
-        names: of the deciders, and in figures.
-        flights: the flights, as the deciders see them.
-        labels: of each flight.
-        stated: of each decider and flight, (n,).
-        scores: of each decider.
-        twins: the same on simulated twins.
-        truth: scores of the true modes of the twins against their labels.
-        late: scores of the labels, stated as many positions late as `POSITIONS_LATE` says. The semi-real form
-            has neither, since its labels are those of the native one.
-        sensitivity: of the labels; none in the semi-real form.
-    """
-
-    task: FlightTask
-    names: dict[str, str]
-    flights: list[Flight]
-    labels: list[Labels]
-    stated: dict[str, list[IntArray]]
-    scores: dict[str, Scores]
-    twins: dict[str, Scores]
-    truth: Scores | None
+    task: FlightTask  # settings
+    names: dict[str, str]  # of the deciders, and in figures
+    flights: list[Flight]  # the flights, as the deciders see them
+    labels: list[Labels]  # of each flight
+    stated: dict[str, list[IntArray]]  # of each decider and flight, (n,)
+    scores: dict[str, Scores]  # of each decider
+    twins: dict[str, Scores]  # the same on simulated twins
+    truth: Scores | None  # scores of the true modes of the twins against their labels
+    # scores of the labels, stated as many positions late as `POSITIONS_LATE` says. The semi-real form has neither,
+    # since its labels are those of the native one
     late: list[Scores]
-    sensitivity: list[Sensitivity]
+    sensitivity: list[Sensitivity]  # of the labels; none in the semi-real form
 
     @cached_property
     def groups(self) -> dict[str, list[int]]:
@@ -102,13 +82,7 @@ def without_stress(flights: Sequence[Flight]) -> list[int]:
 
 
 def compare_on_flights(task: FlightTask, names: dict[str, str], note: Callable[[str], None]) -> FlightComparison:
-    """Compare deciders on flights.
-
-    Args:
-        task: settings.
-        names: of the deciders, and in figures.
-        note: called with what is done, `steps` times.
-    """
+    """Compare deciders, named as in figures, on flights; `note` is called with what is done, `steps` times."""
     note("reading")
     flights = task.read()
     note("labels")

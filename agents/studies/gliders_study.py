@@ -51,23 +51,19 @@ FROZEN = {
 
 @dataclass(frozen=True, eq=False)
 class GliderComparison:
-    """Results.
+    """Results."""
 
-    Attributes:
-        flights, labels: of each log.
-        scores: by level and name of the rule; each flight has the setting that was selected without its half.
-        chosen: settings by level, name and half that they are scored on, or `SEALED`: selected on all halves.
-        stated: statements (n,) of the rules on each flight at the middle level.
-        simulated: scores on simulated flights, with the settings that were selected on all halves.
-        gap: percentiles of the open flights and of the simulated ones, by quantity.
-    """
-
+    # flights, labels: of each log
     flights: list[Flight]
     labels: list[Labels]
+    # by level and name of the rule; each flight has the setting that was selected without its half
     scores: dict[float, dict[str, Scores]]
+    # settings by level, name and half that they are scored on, or `SEALED`: selected on all halves
     chosen: dict[float, dict[str, dict[str, Setting]]]
-    stated: dict[str, list[IntArray]]
+    stated: dict[str, list[IntArray]]  # statements (n,) of the rules on each flight at the middle level
+    # scores on simulated flights, with the settings that were selected on all halves
     simulated: dict[float, dict[str, Scores]]
+    # percentiles of the open flights and of the simulated ones, by quantity
     gap: dict[str, tuple[list[float], list[float]]]
 
     @property
@@ -98,16 +94,9 @@ def select(scores: Scores, level: float) -> int:
 def compare_on_gliders(
     source: Path, names: Sequence[str], note: Callable[[str], None], sealed: bool = False
 ) -> GliderComparison:
-    """Compare rules on flights of gliders.
+    """Compare rules on flights of gliders, the first being the reference; `note` is called `steps` times.
 
-    Args:
-        source: archive or folder.
-        names: of the rules; the first is the reference.
-        note: called with what is done, `steps` times.
-        sealed: open the sealed logs too, with the settings of the seal.
-
-    Raises:
-        ArgumentError: there are no logs, a name is unknown, or the seal is broken.
+    With `sealed`, the sealed logs are opened too, with the settings of the seal.
     """
     frozen = unbroken_seal(names)["settings"] if sealed else {}
     every = {name: all_settings(name) for name in names}
@@ -181,11 +170,7 @@ def current_seal() -> dict[str, Any]:
 
 
 def unbroken_seal(names: Sequence[str]) -> dict[str, Any]:
-    """Return the seal.
-
-    Raises:
-        ArgumentError: code or weights are not those of the seal, or it has no settings of a rule.
-    """
+    """Return the seal; refuse if code or weights are not those of the seal, or it has no settings of a rule."""
     kept: dict[str, Any] = json.loads(SEAL.read_text(encoding="utf-8"))
     differ = [
         name

@@ -68,23 +68,14 @@ TIMES = {f"time_{100 * level:.0f}": at_level("accuracy", level, mean("ticks")) f
 
 @dataclass(frozen=True, eq=False)
 class Limit:
-    """Figures of one rule in one environment.
+    """Figures of one rule in one environment."""
 
-    Attributes:
-        place: environment, and for unknown switches law of the durations.
-        noise: variance R of a measured coordinate [m^2].
-        row: step or rule.
-        bank: filter bank of a rule; empty for a step.
-        scores: at the threshold with the largest mean reward on other episodes.
-        curve: at all thresholds, where they are of interest.
-    """
-
-    place: str
-    noise: float
-    row: str
-    scores: Scores
-    bank: str = ""
-    curve: Scores | None = None
+    place: str  # environment, and for unknown switches law of the durations
+    noise: float  # variance R of a measured coordinate [m^2]
+    row: str  # step or rule
+    scores: Scores  # at the threshold with the largest mean reward on other episodes
+    bank: str = ""  # filter bank of a rule; empty for a step
+    curve: Scores | None = None  # at all thresholds, where they are of interest
 
     @property
     def threshold(self) -> float:
@@ -95,11 +86,8 @@ class Limit:
 def calls(env_id: str, episodes: int, seed: int, further: Sequence[Any] = ()) -> dict[str, dict[str, Call]]:
     """Return the calls of a study by its parts; every call returns a list of results.
 
-    Args:
-        env_id: registered id of an environment, or empty for both with announced switches.
-        episodes: number of episodes. A third as many others (at least 50) serve to select thresholds.
-        seed: of the first episode.
-        further: deciders to evaluate on every bank, besides the classical rules.
+    Without an environment, both with announced switches are evaluated, `further` deciders on every bank. A third as
+    many other episodes, at least 50, serve to select thresholds.
     """
     if env_id == QUICKEST_ENV:
         steps: dict[str, Call] = {
@@ -198,13 +186,8 @@ def _curves(task: UnknownTask, tracks: int, seed: int) -> dict[str, Scores]:
 
 
 def smoothed_scores(task: UnknownTask, tracks: int, seed: int, lags: Sequence[int]) -> dict[int, Scores]:
-    """Return the scores of the threshold rule on the posterior given measurements of later ticks, by lag.
-
-    Args:
-        task: what is decided.
-        tracks: number of tracks.
-        seed: of the first track.
-        lags: numbers of later ticks; 0 is the beam itself.
+    """Return the scores of the threshold rule on the posterior given measurements of later ticks, by lag; 0 is the
+    beam.
     """
     options: QuickestOptions = task.options
     family = BeamDecider.family(options)

@@ -34,11 +34,7 @@ class Limits(TrustArguments, ParallelArguments):
     """Folder for limits.md, limits.json and limits.png; with --departures for departures.md and so on."""
 
     def run(self) -> None:
-        """Evaluate the rules, print the tables and write the files.
-
-        Raises:
-            ArgumentError: an argument is out of range, or the output folder cannot be written.
-        """
+        """Evaluate the rules, print the tables and write the files."""
         check_integer("episodes", self.episodes, minimum=10)
         check_integer("seed", self.seed, minimum=0)
         workers = self.workers()

@@ -48,11 +48,7 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
     """A .csv file for the measurements of one episode, columns t,x,y, as `hybridtrack track` reads it."""
 
     def run(self) -> None:
-        """Play the episodes, print a table after each, and write the requested files.
-
-        Raises:
-            ArgumentError: one line that names the argument, its value and what is allowed.
-        """
+        """Play the episodes, print a table after each, and write the requested files."""
         self._check()
         from agents.evaluation.tasks import task_of
         from agents.studies.episodes import Episodes
@@ -147,11 +143,8 @@ PALETTE_SIZE = 255  # a GIF has 256 colours, and Pillow uses one for unchanged p
 def write_gif(path: Path, frames: Iterator[Frame], options: ModelOptions) -> None:
     """Write frames, (height, width, 3) uint8, as an endless animation with RENDER_FPS frames per second.
 
-    All frames share one palette. With one palette for each frame, which is the default of Pillow, files are
-    four to seven times as large and unchanged pixels flicker.
-
-    Raises:
-        ArgumentError: there are too many frames, or the file cannot be written.
+    All frames share one palette. With one palette for each frame, which is the default of Pillow, files are four to
+    seven times as large and unchanged pixels flicker.
     """
     palette = Image.new("P", (1, 1))
     palette.putpalette(palette_colours(options).tobytes())

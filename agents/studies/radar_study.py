@@ -35,12 +35,8 @@ Figures = Mapping[Noise, Mapping[str, Mapping[str, Mapping[str, float | None]]]]
 def score_radar_data(data: RadarData, folder: Path, progress: Progress) -> Found:
     """Return the scores of all filters by noise; those of the thesis come first.
 
-    Everything is tuned and trained on the training flights.
-
-    Args:
-        data: the data set.
-        folder: for finished trials and the weights, from which a killed run goes on; it is created.
-        progress: display.
+    Everything is tuned and trained on the training flights. A killed run goes on from the trials and weights in the
+    folder.
     """
     folder.mkdir(parents=True, exist_ok=True)
     bar = progress.add_task("Scoring", total=3.0, note="tuning")

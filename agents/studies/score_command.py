@@ -41,11 +41,7 @@ class Score:
     """PNG file for the modes of the first tracks over time."""
 
     def run(self) -> None:
-        """Score the statements, print the tables and write the files.
-
-        Raises:
-            ArgumentError: a flag is not allowed, or a file is invalid.
-        """
+        """Score the statements, print the tables and write the files."""
         check_choice("per", self.per, ("h", "min", "s"))
         if len(self.files) < 2:
             raise reject("files", [str(file) for file in self.files], "the truth and at least one more file")
@@ -72,11 +68,7 @@ class Score:
                 console.print(str(path), markup=False, highlight=False, soft_wrap=True)
 
     def score(self) -> "TimelineScores":
-        """Read the files and score the statements.
-
-        Raises:
-            ArgumentError: a file is invalid, or has not the tracks of the truth.
-        """
+        """Read the files and score the statements."""
         from baselines.recordings.reading.modes import read_modes  # pandas; other commands start faster
         from baselines.scoring.score import score
 

@@ -34,13 +34,7 @@ MOST_TRACKS = 4  # in the picture
 
 
 def score_tables(result: TimelineScores, per: str, unit: str = "s") -> list[Table]:
-    """Return the table of figures, and that of the differences if there are several sets.
-
-    Args:
-        result: the scores.
-        per: name of the time in which false changes are counted.
-        unit: of the times.
-    """
+    """Return the table of figures, and that of the differences if there are several sets."""
     first, *others = result.scores
     seconds = float(result.scores[first].of("scored", 0).sum())
     over = f"± half width of the 95 % interval over {result.unit}."

@@ -24,20 +24,13 @@ MOST_THRESHOLDS = 13
 
 @dataclass(frozen=True, eq=False)
 class Shift:
-    """Scores of one decider in one environment.
+    """Scores of one decider in one environment."""
 
-    Attributes:
-        world: name of the environment.
-        task: what is decided, in this environment.
-        own: scores at the threshold selected in this environment, on other episodes.
-        nominal: scores at the threshold selected in the nominal environment.
-        setting: options that were selected with the own threshold, see `Task.settings`.
-    """
-
-    world: str
-    task: Task
-    own: Scores
-    nominal: Scores
+    world: str  # name of the environment
+    task: Task  # what is decided, in this environment
+    own: Scores  # scores at the threshold selected in this environment, on other episodes
+    nominal: Scores  # scores at the threshold selected in the nominal environment
+    # options that were selected with the own threshold, see `Task.settings`
     setting: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -85,20 +78,11 @@ def evaluate_shifts(
     on_progress: Callable[[str], None],
     untuned: Sequence[str] = (),
 ) -> list[Shift]:
-    """Evaluate every decider in every environment.
+    """Evaluate every decider in every environment; `on_progress` is called with the name of both.
 
-    Each decider uses the threshold with the best reward, selected on other episodes, once of the same
-    environment and once of the nominal environment; without a nominal one, its default. Rules that are fitted
-    to an environment are fitted to each of them.
-
-    Args:
-        names: of deciders, without thresholds.
-        worlds: what is decided in each environment, by its name.
-        episodes: number of evaluation episodes.
-        seed: of the first episode.
-        workers: where the evaluations run.
-        on_progress: called with the name of the decider and environment that were evaluated.
-        untuned: names of deciders for which nothing is selected: their nominal threshold is also their own.
+    Each decider uses the threshold with the best reward, selected on other episodes, once of the same environment
+    and once of the nominal environment; without a nominal one, its default. Rules that are fitted to an environment
+    are fitted to each of them. Nothing is selected for `untuned` names.
     """
     alone = functools.partial(evaluate_world, episodes=episodes, seed=seed)
     home = worlds.get(NOMINAL)
@@ -120,10 +104,7 @@ def evaluate_shifts(
 def evaluate_world(
     name: str, world: str, task: Task, threshold: float | None, episodes: int, seed: int, tuned: bool = True
 ) -> Shift:
-    """Evaluate a decider in one environment; without a nominal threshold, it also serves as nominal.
-
-    Arguments as in `evaluate_shifts`; tuned: whether threshold and settings are selected.
-    """
+    """Evaluate a decider in one environment; without a nominal threshold, its own also serves as nominal."""
     if threshold is not None:
         usual = sweep(task, find_family(name, task.options), episodes, seed, thresholds=(threshold,))
         if not tuned:

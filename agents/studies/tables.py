@@ -32,13 +32,8 @@ def scores_table(
 ) -> Table:
     """Return a table with one row for each decider at a single threshold.
 
-    Args:
-        task: what is decided.
-        rows: scores of one threshold, metrics by name, and the difference of the goal to that of another
-            decider, None for this one.
-        title: of the table.
-        notes: lines of the caption before the explanation of the metrics, each with its end.
-        to: name of the other decider.
+    A row has scores of one threshold, metrics by name, and the difference of the goal to that of the decider `to`,
+    None for this one. The notes stand before the explanation of the metrics, each line with its end.
     """
     compared = any(difference is not None for *_, difference in rows)
     if compared:

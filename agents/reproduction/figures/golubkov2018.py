@@ -28,15 +28,7 @@ def draw(result: Reproduction) -> dict[str, Figure]:
 def tracking_figures(
     paper: str, result: Reproduction, variances: dict[str, float], radii: Sequence[float], alpha: float
 ) -> dict[str, Figure]:
-    """Return a figure by its file name for each measurement variance.
-
-    Args:
-        paper: its name, with which the names of the files begin.
-        result: its reproduction.
-        variances: R [m^2] of each setting.
-        radii: of the hypotheses [m].
-        alpha: of the test.
-    """
+    """Return a figure by its file name for each measurement variance R [m^2]; radii of the hypotheses in m."""
     return {
         f"{paper}_{index}.png": _tracking_figure(
             f"{result.paper}: one run of ATE, measurement variance R = {variances[name]:g} m²",
