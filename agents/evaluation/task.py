@@ -27,6 +27,8 @@ from hybrid_env.rendering.history import History
 FIGURE_SIZE = (11.5, 5.2)  # of the figure of a comparison [in]
 Levels = dict[tuple[str, ...], "Metric"]
 """Figures of whole operating curves, by their keys in JSON from the outermost on."""
+OnProgress = Callable[[float], None]
+"""Called with the finished share."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,7 @@ class Metric:
 
     name: str  # key in JSON
     head: str  # heading, with the unit
-    statistic: Statistic  # the figure
+    statistic: Statistic
     digits: int  # after the decimal point
     scale: float = 1.0  # factor on the figure in tables
 
@@ -107,20 +109,16 @@ class Task(ABC):
     @property
     def figure_note(self) -> str:
         """Text below the figure of a comparison."""
-        return (
-            f"Filled markers: thresholds selected on other {self.episode_word}. "
-            "Arrows: the curve continues outside the axes."
-        )
+        selected = f"Filled markers: thresholds selected on other {self.episode_word}."
+        return f"{selected} Arrows: the curve continues outside the axes."
 
     @abstractmethod
     def size(self, episodes: int) -> str:
         """Return a number of episodes in words, for titles."""
 
+    @abstractmethod
     def shifted(self) -> dict[str, dict[str, Any]]:
-        """Return name and changed options of shifted environments, the nominal one first. Without any, none is
-        drawn.
-        """
-        return {}
+        """Return name and changed options of the environments of a distribution shift, the nominal one first."""
 
     def changed(self, changes: Mapping[str, Any]) -> Self:
         """Return the task with some other options."""
@@ -145,17 +143,9 @@ class Task(ABC):
 
     @abstractmethod
     def record(
-        self,
-        deciders: Sequence[Any],
-        changes: Mapping[str, Any],
-        episodes: int,
-        seed: int,
-        on_progress: Callable[[float], None],
+        self, deciders: Sequence[Any], changes: Mapping[str, Any], episodes: int, seed: int, on_progress: OnProgress
     ) -> list[Recorded]:
-        """Roll deciders of one rule at different thresholds out on the same episodes, at most `batch`.
-
-        `changes` are options of the environment that they need; the finished share is reported.
-        """
+        """Roll a rule at different thresholds out on at most `batch` episodes; `changes` are options it needs."""
 
     @abstractmethod
     def extra(self, samples: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
@@ -167,15 +157,11 @@ class Task(ABC):
 
     @abstractmethod
     def against(self, mine: Selected, reference: Selected, curves: bool) -> dict[str, dict[str, Estimate]]:
-        """Return paired figures of a decider and the reference by their keys in JSON; `curves`: both have whole
-        ones.
-        """
+        """Return paired figures of a decider and the reference by keys in JSON; `curves`: at all thresholds."""
 
     @abstractmethod
     def panels(self, groups: Groups, complete: bool) -> list[Panel]:
-        """Return the operating curves of deciders, the reference first; `complete`: the others have all thresholds
-        too.
-        """
+        """Return the operating curves of deciders, the reference first; `complete`: all at every threshold."""
 
     def figure(self, groups: Groups, complete: bool) -> Figure:
         """Return the figure of a comparison, see `panels`."""
@@ -219,13 +205,9 @@ class Task(ABC):
 
 
 def sweep(
-    task: Task,
-    family: DeciderFamily,
-    episodes: int,
-    seed: int,
-    on_progress: Callable[[float], None] | None = None,
+    task: Task, family: DeciderFamily, episodes: int, seed: int, on_progress: OnProgress = lambda share: None,
     thresholds: Sequence[float] | None = None,
-) -> Scores:
+) -> Scores:  # fmt: skip
     """Return the scores of a decider at each threshold, or at those given, on the same episodes.
 
     Episodes have consecutive seeds and are rolled out in batches. `on_progress` is called with the finished share.
@@ -236,24 +218,20 @@ def sweep(
     together = len(deciders) > 1 and as_decider(deciders[0]).together(deciders[:1]) is not None
     groups = [deciders] if together else [[decider] for decider in deciders]
     size, total = task.batch(), episodes * len(deciders)
-    found: list[list[Recorded]] = [[] for _ in used]
+    found: list[list[Recorded]] = []  # in each batch at every threshold
     done = 0
     for first in range(0, episodes, size):
         count = min(size, episodes - first)
-        place = 0
+        found.append([])
         for group in groups:
 
             def show(share: float, before: int = done, width: int = count * len(group)) -> None:
-                if on_progress is not None:
-                    on_progress((before + share * width) / total)
+                on_progress((before + share * width) / total)
 
-            recorded = task.record(group, family.options, count, seed + first, show)
-            for one in recorded:
-                found[place].append(one)
-                place += 1
+            found[-1] += task.record(group, family.options, count, seed + first, show)
             done += count * len(group)
             show(0.0, done)
-    return gather(task, family, used, found)
+    return gather(task, family, used, [*zip(*found, strict=True)])
 
 
 def gather(
@@ -261,11 +239,9 @@ def gather(
 ) -> Scores:
     """Return the scores of a decider from what was recorded in several batches at every threshold."""
     values = np.stack([np.concatenate([part.figures for part in parts]) for parts in found], axis=-1)
-    samples = [
-        {name: np.concatenate([part.samples[name] for part in parts]) for name in parts[0].samples} for parts in found
+    extra = [
+        task.extra({name: np.concatenate([part.samples[name] for part in parts]) for name in parts[0].samples})
+        for parts in found
     ]
-    extra = [task.extra(one) for one in samples]
-    return Scores(
-        family.name, family.symbol, thresholds, task.columns, values,
-        {name: np.stack([one[name] for one in extra]) for name in extra[0]},
-    )  # fmt: skip
+    stacked = {name: np.stack([one[name] for one in extra]) for name in extra[0]}
+    return Scores(family.name, family.symbol, thresholds, task.columns, values, stacked)

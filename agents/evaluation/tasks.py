@@ -6,9 +6,12 @@ from typing import Any
 from agents.evaluation.announced import AnnouncedTask
 from agents.evaluation.task import Task
 from agents.evaluation.unknown import UnknownTask
+from baselines.rules.decider import ANNOUNCED, UNKNOWN
 from hybrid_env.registration import environment_options
 
 TASKS: tuple[type[Task], ...] = (AnnouncedTask, UnknownTask)
+THREE, BANK, QUICKEST = (f"hybrid_env:HybridTrack{part}-v0" for part in ("", "Bank", "Quickest"))
+ENVIRONMENTS = {ANNOUNCED: THREE, UNKNOWN: QUICKEST}
 
 
 def task_of(env_id: str, given: Mapping[str, Any] | None = None) -> Task:

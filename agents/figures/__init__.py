@@ -6,5 +6,5 @@
 - `curves`: panels of curves, such as operating curves.
 - `tracks`: a track in the plane by its modes, and modes over time as bars.
 
-May import: `hybrid_env`, `agents.interface`, and the rules of `baselines`, which name their colours.
+May import: `hybrid_env`, `agents.interface`, and of `baselines` estimates, and rules, which name their colours.
 """

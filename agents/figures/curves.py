@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike
 from agents.figures.canvas import new_canvas, plain_axes
 from agents.figures.curve_labels import label_curves
 from agents.figures.decider_colours import DeciderStyle
+from baselines.scoring.estimates import Estimate
 from hybrid_env.checks import FloatArray
 
-LEVEL_STYLE: dict[str, Any] = {"color": "0.75", "linewidth": 0.8, "linestyle": "--", "zorder": 0}
 MARKER_SPACING = 10.0  # between the markers of points without a value [pt]
 
 
@@ -43,7 +43,7 @@ class Curve:
 class Axis:
     """One axis of a panel."""
 
-    label: str = ""  # of the axis
+    label: str = ""
     limits: tuple[float, float] | None = None  # first and last value; None fits the data
     ticks: Mapping[float, str] | None = None  # their labels by value; None chooses them
     minor: bool = False  # whether there are small ticks between these
@@ -56,7 +56,6 @@ class Panel:
     """One panel."""
 
     title: str  # above it
-    # x, y: axes
     x: Axis
     y: Axis
     curves: Sequence[Curve]  # in drawing order
@@ -66,14 +65,16 @@ class Panel:
     unreached: Mapping[float, tuple[str, Sequence[DeciderStyle]]] = field(default_factory=dict)
 
 
+def error_bars(estimates: Sequence[Estimate]) -> FloatArray:
+    """Return the lengths (2, K) of the bars below and above estimates, down and up to their bounds."""
+    found = [[one.value - one.low, one.high - one.value] for one in estimates]
+    return np.array(found, np.float64).reshape(-1, 2).T
+
+
 def curve_figure(
-    rows: Sequence[Sequence[Panel]],
-    size: tuple[float, float],
-    title: str = "",
-    note: str = "",
-    title_size: float = 12.0,
-    **sharing: Any,
-) -> Figure:
+    rows: Sequence[Sequence[Panel]], size: tuple[float, float], title: str = "", note: str = "",
+    title_size: float = 12.0, **sharing: Any,
+) -> Figure:  # fmt: skip
     """Draw rows of panels with curves, width and height in inches. An arrow marks where a curve leaves its panel.
 
     `title` and `note` stand above and below all panels, `title_size` [pt] is that of each, and `sharing` has
@@ -109,12 +110,9 @@ def _draw_panel(axes: Any, panel: Panel, outer_only: bool) -> list[tuple[Any, st
     if panel.strip is not None:
         axes.axhline(panel.strip[0], color="0.4", linewidth=0.8)
     place = axes.get_subplotspec()
-    plain_axes(
-        axes,
-        panel.x.label if place.is_last_row() or not outer_only else "",
-        panel.y.label if place.is_first_col() or not outer_only else "",
-    )
-    for name, axis in (("x", panel.x), ("y", panel.y)):
+    outer = place.is_last_row() or not outer_only, place.is_first_col() or not outer_only
+    plain_axes(axes, panel.x.label * outer[0], panel.y.label * outer[1])
+    for name, axis, draw_level in (("x", panel.x, axes.axvline), ("y", panel.y, axes.axhline)):
         if axis.log:
             axes.set(**{f"{name}scale": "log"})
         if axis.ticks is not None:
@@ -126,10 +124,8 @@ def _draw_panel(axes: Any, panel: Panel, outer_only: bool) -> list[tuple[Any, st
                 of_axes.set_ticks([], minor=True)
         if axis.limits is not None:
             axes.set(**{f"{name}lim": axis.limits})
-    for level in panel.x.levels:
-        axes.axvline(level, **LEVEL_STYLE)
-    for level in panel.y.levels:
-        axes.axhline(level, **LEVEL_STYLE)
+        for level in axis.levels:
+            draw_level(level, color="0.75", linewidth=0.8, linestyle="--", zorder=0)
     for level, (text, styles) in panel.unreached.items():
         _mark_unreached(axes, level, text, styles)
     return lines
@@ -153,9 +149,7 @@ def _draw_curve(axes: Any, curve: Curve) -> Any:
 
 
 def _draw_missing(axes: Any, curve: Curve, height: float, missing: dict[float, int]) -> list[Any]:
-    """Draw a hollow marker at a height for every point without a finite y, beside the markers by x of earlier
-    curves.
-    """
+    """Draw hollow markers at a height for points without a finite y, beside those of earlier curves at the same x."""
     values = np.asarray(curve.x, float)
     marks = []
     for x in values[~np.isfinite(curve.y)].tolist():

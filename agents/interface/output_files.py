@@ -99,8 +99,26 @@ def write_json(path: Path, value: Any) -> None:
         text = json.dumps(value, indent=2, allow_nan=False)
     except ValueError:
         raise ArgumentError(f"{path.name} is not written: its values are not all finite") from None
+    write_text(path, text + "\n")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text in UTF-8."""
     with atomic_file(path) as part:
-        part.write_text(text + "\n", encoding="utf-8")
+        part.write_text(text, encoding="utf-8")
+
+
+def write_files(folder: Path, files: Mapping[str, Any]) -> str:
+    """Write plain values (.json), texts (.md) and figures of Matplotlib (.png); return a line with their names."""
+    for name, content in files.items():
+        if name.endswith(".json"):
+            write_json(folder / name, content)
+        elif name.endswith(".md"):
+            write_text(folder / name, content)
+        else:
+            with atomic_file(folder / name) as part:
+                content.savefig(part, format="png")
+    return f"Files in {folder}: {', '.join(files)}"
 
 
 def write_table(path: str | os.PathLike[str], columns: Mapping[str, Column]) -> None:

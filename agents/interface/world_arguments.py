@@ -63,9 +63,8 @@ def _flags() -> dict[str, Any]:
 
 _Flags: Any = dataclasses.make_dataclass(
     "_Flags",
-    [(name, kind, False if kind.__origin__ is bool else None) for name, kind in _flags().items()],
-    kw_only=True,
-)
+    [(name, kind, False if kind.__origin__ is bool else None) for name, kind in _flags().items()], kw_only=True,
+)  # fmt: skip
 
 
 @dataclass(kw_only=True)
@@ -102,9 +101,7 @@ class WorldArguments(_Flags):
 
 
 def read_card(decider: str) -> dict[str, Any] | None:
-    """Environment id and options on the card of a run folder, with an optional ":threshold"; None for other
-    deciders.
-    """
+    """Environment id and options on the card of a run folder, as "folder:threshold" too; None for others."""
     names = (decider, decider.rpartition(":")[0])
     for path in (Path(name) / CARD for name in names if name):
         if path.is_file():

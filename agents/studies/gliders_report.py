@@ -7,16 +7,14 @@ from matplotlib.figure import Figure
 from rich.markup import escape
 from rich.table import Table
 
-from agents.evaluation.cells import bounds_cell, filled_table
+from agents.evaluation.cells import filled_table
 from agents.evaluation.gliders import METRICS, glider_rule
 from agents.figures.tracks import recording_figure
 from agents.studies.comparison import finite
-from agents.studies.flights_report import figure_cell
-from agents.studies.gliders_gap import SHARES, gap_table
-from agents.studies.gliders_study import LEVELS, GliderComparison
+from agents.studies.flights_report import figure_cell, less_cell, less_first, value
+from agents.studies.gliders_study import LEVELS, SHARES, GliderComparison
 from baselines.recordings.flights.labels import MODE_NAMES
-from baselines.recordings.flights.metrics import STATISTICS
-from baselines.scoring.estimates import Estimate
+from baselines.scoring.scores import Scores
 
 SHOWN = 600.0  # time in the picture [s]
 NOTE = (
@@ -29,30 +27,26 @@ NOTE = (
 
 def glider_tables(result: GliderComparison) -> list[Table]:
     """Return the tables of each level, for the open logs and for the sealed ones, and of the simulated flights."""
-    return [*(_table(result, group, level) for group in result.groups for level in LEVELS), gap_table(result.gap)]
+    return [*(_table(result, group, level) for group in result.groups for level in LEVELS), _gap_table(result)]
 
 
 def _table(result: GliderComparison, group: str, level: float) -> Table:
     rows, lines = result.groups[group], []
     hours = sum(float(result.labels[k].weights.sum()) for k in rows) / 3600.0
     for name, scores in result.scores[level].items():
-        less = difference(result, level, name, rows)
         cells = [figure_cell(scores.some(rows), metric) for metric in METRICS]
-        cells.append("" if less is None else bounds_cell(less, 1, 100.0))
-        cells.append(f"{100.0 * float(result.simulated[level][name].curve(STATISTICS['agreement'])[0]):.1f}")
-        lines.append((escape(glider_rule(name).title), *cells))
+        cells.append(less_cell(less_first(result.scores[level], name, rows)))
+        lines.append((escape(glider_rule(name).title), *cells, f"{100.0 * value(result.simulated[level][name]):.1f}"))
     heads = ("decider", *(metric.head for metric in METRICS), "less\nfirst", "simul.\n%")
     title = f"{len(rows)} flights of gliders, {group}, {hours:.1f} h: at most {level:g} false an hour"
     return filled_table(title, heads, lines, NOTE if level == LEVELS[-1] else "")
 
 
-def difference(result: GliderComparison, level: float, name: str, rows: list[int]) -> Estimate | None:
-    """Return the agreement of a rule on some flights less that of the first rule; None for that one."""
-    by_name = result.scores[level]
-    first = next(iter(by_name))
-    if name == first:
-        return None
-    return by_name[name].some(rows).difference(by_name[first].some(rows), STATISTICS["agreement"])
+def _gap_table(result: GliderComparison) -> Table:
+    """Return the table of percentiles, of logs and of simulated flights."""
+    lines = [(name, *(f"{one:.2f}" for side in sides for one in side)) for name, sides in result.gap.items()]
+    heads = ("", *(f"{source}\n{share:g} %" for source in ("logs", "simul.") for share in SHARES))
+    return filled_table("Open logs and simulated flights: percentiles", heads, lines)
 
 
 def gliders_json(result: GliderComparison) -> dict[str, Any]:
@@ -61,19 +55,15 @@ def gliders_json(result: GliderComparison) -> dict[str, Any]:
     for group, rows in result.groups.items():
         for level, by_name in result.scores.items():
             for name, scores in by_name.items():
-                some = scores.some(rows)
-                figures: dict[str, Any] = {one.name: some.estimate(one.statistic).as_json() for one in METRICS}
-                less = difference(result, level, name, rows)
-                figures["agreement_less_first"] = None if less is None else less.as_json()
-                figures["settings"] = result.chosen[level][name]
-                copied = result.simulated[level][name]
-                figures["simulated"] = {one.name: copied.estimate(one.statistic).as_json() for one in METRICS}
-                groups.setdefault(group, {}).setdefault(f"{level:g}", {})[name] = figures
+                less, copied = less_first(by_name, name, rows), result.simulated[level][name]
+                groups.setdefault(group, {}).setdefault(f"{level:g}", {})[name] = _estimates(scores.some(rows)) | {
+                    "agreement_less_first": None if less is None else less.as_json(),
+                    "settings": result.chosen[level][name],
+                    "simulated": _estimates(copied),
+                }
     flights = [
         {
-            "id": flight.identity,
-            "half": flight.tier.name,
-            "hours": flight.hours,
+            "id": flight.identity, "half": flight.tier.name, "hours": flight.hours,
             "scored_hours": float(labels.weights.sum()) / 3600.0,
             "circles": sum(mode != 0 for *_, mode in labels.pieces),
             "deciders": {
@@ -82,14 +72,18 @@ def gliders_json(result: GliderComparison) -> dict[str, Any]:
             },
         }
         for k, (flight, labels) in enumerate(zip(result.flights, result.labels, strict=True))
-    ]
+    ]  # fmt: skip
     return {"groups": groups, "flights": flights, "gap": {"percentiles": SHARES, **result.gap}, "seal": result.seal}
+
+
+def _estimates(scores: Scores) -> dict[str, Any]:
+    return {one.name: scores.estimate(one.statistic).as_json() for one in METRICS}
 
 
 def glider_figure(result: GliderComparison) -> Figure:
     """The ten minutes with most changes of the flight with the median agreement of the first rule."""
     first, scores = next(iter(result.scores[LEVELS[1]].items()))
-    each = [float(scores.some([k]).curve(STATISTICS["agreement"])[0]) for k in range(len(result.flights))]
+    each = [value(scores.some([k])) for k in range(len(result.flights))]
     k = int(np.argsort(each)[len(each) // 2])
     flight, labels = result.flights[k], result.labels[k]
     ends = np.searchsorted(flight.times, flight.times + SHOWN)
