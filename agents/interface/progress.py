@@ -29,6 +29,12 @@ def progress_display(console: Console, transient: bool = False) -> Progress:
     )  # fmt: skip
 
 
+def print_lines(console: Console, *lines: object) -> None:
+    """Print lines as they are, however long they are."""
+    for line in lines:
+        console.print(str(line), markup=False, highlight=False, soft_wrap=True)
+
+
 def shown(console: Console, title: str, total: int, work: Callable[[Callable[[str], None]], T]) -> T:
     """Return what `work` returns, which is given a function that shows a note when one of its parts is done."""
     with progress_display(console) as progress:

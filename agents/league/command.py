@@ -47,7 +47,7 @@ class League(TrustArguments, ParallelArguments):
         from agents.evaluation.cells import filled_table, markdown_table
         from agents.evaluation.registry import SHIPPED, find_family, is_brought
         from agents.interface.output_files import output_folder, write_files
-        from agents.interface.progress import progress_display
+        from agents.interface.progress import print_lines, progress_display
         from agents.league import families
         from agents.league.entry import read_entry
         from agents.league.protocol import WORLDS, play, world_task
@@ -90,8 +90,7 @@ class League(TrustArguments, ParallelArguments):
                 if "refused" in one:
                     refused.setdefault(one["refused"], []).append(world)
             for reason, worlds in refused.items():
-                line = f"{entry['title']} cannot decide in: {'; '.join(worlds)}. The reason: {reason}"
-                console.print(line, markup=False, highlight=False, soft_wrap=True)
+                print_lines(console, f"{entry['title']} cannot decide in: {'; '.join(worlds)}. The reason: {reason}")
             console.print(world_table(entry, every))
         console.print(league_table(every))
         tables = [league_markdown(every)]

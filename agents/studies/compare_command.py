@@ -227,7 +227,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         from rich.console import Console
 
         from agents.interface.output_files import output_folder, write_files, write_json
-        from agents.interface.progress import progress_display
+        from agents.interface.progress import print_lines, progress_display
         from agents.studies.comparison import compare
         from agents.studies.continuation import TRAINED
         from agents.studies.tables import chosen_table, levels_table, spread_lines, unreached_lines
@@ -246,8 +246,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         console.print(chosen_table(result))
         if plan.curves:
             console.print(levels_table(result))
-        for line in (*spread_lines(result), *unreached_lines(result)):
-            console.print(line, markup=False, highlight=False, soft_wrap=True)
+        print_lines(console, *spread_lines(result), *unreached_lines(result))
         chosen = [entry.scores.at(entry.chosen) for entry in result.entries]
         for table in task.further_tables(chosen, remarks):
             console.print(table)

@@ -63,8 +63,7 @@ class Plan:
                 kinds = "'shipped', a run folder, model.zip, policy.onnx, a recipe as YAML"
                 raise reject("agents", name, f"{kinds}, or {', '.join(recipes)}")
         elif name not in rules(self.task.switches) and not is_own(name):
-            allowed = f"{', '.join(rules(self.task.switches))}, or mine.py:MyRule"
-            raise reject("deciders", name, allowed)
+            raise reject("deciders", name, f"{', '.join(rules(self.task.switches))}, or mine.py:MyRule")
         return find_family(name, self.task.options)
 
     def check(self) -> None:
@@ -76,11 +75,8 @@ class Plan:
 
     def calls(self) -> list[tuple[str, int]]:
         """Return name and training seed of everything that is scored."""
-        found = []
-        for name in self.names:
-            trained = not isinstance(self.family(name), DeciderFamily)
-            found += [(name, number) for number in range(self.training_seeds if trained else 1)]
-        return found
+        counts = [1 if isinstance(self.family(name), DeciderFamily) else self.training_seeds for name in self.names]
+        return [(name, k) for name, count in zip(self.names, counts, strict=True) for k in range(count)]
 
 
 TRAINED = "agents"
@@ -108,20 +104,15 @@ class Continuation:
         return self.folder / TRAINED / f"{name}-seed{seed}-{key[:8]}"
 
     def load(self, key: list[Any]) -> tuple[Scores, int, float] | None:
-        """Return what `save` has written for a decider, identified by plain values; None without a file, or a
-        damaged one.
-        """
+        """Return what `save` has written for a decider with a key of plain values; None if it is lost or damaged."""
         path = self._path(key)
         if path is None:
             return None
         try:
             with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-                name, symbol = file["names"].tolist()
                 extra = {one.removeprefix(EXTRA): file[one] for one in file if one.startswith(EXTRA)}
-                scores = Scores(
-                    name, symbol, tuple(file["thresholds"].tolist()), tuple(file["columns"].tolist()),
-                    file["values"], extra,
-                )  # fmt: skip
+                thresholds, columns = (tuple(file[name].tolist()) for name in ("thresholds", "columns"))
+                scores = Scores(*file["names"].tolist(), thresholds, columns, file["values"], extra)
                 return scores, int(file["chosen"]), float(file["selected"])
         except DAMAGE:
             return None
@@ -132,13 +123,12 @@ class Continuation:
         if path is None:
             return
         output_folder("out", path.parent)
+        arrays: dict[str, Any] = {
+            "names": [scores.name, scores.symbol], "thresholds": scores.thresholds, "columns": scores.columns,
+            "values": scores.values, "chosen": chosen, "selected": selected,
+        }  # fmt: skip
         with atomic_file(path) as part, part.open("wb") as file:
-            extra: dict[str, Any] = {EXTRA + key: array for key, array in scores.extra.items()}
-            np.savez(
-                file, names=np.array([scores.name, scores.symbol]), thresholds=np.array(scores.thresholds),
-                columns=np.array(scores.columns), values=scores.values, chosen=chosen, selected=selected,
-                **extra,
-            )  # fmt: skip
+            np.savez(file, **arrays, **{EXTRA + name: array for name, array in scores.extra.items()})
 
     def finish(self) -> None:
         """Remove the scores of a complete comparison; the agents stay."""

@@ -1,6 +1,5 @@
 """Episodes of a decider on one track: played for a window or an animation, or recorded for a figure."""
 
-import dataclasses
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -25,12 +24,7 @@ class OneTrack:
     num_envs = 1
 
     def __init__(self, env: TrackEnv):
-        self.env, self.single_action_space = env, env.action_space
-
-    @property
-    def world(self) -> Any:
-        """Arrays of the track."""
-        return self.env.world
+        self.env, self.world, self.single_action_space = env, env.world, env.action_space
 
     def reset(self, *, seed: int | None = None) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Begin an episode."""
@@ -44,30 +38,19 @@ class OneTrack:
 
 
 class Episodes:
-    """Episodes of a decider on one track, with the render mode "rgb_array".
+    """Episodes of a decider on one track; `decider` replaces that of the name, and needs `changes` of the options."""
 
-    The name has an optional threshold; `decider` replaces the one of this name, and `changes` are options that it
-    needs.
-    """
-
-    def __init__(self, task: Task, name: str = "", decider: Any = None, changes: Any = None):
-        options = {**task.given, **(changes or {})}
-        env = gym.make(task.env_id, render_mode="rgb_array", **options).unwrapped
+    def __init__(self, task: Task, name: str, decider: Any = None, changes: Any = None):
+        self.task, self.name = task.changed(changes or {}), name
+        env = gym.make(task.env_id, render_mode="rgb_array", **self.task.given).unwrapped
         assert isinstance(env, TrackEnv)
-        self.env, self.name = env, name or task.reference
-        self.decider = load_decider(self.name, env.options) if decider is None else decider
-        self.task = dataclasses.replace(task, given=options)
+        self.env, self.decider = env, load_decider(name, env.options) if decider is None else decider
 
     @property
     def history(self) -> History:
         """The running episode."""
         assert self.env.history is not None
         return self.env.history
-
-    @property
-    def done(self) -> int:
-        """Progress of the running episode: number of decisions or of statements."""
-        return self.task.done(self.history)
 
     def renderer(self, human: bool) -> Renderer:
         """Return a renderer with the evidence of the decider, of a window if `human`."""
@@ -93,11 +76,10 @@ class Episodes:
         """Play an episode and return what was declared or stated at every tick, with the name in the figure."""
         for _ in self.play(seed, lambda: None):
             pass
-        history, trace = self.history, self.history.trace
-        positions = {
-            key: trace[:, [TRACE_INDEX[f"{key}x"], TRACE_INDEX[f"{key}y"]]] for key in ("", "measured_", "estimate_")
-        }
+        history = self.history
+        truth, measured, estimates = (
+            history.trace[:, [TRACE_INDEX[f"{key}x"], TRACE_INDEX[f"{key}y"]]] for key in ("", "measured_", "estimate_")
+        )
         return self.task.track_record(
-            history, name=name, truth=positions[""], measurements=positions["measured_"],
-            true_modes=history.true_modes, estimates=positions["estimate_"],
-        )  # fmt: skip
+            history, name=name, truth=truth, measurements=measured, true_modes=history.true_modes, estimates=estimates
+        )

@@ -14,7 +14,7 @@ from rich.progress import Progress
 from agents.evaluation.error_rate import ErrorArguments
 from agents.interface.help_texts import shown_default
 from agents.interface.output_files import atomic_file, write_table
-from agents.interface.progress import progress_display
+from agents.interface.progress import print_lines, progress_display
 from agents.interface.trust import TrustArguments
 from agents.interface.world_arguments import WorldArguments
 from hybrid_env.checks import ArgumentError, check_integer, reject
@@ -58,19 +58,16 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
             raise ArgumentError("no window can be opened here: use --out FILE with a .gif or .png file")
         task = task_of(*self.world_of(self.decider or ""))
         episodes = Episodes(task, self.at_error(self.decider or task.reference))
-        renderer = episodes.renderer(show)
-        console = Console(emoji=False)
+        renderer, console = episodes.renderer(show), Console(emoji=False)
         try:
             with progress_display(console) as progress:
-                histories = self._play(episodes, console, progress)
-                if not self._render(renderer, histories):
+                if not self._render(renderer, self._play(episodes, console, progress)):
                     return
         finally:
             renderer.close()
         for path in (self.out, self.record):
             if path is not None:
-                size = path.stat().st_size / 1024
-                console.print(f"{path}: {size:.0f} KiB", markup=False, highlight=False, soft_wrap=True)
+                print_lines(console, f"{path}: {path.stat().st_size / 1024:.0f} KiB")
 
     def _check(self) -> None:
         check_integer("episodes", self.episodes)
@@ -81,10 +78,9 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
                 continue
             if path.suffix.lower() not in suffixes:
                 raise reject(name, str(path), f"a file name that ends in {' or '.join(suffixes)}")
-            if not path.parent.is_dir():
-                raise reject(name, str(path), "a file in an existing folder")
-            if path.is_dir():
-                raise reject(name, str(path), "a file, not a folder")
+            if not path.parent.is_dir() or path.is_dir():
+                allowed = "a file, not a folder" if path.is_dir() else "a file in an existing folder"
+                raise reject(name, str(path), allowed)
             if self.episodes > 1 and path.suffix.lower() != ".gif":
                 raise reject("episodes", self.episodes, f"1 with --{name} {path}, which holds one episode")
 
@@ -95,7 +91,7 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
         for episode in range(self.episodes):
 
             def show(before: int = episode * episodes.task.length) -> None:
-                progress.update(task, completed=before + episodes.done, note=f"tick {len(history.trace)}")
+                progress.update(task, completed=before + episodes.task.done(history), note=f"tick {len(history.trace)}")
 
             seed = self.seed + episode
             yield from episodes.play(seed, show)
@@ -122,14 +118,10 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
 
 
 def write_recording(path: Path, history: History, tau: float) -> None:
-    """Write the measurements of an episode as CSV: t [s], which starts at tau, and x and y [m].
-
-    Ticks without a measurement have no row.
-    """
-    ticks = np.arange(1, len(history.trace) + 1)
-    # rounding to 12 digits gives 0.3 instead of 0.30000000000000004
+    """Write the measurements of an episode as CSV: t [s], which starts at tau, and x and y [m]."""
     measured = ~np.isnan(history.trace[:, TRACE_INDEX["measured_x"]])
-    times = [float(f"{time:.12g}") for time in tau * ticks[measured]]
+    ticks = np.arange(1, len(history.trace) + 1)[measured]
+    times = [float(f"{time:.12g}") for time in tau * ticks]  # 0.3 instead of 0.30000000000000004
     x, y = (history.trace[measured, TRACE_INDEX[name]] for name in ("measured_x", "measured_y"))
     write_table(path, {"t": times, "x": x, "y": y})
 
@@ -148,20 +140,17 @@ def write_gif(path: Path, frames: Iterator[Frame], options: ModelOptions) -> Non
     """
     palette = Image.new("P", (1, 1))
     palette.putpalette(palette_colours(options).tobytes())
-    images = (
-        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in _bounded(path, frames)
-    )
+
+    def images() -> Iterator[Image.Image]:
+        for number, frame in enumerate(frames, start=1):
+            if number > MAX_FRAMES:
+                raise reject("out", str(path), f"at most {MAX_FRAMES} frames: choose fewer or shorter episodes")
+            yield Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+
+    others = images()
+    duration = round(1000 / RENDER_FPS)
     with atomic_file(path) as part:
-        next(images).save(
-            part, format="GIF", save_all=True, append_images=images, duration=round(1000 / RENDER_FPS), loop=0
-        )
-
-
-def _bounded(path: Path, frames: Iterator[Frame]) -> Iterator[Frame]:
-    for number, frame in enumerate(frames, start=1):
-        if number > MAX_FRAMES:
-            raise reject("out", str(path), f"at most {MAX_FRAMES} frames: choose fewer or shorter episodes")
-        yield frame
+        next(others).save(part, format="GIF", save_all=True, append_images=others, duration=duration, loop=0)
 
 
 def palette_colours(options: ModelOptions) -> NDArray[np.uint8]:

@@ -54,6 +54,7 @@ class Score:
 
         from agents.figures.canvas import save_figure
         from agents.interface.output_files import write_json
+        from agents.interface.progress import print_lines
         from agents.studies.score_report import score_figure, score_tables
 
         console = Console(emoji=False)
@@ -63,9 +64,7 @@ class Score:
             write_json(self.out, result.as_json())
         if self.picture is not None:
             save_figure(score_figure(result), self.picture)
-        for path in (self.out, self.picture):
-            if path is not None:
-                console.print(str(path), markup=False, highlight=False, soft_wrap=True)
+        print_lines(console, *filter(None, (self.out, self.picture)))
 
     def score(self) -> "TimelineScores":
         """Read the files and score the statements."""
