@@ -150,18 +150,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if sys.stdout is not None:
             sys.stdout.flush()
         return status
-    except (ArgumentError, gym.error.Error) as error:
-        _report(str(error))
-        return 2
     except BrokenPipeError:
         _discard_output()
         return 1
-    except OSError as error:
-        _discard_output()
-        _report(str(error))
-        return 2
-    except MemoryError as error:
-        _report(f"not enough memory: {error}")
+    except (ArgumentError, gym.error.Error, OSError, MemoryError) as error:
+        if isinstance(error, OSError):
+            _discard_output()
+        _report(f"not enough memory: {error}" if isinstance(error, MemoryError) else str(error))
         return 2
     except KeyboardInterrupt as interrupt:
         _report(": ".join(["interrupted", *map(str, interrupt.args)]))
@@ -177,7 +172,7 @@ def _run(arguments: Sequence[str]) -> int:
         if stop.code:
             _report(errors.getvalue())
         else:
-            _print_examples(arguments[0])
+            print("examples:", *EXAMPLES.get(arguments[0], EXAMPLES[""]), sep="\n  ")
         return int(stop.code or 0)
     if getattr(command, "trust", False):
         os.environ[TRUST] = "1"
@@ -185,12 +180,6 @@ def _run(arguments: Sequence[str]) -> int:
         warnings.showwarning = lambda message, *_: _report(f"warning: {message}")
         command.run()
     return 0
-
-
-def _print_examples(command: str) -> None:
-    print("examples:")
-    for line in EXAMPLES.get(command, EXAMPLES[""]):
-        print(f"  {line}")
 
 
 def _report(message: str) -> None:

@@ -15,22 +15,12 @@ from agents.interface.parallel import ParallelArguments
 from agents.reproduction import figures
 from hybrid_env.checks import check_integer, reject
 
-RADAR_STUDY = "novospaskyi"
-"""The paper whose study takes some minutes, with a folder for its finished parts and processes of its own."""
-
-LONG = (RADAR_STUDY, "multiple_models")
-"""Studies that take some minutes and run on request only."""
-
+RADAR_STUDY = "novospaskyi"  # has a folder for its finished parts and processes of its own
+LONG = (RADAR_STUDY, "multiple_models")  # take some minutes and run on request only
 MOST_PROCESSES = 8  # of the radar study
-
-
-PAPERS = tuple(
-    sorted(
-        (module.name for module in pkgutil.iter_modules(figures.__path__)),
-        key=lambda name: "".join(filter(str.isdigit, name)) or "9999",
-    )
-)
-"""Papers in the order of the years in their names, those without one last: all with figures here."""
+# all papers with figures here, in the order of the years in their names, those without one last
+MODULES = [module.name for module in pkgutil.iter_modules(figures.__path__)]
+PAPERS = tuple(sorted(MODULES, key=lambda name: "".join(filter(str.isdigit, name)) or "9999"))
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -71,9 +61,7 @@ class Reproduce(ParallelArguments):
         from agents.interface.progress import progress_display
         from agents.reproduction.report import print_report, write_summary
 
-        workers = self.workers()
-        folder = output_folder("out", self.out)
-        console = Console(emoji=False)
+        workers, folder, console = self.workers(), output_folder("out", self.out), Console(emoji=False)
         options = {"seed": self.seed} | ({} if self.runs is None else {"runs": self.runs})
         calls = {paper: functools.partial(_reproduce, paper, options) for paper in self.papers if paper != RADAR_STUDY}
         with progress_display(console) as progress:
