@@ -127,10 +127,9 @@ def draw_world(generator: Generator, radii_count: int, beyond: float = 1.0) -> d
     law = f"outliers {generator.uniform(0.0, beyond * MOST_OUTLIERS)}" if outliers else "gaussian"
     world = {
         "scheme": f"random 6x{shortest}-{longest}", "radii": tuple(radii.tolist()), "speed": speed, "tau": tau,
-        "process_variance": (noise * speed) ** 2,
-        "measurement_variance": (deviation**2 * axes, deviation**2 / axes), "noise": law,
-        "initial_error": (_log_uniform(generator, (0.05, 5.0)), velocity**2), "bank": bank, "follow": follow,
-        "correctness": "type" if radii_count > 1 and generator.random() < 0.6 else "exact",
+        "process_variance": (noise * speed) ** 2, "measurement_variance": (deviation**2 * axes, deviation**2 / axes),
+        "noise": law, "initial_error": (_log_uniform(generator, (0.05, 5.0)), velocity**2), "bank": bank,
+        "follow": follow, "correctness": "type" if radii_count > 1 and generator.random() < 0.6 else "exact",
     }  # fmt: skip
     return world | ({"noise": _draw_heavy_tails(generator)} if generator.random() < HEAVY_TAILS else {})
 

@@ -119,9 +119,8 @@ def _printed_table(pieces: dict[str, list[Any]], tracked: TrackedRecording) -> T
     for k in range(min(len(pieces["piece"]), MAX_PRINTED_PIECES)):
         radius, when = pieces["radius"][k], pieces["decided_at"][k]
         table.add_row(
-            str(pieces["piece"][k]), f"{pieces['first_row'][k]}-{pieces['last_row'][k]}",
-            f"{pieces['begin'][k]:.6g}", pieces["mode"][k], f"{radius:.4g}" if radius != "" else "",
-            f"{when:.6g}" if when != "" else "undecided",
+            str(pieces["piece"][k]), f"{pieces['first_row'][k]}-{pieces['last_row'][k]}", f"{pieces['begin'][k]:.6g}",
+            pieces["mode"][k], f"{radius:.4g}" if radius != "" else "", f"{when:.6g}" if when != "" else "undecided",
         )  # fmt: skip
     if len(pieces["piece"]) > MAX_PRINTED_PIECES:
         table.caption = f"... and {len(pieces['piece']) - MAX_PRINTED_PIECES} more in modes.csv"

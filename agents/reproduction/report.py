@@ -84,8 +84,7 @@ def to_json(result: Reproduction) -> dict[str, Any]:
     """All results without the recordings."""
     return {
         "paper": result.paper, "runs": result.runs, "seed": result.seed,
-        "cells": [cell.as_json() for cell in result.cells],
-        "findings": [vars(finding) for finding in result.findings],
+        "cells": [cell.as_json() for cell in result.cells], "findings": [vars(finding) for finding in result.findings],
     }  # fmt: skip
 
 

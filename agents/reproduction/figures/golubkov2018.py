@@ -64,8 +64,7 @@ def _tracking_figure(title: str, recording: Any, tracks: Any, radii: Sequence[fl
     decided = ~tracks.undecided[RUN]
     decision_ticks = (ends - recording.lengths + tracks.ticks[RUN])[decided]
     map_axes.plot(
-        *estimate[decision_ticks - 1].T, "o", markersize=5, markerfacecolor="white", markeredgecolor="black",
-        zorder=4,
+        *estimate[decision_ticks - 1].T, "o", markersize=5, markerfacecolor="white", markeredgecolor="black", zorder=4,
     )  # fmt: skip
     map_axes.plot(*truth[0], "s", color="black", markersize=6, zorder=4)
 
@@ -113,8 +112,7 @@ def _draw_ratios(axes: Any, recording: Any, tracks: Any, radii: Sequence[float],
     numbers.tick_params(length=0, pad=-16)  # inside the axes
     axes.set(
         title=f"Sequential tests of segments 1 to {len(ends)}, each until its decision", xlabel="tick",
-        ylabel="log-likelihood ratio to the active mode", xlim=(0, len(ratios)),
-        ylim=(2.0 * lower, 2.0 * upper),
+        ylabel="log-likelihood ratio to the active mode", xlim=(0, len(ratios)), ylim=(2.0 * lower, 2.0 * upper),
     )  # fmt: skip
 
 
