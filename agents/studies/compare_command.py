@@ -114,7 +114,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
 
         from agents.interface.output_files import output_folder, write_files
         from agents.interface.progress import shown
-        from agents.studies.gliders_report import glider_figure, glider_tables, gliders_json
+        from agents.studies.flights_report import glider_figure, glider_tables, gliders_json
         from agents.studies.gliders_study import compare_on_gliders, default_names, steps
 
         if self.source is None:
