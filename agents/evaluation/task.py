@@ -3,7 +3,7 @@
 import dataclasses
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
@@ -59,8 +59,7 @@ class Recorded:
     """What one decider did on E episodes."""
 
     figures: FloatArray  # (E, F) figures of each episode, see `Task.columns`
-    # values of which quantiles or counts are taken, by name
-    samples: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    samples: Mapping[str, NDArray[Any]]  # values of which quantiles or counts are taken, by name
 
 
 @dataclass(frozen=True)

@@ -189,8 +189,11 @@ def _mark_edges(axes: Any, lines: Sequence[Any]) -> None:
             if inside[0] == inside[1] or not np.isfinite([start, end]).all():
                 continue
             inner, outer = (start, end) if inside[0] else (end, start)
-            edge = _edge_crossing(inner, outer, box)
-            direction = (outer - inner) / np.hypot(*(outer - inner))
+            step = outer - inner
+            with np.errstate(divide="ignore", invalid="ignore"):
+                shares = np.concatenate([(box.min - inner) / step, (box.max - inner) / step])
+            edge = inner + step * min((share for share in shares if 0.0 <= share <= 1.0), default=1.0)
+            direction = step / np.hypot(*step)
             ends = axes.transAxes.inverted().transform([edge, edge - 14.0 * direction])
             arrow = axes.annotate(
                 "", ends[0], ends[1], xycoords="axes fraction", textcoords="axes fraction", zorder=6,
@@ -200,12 +203,3 @@ def _mark_edges(axes: Any, lines: Sequence[Any]) -> None:
                 },
             )  # fmt: skip
             arrow.set_in_layout(False)
-
-
-def _edge_crossing(inner: FloatArray, outer: FloatArray, box: Any) -> FloatArray:
-    """Point at which a segment from a point inside a box to one outside leaves the box."""
-    step = outer - inner
-    with np.errstate(divide="ignore", invalid="ignore"):
-        shares = np.concatenate([(box.min - inner) / step, (box.max - inner) / step])
-    share = min((share for share in shares if 0.0 <= share <= 1.0), default=1.0)
-    return np.asarray(inner + share * step)

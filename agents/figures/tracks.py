@@ -218,15 +218,12 @@ def draw_timelines(
 
 def _write_into(axes: Any, height: int, span: tuple[float, float], text: str, colour: str, always: bool) -> None:
     """Write a text into a bar, if it is long enough or the text is always shown."""
-    middle = sum(span) / 2
     style: dict[str, Any] = {"va": "center", "ha": "center", "fontsize": 8.5}
-    if always:
-        axes.text(middle, height, text, **style)
-    elif (span[1] - span[0]) / axes.get_xlim()[1] > NAME_LENGTH * len(text):
-        axes.text(
-            middle, height, text, color="white" if np.mean(to_rgb(colour)) < 0.55 else "black",
-            bbox={"facecolor": colour, "edgecolor": "none", "pad": 1.5}, **style,
-        )  # fmt: skip
+    if not always:
+        style["color"] = "white" if np.mean(to_rgb(colour)) < 0.55 else "black"
+        style["bbox"] = {"facecolor": colour, "edgecolor": "none", "pad": 1.5}
+    if always or (span[1] - span[0]) / axes.get_xlim()[1] > NAME_LENGTH * len(text):
+        axes.text(sum(span) / 2, height, text, **style)
 
 
 def wrong_patch(label: str) -> Patch:

@@ -19,12 +19,9 @@ from hybrid_env.registration import ENVIRONMENTS, environment_options
 CARD = "policy.json"
 DEFAULT_ENV = "hybrid_env:HybridTrack-v0"
 _DEFAULT_TEXTS = {
-    "heading": "random",
-    "object_variance": "Q",
-    "reset_covariance": "True for the published bank only",
-    "hazard": "inverse of the mean duration",
-    "sensors": "one of variance R",
-}
+    "heading": "random", "object_variance": "Q", "reset_covariance": "True for the published bank only",
+    "hazard": "inverse of the mean duration", "sensors": "one of variance R",
+}  # fmt: skip
 
 
 def _text(value: Any) -> str:
@@ -82,10 +79,10 @@ class WorldArguments(_Flags):
         flags = [field for field in dataclasses.fields(WorldArguments) if field.name != "env"]
         values = {flag.name: getattr(self, flag.name) for flag in flags}
         given = {flag.name: values[flag.name] for flag in flags if values[flag.name] is not flag.default}
-        known = _names(env_id)
-        for name in [name for name in given if name not in known]:
-            environment = env_id.rpartition(":")[2]
-            raise reject(name, given[name], f"no value, because {environment} has no such option")
+        for name in given:
+            if name not in _names(env_id):
+                environment = env_id.rpartition(":")[2]
+                raise reject(name, given[name], f"no value, because {environment} has no such option")
         return given
 
     def world_of(self, decider: str) -> tuple[str, dict[str, Any]]:

@@ -18,7 +18,7 @@ from hybrid_env.rendering.evidence import mode_colour
 
 MAX_POINTS, MAX_MAP_POINTS = 20_000, 100_000  # that are drawn in the figure, and in a map without delay in a browser
 MAX_LINE_POINTS = 5000  # Agg raises OverflowError for very long lines; longer ones are split
-BINS = 800  # of time, about the pixels of the axes
+BINS = 800  # most intervals of time, about the pixels of the axes
 MAX_MARKS = 60  # up to this many pieces, their first rows are marked
 MEDIAN_LENGTH = 1.177  # of a normalised innovation in two dimensions
 FAR_LENGTH = 3.717  # exceeded with probability 0.001
@@ -35,7 +35,9 @@ def draw_recording(tracked: TrackedRecording) -> Figure:
     ground, ribbon, residuals = figure.subplots(3, 1, height_ratios=heights)
     residuals.sharex(ribbon)
     _draw_ground(ground, tracked)
-    edges = _time_edges(tracked.recording.times[known])
+    times = tracked.recording.times[known]
+    step = np.median(np.diff(times)) if len(times) > 1 else 1.0
+    edges = np.linspace(times[0] - 0.5 * step, times[-1] + 0.5 * step, min(len(times), BINS) + 1)
     _draw_probabilities(ribbon, tracked, known, edges)
     _draw_residuals(residuals, tracked, known, edges)
     ribbon.set_xlim(edges[0], edges[-1])
@@ -94,12 +96,6 @@ def _draw_ground(axes: Any, tracked: TrackedRecording) -> None:
     axes.autoscale_view()
     axes.set(title=f"{recording.name}: decided pieces (square: first row)", xlabel=f"x [{unit}]", ylabel=f"y [{unit}]")
     axes.grid(alpha=0.25)
-
-
-def _time_edges(times: FloatArray) -> FloatArray:
-    """Return the edges of at most `BINS` intervals of time."""
-    step = np.median(np.diff(times)) if len(times) > 1 else 1.0
-    return np.linspace(times[0] - 0.5 * step, times[-1] + 0.5 * step, min(len(times), BINS) + 1)
 
 
 def _draw_probabilities(axes: Any, tracked: TrackedRecording, known: IntArray, edges: FloatArray) -> None:

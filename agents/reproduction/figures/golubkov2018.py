@@ -29,13 +29,11 @@ def tracking_figures(
     paper: str, result: Reproduction, variances: dict[str, float], radii: Sequence[float], alpha: float
 ) -> dict[str, Figure]:
     """Return a figure by its file name for each measurement variance R [m^2]; radii of the hypotheses in m."""
-    return {
-        f"{paper}_{index}.png": _tracking_figure(
-            f"{result.paper}: one run of ATE, measurement variance R = {variances[name]:g} m²",
-            recording, tracks, radii, alpha,
-        )
-        for index, (name, (recording, tracks)) in enumerate(result.examples.items(), start=1)
-    }  # fmt: skip
+    figures = {}
+    for index, (name, (recording, tracks)) in enumerate(result.examples.items(), start=1):
+        title = f"{result.paper}: one run of ATE, measurement variance R = {variances[name]:g} m²"
+        figures[f"{paper}_{index}.png"] = _tracking_figure(title, recording, tracks, radii, alpha)
+    return figures
 
 
 def _mode_label(signed_radius: float) -> str:
@@ -56,32 +54,24 @@ def _tracking_figure(title: str, recording: Any, tracks: Any, radii: Sequence[fl
     for number, (end, length, radius) in enumerate(segments, start=1):
         middle = truth[end - 3 * length // 4 : end - length // 4]  # the half of the segment beside its label
         map_axes.plot(*middle.T, color=TRUTH, linewidth=3.4, label=f"{number}: {_mode_label(radius)}")
-    estimate = tracks.estimates[RUN][:, [0, 2]]
-    modes = tracks.modes[RUN]
+    estimate, modes = tracks.estimates[RUN][:, [0, 2]], tracks.modes[RUN]
     lines = plot_by_mode(map_axes, estimate, modes, radii, linewidth=1.5, zorder=3)
     worst = np.hypot(*(estimate - truth).T).argmax()
     lines[np.count_nonzero(np.diff(modes[: worst + 1]))].set_label("estimate")  # with the largest error
-    decided = ~tracks.undecided[RUN]
-    decision_ticks = (ends - recording.lengths + tracks.ticks[RUN])[decided]
-    map_axes.plot(
-        *estimate[decision_ticks - 1].T, "o", markersize=5, markerfacecolor="white", markeredgecolor="black", zorder=4,
-    )  # fmt: skip
+    decided = (ends - recording.lengths + tracks.ticks[RUN])[~tracks.undecided[RUN]] - 1
+    map_axes.plot(*estimate[decided].T, "o", markersize=5, markerfacecolor="white", markeredgecolor="black", zorder=4)
     map_axes.plot(*truth[0], "s", color="black", markersize=6, zorder=4)
 
     _draw_ratios(ratio_axes, recording, tracks, radii, alpha)
+    ring = {"marker": "o", "markerfacecolor": "white", "markeredgecolor": "black", "linestyle": "none"}
+    types = zip(TYPE_COLOURS, TYPE_NAMES, strict=True)
     handles = [
         Line2D([], [], color="black", marker="s", linestyle="none", markersize=6, label="start"),
         Line2D([], [], color=GREY, marker=".", linestyle="none", label="measurements"),
         Line2D([], [], color=TRUTH, linewidth=3.4, label="true trajectory"),
-        *(
-            Line2D([], [], color=colour, linewidth=2, label=name)
-            for colour, name in zip(TYPE_COLOURS, TYPE_NAMES, strict=True)
-        ),
-        Line2D(
-            [], [], marker="o", markerfacecolor="white", markeredgecolor="black", linestyle="none",
-            markersize=5, label="decision",
-        ),
-    ]  # fmt: skip
+        *(Line2D([], [], color=colour, linewidth=2, label=name) for colour, name in types),
+        Line2D([], [], **ring, markersize=5, label="decision"),
+    ]
     shades = "; darker shades: smaller radii" if len(radii) > 1 else ""
     figure.legend(
         handles=handles, loc="outside lower center", ncols=len(handles), frameon=False,
