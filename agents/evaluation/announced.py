@@ -186,14 +186,9 @@ class AnnouncedTask(Task):
             Panel(cost, ticks, reward, curves(groups, mean("ticks"), mean("reward"), (-np.inf, -np.inf))),
         ]
 
-    @property
-    def length(self) -> int:
-        """Number of decisions."""
-        return int(self.options.segments)
-
-    def done(self, history: History) -> int:
+    def done(self, history: History) -> float:
         """See `Task.done`."""
-        return len(history.decisions)
+        return len(history.decisions) / float(self.options.segments)
 
     def fill(self, table: Table, history: History) -> None:
         """Add one row for each decision."""

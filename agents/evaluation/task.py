@@ -169,14 +169,9 @@ class Task(ABC):
         width, height = FIGURE_SIZE
         return curve_figure(rows, (width, height * len(rows)), self.figure_title, self.figure_note)
 
-    @property
     @abstractmethod
-    def length(self) -> int:
-        """Length of an episode, in units of `done`."""
-
-    @abstractmethod
-    def done(self, history: History) -> int:
-        """Return the progress of the running episode: the number of decisions or of statements."""
+    def done(self, history: History) -> float:
+        """Return the share of the running episode that is decided or stated."""
 
     @abstractmethod
     def fill(self, table: Table, history: History) -> None:

@@ -216,14 +216,9 @@ class UnknownTask(Task):
                 found.append(Panel(title, times, Axis("switches, %", (0.0, 100.0)), lines))
         return found
 
-    @property
-    def length(self) -> int:
-        """Number of ticks."""
-        return int(self.options.ticks)
-
-    def done(self, history: History) -> int:
+    def done(self, history: History) -> float:
         """See `Task.done`."""
-        return len(history.trace)
+        return len(history.trace) / float(self.options.ticks)
 
     def fill(self, table: Table, history: History) -> None:
         """Add one row for each segment, and metrics of the episode."""

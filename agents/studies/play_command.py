@@ -87,10 +87,10 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
     def _play(self, episodes: "Episodes", console: Console, progress: Progress) -> Iterator[History]:
         """Play the episodes; yield the history after every reset and every step."""
         history = episodes.history
-        task = progress.add_task("Playing", total=self.episodes * episodes.task.length, note="")
+        task = progress.add_task("Playing", total=self.episodes, note="")
         for episode in range(self.episodes):
 
-            def show(before: int = episode * episodes.task.length) -> None:
+            def show(before: int = episode) -> None:
                 progress.update(task, completed=before + episodes.task.done(history), note=f"tick {len(history.trace)}")
 
             seed = self.seed + episode
