@@ -27,9 +27,7 @@ def read_text(path: Path, largest: int = LARGEST_FILE) -> str:
 
 
 def read_json(path: Path, largest: int = LARGEST_FILE) -> Any:
-    """Read JSON of at most `largest` bytes, as `read_text`; NaN, infinities and integers that float64 cannot hold
-    are refused.
-    """
+    """Read JSON, as `read_text`; NaN, infinities and integers that float64 does not hold exactly are refused."""
     text = read_text(path, largest)
     try:
         integer, real = (lambda digits: _checked(int(digits))), (lambda digits: _checked(float(digits)))

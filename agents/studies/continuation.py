@@ -111,8 +111,8 @@ class Continuation:
         try:
             with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
                 extra = {one.removeprefix(EXTRA): file[one] for one in file if one.startswith(EXTRA)}
-                thresholds, columns = (tuple(file[name].tolist()) for name in ("thresholds", "columns"))
-                scores = Scores(*file["names"].tolist(), thresholds, columns, file["values"], extra)
+                (name, symbol), thresholds, columns = (file[key].tolist() for key in ("names", "thresholds", "columns"))
+                scores = Scores(name, symbol, tuple(thresholds), tuple(columns), file["values"], extra)
                 return scores, int(file["chosen"]), float(file["selected"])
         except DAMAGE:
             return None
@@ -126,9 +126,9 @@ class Continuation:
         arrays: dict[str, Any] = {
             "names": [scores.name, scores.symbol], "thresholds": scores.thresholds, "columns": scores.columns,
             "values": scores.values, "chosen": chosen, "selected": selected,
-        }  # fmt: skip
+        } | {EXTRA + name: array for name, array in scores.extra.items()}  # fmt: skip
         with atomic_file(path) as part, part.open("wb") as file:
-            np.savez(file, **arrays, **{EXTRA + name: array for name, array in scores.extra.items()})
+            np.savez(file, **arrays)
 
     def finish(self) -> None:
         """Remove the scores of a complete comparison; the agents stay."""

@@ -142,9 +142,10 @@ def _sensitivity_table(result: FlightComparison) -> Table:
 def flights_json(result: FlightComparison) -> dict[str, Any]:
     """Contents of the tables, and the figures of every flight."""
     late_labels = []
-    for tier, rows in result.groups.items() if result.truth is not None else ():
-        late = {str(count): _figures(one.some(rows)) for count, one in zip(POSITIONS_LATE, result.late, strict=True)}
-        late_labels.append({"tier": tier, "truth": value(result.truth.some(rows)), "late": late})
+    for tier, rows in result.groups.items():
+        late = {str(count): _figures(one.some(rows)) for count, one in zip(POSITIONS_LATE, result.late, strict=False)}
+        if result.truth is not None:
+            late_labels.append({"tier": tier, "truth": value(result.truth.some(rows)), "late": late})
     flights = [
         {
             "id": flight.identity, "tier": flight.tier.name, "hours": flight.hours, "positions": len(flight.times),

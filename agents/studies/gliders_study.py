@@ -115,7 +115,8 @@ def compare_on_gliders(
     known = [name for name, values in real.items() if values.size and made[name].size]
     gap = {name: tuple(np.percentile(some[name], SHARES).tolist() for some in (real, made)) for name in known}
     by_level: list[Any] = [{level: {} for level in LEVELS} for _ in range(3)]
-    result = GliderComparison(flights, labels, *by_level[:2], {}, by_level[2], gap)
+    scores, settled, simulated = by_level
+    result = GliderComparison(flights, labels, scores, settled, {}, simulated, gap)
     for name, settings in every.items():
         note(glider_rule(name).title)
         told = glider_statements(flights, settings)

@@ -118,7 +118,7 @@ def differences(results: Sequence[Shift]) -> dict[str, tuple[Shift, Estimate, Es
         mine, *others = (result for result in results if result.world == world)
         best = max(others, key=lambda one: one.reward.value)
         goal = mine.task.statistic(mine.task.goal)
-        found[world] = best, *(scores.difference(best.own, goal) for scores in (mine.own, mine.nominal))
+        found[world] = best, mine.own.difference(best.own, goal), mine.nominal.difference(best.own, goal)
     return found
 
 
