@@ -23,8 +23,7 @@ class Selected:
     chosen: int  # index of the threshold that was selected on other episodes
 
 
-Groups = Mapping[str, Sequence[Selected]]
-"""Deciders by name; those of one name differ only in their training seed."""
+Groups = Mapping[str, Sequence[Selected]]  # deciders by name; those of one name differ only in their training seed
 
 
 def chosen(groups: Groups, statistic: Statistic) -> Iterator[float]:

@@ -54,8 +54,7 @@ OWN_NETWORKS = {
 """File and class of the deciders whose networks are of this package, by training algorithm."""
 
 
-EXCHANGED = (".zip", ".onnx")
-"""Endings of the files of policies that other libraries write."""
+EXCHANGED = (".zip", ".onnx")  # endings of the files of policies that other libraries write
 SHIPPED = "shipped"
 SHIPPED_FOLDERS = {
     ANNOUNCED: "shipped", UNKNOWN: "shipped_quickest", FLIGHTS: "shipped_flights", GLIDERS: "shipped_gliders",

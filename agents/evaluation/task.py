@@ -27,8 +27,7 @@ from hybrid_env.rendering.history import History
 FIGURE_SIZE = (11.5, 5.2)  # of the figure of a comparison [in]
 Levels = dict[tuple[str, ...], "Metric"]
 """Figures of whole operating curves, by their keys in JSON from the outermost on."""
-OnProgress = Callable[[float], None]
-"""Called with the finished share."""
+OnProgress = Callable[[float], None]  # called with the finished share
 
 
 @dataclass(frozen=True)

@@ -41,8 +41,7 @@ MOST_SEGMENTS = 2_000_000  # expected number on all tracks; every threshold stor
 LONGEST_DELAY = 100  # ticks after a switch, of the curves of identification
 QUANTILES = (0.5, 0.9)  # of the delays of detected switches
 RATES = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0)
-EQUAL_WRONG_CHANGES = 2.0
-"""Wrong changes per 1,000 ticks at which delays are compared."""
+EQUAL_WRONG_CHANGES = 2.0  # wrong changes per 1,000 ticks at which delays are compared
 EQUAL = {
     name: at_level("wrong_changes", EQUAL_WRONG_CHANGES, STATISTICS[name], falling=True)
     for name in ("full_delay", "delay", "missed")

@@ -10,8 +10,7 @@ from docstring_parser import parse_from_object
 
 from baselines.rules.decider import ANNOUNCED, FLIGHTS, GLIDERS, UNKNOWN, rules
 
-NO_DEFAULT = (None, ())
-"""Defaults of flags that are not given; the help text then says what happens without the flag."""
+NO_DEFAULT = (None, ())  # defaults of flags that are not given; the help text then says what happens without the flag
 
 
 def shown_default(text: str, *aliases: str, help: str | None = None) -> Any:

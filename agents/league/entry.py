@@ -15,8 +15,7 @@ from agents.learned.policy_file import package_versions
 from baselines.scoring.scores import Scores
 from hybrid_env.checks import reject
 
-PROTOCOL = 1
-"""Number of the protocol; it rises when worlds, episodes or metrics change."""
+PROTOCOL = 1  # number of the protocol; it rises when worlds, episodes or metrics change
 LARGEST = 2**20  # bytes of a file
 REWARD = "<f4"  # little-endian float32
 

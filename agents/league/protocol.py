@@ -17,10 +17,8 @@ from baselines.rules.decider import ANNOUNCED, UNKNOWN, Decider
 from baselines.rules.own import as_decider
 from hybrid_env.checks import ArgumentError
 
-SEED = 600_000_000
-"""Of the first reported episode; no other study reports these episodes."""
-EPISODES = {ANNOUNCED: 600, UNKNOWN: 150}
-"""Reported episodes of each world; as many others select the threshold."""
+SEED = 600_000_000  # of the first reported episode; no other study reports these episodes
+EPISODES = {ANNOUNCED: 600, UNKNOWN: 150}  # reported episodes of each world; as many others select the threshold
 WORLDS: dict[str, tuple[str, dict[str, Any]]] = {
     "R = 0.01": (THREE, {"measurement_variance": 0.01}),
     "R = 0.1": (THREE, {}),

@@ -15,8 +15,7 @@ from agents.recordings.tracked import TrackedRecording, piece_table, row_table
 from agents.recordings.tracking import TrackingArguments
 
 MAX_PRINTED_PIECES = 20
-FEW_FILES = 20
-"""Up to this many files, each has a picture by default; it takes longer than the tracking."""
+FEW_FILES = 20  # up to this many files, each has a picture by default; it takes longer than the tracking
 
 
 @dataclass(kw_only=True)

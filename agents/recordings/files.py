@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
 TAU_RANGE = (1e-9, 1e9)  # [s]
 COLUMN_ROLES = ("t", *ROLES)
-PARALLEL_FILES = 8
-"""With fewer files the start of processes takes longer than it saves."""
+PARALLEL_FILES = 8  # with fewer files the start of processes takes longer than it saves
 
 
 @dataclass(kw_only=True)

@@ -26,8 +26,7 @@ from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Radar
 
-DECIDER, DECIDER_OF_LENGTHS = "threshold", "msprt-aware"
-"""Default deciders: without and with segment lengths."""
+DECIDER, DECIDER_OF_LENGTHS = "threshold", "msprt-aware"  # default deciders: without and with segment lengths
 
 SIMULATED_SEGMENTS = 6  # of an episode, for deciders that are fitted by simulation
 

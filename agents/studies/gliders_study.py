@@ -28,8 +28,7 @@ from baselines.rules.decider import GLIDERS, rules
 from baselines.scoring.scores import Scores
 from hybrid_env.checks import FloatArray, IntArray, reject
 
-LEVELS = (2.0, 5.0, 8.0)
-"""False changes an hour at which rules are compared."""
+LEVELS = (2.0, 5.0, 8.0)  # false changes an hour at which rules are compared
 
 REFERENCE = "imm"
 SIMULATED, SIMULATED_TIME, SIMULATED_SEED = 60, 3600.0, 20260601  # flights, of seconds, for comparison

@@ -27,8 +27,7 @@ from hybrid_env.rendering.window import RENDER_FPS, Renderer, display_available
 if TYPE_CHECKING:
     from agents.studies.episodes import Episodes
 
-FINAL_FRAMES = 2 * RENDER_FPS
-"""Number of times that the window shows the last frame of an episode: for two seconds."""
+FINAL_FRAMES = 2 * RENDER_FPS  # number of times that the window shows the last frame of an episode: for two seconds
 
 
 @dataclass(kw_only=True)

@@ -16,8 +16,7 @@ from baselines.rules.sprt import sprt_thresholds
 from hybrid_env.rendering.evidence import TYPE_COLOURS, mode_colour
 
 TYPE_NAMES = ("straight", "left turn", "right turn")
-RUN = 0
-"""Index of the run that is drawn."""
+RUN = 0  # index of the run that is drawn
 
 
 def draw(result: Reproduction) -> dict[str, Figure]:
