@@ -20,17 +20,10 @@ from agents.figures.tracks import TrackRecord
 from baselines.rules.decider import UNKNOWN, rules
 from baselines.rules.msprt import mode_types
 from baselines.rules.rollout import record_together
+from baselines.scoring import statements as scoring
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores, at_level, mean
-from baselines.scoring.statements import (
-    COLUMNS,
-    IDENTIFICATION,
-    STATISTICS,
-    TYPE_COLUMNS,
-    StatementMetrics,
-    Statements,
-    measure_statements,
-)
+from baselines.scoring.statements import STATISTICS, StatementMetrics, Statements, measure_statements
 from hybrid_env.checks import check_integer
 from hybrid_env.rendering.evidence import mode_name
 from hybrid_env.rendering.history import History
@@ -60,7 +53,7 @@ class UnknownTask(Task):
     """Nobody announces switches, and the present mode is stated at every tick."""
 
     switches: ClassVar = UNKNOWN
-    columns: ClassVar = COLUMNS + TYPE_COLUMNS
+    columns: ClassVar = scoring.COLUMNS + scoring.TYPE_COLUMNS
     metrics: ClassVar = (
         Metric("reward", "reward", STATISTICS["reward"], 4),
         Metric("right", "right\n%", STATISTICS["right"], 1, 100.0),
@@ -159,7 +152,7 @@ class UnknownTask(Task):
         for one in scores:
             cells = [
                 estimate_cell(one.estimate(statistic), 100.0 if name == "identified" else 1.0, 1)
-                for found in IDENTIFICATION.values()
+                for found in scoring.IDENTIFICATION.values()
                 for name, statistic in found.items()
             ]
             rows.append((escape(one.name), *cells))

@@ -57,9 +57,9 @@ class Reproduce(ParallelArguments):
             raise reject("papers", self.papers, "one or more papers, each at most once")
         from rich.console import Console
 
-        from agents.interface.output_files import output_folder
+        from agents.interface.output_files import output_folder, write_files
         from agents.interface.progress import progress_display
-        from agents.reproduction.report import print_report, write_summary
+        from agents.reproduction.report import print_report, summary_markdown
 
         workers, folder, console = self.workers(), output_folder("out", self.out), Console(emoji=False)
         options = {"seed": self.seed} | ({} if self.runs is None else {"runs": self.runs})
@@ -76,7 +76,8 @@ class Reproduce(ParallelArguments):
             result, seconds = found[paper]
             drawn = import_module(f"{figures.__name__}.{paper}").draw(result)
             print_report(paper, result, drawn, seconds, folder, console)
-        write_summary([found[paper][0] for paper in self.papers], folder, console)
+        write_files(folder, {"reproduction.md": summary_markdown([found[paper][0] for paper in self.papers])})
+        console.print(f"Summary: {folder / 'reproduction.md'}", markup=False, highlight=False)
 
     def _reproduce_radar_study(self, options: dict[str, Any], folder: Path, progress: "Progress") -> tuple[Any, float]:
         """Run the radar study on all processor cores, with a line of its own in the progress display."""

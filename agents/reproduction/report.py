@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -80,26 +79,14 @@ def summary_markdown(results: Sequence[Reproduction]) -> str:
     return markdown_table(SUMMARY_HEADER, rows)
 
 
-def to_json(result: Reproduction) -> dict[str, Any]:
-    """All results without the recordings."""
-    return {
-        "paper": result.paper, "runs": result.runs, "seed": result.seed,
-        "cells": [cell.as_json() for cell in result.cells], "findings": [vars(finding) for finding in result.findings],
-    }  # fmt: skip
-
-
 def print_report(
     paper: str, result: Reproduction, figures: Mapping[str, Figure], seconds: float, folder: Path, console: Console
 ) -> None:
     """Print the tables of a paper, and write them and the figures, which come by file name."""
-    text = to_markdown(result)
+    text, cells = to_markdown(result), [cell.as_json() for cell in result.cells]
+    values = {"paper": result.paper, "runs": result.runs, "seed": result.seed, "cells": cells}
+    values |= {"findings": [vars(finding) for finding in result.findings]}
     console.print(Markdown(text))
-    files = write_files(folder, {f"{paper}.md": text, f"{paper}.json": to_json(result), **figures})
+    files = write_files(folder, {f"{paper}.md": text, f"{paper}.json": values, **figures})
     line = f"{describe_runs(result)} Computed in {seconds:.2f} s. {files}\n"
     console.print(line, markup=False, highlight=False)
-
-
-def write_summary(results: Sequence[Reproduction], folder: Path, console: Console) -> None:
-    """Write `summary_markdown` into the output folder."""
-    write_files(folder, {"reproduction.md": summary_markdown(results)})
-    console.print(f"Summary: {folder / 'reproduction.md'}", markup=False, highlight=False)

@@ -35,12 +35,6 @@ def tracking_figures(
     return figures
 
 
-def _mode_label(signed_radius: float) -> str:
-    if signed_radius == 0.0:
-        return "straight"
-    return f"{'left' if signed_radius > 0.0 else 'right'} turn, r = {abs(signed_radius):g} m"
-
-
 def _tracking_figure(title: str, recording: Any, tracks: Any, radii: Sequence[float], alpha: float) -> Figure:
     """Estimate over the true trajectory, and log-likelihood ratios with their thresholds."""
     figure, (map_axes, ratio_axes) = paper_figure(title, (13.0, 6.4), (1.0, 1.15))
@@ -52,7 +46,9 @@ def _tracking_figure(title: str, recording: Any, tracks: Any, radii: Sequence[fl
     segments = zip(ends, recording.lengths, recording.signed_radii, strict=True)
     for number, (end, length, radius) in enumerate(segments, start=1):
         middle = truth[end - 3 * length // 4 : end - length // 4]  # the half of the segment beside its label
-        map_axes.plot(*middle.T, color=TRUTH, linewidth=3.4, label=f"{number}: {_mode_label(radius)}")
+        turn = f"{'left' if radius > 0.0 else 'right'} turn, r = {abs(radius):g} m"
+        label = f"{number}: {turn if radius else 'straight'}"
+        map_axes.plot(*middle.T, color=TRUTH, linewidth=3.4, label=label)
     estimate, modes = tracks.estimates[RUN][:, [0, 2]], tracks.modes[RUN]
     lines = plot_by_mode(map_axes, estimate, modes, radii, linewidth=1.5, zorder=3)
     worst = np.hypot(*(estimate - truth).T).argmax()
