@@ -1,13 +1,10 @@
-"""An empty figure, the style of its axes, and its file."""
+"""An empty figure, and the style of its axes."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-
-from agents.interface.output_files import atomic_file
 
 DPI, PAPER_DPI = 120, 110
 
@@ -15,9 +12,9 @@ GREY, DARK_GREY, TRUTH = "#9a9a9a", "#4d4d4d", "#1a1a1a"
 """Of measurements, of lines beside curves, and of the true track."""
 
 
-def new_canvas(size: tuple[float, float], dpi: float = DPI, layout: Any = "constrained") -> Figure:
+def new_canvas(size: tuple[float, float], dpi: float = DPI) -> Figure:
     """Return an empty figure of width and height [in]."""
-    canvas = Figure(figsize=size, layout=layout, dpi=dpi)
+    canvas = Figure(figsize=size, layout="constrained", dpi=dpi)
     FigureCanvasAgg(canvas)
     return canvas
 
@@ -46,9 +43,3 @@ def style_map(axes: Any, title: str, unit: str = "m") -> None:
 def legend_beside(axes: Any, **handles: Any) -> None:
     """Add a legend without a frame, on the right of axes."""
     axes.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5), **handles)
-
-
-def save_figure(canvas: Figure, path: Path) -> None:
-    """Write a figure as PNG, completely or not at all."""
-    with atomic_file(path) as part:
-        canvas.savefig(part, format="png")

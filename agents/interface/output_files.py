@@ -108,6 +108,12 @@ def write_text(path: Path, text: str) -> None:
         part.write_text(text, encoding="utf-8")
 
 
+def save_figure(figure: Any, path: Path) -> None:
+    """Write a figure of Matplotlib as PNG."""
+    with atomic_file(path) as part:
+        figure.savefig(part, format="png")
+
+
 def write_files(folder: Path, files: Mapping[str, Any]) -> str:
     """Write plain values (.json), texts (.md) and figures of Matplotlib (.png); return a line with their names."""
     for name, content in files.items():
@@ -116,8 +122,7 @@ def write_files(folder: Path, files: Mapping[str, Any]) -> str:
         elif name.endswith(".md"):
             write_text(folder / name, content)
         else:
-            with atomic_file(folder / name) as part:
-                content.savefig(part, format="png")
+            save_figure(content, folder / name)
     return f"Files in {folder}: {', '.join(files)}"
 
 

@@ -52,8 +52,7 @@ class Score:
         result = self.score()
         from rich.console import Console
 
-        from agents.figures.canvas import save_figure
-        from agents.interface.output_files import write_json
+        from agents.interface.output_files import save_figure, write_json
         from agents.interface.progress import print_lines
         from agents.studies.score_report import score_figure, score_tables
 
