@@ -188,7 +188,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
             console.print(study.summary(results))
             files["simulators.png"] = study.mismatch_figure(results, mismatches)
         line = write_files(folder, files)
-        console.print(line if len(files) > 1 else line.replace("Files", "File"), markup=False, highlight=False)
+        console.print(line if len(files) > 1 else line.replace("Files", "File", 1), markup=False, highlight=False)
 
     def plan(self) -> "Plan":
         """Return the checked plan."""
