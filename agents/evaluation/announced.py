@@ -188,7 +188,7 @@ class AnnouncedTask(Task):
 
     def done(self, history: History) -> float:
         """See `Task.done`."""
-        return len(history.decisions) / float(self.options.segments)
+        return len(history.decisions) / self.length
 
     def fill(self, table: Table, history: History) -> None:
         """Add one row for each decision."""

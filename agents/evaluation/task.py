@@ -168,6 +168,11 @@ class Task(ABC):
         width, height = FIGURE_SIZE
         return curve_figure(rows, (width, height * len(rows)), self.figure_title, self.figure_note)
 
+    @property
+    def length(self) -> int:
+        """Number of segments to declare, or of ticks to state, in an episode."""
+        return int(getattr(self.options, f"{self.wording.unit}s"))
+
     @abstractmethod
     def done(self, history: History) -> float:
         """Return the share of the running episode that is decided or stated."""

@@ -210,7 +210,7 @@ class UnknownTask(Task):
 
     def done(self, history: History) -> float:
         """See `Task.done`."""
-        return len(history.trace) / float(self.options.ticks)
+        return len(history.trace) / self.length
 
     def fill(self, table: Table, history: History) -> None:
         """Add one row for each segment, and metrics of the episode."""

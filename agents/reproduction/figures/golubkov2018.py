@@ -58,7 +58,7 @@ def _tracking_figure(title: str, recording: Any, tracks: Any, radii: Sequence[fl
     map_axes.plot(*truth[0], "s", color="black", markersize=6, zorder=4)
 
     _draw_ratios(ratio_axes, recording, tracks, radii, alpha)
-    ring = {"marker": "o", "markerfacecolor": "white", "markeredgecolor": "black", "linestyle": "none"}
+    ring: dict[str, Any] = {"marker": "o", "markerfacecolor": "white", "markeredgecolor": "black", "linestyle": "none"}
     types = zip(TYPE_COLOURS, TYPE_NAMES, strict=True)
     handles = [
         Line2D([], [], color="black", marker="s", linestyle="none", markersize=6, label="start"),
