@@ -64,6 +64,7 @@ class FlightTask:
     def label(self, name: str) -> str:
         """Return the name of a decider in figures."""
         base, threshold = split_threshold(name)
+        self.decider(name)  # refuses a threshold that is not allowed
         title = self._find(name)[0].name
         margin = ", margin" if base == AGENT else ""
         return title if threshold is None else f"{title}{margin} {threshold:g}"
