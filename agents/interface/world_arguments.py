@@ -79,8 +79,9 @@ class WorldArguments(_Flags):
         flags = [field for field in dataclasses.fields(WorldArguments) if field.name != "env"]
         values = {flag.name: getattr(self, flag.name) for flag in flags}
         given = {flag.name: values[flag.name] for flag in flags if values[flag.name] is not flag.default}
+        known = _names(env_id)  # refuses an unknown id
         for name in given:
-            if name not in _names(env_id):
+            if name not in known:
                 environment = env_id.rpartition(":")[2]
                 raise reject(name, given[name], f"no value, because {environment} has no such option")
         return given
