@@ -123,11 +123,7 @@ def one_line(message: str) -> str:
 
 
 def parse(arguments: Sequence[str]) -> Any:
-    """Return the command of command-line arguments, ready to run.
-
-    Raises:
-        SystemExit: after the help text, or with a message on the standard error stream.
-    """
+    """Return the command of command-line arguments, ready to run."""
     config = (tyro.conf.DisallowNone,)  # a flag is left out, not given as "None"
     name = arguments[0] if arguments else ""
     if name in COMMANDS:  # the flags of one command are parsed much sooner than those of all
@@ -141,14 +137,10 @@ def parse(arguments: Sequence[str]) -> Any:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command.
+    """Run a command, with the arguments of the process if there are none.
 
-    Args:
-        arguments: command-line arguments; None takes those of the process.
-
-    Returns:
-        The exit status: 0, 1 if the reader of the output has closed it, 2 for an invalid argument or a file
-        that cannot be read or written, or 130 after an interrupt by the user.
+    Returns the exit status: 0, 1 if the reader of the output has closed it, 2 for an invalid argument or a file that
+    cannot be read or written, or 130 after an interrupt by the user.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -158,18 +150,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if sys.stdout is not None:
             sys.stdout.flush()
         return status
-    except (ArgumentError, gym.error.Error) as error:
-        _report(str(error))
-        return 2
     except BrokenPipeError:
         _discard_output()
         return 1
-    except OSError as error:
-        _discard_output()
-        _report(str(error))
-        return 2
-    except MemoryError as error:
-        _report(f"not enough memory: {error}")
+    except (ArgumentError, gym.error.Error, OSError, MemoryError) as error:
+        if isinstance(error, OSError):
+            _discard_output()
+        _report(f"not enough memory: {error}" if isinstance(error, MemoryError) else str(error))
         return 2
     except KeyboardInterrupt as interrupt:
         _report(": ".join(["interrupted", *map(str, interrupt.args)]))
@@ -185,7 +172,7 @@ def _run(arguments: Sequence[str]) -> int:
         if stop.code:
             _report(errors.getvalue())
         else:
-            _print_examples(arguments[0])
+            print("examples:", *EXAMPLES.get(arguments[0], EXAMPLES[""]), sep="\n  ")
         return int(stop.code or 0)
     if getattr(command, "trust", False):
         os.environ[TRUST] = "1"
@@ -193,12 +180,6 @@ def _run(arguments: Sequence[str]) -> int:
         warnings.showwarning = lambda message, *_: _report(f"warning: {message}")
         command.run()
     return 0
-
-
-def _print_examples(command: str) -> None:
-    print("examples:")
-    for line in EXAMPLES.get(command, EXAMPLES[""]):
-        print(f"  {line}")
 
 
 def _report(message: str) -> None:

@@ -39,10 +39,9 @@ def evaluate(
 
     Args:
         decider: a name, a function of the observations, or an object with `predict`, see `load`.
-        env_id: of the environment.
+        env_id, options: of the environment.
         episodes: number of episodes.
         seed: of the first episode; later ones have consecutive seeds.
-        options: of the environment.
 
     Raises:
         ArgumentError: an argument is not allowed.
@@ -55,13 +54,9 @@ def evaluate(
 
 
 def compare(
-    deciders: Sequence[Any] | None = None,
-    agents: Sequence[Any] | None = None,
-    env_id: str = DEFAULT_ENV,
-    *,
-    out: str | os.PathLike[str] | None = None,
-    **options: Any,
-) -> comparison.Comparison:
+    deciders: Sequence[Any] | None = None, agents: Sequence[Any] | None = None, env_id: str = DEFAULT_ENV, *,
+    out: str | os.PathLike[str] | None = None, **options: Any,
+) -> comparison.Comparison:  # fmt: skip
     """Train agents and score all deciders on the same episodes, as `hybridtrack compare`.
 
     Args:
@@ -77,32 +72,25 @@ def compare(
     """
     names = [None if given is None else tuple(given) for given in (deciders, agents)]
     command = Compare(deciders=names[0], agents=names[1], env=env_id, **options)
-    if out is not None and not all(isinstance(name, str) for name in (names[0] or ()) + (names[1] or ())):
+    if out is not None and not all(isinstance(name, str) for some in names for name in some or ()):
         raise reject("out", out, "None with deciders that are no names: a folder cannot tell them apart")
     folder = None if out is None else Path(out)
     return comparison.compare(command.plan(), command.workers(), Progress(disable=True), folder)
 
 
 def train(
-    recipe: str = "ppo",
-    env_id: str = DEFAULT_ENV,
-    *,
-    out: str | os.PathLike[str] | None = None,
-    seed: int = 0,
-    steps: int | None = None,
-    changes: Sequence[str] = (),
-    **options: Any,
-) -> Decider:
+    recipe: str = "ppo", env_id: str = DEFAULT_ENV, *, out: str | os.PathLike[str] | None = None, seed: int = 0,
+    steps: int | None = None, changes: Sequence[str] = (), **options: Any,
+) -> Decider:  # fmt: skip
     """Train an agent, as `hybridtrack train`, and return it.
 
     Args:
         recipe: name of a recipe, or a YAML file.
-        env_id: of the environment.
+        env_id, options: of the environment.
         out: run folder, new or empty; None writes nothing.
         seed: of weights, tracks and mini-batches.
         steps: environment steps, summed over tracks; None for those of the recipe.
         changes: hyper-parameters to override, each "name=value".
-        options: of the environment.
 
     Raises:
         ArgumentError: an argument is not allowed.

@@ -1,6 +1,6 @@
 """Announced switches: the mode of every segment is declared once."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -11,7 +11,7 @@ from rich.table import Table
 
 from agents.evaluation.cells import filled_table
 from agents.evaluation.curves import Groups, Selected, chosen, curves, means
-from agents.evaluation.task import Levels, Metric, Recorded, Task, Wording
+from agents.evaluation.task import Levels, Metric, OnProgress, Recorded, Task, Wording
 from agents.evaluation.worlds import shifted_worlds
 from agents.figures.curves import Axis, Panel
 from agents.figures.decider_colours import decider_styles
@@ -32,36 +32,24 @@ CALIBRATION_TICKS = (2, 5, 10, 20, 40)
 def calibration_rows(episodes: int, seed: int, options: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the calibration of the bank's posterior after numbers of ticks without a decision.
 
-    The keys of a row are "ticks", "right" (accuracy of the most probable hypothesis or type), "stated" (its
-    mean posterior) and "worst" (the largest calibration error: posterior minus accuracy in a bin; None
-    without a bin of enough segments).
-
-    Args:
-        episodes: number of simulated episodes.
-        seed: of the first episode.
-        options: of the environment.
+    Of a row, "right" is the accuracy of the most probable hypothesis or type, "stated" its mean posterior, and
+    "worst" the largest calibration error: posterior minus accuracy in a bin; None without a bin of enough segments.
     """
-    paths = simulate_posterior_paths(episodes, seed, max(CALIBRATION_TICKS), **options)
-    ticks = [tick for tick in CALIBRATION_TICKS if (paths.length >= tick).any()]
-    found = {tick: calibration(paths, tick) for tick in ticks}
-    return [
-        {
-            "ticks": tick, "right": one.mean_accuracy, "stated": one.mean_stated,
-            "worst": one.worst if np.isfinite(one.worst) else None,
-        }
-        for tick, one in found.items()
-    ]  # fmt: skip
+    paths, rows = simulate_posterior_paths(episodes, seed, max(CALIBRATION_TICKS), **options), []
+    for tick in CALIBRATION_TICKS:
+        if (paths.length >= tick).any():
+            one = calibration(paths, tick)
+            worst = one.worst if np.isfinite(one.worst) else None
+            rows.append({"ticks": tick, "right": one.mean_accuracy, "stated": one.mean_stated, "worst": worst})
+    return rows
 
 
 def calibration_table(rows: Sequence[Mapping[str, Any]], bank: str) -> Table:
     """Return a table of `calibration_rows` of a bank."""
-    cells = [
-        (
-            f"{row['ticks']:g}", f"{100 * row['right']:.1f}", f"{100 * row['stated']:.1f}",
-            "-" if row["worst"] is None else f"{100 * row['worst']:+.1f}",
-        )
-        for row in rows
-    ]  # fmt: skip
+    cells = []
+    for row in rows:
+        worst = "-" if row["worst"] is None else f"{100 * row['worst']:+.1f}"
+        cells.append((f"{row['ticks']:g}", f"{100 * row['right']:.1f}", f"{100 * row['stated']:.1f}", worst))
     return filled_table(
         f"Calibration of the {bank.replace('_', '-')} bank (no decisions)",
         ("ticks", "accuracy\n%", "mean\nposterior, %", "largest calibration\nerror, %"), cells,
@@ -122,17 +110,11 @@ class AnnouncedTask(Task):
         return batch_size(self.options)
 
     def record(
-        self,
-        deciders: Sequence[Any],
-        changes: Mapping[str, Any],
-        episodes: int,
-        seed: int,
-        on_progress: Callable[[float], None],
+        self, deciders: Sequence[Any], changes: Mapping[str, Any], episodes: int, seed: int, on_progress: OnProgress
     ) -> list[Recorded]:
         """See `Task.record`."""
         (decider,) = deciders
-        options = {**self.given, **changes}
-        decisions = evaluate_batch(decider, self.env_id, episodes, seed, on_progress, options)
+        decisions = evaluate_batch(decider, self.env_id, episodes, seed, on_progress, {**self.given, **changes})
         modes = {"true_mode": decisions.true_mode.ravel(), "decided_mode": decisions.decided_mode.ravel()}
         return [Recorded(decisions.figures, modes)]
 
@@ -147,13 +129,11 @@ class AnnouncedTask(Task):
         ticks = float(reference.curve(mean("ticks"))[reference.thresholds.index(default)])
         error = interpolated("ticks", ticks, "accuracy")
         wrong = Statistic(error.columns, lambda *means: 1.0 - error.function(*means), share=True)
-        found: Levels = {
-            ("equal_time_error",): Metric("equal_time_error", f"error, %\nat {ticks:.1f}", wrong, 2, 100.0)
-        }
+        name = "equal_time_error"
+        found: Levels = {(name,): Metric(name, f"error, %\nat {ticks:.1f}", wrong, 2, 100.0)}
         for level in ACCURACY_LEVELS:
             time = at_level("accuracy", level, mean("ticks"))
-            keys = "ticks_at_accuracy", f"{level:g}"
-            found[keys] = Metric(keys[0], f"ticks at\n{level:.0%}", time, 1)
+            found["ticks_at_accuracy", f"{level:g}"] = Metric(f"{level:g}", f"ticks at\n{level:.0%}", time, 1)
         return found
 
     def against(self, mine: Selected, reference: Selected, curves: bool) -> dict[str, dict[str, Estimate]]:
@@ -171,20 +151,14 @@ class AnnouncedTask(Task):
         return {"segments": episodes * self.options.segments, "bank": rows}
 
     def further_tables(self, scores: Sequence[Scores], remarks: Mapping[str, Any]) -> list[Table]:
-        """Return error rates by previous decision, as after a wrong one the next anchor is inaccurate.
-
-        A second table has the calibration of the bank.
-        """
+        """Return errors by previous decision, as a wrong one makes the next anchor inaccurate, and the calibration."""
         heads = ("decider", "after a correct\ndecision, %", "after a wrong\ndecision, %")
         rows = []
         for one in scores:
             shares = [float(one.curve(statistic)[0]) for statistic in ERROR_AFTER.values()]
-            cells = [f"{100 * share:.1f}" if np.isfinite(share) else "-" for share in shares]
-            rows.append((escape(one.name), *cells))
-        return [
-            filled_table("Error rate by previous decision", heads, rows),
-            calibration_table(remarks["bank"], self.options.bank),
-        ]
+            rows.append((escape(one.name), *(f"{100 * share:.1f}" if np.isfinite(share) else "-" for share in shares)))
+        errors = filled_table("Error rate by previous decision", heads, rows)
+        return [errors, calibration_table(remarks["bank"], self.options.bank)]
 
     def panels(self, groups: Groups, complete: bool) -> list[Panel]:
         """Return accuracy and mean reward against mean decision time.
@@ -199,33 +173,22 @@ class AnnouncedTask(Task):
         best, worst = max(rewards), min(rewards)
         ticks = Axis("mean decision time, ticks", (0.0, 1.05 * max([30.0, *times, *_ends(groups)])))
         error = Axis(
-            "accuracy, % of segments",
-            (max(0.6, 1.1 * max(wrong)), min(0.8e-3, 0.8 * max(min(wrong), least))),
-            {error: f"{100 * (1 - error):g}" for error in ERRORS},
-            log=True,
+            "accuracy, % of segments", (max(0.6, 1.1 * max(wrong)), min(0.8e-3, 0.8 * max(min(wrong), least))),
+            {error: f"{100 * (1 - error):g}" for error in ERRORS}, log=True,
             levels=tuple(1.0 - level for level in ACCURACY_LEVELS),
-        )
+        )  # fmt: skip
         reward = Axis("mean reward per segment", (min(-0.4 * abs(best), best - 0.5, worst - 0.08), best + 0.08))
+        found = curves(groups, mean("ticks"), ERROR, (-np.inf, least))
+        accuracy = "Accuracy against mean decision time"
+        cost = f"Mean reward per segment, delay cost {self.options.delay_cost:g} per tick"
         return [
-            Panel(
-                "Accuracy against mean decision time", ticks, error,
-                curves(groups, mean("ticks"), ERROR, (-np.inf, least)),
-                unreached=_unreached(groups, complete),
-            ),
-            Panel(
-                f"Mean reward per segment, delay cost {self.options.delay_cost:g} per tick", ticks, reward,
-                curves(groups, mean("ticks"), mean("reward"), (-np.inf, -np.inf)),
-            ),
-        ]  # fmt: skip
+            Panel(accuracy, ticks, error, found, unreached=_unreached(groups, complete)),
+            Panel(cost, ticks, reward, curves(groups, mean("ticks"), mean("reward"), (-np.inf, -np.inf))),
+        ]
 
-    @property
-    def length(self) -> int:
-        """Number of decisions."""
-        return int(self.options.segments)
-
-    def done(self, history: History) -> int:
+    def done(self, history: History) -> float:
         """See `Task.done`."""
-        return len(history.decisions)
+        return len(history.decisions) / self.length
 
     def fill(self, table: Table, history: History) -> None:
         """Add one row for each decision."""
@@ -233,14 +196,10 @@ class AnnouncedTask(Task):
             table.add_column(name)
         table.add_column("ticks", justify="right")
         for number, decision in enumerate(history.decisions, start=1):
+            modes = (mode_name(mode, self.options.radii) for mode in (decision.true_mode, decision.mode))
             verdict = "[green]correct[/]" if decision.correct else "[red]wrong[/]"
-            table.add_row(
-                str(number),
-                mode_name(decision.true_mode, self.options.radii),
-                mode_name(decision.mode, self.options.radii),
-                verdict + (", forced" if decision.forced else ""),
-                f"{decision.ticks} of {decision.length}",
-            )
+            verdict += ", forced" if decision.forced else ""
+            table.add_row(str(number), *modes, verdict, f"{decision.ticks} of {decision.length}")
 
     def track_record(self, history: History, **common: Any) -> TrackRecord:
         """Return the declarations: statements from their tick to the end of the segment."""
@@ -252,13 +211,9 @@ class AnnouncedTask(Task):
         since = np.arange(len(stated)) - np.repeat(switches, lengths)
         rewards = np.where(correct, 1.0, -1.0) - self.options.delay_cost * ticks
         return TrackRecord(
-            **common,
-            modes=np.where(since < np.repeat(ticks, lengths), UNDECIDED, stated),
-            right=np.repeat(correct, lengths),
-            marks=switches + ticks - 1,
-            switches=switches,
-            summary=f"{rewards.mean():+.2f}",
-        )
+            **common, modes=np.where(since < np.repeat(ticks, lengths), UNDECIDED, stated), switches=switches,
+            right=np.repeat(correct, lengths), marks=switches + ticks - 1, summary=f"{rewards.mean():+.2f}",
+        )  # fmt: skip
 
 
 def _ends(groups: Groups) -> list[float]:
@@ -271,11 +226,8 @@ def _ends(groups: Groups) -> list[float]:
 
 
 def _unreached(groups: Groups, complete: bool) -> dict[float, tuple[str, list[Any]]]:
-    """Return the styles of the deciders that do not reach an accuracy level at any threshold.
-
-    Unless the curves are complete, only the first decider was scored at all thresholds.
-    """
-    styles, whole = decider_styles(groups), list(groups)[: None if complete else 1]
+    """Return the styles of the deciders that do not reach an accuracy level at any threshold."""
+    styles, whole = decider_styles(groups), list(groups)[: None if complete else 1]  # those with all thresholds
     found = {}
     for level in ACCURACY_LEVELS:
         missing = [name for name in whole if means(groups[name], mean("accuracy")).max() < level]

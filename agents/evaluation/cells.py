@@ -25,11 +25,9 @@ def filled_table(
     table = new_table(title, caption)
     if len(heads) > 7:  # fit into 80 columns
         table.padding = (0, 0, 0, 0)
-    for column, head in enumerate(heads):
-        if column < texts:  # long names are wrapped, numbers are not
-            table.add_column(head, overflow="fold")
-        else:
-            table.add_column(head, justify="right", no_wrap=True)
+    for column, head in enumerate(heads):  # long names are wrapped, numbers are not
+        words = column < texts
+        table.add_column(head, "", justify="left" if words else "right", overflow="fold", no_wrap=not words)
     for row in rows:
         table.add_row(*row) if row else table.add_section()
     return table
@@ -37,23 +35,12 @@ def filled_table(
 
 def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Return a table in Markdown."""
-    lines = (" | ".join(row) for row in rows)
-    return (
-        "\n".join(["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads), *(f"| {line} |" for line in lines)])
-        + "\n"
-    )
+    head, *lines = (f"| {' | '.join(row)} |\n" for row in (heads, *rows))
+    return "".join([head, "|" + "---|" * len(heads) + "\n", *lines])
 
 
 def estimate_cell(estimate: Estimate, scale: float, digits: int, undefined: str = "-", sign: str = "") -> str:
-    """Return the value of an estimate, and below it the half width of its confidence interval if it has one.
-
-    Args:
-        estimate: of a figure.
-        scale: factor on the figure.
-        digits: after the decimal point.
-        undefined: text for a value that is not finite.
-        sign: "+" shows the sign of the value.
-    """
+    """Return the value of an estimate, times `scale`, and below it the half width of its interval if it has one."""
     if not np.isfinite(estimate.value):
         return undefined
     value = f"{scale * estimate.value:{sign}.{digits}f}"
@@ -72,6 +59,7 @@ def bounds_cell(estimate: Estimate, digits: int, scale: float = 1.0) -> str:
     return f"{value}\n[bright_black]{low} to {high}[/]"
 
 
-def signed(estimate: Estimate, digits: int) -> str:
-    """Return the value of a difference with its confidence interval, all with their signs."""
-    return f"{estimate.value:+.{digits}f} [{estimate.low:+.{digits}f}, {estimate.high:+.{digits}f}]"
+def in_brackets(estimate: Estimate, digits: int, scale: float = 1.0, sign: str = "") -> str:
+    """Return the value of an estimate with its confidence interval in one line; "+" shows the signs."""
+    value, low, high = (f"{scale * one:{sign}.{digits}f}" for one in vars(estimate).values())
+    return f"{value} [{low}, {high}]" if np.isfinite(estimate.value) else "not reached"

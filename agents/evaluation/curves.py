@@ -10,26 +10,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from agents.figures.curves import Curve
-from agents.figures.decider_colours import DeciderStyle, decider_styles
+from agents.figures.decider_colours import decider_styles
 from baselines.scoring.scores import Scores, Statistic
 from hybrid_env.checks import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
 class Selected:
-    """Scores of a decider, and the threshold selected for it.
+    """Scores of a decider, and the threshold selected for it."""
 
-    Attributes:
-        scores: at all its thresholds, or at the selected one.
-        chosen: index of the threshold that was selected on other episodes.
-    """
-
-    scores: Scores
-    chosen: int
+    scores: Scores  # at all its thresholds, or at the selected one
+    chosen: int  # index of the threshold that was selected on other episodes
 
 
-Groups = Mapping[str, Sequence[Selected]]
-"""Deciders by name; those of one name differ only in their training seed."""
+Groups = Mapping[str, Sequence[Selected]]  # deciders by name; those of one name differ only in their training seed
 
 
 def chosen(groups: Groups, statistic: Statistic) -> Iterator[float]:
@@ -43,32 +37,18 @@ def means(group: Sequence[Selected], statistic: Statistic) -> FloatArray:
 
 
 def curves(groups: Groups, x: Statistic, y: Statistic, above: tuple[float, float]) -> list[Curve]:
-    """Return one curve for each name.
-
-    Args:
-        groups: the deciders.
-        x, y: statistics on the axes.
-        above: points whose x is not larger are left out, and y is at least the second number.
-    """
-    styles = decider_styles(groups)
-    found = [_curve(name, group, x, y, above, styles[name]) for name, group in groups.items()]
-    return [curve for curve in found if np.size(curve.x)]
-
-
-def _curve(
-    name: str, group: Sequence[Selected], x: Statistic, y: Statistic, above: tuple[float, float], style: DeciderStyle
-) -> Curve:
-    places = means(group, x)
-    shown = np.flatnonzero(places > above[0])
-    points = [tuple(next(chosen({name: [one]}, statistic)) for statistic in (x, y)) for one in group]
-    return Curve(
-        name if len(group) == 1 else f"{name}, {len(group)} seeds",
-        style,
-        places[shown],
-        np.maximum(means(group, y)[shown], above[1]),
-        bounds=np.maximum(_band(group, y, shown), above[1]),
-        selected=[(place, max(value, above[1])) for place, value in points if place > above[0]],
-    )
+    """Return one curve for each name, of the points whose x is above the first number; y is at least the second."""
+    styles, found = decider_styles(groups), []
+    for name, group in groups.items():
+        places = means(group, x)
+        shown = np.flatnonzero(places > above[0])
+        if shown.size:
+            points = zip(*(chosen({name: group}, statistic) for statistic in (x, y)), strict=True)
+            selected = [(place, max(value, above[1])) for place, value in points if place > above[0]]
+            title = name if len(group) == 1 else f"{name}, {len(group)} seeds"
+            line, band = (np.maximum(of, above[1]) for of in (means(group, y)[shown], _band(group, y, shown)))
+            found.append(Curve(title, styles[name], places[shown], line, bounds=band, selected=selected))
+    return found
 
 
 def _band(group: Sequence[Selected], statistic: Statistic, shown: IntArray) -> FloatArray:

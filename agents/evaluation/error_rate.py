@@ -16,11 +16,7 @@ class ErrorArguments:
     threshold is chosen for it by simulation, as with the name 'shipped:2%'."""
 
     def at_error(self, name: str) -> str:
-        """Return the name of a decider with the rate that is asked for.
-
-        Raises:
-            ArgumentError: the flag has no such rate, or the name has a threshold.
-        """
+        """Return the name of a decider with the rate that is asked for."""
         if self.error is None:
             return name
         from agents.evaluation.registry import base_name  # loads slowly

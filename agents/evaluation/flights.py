@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,7 @@ from baselines.recordings.flights.metrics import STATISTICS
 from baselines.recordings.flights.samples import Samples
 from baselines.recordings.flights.semi_real import WORLD, semi_real_flights, state_semi_real
 from baselines.recordings.flights.tracks import FlightTracks
-from baselines.rules.decider import FLIGHTS, UNKNOWN, Decider, rules
+from baselines.rules.decider import FLIGHTS, UNKNOWN, Decider, DeciderFamily, rules
 from hybrid_env.checks import IntArray, reject
 
 NATIVE, SEMI_REAL = "native", "semi-real"
@@ -30,29 +30,22 @@ METRICS = (
     Metric("delay", "delay\ns", STATISTICS["delay"], 1),
     Metric("misses", "misses\n%", STATISTICS["misses"], 1, 100.0),
     Metric("false_per_hour", "false/h\n(turns)", STATISTICS["false_per_hour"], 1),
-    Metric(
-        "false_turns_per_hour", "false turns\nper hour", STATISTICS["false_turns_per_hour"], 1),
-    Metric(
-        "changes_per_label", "changes\nper label", STATISTICS["changes_per_label"], 2
-    ),
-)  # fmt: skip
+    Metric("false_turns_per_hour", "false turns\nper hour", STATISTICS["false_turns_per_hour"], 1),
+    Metric("changes_per_label", "changes\nper label", STATISTICS["changes_per_label"], 2),
+)
 
 
 @dataclass(frozen=True)
 class FlightTask:
     """What is decided on recorded flights.
 
-    Attributes:
-        source: folder or wheel of the package `traffic`; None for the installed package.
-        identities: of the flights; without any those of `SCORED`.
-        tiers: names of the tiers; of the default flights only these are used.
-        form: "native", the positions as reported, with filters for turn rates; "semi-real", their smoothed
-            path with white noise in the setting of HybridTrackQuickest-v0, with its deciders.
+    The form "native" is the positions as reported, with filters for turn rates; "semi-real" their smoothed path with
+    white noise in the setting of HybridTrackQuickest-v0, with its deciders.
     """
 
-    source: Path | None
-    identities: tuple[str, ...]
-    tiers: tuple[str, ...]
+    source: Path | None  # folder or wheel of the package `traffic`; None for the installed package
+    identities: tuple[str, ...]  # of the flights; without any those of `SCORED`
+    tiers: tuple[str, ...]  # names of the tiers; of the default flights only these are used
     form: str
 
     def check(self) -> None:
@@ -69,57 +62,41 @@ class FlightTask:
         return COMPARED[self.form] or tuple(dict.fromkeys(("threshold", *rules(UNKNOWN), SHIPPED)))
 
     def label(self, name: str) -> str:
-        """Return the name of a decider in figures.
-
-        Raises:
-            ArgumentError: there is no such decider.
-        """
+        """Return the name of a decider in figures."""
         base, threshold = split_threshold(name)
-        self.decider(name)
-        if self.form == SEMI_REAL:
-            title = find_decider(name, WORLD)[0].name
-        else:
-            known = rules(FLIGHTS)
-            title = known[base].title if base in known else base
-            if base == AGENT and threshold is not None:
-                title += ", margin"
-        return title if threshold is None else f"{title} {threshold:g}"
+        self.decider(name)  # refuses a threshold that is not allowed
+        title = self._find(name)[0].name
+        margin = ", margin" if base == AGENT else ""
+        return title if threshold is None else f"{title}{margin} {threshold:g}"
 
     def decider(self, name: str) -> Decider:
-        """Return the decider of a name with an optional threshold.
-
-        Raises:
-            ArgumentError: there is no such decider.
-        """
-        if self.form == SEMI_REAL:
-            family, threshold = find_decider(name, WORLD)
-            made: Decider = family.make(threshold)
-            return made
-        base, given = split_threshold(name)
-        known = rules(FLIGHTS)
-        if base in known:
-            family = known[base].family(None)
-            made = family.make(family.default if given is None else given)
-            return made
-        folder = policy_folder(SHIPPED if base == AGENT else base, FLIGHTS)
-        if not folder.is_dir():
-            names = ", ".join((*known, AGENT))
-            raise reject("deciders", name, f"{names} with --flights, or the folder of an agent")
-        made = learned_family(folder).make(given or 0.0)
+        """Return the decider of a name with an optional threshold."""
+        family, threshold = self._find(name)
+        made: Decider = family.make(threshold)
         return made
 
-    def read(self) -> list[Flight]:
-        """Return the flights of the tiers.
+    def _find(self, name: str) -> tuple[DeciderFamily, float]:
+        """Return the family, named as in figures, and the threshold of a name with an optional one."""
+        if self.form == SEMI_REAL:
+            return find_decider(name, WORLD)
+        base, given = split_threshold(name)
+        known = rules(FLIGHTS)
+        folder = policy_folder(SHIPPED if base == AGENT else base, FLIGHTS)
+        if base in known:
+            family = known[base].family(None)
+        elif folder.is_dir():
+            family = replace(learned_family(folder), name=base, default=0.0)
+        else:
+            names = ", ".join((*known, AGENT))
+            raise reject("deciders", name, f"{names} with --flights, or the folder of an agent")
+        return family, family.default if given is None else given
 
-        Raises:
-            ArgumentError: there are no samples, or there is no such flight.
-        """
+    def read(self) -> list[Flight]:
+        """Return the flights of the tiers."""
         samples = Samples(self.source)
         wanted = self.identities or tuple(one for tier in self.tiers for one in SCORED[tier])
-        by_file = sorted(dict.fromkeys(wanted))  # the flights of a file one after the other
-        found = {identity: samples.flight(identity) for identity in by_file}
-        flights = [found[identity] for identity in dict.fromkeys(wanted)]
-        flights = [flight for flight in flights if flight.tier.name in self.tiers]
+        found = {name: samples.flight(name) for name in sorted(set(wanted))}  # those of a file one after the other
+        flights = [found[name] for name in dict.fromkeys(wanted) if found[name].tier.name in self.tiers]
         if not flights:
             raise reject("tier", self.tiers, "tiers of the flights")
         return flights

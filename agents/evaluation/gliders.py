@@ -36,17 +36,11 @@ METRICS = (
 
 
 class Setting(NamedTuple):
-    """A rule at one of its settings.
+    """A rule at one of its settings."""
 
-    Attributes:
-        name: of the rule.
-        model: index of the settings of its filters.
-        numbers: of the rule.
-    """
-
-    name: str
-    model: int
-    numbers: tuple[float, ...]
+    name: str  # of the rule
+    model: int  # index of the settings of its filters
+    numbers: tuple[float, ...]  # of the rule
 
 
 class LearnedRule(NamedTuple):
@@ -64,11 +58,7 @@ class LearnedRule(NamedTuple):
 
 
 def glider_rule(name: str) -> type[GliderRule] | LearnedRule:
-    """Return the class of a rule, or an agent: the shipped one, or that of a folder.
-
-    Raises:
-        ArgumentError: there is none of this name.
-    """
+    """Return the class of a rule, or an agent: the shipped one, or that of a folder."""
     known = rules(GLIDERS)
     if name in known:
         return known[name]  # type: ignore[return-value]
@@ -81,16 +71,7 @@ def glider_rule(name: str) -> type[GliderRule] | LearnedRule:
 
 
 def read_gliders(contents: Sequence[bytes], group: str) -> tuple[list[Flight], list[Labels]]:
-    """Return the flights of logs and their labels.
-
-    Args:
-        contents: of the logs.
-        group: half, or other name of the group.
-
-    Raises:
-        ArgumentError: a log has no positions.
-        ModuleNotFoundError: libigc is not installed.
-    """
+    """Return the flights of logs and their labels."""
     logs = {digits(content): parse_igc(digits(content), content) for content in contents}
     flights = [glider_flight(name, group, log) for name, log in logs.items()]
     decoded = [decode(log.records) for log in logs.values()]

@@ -24,13 +24,7 @@ TASKS = {
 def learned_family(folder: Path, options: Any = None, recorded: str = FLIGHTS) -> DeciderFamily:
     """Return the agent of a folder at any threshold, for any training algorithm.
 
-    Args:
-        folder: with weights and card.
-        options: of the environment to decide in; None for recorded flights.
-        recorded: which ones, `FLIGHTS` or `GLIDERS`.
-
-    Raises:
-        ArgumentError: the folder cannot be read, or its agent is for another task.
+    `options` are those of the environment to decide in; without any, it decides on `recorded` flights.
     """
     # PyTorch is imported only here, because it loads slowly
     from agents.learned.policy_file import card_task, load_network, load_policy
@@ -60,8 +54,7 @@ OWN_NETWORKS = {
 """File and class of the deciders whose networks are of this package, by training algorithm."""
 
 
-EXCHANGED = (".zip", ".onnx")
-"""Endings of the files of policies that other libraries write."""
+EXCHANGED = (".zip", ".onnx")  # endings of the files of policies that other libraries write
 SHIPPED = "shipped"
 SHIPPED_FOLDERS = {
     ANNOUNCED: "shipped", UNKNOWN: "shipped_quickest", FLIGHTS: "shipped_flights", GLIDERS: "shipped_gliders",
@@ -98,11 +91,7 @@ def policy_folder(name: str, switches: str) -> Path:
 
 
 def is_own(name: Any) -> bool:
-    """Return whether a decider is an object, or the name of one in a file, module or entry point of a user.
-
-    Raises:
-        ArgumentError: it cannot be imported.
-    """
+    """Return whether a decider is an object, or the name of one in a file, module or entry point of a user."""
     return not isinstance(name, str) or find_own(name) is not None
 
 
@@ -113,17 +102,10 @@ def is_brought(name: Any) -> bool:
 
 
 def find_family(name: Any, options: Any) -> DeciderFamily:
-    """Return a decider at any threshold, for an environment.
+    """Return a decider at any threshold, for the options of an environment.
 
-    Args:
-        name: of a classical rule, "shipped", a run folder, "mine.py:MyRule", "package.module:Rule" or the
-            name of an entry point, without a threshold or with one that it chooses, see `stopping_rule`; or
-            the object itself, see `own_family`.
-        options: of the environment.
-
-    Raises:
-        ArgumentError: an unknown name, an unreadable run folder, a policy for another task or for another
-            number of hypotheses.
+    The name is that of a rule, "shipped", a run folder, "mine.py:MyRule", "package.module:Rule" or an entry point,
+    without a threshold or with one that it chooses, see `stopping_rule`; or the object itself, see `own_family`.
     """
     if not isinstance(name, str):
         return own_family(name, getattr(name, "__name__", type(name).__name__), options)
@@ -157,15 +139,7 @@ def find_family(name: Any, options: Any) -> DeciderFamily:
 
 
 def find_decider(name: Any, options: Any) -> tuple[DeciderFamily, float]:
-    """Return the family and the threshold of "ate", "ate:1e-6", "beam:0.7", "runs/ppo" or "runs/ppo:-2".
-
-    Args:
-        name: of a decider, with an optional threshold after a colon.
-        options: of the environment to decide in.
-
-    Raises:
-        ArgumentError: see `find_family`, or a threshold that is not allowed.
-    """
+    """Return the family and the threshold of "ate", "ate:1e-6", "beam:0.7", "runs/ppo" or "runs/ppo:-2"."""
     base, threshold = split_threshold(name)
     family = find_family(base, options)
     whole = family.symbol == "ticks"
@@ -179,11 +153,7 @@ def find_decider(name: Any, options: Any) -> tuple[DeciderFamily, float]:
 
 
 def load_decider(name: Any, options: Any) -> Decider:
-    """Return the decider of a name with an optional threshold, see `find_decider`.
-
-    Raises:
-        ArgumentError: see `find_decider`, or the environment lacks the options that the decider needs.
-    """
+    """Return the decider of a name, see `find_decider`; refuse an environment without the options that it needs."""
     if getattr(options, "actions", "all") != "all":
         raise reject("actions", options.actions, "'all': deciders declare hypotheses")
     family, threshold = find_decider(name, options)

@@ -13,17 +13,15 @@ import warnings
 import numpy as np
 
 from agents.evaluation.task import Task, sweep
-from agents.evaluation.tasks import task_of
+from agents.evaluation.tasks import ENVIRONMENTS, task_of
 from baselines.rules import seeds
-from baselines.rules.decider import ANNOUNCED, UNKNOWN, Decider, DeciderFamily
+from baselines.rules.decider import ANNOUNCED, UNKNOWN, DeciderFamily
 from baselines.scoring.scores import Scores
 from hybrid_env.checks import reject
 from hybrid_env.options import ModelOptions
 
 AUTO = "auto"
-ENVIRONMENTS = {ANNOUNCED: "hybrid_env:HybridTrack-v0", UNKNOWN: "hybrid_env:HybridTrackQuickest-v0"}
-EPISODES = {ANNOUNCED: 400, UNKNOWN: 60}
-"""Simulated episodes."""
+EPISODES = {ANNOUNCED: 400, UNKNOWN: 60}  # that are simulated
 RATES = {ANNOUNCED: "%", UNKNOWN: "/1000"}
 """Units of the rates that can be asked for: wrong declarations, and wrong changes in ticks."""
 LARGEST_RATE = 50.0
@@ -36,17 +34,7 @@ def stopping_rule(name: str) -> tuple[str, str] | None:
 
 
 def stopping_family(family: DeciderFamily, options: ModelOptions, ending: str) -> DeciderFamily:
-    """Return a decider without a threshold.
-
-    Args:
-        family: the decider at any threshold.
-        options: of the environment; the decider is told all but the law of the noise.
-        ending: "auto" for the largest reward, or the rate that is asked for, as "2%" of wrong declarations or
-            "3/1000" wrong changes in 1,000 ticks.
-
-    Raises:
-        ArgumentError: the ending is not for this decider or task.
-    """
+    """Return a decider without a threshold, see `stopping_rule`; it is told all options but the law of the noise."""
     told = task_of(ENVIRONMENTS[options.switches], {**vars(options), "noise": "gaussian"})
     name, unit = f"{family.name}:{ending}", RATES[told.switches]
     if len(family.thresholds) == 1:
@@ -65,10 +53,9 @@ def stopping_family(family: DeciderFamily, options: ModelOptions, ending: str) -
         scores = sweep(told, family, EPISODES[told.switches], seeds.STOPPING)
         return float(family.thresholds[told.best(scores)]) if rate is None else _holding(told, family, scores, rate)
 
-    def make(_: float) -> Decider:
-        return family.make(chosen())
-
-    return dataclasses.replace(family, name=name, symbol="", thresholds=(0.0,), default=0.0, make=make)
+    return dataclasses.replace(
+        family, name=name, symbol="", thresholds=(0.0,), default=0.0, make=lambda _: family.make(chosen())
+    )
 
 
 def _holding(told: Task, family: DeciderFamily, scores: Scores, rate: float) -> float:
@@ -81,11 +68,8 @@ def _holding(told: Task, family: DeciderFamily, scores: Scores, rate: float) -> 
     held = np.flatnonzero(rates <= rate)
     if not held.size:
         best, unit = int(rates.argmin()), RATES[told.switches]
-        warnings.warn(
-            f"{family.name} cannot hold a rate of {rate:g}{unit}: {rates[best]:.3g}{unit} at best, with "
-            f"{family.symbol} {family.thresholds[best]:g}",
-            stacklevel=2,
-        )
+        at_best = f"{rates[best]:.3g}{unit} at best, with {family.symbol} {family.thresholds[best]:g}"
+        warnings.warn(f"{family.name} cannot hold a rate of {rate:g}{unit}: {at_best}", stacklevel=2)
         return float(family.thresholds[best])
     first = int(held[delays[held].argmin()])
     if first == 0 or rates[first - 1] <= rate or min(family.thresholds) <= 0.0:

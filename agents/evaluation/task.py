@@ -3,7 +3,7 @@
 import dataclasses
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
@@ -27,100 +27,60 @@ from hybrid_env.rendering.history import History
 FIGURE_SIZE = (11.5, 5.2)  # of the figure of a comparison [in]
 Levels = dict[tuple[str, ...], "Metric"]
 """Figures of whole operating curves, by their keys in JSON from the outermost on."""
+OnProgress = Callable[[float], None]  # called with the finished share
 
 
 @dataclass(frozen=True)
 class Metric:
-    """A figure of a decider at one threshold, as a column of tables.
+    """A figure of a decider at one threshold, as a column of tables."""
 
-    Attributes:
-        name: key in JSON.
-        head: heading, with the unit.
-        statistic: the figure.
-        digits: after the decimal point.
-        scale: factor on the figure in tables.
-    """
-
-    name: str
-    head: str
+    name: str  # key in JSON
+    head: str  # heading, with the unit
     statistic: Statistic
-    digits: int
-    scale: float = 1.0
+    digits: int  # after the decimal point
+    scale: float = 1.0  # factor on the figure in tables
 
 
 @dataclass(frozen=True)
 class Wording:
-    """What a learning curve shows of an agent, and of the classical rule beside it.
+    """What a learning curve shows of an agent, and of the classical rule beside it."""
 
-    Attributes:
-        key: of the reward of the rule in the metrics, without prefix.
-        rule: name of the rule in figures.
-        sentence: name of the rule in a sentence.
-        unit: what a mean reward is the mean of.
-        measured: names of other metrics of the agent.
-        text: these metrics as text, a format string.
-    """
-
-    key: str
-    rule: str
-    sentence: str
-    unit: str
-    measured: tuple[str, ...]
-    text: str
+    key: str  # of the reward of the rule in the metrics, without prefix
+    rule: str  # name of the rule in figures
+    sentence: str  # name of the rule in a sentence
+    unit: str  # what a mean reward is the mean of
+    measured: tuple[str, ...]  # names of other metrics of the agent
+    text: str  # these metrics as text, a format string
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """What one decider did on E episodes.
+    """What one decider did on E episodes."""
 
-    Attributes:
-        figures: (E, F) figures of each episode, see `Task.columns`.
-        samples: values of which quantiles or counts are taken, by name.
-    """
-
-    figures: FloatArray
-    samples: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    figures: FloatArray  # (E, F) figures of each episode, see `Task.columns`
+    samples: Mapping[str, NDArray[Any]]  # values of which quantiles or counts are taken, by name
 
 
 @dataclass(frozen=True)
 class Task(ABC):
-    """What is decided, in which environment, and what counts.
+    """What is decided, in which environment, and what counts."""
 
-    Args:
-        env_id: registered id of the environment.
-        given: keyword arguments of the environment, which override those of the id.
+    env_id: str  # registered id of the environment
+    given: Mapping[str, Any]  # keyword arguments of the environment, which override those of the id
 
-    Attributes:
-        switches: task of the deciders, see `baselines.rules.decider`.
-        waits: whether action 0 waits, and others declare hypotheses.
-        columns: names of the figures of an episode.
-        metrics: figures of a decider at one threshold, in the order of tables.
-        further: other figures at one threshold, for JSON.
-        goal: figure that thresholds are selected for.
-        episode_word: what an episode is called in the note of figures.
-        notes: lines that explain the metrics below a table.
-        paired: how `against` compares, as a word for headings.
-        reference: name of the rule that others are compared with.
-        wording: of the learning curve of an agent.
-        compared, agents: names of the deciders that are compared by default.
-        episodes, selection_episodes: default numbers.
-    """
-
-    env_id: str
-    given: Mapping[str, Any]
-
-    switches: ClassVar[str]
-    waits: ClassVar[bool] = False
-    columns: ClassVar[tuple[str, ...]]
-    metrics: ClassVar[tuple[Metric, ...]]
-    further: ClassVar[Mapping[str, Statistic]] = {}
-    goal: ClassVar[str] = "reward"
-    episode_word: ClassVar[str] = "episodes"
-    notes: ClassVar[str] = ""
-    paired: ClassVar[str]
-    reference: ClassVar[str]
-    wording: ClassVar[Wording]
+    switches: ClassVar[str]  # task of the deciders, see `baselines.rules.decider`
+    waits: ClassVar[bool] = False  # whether action 0 waits, and others declare hypotheses
+    columns: ClassVar[tuple[str, ...]]  # names of the figures of an episode
+    metrics: ClassVar[tuple[Metric, ...]]  # figures of a decider at one threshold, in the order of tables
+    further: ClassVar[Mapping[str, Statistic]] = {}  # other figures at one threshold, for JSON
+    goal: ClassVar[str] = "reward"  # figure that thresholds are selected for
+    episode_word: ClassVar[str] = "episodes"  # what an episode is called in the note of figures
+    notes: ClassVar[str] = ""  # lines that explain the metrics below a table
+    paired: ClassVar[str]  # how `against` compares, as a word for headings
+    reference: ClassVar[str]  # name of the rule that others are compared with
+    wording: ClassVar[Wording]  # of the learning curve of an agent
     agents: ClassVar[tuple[str, ...]]
+    # episodes, selection_episodes: default numbers
     episodes: ClassVar[int]
     selection_episodes: ClassVar[int]
 
@@ -147,21 +107,16 @@ class Task(ABC):
     @property
     def figure_note(self) -> str:
         """Text below the figure of a comparison."""
-        return (
-            f"Filled markers: thresholds selected on other {self.episode_word}. "
-            "Arrows: the curve continues outside the axes."
-        )
+        selected = f"Filled markers: thresholds selected on other {self.episode_word}."
+        return f"{selected} Arrows: the curve continues outside the axes."
 
     @abstractmethod
     def size(self, episodes: int) -> str:
         """Return a number of episodes in words, for titles."""
 
+    @abstractmethod
     def shifted(self) -> dict[str, dict[str, Any]]:
-        """Return name and changed options of the environments of a distribution shift, the nominal one first.
-
-        Without any, there are no random worlds either.
-        """
-        return {}
+        """Return name and changed options of the environments of a distribution shift, the nominal one first."""
 
     def changed(self, changes: Mapping[str, Any]) -> Self:
         """Return the task with some other options."""
@@ -186,22 +141,9 @@ class Task(ABC):
 
     @abstractmethod
     def record(
-        self,
-        deciders: Sequence[Any],
-        changes: Mapping[str, Any],
-        episodes: int,
-        seed: int,
-        on_progress: Callable[[float], None],
+        self, deciders: Sequence[Any], changes: Mapping[str, Any], episodes: int, seed: int, on_progress: OnProgress
     ) -> list[Recorded]:
-        """Roll deciders of one rule out on the same episodes.
-
-        Args:
-            deciders: at different thresholds.
-            changes: options of the environment that they need, see `Decider.options`.
-            episodes: number of episodes, at most `batch`.
-            seed: of the first episode.
-            on_progress: called with the finished share.
-        """
+        """Roll a rule at different thresholds out on at most `batch` episodes; `changes` are options it needs."""
 
     @abstractmethod
     def extra(self, samples: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
@@ -209,28 +151,15 @@ class Task(ABC):
 
     @abstractmethod
     def levels(self, reference: Scores, default: float) -> Levels:
-        """Return figures of whole operating curves.
-
-        Args:
-            reference: scores of the reference.
-            default: its default threshold.
-        """
+        """Return figures of whole operating curves, from the scores of the reference and its default threshold."""
 
     @abstractmethod
     def against(self, mine: Selected, reference: Selected, curves: bool) -> dict[str, dict[str, Estimate]]:
-        """Return paired figures of a decider and the reference on the same episodes, by their keys in JSON.
-
-        curves: whether both have whole operating curves.
-        """
+        """Return paired figures of a decider and the reference by keys in JSON; `curves`: at all thresholds."""
 
     @abstractmethod
     def panels(self, groups: Groups, complete: bool) -> list[Panel]:
-        """Return the operating curves of deciders, see `agents.evaluation.curves`.
-
-        Args:
-            groups: the deciders, the reference first.
-            complete: whether those after the first were scored at all thresholds.
-        """
+        """Return the operating curves of deciders, the reference first; `complete`: all at every threshold."""
 
     def figure(self, groups: Groups, complete: bool) -> Figure:
         """Return the figure of a comparison, see `panels`."""
@@ -240,13 +169,13 @@ class Task(ABC):
         return curve_figure(rows, (width, height * len(rows)), self.figure_title, self.figure_note)
 
     @property
-    @abstractmethod
     def length(self) -> int:
-        """Length of an episode, in units of `done`."""
+        """Number of segments to declare, or of ticks to state, in an episode."""
+        return int(getattr(self.options, f"{self.wording.unit}s"))
 
     @abstractmethod
-    def done(self, history: History) -> int:
-        """Return the progress of the running episode: the number of decisions or of statements."""
+    def done(self, history: History) -> float:
+        """Return the share of the running episode that is decided or stated."""
 
     @abstractmethod
     def fill(self, table: Table, history: History) -> None:
@@ -254,12 +183,7 @@ class Task(ABC):
 
     @abstractmethod
     def track_record(self, history: History, **common: Any) -> TrackRecord:
-        """Return what was declared or stated in an episode, for a figure.
-
-        Args:
-            history: the episode.
-            common: the other attributes of the record.
-        """
+        """Return what was declared or stated in an episode, for a figure; `common` has the other attributes."""
 
     def remarks(self, episodes: int, seed: int) -> dict[str, Any]:
         """Return what else a comparison tells of the episodes, as plain values by their keys in JSON."""
@@ -279,25 +203,12 @@ class Task(ABC):
 
 
 def sweep(
-    task: Task,
-    family: DeciderFamily,
-    episodes: int,
-    seed: int,
-    on_progress: Callable[[float], None] | None = None,
+    task: Task, family: DeciderFamily, episodes: int, seed: int, on_progress: OnProgress = lambda share: None,
     thresholds: Sequence[float] | None = None,
-) -> Scores:
-    """Return the scores of a decider at each threshold on the same episodes.
+) -> Scores:  # fmt: skip
+    """Return the scores of a decider at each threshold, or at those given, on the same episodes.
 
-    Args:
-        task: what is decided.
-        family: of the decider.
-        episodes: number of episodes, rolled out in batches.
-        seed: of the first episode; later episodes use consecutive seeds.
-        on_progress: called repeatedly with the finished share.
-        thresholds: to use instead of those of the family.
-
-    Raises:
-        ArgumentError: the episodes would fill the memory.
+    Episodes have consecutive seeds and are rolled out in batches. `on_progress` is called with the finished share.
     """
     task.check_episodes("episodes", episodes)
     used = family.thresholds if thresholds is None else tuple(thresholds)
@@ -305,24 +216,20 @@ def sweep(
     together = len(deciders) > 1 and as_decider(deciders[0]).together(deciders[:1]) is not None
     groups = [deciders] if together else [[decider] for decider in deciders]
     size, total = task.batch(), episodes * len(deciders)
-    found: list[list[Recorded]] = [[] for _ in used]
+    found: list[list[Recorded]] = []  # in each batch at every threshold
     done = 0
     for first in range(0, episodes, size):
         count = min(size, episodes - first)
-        place = 0
+        found.append([])
         for group in groups:
 
             def show(share: float, before: int = done, width: int = count * len(group)) -> None:
-                if on_progress is not None:
-                    on_progress((before + share * width) / total)
+                on_progress((before + share * width) / total)
 
-            recorded = task.record(group, family.options, count, seed + first, show)
-            for one in recorded:
-                found[place].append(one)
-                place += 1
+            found[-1] += task.record(group, family.options, count, seed + first, show)
             done += count * len(group)
             show(0.0, done)
-    return gather(task, family, used, found)
+    return gather(task, family, used, [*zip(*found, strict=True)])
 
 
 def gather(
@@ -330,11 +237,9 @@ def gather(
 ) -> Scores:
     """Return the scores of a decider from what was recorded in several batches at every threshold."""
     values = np.stack([np.concatenate([part.figures for part in parts]) for parts in found], axis=-1)
-    samples = [
-        {name: np.concatenate([part.samples[name] for part in parts]) for name in parts[0].samples} for parts in found
+    extra = [
+        task.extra({name: np.concatenate([part.samples[name] for part in parts]) for name in parts[0].samples})
+        for parts in found
     ]
-    extra = [task.extra(one) for one in samples]
-    return Scores(
-        family.name, family.symbol, thresholds, task.columns, values,
-        {name: np.stack([one[name] for one in extra]) for name in extra[0]},
-    )  # fmt: skip
+    stacked = {name: np.stack([one[name] for one in extra]) for name in extra[0]}
+    return Scores(family.name, family.symbol, thresholds, task.columns, values, stacked)

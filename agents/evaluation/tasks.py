@@ -6,21 +6,16 @@ from typing import Any
 from agents.evaluation.announced import AnnouncedTask
 from agents.evaluation.task import Task
 from agents.evaluation.unknown import UnknownTask
+from baselines.rules.decider import ANNOUNCED, UNKNOWN
 from hybrid_env.registration import environment_options
 
 TASKS: tuple[type[Task], ...] = (AnnouncedTask, UnknownTask)
+THREE, BANK, QUICKEST = (f"hybrid_env:HybridTrack{part}-v0" for part in ("", "Bank", "Quickest"))
+ENVIRONMENTS = {ANNOUNCED: THREE, UNKNOWN: QUICKEST}
 
 
 def task_of(env_id: str, given: Mapping[str, Any] | None = None) -> Task:
-    """Return the task of an environment.
-
-    Args:
-        env_id: registered id.
-        given: options of the environment that override those of the id.
-
-    Raises:
-        ArgumentError: the id is unknown.
-    """
+    """Return the task of an environment."""
     options: Any = environment_options(env_id)
     kind = next(kind for kind in TASKS if kind.switches == options.switches)
     return kind(env_id, dict(given or {}))

@@ -1,6 +1,6 @@
 """Unknown switches: the present mode is stated at every tick."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, ClassVar
@@ -12,7 +12,7 @@ from rich.table import Table
 
 from agents.evaluation.cells import estimate_cell, filled_table
 from agents.evaluation.curves import Groups, Selected, chosen, curves
-from agents.evaluation.task import Levels, Metric, Recorded, Task, Wording
+from agents.evaluation.task import Levels, Metric, OnProgress, Recorded, Task, Wording
 from agents.evaluation.worlds import RHYTHMS
 from agents.figures.curves import Axis, Curve, Panel
 from agents.figures.decider_colours import decider_styles
@@ -20,17 +20,10 @@ from agents.figures.tracks import TrackRecord
 from baselines.rules.decider import UNKNOWN, rules
 from baselines.rules.msprt import mode_types
 from baselines.rules.rollout import record_together
+from baselines.scoring import statements as scoring
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores, at_level, mean
-from baselines.scoring.statements import (
-    COLUMNS,
-    IDENTIFICATION,
-    STATISTICS,
-    TYPE_COLUMNS,
-    StatementMetrics,
-    Statements,
-    measure_statements,
-)
+from baselines.scoring.statements import STATISTICS, StatementMetrics, Statements, measure_statements
 from hybrid_env.checks import check_integer
 from hybrid_env.rendering.evidence import mode_name
 from hybrid_env.rendering.history import History
@@ -41,15 +34,12 @@ MOST_SEGMENTS = 2_000_000  # expected number on all tracks; every threshold stor
 LONGEST_DELAY = 100  # ticks after a switch, of the curves of identification
 QUANTILES = (0.5, 0.9)  # of the delays of detected switches
 RATES = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0)
-EQUAL_WRONG_CHANGES = 2.0
-"""Wrong changes per 1,000 ticks at which delays are compared."""
+EQUAL_WRONG_CHANGES = 2.0  # wrong changes per 1,000 ticks at which delays are compared
 EQUAL = {
     name: at_level("wrong_changes", EQUAL_WRONG_CHANGES, STATISTICS[name], falling=True)
     for name in ("full_delay", "delay", "missed")
 }
-"""Figures at that rate. A decider that has fewer wrong changes from the first threshold on has those of the
-first."""
-
+"""Figures at that rate; those at the first threshold if that already has fewer wrong changes."""
 
 NOTES = """delay: ticks from a switch to the first right statement; 50 and 90 % quantiles.
 missed: switches followed by another one before the new mode was stated.
@@ -63,7 +53,7 @@ class UnknownTask(Task):
     """Nobody announces switches, and the present mode is stated at every tick."""
 
     switches: ClassVar = UNKNOWN
-    columns: ClassVar = COLUMNS + TYPE_COLUMNS
+    columns: ClassVar = scoring.COLUMNS + scoring.TYPE_COLUMNS
     metrics: ClassVar = (
         Metric("reward", "reward", STATISTICS["reward"], 4),
         Metric("right", "right\n%", STATISTICS["right"], 1, 100.0),
@@ -111,12 +101,7 @@ class UnknownTask(Task):
         return max(1, 3 * LARGEST_BATCH // (self.options.ticks * self.options.hypotheses))
 
     def record(
-        self,
-        deciders: Sequence[Any],
-        changes: Mapping[str, Any],
-        episodes: int,
-        seed: int,
-        on_progress: Callable[[float], None],
+        self, deciders: Sequence[Any], changes: Mapping[str, Any], episodes: int, seed: int, on_progress: OnProgress
     ) -> list[Recorded]:
         """See `Task.record`."""
         found = record_together(deciders, episodes, seed, **vars(self.options_with(changes)))
@@ -124,24 +109,21 @@ class UnknownTask(Task):
 
     def measured(self, statements: Statements) -> Recorded:
         """Return the figures of recorded statements."""
-        metrics = measure_statements(statements, self.options.change_cost)
-        of_types = metrics
+        metrics = of_types = measure_statements(statements, self.options.change_cost)
         if self._several_radii:
             types = Statements(*(mode_types(self.options.hypotheses)[modes] for modes in statements))
             of_types = measure_statements(types, self.options.change_cost)
         longest = min(LONGEST_DELAY, int(self.options.ticks))
-        within = np.stack([one.named_within(longest) for one in (of_types, metrics)])
+        within = np.array([[one.named_within(longest) for one in (of_types, metrics)]])
         figures = np.hstack([metrics.figures, of_types.figures])
-        return Recorded(figures, {"delays": metrics.delays, "named_within": within[None]})
+        return Recorded(figures, {"delays": metrics.delays, "named_within": within})
 
     @property
     def _several_radii(self) -> bool:
         return len(self.options.radii) > 1
 
     def extra(self, samples: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-        """Return quantiles of the delays of the detected switches [ticks], NaN without one, and the share of
-        switches whose type and mode are named within a time, (2, ticks + 1).
-        """
+        """Return quantiles of detected delays [ticks], and shares of types and modes named in time (2, ticks + 1)."""
         delays, counts = samples["delays"], samples["named_within"].sum(0)
         quantiles = np.quantile(delays, QUANTILES) if delays.size else np.full(len(QUANTILES), np.nan)
         return {"delay_quantiles": quantiles, "named_within": counts[:, :-1] / np.maximum(counts[:, -1:], 1)}
@@ -149,18 +131,16 @@ class UnknownTask(Task):
     def levels(self, reference: Scores, default: float) -> Levels:
         """Return delays and misses at an equal rate of wrong changes."""
         heads = {"full_delay": "delay,\nall", "delay": "delay\nof detected", "missed": "missed\n%"}
-        found: Levels = {}
-        for name, head in heads.items():
-            scale = 100.0 if name == "missed" else 1.0
-            found["at_equal_wrong_changes", name] = Metric(name, head, EQUAL[name], 1, scale)
-        return found
+        return {
+            ("at_equal_wrong_changes", name): Metric(name, head, EQUAL[name], 1, 100.0 if name == "missed" else 1.0)
+            for name, head in heads.items()
+        }
 
     def against(self, mine: Selected, reference: Selected, curves: bool) -> dict[str, dict[str, Estimate]]:
         """Return the ratios of both mean delays at an equal rate of wrong changes."""
         if not curves:
             return {}
-        names = ("full_delay", "delay")
-        ratios = {name: mine.scores.ratio(reference.scores, EQUAL[name]) for name in names}
+        ratios = {name: mine.scores.ratio(reference.scores, EQUAL[name]) for name in ("full_delay", "delay")}
         return {"ratio_to_reference": ratios}
 
     def further_tables(self, scores: Sequence[Scores], remarks: Mapping[str, Any]) -> list[Table]:
@@ -172,7 +152,7 @@ class UnknownTask(Task):
         for one in scores:
             cells = [
                 estimate_cell(one.estimate(statistic), 100.0 if name == "identified" else 1.0, 1)
-                for found in IDENTIFICATION.values()
+                for found in scoring.IDENTIFICATION.values()
                 for name, statistic in found.items()
             ]
             rows.append((escape(one.name), *cells))
@@ -199,27 +179,20 @@ class UnknownTask(Task):
         wrong = mean("wrong_changes")
         rates = [EQUAL_WRONG_CHANGES, *(rate for rate in chosen(groups, wrong) if rate > 0.0)]
         low, high = min(rates) / 3.0, max(rates) * 3.0
+        ticks = {rate: f"{rate:g}" for rate in RATES if low <= rate <= high}
         axis = Axis(
-            "wrong changes per 1,000 ticks",
-            (low, high),
-            {rate: f"{rate:g}" for rate in RATES if low <= rate <= high},
-            minor=True,
-            log=True,
-            levels=(EQUAL_WRONG_CHANGES,),
+            "wrong changes per 1,000 ticks", (low, high), ticks, minor=True, log=True, levels=(EQUAL_WRONG_CHANGES,)
         )
         reward = f"Mean reward, a wrong change costs {self.options.change_cost:g} ticks"
         found = []
+        every = [one.scores for group in groups.values() for one in group]
+        x = np.concatenate([scores.curve(wrong) for scores in every])
+        inside = (x >= min(rates) / 1.7) & (x <= high)
         for title, label, name in (
             ("Delay against wrong changes", "mean delay of a switch, ticks", "full_delay"),
             (reward, "mean reward of a tick", "reward"),
         ):
-            shown = [
-                value
-                for group in groups.values()
-                for one in group
-                for rate, value in zip(one.scores.curve(wrong), one.scores.curve(STATISTICS[name]), strict=True)
-                if min(rates) / 1.7 <= rate <= high
-            ]
+            shown = np.concatenate([scores.curve(STATISTICS[name]) for scores in every])[inside].tolist()
             margin = 0.06 * (max(shown) - min(shown))
             limits = min(shown) - margin, max(shown) + margin
             lines = curves(groups, wrong, STATISTICS[name], (0.0, -np.inf))
@@ -231,18 +204,13 @@ class UnknownTask(Task):
                 for name, group in groups.items():
                     shares = np.mean([one.scores.extra["named_within"][one.chosen, k] for one in group], axis=0)
                     lines.append(Curve(name, styles[name], np.arange(shares.size), 100.0 * shares, size=0.0))
-                ticks = Axis("ticks after a switch", (0.0, float(shares.size)))
-                found.append(Panel(title, ticks, Axis("switches, %", (0.0, 100.0)), lines))
+                times = Axis("ticks after a switch", (0.0, float(shares.size)))
+                found.append(Panel(title, times, Axis("switches, %", (0.0, 100.0)), lines))
         return found
 
-    @property
-    def length(self) -> int:
-        """Number of ticks."""
-        return int(self.options.ticks)
-
-    def done(self, history: History) -> int:
+    def done(self, history: History) -> float:
         """See `Task.done`."""
-        return len(history.trace)
+        return len(history.trace) / self.length
 
     def fill(self, table: Table, history: History) -> None:
         """Add one row for each segment, and metrics of the episode."""
@@ -257,15 +225,10 @@ class UnknownTask(Task):
             table.add_column(name, justify="right")
         bounds = [*history.switches.tolist(), len(true)]
         for number, (first, end) in enumerate(pairwise(bounds), start=1):
-            inside = right[first:end]
-            table.add_row(
-                str(number),
-                mode_name(int(true[first]), self.options.radii),
-                str(end - first),
-                str(inside.argmax()) if inside.any() else "[red]never[/]",
-                f"{inside.mean():.0%}",
-                str(wrong[first:end].sum()),
-            )
+            inside, mode = right[first:end], mode_name(int(true[first]), self.options.radii)
+            until = str(inside.argmax()) if inside.any() else "[red]never[/]"
+            changes = str(wrong[first:end].sum())
+            table.add_row(str(number), mode, str(end - first), until, f"{inside.mean():.0%}", changes)
 
     def track_record(self, history: History, **common: Any) -> TrackRecord:
         """Return the statements."""
@@ -273,15 +236,11 @@ class UnknownTask(Task):
         delay = metrics.value("delay")
         delayed = "no switch detected" if np.isnan(delay) else f"mean delay {delay:.1f} ticks"
         wrong = round(1e-3 * len(stated) * float(metrics.wrong_changes[0]))
-        return TrackRecord(
-            **common,
-            modes=stated,
-            right=history.true_modes == stated,
-            marks=np.flatnonzero(np.diff(stated, prepend=stated[:1])),
-            switches=None,
-            summary=f"{100 * metrics.right[0]:.1f} % of the ticks right, {delayed}, "
-            f"{wrong} changes to a wrong mode, mean reward {metrics.reward[0]:.3f}",
-        )
+        right, reward = f"{100 * metrics.right[0]:.1f} % of the ticks right", f"mean reward {metrics.reward[0]:.3f}"
+        summary = f"{right}, {delayed}, {wrong} changes to a wrong mode, {reward}"
+        marks = np.flatnonzero(np.diff(stated, prepend=stated[:1]))
+        same = history.true_modes == stated
+        return TrackRecord(**common, modes=stated, right=same, marks=marks, switches=None, summary=summary)
 
     def _of_episode(self, history: History) -> StatementMetrics:
         statements = Statements(history.true_modes[:, None], history.stated[:, None])

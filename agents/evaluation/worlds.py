@@ -34,23 +34,14 @@ BANKS = (
 )  # fmt: skip
 SHARES = (0.55, 0.2, 0.1, 0.15)
 
+LAWS = (
+    "uniform 40-45", "uniform 63-67", "uniform 90-100", "uniform 30-60", "60 + geometric 20", "uniform 150-170",
+    "uniform 28-32 or uniform 75-85", "uniform 50-53 or 20 + geometric 60",
+    "straight uniform 90-100, turns uniform 40-44", "straight 25 + geometric 50, turns uniform 50-54",
+)  # fmt: skip
 RHYTHMS: dict[str, dict[str, Any]] = {
     NOMINAL: {},
-    **{
-        law: {"durations": law}
-        for law in (
-            "uniform 40-45",
-            "uniform 63-67",
-            "uniform 90-100",
-            "uniform 30-60",
-            "60 + geometric 20",
-            "uniform 150-170",
-            "uniform 28-32 or uniform 75-85",
-            "uniform 50-53 or 20 + geometric 60",
-            "straight uniform 90-100, turns uniform 40-44",
-            "straight 25 + geometric 50, turns uniform 50-54",
-        )
-    },
+    **{law: {"durations": law} for law in LAWS},
     "nominal, cycle": {"order": "cycle"},
     "uniform 55-60, habits": {"durations": "uniform 55-60", "order": "0 0.9 0.1, 0.2 0 0.8, 1 0 0"},
 }
@@ -106,18 +97,12 @@ def _log_uniform(generator: Generator, limits: tuple[float, float], beyond: floa
 
 
 def draw_world(generator: Generator, radii_count: int, beyond: float = 1.0) -> dict[str, Any]:
-    """Return options of a random world.
+    """Return options of a random world, with ranges that are wider by a factor `beyond` at both ends.
 
-    Half of the worlds have the tick and the speed of HybridTrack-v0, because the published reset of the
-    covariance to the identity depends on the units. In each, some properties differ from their usual values.
-
-    Args:
-        generator: source of randomness.
-        radii_count: number of radii of the bank.
-        beyond: factor by which the ranges are wider at both ends.
+    Half of the worlds have the tick and the speed of HybridTrack-v0, because the published reset of the covariance
+    to the identity depends on the units. In each, some properties differ from their usual values.
     """
-    low, high = SHORTEST
-    drawn = round(_log_uniform(generator, (low, high), beyond))
+    drawn = round(_log_uniform(generator, SHORTEST, beyond))
     shortest = drawn if generator.random() < 0.6 else 50
     longest = round(shortest * generator.uniform(1.0, LONGEST_OVER_SHORTEST))
     spread = _log_uniform(generator, (1.5, WIDEST_BANK), beyond) if radii_count > 1 else 1.0
@@ -131,34 +116,22 @@ def draw_world(generator: Generator, radii_count: int, beyond: float = 1.0) -> d
         tau, deviation = _log_uniform(generator, TICKS), _log_uniform(generator, LENGTH_UNITS)
     speed = motion * deviation / tau
     smallest = speed * tau / turn
-    largest = smallest * spread
-    if generator.random() < 0.5:
-        radii = np.linspace(smallest, largest, radii_count)
-    else:
-        radii = np.geomspace(smallest, largest, radii_count)
+    spaced = np.linspace if generator.random() < 0.5 else np.geomspace
+    radii = spaced(smallest, smallest * spread, radii_count)
     noise = _log_uniform(generator, PROCESS, beyond) if generator.random() < 0.6 else 0.0158
     ratio = _log_uniform(generator, (1.0 / LARGEST_AXIS_RATIO, LARGEST_AXIS_RATIO), beyond)
     axes = ratio**0.5 if generator.random() < 0.3 else 1.0
     velocity = speed * _log_uniform(generator, (0.01, 0.3))
     bank, follow = BANKS[generator.choice(len(BANKS), p=SHARES)]
+    outliers = generator.random() < 0.35
+    law = f"outliers {generator.uniform(0.0, beyond * MOST_OUTLIERS)}" if outliers else "gaussian"
     world = {
-        "scheme": f"random 6x{shortest}-{longest}",
-        "radii": tuple(radii.tolist()),
-        "speed": speed,
-        "tau": tau,
-        "process_variance": (noise * speed) ** 2,
-        "measurement_variance": (deviation**2 * axes, deviation**2 / axes),
-        "noise": f"outliers {generator.uniform(0.0, beyond * MOST_OUTLIERS)}"
-        if generator.random() < 0.35
-        else "gaussian",
-        "initial_error": (_log_uniform(generator, (0.05, 5.0)), velocity**2),
-        "bank": bank,
-        "follow": follow,
-        "correctness": "type" if radii_count > 1 and generator.random() < 0.6 else "exact",
-    }
-    if generator.random() < HEAVY_TAILS:
-        world["noise"] = _draw_heavy_tails(generator)
-    return world
+        "scheme": f"random 6x{shortest}-{longest}", "radii": tuple(radii.tolist()), "speed": speed, "tau": tau,
+        "process_variance": (noise * speed) ** 2, "measurement_variance": (deviation**2 * axes, deviation**2 / axes),
+        "noise": law, "initial_error": (_log_uniform(generator, (0.05, 5.0)), velocity**2), "bank": bank,
+        "follow": follow, "correctness": "type" if radii_count > 1 and generator.random() < 0.6 else "exact",
+    }  # fmt: skip
+    return world | ({"noise": _draw_heavy_tails(generator)} if generator.random() < HEAVY_TAILS else {})
 
 
 def _draw_heavy_tails(generator: Generator) -> str:
@@ -170,16 +143,9 @@ def _draw_heavy_tails(generator: Generator) -> str:
 
 
 def draw_worlds(count: int, seed: int, beyond: float) -> dict[str, dict[str, Any]]:
-    """Return name and options of random worlds with 3, 7 or 21 hypotheses.
-
-    Args:
-        count: number of worlds.
-        seed: of the first world.
-        beyond: see `draw_world`.
-    """
-    worlds = {}
-    for k in range(count):
-        generator = np.random.default_rng(seed + k)
-        radii_count = int(generator.choice([1, 3, 10], p=[0.6, 0.2, 0.2]))
-        worlds[f"random world {k + 1}"] = draw_world(generator, radii_count, beyond)
-    return worlds
+    """Return name and options of random worlds with 3, 7 or 21 hypotheses."""
+    generators = [np.random.default_rng(seed + k) for k in range(count)]
+    return {
+        f"random world {k}": draw_world(one, int(one.choice([1, 3, 10], p=[0.6, 0.2, 0.2])), beyond)
+        for k, one in enumerate(generators, start=1)
+    }

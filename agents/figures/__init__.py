@@ -1,10 +1,10 @@
 """What the figures of all studies have in common. They are drawn from plain data, not from results.
 
-- `canvas`: an empty figure, the style of its axes, and its file.
+- `canvas`: an empty figure, and the style of its axes.
 - `decider_colours`: colour and marker of each decider, the same in every figure.
 - `curve_labels`: names beside curves, in place of a legend.
 - `curves`: panels of curves, such as operating curves.
 - `tracks`: a track in the plane by its modes, and modes over time as bars.
 
-May import: `hybrid_env`, `agents.interface`, and the rules of `baselines`, which name their colours.
+May import: `hybrid_env`, `agents.interface`, and of `baselines` estimates, and rules, which name their colours.
 """

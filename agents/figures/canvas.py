@@ -1,13 +1,10 @@
-"""An empty figure, the style of its axes, and its file."""
+"""An empty figure, and the style of its axes."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-
-from agents.interface.output_files import atomic_file
 
 DPI, PAPER_DPI = 120, 110
 
@@ -15,27 +12,15 @@ GREY, DARK_GREY, TRUTH = "#9a9a9a", "#4d4d4d", "#1a1a1a"
 """Of measurements, of lines beside curves, and of the true track."""
 
 
-def new_canvas(size: tuple[float, float], dpi: float = DPI, layout: Any = "constrained") -> Figure:
-    """Return an empty figure.
-
-    Args:
-        size: width and height [in].
-        dpi: dots per inch.
-        layout: a layout engine of Matplotlib, or its name.
-    """
-    canvas = Figure(figsize=size, layout=layout, dpi=dpi)
+def new_canvas(size: tuple[float, float], dpi: float = DPI) -> Figure:
+    """Return an empty figure of width and height [in]."""
+    canvas = Figure(figsize=size, layout="constrained", dpi=dpi)
     FigureCanvasAgg(canvas)
     return canvas
 
 
 def paper_figure(title: str, size: tuple[float, float], widths: Sequence[float]) -> tuple[Figure, Any]:
-    """Return a figure of a paper with axes in a row.
-
-    Args:
-        title: above all axes.
-        size: width and height [in].
-        widths: relative width of each of the axes.
-    """
+    """Return a figure of a paper, of width and height [in], with axes of relative widths in a row."""
     figure = new_canvas(size, PAPER_DPI)
     figure.suptitle(title)
     return figure, figure.subplots(1, len(widths), width_ratios=widths)
@@ -58,13 +43,3 @@ def style_map(axes: Any, title: str, unit: str = "m") -> None:
 def legend_beside(axes: Any, **handles: Any) -> None:
     """Add a legend without a frame, on the right of axes."""
     axes.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5), **handles)
-
-
-def save_figure(canvas: Figure, path: Path) -> None:
-    """Write a figure as PNG, completely or not at all.
-
-    Raises:
-        ArgumentError: the file cannot be written.
-    """
-    with atomic_file(path) as part:
-        canvas.savefig(part, format="png")

@@ -18,23 +18,16 @@ DARKENING = 0.65  # factor on the colour of a curve for readable text
 BAND_COST = 12.0  # cost of a label inside a filled area, in pixels of distance
 END_COST = 0.05  # cost of a pixel between a label and the end of its curve
 
+NOTHING = ("None", "none", "", " ", None)  # styles of a line or marker that is not drawn
 Mask = NDArray[np.bool_]
 
 
 def label_curves(axes: Any, curves: Sequence[tuple[Any, str]], *, fixed: bool = False) -> list[Any]:
-    """Write the name of each curve beside it, in its colour.
+    """Write the name of each curve, a `Line2D` of these axes, beside it in its colour; return the annotations.
 
-    Labels overlap neither curves nor markers nor each other, as long as there is free space. A label that
-    does not fit beside its curve is joined to it by a thin line. Call this last: the labels avoid all lines
-    of the axes, and limits and layout must not change afterwards.
-
-    Args:
-        axes: of a figure with an Agg canvas.
-        curves: pairs of a `Line2D` of these axes and its label.
-        fixed: whether the figure has been drawn since its layout was last changed.
-
-    Returns:
-        The annotations, in the order of the curves.
+    Labels overlap neither curves nor markers nor each other, as long as there is free space. One that does not fit
+    beside its curve is joined to it by a thin line. Call this last: limits and layout must not change afterwards.
+    `fixed`: the figure has been drawn since they last did.
     """
     if not fixed:
         axes.figure.draw_without_rendering()
@@ -71,8 +64,7 @@ def label_curves(axes: Any, curves: Sequence[tuple[Any, str]], *, fixed: bool = 
 
 def label_lines(axes: Any) -> None:
     """Write the label of each line that has one beside it; call this last, see `label_curves`."""
-    labels = [(line, line.get_label()) for line in axes.lines]
-    label_curves(axes, [(line, text) for line, text in labels if not text.startswith("_")])
+    label_curves(axes, [(line, line.get_label()) for line in axes.lines if not line.get_label().startswith("_")])
 
 
 def _line_mask(line: Any, box: Any, shape: tuple[int, int]) -> Mask:
@@ -83,19 +75,16 @@ def _line_mask(line: Any, box: Any, shape: tuple[int, int]) -> Mask:
     if not len(points):
         return mask
     steps = [points]
-    if line.get_linestyle() not in ("None", "none", "", " "):
+    if line.get_linestyle() not in NOTHING:
         for start, end in pairwise(points):
-            count = int(min(np.abs(end - start).max() + 2, 4000))
-            steps.append(np.linspace(start, end, count))
+            steps.append(np.linspace(start, end, int(min(np.abs(end - start).max() + 2, 4000))))
     cells = np.concatenate(steps)[:, ::-1].astype(int)
     inside = ((cells >= 0) & (cells < shape)).all(1)
     cells = cells[inside] if inside.any() else np.clip(cells, 0, np.array(shape) - 1)
     mask[tuple(cells.T)] = True
-    if line.get_marker() not in ("None", "none", "", " ", None):
-        points_to_cells = line.figure.dpi / 72.0 / CELL
-        radius = round(line.get_markersize() * points_to_cells / 2.0)
-        marked = np.zeros(shape, np.bool_)
-        cells = points[:, ::-1].astype(int)
+    if line.get_marker() not in NOTHING:
+        radius = round(line.get_markersize() * (line.figure.dpi / 72.0 / CELL) / 2.0)
+        marked, cells = np.zeros(shape, np.bool_), points[:, ::-1].astype(int)
         marked[tuple(cells[((cells >= 0) & (cells < shape)).all(1)].T)] = True
         mask |= ndimage.maximum_filter(marked, size=2 * radius + 1)
     return mask
@@ -123,11 +112,10 @@ def _best_place(
     padded = {"size": (height + 2 * gap, width + 2 * gap), "origin": origin}
     distance = CELL * ndimage.minimum_filter(ndimage.distance_transform_edt(~own), **window)
     cost = distance + BAND_COST * ndimage.uniform_filter(bands.astype(float), **window)
-    if others:
-        foreign = np.logical_or.reduce(others)
-        if foreign.any():
-            away = CELL * ndimage.minimum_filter(ndimage.distance_transform_edt(~foreign), **window)
-            cost += 2.0 * np.maximum(0.0, distance + 4.0 - away)
+    foreign = np.logical_or.reduce([*others, np.zeros_like(own)])
+    if foreign.any():
+        away = CELL * ndimage.minimum_filter(ndimage.distance_transform_edt(~foreign), **window)
+        cost += 2.0 * np.maximum(0.0, distance + 4.0 - away)
     cells = np.argwhere(own)
     end = cells[cells[:, 1].argmax()]
     rows, columns = np.indices(own.shape)

@@ -14,98 +14,71 @@ from numpy.typing import ArrayLike
 from agents.figures.canvas import new_canvas, plain_axes
 from agents.figures.curve_labels import label_curves
 from agents.figures.decider_colours import DeciderStyle
+from baselines.scoring.estimates import Estimate
 from hybrid_env.checks import FloatArray
 
-LEVEL_STYLE: dict[str, Any] = {"color": "0.75", "linewidth": 0.8, "linestyle": "--", "zorder": 0}
 MARKER_SPACING = 10.0  # between the markers of points without a value [pt]
 
 
 @dataclass(frozen=True)
 class Curve:
-    """One curve.
+    """One curve."""
 
-    Attributes:
-        name: written beside it.
-        style: colour and marker.
-        x, y: (K,) points; `Panel.strip` shows those whose y is not finite.
-        bounds: (2, K) lower and upper bound of y, drawn as a band.
-        bars: (2, K) lengths of the bars below and above y.
-        selected: (n, 2) points with large filled markers.
-        size: of the markers [pt], 0 for none.
-        filled: whether the markers are filled.
-        width, dashes: width [pt] and dashes of the line.
-    """
-
-    name: str
-    style: DeciderStyle
+    name: str  # written beside it
+    style: DeciderStyle  # colour and marker
+    # x, y: (K,) points; `Panel.strip` shows those whose y is not finite
     x: ArrayLike
     y: ArrayLike
-    bounds: FloatArray | None = None
-    bars: FloatArray | None = None
-    selected: ArrayLike = ()
-    size: float = 4.5
-    filled: bool = False
+    bounds: FloatArray | None = None  # (2, K) lower and upper bound of y, drawn as a band
+    bars: FloatArray | None = None  # (2, K) lengths of the bars below and above y
+    selected: ArrayLike = ()  # (n, 2) points with large filled markers
+    size: float = 4.5  # of the markers [pt], 0 for none
+    filled: bool = False  # whether the markers are filled
+    # width, dashes: width [pt] and dashes of the line
     width: float = 1.4
     dashes: str = "-"
 
 
 @dataclass(frozen=True)
 class Axis:
-    """One axis of a panel.
-
-    Attributes:
-        label: of the axis.
-        limits: first and last value; None fits the data.
-        ticks: their labels by value; None chooses them.
-        minor: whether there are small ticks between these.
-        log: whether the scale is logarithmic.
-        levels: values that are marked by dashed lines.
-    """
+    """One axis of a panel."""
 
     label: str = ""
-    limits: tuple[float, float] | None = None
-    ticks: Mapping[float, str] | None = None
-    minor: bool = False
-    log: bool = False
-    levels: tuple[float, ...] = ()
+    limits: tuple[float, float] | None = None  # first and last value; None fits the data
+    ticks: Mapping[float, str] | None = None  # their labels by value; None chooses them
+    minor: bool = False  # whether there are small ticks between these
+    log: bool = False  # whether the scale is logarithmic
+    levels: tuple[float, ...] = ()  # values that are marked by dashed lines
 
 
 @dataclass(frozen=True)
 class Panel:
-    """One panel.
+    """One panel."""
 
-    Attributes:
-        title: above it.
-        x, y: axes.
-        curves: in drawing order.
-        strip: y of a line, and y above it where hollow markers stand for points whose y is not finite.
-        unreached: by level of y, a text at the right edge and the styles of the curves that do not reach it.
-    """
-
-    title: str
+    title: str  # above it
     x: Axis
     y: Axis
-    curves: Sequence[Curve]
+    curves: Sequence[Curve]  # in drawing order
+    # y of a line, and y above it where hollow markers stand for points whose y is not finite
     strip: tuple[float, float] | None = None
+    # by level of y, a text at the right edge and the styles of the curves that do not reach it
     unreached: Mapping[float, tuple[str, Sequence[DeciderStyle]]] = field(default_factory=dict)
 
 
-def curve_figure(
-    rows: Sequence[Sequence[Panel]],
-    size: tuple[float, float],
-    title: str = "",
-    note: str = "",
-    title_size: float = 12.0,
-    **sharing: Any,
-) -> Figure:
-    """Draw panels of curves. An arrow marks where a curve leaves its panel.
+def error_bars(estimates: Sequence[Estimate]) -> FloatArray:
+    """Return the lengths (2, K) of the bars below and above estimates, down and up to their bounds."""
+    found = [[one.value - one.low, one.high - one.value] for one in estimates]
+    return np.array(found, np.float64).reshape(-1, 2).T
 
-    Args:
-        rows: of panels, equally many in each.
-        size: width and height [in].
-        title, note: above and below all panels.
-        title_size: of the titles of the panels [pt].
-        sharing: arguments `sharex` and `sharey` of `Figure.subplots`.
+
+def curve_figure(
+    rows: Sequence[Sequence[Panel]], size: tuple[float, float], title: str = "", note: str = "",
+    title_size: float = 12.0, **sharing: Any,
+) -> Figure:  # fmt: skip
+    """Draw rows of panels with curves, width and height in inches. An arrow marks where a curve leaves its panel.
+
+    `title` and `note` stand above and below all panels, `title_size` [pt] is that of each, and `sharing` has
+    `sharex` and `sharey` of `Figure.subplots`.
     """
     canvas = new_canvas(size)
     grid = canvas.subplots(len(rows), len(rows[0]), squeeze=False, **sharing)
@@ -137,12 +110,9 @@ def _draw_panel(axes: Any, panel: Panel, outer_only: bool) -> list[tuple[Any, st
     if panel.strip is not None:
         axes.axhline(panel.strip[0], color="0.4", linewidth=0.8)
     place = axes.get_subplotspec()
-    plain_axes(
-        axes,
-        panel.x.label if place.is_last_row() or not outer_only else "",
-        panel.y.label if place.is_first_col() or not outer_only else "",
-    )
-    for name, axis in (("x", panel.x), ("y", panel.y)):
+    outer = place.is_last_row() or not outer_only, place.is_first_col() or not outer_only
+    plain_axes(axes, panel.x.label * outer[0], panel.y.label * outer[1])
+    for name, axis, draw_level in (("x", panel.x, axes.axvline), ("y", panel.y, axes.axhline)):
         if axis.log:
             axes.set(**{f"{name}scale": "log"})
         if axis.ticks is not None:
@@ -154,10 +124,8 @@ def _draw_panel(axes: Any, panel: Panel, outer_only: bool) -> list[tuple[Any, st
                 of_axes.set_ticks([], minor=True)
         if axis.limits is not None:
             axes.set(**{f"{name}lim": axis.limits})
-    for level in panel.x.levels:
-        axes.axvline(level, **LEVEL_STYLE)
-    for level in panel.y.levels:
-        axes.axhline(level, **LEVEL_STYLE)
+        for level in axis.levels:
+            draw_level(level, color="0.75", linewidth=0.8, linestyle="--", zorder=0)
     for level, (text, styles) in panel.unreached.items():
         _mark_unreached(axes, level, text, styles)
     return lines
@@ -181,10 +149,7 @@ def _draw_curve(axes: Any, curve: Curve) -> Any:
 
 
 def _draw_missing(axes: Any, curve: Curve, height: float, missing: dict[float, int]) -> list[Any]:
-    """Draw a hollow marker at a height for every point without a finite y, beside those of earlier curves.
-
-    missing: number of markers by x, which is increased.
-    """
+    """Draw hollow markers at a height for points without a finite y, beside those of earlier curves at the same x."""
     values = np.asarray(curve.x, float)
     marks = []
     for x in values[~np.isfinite(curve.y)].tolist():
@@ -224,8 +189,11 @@ def _mark_edges(axes: Any, lines: Sequence[Any]) -> None:
             if inside[0] == inside[1] or not np.isfinite([start, end]).all():
                 continue
             inner, outer = (start, end) if inside[0] else (end, start)
-            edge = _edge_crossing(inner, outer, box)
-            direction = (outer - inner) / np.hypot(*(outer - inner))
+            step = outer - inner
+            with np.errstate(divide="ignore", invalid="ignore"):
+                shares = np.concatenate([(box.min - inner) / step, (box.max - inner) / step])
+            edge = inner + step * min((share for share in shares if 0.0 <= share <= 1.0), default=1.0)
+            direction = step / np.hypot(*step)
             ends = axes.transAxes.inverted().transform([edge, edge - 14.0 * direction])
             arrow = axes.annotate(
                 "", ends[0], ends[1], xycoords="axes fraction", textcoords="axes fraction", zorder=6,
@@ -235,12 +203,3 @@ def _mark_edges(axes: Any, lines: Sequence[Any]) -> None:
                 },
             )  # fmt: skip
             arrow.set_in_layout(False)
-
-
-def _edge_crossing(inner: FloatArray, outer: FloatArray, box: Any) -> FloatArray:
-    """Point at which a segment from a point inside a box to one outside leaves the box."""
-    step = outer - inner
-    with np.errstate(divide="ignore", invalid="ignore"):
-        shares = np.concatenate([(box.min - inner) / step, (box.max - inner) / step])
-    share = min((share for share in shares if 0.0 <= share <= 1.0), default=1.0)
-    return np.asarray(inner + share * step)

@@ -18,15 +18,10 @@ SEED_SUFFIX = r"[ -]seed ?\d+$"
 
 @dataclass(frozen=True)
 class DeciderStyle:
-    """Appearance of a decider in figures.
+    """Appearance of a decider in figures."""
 
-    Attributes:
-        colour: "#rrggbb".
-        marker: a Matplotlib marker.
-    """
-
-    colour: str
-    marker: str
+    colour: str  # "#rrggbb"
+    marker: str  # a Matplotlib marker
 
 
 AGENT_STYLES = {
@@ -59,11 +54,10 @@ def name_without_seed(name: str) -> str:
 
 
 def decider_style(name: str) -> DeciderStyle:
-    """Style of one decider.
+    """Style of one decider by its name in tables.
 
-    Args:
-        name: as in tables. Training seeds of one recipe share a style, and so do default run folders
-            ("HybridTrack-v0-ppo-seed0") with their recipe. An unknown name always gets the same style.
+    Training seeds of one recipe share a style, and so do default run folders ("HybridTrack-v0-ppo-seed0") with their
+    recipe. An unknown name always gets the same style.
     """
     recipe = re.sub(r"^.*-v\d+-", "", name_without_seed(name))
     known = AGENT_STYLES | rule_styles()

@@ -17,10 +17,7 @@ from agents.figures.decider_colours import DeciderStyle, decider_styles
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.rendering.evidence import TYPE_COLOURS, mode_colour, mode_name, shade
 
-UNDECIDED = -1
-"""In place of a mode at the ticks before a declaration."""
-NO_BAR = -2
-"""In place of a mode at ticks that are not drawn."""
+UNDECIDED, NO_BAR = -1, -2  # in place of a mode at ticks before a declaration, and at those that are not drawn
 UNDECIDED_COLOUR = "0.92"
 WRONG_HATCH = "xxx"
 NAME_LENGTH = 0.009  # of a character, as a share of the time axis
@@ -51,44 +48,25 @@ def plot_by_mode(
 
 @dataclass(frozen=True, kw_only=True)
 class TrackRecord:
-    """What a decider declared or stated on a track of T ticks.
+    """What a decider declared or stated on a track of T ticks."""
 
-    Attributes:
-        name: of the decider.
-        truth, measurements: (T, 2) positions [m].
-        true_modes: (T,) true mode of each tick.
-        modes: (T,) declared or stated mode of each tick, `UNDECIDED` before a declaration.
-        right: (T,) whether the decision of the tick, or of its segment, is right.
-        marks: (n,) 0-based ticks at which a mode is declared, or the statement changes.
-        switches: (K,) 0-based first tick of each segment if the switches are announced, else None.
-        estimates: (T, 2) estimated positions [m].
-        summary: figures of the decider on this track.
-    """
-
-    name: str
-    truth: FloatArray
-    measurements: FloatArray
-    true_modes: IntArray
-    modes: IntArray
-    right: BoolArray
-    marks: IntArray
-    switches: IntArray | None
-    estimates: FloatArray
-    summary: str
+    name: str  # of the decider
+    truth: FloatArray  # (T, 2) positions [m]
+    measurements: FloatArray  # likewise
+    true_modes: IntArray  # (T,) true mode of each tick
+    modes: IntArray  # (T,) declared or stated mode of each tick, `UNDECIDED` before a declaration
+    right: BoolArray  # (T,) whether the decision of the tick, or of its segment, is right
+    marks: IntArray  # (n,) 0-based ticks at which a mode is declared, or the statement changes
+    switches: IntArray | None  # (K,) 0-based first tick of each segment if the switches are announced, else None
+    estimates: FloatArray  # (T, 2) estimated positions [m]
+    summary: str  # figures of the decider on this track
 
 
 def track_figure(records: Sequence[TrackRecord], radii: Sequence[float], title: str) -> Figure:
-    """The track with the decisions or statements of one or two deciders, and their modes over time.
-
-    Args:
-        records: of the deciders on the same track.
-        radii: (n,) turn radii of the bank [m].
-        title: above.
-    """
+    """The track with the decisions or statements of one or two deciders, and their modes over time; radii in m."""
     canvas = new_canvas((11, 8))
     track, timeline = canvas.subplots(2, 1, height_ratios=(3, 0.5 + 0.3 * len(records)))
-    first = records[0]
-    modes = range(2 * len(radii) + 1)
+    first, modes = records[0], range(2 * len(radii) + 1)
     colours, names = ([of(mode, radii) for mode in modes] for of in (mode_colour, mode_name))
     rows = {"true mode": first.true_modes} | {record.name: record.modes for record in records}
     wrong = {record.name: ~record.right & (record.modes != UNDECIDED) for record in records}
@@ -128,7 +106,7 @@ def _draw_track(axes: Any, records: Sequence[TrackRecord], colours: Sequence[str
         switches = first.truth[first.switches].T
         handles += axes.plot(*switches, "|", color="0.2", markersize=12, zorder=4, label="mode switch")
     labels = [line.get_label() for line in handles]
-    styles = decider_styles([record.name for record in records])
+    styles = decider_styles(record.name for record in records)
     for record, size in zip(records, sizes, strict=False):
         style = styles[record.name]
         if announced:
@@ -146,36 +124,24 @@ def _draw_track(axes: Any, records: Sequence[TrackRecord], colours: Sequence[str
 def _draw_marks(axes: Any, record: TrackRecord, style: DeciderStyle, size: float) -> list[Any]:
     """Draw filled markers at right decisions and hollow ones at wrong decisions; return both."""
     handles = []
-    for right in (True, False):
+    for right, face in ((True, style.colour), (False, "white")):
         ticks = record.marks[record.right[record.marks] == right]
         handles += axes.plot(
             *record.truth[ticks].T, linestyle="none", marker=style.marker, markersize=size, zorder=5,
-            color=style.colour, markerfacecolor=style.colour if right else "white", markeredgewidth=1.6,
+            color=style.colour, markerfacecolor=face, markeredgewidth=1.6,
         )  # fmt: skip
     return handles
 
 
 def recording_figure(
-    points: FloatArray,
-    minutes: FloatArray,
-    pieces: Sequence[tuple[int, int]],
-    labels: IntArray,
-    stated: Mapping[str, IntArray],
-    names: Sequence[str],
-    title: str,
-    label: str = "label",
-) -> Figure:
+    points: FloatArray, minutes: FloatArray, pieces: Sequence[tuple[int, int]], labels: IntArray,
+    stated: Mapping[str, IntArray], names: Sequence[str], title: str, label: str = "label",
+) -> Figure:  # fmt: skip
     """A recorded track by the modes of the first decider over the labels, and all modes over time.
 
-    Args:
-        points: (n, 2) positions [km].
-        minutes: (n,) times [min].
-        pieces: first row and row after the last of each piece without gaps.
-        labels: (n,) modes 0 .. 2 of the labels, 3 where they do not count; a wide pale line.
-        stated: statements (n,) of each decider by name; a thin line for the first.
-        names: of the modes.
-        title: above.
-        label: what the labels are called.
+    Points (n, 2) in km, times (n,) in min; pieces without gaps have a first row and one after the last. Labels (n,)
+    are modes 0 .. 2, or 3 where they do not count, drawn as a wide pale line; statements (n,) of deciders come by
+    name.
     """
     width, height = np.maximum(1000.0 * np.ptp(points, axis=0), 1.0)
     tall = float(np.clip(9.0 * height / width, 3.5, 8.0))
@@ -198,24 +164,17 @@ def recording_figure(
     edges = np.append(minutes, minutes[-1])
     draw_timelines(timeline, edges, rows, [*TYPE_COLOURS, UNSCORED], "t [min]", edge_width=0.0)
     canvas.suptitle(title)
-    handles = [
-        *(Line2D([], [], color=TYPE_COLOURS[k], linewidth=2.5, label=mode) for k, mode in enumerate(names)),
-        Line2D([], [], color=pale[1], linewidth=LABEL_WIDTH, label=f"pale: {label}"),
-    ]
-    if (labels == len(names)).any():
-        handles.append(Line2D([], [], color=UNSCORED, linewidth=LABEL_WIDTH, label="not scored"))
+    handles = [Line2D([], [], color=TYPE_COLOURS[k], linewidth=2.5, label=mode) for k, mode in enumerate(names)]
+    wide = {pale[1]: f"pale: {label}"} | ({UNSCORED: "not scored"} if (labels == len(names)).any() else {})
+    handles += [Line2D([], [], color=one, linewidth=LABEL_WIDTH, label=text) for one, text in wide.items()]
     canvas.legend(handles=handles, loc="outside right upper", frameon=False, title=f"line: {name}")
     return canvas
 
 
 def _draw_by_mode(
-    axes: Any,
-    points: FloatArray,
-    pieces: Sequence[tuple[int, int]],
-    modes: IntArray,
-    colours: Sequence[str],
+    axes: Any, points: FloatArray, pieces: Sequence[tuple[int, int]], modes: IntArray, colours: Sequence[str],
     **style: Any,
-) -> None:
+) -> None:  # fmt: skip
     """Draw a line through the points of each piece, in the colour of the mode of each point."""
     lines, shades = [], []
     for first, end in pieces:
@@ -226,17 +185,10 @@ def _draw_by_mode(
 
 
 def draw_timelines(
-    axes: Any,
-    edges: ArrayLike,
-    rows: Mapping[str, IntArray],
-    colours: Sequence[str],
-    xlabel: str,
-    *,
-    wrong: Mapping[str, BoolArray] | None = None,
-    breaks: ArrayLike = (),
-    names: Sequence[str] = (),
+    axes: Any, edges: ArrayLike, rows: Mapping[str, IntArray], colours: Sequence[str], xlabel: str, *,
+    wrong: Mapping[str, BoolArray] | None = None, breaks: ArrayLike = (), names: Sequence[str] = (),
     edge_width: float = 1.0,
-) -> None:
+) -> None:  # fmt: skip
     """Draw the modes (T,) of each row as bars between `edges` (T + 1,): indices of `colours` or others above.
 
     Bars begin anew at ticks `breaks`, and are hatched at ticks `wrong` (T,). `names` of the modes are written
@@ -266,15 +218,12 @@ def draw_timelines(
 
 def _write_into(axes: Any, height: int, span: tuple[float, float], text: str, colour: str, always: bool) -> None:
     """Write a text into a bar, if it is long enough or the text is always shown."""
-    middle = sum(span) / 2
     style: dict[str, Any] = {"va": "center", "ha": "center", "fontsize": 8.5}
-    if always:
-        axes.text(middle, height, text, **style)
-    elif (span[1] - span[0]) / axes.get_xlim()[1] > NAME_LENGTH * len(text):
-        axes.text(
-            middle, height, text, color="white" if np.mean(to_rgb(colour)) < 0.55 else "black",
-            bbox={"facecolor": colour, "edgecolor": "none", "pad": 1.5}, **style,
-        )  # fmt: skip
+    if not always:
+        style["color"] = "white" if np.mean(to_rgb(colour)) < 0.55 else "black"
+        style["bbox"] = {"facecolor": colour, "edgecolor": "none", "pad": 1.5}
+    if always or (span[1] - span[0]) / axes.get_xlim()[1] > NAME_LENGTH * len(text):
+        axes.text(sum(span) / 2, height, text, **style)
 
 
 def wrong_patch(label: str) -> Patch:

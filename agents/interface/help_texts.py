@@ -10,28 +10,19 @@ from docstring_parser import parse_from_object
 
 from baselines.rules.decider import ANNOUNCED, FLIGHTS, GLIDERS, UNKNOWN, rules
 
-NO_DEFAULT = (None, ())
-"""Defaults of flags that are not given; the help text then says what happens without the flag."""
+NO_DEFAULT = (None, ())  # defaults of flags that are not given; the help text then says what happens without the flag
 
 
 def shown_default(text: str, *aliases: str, help: str | None = None) -> Any:
     """Annotation of a flag whose value is None or empty by default: the text stands for it in the help.
 
-    Args:
-        text: the default in words.
-        aliases: further names of the flag.
-        help: description of a flag without a docstring.
+    `aliases` are further names of the flag, `help` describes one without a docstring.
     """
     return tyro.conf.arg(help=help, help_behavior_hint=f"(default: {text})", aliases=aliases or None)
 
 
 def as_subcommand(name: str, kind: type) -> Any:
-    """Return a dataclass as a subcommand for `tyro.cli`, described by its first paragraph.
-
-    Args:
-        name: of the subcommand.
-        kind: dataclass with the flags and their docstrings.
-    """
+    """Return a dataclass as a subcommand for `tyro.cli`, described by its first paragraph."""
     kind, description = as_command(kind)
     return Annotated[kind, tyro.conf.subcommand(name, description=description.partition("\n")[0])]
 

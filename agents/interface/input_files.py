@@ -13,16 +13,7 @@ LARGEST_INTEGER = 2**53  # exact as float64
 
 
 def read_text(path: Path, largest: int = LARGEST_FILE) -> str:
-    """Read a small file in UTF-8.
-
-    Args:
-        path: of the file.
-        largest: size that is read [bytes].
-
-    Raises:
-        OSError: the file cannot be read.
-        ValueError: it is not a file, too large, or not UTF-8.
-    """
+    """Read a file in UTF-8 of at most `largest` bytes. Raises OSError or ValueError."""
     if not path.is_file():  # a named pipe would wait for its writer
         raise ValueError(f"{path.name} is missing or not a file")
     with path.open("rb") as file:
@@ -36,16 +27,7 @@ def read_text(path: Path, largest: int = LARGEST_FILE) -> str:
 
 
 def read_json(path: Path, largest: int = LARGEST_FILE) -> Any:
-    """Read a JSON file; NaN, infinities and integers that float64 does not hold exactly are refused.
-
-    Args:
-        path: of the file.
-        largest: size that is read [bytes].
-
-    Raises:
-        OSError: the file cannot be read.
-        ValueError: its content is invalid.
-    """
+    """Read JSON, as `read_text`; NaN, infinities and integers that float64 does not hold exactly are refused."""
     text = read_text(path, largest)
     try:
         integer, real = (lambda digits: _checked(int(digits))), (lambda digits: _checked(float(digits)))
@@ -55,11 +37,7 @@ def read_json(path: Path, largest: int = LARGEST_FILE) -> Any:
 
 
 def parse_yaml(text: str) -> Any:
-    """Parse YAML without aliases; numbers as in `read_json`.
-
-    Raises:
-        ValueError: the text is not YAML, or has an alias or a number that is not allowed.
-    """
+    """Parse YAML without aliases; numbers as in `read_json`. Raises ValueError."""
     if len(text) > LARGEST_FILE:
         raise ValueError(f"longer than {LARGEST_FILE:,} characters")
     if text.count("[") + text.count("{") > MOST_BRACKETS:

@@ -25,15 +25,7 @@ Column: TypeAlias = Sequence[Any] | NDArray[Any]
 
 
 def output_folder(name: str, path: Path) -> Path:
-    """Create the output folder of a command if it does not exist.
-
-    Args:
-        name: name of the flag, for the error message.
-        path: path of the folder.
-
-    Raises:
-        ArgumentError: the folder cannot be created.
-    """
+    """Create the output folder of a command, given by the flag `name`, if it does not exist."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
@@ -47,9 +39,6 @@ def atomic_file(path: Path) -> Iterator[Path]:
 
     The file replaces `path` if the block succeeds, and is removed otherwise. Temporary files of killed
     processes in the same folder are removed.
-
-    Raises:
-        ArgumentError: the file cannot be written, or `path` is a folder or a device.
     """
     part = path.parent / f"{PART_PREFIX}{secrets.token_hex(8)}.part{path.suffix[:8]}"
     try:
@@ -72,14 +61,7 @@ def atomic_file(path: Path) -> Iterator[Path]:
 def atomic_folder(name: str, path: Path) -> Iterator[Path]:
     """Context manager that yields an empty temporary folder, whose files appear in `path` together.
 
-    If the block fails, nothing appears, and `path` is removed if it was created here and is empty.
-
-    Args:
-        name: name of the flag, for the error message.
-        path: the folder, which is created if it does not exist. Other files in it stay.
-
-    Raises:
-        ArgumentError: the folder or a file cannot be written.
+    If the block fails, nothing appears, and `path` is removed if it is empty. Other files in it stay.
     """
     output_folder(name, path)
     part = path / f"{PART_PREFIX}{secrets.token_hex(8)}.part"
@@ -112,30 +94,40 @@ def _reason(error: Exception) -> str:
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Write indented JSON.
-
-    Raises:
-        ArgumentError: the file cannot be written, or the value contains NaN or infinities.
-    """
+    """Write indented JSON; NaN and infinities are refused."""
     try:
         text = json.dumps(value, indent=2, allow_nan=False)
     except ValueError:
         raise ArgumentError(f"{path.name} is not written: its values are not all finite") from None
+    write_text(path, text + "\n")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text in UTF-8."""
     with atomic_file(path) as part:
-        part.write_text(text + "\n", encoding="utf-8")
+        part.write_text(text, encoding="utf-8")
+
+
+def save_figure(figure: Any, path: Path) -> None:
+    """Write a figure of Matplotlib as PNG."""
+    with atomic_file(path) as part:
+        figure.savefig(part, format="png")
+
+
+def write_files(folder: Path, files: Mapping[str, Any]) -> str:
+    """Write plain values (.json), texts (.md) and figures of Matplotlib (.png); return a line with their names."""
+    for name, content in files.items():
+        if name.endswith(".json"):
+            write_json(folder / name, content)
+        elif name.endswith(".md"):
+            write_text(folder / name, content)
+        else:
+            save_figure(content, folder / name)
+    return f"Files in {folder}: {', '.join(files)}"
 
 
 def write_table(path: str | os.PathLike[str], columns: Mapping[str, Column]) -> None:
-    """Write columns as CSV with a header. The file is written completely or not at all.
-
-    Args:
-        path: path of the file; an existing file is replaced.
-        columns: one-dimensional sequences of equal length, by name. Floats are written without loss of
-            precision.
-
-    Raises:
-        ArgumentError: the columns have different lengths, or the file cannot be written.
-    """
+    """Write columns of equal length as CSV with a header, floats without loss of precision."""
     lengths = {name: len(column) for name, column in columns.items()}
     if len(set(lengths.values())) > 1:
         raise reject("columns", lengths, "columns of equal length")

@@ -23,28 +23,16 @@ Call = Callable[[], Any]
 Name = TypeVar("Name", bound=Hashable)
 ENGINES = ("local", "ray")
 MOST_JOBS = 10_000
-LARGEST_RETRIES = 3
-"""Times that the calls of lost workers are repeated; more losses mean that a call itself ends its worker."""
-
-ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Environment variables of a worker that are 1: there are as many workers as cores."""
+LARGEST_RETRIES = 3  # of the calls of lost workers; more losses mean that a call itself ends its worker
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # are 1: one worker for each core
 
 
 @dataclass(frozen=True)
 class Workers:
-    """Where calls run.
+    """Where calls run."""
 
-    Attributes:
-        jobs: number of calls that run at the same time; 1 with the engine "local" runs them in this process.
-        engine: "local" for processes of this machine, "ray" for the cluster at RAY_ADDRESS, or one that is
-            started on this machine.
-
-    Raises:
-        ArgumentError: a value is not allowed, or Ray is not installed.
-    """
-
-    jobs: int = 1
-    engine: str = "local"
+    jobs: int = 1  # number of calls that run at the same time; 1 with the engine "local" runs them in this process
+    engine: str = "local"  # for processes of this machine; "ray" for the cluster at RAY_ADDRESS, or one that is started
 
     def __post_init__(self) -> None:
         check_integer("jobs", self.jobs, maximum=MOST_JOBS)
@@ -58,19 +46,12 @@ class Workers:
         return self.jobs > 1 or self.engine == "ray"
 
     def results(
-        self, calls: Mapping[Name, Call], on_done: Callable[[Name], None] | None = None
+        self, calls: Mapping[Name, Call], on_done: Callable[[Name], None] = lambda name: None
     ) -> Iterator[tuple[Name, Any]]:
         """Return the names and results of calls, in the order of the calls.
 
-        The call of a worker that is lost (killed, out of memory, or on a machine that went down) is repeated.
-
-        Args:
-            calls: independent of each other, by name. They begin in this order.
-            on_done: called in this process with the name of every call that has ended.
-
-        Raises:
-            ArgumentError: workers are lost more often than calls are repeated.
-            Exception: the error of a call. No further call begins.
+        The call of a worker that is lost (killed, out of memory, or on a machine that went down) is repeated. After
+        the error of a call no further one begins. `on_done` is called with the name of every call that has ended.
         """
         if self.engine == "ray":
             ended = _ray(calls, self.jobs)
@@ -79,15 +60,12 @@ class Workers:
         else:
             ended = _processes(calls, min(self.jobs, len(calls)))
         early: dict[Name, Any] = {}
-        following = iter(calls)
-        wanted = next(following, None)
+        waiting = list(calls)[::-1]
         for name, result in ended:
-            if on_done is not None:
-                on_done(name)
+            on_done(name)
             early[name] = result
-            while wanted in early:
-                yield wanted, early.pop(wanted)
-                wanted = next(following, None)
+            while waiting and waiting[-1] in early:
+                yield waiting[-1], early.pop(waiting.pop())
 
 
 def _processes(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, Any]]:
@@ -111,25 +89,21 @@ def _named(name: Name, call: Call) -> tuple[Name, Any]:
 
 
 def _in_worker(name: Name, call: Call) -> tuple[Name, Any]:
-    result = _named(name, call)
+    result = call()
     _keep_imported()
-    return result
+    return name, result
 
 
 @functools.cache
 def _keep_imported() -> None:
-    """Exempt what this process has imported from garbage collection, after its first call.
-
-    Without psutil loky collects garbage every second, which took a tenth of the time of a worker.
-    """
+    """Exempt what is imported from garbage collection, which loky without psutil runs every second."""
     gc.freeze()
 
 
 def _ray(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, Any]]:
     """Results with their names as they come, from a Ray cluster, which repeats the calls of lost workers.
 
-    Plain tasks are used: the backend of `ray.util.joblib` has a fixed pool, which one lost worker ends with
-    all its results.
+    The backend of `ray.util.joblib` is not used: one lost worker ends its pool with all results.
     """
     ray = _import_ray()
     if not ray.is_initialized():
@@ -180,9 +154,5 @@ class ParallelArguments:
     starts, or one on this machine."""
 
     def workers(self) -> Workers:
-        """Return where calls run.
-
-        Raises:
-            ArgumentError: a flag is out of range, or Ray is not installed.
-        """
+        """Return where calls run."""
         return Workers(joblib.cpu_count() if self.jobs is None else self.jobs, self.engine)

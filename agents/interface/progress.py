@@ -3,11 +3,14 @@
 import sys
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
+from typing import TypeVar
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, Task, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+T = TypeVar("T")
 FIRST_LINE = 10.0  # seconds after which a command without a terminal prints its progress
 LONGEST_SILENCE = 60.0  # seconds between two such lines
 
@@ -15,24 +18,30 @@ LONGEST_SILENCE = 60.0  # seconds between two such lines
 def progress_display(console: Console, transient: bool = False) -> Progress:
     """A live progress display; outside a terminal, occasional lines on the standard error stream.
 
-    Every task needs a `note` field with a short status text.
-
-    Args:
-        console: to print on.
-        transient: remove the display at the end.
+    Every task needs a `note` field with a short status text. A transient display is removed at the end.
     """
     if not console.is_terminal:
         return _ProgressLines()
     return Progress(
-        TextColumn("{task.description:<12}"),
-        BarColumn(bar_width=16),
-        TextColumn("{task.percentage:>3.0f} %"),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[note]}", markup=False),  # names of deciders may contain brackets
-        console=console,
-        transient=transient,
-    )
+        TextColumn("{task.description:<12}"), BarColumn(bar_width=16), TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(), TimeRemainingColumn(), TextColumn("{task.fields[note]}", markup=False),
+        console=console, transient=transient,
+    )  # fmt: skip
+
+
+def print_lines(console: Console, *lines: object) -> None:
+    """Print lines as they are, however long they are."""
+    for line in lines:
+        console.print(str(line), markup=False, highlight=False, soft_wrap=True)
+
+
+def shown(console: Console, title: str, total: int, work: Callable[[Callable[[str], None]], T]) -> T:
+    """Return what `work` returns, which is given a function that shows a note when one of its parts is done."""
+    with progress_display(console) as progress:
+        bar = progress.add_task(title, total=total, note="")
+        result = work(lambda note: progress.update(bar, advance=1, note=note))
+        progress.update(bar, note="")
+    return result
 
 
 class _ProgressLines(Progress):
@@ -44,13 +53,11 @@ class _ProgressLines(Progress):
         self._lines: threading.Thread | None = None
 
     def start(self) -> None:
-        """Start to print lines."""
         if self._lines is None:
             self._lines = threading.Thread(target=self._print_lines, daemon=True)
             self._lines.start()
 
     def stop(self) -> None:
-        """Print no more lines."""
         self._ended.set()
         if self._lines is not None:
             self._lines.join()

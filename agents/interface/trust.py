@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass
 
-TRUST = "HYBRIDTRACK_TRUST"
-"""Environment variable: 1 lets policies of others be unpickled, which runs the code in them."""
+TRUST = "HYBRIDTRACK_TRUST"  # environment variable: 1 lets policies of others be unpickled, which runs the code in them
 
 
 @dataclass(kw_only=True)

@@ -19,12 +19,9 @@ from hybrid_env.registration import ENVIRONMENTS, environment_options
 CARD = "policy.json"
 DEFAULT_ENV = "hybrid_env:HybridTrack-v0"
 _DEFAULT_TEXTS = {
-    "heading": "random",
-    "object_variance": "Q",
-    "reset_covariance": "True for the published bank only",
-    "hazard": "inverse of the mean duration",
-    "sensors": "one of variance R",
-}
+    "heading": "random", "object_variance": "Q", "reset_covariance": "True for the published bank only",
+    "hazard": "inverse of the mean duration", "sensors": "one of variance R",
+}  # fmt: skip
 
 
 def _text(value: Any) -> str:
@@ -63,9 +60,8 @@ def _flags() -> dict[str, Any]:
 
 _Flags: Any = dataclasses.make_dataclass(
     "_Flags",
-    [(name, kind, False if kind.__origin__ is bool else None) for name, kind in _flags().items()],
-    kw_only=True,
-)
+    [(name, kind, False if kind.__origin__ is bool else None) for name, kind in _flags().items()], kw_only=True,
+)  # fmt: skip
 
 
 @dataclass(kw_only=True)
@@ -78,30 +74,22 @@ class WorldArguments(_Flags):
         return DEFAULT_ENV if self.env is None else self.env
 
     def world_options(self, env_id: str | None = None) -> dict[str, Any]:
-        """Return the given options, as keyword arguments of `gym.make`.
-
-        Args:
-            env_id: of the environment they are for; None is the given id, or the default.
-
-        Raises:
-            ArgumentError: the id is unknown, or its environment has no such option.
-        """
+        """Return the given options as keyword arguments of `gym.make`; refuse what the environment does not have."""
         env_id = env_id or self.env_id
         flags = [field for field in dataclasses.fields(WorldArguments) if field.name != "env"]
         values = {flag.name: getattr(self, flag.name) for flag in flags}
         given = {flag.name: values[flag.name] for flag in flags if values[flag.name] is not flag.default}
-        known = _names(env_id)
-        for name in [name for name in given if name not in known]:
-            environment = env_id.rpartition(":")[2]
-            raise reject(name, given[name], f"no value, because {environment} has no such option")
+        known = _names(env_id)  # refuses an unknown id
+        for name in given:
+            if name not in known:
+                environment = env_id.rpartition(":")[2]
+                raise reject(name, given[name], f"no value, because {environment} has no such option")
         return given
 
     def world_of(self, decider: str) -> tuple[str, dict[str, Any]]:
         """Environment id and options for a decider.
 
-        Args:
-            decider: name of a decider. A run folder brings the id and the options of its training; flags that
-                are given override these options.
+        A run folder brings those of its training; flags that are given override these options.
         """
         card = read_card(decider)
         if card is None or self.env not in (None, card["environment"]):
@@ -111,14 +99,7 @@ class WorldArguments(_Flags):
 
 
 def read_card(decider: str) -> dict[str, Any] | None:
-    """Environment id and options on the card of a run folder; None for any other decider.
-
-    Args:
-        decider: name of a decider, with an optional ":threshold".
-
-    Raises:
-        ArgumentError: the card is damaged.
-    """
+    """Environment id and options on the card of a run folder, as "folder:threshold" too; None for others."""
     names = (decider, decider.rpartition(":")[0])
     for path in (Path(name) / CARD for name in names if name):
         if path.is_file():

@@ -34,11 +34,7 @@ class League(TrustArguments, ParallelArguments):
     training.png."""
 
     def run(self) -> None:
-        """Play the deciders, print the tables and write the files.
-
-        Raises:
-            ArgumentError: a decider is unknown, or a file is not of this league.
-        """
+        """Play the deciders, print the tables and write the files."""
         workers = self.workers()
         check_integer("training-seeds", self.training_seeds)
         if self.steps is not None:
@@ -50,9 +46,8 @@ class League(TrustArguments, ParallelArguments):
 
         from agents.evaluation.cells import filled_table, markdown_table
         from agents.evaluation.registry import SHIPPED, find_family, is_brought
-        from agents.figures.canvas import save_figure
-        from agents.interface.output_files import atomic_file, output_folder, write_json
-        from agents.interface.progress import progress_display
+        from agents.interface.output_files import output_folder, write_files
+        from agents.interface.progress import print_lines, progress_display
         from agents.league import families
         from agents.league.entry import read_entry
         from agents.league.protocol import WORLDS, play, world_task
@@ -78,36 +73,33 @@ class League(TrustArguments, ParallelArguments):
                     progress.update(bar, advance=1, note=f"{name} seed {part}" if isinstance(part, int) else part)
 
                 if name in recipes:
-                    entry, runs[name] = families.play_family(
-                        name, self.training_seeds, self.steps, workers, folder, done
-                    )
+                    seeds, steps = self.training_seeds, self.steps
+                    entry, runs[name] = families.play_family(name, seeds, steps, workers, folder, done)
                 else:
                     entry = play(name, workers, done)
-                file = "".join(one if one.isalnum() else "-" for one in entry["title"])
-                write_json(folder / f"{file}.json", entry)
+                file = "".join(one if one.isalnum() else "-" for one in entry["title"]) + ".json"
+                write_files(folder, {file: entry})
                 played.append(entry)
-                progress.console.print(f"{folder / file}.json", markup=False, highlight=False)
+                progress.console.print(str(folder / file), markup=False, highlight=False)
             progress.update(bar, note="")
         entries |= {entry["title"]: entry for entry in played}
+        every = [*entries.values()]
         for entry in played:
-            refused = {world: one["refused"] for world, one in entry["worlds"].items() if "refused" in one}
-            for reason in dict.fromkeys(refused.values()):
-                worlds = "; ".join(world for world, other in refused.items() if other == reason)
-                line = f"{entry['title']} cannot decide in: {worlds}. The reason: {reason}"
-                console.print(line, markup=False, highlight=False, soft_wrap=True)
-            console.print(world_table(entry, [*entries.values()]))
-        console.print(league_table([*entries.values()]))
-        tables = [league_markdown([*entries.values()])]
-        for env_id, (heads, rows) in families.families_tables([*entries.values()]).items():
+            refused: dict[str, list[str]] = {}
+            for world, one in entry["worlds"].items():
+                if "refused" in one:
+                    refused.setdefault(one["refused"], []).append(world)
+            for reason, worlds in refused.items():
+                print_lines(console, f"{entry['title']} cannot decide in: {'; '.join(worlds)}. The reason: {reason}")
+            console.print(world_table(entry, every))
+        console.print(league_table(every))
+        tables = [league_markdown(every)]
+        for env_id, (heads, rows) in families.families_tables(every).items():
             title = f"Trained families in {env_id.rpartition(':')[2]}"
-            (*short,) = ([*row[:2], *row[-3:]] for row in ([head.replace(" ", "\n") for head in heads], *rows))
-            console.print(filled_table(title, short[0], short[1:], families.CAPTION))
+            short, *lines = ([*row[:2], *row[-3:]] for row in ([head.replace(" ", "\n") for head in heads], *rows))
+            console.print(filled_table(title, short, lines, families.CAPTION))
             tables.append(markdown_table(heads, rows))
-        with atomic_file(folder / "league.md") as part:
-            part.write_text("\n".join(tables), encoding="utf-8")
-        figures = {"league.png": league_figure([*entries.values()])}
+        files = {"league.md": "\n".join(tables), "league.png": league_figure(every)}
         if runs:
-            figures["training.png"] = families.training_figure(runs)
-        for file, figure in figures.items():
-            save_figure(figure, folder / file)
-        console.print(f"Files in {folder}: league.md, {', '.join(figures)}", markup=False, highlight=False)
+            files["training.png"] = families.training_figure(runs)
+        console.print(write_files(folder, files), markup=False, highlight=False)

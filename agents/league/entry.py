@@ -15,8 +15,7 @@ from agents.learned.policy_file import package_versions
 from baselines.scoring.scores import Scores
 from hybrid_env.checks import reject
 
-PROTOCOL = 1
-"""Number of the protocol; it rises when worlds, episodes or metrics change."""
+PROTOCOL = 1  # number of the protocol; it rises when worlds, episodes or metrics change
 LARGEST = 2**20  # bytes of a file
 REWARD = "<f4"  # little-endian float32
 
@@ -34,11 +33,7 @@ def make_entry(
 
 
 def read_entry(path: Path) -> dict[str, Any]:
-    """Read the file of a decider.
-
-    Raises:
-        ArgumentError: it cannot be read, was changed, or is of another protocol or version.
-    """
+    """Read the file of a decider; refuse one that was changed, or is of another protocol or version."""
     try:
         entry = read_json(path, LARGEST)
         digest, protocol = entry["digest"], entry["protocol"]

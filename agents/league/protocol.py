@@ -1,14 +1,14 @@
 """The protocol of the league: worlds, episodes and what is recorded of a decider."""
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from agents.evaluation.registry import find_family
 from agents.evaluation.task import Task
-from agents.evaluation.tasks import task_of
+from agents.evaluation.tasks import BANK, QUICKEST, THREE, task_of
 from agents.interface.parallel import Workers
 from agents.league.entry import make_entry, pack
 from agents.learned.policy_file import LAYOUTS
@@ -17,11 +17,8 @@ from baselines.rules.decider import ANNOUNCED, UNKNOWN, Decider
 from baselines.rules.own import as_decider
 from hybrid_env.checks import ArgumentError
 
-SEED = 600_000_000
-"""Of the first reported episode; no other study reports these episodes."""
-EPISODES = {ANNOUNCED: 600, UNKNOWN: 150}
-"""Reported episodes of each world; as many others select the threshold."""
-THREE, BANK, QUICKEST = (f"hybrid_env:HybridTrack{part}-v0" for part in ("", "Bank", "Quickest"))
+SEED = 600_000_000  # of the first reported episode; no other study reports these episodes
+EPISODES = {ANNOUNCED: 600, UNKNOWN: 150}  # reported episodes of each world; as many others select the threshold
 WORLDS: dict[str, tuple[str, dict[str, Any]]] = {
     "R = 0.01": (THREE, {"measurement_variance": 0.01}),
     "R = 0.1": (THREE, {}),
@@ -49,27 +46,16 @@ def play(
 ) -> dict[str, Any]:
     """Play a decider in all worlds, or some, and return its entry, see `agents.league.entry`.
 
-    The threshold with the best reward is selected in each world, on other episodes than those reported.
-
-    Args:
-        name: of the decider, without a threshold, see `find_family`.
-        workers: where the work runs.
-        on_progress: called with the name of each world.
-        worlds: to play in; None for all.
-
-    Raises:
-        ArgumentError: it can decide in no world; the reason in the first one.
+    The threshold with the best reward is selected in each world, on other episodes than those reported. One that can
+    decide in no world is refused.
     """
     calls = {world: functools.partial(_play, name, world) for world in (WORLDS if worlds is None else worlds)}
     found = dict(workers.results(calls, on_progress))
     played = [one for one in found.values() if "refused" not in one]
     if not played:
         raise ArgumentError(next(iter(found.values()))["refused"])
-    return make_entry(name, played[0].pop("title"), played[0].pop("kind"), _without(found, "title", "kind"))
-
-
-def _without(worlds: Mapping[str, dict[str, Any]], *keys: str) -> dict[str, Any]:
-    return {world: {key: one[key] for key in one if key not in keys} for world, one in worlds.items()}
+    titles, kinds = ([one.pop(key) for one in played] for key in ("title", "kind"))
+    return make_entry(name, titles[0], kinds[0], found)
 
 
 def _play(name: str, world: str) -> dict[str, Any]:
@@ -80,16 +66,15 @@ def _play(name: str, world: str) -> dict[str, Any]:
         shift = evaluate_world(name, world, task, None, EPISODES[task.switches], SEED)
     except ArgumentError as error:
         return {"refused": str(error)}
-    metrics = {one.name: shift.own.estimate(one.statistic).as_json() for one in task.metrics}
-    decider = as_decider(family.make(shift.own.thresholds[0]))
-    rewards = shift.own.of(task.goal, 0)
+    (threshold,), rewards = shift.own.thresholds, shift.own.of(task.goal, 0)
     return {
-        "title": family.name, "kind": kind_of(name, decider, task),
-        "threshold": shift.own.thresholds[0], "metrics": metrics, "rewards": pack(rewards),
+        "title": family.name, "kind": kind_of(as_decider(family.make(threshold)), task), "threshold": threshold,
+        "metrics": {one.name: shift.own.estimate(one.statistic).as_json() for one in task.metrics},
+        "rewards": pack(rewards),
     }  # fmt: skip
 
 
-def kind_of(name: str, decider: Decider, task: Task) -> str:
+def kind_of(decider: Decider, task: Task) -> str:
     """Return what a decider uses: "informed" of what a user does not know, a "classical" rule, else memory.
 
     Learned and own deciders are "recurrent" if they keep a state or filters of their own, else "memoryless".

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from agents.evaluation.cells import filled_table, markdown_table
 from agents.figures.canvas import new_canvas
+from agents.figures.curves import error_bars
 from agents.figures.decider_colours import decider_styles
 from agents.league.entry import read_entry, scores_of
 from agents.league.protocol import QUICKEST, WORLDS
@@ -20,9 +21,7 @@ from baselines.scoring.scores import mean
 
 KINDS = ("informed", "recurrent", "memoryless", "classical")
 ENTRIES = Path(__file__).parent / "entries"
-GROUPS: dict[str, list[str]] = {env_id.rpartition(":")[2]: [] for env_id, _ in WORLDS.values()}
-for _world, (_env_id, _) in WORLDS.items():
-    GROUPS[_env_id.rpartition(":")[2]].append(_world)
+GROUPS = {env_id: [world for world in WORLDS if WORLDS[world][0] == env_id] for env_id, _ in WORLDS.values()}
 REWARD = mean("reward")
 FIGURE_SIZE = (11.5, 5.6)
 
@@ -45,16 +44,19 @@ def best_of_rest(entries: Sequence[dict[str, Any]], mine: dict[str, Any], world:
     return max(found, key=lambda one: one[:2])[2] if found else None
 
 
+def _ordered(entries: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    return sorted(entries, key=lambda one: (KINDS.index(one["kind"]), one["title"]))
+
+
 def league_table(entries: Sequence[dict[str, Any]]) -> Table:
     """Return a table with deciders in rows and the mean rewards over the worlds of each environment."""
-    names = [env_id.removesuffix("-v0").replace("Track", "Track\n", 1) for env_id in GROUPS]
+    names = [env_id.rpartition(":")[2].removesuffix("-v0").replace("Track", "Track\n", 1) for env_id in GROUPS]
     heads = [f"{name}\n{len(worlds)} worlds" for name, worlds in zip(names, GROUPS.values(), strict=True)]
     rows = []
-    for entry in sorted(entries, key=lambda one: (KINDS.index(one["kind"]), one["title"])):
+    for entry in _ordered(entries):
         cells = []
         for worlds in GROUPS.values():
-            values = [reward(entry, world) for world in worlds]
-            known = [value.value for value in values if value is not None]
+            known = [value.value for world in worlds if (value := reward(entry, world)) is not None]
             cells.append(f"{np.mean(known):.3f}" if len(known) == len(worlds) else "-")
         rows.append((escape(entry["title"]), entry["kind"], *cells))
     return filled_table(
@@ -68,15 +70,13 @@ def world_table(entry: dict[str, Any], entries: Sequence[dict[str, Any]]) -> Tab
     """Return a table of a decider in every world, with the paired difference to the best of the others."""
     rows: list[tuple[str, ...]] = []
     for world in WORLDS:
-        mine, one = scores_of(entry, world), entry["worlds"].get(world, {})
-        if mine is None:
-            rows.append((world, "-", "-", "", ""))
-            continue
-        best = best_of_rest(entries, entry, world)
-        theirs = None if best is None else scores_of(best, world)
-        cells = [f"{one['threshold']:g}", _bounds(mine.estimate(REWARD, 0)), "", ""]
-        if best is not None and theirs is not None:
-            cells[2:] = escape(best["title"]), _bounds(mine.difference(theirs, REWARD), "+")
+        mine, cells = scores_of(entry, world), ["-", "-", "", ""]
+        if mine is not None:
+            cells[:2] = f"{mine.thresholds[0]:g}", _bounds(mine.estimate(REWARD, 0))
+            best = best_of_rest(entries, entry, world)
+            theirs = None if best is None else scores_of(best, world)
+            if theirs is not None:
+                cells[2:] = escape(theirs.name), _bounds(mine.difference(theirs, REWARD), "+")
         rows.append((world, *cells))
     return filled_table(
         f"{escape(entry['title'])} ({entry['kind']}) in every world",
@@ -96,7 +96,7 @@ def league_markdown(entries: Sequence[dict[str, Any]]) -> str:
     for is_unknown in (False, True):
         worlds = [world for world, (env_id, _) in WORLDS.items() if (env_id == QUICKEST) == is_unknown]
         rows = []
-        for entry in sorted(entries, key=lambda one: (KINDS.index(one["kind"]), one["title"])):
+        for entry in _ordered(entries):
             values = [reward(entry, world) for world in worlds]
             if any(values):
                 cells = ["-" if value is None else f"{value.value:.3f}" for value in values]
@@ -114,12 +114,10 @@ def league_figure(entries: Sequence[dict[str, Any]]) -> Figure:
     for index, entry in enumerate(entries):
         style, offset = styles[entry["title"]], index * shift - 0.35
         found = [(place, value) for place, world in enumerate(worlds) if (value := reward(entry, world)) is not None]
-        x = [place + offset for place, _ in found]
-        y = np.array([value.value for _, value in found])
-        error = np.array([[value.value - value.low, value.high - value.value] for _, value in found]).T
         axes.errorbar(
-            x, y, error.reshape(2, -1), fmt=style.marker, color=style.colour, markersize=4, elinewidth=1,
-            label=f"{entry['title']} ({entry['kind']})",
+            [place + offset for place, _ in found], [value.value for _, value in found],
+            error_bars([value for _, value in found]), fmt=style.marker, color=style.colour, markersize=4,
+            elinewidth=1, label=f"{entry['title']} ({entry['kind']})",
         )  # fmt: skip
     for place in range(1, len(worlds)):
         axes.axvline(place - 0.5, color="0.9", linewidth=0.8, zorder=0)

@@ -8,15 +8,14 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from agents.interface.output_files import atomic_folder, output_folder, write_table
+from agents.interface.output_files import atomic_folder, output_folder, write_files, write_table
 from agents.interface.trust import TrustArguments
 from agents.recordings.files import FileArguments, Report, check_free, object_folders, work_on_files
 from agents.recordings.tracked import TrackedRecording, piece_table, row_table
 from agents.recordings.tracking import TrackingArguments
 
 MAX_PRINTED_PIECES = 20
-FEW_FILES = 20
-"""Up to this many files, each has a picture by default; it takes longer than the tracking."""
+FEW_FILES = 20  # up to this many files, each has a picture by default; it takes longer than the tracking
 
 
 @dataclass(kw_only=True)
@@ -34,11 +33,7 @@ class Track(TrackingArguments, TrustArguments, FileArguments):
     """Write track.html, a map in which time, mode and probability can be read. Needs the extra 'html'."""
 
     def run(self) -> None:
-        """Track the recordings, write the results and print the decisions.
-
-        Raises:
-            ArgumentError: an argument or a line of a file is invalid.
-        """
+        """Track the recordings, write the results and print the decisions."""
         self.check_files()
         self.check_tracking()
         if self.html:
@@ -50,18 +45,10 @@ class Track(TrackingArguments, TrustArguments, FileArguments):
         work_on_files(work.track_file, self.files, self.folders(), self.jobs)
 
     def track_file(self, path: Path, folder: Path) -> Report:
-        """Track the recordings of a file. Nothing is written before all are tracked.
-
-        Args:
-            path: the file.
-            folder: output folder, with one inside for each object if there are several.
-
-        Raises:
-            ArgumentError: the file is invalid, or a recording cannot be tracked.
-        """
+        """Track the recordings of a file, and then write; several objects have folders of their own inside."""
         check_free(folder, self.overwrite)
-        given = [one.name for one in fields(self) if getattr(self, one.name) != one.default]
-        if not set(given) - {"files", "out", "overwrite", "jobs", "picture"}:
+        given = {one.name for one in fields(self) if getattr(self, one.name) != one.default}
+        if not given - {"files", "out", "overwrite", "jobs", "picture"}:
             from agents.recordings.gliders import track_glider
             from baselines.recordings.reading.files import read_igc
 
@@ -83,20 +70,16 @@ class Track(TrackingArguments, TrustArguments, FileArguments):
 
     def _write(self, tracked: TrackedRecording, pieces: dict[str, list[Any]], folder: Path) -> list[str]:
         """Write the results of an object; return the names of the files."""
-        from agents.figures.canvas import save_figure  # Matplotlib loads slowly
-        from agents.recordings.figure import draw_recording, write_map
+        from agents.recordings.figure import draw_recording, write_map  # Matplotlib loads slowly
 
         output_folder("out", folder)
-        names = ["modes.csv", "estimates.csv"]
-        write_table(folder / names[0], pieces)
-        write_table(folder / names[1], row_table(tracked))
+        write_table(folder / "modes.csv", pieces)
+        write_table(folder / "estimates.csv", row_table(tracked))
         if self.picture:
-            names.append("track.png")
-            save_figure(draw_recording(tracked), folder / names[-1])
+            write_files(folder, {"track.png": draw_recording(tracked)})
         if self.html:
-            names.append("track.html")
-            write_map(folder / names[-1], tracked)
-        return names
+            write_map(folder / "track.html", tracked)
+        return ["modes.csv", "estimates.csv", *["track.png"] * bool(self.picture), *["track.html"] * self.html]
 
 
 def report_lines(tracked: TrackedRecording) -> list[str]:
@@ -117,14 +100,13 @@ def report_lines(tracked: TrackedRecording) -> list[str]:
         f"{unit}^2/{time}^2 {process_is}, mean duration {model.duration:.3g} ticks {duration_is}, tick "
         f"{tracked.tau:.6g} {time}"
     ]
-    if not model.turns and "radii" in model.estimated:
-        lines.append(f"{name}: no turns are seen; the radius has no meaning")
-    if tracked.shared:
-        lines.append(f"{name}: {tracked.shared} rows share a tick with another one: their mean is used")
-    if tracked.outliers:
-        lines.append(f"{name}: {tracked.outliers} measurements far from their neighbours are not used")
-    if tracked.moved > 0.01:
-        lines.append(f"{name}: irregular times: rows are moved to ticks by {tracked.moved:.0%} of one (rms)")
+    found = {
+        "no turns are seen; the radius has no meaning": not model.turns and "radii" in model.estimated,
+        f"{tracked.shared} rows share a tick with another one: their mean is used": tracked.shared,
+        f"{tracked.outliers} measurements far from their neighbours are not used": tracked.outliers,
+        f"irregular times: rows are moved to ticks by {tracked.moved:.0%} of one (rms)": tracked.moved > 0.01,
+    }
+    lines += [f"{name}: {text}" for text, true in found.items() if true]
     return lines + [f"{name}: warning: {text}" for text in tracked.warnings]
 
 
@@ -136,9 +118,8 @@ def _printed_table(pieces: dict[str, list[Any]], tracked: TrackedRecording) -> T
     for k in range(min(len(pieces["piece"]), MAX_PRINTED_PIECES)):
         radius, when = pieces["radius"][k], pieces["decided_at"][k]
         table.add_row(
-            str(pieces["piece"][k]), f"{pieces['first_row'][k]}-{pieces['last_row'][k]}",
-            f"{pieces['begin'][k]:.6g}", pieces["mode"][k], f"{radius:.4g}" if radius != "" else "",
-            f"{when:.6g}" if when != "" else "undecided",
+            str(pieces["piece"][k]), f"{pieces['first_row'][k]}-{pieces['last_row'][k]}", f"{pieces['begin'][k]:.6g}",
+            pieces["mode"][k], f"{radius:.4g}" if radius != "" else "", f"{when:.6g}" if when != "" else "undecided",
         )  # fmt: skip
     if len(pieces["piece"]) > MAX_PRINTED_PIECES:
         table.caption = f"... and {len(pieces['piece']) - MAX_PRINTED_PIECES} more in modes.csv"

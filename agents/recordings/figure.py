@@ -16,13 +16,9 @@ from agents.recordings.tracked import TrackedRecording
 from hybrid_env.checks import ArgumentError, FloatArray, IntArray
 from hybrid_env.rendering.evidence import mode_colour
 
-MAX_POINTS, MAX_MAP_POINTS = 20_000, 100_000
-"""Points of the ground track that are drawn in the figure, and in the map, without delay in a browser."""
-
-MAX_LINE_POINTS = 5000
-"""Agg raises OverflowError for very long lines; longer ones are split."""
-
-BINS = 800  # of time, about the pixels of the axes
+MAX_POINTS, MAX_MAP_POINTS = 20_000, 100_000  # that are drawn in the figure, and in a map without delay in a browser
+MAX_LINE_POINTS = 5000  # Agg raises OverflowError for very long lines; longer ones are split
+BINS = 800  # most intervals of time, about the pixels of the axes
 MAX_MARKS = 60  # up to this many pieces, their first rows are marked
 MEDIAN_LENGTH = 1.177  # of a normalised innovation in two dimensions
 FAR_LENGTH = 3.717  # exceeded with probability 0.001
@@ -39,7 +35,9 @@ def draw_recording(tracked: TrackedRecording) -> Figure:
     ground, ribbon, residuals = figure.subplots(3, 1, height_ratios=heights)
     residuals.sharex(ribbon)
     _draw_ground(ground, tracked)
-    edges = _time_edges(tracked.recording.times[known])
+    times = tracked.recording.times[known]
+    step = np.median(np.diff(times)) if len(times) > 1 else 1.0
+    edges = np.linspace(times[0] - 0.5 * step, times[-1] + 0.5 * step, min(len(times), BINS) + 1)
     _draw_probabilities(ribbon, tracked, known, edges)
     _draw_residuals(residuals, tracked, known, edges)
     ribbon.set_xlim(edges[0], edges[-1])
@@ -47,15 +45,13 @@ def draw_recording(tracked: TrackedRecording) -> Figure:
     residuals.set_xlabel(f"t [{tracked.recording.time_unit}]")
     colours = mode_colours(tracked)
     names = {"S": "S: straight", "L": "L: left turn", "R": "R: right turn"}
-    handles = [
-        Line2D([], [], color=GREY, marker=".", linestyle="none", label="measurements"),
-        *(
-            Line2D([], [], color=colour, linewidth=2.5, label=names.get(name, name))
-            for colour, name in zip(colours, tracked.mode_names(), strict=True)
-        ),
-        Line2D([], [], color=BLACK, marker="o", markerfacecolor="white", linestyle="none", label="new piece"),
+    modes = [
+        Line2D([], [], color=colour, linewidth=2.5, label=names.get(name, name))
+        for colour, name in zip(colours, tracked.mode_names(), strict=True)
     ]
-    figure.legend(handles=handles, loc="outside right upper", frameon=False, alignment="left")
+    dots = Line2D([], [], color=GREY, marker=".", linestyle="none", label="measurements")
+    ring = Line2D([], [], color=BLACK, marker="o", markerfacecolor="white", linestyle="none", label="new piece")
+    figure.legend(handles=[dots, *modes, ring], loc="outside right upper", frameon=False, alignment="left")
     return figure
 
 
@@ -102,12 +98,6 @@ def _draw_ground(axes: Any, tracked: TrackedRecording) -> None:
     axes.grid(alpha=0.25)
 
 
-def _time_edges(times: FloatArray) -> FloatArray:
-    """Return the edges of at most `BINS` intervals of time."""
-    step = np.median(np.diff(times)) if len(times) > 1 else 1.0
-    return np.linspace(times[0] - 0.5 * step, times[-1] + 0.5 * step, min(len(times), BINS) + 1)
-
-
 def _draw_probabilities(axes: Any, tracked: TrackedRecording, known: IntArray, edges: FloatArray) -> None:
     """Draw the mean probabilities in each interval as stacked bars, and above them the decided modes."""
     bins = np.clip(np.searchsorted(edges, tracked.recording.times[known], "right") - 1, 0, len(edges) - 2)
@@ -146,8 +136,8 @@ def _draw_residuals(axes: Any, tracked: TrackedRecording, known: IntArray, edges
         low, median, high = np.array([np.quantile(lengths[rows], (0.05, 0.5, 0.95)) for rows in filled]).T
         axes.fill_between(middle, low, high, color=GREY, alpha=0.5, linewidth=0.0)
         axes.plot(middle, median, color=BLACK, linewidth=0.8)
-    axes.axhline(MEDIAN_LENGTH, color=BLACK, linestyle=":", linewidth=1.0)
-    axes.axhline(FAR_LENGTH, color=BLACK, linestyle="--", linewidth=1.0)
+    for length, style in ((MEDIAN_LENGTH, ":"), (FAR_LENGTH, "--")):
+        axes.axhline(length, color=BLACK, linestyle=style, linewidth=1.0)
     top = max(1.2 * FAR_LENGTH, 1.1 * float(np.quantile(lengths, 0.995))) if len(lengths) else 5.0
     axes.set(ylim=(0.0, top), ylabel="residual [sd]")
     shown = ": median, 5 to 95 %" if many else ""
@@ -155,11 +145,7 @@ def _draw_residuals(axes: Any, tracked: TrackedRecording, known: IntArray, edges
 
 
 def check_plotly() -> Any:
-    """Return the module of plotly.
-
-    Raises:
-        ArgumentError: it is not installed.
-    """
+    """Return the module of plotly."""
     try:
         import plotly.graph_objects as module
     except ImportError:
@@ -168,11 +154,7 @@ def check_plotly() -> Any:
 
 
 def write_map(path: Path, tracked: TrackedRecording) -> None:
-    """Write the ground track with decided modes; time, mode and probability appear under the pointer.
-
-    Raises:
-        ArgumentError: plotly is not installed, or the file cannot be written.
-    """
+    """Write the ground track with decided modes; time, mode and probability appear under the pointer."""
     plotly = check_plotly()
     recording, names, colours = tracked.recording, tracked.mode_names(), mode_colours(tracked)
     figure = plotly.Figure()

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from agents.interface.help_texts import shown_default
 from agents.interface.parallel import Workers
-from agents.interface.progress import progress_display
+from agents.interface.progress import print_lines, progress_display
 from baselines.recordings.reading.names import ROLES
 from hybrid_env.checks import ArgumentError, check_between, check_integer, check_positive, reject
 from hybrid_env.sensors import Radar, Sensor, parse_sensors
@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
 TAU_RANGE = (1e-9, 1e9)  # [s]
 COLUMN_ROLES = ("t", *ROLES)
-PARALLEL_FILES = 8
-"""With fewer files the start of processes takes longer than it saves."""
+PARALLEL_FILES = 8  # with fewer files the start of processes takes longer than it saves
 
 
 @dataclass(kw_only=True)
@@ -63,11 +62,7 @@ class FileArguments:
     """Files that are tracked at the same time. By default one for each core if there are many files."""
 
     def read(self, path: Path) -> "RecordingFile":
-        """Read a file.
-
-        Raises:
-            ArgumentError: the file is invalid, or its columns are unclear.
-        """
+        """Read a file."""
         from baselines.recordings.reading.read import read_recordings  # pandas; other commands start faster
 
         return read_recordings(
@@ -76,7 +71,7 @@ class FileArguments:
         )  # fmt: skip
 
     def parsed_radar(self) -> Radar | None:
-        """Return the radar. Raises `ArgumentError` for other texts."""
+        """Return the radar, if there is one."""
         try:
             one = None if self.radar is None else parse_sensors([f"radar {self.radar}"])[0]
         except ArgumentError:
@@ -86,11 +81,7 @@ class FileArguments:
         return one
 
     def column_names(self) -> dict[str, str]:
-        """Return the columns by role.
-
-        Raises:
-            ArgumentError: an element is not of the form role=column, or a role is given twice.
-        """
+        """Return the columns by role."""
         names: dict[str, str] = {}
         for text in self.columns:
             role, sign, column = text.partition("=")
@@ -102,39 +93,28 @@ class FileArguments:
         return names
 
     def folders(self) -> list[Path]:
-        """Return the output folder of each file.
-
-        Raises:
-            ArgumentError: two files have the same one.
-        """
+        """Return the output folder of each file."""
         folders = [self._folder(Path(path)) for path in self.files]
         first: dict[Path, Path] = {}
         for path, folder in zip(self.files, folders, strict=True):
             if folder.resolve() in first:
-                other = first[folder.resolve()]
-                raise ArgumentError(
-                    f"{other} and {path} both have the output folder {folder}: rename one, or track each by "
-                    "itself with --out"
-                )
-            first[folder.resolve()] = Path(path)
+                both = f"{first[folder.resolve()]} and {path} both have the output folder {folder}"
+                raise ArgumentError(f"{both}: rename one, or track each by itself with --out")
+            first[folder.resolve()] = path
         return folders
 
     def check_files(self) -> None:
-        """Check all arguments before any work.
-
-        Raises:
-            ArgumentError: one is not allowed.
-        """
+        """Check all arguments before any work."""
         if not self.files:
             raise reject("files", self.files, "at least one file")
         self.column_names()
         self.parsed_radar()
+        if self.unit is not None and not self.unit.strip():
+            raise reject("unit", self.unit, "the name of a unit, for example m, km or deg")
         if self.tau is not None:
             check_between("tau", self.tau, *TAU_RANGE)
         if self.gap is not None:
             check_positive("gap", self.gap)
-        if self.unit is not None and not self.unit.strip():
-            raise reject("unit", self.unit, "the name of a unit, for example m, km or deg")
         if self.jobs is not None:
             check_integer("jobs", self.jobs)
 
@@ -161,58 +141,37 @@ def object_folders(folder: Path, names: Sequence[str]) -> list[Path]:
 
 @dataclass(frozen=True)
 class Report:
-    """What is printed about a file.
+    """What is printed about a file."""
 
-    Attributes:
-        lines: what was read, found and written.
-        table: details, which are printed for a single file only.
-        files: the files that were written, printed for a single file only.
-    """
-
-    lines: tuple[str, ...]
-    table: Table | None = None
-    files: tuple[Path, ...] = ()
+    lines: tuple[str, ...]  # what was read, found and written
+    table: Table | None = None  # details, which are printed for a single file only
+    files: tuple[Path, ...] = ()  # the files that were written, printed for a single file only
 
 
-Work = Callable[[Path, Path], Report]
-"""Work on a file: its path and output folder. Raises ArgumentError. It can be pickled."""
+Work = Callable[[Path, Path], Report]  # on a file and its output folder; it can be pickled
 
 
 def work_on_files(work: Work, paths: Sequence[Path], folders: Sequence[Path], jobs: int | None = None) -> None:
-    """Work on files and print a report for each, in their order.
-
-    The results do not depend on the number of jobs.
-
-    Args:
-        work: work on one file.
-        paths: the files.
-        folders: their output folders.
-        jobs: number of processes; None is one for each core if there are at least eight files.
-
-    Raises:
-        ArgumentError: a file could not be worked on. If there are several, each such file has its line on the
-            standard error output and the error gives their number.
-    """
-    console = Console(emoji=False)
+    """Work on files in processes and print a report for each, or on the standard error output why there is none."""
+    console, errors, failed = Console(emoji=False), Console(stderr=True, emoji=False), 0
     if len(paths) == 1:
         with console.status("Tracking"):
             report = work(paths[0], folders[0])
-        _print(console, report)
+        print_lines(console, *report.lines)
+        if report.table is not None:
+            console.print(report.table)
+        print_lines(console, *report.files)
         return
-    errors = Console(stderr=True, emoji=False)
-    failed = 0
     with progress_display(console, transient=True) as progress:
         task = progress.add_task("Tracking", total=len(paths), note="")
         calls = {file: functools.partial(_attempt, work, *file) for file in zip(paths, folders, strict=True)}
-        many = len(paths) >= PARALLEL_FILES
-        used = min(jobs or (joblib.cpu_count() if many else 1), len(paths))
-        for _, result in Workers(used).results(calls):
+        usual = joblib.cpu_count() if len(paths) >= PARALLEL_FILES else 1
+        for _, result in Workers(min(jobs or usual, len(paths))).results(calls):
             if isinstance(result, Report):
-                for line in result.lines:
-                    progress.console.print(line, markup=False, highlight=False, soft_wrap=True)
+                print_lines(progress.console, *result.lines)
             else:
                 failed += 1
-                errors.print(f"hybridtrack: {result}", markup=False, highlight=False, soft_wrap=True)
+                print_lines(errors, f"hybridtrack: {result}")
             progress.update(task, advance=1, note=f"{failed} failed" if failed else "")
     if failed:
         verb = "is" if failed == 1 else "are"
@@ -220,21 +179,15 @@ def work_on_files(work: Work, paths: Sequence[Path], folders: Sequence[Path], jo
 
 
 def check_free(folder: Path, overwrite: bool) -> None:
-    """Check that the results of a file can be written to a folder, before any work.
-
-    Raises:
-        ArgumentError: the folder holds files and may not be overwritten, or it cannot be written to.
-    """
+    """Check before any work that the folder can be written to, and is empty unless it may be overwritten."""
     try:
         if folder.is_dir() and any(folder.iterdir()) and not overwrite:
             raise reject("out", str(folder), "a new or empty folder, or --overwrite")
-        existing = folder
-        while not existing.exists() and existing != existing.parent:
-            existing = existing.parent
+        existing = next((one for one in (folder, *folder.parents) if one.exists()), folder)
         writable = existing.is_dir() and os.access(existing, os.W_OK | os.X_OK)
-    except (OSError, ValueError) as error:
-        if isinstance(error, ArgumentError):
-            raise
+    except ArgumentError:
+        raise
+    except (OSError, ValueError):
         writable = False
     if not writable:
         raise reject("out", str(folder), "a writable folder")
@@ -247,12 +200,3 @@ def _attempt(work: Work, path: Path, folder: Path) -> Report | str:
         return str(error)
     except OSError as error:
         return f"{path}: {error.strerror or error}"
-
-
-def _print(console: Console, report: Report) -> None:
-    for line in report.lines:
-        console.print(line, markup=False, highlight=False, soft_wrap=True)
-    if report.table is not None:
-        console.print(report.table)
-    for file in report.files:
-        console.print(str(file), markup=False, highlight=False, soft_wrap=True)

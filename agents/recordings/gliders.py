@@ -8,7 +8,7 @@ import numpy as np
 from agents.evaluation.cells import filled_table
 from agents.evaluation.gliders import Setting, glider_statements
 from agents.figures.tracks import recording_figure, runs
-from agents.interface.output_files import atomic_folder, write_table
+from agents.interface.output_files import atomic_folder, write_files, write_table
 from agents.recordings.files import Report
 from baselines.recordings.flights.circling import AirMotion, air_motion, circles
 from baselines.recordings.flights.flight import Flight
@@ -30,17 +30,7 @@ HEADS = {
 
 
 def track_glider(name: str, log: IgcLog, folder: Path, picture: bool) -> Report:
-    """Find the circles of a log, write circles.csv and track.png, and return what is printed.
-
-    Args:
-        name: of the file.
-        log: its positions.
-        folder: of the results.
-        picture: write track.png.
-
-    Raises:
-        ArgumentError: the log is too short, or the folder cannot be written.
-    """
+    """Find the circles of a log, write circles.csv and track.png, and return what is printed."""
     flight = glider_flight(name, "", log)
     if not flight.pieces:
         raise ArgumentError(f"{name} has no 20 positions without a gap of a minute: expected a flight")
@@ -56,24 +46,19 @@ def track_glider(name: str, log: IgcLog, folder: Path, picture: bool) -> Report:
     with atomic_folder("out", folder) as part:
         write_table(part / files[0], columns)
         if picture:
-            from agents.figures.canvas import save_figure
-
             figure = recording_figure(
                 flight.positions / 1000.0, flight.times / 60.0, flight.pieces, modes,
                 {GliderClimb.title: stated}, MODE_NAMES, f"{name}: circles", "hindsight",
             )  # fmt: skip
-            save_figure(figure, part / files[1])
+            write_files(part, {files[1]: figure})
     shown = [
         ["" if cell == "" else f"{cell:{form}}" for cell, (_, form) in zip(row, HEADS.values(), strict=True)]
         for row in rows[:MAX_PRINTED]
     ]
     more = f"... and {len(rows) - MAX_PRINTED} more in circles.csv" if len(rows) > MAX_PRINTED else ""
-    line = (
-        f"{name}: {flight.hours:.2f} h, {len(rows)} times circling, {np.mean(modes != 0):.0%} of the time, "
-        f"{sum(columns['turns']):.0f} turns"
-    )
+    circling = f"{len(rows)} times circling, {np.mean(modes != 0):.0%} of the time, {sum(columns['turns']):.0f} turns"
     table = filled_table("Circles", [head for head, _ in HEADS.values()], shown, more)
-    return Report((line,), table, tuple(folder / file for file in files))
+    return Report((f"{name}: {flight.hours:.2f} h, {circling}",), table, tuple(folder / file for file in files))
 
 
 def circle_row(
@@ -81,11 +66,7 @@ def circle_row(
 ) -> tuple[Any, ...]:
     """Return the cells of circles.csv after the number, for rows from `first` to `end` to one side.
 
-    Args:
-        flight, motion: with n positions.
-        stated: (n,) statements of a live decider.
-        start: of the flight [s after midnight UTC].
-        first, end, mode: of the circles.
+    The statements (n,) are of a live decider; the flight starts at `start` [s after midnight UTC].
     """
     times, rows = flight.times[first:end] - flight.times[first], slice(first, end)
     seconds, wind = float(times[-1]), motion.wind[rows].mean(0)

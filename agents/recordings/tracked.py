@@ -78,35 +78,14 @@ class TrackedRecording:
 
 
 def row_results(
-    recording: Recording,
-    grid: TickGrid,
-    model: TrackModel,
-    decider: str,
-    decisions: Sequence[TickDecisions],
-    consistency: Consistency,
-    outliers: int,
-) -> TrackedRecording:
-    """Return the results of ticks at the rows of a recording.
-
-    Args:
-        recording: the recording.
-        grid: its ticks.
-        model: its model.
-        decider: name of the decider.
-        decisions: of each piece of the grid.
-        consistency: of the model.
-        outliers: number of measurements that were not used.
-    """
-    rows, M = len(recording.times), 2 * len(model.radii) + 1
-    arrays: dict[str, Any] = {
-        "modes": np.full(rows, NO_ROW),
-        "decided": np.zeros(rows, np.bool_),
-        "probabilities": np.full((rows, M), np.nan),
-        "estimates": np.full((rows, 4), np.nan),
-        "covariances": np.full((rows, 4, 4), np.nan),
-        "residuals": np.full((rows, 2), np.nan),
-    }
-    pieces = []
+    recording: Recording, grid: TickGrid, model: TrackModel, decider: str, decisions: Sequence[TickDecisions],
+    consistency: Consistency, outliers: int,
+) -> TrackedRecording:  # fmt: skip
+    """Return the results of the ticks of each piece at the rows of a recording."""
+    rows, M, pieces = len(recording.times), 2 * len(model.radii) + 1, []
+    shapes = {"probabilities": (M,), "estimates": (4,), "covariances": (4, 4), "residuals": (2,)}
+    arrays: dict[str, Any] = {"modes": np.full(rows, NO_ROW), "decided": np.zeros(rows, np.bool_)}
+    arrays |= {name: np.full((rows, *shape), np.nan) for name, shape in shapes.items()}
     for piece, found, innovations in zip(grid.pieces, decisions, consistency.innovations, strict=True):
         rows_of = slice(piece.first, piece.end)
         for name in ("modes", "decided", "probabilities", "estimates", "covariances"):
@@ -121,9 +100,8 @@ def row_results(
         pieces.append(table[table[:, 1] > table[:, 0]])  # a piece between two rows has none
     arrays["residuals"][~recording.measured] = np.nan
     return TrackedRecording(
-        recording=recording, model=model, decider=decider, pieces=np.concatenate(pieces),
-        consistency=consistency, tau=grid.tau, shared=grid.shared, moved=grid.moved,
-        outliers=outliers, **arrays,
+        recording=recording, model=model, decider=decider, pieces=np.concatenate(pieces), outliers=outliers,
+        consistency=consistency, tau=grid.tau, shared=grid.shared, moved=grid.moved, **arrays,
     )  # fmt: skip
 
 
@@ -133,16 +111,11 @@ def piece_table(tracked: TrackedRecording) -> dict[str, list[Any]]:
     first, end, modes, when = tracked.pieces.T
     letters, radii = tracked.of_modes(modes)
     return {
-        "piece": list(range(1, len(first) + 1)),
-        "first_row": (first + 1).tolist(),
-        "last_row": end.tolist(),
-        "begin": times[first].tolist(),
-        "end": times[end - 1].tolist(),
-        "mode": letters.tolist(),
+        "piece": list(range(1, len(first) + 1)), "first_row": (first + 1).tolist(), "last_row": end.tolist(),
+        "begin": times[first].tolist(), "end": times[end - 1].tolist(), "mode": letters.tolist(),
         "radius": ["" if np.isnan(radius) else radius for radius in radii.tolist()],
-        "decided_at": [times[row] if row >= 0 else "" for row in when.tolist()],
-        "undecided": (when < 0).tolist(),
-    }
+        "decided_at": [times[row] if row >= 0 else "" for row in when.tolist()], "undecided": (when < 0).tolist(),
+    }  # fmt: skip
 
 
 def row_table(tracked: TrackedRecording) -> dict[str, Any]:
@@ -151,15 +124,10 @@ def row_table(tracked: TrackedRecording) -> dict[str, Any]:
     triangle = [(i, j) for i in range(4) for j in range(i, 4)]
     letters, radii = tracked.of_modes(tracked.modes)
     return {
-        "t": recording.times,
-        "x": recording.positions[:, 0],
-        "y": recording.positions[:, 1],
-        "mode": letters,
-        "radius": radii,
-        "decided": tracked.decided,
+        "t": recording.times, **dict(zip("xy", recording.positions.T, strict=True)),
+        "mode": letters, "radius": radii, "decided": tracked.decided,
         **{f"p_{n.replace(' ', '_')}": tracked.probabilities[:, k] for k, n in enumerate(tracked.mode_names())},
         **{f"estimate_{name}": tracked.estimates[:, k] for k, name in enumerate(STATE)},
         **{f"cov_{STATE[i]}_{STATE[j]}": tracked.covariances[:, i, j] for i, j in triangle},
-        "residual_x": tracked.residuals[:, 0],
-        "residual_y": tracked.residuals[:, 1],
-    }
+        **{f"residual_{axis}": tracked.residuals[:, k] for k, axis in enumerate("xy")},
+    }  # fmt: skip

@@ -26,8 +26,7 @@ from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Radar
 
-DECIDER, DECIDER_OF_LENGTHS = "threshold", "msprt-aware"
-"""Default deciders: without and with segment lengths."""
+DECIDER, DECIDER_OF_LENGTHS = "threshold", "msprt-aware"  # default deciders: without and with segment lengths
 
 SIMULATED_SEGMENTS = 6  # of an episode, for deciders that are fitted by simulation
 
@@ -68,11 +67,7 @@ class TrackingArguments(ErrorArguments):
     """Exact state x, vx, y, vy one tick before the first measurement; by default from the measurements."""
 
     def check_tracking(self) -> None:
-        """Check the arguments before any work.
-
-        Raises:
-            ArgumentError: one is not allowed.
-        """
+        """Check the arguments before any work."""
         for length in self.lengths:
             check_integer("lengths", length, maximum=MAX_LENGTH)
         if self.radii:
@@ -103,14 +98,7 @@ class TrackingArguments(ErrorArguments):
             raise reject("decider", self.decider, f"{', '.join(announced)} or an agent with --lengths")
 
     def track(self, recording: Recording) -> TrackedRecording:
-        """Track a recording.
-
-        Args:
-            recording: measured positions.
-
-        Raises:
-            ArgumentError: an argument does not fit the recording.
-        """
+        """Track a recording."""
         self.check_tracking()
         if recording.radar is not None and self.measurement_variance is not None:
             raise reject("measurement_variance", self.measurement_variance, "none with radar, which has its own")
@@ -119,45 +107,34 @@ class TrackingArguments(ErrorArguments):
             grid, bursts = (grid, 0) if self.lengths else without_jumps(grid)
             grid, outliers = without_outliers(grid)
             outliers += bursts
-        lengths = self._lengths(grid)
-        law = None if self.durations is None else parse_durations(self.durations)
-        model = fit_model(
-            grid, self.radii or None, self.measurement_variance, self.process_variance,
-            None if law is None else law.mean_duration, lengths,
-        )  # fmt: skip
-        options: dict[str, Any] = ModelUnits.of(model).options(model, grid.radar)
+        lengths, total = list(self.lengths), grid.total
+        if len(lengths) == 1:
+            lengths = [min(lengths[0], total - first) for first in range(0, total, lengths[0])]
+        check_lengths(grid, lengths)
+        duration = None if self.durations is None else parse_durations(self.durations).mean_duration
+        variances = self.measurement_variance, self.process_variance
+        model = fit_model(grid, self.radii or None, *variances, duration, lengths)
         name = self._decider_name()
         try:
-            tracker = self._tracker(name, options, lengths, grid, model)
+            tracker = self._tracker(name, lengths, grid, model)
         except ArgumentError as error:
             raise _in_units(error, model) from None
         start = None if self.start is None else np.array(self.start)
         decisions = decide_recording(grid, model, tracker, lengths=lengths, start=start)
         return row_results(recording, grid, model, name, decisions, check_consistency(grid, model, lengths), outliers)
 
-    def _lengths(self, grid: TickGrid) -> list[int]:
-        lengths, total = list(self.lengths), grid.total
-        if len(lengths) == 1:
-            lengths = [min(lengths[0], total - first) for first in range(0, total, lengths[0])]
-        check_lengths(grid, lengths)
-        return lengths
-
     def _decider_name(self) -> str:
         return self.at_error(self.decider or (DECIDER_OF_LENGTHS if self.lengths else DECIDER))
 
-    def _tracker(
-        self, name: str, options: dict[str, Any], lengths: Sequence[int], grid: TickGrid, model: TrackModel
-    ) -> OnlineTracker:
+    def _tracker(self, name: str, lengths: Sequence[int], grid: TickGrid, model: TrackModel) -> OnlineTracker:
+        options: dict[str, Any] = ModelUnits.of(model).options(model, grid.radar)
         world: WorldOptions | QuickestOptions
         if lengths:
             segments = min(len(lengths), SIMULATED_SEGMENTS)
             scheme = f"random {segments}x{min(lengths)}-{max(lengths)}"
+            given = {flag: getattr(self, flag) for flag in ("undecided", "recalculation", "refine_radius")}
             bank = {} if self.bank is None else {"bank": self.bank}
-            options |= {**needed_options(name, ANNOUNCED), **bank}
-            world = WorldOptions(
-                **options, scheme=scheme, undecided=self.undecided, recalculation=self.recalculation,
-                refine_radius=self.refine_radius,
-            )  # fmt: skip
+            world = WorldOptions(**options | {**needed_options(name, ANNOUNCED), **bank}, **given, scheme=scheme)
         else:
             law = GeometricDurations(model.duration) if self.durations is None else self.durations
             ticks = min(max(len(piece.measurements) for piece in grid.pieces), MAX_LENGTH)

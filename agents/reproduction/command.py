@@ -15,22 +15,12 @@ from agents.interface.parallel import ParallelArguments
 from agents.reproduction import figures
 from hybrid_env.checks import check_integer, reject
 
-RADAR_STUDY = "novospaskyi"
-"""The paper whose study takes some minutes, with a folder for its finished parts and processes of its own."""
-
-LONG = (RADAR_STUDY, "multiple_models")
-"""Studies that take some minutes and run on request only."""
-
+RADAR_STUDY = "novospaskyi"  # has a folder for its finished parts and processes of its own
+LONG = (RADAR_STUDY, "multiple_models")  # take some minutes and run on request only
 MOST_PROCESSES = 8  # of the radar study
-
-
-PAPERS = tuple(
-    sorted(
-        (module.name for module in pkgutil.iter_modules(figures.__path__)),
-        key=lambda name: "".join(filter(str.isdigit, name)) or "9999",
-    )
-)
-"""Papers in the order of the years in their names, those without one last: all with figures here."""
+# all papers with figures here, in the order of the years in their names, those without one last
+MODULES = [module.name for module in pkgutil.iter_modules(figures.__path__)]
+PAPERS = tuple(sorted(MODULES, key=lambda name: "".join(filter(str.isdigit, name)) or "9999"))
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -59,11 +49,7 @@ class Reproduce(ParallelArguments):
     """Output folder for the tables (Markdown and JSON) and the figures."""
 
     def run(self) -> None:
-        """Run the studies, print the tables and write the files.
-
-        Raises:
-            ArgumentError: an argument is out of range, or the output folder cannot be written.
-        """
+        """Run the studies, print the tables and write the files."""
         if self.runs is not None:
             check_integer("runs", self.runs, minimum=2)
         check_integer("seed", self.seed, minimum=0)
@@ -71,13 +57,11 @@ class Reproduce(ParallelArguments):
             raise reject("papers", self.papers, "one or more papers, each at most once")
         from rich.console import Console
 
-        from agents.interface.output_files import output_folder
+        from agents.interface.output_files import output_folder, write_files
         from agents.interface.progress import progress_display
-        from agents.reproduction.report import print_report, write_summary
+        from agents.reproduction.report import print_report, summary_markdown
 
-        workers = self.workers()
-        folder = output_folder("out", self.out)
-        console = Console(emoji=False)
+        workers, folder, console = self.workers(), output_folder("out", self.out), Console(emoji=False)
         options = {"seed": self.seed} | ({} if self.runs is None else {"runs": self.runs})
         calls = {paper: functools.partial(_reproduce, paper, options) for paper in self.papers if paper != RADAR_STUDY}
         with progress_display(console) as progress:
@@ -92,7 +76,8 @@ class Reproduce(ParallelArguments):
             result, seconds = found[paper]
             drawn = import_module(f"{figures.__name__}.{paper}").draw(result)
             print_report(paper, result, drawn, seconds, folder, console)
-        write_summary([found[paper][0] for paper in self.papers], folder, console)
+        write_files(folder, {"reproduction.md": summary_markdown([found[paper][0] for paper in self.papers])})
+        console.print(f"Summary: {folder / 'reproduction.md'}", markup=False, highlight=False)
 
     def _reproduce_radar_study(self, options: dict[str, Any], folder: Path, progress: "Progress") -> tuple[Any, float]:
         """Run the radar study on all processor cores, with a line of its own in the progress display."""

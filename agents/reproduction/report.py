@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,13 +9,11 @@ from rich.console import Console
 from rich.markdown import Markdown
 
 from agents.evaluation.cells import markdown_table
-from agents.figures.canvas import save_figure
-from agents.interface.output_files import atomic_file, write_json
+from agents.interface.output_files import write_files
 from baselines.papers.reproduction import Cell, Reproduction
 
 HEADER = ("setting", "quantity", "published", "ours [its own interval]", "median run", "95 % interval", "inside")
 INSIDE = {"inside": "yes", "outside": "no", "not published": "-"}
-FINDINGS_TITLE = "additional results"
 FINDINGS_HEADER = ("quantity", "result", "claim of the paper")
 SUMMARY_HEADER = ("paper, its size", "table", "inside the 95 % interval", "outside the 95 % interval", "not counted")
 
@@ -34,21 +31,11 @@ def _row(cell: Cell) -> tuple[str, ...]:
     return cell.row, cell.column, text(cell.published), ours, text(cell.median), interval, verdict
 
 
-def _title(result: Reproduction, table: str) -> str:
-    inside, total = result.count().get(table, {}).get("", (0, 0))
-    count = f", {inside} of {total} inside the interval" if total else ""
-    return f"{result.paper}: {table}{count}"
-
-
 def describe_runs(result: Reproduction) -> str:
     """Number of runs and seed, with a recommendation if there are few runs."""
     least = result.recommended_runs
     few = f" At least {least} runs are recommended." if result.runs < least else ""
     return f"{result.runs} runs, seed {result.seed}.{few}"
-
-
-def _notes(cells: Sequence[Cell]) -> str:
-    return " ".join(dict.fromkeys(cell.note for cell in cells if cell.note))
 
 
 def _unpublished(cells: Sequence[Cell]) -> str:
@@ -64,10 +51,13 @@ def to_markdown(result: Reproduction) -> str:
     """All tables of one paper."""
     text = [f"# Reproduction of {result.paper}\n", f"{describe_runs(result)}\n"]
     for name, cells in result.tables.items():
-        text += [f"## {_title(result, name)}\n", f"{_notes(cells)}\n"]
+        inside, total = result.count().get(name, {}).get("", (0, 0))
+        count = f", {inside} of {total} inside the interval" if total else ""
+        notes = " ".join(dict.fromkeys(cell.note for cell in cells if cell.note))
+        text += [f"## {result.paper}: {name}{count}\n", f"{notes}\n"]
         text += [_unpublished(cells) or markdown_table(HEADER, [_row(cell) for cell in cells])]
     rows = [(finding.name, finding.value, finding.claim) for finding in result.findings]
-    text += [f"## {FINDINGS_TITLE.capitalize()}\n", markdown_table(FINDINGS_HEADER, rows)]
+    text += ["## Additional results\n", markdown_table(FINDINGS_HEADER, rows)]
     return "\n".join(text)
 
 
@@ -83,51 +73,20 @@ def summary_markdown(results: Sequence[Reproduction]) -> str:
                 if cell.verdict == "outside" and not cell.excuse
             ]
             others = [f"{excuse}: {own} of {all_} inside" for excuse, (own, all_) in counts.items()]
-            rows.append(
-                (f"{result.paper}, {result.size}", name, f"{inside} of {total}" if total else "-",
-                 "; ".join(outside) or ("none" if total else "-"), "; ".join(others) or "none")
-            )  # fmt: skip
+            count, none = (f"{inside} of {total}", "none") if total else ("-", "-")
+            outsiders, excused = "; ".join(outside) or none, "; ".join(others) or "none"
+            rows.append((f"{result.paper}, {result.size}", name, count, outsiders, excused))
     return markdown_table(SUMMARY_HEADER, rows)
-
-
-def to_json(result: Reproduction) -> dict[str, Any]:
-    """All results without the recordings."""
-    return {
-        "paper": result.paper,
-        "runs": result.runs,
-        "seed": result.seed,
-        "cells": [cell.as_json() for cell in result.cells],
-        "findings": [vars(finding) for finding in result.findings],
-    }
 
 
 def print_report(
     paper: str, result: Reproduction, figures: Mapping[str, Figure], seconds: float, folder: Path, console: Console
 ) -> None:
-    """Print the tables of a paper, and write them and the figures.
-
-    Args:
-        paper: its name, which the files have.
-        result: its reproduction.
-        figures: by the names of their files.
-        seconds: that the reproduction took.
-        folder: existing output folder.
-        console: where the tables are printed.
-    """
-    text = to_markdown(result)
+    """Print the tables of a paper, and write them and the figures, which come by file name."""
+    text, cells = to_markdown(result), [cell.as_json() for cell in result.cells]
+    values = {"paper": result.paper, "runs": result.runs, "seed": result.seed, "cells": cells}
+    values |= {"findings": [vars(finding) for finding in result.findings]}
     console.print(Markdown(text))
-    write_json(folder / f"{paper}.json", to_json(result))
-    with atomic_file(folder / f"{paper}.md") as part:
-        part.write_text(text, encoding="utf-8")
-    for name, figure in figures.items():
-        save_figure(figure, folder / name)
-    files = ", ".join([f"{paper}.md", f"{paper}.json", *figures])
-    line = f"{describe_runs(result)} Computed in {seconds:.2f} s. Files in {folder}: {files}\n"
+    files = write_files(folder, {f"{paper}.md": text, f"{paper}.json": values, **figures})
+    line = f"{describe_runs(result)} Computed in {seconds:.2f} s. {files}\n"
     console.print(line, markup=False, highlight=False)
-
-
-def write_summary(results: Sequence[Reproduction], folder: Path, console: Console) -> None:
-    """Write `summary_markdown` into the output folder."""
-    with atomic_file(folder / "reproduction.md") as part:
-        part.write_text(summary_markdown(results), encoding="utf-8")
-    console.print(f"Summary: {folder / 'reproduction.md'}", markup=False, highlight=False)

@@ -2,8 +2,8 @@
 
 - `evaluate_command`: `hybridtrack evaluate`; `shifts`: the same in shifted and random environments.
 - `compare_command`: `hybridtrack compare`; `continuation` has its plan and keeps what is finished,
-  `comparison` trains, selects thresholds and scores; `flights_study`, `flights_report` for recorded flights;
-  `gliders_study`, `gliders_report` for those of gliders, whose sealed logs `sealed.json` guards;
+  `comparison` trains, selects thresholds and scores; `flights_study` for recorded flights and
+  `gliders_study` for those of gliders, whose sealed logs `sealed.json` guards, with `flights_report`;
   `simulators_study` for aircraft of JSBSim.
 - `limits_command`: `hybridtrack limits`; `limits`, `limits_report`.
 - `play_command`: `hybridtrack play`; `episodes`.

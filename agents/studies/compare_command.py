@@ -1,6 +1,7 @@
 """The command `hybridtrack compare`: train agents and compare deciders on the same episodes."""
 
 import importlib
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -38,88 +39,10 @@ class FlightArguments:
     """Compare on aircraft of the flight dynamics model JSBSim (extra 'simulators'), in 27 worlds of three
     aircraft, ticks and noises, the agent at its default threshold and rules that are tuned in each."""
 
-    def compare_gliders(self, deciders: tuple[str, ...], out: Path) -> None:
-        """Compare, print the tables and write gliders.json and gliders.png.
-
-        Args:
-            deciders: names; without any all rules for gliders, the IMM first, and the agent.
-            out: output folder.
-
-        Raises:
-            ArgumentError: a name is unknown, there are no logs, or the seal is broken.
-        """
-        from rich.console import Console
-
-        from agents.figures.canvas import save_figure
-        from agents.interface.output_files import output_folder, write_json
-        from agents.interface.progress import progress_display
-        from agents.studies.gliders_report import glider_figure, glider_tables, gliders_json
-        from agents.studies.gliders_study import compare_on_gliders, default_names, steps
-
-        if self.source is None:
-            raise reject("source", None, "the archive igc-xc-score-1.8.0.tgz (npm pack igc-xc-score@1.8.0)")
-        names, console = deciders or default_names(), Console(emoji=False)
-        with progress_display(console) as progress:
-            bar = progress.add_task("Gliders", total=steps(names, self.sealed), note="")
-            result = compare_on_gliders(
-                self.source, names, lambda text: progress.update(bar, note=text, advance=1), self.sealed
-            )
-        folder = output_folder("out", out)
-        write_json(folder / "gliders.json", gliders_json(result))
-        save_figure(glider_figure(result), folder / "gliders.png")
-        for table in glider_tables(result):
-            console.print(table)
-        console.print(f"Files in {folder}: gliders.json, gliders.png", markup=False, highlight=False)
-
-    def compare_flights(self, deciders: tuple[str, ...], out: Path) -> None:
-        """Compare, print the tables and write flights.json and a picture of each flight.
-
-        Args:
-            deciders: names with optional thresholds; without any the default ones.
-            out: output folder.
-
-        Raises:
-            ArgumentError: a name is unknown, there are no samples, or the output folder cannot be written.
-        """
-        from rich.console import Console
-
-        from agents.evaluation.flights import FlightTask
-        from agents.figures.canvas import save_figure
-        from agents.interface.output_files import output_folder, write_json
-        from agents.interface.progress import progress_display
-        from agents.studies.flights_report import flight_figure, flight_tables, flights_json
-        from agents.studies.flights_study import compare_on_flights, steps
-        from baselines.recordings.flights.metrics import STATISTICS
-
-        task = FlightTask(self.source, self.flights or (), self.tier, self.form)
-        task.check()
-        if len(set(deciders)) < len(deciders):
-            raise reject("deciders", deciders, "different names")
-        names = {name: task.label(name) for name in deciders or task.compared}
-        console = Console(emoji=False)
-        with progress_display(console) as progress:
-            bar = progress.add_task("Flights", total=steps(task, len(names)) + 1, note="")
-
-            def note(text: str) -> None:
-                progress.update(bar, note=text, advance=1)
-
-            result = compare_on_flights(task, names, note)
-            folder = output_folder("out", out)
-            note("pictures")
-            agreements = list(result.scores.values())[-1].some
-            for k, flight in enumerate(result.flights):
-                stated = {label: result.stated[name][k] for name, label in reversed(names.items())}
-                agreement = float(agreements([k]).curve(STATISTICS["agreement"])[0])
-                title = f"{flight.identity}, tier {flight.tier.name}: {next(iter(stated))} agrees {agreement:.1%}"
-                path = folder / f"{flight.identity.replace(':', '-')}.png"
-                save_figure(flight_figure(flight, result.labels[k], stated, title), path)
-        write_json(folder / "flights.json", flights_json(result))
-        for table in flight_tables(result):
-            console.print(table)
-        console.print(f"Files in {folder}: flights.json, a picture of each flight", markup=False, highlight=False)
-
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from agents.studies.comparison import Comparison
     from agents.studies.continuation import Plan
 
@@ -162,25 +85,20 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
     for flights.json and a picture of each flight, with --gliders for gliders.json and gliders.png."""
 
     def run(self) -> None:
-        """Train, score, print the tables and write the figures and compare.json.
-
-        Raises:
-            ArgumentError: an argument is out of range, or the output folder cannot be written.
-        """
+        """Train, score, print the tables and write the figures and compare.json."""
+        recorded = {field.name for field in fields(FlightArguments)}
         if self.simulators:
             parallel = {field.name for field in fields(ParallelArguments)}
             self._refuse({"simulators", "episodes", "seed"} | parallel, "no value with --simulators")
             self._compare_simulators()
         elif self.gliders:
             self._refuse({"gliders", "sealed", "source"}, "no value with --gliders")
-            self.compare_gliders(self.deciders or (), self.out)
+            self._compare_gliders()
         elif self.flights is not None:
             self._refuse({"flights", "source", "tier", "form"}, "no value with --flights")
-            self.compare_flights(self.deciders or (), self.out)
+            self._compare_flights()
         else:
-            recorded = {field.name for field in fields(FlightArguments)}
-            others = {field.name for field in fields(self)} - recorded
-            self._refuse(others, "no value without --flights or --gliders")
+            self._refuse({field.name for field in fields(self)} - recorded, "no value without --flights or --gliders")
             self._compare()
 
     def _refuse(self, allowed_flags: set[str], allowed: str) -> None:
@@ -191,17 +109,66 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
                 shown = str(value) if isinstance(value, Path) else value
                 raise reject(field.name.replace("_", "-"), shown, allowed)
 
+    def _compare_gliders(self) -> None:
+        from rich.console import Console
+
+        from agents.interface.output_files import output_folder, write_files
+        from agents.interface.progress import shown
+        from agents.studies.flights_report import glider_figure, glider_tables, gliders_json
+        from agents.studies.gliders_study import compare_on_gliders, default_names, steps
+
+        if self.source is None:
+            raise reject("source", None, "the archive igc-xc-score-1.8.0.tgz (npm pack igc-xc-score@1.8.0)")
+        source, names, console = self.source, self.deciders or default_names(), Console(emoji=False)
+        result = shown(
+            console, "Gliders", steps(names, self.sealed),
+            lambda note: compare_on_gliders(source, names, note, self.sealed),
+        )  # fmt: skip
+        files = {"gliders.json": gliders_json(result), "gliders.png": glider_figure(result)}
+        line = write_files(output_folder("out", self.out), files)
+        for table in glider_tables(result):
+            console.print(table)
+        console.print(line, markup=False, highlight=False)
+
+    def _compare_flights(self) -> None:
+        from rich.console import Console
+
+        from agents.evaluation.flights import FlightTask
+        from agents.interface.output_files import output_folder, write_files
+        from agents.interface.progress import shown
+        from agents.studies.flights_report import flight_figures, flight_tables, flights_json
+        from agents.studies.flights_study import FlightComparison, compare_on_flights, steps
+
+        task = FlightTask(self.source, self.flights or (), self.tier, self.form)
+        task.check()
+        deciders = self.deciders or task.compared
+        if len(set(deciders)) < len(deciders):
+            raise reject("deciders", deciders, "different names")
+        names, console = {name: task.label(name) for name in deciders}, Console(emoji=False)
+
+        def work(note: Callable[[str], None]) -> FlightComparison:
+            result = compare_on_flights(task, names, note)
+            note("pictures")
+            folder = output_folder("out", self.out)
+            for name, figure in flight_figures(result):
+                write_files(folder, {name: figure})
+            return result
+
+        result = shown(console, "Flights", steps(task, len(names)) + 1, work)
+        write_files(self.out, {"flights.json": flights_json(result)})
+        for table in flight_tables(result):
+            console.print(table)
+        console.print(f"Files in {self.out}: flights.json, a picture of each flight", markup=False, highlight=False)
+
     def _compare_simulators(self) -> None:
-        """Compare, print the table and write simulators.json."""
         with explained():
             importlib.import_module("jsbsim")
         from rich.console import Console
 
         from agents.evaluation.registry import find_family
         from agents.evaluation.simulators import COMPARED, simulator_worlds
-        from agents.figures.canvas import save_figure
-        from agents.interface.output_files import output_folder, write_json
-        from agents.interface.progress import progress_display
+        from agents.interface.output_files import output_folder, write_files
+        from agents.interface.progress import shown
         from agents.studies import simulators_study as study
         from agents.studies.shifts import shift_table
 
@@ -210,44 +177,33 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         for name in names:
             find_family(name, next(iter(worlds.values())).options)
         folder = output_folder("out", self.out)
-        with progress_display(console) as progress:
-            bar = progress.add_task("Simulators", total=len(names) * len(worlds), note="")
-            results = study.compare_on_simulators(
-                names, episodes, self.seed, self.workers(),
-                lambda note: progress.update(bar, advance=1, note=note),
-            )  # fmt: skip
+        results = shown(
+            console, "Simulators", len(names) * len(worlds),
+            lambda note: study.compare_on_simulators(names, episodes, self.seed, self.workers(), note),
+        )  # fmt: skip
         mismatches = {name: study.mismatch(task, self.seed) for name, task in worlds.items()}
-        write_json(folder / "simulators.json", study.simulators_json(results, mismatches))
+        files: dict[str, Any] = {"simulators.json": study.simulators_json(results, mismatches)}
         console.print(shift_table(results, f"Aircraft of JSBSim: {results[0].task.size(episodes)} a world"))
-        files = "File in {}: simulators.json"
         if len(names) > 1:
             console.print(study.summary(results))
-            save_figure(study.mismatch_figure(results, mismatches), folder / "simulators.png")
-            files = "Files in {}: simulators.json, simulators.png"
-        console.print(files.format(folder), markup=False, highlight=False)
+            files["simulators.png"] = study.mismatch_figure(results, mismatches)
+        line = write_files(folder, files)
+        console.print(line if len(files) > 1 else line.replace("Files", "File", 1), markup=False, highlight=False)
 
     def plan(self) -> "Plan":
-        """Return the checked plan.
-
-        Raises:
-            ArgumentError: an argument is not allowed.
-        """
+        """Return the checked plan."""
         from agents.evaluation.tasks import task_of
         from agents.studies.continuation import Plan
 
+        def given(name: str, usual: Any) -> Any:
+            return usual if getattr(self, name) is None else getattr(self, name)
+
         task = task_of(self.env_id, self.world_options())
         plan = Plan(
-            task,
-            task.compared if self.deciders is None else self.deciders,
-            task.agents if self.agents is None else self.agents,
-            task.episodes if self.episodes is None else self.episodes,
-            self.seed,
-            task.selection_episodes if self.selection_episodes is None else self.selection_episodes,
-            self.steps,
-            self.training_seeds,
-            self.accuracy,
-            self.curves,
-        )
+            task, given("deciders", task.compared), given("agents", task.agents), given("episodes", task.episodes),
+            self.seed, given("selection_episodes", task.selection_episodes), self.steps, self.training_seeds,
+            self.accuracy, self.curves,
+        )  # fmt: skip
         for name in ("episodes", "selection_episodes", "training_seeds"):
             check_integer(name.replace("_", "-"), getattr(plan, name))
         if self.steps is not None:
@@ -270,14 +226,13 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         plan, workers = self.plan(), self.workers()
         from rich.console import Console
 
-        from agents.interface.output_files import output_folder, write_json
-        from agents.interface.progress import progress_display
+        from agents.interface.output_files import output_folder, write_files, write_json
+        from agents.interface.progress import print_lines, progress_display
         from agents.studies.comparison import compare
         from agents.studies.continuation import TRAINED
         from agents.studies.tables import chosen_table, levels_table, spread_lines, unreached_lines
 
-        folder, task = output_folder("out", self.out), plan.task
-        console = Console(emoji=False)
+        folder, task, console = output_folder("out", self.out), plan.task, Console(emoji=False)
 
         def write(now: "Comparison", complete: bool = False, **remarks: Any) -> None:
             write_json(folder / "compare.json", now.as_json() | {"complete": complete} | remarks)
@@ -291,25 +246,22 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         console.print(chosen_table(result))
         if plan.curves:
             console.print(levels_table(result))
-        for line in (*spread_lines(result), *unreached_lines(result)):
-            console.print(line, markup=False, highlight=False, soft_wrap=True)
+        print_lines(console, *spread_lines(result), *unreached_lines(result))
         chosen = [entry.scores.at(entry.chosen) for entry in result.entries]
         for table in task.further_tables(chosen, remarks):
             console.print(table)
         write(result, complete=True, **remarks)
-        self._draw(result, folder)
+        write_files(folder, {"compare.png": result.picture(), "episode.png": self._episode(result)})
         console.print(f"Files in {folder}: compare.png, episode.png, compare.json", markup=False, highlight=False)
         if (folder / TRAINED).is_dir():
             console.print(f"Trained agents in {folder / TRAINED}", markup=False, highlight=False)
 
-    def _draw(self, result: "Comparison", folder: Path) -> None:
-        """Write the operating curves, and the episode on which the best decider and the reference differ."""
-        from agents.figures.canvas import save_figure
+    def _episode(self, result: "Comparison") -> "Figure":
+        """Draw the episode on which the best decider and the reference differ most."""
         from agents.figures.tracks import track_figure
         from agents.studies.episodes import Episodes
 
         plan, task = result.plan, result.plan.task
-        save_figure(result.picture(), folder / "compare.png")
         best, episode = result.largest_difference()
         seed, records = plan.seed + episode, []
         for entry in dict.fromkeys((result.entries[0], best)):
@@ -321,5 +273,4 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         if len(records) > 1:
             title += f": largest difference in reward among {task.size(plan.episodes)}"
         lines = [title, *(f"{record.name}: {record.summary}" for record in records)]
-        figure = track_figure(records, task.options.radii, "\n".join(lines))
-        save_figure(figure, folder / "episode.png")
+        return track_figure(records, task.options.radii, "\n".join(lines))

@@ -13,7 +13,7 @@ from rich.progress import Progress
 
 from agents.evaluation.curves import Selected
 from agents.evaluation.registry import find_family
-from agents.evaluation.task import Levels, Task, sweep
+from agents.evaluation.task import Levels, OnProgress, Task, sweep
 from agents.figures.decider_colours import name_without_seed
 from agents.interface.parallel import Call, Workers
 from agents.studies.continuation import Continuation, Plan, weights_digest
@@ -25,17 +25,11 @@ from baselines.scoring.scores import Scores
 
 @dataclass(frozen=True, eq=False)
 class Entry(Selected):
-    """Results of one decider on the reported episodes.
+    """Results of one decider on the reported episodes."""
 
-    Attributes:
-        decider: its name in the plan.
-        selected: the goal of the task at that threshold, on the selection episodes.
-        folder: run folder of an agent that was trained.
-    """
-
-    decider: str
-    selected: float
-    folder: Path | None = None
+    decider: str  # its name in the plan
+    selected: float  # the goal of the task at that threshold, on the selection episodes
+    folder: Path | None = None  # run folder of an agent that was trained
 
     @property
     def name(self) -> str:
@@ -54,23 +48,16 @@ class Entry(Selected):
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Result of a comparison.
+    """Result of a comparison."""
 
-    Attributes:
-        plan: settings.
-        entries: results of the deciders so far; the first is the reference.
-    """
-
-    plan: Plan
-    entries: Sequence[Entry]
+    plan: Plan  # settings
+    entries: Sequence[Entry]  # results of the deciders so far; the first is the reference
 
     @cached_property
     def levels(self) -> Levels:
         """Figures of whole operating curves, see `Task.levels`; none without curves."""
-        if not self.plan.curves:
-            return {}
         task, first = self.plan.task, self.entries[0]
-        return task.levels(first.scores, first.family(task).default)
+        return task.levels(first.scores, first.family(task).default) if self.plan.curves else {}
 
     @property
     def best_rule(self) -> Entry:
@@ -83,8 +70,7 @@ class Comparison:
         """Entries by name; those whose names differ only in the training seed form one group."""
         groups: dict[tuple[str, str, int], list[Entry]] = {}
         for entry in self.entries:
-            scores = entry.scores
-            key = name_without_seed(entry.name), scores.symbol, len(scores.thresholds)
+            key = name_without_seed(entry.name), entry.scores.symbol, len(entry.scores.thresholds)
             groups.setdefault(key, []).append(entry)
         return {entries[0].name if len(entries) == 1 else key[0]: entries for key, entries in groups.items()}
 
@@ -100,13 +86,12 @@ class Comparison:
 
     def to_best_rule(self, entry: Entry) -> Estimate | None:
         """Return the paired difference of the goal to that of the best rule; None for this rule."""
-        best = self.best_rule
-        return None if entry is best else self._difference(entry, best)
+        return None if entry is self.best_rule else self._difference(entry, self.best_rule)
 
     @functools.cache  # noqa: B019
     def _difference(self, entry: Entry, best: Entry) -> Estimate:
-        statistic = self.plan.task.statistic(self.plan.task.goal)
-        return entry.scores.difference(best.scores, statistic, entry.chosen, best.chosen)
+        goal = self.plan.task.statistic(self.plan.task.goal)
+        return entry.scores.difference(best.scores, goal, entry.chosen, best.chosen)
 
     @functools.cache  # noqa: B019
     def against(self, entry: Entry) -> dict[str, dict[str, Estimate]]:
@@ -118,16 +103,11 @@ class Comparison:
         return self.plan.task.figure(self.seed_groups, self.plan.curves)
 
     def largest_difference(self) -> tuple[Entry, int]:
-        """The best agent, or without agents the best rule, and the episode on which it differs most.
-
-        Returns:
-            The entry, and the index of the episode with the largest difference of the goal to the reference.
-        """
+        """The best agent, or without one the best rule, and the episode in which it differs most from the reference."""
         agents = [one for one in self.entries if one.decider in self.plan.agents]
         best = max(agents, key=lambda one: one.selected) if agents else self.best_rule
-        goal = self.plan.task.goal
-        rewards = [one.scores.of(goal, one.chosen) for one in (best, self.entries[0])]
-        return best, int(np.abs(rewards[0] - rewards[1]).argmax())
+        mine, other = (one.scores.of(self.plan.task.goal, one.chosen) for one in (best, self.entries[0]))
+        return best, int(np.abs(mine - other).argmax())
 
     def as_json(self) -> dict[str, Any]:
         """Contents of tables and figures, with every point of the curves."""
@@ -139,8 +119,7 @@ class Comparison:
         }
 
     def _entry_json(self, entry: Entry) -> dict[str, Any]:
-        task, scores = self.plan.task, entry.scores
-        difference = self.to_best_rule(entry)
+        task, scores, difference = self.plan.task, entry.scores, self.to_best_rule(entry)
         levels: dict[str, Any] = {}
         for keys in self.levels:
             *outer, last = keys
@@ -168,38 +147,25 @@ def finite(values: Any) -> Any:
 
 
 def compare(
-    plan: Plan,
-    workers: Workers,
-    progress: Progress,
-    folder: Path | None = None,
-    on_entry: Callable[[Comparison], None] | None = None,
-) -> Comparison:
+    plan: Plan, workers: Workers, progress: Progress, folder: Path | None,
+    on_entry: Callable[[Comparison], None] = lambda now: None,
+) -> Comparison:  # fmt: skip
     """Train and score the deciders of a plan.
 
-    Args:
-        plan: settings.
-        workers: where the work runs.
-        progress: display.
-        folder: for the agents that are trained and, until the comparison is complete, for the scores of each
-            decider. A comparison that was interrupted and is started again goes on from there, with the same
-            results. None writes nothing.
-        on_entry: called after each decider with the comparison of those so far.
+    The folder keeps trained agents and, until the comparison is complete, the scores of each decider: one that was
+    interrupted goes on from there, with the same results. `on_entry` is called after each decider.
     """
-    calls: dict[tuple[str, int], Call] = {}
     shown = None if workers.parallel else progress
-    for position, (name, number) in enumerate(plan.calls()):
-        calls[name, number] = functools.partial(score, plan, folder, name, number, position == 0, shown)
+    calls: dict[tuple[str, int], Call] = {
+        call: functools.partial(score, plan, folder, *call, position == 0, shown)
+        for position, call in enumerate(plan.calls())
+    }
     task = progress.add_task("Comparing", total=len(calls), note="")
     entries: list[Entry] = []
     result = Comparison(plan, entries)
-
-    def count(call: tuple[str, int]) -> None:
-        progress.update(task, advance=1, note=call[0])
-
-    for _, entry in workers.results(calls, count):
+    for _, entry in workers.results(calls, lambda call: progress.update(task, advance=1, note=call[0])):
         entries.append(entry)
-        if on_entry is not None:
-            on_entry(result)
+        on_entry(result)
     progress.update(task, note="")
     Continuation(plan.settings, folder).finish()
     return result
@@ -208,13 +174,7 @@ def compare(
 def score(plan: Plan, folder: Path | None, name: str, number: int, full: bool, progress: Progress | None) -> Entry:
     """Train a decider if needed, select its threshold and score it, unless its file exists.
 
-    Args:
-        plan: settings.
-        folder: see `compare`.
-        name: of the decider in the plan.
-        number: training seed.
-        full: also score thresholds that are not selected, if the plan has no curves.
-        progress: display; None shows nothing.
+    `number` is its training seed. `full`: also score thresholds that are not selected, if the plan has no curves.
     """
     display = Progress(disable=True) if progress is None else progress
     continuation = Continuation(plan.settings, folder)
@@ -235,9 +195,7 @@ def score(plan: Plan, folder: Path | None, name: str, number: int, full: bool, p
     return Entry(scores, chosen, name, selected, run_folder)
 
 
-def _score(
-    family: DeciderFamily, plan: Plan, full: bool, on_progress: Callable[[float], None]
-) -> tuple[Scores, int, float]:
+def _score(family: DeciderFamily, plan: Plan, full: bool, on_progress: OnProgress) -> tuple[Scores, int, float]:
     """Return scores on the reported episodes, the index of the selected threshold, and its goal before."""
     task = plan.task
     selection = sweep(task, family, plan.selection_episodes, seeds.SELECTION, on_progress)
@@ -250,15 +208,11 @@ def _score(
 
 
 def fastest(scores: Scores, accuracy: float) -> int:
-    """Return the index of the threshold with the smallest mean decision time at a required accuracy.
-
-    If no threshold reaches the accuracy, return the most accurate one.
-    """
+    """Return the index of the fastest threshold at a required accuracy; if none reaches it, the most accurate one."""
     means = dict(zip(scores.columns, scores.values.mean(0), strict=True))
     reached = means["accuracy"] >= accuracy
-    if not reached.any():
-        return int(means["accuracy"].argmax())
-    return int(np.where(reached, means["ticks"], np.inf).argmin())
+    best = np.where(reached, means["ticks"], np.inf).argmin() if reached.any() else means["accuracy"].argmax()
+    return int(best)
 
 
 def train_agent(
@@ -272,8 +226,7 @@ def train_agent(
     name = recipe.name if plan.training_seeds == 1 else f"{recipe.name} seed {number}"
     folder = continuation.run_folder(recipe.name, recipe.as_json(), number)
     resume = folder is not None and has_checkpoint(folder)
-    task = plan.task
-    run = make_run(task.env_id, dict(task.given), recipe, number, folder, plan.steps, resume)
+    run = make_run(plan.task.env_id, dict(plan.task.given), recipe, number, folder, plan.steps, resume)
     bar = progress.add_task(f"Training {name}", total=run.steps, note="")
 
     def show(now: TrainingProgress) -> None:

@@ -25,32 +25,20 @@ from hybrid_env.checks import reject
 
 @dataclass(frozen=True)
 class Plan:
-    """Settings of a comparison.
+    """Settings of a comparison."""
 
-    Attributes:
-        task: what is decided, in which environment.
-        deciders: names of classical rules; the first is the reference.
-        agents: recipes to train, 'shipped', or run folders.
-        episodes: number of episodes that all figures are reported on.
-        seed: of the first of them.
-        selection_episodes: number of separate episodes for the selection of thresholds.
-        steps: environment steps of each training; None takes the number in the recipe.
-        training_seeds: number of agents trained per recipe.
-        accuracy: of the thresholds that reach this accuracy, the one with the shortest mean decision time is
-            selected; None selects the threshold with the largest mean reward.
-        curves: False scores all deciders but the reference at their selected threshold only.
-    """
-
-    task: Task
-    deciders: tuple[str, ...]
-    agents: tuple[str, ...]
-    episodes: int
-    seed: int
-    selection_episodes: int
-    steps: int | None = None
-    training_seeds: int = 1
+    task: Task  # what is decided, in which environment
+    deciders: tuple[str, ...]  # names of classical rules; the first is the reference
+    agents: tuple[str, ...]  # recipes to train, 'shipped', or run folders
+    episodes: int  # number of episodes that all figures are reported on
+    seed: int  # of the first of them
+    selection_episodes: int  # number of separate episodes for the selection of thresholds
+    steps: int | None = None  # environment steps of each training; None takes the number in the recipe
+    training_seeds: int = 1  # number of agents trained per recipe
+    # of the thresholds that reach this accuracy, the one with the shortest mean decision time is selected; None
+    # selects the threshold with the largest mean reward
     accuracy: float | None = None
-    curves: bool = True
+    curves: bool = True  # False scores all deciders but the reference at their selected threshold only
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -64,11 +52,7 @@ class Plan:
         return {"env_id": self.task.env_id, "options": dict(self.task.given)} | others
 
     def family(self, name: str) -> Any:
-        """Return the family of a decider, or the recipe of an agent still to be trained.
-
-        Raises:
-            ArgumentError: the name or an option is unknown, or a policy is for another number of hypotheses.
-        """
+        """Return the family of a decider, or the recipe of an agent still to be trained."""
         from agents.training.recipe import load_recipe, recipe_names
 
         if name in self.agents:
@@ -79,8 +63,7 @@ class Plan:
                 kinds = "'shipped', a run folder, model.zip, policy.onnx, a recipe as YAML"
                 raise reject("agents", name, f"{kinds}, or {', '.join(recipes)}")
         elif name not in rules(self.task.switches) and not is_own(name):
-            allowed = f"{', '.join(rules(self.task.switches))}, or mine.py:MyRule"
-            raise reject("deciders", name, allowed)
+            raise reject("deciders", name, f"{', '.join(rules(self.task.switches))}, or mine.py:MyRule")
         return find_family(name, self.task.options)
 
     def check(self) -> None:
@@ -92,11 +75,8 @@ class Plan:
 
     def calls(self) -> list[tuple[str, int]]:
         """Return name and training seed of everything that is scored."""
-        found = []
-        for name in self.names:
-            trained = not isinstance(self.family(name), DeciderFamily)
-            found += [(name, number) for number in range(self.training_seeds if trained else 1)]
-        return found
+        counts = [1 if isinstance(self.family(name), DeciderFamily) else self.training_seeds for name in self.names]
+        return [(name, k) for name, count in zip(self.names, counts, strict=True) for k in range(count)]
 
 
 TRAINED = "agents"
@@ -106,15 +86,11 @@ DAMAGE = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
 
 
 class Continuation:
-    """Files of a comparison in its output folder.
+    """Files of a comparison in its output folder; without one, nothing is written.
 
-    `agents` has a run folder for each agent that the comparison trains. `unfinished` has the scores of each
-    decider that has been evaluated, until the comparison is complete. The names contain a digest of
-    everything that determines the content, with the source code: results of other settings are not used.
-
-    Args:
-        settings: plain values of the plan.
-        folder: of its output; None writes nothing.
+    `agents` has a run folder for each agent that the comparison trains. `unfinished` has the scores of each decider
+    that has been evaluated, until the comparison is complete. The names contain a digest of everything that
+    determines the content, with the source code: results of other settings are not used.
     """
 
     def __init__(self, settings: dict[str, Any], folder: Path | None):
@@ -128,43 +104,31 @@ class Continuation:
         return self.folder / TRAINED / f"{name}-seed{seed}-{key[:8]}"
 
     def load(self, key: list[Any]) -> tuple[Scores, int, float] | None:
-        """Return what `save` has written for a decider; None if there is no such file, or a damaged one.
-
-        Args:
-            key: plain values that identify the decider, with a digest of its weights.
-        """
+        """Return what `save` has written for a decider with a key of plain values; None if it is lost or damaged."""
         path = self._path(key)
         if path is None:
             return None
         try:
             with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-                name, symbol = file["names"].tolist()
                 extra = {one.removeprefix(EXTRA): file[one] for one in file if one.startswith(EXTRA)}
-                scores = Scores(
-                    name, symbol, tuple(file["thresholds"].tolist()), tuple(file["columns"].tolist()),
-                    file["values"], extra,
-                )  # fmt: skip
+                (name, symbol), thresholds, columns = (file[key].tolist() for key in ("names", "thresholds", "columns"))
+                scores = Scores(name, symbol, tuple(thresholds), tuple(columns), file["values"], extra)
                 return scores, int(file["chosen"]), float(file["selected"])
         except DAMAGE:
             return None
 
     def save(self, key: list[Any], scores: Scores, chosen: int, selected: float) -> None:
-        """Write the scores of a decider, the index of its threshold and its goal on the selection episodes.
-
-        Raises:
-            ArgumentError: the file cannot be written.
-        """
+        """Write the scores of a decider, the index of its threshold and its goal on the selection episodes."""
         path = self._path(key)
         if path is None:
             return
         output_folder("out", path.parent)
+        arrays: dict[str, Any] = {
+            "names": [scores.name, scores.symbol], "thresholds": scores.thresholds, "columns": scores.columns,
+            "values": scores.values, "chosen": chosen, "selected": selected,
+        } | {EXTRA + name: array for name, array in scores.extra.items()}  # fmt: skip
         with atomic_file(path) as part, part.open("wb") as file:
-            extra: dict[str, Any] = {EXTRA + key: array for key, array in scores.extra.items()}
-            np.savez(
-                file, names=np.array([scores.name, scores.symbol]), thresholds=np.array(scores.thresholds),
-                columns=np.array(scores.columns), values=scores.values, chosen=chosen, selected=selected,
-                **extra,
-            )  # fmt: skip
+            np.savez(file, **arrays)
 
     def finish(self) -> None:
         """Remove the scores of a complete comparison; the agents stay."""

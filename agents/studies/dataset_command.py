@@ -3,6 +3,7 @@
 import os
 import re
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -27,19 +28,10 @@ MOST_EPISODES = 10_000  # they are in memory until they are written, some 50 kB 
 RANDOM = "random"
 
 
-class RandomPolicy:
-    """Chooses every action of the environment with the same probability.
-
-    Args:
-        actions: number of actions.
-    """
-
-    def __init__(self, actions: int):
-        self.actions, self.random = actions, np.random.default_rng(0)
-
-    def predict(self, observation: Any, **_: Any) -> tuple[NDArray[np.int64], None]:
-        """Return (N,) actions, and no state; see `baselines.rules.decider.Decider.predict`."""
-        return self.random.integers(self.actions, size=len(observation)), None
+def random_policy(actions: int) -> Callable[[Any], NDArray[np.int64]]:
+    """Return a decider that chooses each of a number of actions with the same probability."""
+    generator = np.random.default_rng(0)
+    return lambda rows: generator.integers(actions, size=len(rows))
 
 
 @dataclass(kw_only=True)
@@ -65,16 +57,16 @@ class Dataset(WorldArguments, TrustArguments):
         """Write the data sets and print one line for each."""
         if self.kind == "radar":
             self._radar(self.out or Path("radar"))
-            return
-        if self.score:
+        elif self.score:
             raise reject("score", True, "no value with minari")
-        self._minari(seeds.DATASET if self.seed is None else self.seed)
+        else:
+            self._minari(seeds.DATASET if self.seed is None else self.seed)
 
     def _radar(self, folder: Path) -> None:
         """Write the radar data set, unless the folder has it and it is scored."""
         from rich.console import Console
 
-        from agents.interface.output_files import atomic_folder, write_json
+        from agents.interface.output_files import atomic_folder, write_files
         from agents.interface.progress import progress_display
         from baselines.papers.novospaskyi.dataset import load_radar_data, write_radar_data
 
@@ -90,7 +82,6 @@ class Dataset(WorldArguments, TrustArguments):
         print(f"Data {folder}: " + ", ".join(f"{count} {split} flights" for split, count in counts.items()))
         if not self.score:
             return
-        from agents.figures.canvas import save_figure
         from agents.studies.radar_study import radar_figure, radar_json, radar_tables, score_radar_data
 
         with progress_display(console) as progress:
@@ -98,9 +89,7 @@ class Dataset(WorldArguments, TrustArguments):
         for table in radar_tables(found):
             console.print(table)
         figures = radar_json(found)
-        write_json(folder / "scores.json", figures)
-        save_figure(radar_figure(figures), folder / "scores.png")
-        print(f"Files in {folder}: scores.json, scores.png")
+        print(write_files(folder, {"scores.json": figures, "scores.png": radar_figure(figures)}))
 
     def _minari(self, seed: int) -> None:
         from minari.storage.datasets_root_dir import get_dataset_path
@@ -121,12 +110,12 @@ class Dataset(WorldArguments, TrustArguments):
             if (folder / identity).exists():
                 raise reject("out", str(folder), f"a folder without the data set {identity}")
             if name == RANDOM:
-                found.append((identity, name, {}, RandomPolicy(task.options.action_count)))
-                continue
-            family, threshold = find_decider(name, task.options)
-            task.options_with(family.options)
-            title = f"{family.name} at {threshold:g}"
-            found.append((identity, title, family.options, family.make(threshold)))
+                found.append((identity, name, {}, random_policy(task.options.action_count)))
+            else:
+                family, threshold = find_decider(name, task.options)
+                task.options_with(family.options)  # checks them
+                title = f"{family.name} at {threshold:g}"
+                found.append((identity, title, family.options, family.make(threshold)))
         before = os.environ.get(ROOT)
         try:
             with atomic_folder("out", folder) as part:
@@ -146,17 +135,14 @@ class Dataset(WorldArguments, TrustArguments):
 
         episodes = record(task.env_id, options, decider, self.episodes, seed)
         returns = np.array([episode["rewards"].sum() for episode in episodes])
+        about = f"{self.episodes} episodes of {title} in {task.title}"
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # without an e-mail address and a link
             written = minari.create_dataset_from_buffers(
-                identity,
-                [EpisodeBuffer(**episode) for episode in episodes],
-                env=gym.make(task.env_id, **options),
-                algorithm_name=title,
-                author="The HybridTrack authors",
-                description=f"{self.episodes} episodes of {title} in {task.title}",
+                identity, [EpisodeBuffer(**episode) for episode in episodes], env=gym.make(task.env_id, **options),
+                algorithm_name=title, author="The HybridTrack authors", description=about,
                 requirements=[f"hybrid-track=={version('hybrid-track')}"],
-            )
+            )  # fmt: skip
         size = f"{self.episodes} episodes, {written.total_steps:,} steps"
         return f"{identity}: {size}, mean return {returns.mean():.3f}"
 
@@ -164,15 +150,7 @@ class Dataset(WorldArguments, TrustArguments):
 def record(env_id: str, options: dict[str, Any], decider: Any, episodes: int, seed: int) -> list[dict[str, Any]]:
     """Return E episodes of a decider, each as the fields of Minari's `EpisodeBuffer`.
 
-    Observations (T + 1, width), actions, rewards, terminations and truncations (T,), and as `infos` the true
-    mode (T + 1,).
-
-    Args:
-        env_id: registered id.
-        options: of the environment.
-        decider: see `baselines.rules.decider.as_decider`.
-        episodes: E.
-        seed: of the first episode.
+    Observations have the shape (T + 1, width), the true mode in `infos` (T + 1,), all else (T,).
     """
     from baselines.rules.rollout import rollout
     from hybrid_env.registration import make_track_vector_env
@@ -189,13 +167,9 @@ def record(env_id: str, options: dict[str, Any], decider: Any, episodes: int, se
     rows, modes, actions, rewards = map(np.array, zip(*ticks, strict=True))
     return [
         {
-            "seed": seed + i,
-            "observations": rows[: count + 1, i],
-            "actions": actions[1 : count + 1, i],
-            "rewards": rewards[1 : count + 1, i],
-            "terminations": np.arange(1, count + 1) == count,
-            "truncations": np.zeros(count, np.bool_),
-            "infos": {"true_mode": modes[: count + 1, i]},
+            "seed": seed + i, "observations": rows[: count + 1, i], "actions": actions[1 : count + 1, i],
+            "rewards": rewards[1 : count + 1, i], "terminations": np.arange(1, count + 1) == count,
+            "truncations": np.zeros(count, np.bool_), "infos": {"true_mode": modes[: count + 1, i]},
         }
         for i, count in enumerate(steps.tolist())
-    ]
+    ]  # fmt: skip

@@ -12,21 +12,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
 from matplotlib.figure import Figure
 
-from agents.evaluation.cells import markdown_table, signed
+from agents.evaluation.cells import in_brackets, markdown_table
 from agents.evaluation.registry import find_family
 from agents.evaluation.task import sweep
-from agents.evaluation.tasks import task_of
-from agents.figures.curves import Axis, Curve, Panel, curve_figure
+from agents.evaluation.tasks import ENVIRONMENTS, task_of
+from agents.figures.curves import Axis, Curve, Panel, curve_figure, error_bars
 from agents.figures.decider_colours import decider_styles
 from agents.studies.shifts import evaluate_world
 from baselines.rules.decider import ANNOUNCED, UNKNOWN
 from baselines.scoring.estimates import Estimate
 from hybrid_env import RandomScheme
 
-ENVIRONMENTS = {ANNOUNCED: "hybrid_env:HybridTrack-v0", UNKNOWN: "hybrid_env:HybridTrackQuickest-v0"}
 TOLD = {ANNOUNCED: ("calibrated", "calibrated-robust"), UNKNOWN: ("beam",)}
 """Rules that are told the truth; the best of them at each level is the reference."""
 DECIDERS = {ANNOUNCED: ("shipped", "msprt", "ate"), UNKNOWN: ("shipped", "beam-adaptive", "beam-default", "threshold")}
@@ -36,17 +34,12 @@ RADIUS, VARIANCE = 5.0, 0.001  # listed radius [m] and Q [m^2/s^2]
 
 @dataclass(frozen=True)
 class Level:
-    """A world on a road.
-
-    Attributes:
-        name: of the level.
-        world: options of the environment in which nobody is told of the departure.
-        truth: options of the same world, told to its filters.
-    """
+    """A world on a road."""
 
     name: str
+    # options of the environment in which nobody is told of the departure
     world: Mapping[str, Any] = field(default_factory=dict)
-    truth: Mapping[str, Any] = field(default_factory=dict)
+    truth: Mapping[str, Any] = field(default_factory=dict)  # options of the same world, told to its filters
 
 
 def _radius(factor: float) -> Level:
@@ -55,68 +48,40 @@ def _radius(factor: float) -> Level:
     return Level(f"{factor:g}", world, {"radii": flown, "correctness": "type"})
 
 
-ROADS: dict[str, tuple[str, tuple[Level, ...]]] = {
-    "tails of the noise: Student's t, degrees of freedom": (
-        ANNOUNCED,
-        (Level("normal"), *(Level(f"{v:g}", *[{"noise": f"student_t {v:g}"}] * 2) for v in (10, 5, 3, 2, 1.5))),
-    ),
-    "process noise of the object over Q": (
-        ANNOUNCED,
-        (
-            Level("1"),
-            *(
-                Level(f"{k}", {"object_variance": k * VARIANCE}, {"process_variance": k * VARIANCE})
-                for k in (3, 10, 30, 100)
-            ),
-        ),
-    ),
-    "radius of turns over the listed one": (ANNOUNCED, tuple(map(_radius, (1.0, 1.25, 1.5, 2.0, 2.5)))),
-    "rhythm: durations": (
-        UNKNOWN,
-        (
-            Level("25 +\ngeometric 50"),
-            *(
-                Level(law.replace(" ", "\n"), *[{"durations": law}] * 2)
-                for law in ("uniform 25-125", "uniform 50-100", "uniform 65-85", "uniform 72-78")
-            ),
-        ),
-    ),
+PROCESS = [
+    Level(f"{k}", {"object_variance": k * VARIANCE}, {"process_variance": k * VARIANCE}) for k in (3, 10, 30, 100)
+]
+TAILS = [Level(f"{freedom:g}", *[{"noise": f"student_t {freedom:g}"}] * 2) for freedom in (10, 5, 3, 2, 1.5)]
+DURATIONS = ("uniform 25-125", "uniform 50-100", "uniform 65-85", "uniform 72-78")
+RHYTHMS = [Level(law.replace(" ", "\n"), *[{"durations": law}] * 2) for law in DURATIONS]
+ROADS: dict[str, tuple[str, list[Level]]] = {
+    "tails of the noise: Student's t, degrees of freedom": (ANNOUNCED, [Level("normal"), *TAILS]),
+    "process noise of the object over Q": (ANNOUNCED, [Level("1"), *PROCESS]),
+    "radius of turns over the listed one": (ANNOUNCED, list(map(_radius, (1.0, 1.25, 1.5, 2.0, 2.5)))),
+    "rhythm: durations": (UNKNOWN, [Level("25 +\ngeometric 50"), *RHYTHMS]),
 }
 
 
 @dataclass(frozen=True)
 class Response:
-    """A decider at one level.
-
-    Attributes:
-        road, level: names.
-        decider: its name; of the reference, that of the best rule.
-        reward: its reward.
-        gap: the reward less that of the reference on the same episodes; of the reference, None.
-    """
+    """A decider at one level."""
 
     road: str
     level: str
-    decider: str
+    decider: str  # its name; of the reference, that of the best rule
     reward: Estimate
-    gap: Estimate | None = None
+    gap: Estimate | None = None  # the reward less that of the reference on the same episodes; of the reference, None
 
     def as_json(self) -> dict[str, Any]:
         """Return the figures."""
-        gap = None if self.gap is None else self.gap.as_json()
-        level = self.level.replace("\n", " ")
-        figures = {"reward": self.reward.as_json(), "gap": gap}
-        return {"road": self.road, "level": level, "decider": self.decider, **figures}
+        return {
+            "road": self.road, "level": self.level.replace("\n", " "), "decider": self.decider,
+            "reward": self.reward.as_json(), "gap": None if self.gap is None else self.gap.as_json(),
+        }  # fmt: skip
 
 
 def calls(further: Sequence[str], episodes: int, seed: int) -> dict[str, Callable[[], list[Response]]]:
-    """Return the parts of the study by name.
-
-    Args:
-        further: names of deciders beside `DECIDERS`, for announced switches.
-        episodes: number of evaluation episodes.
-        seed: of the first episode.
-    """
+    """Return the parts of the study by name, with `further` deciders for announced switches."""
     found: dict[str, Callable[[], list[Response]]] = {}
     for road, (switches, levels) in ROADS.items():
         names = DECIDERS[switches] + (tuple(further) if switches == ANNOUNCED else ())
@@ -151,7 +116,7 @@ def departures_markdown(found: Sequence[Response]) -> str:
         rows = []
         for level in dict.fromkeys(one.level for one in here):
             reference, *others = (one for one in here if one.level == level)
-            gaps = [signed(one.gap, 3) for one in others if one.gap is not None]
+            gaps = [in_brackets(one.gap, 3, sign="+") for one in others if one.gap is not None]
             rows.append([level.replace("\n", " "), f"{reference.reward.value:.3f} ({reference.decider})", *gaps])
         head = ["level", "best rule that is told", *(f"{name} less it" for name in names)]
         parts.append(f"## {road[0].upper()}{road[1:]}\n\n{markdown_table(head, rows)}")
@@ -168,8 +133,7 @@ def departures_figure(found: Sequence[Response]) -> Figure:
             gaps = [one.gap for one in found if one.road == road and one.decider == name and one.gap is not None]
             if gaps:
                 values = [gap.value for gap in gaps]
-                bars = np.array([[gap.value - gap.low, gap.high - gap.value] for gap in gaps]).T
-                curves.append(Curve(name, style, range(len(gaps)), values, bars=bars))
+                curves.append(Curve(name, style, range(len(gaps)), values, bars=error_bars(gaps)))
         ticks = {float(k): level.name for k, level in enumerate(levels)}
         x = Axis(road, limits=(-0.2, len(levels) - 1 + 0.9), ticks=ticks)
         panels.append(Panel("", x, Axis("reward less that of the best rule that is told", levels=(0.0,)), curves))

@@ -1,6 +1,5 @@
 """Episodes of a decider on one track: played for a window or an animation, or recorded for a figure."""
 
-import dataclasses
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -20,21 +19,12 @@ from hybrid_env.rendering.window import Renderer
 
 
 class OneTrack:
-    """An environment of one track with the interface of a vector environment.
-
-    Args:
-        env: the environment.
-    """
+    """An environment of one track with the interface of a vector environment."""
 
     num_envs = 1
 
     def __init__(self, env: TrackEnv):
-        self.env, self.single_action_space = env, env.action_space
-
-    @property
-    def world(self) -> Any:
-        """Arrays of the track."""
-        return self.env.world
+        self.env, self.world, self.single_action_space = env, env.world, env.action_space
 
     def reset(self, *, seed: int | None = None) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Begin an episode."""
@@ -48,31 +38,13 @@ class OneTrack:
 
 
 class Episodes:
-    """Episodes of a decider on one track.
+    """Episodes of a decider on one track; `decider` replaces that of the name, and needs `changes` of the options."""
 
-    Args:
-        task: what is decided.
-        name: of the decider, with an optional threshold; empty for the reference of the task.
-        decider: to use in place of the one of this name.
-        changes: options of the environment that it needs.
-
-    Attributes:
-        task: what is decided, with these options.
-        env: environment with the render mode "rgb_array".
-        name: of the decider.
-        decider: the decider.
-
-    Raises:
-        ArgumentError: the decider is unknown, or not for this environment.
-    """
-
-    def __init__(self, task: Task, name: str = "", decider: Any = None, changes: Any = None):
-        options = {**task.given, **(changes or {})}
-        env = gym.make(task.env_id, render_mode="rgb_array", **options).unwrapped
+    def __init__(self, task: Task, name: str, decider: Any = None, changes: Any = None):
+        self.task, self.name = task.changed(changes or {}), name
+        env = gym.make(task.env_id, render_mode="rgb_array", **self.task.given).unwrapped
         assert isinstance(env, TrackEnv)
-        self.env, self.name = env, name or task.reference
-        self.decider = load_decider(self.name, env.options) if decider is None else decider
-        self.task = dataclasses.replace(task, given=options)
+        self.env, self.decider = env, load_decider(name, env.options) if decider is None else decider
 
     @property
     def history(self) -> History:
@@ -80,22 +52,12 @@ class Episodes:
         assert self.env.history is not None
         return self.env.history
 
-    @property
-    def done(self) -> int:
-        """Progress of the running episode: number of decisions or of statements."""
-        return self.task.done(self.history)
-
     def renderer(self, human: bool) -> Renderer:
         """Return a renderer with the evidence of the decider, of a window if `human`."""
         return Renderer(self.env.options, human, self.decider.panel())
 
     def play(self, seed: int, on_step: Callable[[], None]) -> Iterator[History]:
-        """Play an episode; yield its history before every step, with the evidence of the decider.
-
-        Args:
-            seed: of the episode.
-            on_step: called after every step.
-        """
+        """Play an episode; yield its history before every step, with the evidence of the decider."""
         for now in rollout(OneTrack(self.env), self.decider, seed):
             if now.step:
                 on_step()
@@ -111,21 +73,13 @@ class Episodes:
         return table
 
     def record(self, name: str, seed: int) -> TrackRecord:
-        """Play an episode and return what was declared or stated at every tick.
-
-        A declaration is a statement from its tick to the end of the segment; before it nothing is stated.
-
-        Args:
-            name: of the decider in the figure.
-            seed: of the episode.
-        """
+        """Play an episode and return what was declared or stated at every tick, with the name in the figure."""
         for _ in self.play(seed, lambda: None):
             pass
-        history, trace = self.history, self.history.trace
-        positions = {
-            key: trace[:, [TRACE_INDEX[f"{key}x"], TRACE_INDEX[f"{key}y"]]] for key in ("", "measured_", "estimate_")
-        }
+        history = self.history
+        truth, measured, estimates = (
+            history.trace[:, [TRACE_INDEX[f"{key}x"], TRACE_INDEX[f"{key}y"]]] for key in ("", "measured_", "estimate_")
+        )
         return self.task.track_record(
-            history, name=name, truth=positions[""], measurements=positions["measured_"],
-            true_modes=history.true_modes, estimates=positions["estimate_"],
-        )  # fmt: skip
+            history, name=name, truth=truth, measurements=measured, true_modes=history.true_modes, estimates=estimates
+        )

@@ -69,7 +69,7 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
         first = task_of(*self.world_of(self.deciders[0] if self.deciders else ""))
         deciders = tuple(map(self.at_error, self.deciders or (first.reference,)))
         metrics: Any
-        if self.shifted or self.drawn or self.noises:
+        if self._worlds:
             metrics = self._evaluate_worlds(deciders, first, console)
         else:
             metrics = self._evaluate(deciders, console)
@@ -77,8 +77,11 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
             write_json(self.out, metrics)
             print(f"Data {self.out}")
 
+    @property
+    def _worlds(self) -> bool:
+        return bool(self.shifted or self.drawn or self.noises)
+
     def _check(self) -> None:
-        """Check the flags."""
         check_integer("episodes", self.episodes)
         self.workers()  # checks --jobs and --engine also where one evaluation needs neither
         check_integer("seed", self.seed, minimum=0)
@@ -91,21 +94,20 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
             raise reject("beyond", self.beyond, f"a number from 1 to {LARGEST_FACTOR:g}")
         if self.beyond != type(self).beyond and not self.drawn:
             raise reject("beyond", self.beyond, "no value without --drawn")
+        if not self._worlds:
+            return
         from agents.evaluation.registry import split_threshold
 
         worlds = "with --shifted, --drawn or --noises"
-        if not (self.shifted or self.drawn or self.noises):
-            return
         if self.seed + self.episodes > seeds.SELECTION:
-            allowed = f"at most {seeds.SELECTION} minus the number of episodes, {worlds}"
-            raise reject("seed", self.seed, allowed)
+            raise reject("seed", self.seed, f"at most {seeds.SELECTION} minus the number of episodes, {worlds}")
         for name in self.deciders:
             if split_threshold(name)[1] is not None:
                 raise reject("deciders", name, f"a name without a threshold, {worlds}")
 
     def _evaluate(self, deciders: tuple[str, ...], console: "Console") -> list[dict[str, Any]]:
         """Evaluate deciders at one threshold each; those of one environment are compared in one table."""
-        from agents.evaluation.registry import find_decider, needed_options
+        from agents.evaluation.registry import find_decider
         from agents.evaluation.task import sweep
         from agents.evaluation.tasks import task_of
         from agents.interface.progress import progress_display
@@ -116,9 +118,11 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
         found = []
         for name in deciders:  # checks all names before evaluating
             task = task_of(*self.world_of(name))
-            found.append((name, task, *find_decider(name, task.options)))
-            task.options_with(needed_options(name, task.switches))
-        rows = []
+            family, threshold = find_decider(name, task.options)
+            task.options_with(family.options)
+            found.append((name, task, family, threshold))
+        rows: list[dict[str, Any]] = []
+        groups: dict[str, list[Any]] = {}
         with progress_display(console) as progress:
             bar = progress.add_task("Evaluating", total=len(found), note="")
             for done, (name, task, family, threshold) in enumerate(found):
@@ -129,13 +133,17 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
                 progress.update(bar, note=name)
                 scores = sweep(task, family, self.episodes, self.seed, show, (threshold,))
                 figures = {metric.name: scores.estimate(metric.statistic) for metric in task.metrics}
-                rows.append((name, task, scores, figures))
+                groups.setdefault(f"{task.env_id} {task.given}", []).append((task, scores, figures))
+                rows.append(
+                    {"decider": name, "name": scores.name}
+                    | {"threshold": {"symbol": scores.symbol, "value": scores.thresholds[0]}}
+                    | {"episodes": self.episodes, "size": task.size(self.episodes)}
+                    | {key: figure.as_json() for key, figure in figures.items()}
+                    | {key: finite(values[0]) for key, values in scores.extra.items()}
+                )
             progress.update(bar, note="")
-        groups: dict[str, list[Any]] = {}
-        for _, task, scores, figures in rows:
-            groups.setdefault(f"{task.env_id} {task.given}", []).append((task, scores, figures))
         for group in groups.values():
-            task, first = group[0][:2]
+            task, first, _ = group[0]
             goal = task.statistic(task.goal)
             cells = [
                 (scores, figures, None if scores is first else scores.difference(first, goal))
@@ -147,42 +155,29 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
             for _, scores, _ in group:
                 if "confusion" in scores.extra and len(modes) <= MOST_SHOWN_MODES:
                     console.print(confusion_table(scores, modes))
-        return [
-            {"decider": name, "name": scores.name}
-            | {"threshold": {"symbol": scores.symbol, "value": scores.thresholds[0]}}
-            | {"episodes": self.episodes, "size": task.size(self.episodes)}
-            | {key: figure.as_json() for key, figure in figures.items()}
-            | {key: finite(values[0]) for key, values in scores.extra.items()}
-            for name, task, scores, figures in rows
-        ]
+        return rows
 
     def _evaluate_worlds(self, deciders: tuple[str, ...], task: "Task", console: "Console") -> dict[str, Any]:
         """Evaluate deciders in shifted, random or noisy environments and in the nominal one."""
         from agents.evaluation.registry import find_family
         from agents.evaluation.worlds import NOMINAL, draw_worlds
-        from agents.interface.progress import progress_display
+        from agents.interface.progress import shown
         from agents.studies.shifts import differences_json, evaluate_shifts, shift_table
 
-        shifted = task.shifted()
-        for flag, possible in (("shifted", bool(shifted)), ("drawn", bool(shifted) and task.switches == ANNOUNCED)):
-            if getattr(self, flag) and not possible:
-                raise reject(flag, getattr(self, flag), f"no value in {task.title}")
-        worlds = shifted if self.shifted else {NOMINAL: {}}
+        if self.drawn and task.switches != ANNOUNCED:
+            raise reject("drawn", self.drawn, f"no value in {task.title}")
+        worlds = task.shifted() if self.shifted else {NOMINAL: {}}
         worlds |= {str(parse_noise(noise, "noises")): {"noise": noise} for noise in self.noises}
         if self.drawn:
             worlds |= draw_worlds(self.drawn, seeds.DRAWN_WORLDS, self.beyond)
         for name in deciders:
             find_family(name, task.options)
-        with progress_display(console) as progress:
-            bar = progress.add_task("Evaluating", total=len(deciders) * len(worlds), note="")
-            tasks = {name: task.changed(changes) for name, changes in worlds.items()}
-            results = evaluate_shifts(
-                deciders, tasks, self.episodes, self.seed, self.workers(),
-                lambda note: progress.update(bar, advance=1, note=note),
-            )  # fmt: skip
-            progress.update(bar, note="")
-        title = f"{task.title} under distribution shift: {task.size(self.episodes)} each"
-        console.print(shift_table(results, title))
+        tasks = {name: task.changed(changes) for name, changes in worlds.items()}
+        results = shown(
+            console, "Evaluating", len(deciders) * len(worlds),
+            lambda note: evaluate_shifts(deciders, tasks, self.episodes, self.seed, self.workers(), note),
+        )  # fmt: skip
+        console.print(shift_table(results, f"{task.title} under distribution shift: {task.size(self.episodes)} each"))
         found: dict[str, Any] = {"results": [result.as_json() for result in results]}
         if len(deciders) > 1:
             found["differences"] = differences_json(results)

@@ -1,7 +1,7 @@
 """Deciders on recorded flights: agreement with labels from a smoother that sees the whole flight."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -15,16 +15,12 @@ from baselines.recordings.flights.simulated import twins
 from baselines.scoring.scores import Scores
 from hybrid_env.checks import IntArray
 
-VARIANTS: dict[str, LabelRules] = {
-    "as used": LabelRules(),
-    "jerk 0.3 m^2/s^5": LabelRules(jerk=0.3),
-    "jerk 3 m^2/s^5": LabelRules(jerk=3.0),
-    "peak 0.5 deg/s": LabelRules(peak=0.5),
-    "peak 1 deg/s": LabelRules(peak=1.0),
-    "bound 0.25 deg/s": LabelRules(bound=0.25),
-    "bound 0.5 deg/s": LabelRules(bound=0.5),
-    "change 10 deg": LabelRules(change=10.0),
-    "change 20 deg": LabelRules(change=20.0),
+CHANGED = (
+    ("jerk", (0.3, 3.0), "m^2/s^5"), ("peak", (0.5, 1.0), "deg/s"), ("bound", (0.25, 0.5), "deg/s"),
+    ("change", (10.0, 20.0), "deg"),
+)  # fmt: skip
+VARIANTS = {"as used": LabelRules()} | {
+    f"{name} {value:g} {unit}": LabelRules(**{name: value}) for name, values, unit in CHANGED for value in values
 }
 """Settings of the labels whose effect is shown."""
 
@@ -34,51 +30,30 @@ NOISE_SEED, TWIN_NOISE_SEED = 20190602, 20190603
 
 
 class Sensitivity(NamedTuple):
-    """Effect of one setting of the labels.
+    """Effect of one setting of the labels."""
 
-    Attributes:
-        name: the setting.
-        same: share of the time, scored with both settings, with the label as used.
-        scored: share of the time that is scored.
-        turns: number of turns.
-        agreement: of the first decider, in the tiers that are compared.
-    """
-
-    name: str
-    same: float
-    scored: float
-    turns: int
-    agreement: float
+    name: str  # the setting
+    same: float  # share of the time, scored with both settings, with the label as used
+    scored: float  # share of the time that is scored
+    turns: int  # number of turns
+    agreement: float  # of the first decider, in the tiers that are compared
 
 
 @dataclass(frozen=True, eq=False)
 class FlightComparison:
-    """Results.
+    """Results."""
 
-    Attributes:
-        task: settings.
-        names: of the deciders, and in figures.
-        flights: the flights, as the deciders see them.
-        labels: of each flight.
-        stated: of each decider and flight, (n,).
-        scores: of each decider.
-        twins: the same on simulated twins.
-        truth: scores of the true modes of the twins against their labels.
-        late: scores of the labels, stated as many positions late as `POSITIONS_LATE` says. The semi-real form
-            has neither, since its labels are those of the native one.
-        sensitivity: of the labels; none in the semi-real form.
-    """
-
-    task: FlightTask
-    names: dict[str, str]
-    flights: list[Flight]
-    labels: list[Labels]
-    stated: dict[str, list[IntArray]]
-    scores: dict[str, Scores]
-    twins: dict[str, Scores]
-    truth: Scores | None
-    late: list[Scores]
-    sensitivity: list[Sensitivity]
+    task: FlightTask  # settings
+    names: dict[str, str]  # of the deciders, and in figures
+    flights: list[Flight]  # the flights, as the deciders see them
+    labels: list[Labels]  # of each flight
+    stated: dict[str, list[IntArray]]  # of each decider and flight, (n,)
+    scores: dict[str, Scores]  # of each decider
+    twins: dict[str, Scores]  # the same on simulated twins
+    # the semi-real form has none of these, since its labels are those of the native one
+    truth: Scores | None = None  # scores of the true modes of the twins against their labels
+    late: Sequence[Scores] = ()  # of the labels, stated as many positions late as `POSITIONS_LATE` says
+    sensitivity: Sequence[Sensitivity] = ()  # of the labels
 
     @cached_property
     def groups(self) -> dict[str, list[int]]:
@@ -89,11 +64,6 @@ class FlightComparison:
         together = {title: [k for name in found for k in tiers[name]]} if len(found) > 1 else {}
         return {name: rows for name, rows in (tiers | together).items() if rows}
 
-    @cached_property
-    def counted(self) -> list[int]:
-        """Indices of the flights in the totals: all but those of the stress tier, if there are others."""
-        return without_stress(self.flights)
-
 
 def without_stress(flights: Sequence[Flight]) -> list[int]:
     """Return the indices of the flights that are not of the stress tier; of all if there are no others."""
@@ -102,13 +72,7 @@ def without_stress(flights: Sequence[Flight]) -> list[int]:
 
 
 def compare_on_flights(task: FlightTask, names: dict[str, str], note: Callable[[str], None]) -> FlightComparison:
-    """Compare deciders on flights.
-
-    Args:
-        task: settings.
-        names: of the deciders, and in figures.
-        note: called with what is done, `steps` times.
-    """
+    """Compare deciders, named as in figures, on flights; `note` is called with what is done, `steps` times."""
     note("reading")
     flights = task.read()
     note("labels")
@@ -118,24 +82,20 @@ def compare_on_flights(task: FlightTask, names: dict[str, str], note: Callable[[
     seen = task.convert(flights, labels, NOISE_SEED)
     stated, scores = _decide(task, names, *seen, note)
     _, of_twins = _decide(task, names, *task.convert(copies, copied, TWIN_NOISE_SEED), note, "twins, ")
-    sensitivity: list[Sensitivity] = []
-    late: list[Scores] = []
-    of_truth = None
-    if task.form == NATIVE:
-        note("labels with other settings")
-        rows, reference = without_stress(flights), next(iter(stated.values()))
-        sensitivity = _label_sensitivity(
-            *([values[k] for k in rows] for values in (flights, labels, reference))  # type: ignore[arg-type]
-        )
-        of_truth = score_flights("truth", flights, copied, [one.modes for one in truth])
-        late = [
-            score_flights(
-                f"{count} late", flights, labels,
-                [late_modes(*pair, count) for pair in zip(flights, labels, strict=True)],
-            )
-            for count in POSITIONS_LATE
-        ]  # fmt: skip
-    return FlightComparison(task, names, *seen, stated, scores, of_twins, of_truth, late, sensitivity)
+    result = FlightComparison(task, names, *seen, stated, scores, of_twins)
+    if task.form != NATIVE:
+        return result
+    note("labels with other settings")
+    rows, reference = without_stress(flights), next(iter(stated.values()))
+    sensitivity = _label_sensitivity(
+        *([values[k] for k in rows] for values in (flights, labels, reference))  # type: ignore[arg-type]
+    )
+    of_truth = score_flights("truth", flights, copied, [one.modes for one in truth])
+    late = []
+    for count in POSITIONS_LATE:
+        modes = [late_modes(*pair, count) for pair in zip(flights, labels, strict=True)]
+        late.append(score_flights(f"{count} late", flights, labels, modes))
+    return replace(result, truth=of_truth, late=late, sensitivity=sensitivity)
 
 
 def steps(task: FlightTask, deciders: int) -> int:
@@ -144,15 +104,10 @@ def steps(task: FlightTask, deciders: int) -> int:
 
 
 def _decide(
-    task: FlightTask,
-    names: dict[str, str],
-    flights: Sequence[Flight],
-    labels: Sequence[Labels],
-    note: Callable[[str], None],
-    text: str = "",
-) -> tuple[dict[str, list[IntArray]], dict[str, Scores]]:
-    state = task.statements(flights)
-    stated = {}
+    task: FlightTask, names: dict[str, str], flights: Sequence[Flight], labels: Sequence[Labels],
+    note: Callable[[str], None], text: str = "",
+) -> tuple[dict[str, list[IntArray]], dict[str, Scores]]:  # fmt: skip
+    state, stated = task.statements(flights), {}
     for name, label in names.items():
         note(f"{text}{label}")
         stated[name] = state(name)

@@ -10,21 +10,14 @@ from typing import Any
 
 import numpy as np
 
+from agents.evaluation import gliders as task
 from agents.evaluation.flights import AGENT
-from agents.evaluation.gliders import (
-    FALSE,
-    Setting,
-    all_settings,
-    glider_rule,
-    glider_statements,
-    read_gliders,
-    score_settings,
-)  # fmt: skip
+from agents.evaluation.gliders import Setting, glider_rule, glider_statements
 from agents.evaluation.registry import SHIPPED, policy_folder
-from agents.studies.gliders_gap import percentiles, samples
+from baselines.estimation.turns import STRAIGHT, run_turn_imm
 from baselines.recordings.flights import circling, gliders
 from baselines.recordings.flights import labels as label_rules
-from baselines.recordings.flights.flight import Flight
+from baselines.recordings.flights.flight import Flight, stack_flights
 from baselines.recordings.flights.gliders import HALVES, SEALED, half_of, read_logs
 from baselines.recordings.flights.labels import Labels
 from baselines.recordings.flights.metrics import STATISTICS, score_flights
@@ -33,42 +26,39 @@ from baselines.recordings.reading import igc
 from baselines.rules import circling as rules_of_circling
 from baselines.rules.decider import GLIDERS, rules
 from baselines.scoring.scores import Scores
-from hybrid_env.checks import IntArray, reject
+from hybrid_env.checks import FloatArray, IntArray, reject
 
-LEVELS = (2.0, 5.0, 8.0)
-"""False changes an hour at which rules are compared."""
+LEVELS = (2.0, 5.0, 8.0)  # false changes an hour at which rules are compared
 
 REFERENCE = "imm"
 SIMULATED, SIMULATED_TIME, SIMULATED_SEED = 60, 3600.0, 20260601  # flights, of seconds, for comparison
 SEAL = Path(__file__).with_name("sealed.json")
 """Digests of code and weights, and the settings, which are fixed before the sealed logs are opened."""
 
+SHARES = (5.0, 50.0, 95.0)  # percentiles of what recorded and simulated flights have in common
+SLOWEST_WIGGLE, SMALLEST_WIGGLE = np.radians(1.0), 10.0  # turn rate [rad/s] and angle [deg]
+INNER = 3  # positions of circles that are left out at either end
+
 FROZEN = {
-    "labels": circling, "smoothed turns": label_rules, "logs": gliders, "format": igc,
-    "rules": rules_of_circling,
+    "labels": circling, "smoothed turns": label_rules, "logs": gliders, "format": igc, "rules": rules_of_circling
 }  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class GliderComparison:
-    """Results.
-
-    Attributes:
-        flights, labels: of each log.
-        scores: by level and name of the rule; each flight has the setting that was selected without its half.
-        chosen: settings by level, name and half that they are scored on, or `SEALED`: selected on all halves.
-        stated: statements (n,) of the rules on each flight at the middle level.
-        simulated: scores on simulated flights, with the settings that were selected on all halves.
-        gap: percentiles of the open flights and of the simulated ones, by quantity.
-    """
+    """Results."""
 
     flights: list[Flight]
     labels: list[Labels]
+    # by level and name of the rule; each flight has the setting that was selected without its half
     scores: dict[float, dict[str, Scores]]
+    # settings by level, name and half that they are scored on, or `SEALED`: selected on all halves
     chosen: dict[float, dict[str, dict[str, Setting]]]
-    stated: dict[str, list[IntArray]]
+    stated: dict[str, list[IntArray]]  # statements (n,) of the rules on each flight at the middle level
+    # scores on simulated flights, with the settings that were selected on all halves
     simulated: dict[float, dict[str, Scores]]
-    gap: dict[str, tuple[list[float], list[float]]]
+    # percentiles of the open flights and of the simulated ones, by quantity
+    gap: dict[str, tuple[list[float], ...]]
 
     @property
     def groups(self) -> dict[str, list[int]]:
@@ -90,7 +80,7 @@ class GliderComparison:
 
 def select(scores: Scores, level: float) -> int:
     """Return the setting with the best agreement among those with few enough false changes an hour."""
-    false, agreement = scores.curve(FALSE), scores.curve(STATISTICS["agreement"])
+    false, agreement = scores.curve(task.FALSE), scores.curve(STATISTICS["agreement"])
     allowed = false <= max(level, float(false.min()))
     return int(np.where(allowed, agreement, -1.0).argmax())
 
@@ -98,19 +88,12 @@ def select(scores: Scores, level: float) -> int:
 def compare_on_gliders(
     source: Path, names: Sequence[str], note: Callable[[str], None], sealed: bool = False
 ) -> GliderComparison:
-    """Compare rules on flights of gliders.
+    """Compare rules on flights of gliders, the first being the reference; `note` is called `steps` times.
 
-    Args:
-        source: archive or folder.
-        names: of the rules; the first is the reference.
-        note: called with what is done, `steps` times.
-        sealed: open the sealed logs too, with the settings of the seal.
-
-    Raises:
-        ArgumentError: there are no logs, a name is unknown, or the seal is broken.
+    With `sealed`, the sealed logs are opened too, with the settings of the seal.
     """
     frozen = unbroken_seal(names)["settings"] if sealed else {}
-    every = {name: all_settings(name) for name in names}
+    every = {name: task.all_settings(name) for name in names}
     note("reading")
     contents = read_logs(source)
     flights: list[Flight] = []
@@ -120,7 +103,7 @@ def compare_on_gliders(
         if not some:
             raise reject("source", str(source), f"{gliders.EXPECTED}: it has no log of half {half}")
         note(f"labels: {half}")
-        found = read_gliders(some, half)
+        found = task.read_gliders(some, half)
         flights, labels = flights + found[0], labels + found[1]
     of = np.array([flight.tier.name for flight in flights])
     note("simulated flights")
@@ -129,14 +112,14 @@ def compare_on_gliders(
     copied, rows = label_gliders(copies), np.flatnonzero(of != SEALED)
     real, made = samples([flights[k] for k in rows], [labels[k] for k in rows]), samples(copies, copied)
     known = [name for name, values in real.items() if values.size and made[name].size]
-    gap = {name: (percentiles(real[name]), percentiles(made[name])) for name in known}
-    result = GliderComparison(
-        flights, labels, {k: {} for k in LEVELS}, {k: {} for k in LEVELS}, {}, {k: {} for k in LEVELS}, gap
-    )
+    gap = {name: tuple(np.percentile(some[name], SHARES).tolist() for some in (real, made)) for name in known}
+    by_level: list[Any] = [{level: {} for level in LEVELS} for _ in range(3)]
+    scores, settled, simulated = by_level
+    result = GliderComparison(flights, labels, scores, settled, {}, simulated, gap)
     for name, settings in every.items():
         note(glider_rule(name).title)
         told = glider_statements(flights, settings)
-        swept = score_settings(flights, labels, told)
+        swept = task.score_settings(flights, labels, told)
         for level in LEVELS:
             best = {
                 half: select(swept.some(np.flatnonzero((of != half) & (of != SEALED)).tolist()), level)
@@ -157,6 +140,41 @@ def compare_on_gliders(
             stated = told[result.chosen[level][name][SEALED]]
             result.simulated[level][name] = score_flights(swept.name, copies, copied, stated)
     return result
+
+
+def samples(flights: Sequence[Flight], labels: Sequence[Labels]) -> dict[str, FloatArray]:
+    """Return values by quantity, with its unit, where flights are scored."""
+    batch = stack_flights(flights, task.PART, task.MARGIN)
+    imm = run_turn_imm(batch, rules_of_circling.GliderImm.models[0])
+    innovations = batch.unstack(imm.innovations, [len(flight.times) for flight in flights])
+    found: dict[str, list[Any]] = {}
+    for flight, label, innovation in zip(flights, labels, innovations, strict=True):
+        straight, circling = (label.scored & ((label.modes == STRAIGHT) == own) for own in (True, False))
+        rates, changes = np.degrees(np.abs(label.rates)), np.abs(np.gradient(label.speeds, label.times))
+        for name, rows in (("straight", straight), ("circling", circling)):
+            for what, values in (
+                ("airspeed, m/s", label.speeds), ("its change, m/s²", changes), ("climb rate, m/s", flight.climbs),
+                ("innovation along", np.abs(innovation[:, 0])), ("innovation across", np.abs(innovation[:, 1])),
+            ):  # fmt: skip
+                found.setdefault(f"{name}: {what}", []).append(values[rows])
+        found.setdefault("straight: turn rate, deg/s", []).append(rates[straight])
+        found.setdefault("wiggle: angle, deg", []).append(_wiggles(label, straight))
+        for first, end, mode in label.pieces:
+            if label.scored[first:end].any():
+                name, inner = "straight" if mode == STRAIGHT else "circling", rates[first + INNER : end - INNER]
+                found.setdefault(f"{name}: duration, s", []).append([label.times[end - 1] - label.times[first]])
+                if mode != STRAIGHT and inner.size > INNER:
+                    found.setdefault("circling: turn rate, deg/s", []).append([np.median(inner)])
+                    found.setdefault("circling: its variation", []).append([inner.std() / inner.mean()])
+    return {name: np.concatenate(values) for name, values in sorted(found.items())}
+
+
+def _wiggles(label: Labels, straight: Any) -> FloatArray:
+    """Return the angles of turns to one side in straight flight [deg]."""
+    turning = np.where(straight & (np.abs(label.rates) > SLOWEST_WIGGLE), np.sign(label.rates), 0.0)
+    begins = np.flatnonzero(np.diff(turning, prepend=np.nan) != 0.0)
+    angles = np.add.reduceat(np.degrees(np.abs(label.rates)) * label.weights * (turning != 0.0), begins)
+    return np.asarray(angles[angles > SMALLEST_WIGGLE])
 
 
 def steps(names: Sequence[str], sealed: bool) -> int:
@@ -181,11 +199,7 @@ def current_seal() -> dict[str, Any]:
 
 
 def unbroken_seal(names: Sequence[str]) -> dict[str, Any]:
-    """Return the seal.
-
-    Raises:
-        ArgumentError: code or weights are not those of the seal, or it has no settings of a rule.
-    """
+    """Return the seal; refuse if code or weights are not those of the seal, or it has no settings of a rule."""
     kept: dict[str, Any] = json.loads(SEAL.read_text(encoding="utf-8"))
     differ = [
         name

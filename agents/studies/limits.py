@@ -12,7 +12,7 @@ import numpy as np
 from agents.evaluation.announced import AnnouncedTask, calibration_rows
 from agents.evaluation.registry import find_family
 from agents.evaluation.task import Task, gather, sweep
-from agents.evaluation.tasks import task_of
+from agents.evaluation.tasks import BANK, QUICKEST, THREE, task_of
 from agents.evaluation.unknown import UnknownTask
 from agents.interface.parallel import Call
 from baselines.papers import golubkov2018
@@ -28,11 +28,9 @@ from baselines.scoring.scores import Scores, at_level, mean
 from baselines.scoring.statements import STATISTICS, Statements
 from hybrid_env.quickest_options import QuickestOptions
 
-THREE_MODE_ENV, BANK_ENV = "hybrid_env:HybridTrack-v0", "hybrid_env:HybridTrackBank-v0"
-QUICKEST_ENV = "hybrid_env:HybridTrackQuickest-v0"
 NOISE_LEVELS = (0.01, 0.1, 1.0)  # R [m^2]
 BANKS = ("published", "anchor_aware", "oracle")
-RULES = {THREE_MODE_ENV: ("ate", "msprt", "bayes"), BANK_ENV: ("ate", "msprt-type", "msprt", "bayes")}
+RULES = {THREE: ("ate", "msprt", "bayes"), BANK: ("ate", "msprt-type", "msprt", "bayes")}
 AWARE: dict[str, Any] = {"bank": "anchor_aware"}
 STEPS: dict[str, tuple[str, dict[str, Any]]] = {
     "ATE on the published bank": ("ate", {}),
@@ -68,23 +66,14 @@ TIMES = {f"time_{100 * level:.0f}": at_level("accuracy", level, mean("ticks")) f
 
 @dataclass(frozen=True, eq=False)
 class Limit:
-    """Figures of one rule in one environment.
+    """Figures of one rule in one environment."""
 
-    Attributes:
-        place: environment, and for unknown switches law of the durations.
-        noise: variance R of a measured coordinate [m^2].
-        row: step or rule.
-        bank: filter bank of a rule; empty for a step.
-        scores: at the threshold with the largest mean reward on other episodes.
-        curve: at all thresholds, where they are of interest.
-    """
-
-    place: str
-    noise: float
-    row: str
-    scores: Scores
-    bank: str = ""
-    curve: Scores | None = None
+    place: str  # environment, and for unknown switches law of the durations
+    noise: float  # variance R of a measured coordinate [m^2]
+    row: str  # step or rule
+    scores: Scores  # at the threshold with the largest mean reward on other episodes
+    bank: str = ""  # filter bank of a rule; empty for a step
+    curve: Scores | None = None  # at all thresholds, where they are of interest
 
     @property
     def threshold(self) -> float:
@@ -95,42 +84,27 @@ class Limit:
 def calls(env_id: str, episodes: int, seed: int, further: Sequence[Any] = ()) -> dict[str, dict[str, Call]]:
     """Return the calls of a study by its parts; every call returns a list of results.
 
-    Args:
-        env_id: registered id of an environment, or empty for both with announced switches.
-        episodes: number of episodes. A third as many others (at least 50) serve to select thresholds.
-        seed: of the first episode.
-        further: deciders to evaluate on every bank, besides the classical rules.
+    Without an environment, both with announced switches are evaluated, `further` deciders on every bank. A third as
+    many other episodes, at least 50, serve to select thresholds.
     """
-    if env_id == QUICKEST_ENV:
-        steps: dict[str, Call] = {
-            f"{law}, R = {noise:g}": functools.partial(unknown_steps, law, noise, episodes, seed)
-            for law, noise in product(LAWS, NOISE_LEVELS)
-        }
-        return {"steps": steps}
-    size = episodes, seed
-    return {
-        "steps": {
-            f"{env.rpartition(':')[2]}, {step}, R = {noise:g}": functools.partial(
-                announced_step, env, noise, step, *size
-            )
-            for env, noise, step in product(RULES, NOISE_LEVELS, STEPS)
-        },
-        "rules": {
-            f"{env.rpartition(':')[2]}, {bank}, {rule}, R = {noise:g}": functools.partial(
-                rule_on_bank, env, noise, bank, rule, *size
-            )
-            for env, noise, bank in product(RULES, NOISE_LEVELS, BANKS)
-            for rule in (*RULES[env], *further)
-        },
-        "calibration": {
-            f"calibration, {bank}, R = {noise:g}": functools.partial(bank_calibration, bank, noise, seed)
-            for bank, noise in product(CALIBRATION_BANKS, NOISE_LEVELS)
-        },
-        "golubkov2018": {
-            f"scheme of 2018, {bank}, R = {noise:g}": functools.partial(type_accuracy_golubkov2018, bank, noise, *size)
-            for bank, noise in product(BANKS[:2], NOISE_LEVELS)
-        },
-    }
+    call = functools.partial
+    if env_id == QUICKEST:
+        laws = product(LAWS, NOISE_LEVELS)
+        return {"steps": {f"{law}, R = {R:g}": call(unknown_steps, law, R, episodes, seed) for law, R in laws}}
+    parts: dict[str, dict[str, Call]] = {"steps": {}, "rules": {}, "calibration": {}, "golubkov2018": {}}
+    for env, noise in product(RULES, NOISE_LEVELS):
+        title, level = env.rpartition(":")[2], f"R = {noise:g}"
+        for step in STEPS:
+            parts["steps"][f"{title}, {step}, {level}"] = call(announced_step, env, noise, step, episodes, seed)
+        for bank, rule in product(BANKS, (*RULES[env], *further)):
+            name = f"{title}, {bank}, {rule}, {level}"
+            parts["rules"][name] = call(rule_on_bank, env, noise, bank, rule, episodes, seed)
+    for bank, noise in product(CALIBRATION_BANKS, NOISE_LEVELS):
+        parts["calibration"][f"calibration, {bank}, R = {noise:g}"] = call(bank_calibration, bank, noise, seed)
+    for bank, noise in product(BANKS[:2], NOISE_LEVELS):
+        name = f"scheme of 2018, {bank}, R = {noise:g}"
+        parts["golubkov2018"][name] = call(type_accuracy_golubkov2018, bank, noise, episodes, seed)
+    return parts
 
 
 def best_threshold(task: Task, family: DeciderFamily, episodes: int) -> int:
@@ -166,20 +140,15 @@ def bank_calibration(bank: str, noise: float, seed: int) -> list[dict[str, Any]]
 
 def type_accuracy_golubkov2018(bank: str, noise: float, episodes: int, seed: int) -> list[Limit]:
     """Return the gap rule at ln 99 on the scheme of Golubkov 2018, where ATE is right in 72-80 %."""
-    task = AnnouncedTask(
-        BANK_ENV,
-        {
-            "scheme": golubkov2018.SCHEME, "heading": math.pi / 2, "initial_error": 0,
-            "measurement_variance": noise, "bank": bank,
-        },
-    )  # fmt: skip
+    options = {"scheme": golubkov2018.SCHEME, "heading": math.pi / 2, "initial_error": 0}
+    task = AnnouncedTask(BANK, options | {"measurement_variance": noise, "bank": bank})
     scores = sweep(task, GapDecider.family(task.options), episodes, seed, thresholds=(GAP_THRESHOLD,))
-    return [Limit(BANK_ENV, noise, scores.name, scores, bank)]
+    return [Limit(BANK, noise, scores.name, scores, bank)]
 
 
 def unknown_steps(law: str, noise: float, tracks: int, seed: int) -> list[Limit]:
     """Evaluate every step for unknown switches for a law and a noise level, on the same tracks."""
-    task = UnknownTask(QUICKEST_ENV, {"durations": law, "measurement_variance": noise})
+    task = UnknownTask(QUICKEST, {"durations": law, "measurement_variance": noise})
     selection = _curves(task, max(tracks // 3, 50), seeds.SELECTION)
     return [
         Limit(law, noise, step, curve.at(task.best(selection[step])), curve=curve.at(0))
@@ -198,14 +167,7 @@ def _curves(task: UnknownTask, tracks: int, seed: int) -> dict[str, Scores]:
 
 
 def smoothed_scores(task: UnknownTask, tracks: int, seed: int, lags: Sequence[int]) -> dict[int, Scores]:
-    """Return the scores of the threshold rule on the posterior given measurements of later ticks, by lag.
-
-    Args:
-        task: what is decided.
-        tracks: number of tracks.
-        seed: of the first track.
-        lags: numbers of later ticks; 0 is the beam itself.
-    """
+    """Return the scores of the threshold rule on the posterior at later ticks, by lag; 0 is the beam itself."""
     options: QuickestOptions = task.options
     family = BeamDecider.family(options)
     parts: dict[int, list[Any]] = {lag: [[] for _ in family.thresholds] for lag in lags}
@@ -220,53 +182,44 @@ def smoothed_scores(task: UnknownTask, tracks: int, seed: int, lags: Sequence[in
                 stated = ThresholdDecider(threshold).statements(log_probability)
                 found.append(task.measured(Statements(true_modes, stated)))
     names = {lag: f"{family.name}, {lag} ticks later" if lag else family.name for lag in lags}
-    return {
-        lag: gather(task, replace(family, name=names[lag]), family.thresholds, found) for lag, found in parts.items()
-    }
+    named = {lag: replace(family, name=name) for lag, name in names.items()}
+    return {lag: gather(task, named[lag], family.thresholds, found) for lag, found in parts.items()}
 
 
 def gains(found: Sequence[Limit], task: type[Task]) -> list[tuple[Limit, Estimate | None]]:
     """Return steps with their gain of reward over the step before; None for the first."""
     goal = next(metric.statistic for metric in task.metrics if metric.name == task.goal)
     results: list[tuple[Limit, Estimate | None]] = []
-    for now in found:
-        before = results[-1][0] if results else now
-        same = before is not now and (before.place, before.noise) == (now.place, now.noise)
-        results.append((now, now.scores.difference(before.scores, goal) if same else None))
+    for before, now in zip((None, *found), found, strict=False):
+        same = before is not None and (before.place, before.noise) == (now.place, now.noise)
+        results.append((now, now.scores.difference(before.scores, goal) if before is not None and same else None))
     return results
 
 
 def limits_json(parts: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
     """Return the results of all parts as plain values."""
-    found: dict[str, Any] = {}
     announced = "rules" in parts
-    task: type[Task] = AnnouncedTask if announced else UnknownTask
-    reward = next(metric.statistic for metric in task.metrics if metric.name == "reward")
     place = "env_id" if announced else "law"
-    found["steps"] = [
-        {
+    reward = mean("reward")
+    found: dict[str, Any] = {"steps": []}
+    for one, gain in gains(parts["steps"], AnnouncedTask if announced else UnknownTask):
+        step = {
             place: one.place, "noise": one.noise, "step": one.row, "threshold": one.threshold,
             "reward": one.scores.estimate(reward).as_json(), "gain": None if gain is None else gain.as_json(),
-        } | ({} if announced or one.curve is None else {
-            "delay": one.scores.estimate(STATISTICS["full_delay"]).as_json(),
-            "wrong_changes": one.scores.estimate(STATISTICS["wrong_changes"]).as_json(),
-            "most_probable_right": one.curve.estimate(STATISTICS["right"]).as_json(),
-        })
-        for one, gain in gains(parts["steps"], task)
-    ]  # fmt: skip
+        }  # fmt: skip
+        if not announced and one.curve is not None:
+            for key, name in (("delay", "full_delay"), ("wrong_changes", "wrong_changes")):
+                step[key] = one.scores.estimate(STATISTICS[name]).as_json()
+            step["most_probable_right"] = one.curve.estimate(STATISTICS["right"]).as_json()
+        found["steps"].append(step)
     if announced:
         accuracy = mean("type_accuracy", share=True)
         found["rules"] = [
-            {
-                "env_id": one.place, "noise": one.noise, "bank": one.bank, "rule": one.row,
-                **{
-                    name: one.curve.estimate(time).as_json()
-                    for name, time in TIMES.items() if one.curve is not None
-                },
-                "reward": one.scores.estimate(reward).as_json(), "threshold": one.threshold,
-            }
+            {"env_id": one.place, "noise": one.noise, "bank": one.bank, "rule": one.row}
+            | {name: one.curve.estimate(time).as_json() for name, time in TIMES.items() if one.curve is not None}
+            | {"reward": one.scores.estimate(reward).as_json(), "threshold": one.threshold}
             for one in parts["rules"]
-        ]  # fmt: skip
+        ]
         found["calibration"] = list(parts["calibration"])
         found["golubkov2018"] = [
             {

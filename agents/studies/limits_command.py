@@ -34,11 +34,7 @@ class Limits(TrustArguments, ParallelArguments):
     """Folder for limits.md, limits.json and limits.png; with --departures for departures.md and so on."""
 
     def run(self) -> None:
-        """Evaluate the rules, print the tables and write the files.
-
-        Raises:
-            ArgumentError: an argument is out of range, or the output folder cannot be written.
-        """
+        """Evaluate the rules, print the tables and write the files."""
         check_integer("episodes", self.episodes, minimum=10)
         check_integer("seed", self.seed, minimum=0)
         workers = self.workers()
@@ -46,16 +42,15 @@ class Limits(TrustArguments, ParallelArguments):
         from rich.markdown import Markdown
 
         from agents.evaluation.registry import find_family
-        from agents.evaluation.tasks import task_of
-        from agents.figures.canvas import save_figure
-        from agents.interface.output_files import atomic_file, output_folder, write_json
-        from agents.interface.progress import progress_display
+        from agents.evaluation.tasks import QUICKEST, task_of
+        from agents.interface.output_files import output_folder, write_files
+        from agents.interface.progress import shown
         from agents.studies import departures
-        from agents.studies.limits import CALIBRATION_EPISODES, QUICKEST_ENV, RULES, calls, limits_json
+        from agents.studies.limits import CALIBRATION_EPISODES, RULES, calls, limits_json
         from agents.studies.limits_report import limits_figure, limits_markdown
 
-        quickest = QUICKEST_ENV.rpartition(":")[2]
-        if self.env not in (None, quickest, QUICKEST_ENV):
+        quickest = QUICKEST.rpartition(":")[2]
+        if self.env not in (None, quickest, QUICKEST):
             raise reject("env", self.env, f"{quickest}, or no --env for the others")
         if self.deciders and self.env is not None:
             raise reject("deciders", self.deciders, f"none in {quickest}, where compare evaluates them")
@@ -67,28 +62,20 @@ class Limits(TrustArguments, ParallelArguments):
             raise reject("seed", self.seed, f"at most {seeds.SELECTION - largest}")
         if self.departures and self.env is not None:
             raise reject("env", self.env, "no value with --departures")
-        folder = output_folder("out", self.out)
-        console = Console(emoji=False)
-        by_part = calls("" if self.env is None else QUICKEST_ENV, self.episodes, self.seed, self.deciders)
+        folder, console = output_folder("out", self.out), Console(emoji=False)
+        by_part = calls("" if self.env is None else QUICKEST, self.episodes, self.seed, self.deciders)
         if self.departures:
             by_part = {"departures": departures.calls(self.deciders, self.episodes, self.seed)}
-        with progress_display(console) as progress:
-            all_calls = {name: call for part in by_part.values() for name, call in part.items()}
-            bar = progress.add_task("Evaluating", total=len(all_calls), note="")
-            found = dict(workers.results(all_calls, lambda note: progress.update(bar, advance=1, note=note)))
-            progress.update(bar, note="")
+        every = {name: call for part in by_part.values() for name, call in part.items()}
+        found = shown(console, "Evaluating", len(every), lambda note: dict(workers.results(every, note)))
         parts = {part: [one for name in named for one in found[name]] for part, named in by_part.items()}
-        metrics: Any
         if self.departures:
             responses = parts["departures"]
-            name, text = "departures", departures.departures_markdown(responses)
-            figure, metrics = departures.departures_figure(responses), [one.as_json() for one in responses]
+            text, values = departures.departures_markdown(responses), [one.as_json() for one in responses]
+            figure = departures.departures_figure(responses)
+            files: dict[str, Any] = {"departures.md": text, "departures.json": values, "departures.png": figure}
         else:
-            name, text = "limits", limits_markdown(parts)
-            figure, metrics = limits_figure(parts), limits_json(parts)
+            text = limits_markdown(parts)
+            files = {"limits.md": text, "limits.json": limits_json(parts), "limits.png": limits_figure(parts)}
         console.print(Markdown(text))
-        with atomic_file(folder / f"{name}.md") as part:
-            part.write_text(text, encoding="utf-8")
-        write_json(folder / f"{name}.json", metrics)
-        save_figure(figure, folder / f"{name}.png")
-        console.print(f"Files in {folder}: {name}.md, {name}.json, {name}.png", markup=False, highlight=False)
+        console.print(write_files(folder, files), markup=False, highlight=False)

@@ -1,6 +1,5 @@
 """Markdown tables and the figure of what limits a decision."""
 
-import itertools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -8,10 +7,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from agents.evaluation.announced import AnnouncedTask
-from agents.evaluation.cells import markdown_table, signed
+from agents.evaluation.cells import in_brackets, markdown_table
 from agents.evaluation.unknown import UnknownTask
-from agents.figures.curves import Axis, Curve, Panel, curve_figure
-from agents.figures.decider_colours import DeciderStyle, decider_styles
+from agents.figures.curves import Axis, Curve, Panel, curve_figure, error_bars
+from agents.figures.decider_colours import decider_styles
 from agents.studies.limits import BANKS, BEAM, GEOMETRIC, IMM, LATER, LAWS, NOISE_LEVELS, THRESHOLD, TIMES, Limit, gains
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import mean
@@ -22,70 +21,51 @@ Cell = Callable[[Limit, Estimate | None], str]
 
 
 def limits_markdown(parts: Mapping[str, Sequence[Any]]) -> str:
-    """Return all tables of a study, see `limits.calls`."""
+    """Return all tables of a study, see `limits.calls`; of the steps one for each environment or law."""
     if "rules" not in parts:
-        return unknown_markdown(parts["steps"])
+        tables: dict[str, Cell] = {
+            "Mean reward of a tick at the tuned threshold; in brackets the gain over the row before, with its "
+            "95 % interval.": _gain_cell,
+            "Mean delay of a switch in ticks (one that is not detected counts until the end of its segment) / "
+            "wrong changes of the statement per 1,000 ticks, at the same thresholds.": _delay_cell,
+            "Share of ticks at which the most probable mode is the true one, %, without a threshold.": _right_cell,
+        }
+        return _sections("HybridTrackQuickest-v0, durations {}", gains(parts["steps"], UnknownTask), tables)
+    reward = "Mean reward per segment; in brackets the gain over the row before, with its 95 % interval."
+    times = "Mean decision time in ticks at 95 % / at 98 % accuracy; mean reward per segment at the best threshold."
+    rules: list[Row] = [(one, None) for one in parts["rules"]]
     return "\n".join(
         [
-            announced_markdown(parts["steps"]), rules_markdown(parts["rules"]),
-            calibration_markdown(parts["calibration"]), type_accuracy_markdown(parts["golubkov2018"]),
+            _sections("From ATE to the bound on {}", gains(parts["steps"], AnnouncedTask), {reward: _gain_cell}),
+            _sections("{}", rules, {times: _times_cell}, "bank | rule"),
+            _calibration_markdown(parts["calibration"]), _type_accuracy_markdown(parts["golubkov2018"]),
         ]
     )  # fmt: skip
 
 
-def announced_markdown(found: Sequence[Limit]) -> str:
-    """Return the steps for announced switches, one table per environment."""
-    text = "Mean reward per segment; in brackets the gain over the row before, with its 95 % interval."
-    return _sections("From ATE to the bound on {}", gains(found, AnnouncedTask), {text: _gain_cell})
-
-
-def unknown_markdown(found: Sequence[Limit]) -> str:
-    """Return the steps for unknown switches, three tables for each law of the durations."""
-    tables: dict[str, Cell] = {
-        "Mean reward of a tick at the tuned threshold; in brackets the gain over the row before, with its "
-        "95 % interval.": _gain_cell,
-        "Mean delay of a switch in ticks (one that is not detected counts until the end of its segment) / "
-        "wrong changes of the statement per 1,000 ticks, at the same thresholds.": _delay_cell,
-        "Share of ticks at which the most probable mode is the true one, %, without a threshold.": _right_cell,
-    }
-    return _sections("HybridTrackQuickest-v0, durations {}", gains(found, UnknownTask), tables)
-
-
-def rules_markdown(found: Sequence[Limit]) -> str:
-    """Return decision times and rewards, one row per bank and rule."""
-    text = "Mean decision time in ticks at 95 % / at 98 % accuracy; mean reward per segment at the best "
-    rows = [(one, None) for one in found]
-    return _sections("{}", rows, {f"{text}threshold.": _times_cell}, "bank | rule")
-
-
-def calibration_markdown(found: Sequence[Mapping[str, Any]]) -> str:
+def _calibration_markdown(found: Sequence[Mapping[str, Any]]) -> str:
     """Return accuracy and mean posterior by bank, noise level and tick."""
-    ticks = list(dict.fromkeys(one["ticks"] for one in found))
-    rows = []
-    for bank, noise in dict.fromkeys((one["bank"], one["noise"]) for one in found):
-        cells = [
-            f"{100 * one['right']:.1f} / {100 * one['stated']:.1f} "
-            + ("(-)" if one["worst"] is None else f"({100 * one['worst']:+.1f})")
-            for one in found
-            if (one["bank"], one["noise"]) == (bank, noise)
-        ]
-        rows.append((bank, f"{noise:g}", *cells))
+    rows: dict[tuple[str, str], list[str]] = {}
+    for one in found:
+        worst = "-" if one["worst"] is None else f"{100 * one['worst']:+.1f}"
+        cell = f"{100 * one['right']:.1f} / {100 * one['stated']:.1f} ({worst})"
+        rows.setdefault((one["bank"], f"{one['noise']:g}"), []).append(cell)
+    heads = ("bank", "R", *dict.fromkeys(f"after {one['ticks']} ticks" for one in found))
     return (
         "### Calibration of the banks: accuracy / mean posterior of the most probable hypothesis, %\n\n"
         "HybridTrack-v0, no decisions; in brackets the largest calibration error (mean posterior minus "
         "accuracy in a bin of the posterior).\n\n"
-        + markdown_table(("bank", "R", *(f"after {tick} ticks" for tick in ticks)), rows)
+        + markdown_table(heads, [(*key, *cells) for key, cells in rows.items()])
     )
 
 
-def type_accuracy_markdown(found: Sequence[Limit]) -> str:
+def _type_accuracy_markdown(found: Sequence[Limit]) -> str:
     """Return the type accuracy of the gap rule on the scheme of Golubkov 2018."""
     rows = []
     for one in found:
-        accuracy = one.scores.estimate(mean("type_accuracy", share=True))
+        accuracy = in_brackets(one.scores.estimate(mean("type_accuracy", share=True)), 1, 100.0)
         ticks = float(one.scores.curve(mean("ticks"))[0])
-        bank = one.bank.replace("_", "-")
-        rows.append((bank, f"{one.noise:g}", _bounds(accuracy, 1, 100.0), f"{ticks:.1f}"))
+        rows.append((one.bank.replace("_", "-"), f"{one.noise:g}", accuracy, f"{ticks:.1f}"))
     heads = ("bank", "R", "type accuracy, %", "mean ticks")
     return "### The gap rule at ln 99 on the scheme of Golubkov 2018\n\n" + markdown_table(heads, rows)
 
@@ -108,7 +88,7 @@ def _sections(title: str, rows: Sequence[Row], tables: Mapping[str, Cell], head:
 
 def _gain_cell(one: Limit, gain: Estimate | None) -> str:
     reward = float(one.scores.curve(mean("reward"))[0])
-    return f"{reward:.3f}" if gain is None else f"{reward:.3f} ({signed(gain, 3)})"
+    return f"{reward:.3f}" if gain is None else f"{reward:.3f} ({in_brackets(gain, 3, sign='+')})"
 
 
 def _delay_cell(one: Limit, gain: Estimate | None) -> str:
@@ -118,25 +98,18 @@ def _delay_cell(one: Limit, gain: Estimate | None) -> str:
 
 def _right_cell(one: Limit, gain: Estimate | None) -> str:
     assert one.curve is not None
-    return _bounds(one.curve.estimate(STATISTICS["right"]), 1, 100.0)
+    return in_brackets(one.curve.estimate(STATISTICS["right"]), 1, 100.0)
 
 
 def _times_cell(one: Limit, gain: Estimate | None) -> str:
     assert one.curve is not None
-    times = " / ".join(_bounds(one.curve.estimate(time), 1) for time in TIMES.values())
-    return f"{times}; {_bounds(one.scores.estimate(mean('reward')), 3)}"
-
-
-def _bounds(estimate: Estimate, digits: int, scale: float = 1.0) -> str:
-    if not np.isfinite(estimate.value):
-        return "not reached"
-    value, low, high = (f"{scale * one:.{digits}f}" for one in vars(estimate).values())
-    return f"{value} [{low}, {high}]"
+    times = " / ".join(in_brackets(one.curve.estimate(time), 1) for time in TIMES.values())
+    return f"{times}; {in_brackets(one.scores.estimate(mean('reward')), 3)}"
 
 
 WIDTH = 11.5  # of a figure [in]
+# labels, which are the names of the deciders in other figures
 NAMES = {IMM: "IMM", THRESHOLD: "IMM threshold", GEOMETRIC: "beam, geometric", BEAM: "beam"}
-"""Labels, which are the names of the deciders in other figures."""
 
 
 def limits_figure(parts: Mapping[str, Sequence[Any]]) -> Figure:
@@ -147,37 +120,29 @@ def limits_figure(parts: Mapping[str, Sequence[Any]]) -> Figure:
 def decision_times(found: Sequence[Limit]) -> Figure:
     """Mean decision time at 98 % accuracy over the noise, one row per environment, one column per bank.
 
-    Rules that do not reach 98 % at a noise level have a hollow marker in the strip at the top.
+    Rules that do not reach 98 % at a noise level have a hollow marker in the strip at the top. Coinciding lines
+    remain visible, as the last is dashed.
     """
-    places = list(dict.fromkeys(one.place for one in found))
-    noise = Axis(
-        "measurement variance R, m²",
-        (0.7 * NOISE_LEVELS[0], 1.5 * NOISE_LEVELS[-1]),
-        {noise: f"{noise:g}" for noise in NOISE_LEVELS},
-        log=True,
-    )
-    styles = decider_styles(dict.fromkeys(one.row for one in found))
-    rows = []
-    for place in places:
-        results = [one for one in found if one.place == place]
-        times = [time for time in map(_time, results) if np.isfinite(time)]
-        top = 5.0 * float(np.ceil(max(times, default=10.0) / 5.0))
-        ticks = {tick: f"{tick:g}" for tick in np.arange(0, top + 1, 10).tolist()}
-        time = Axis(
-            "mean decision time\nat 98 % accuracy, ticks",
-            (0.0, 1.15 * top),
-            ticks | {1.09 * top: "not reached"},
-            minor=True,
-        )
-        strip = 1.03 * top, 1.09 * top
-        name = place.rpartition(":")[2]
-        rows.append(
-            [
-                Panel(f"{name}, {bank.replace('_', '-')} bank", noise, time, curves, strip)
-                for bank, curves in _bank_curves(results, styles).items()
-            ]
-        )
-    return curve_figure(rows, (WIDTH, 3.9 * len(places)), title_size=11.0, sharex=True, sharey="row")
+    levels = {noise: f"{noise:g}" for noise in NOISE_LEVELS}
+    noise = Axis("measurement variance R, m²", (0.7 * NOISE_LEVELS[0], 1.5 * NOISE_LEVELS[-1]), levels, log=True)
+    styles, rows = decider_styles(dict.fromkeys(one.row for one in found)), []
+    for place in dict.fromkeys(one.place for one in found):
+        times = {(one.bank, one.row, one.noise): _time(one) for one in found if one.place == place}
+        top = 5.0 * float(np.ceil(max(filter(np.isfinite, times.values()), default=10.0) / 5.0))
+        ticks = {tick: f"{tick:g}" for tick in np.arange(0, top + 1, 10).tolist()} | {1.09 * top: "not reached"}
+        time = Axis("mean decision time\nat 98 % accuracy, ticks", (0.0, 1.15 * top), ticks, minor=True)
+        rules = list(dict.fromkeys(rule for _, rule, _ in times))
+        panels = []
+        for bank in BANKS:
+            curves = []
+            for index, rule in enumerate(rules):
+                own = {level: one for (*key, level), one in times.items() if key == [bank, rule]}
+                style: dict[str, Any] = {"size": 8.5 - 1.3 * index, "dashes": "--" if rule == rules[-1] else "-"}
+                curves.append(Curve(rule, styles[rule], [*own], [*own.values()], filled=True, width=1.8, **style))
+            title = f"{place.rpartition(':')[2]}, {bank.replace('_', '-')} bank"
+            panels.append(Panel(title, noise, time, curves, (1.03 * top, 1.09 * top)))
+        rows.append(panels)
+    return curve_figure(rows, (WIDTH, 3.9 * len(rows)), title_size=11.0, sharex=True, sharey="row")
 
 
 def _time(one: Limit) -> float:
@@ -186,45 +151,20 @@ def _time(one: Limit) -> float:
     return one.curve.estimate(TIMES["time_98"]).value
 
 
-def _bank_curves(found: Sequence[Limit], styles: Mapping[str, DeciderStyle]) -> dict[str, list[Curve]]:
-    """Return the curves of each bank. Coinciding lines remain visible, as the last is dashed."""
-    rules = list(dict.fromkeys(one.row for one in found))
-    curves: dict[str, list[Curve]] = {bank: [] for bank in BANKS}
-    for bank, (index, rule) in itertools.product(BANKS, enumerate(rules)):
-        own = [one for one in found if (one.bank, one.row) == (bank, rule)]
-        curves[bank].append(
-            Curve(
-                rule,
-                styles[rule],
-                [one.noise for one in own],
-                [_time(one) for one in own],
-                size=8.5 - 1.3 * index,
-                filled=True,
-                width=1.8,
-                dashes="--" if rule == rules[-1] else "-",
-            )
-        )
-    return curves
-
-
 def later_ticks(found: Sequence[Limit]) -> Figure:
     """Mean reward of a tick against the later ticks known, one row per law, one column per noise level.
 
     The curve of the beam that knows the law begins with its reward on line. The other lines are the rules
     below it, dotted without a threshold. Bars are 95 % confidence intervals.
     """
-    rows = [
-        [
-            Panel(
-                f"durations {law}, R = {noise:g} m²",
-                Axis("later ticks known"),
-                Axis("mean reward of a tick"),
-                _step_curves({one.row: one for one in found if (one.place, one.noise) == (law, noise)}),
-            )
-            for noise in NOISE_LEVELS
-        ]
-        for law in LAWS
-    ]
+    rows = []
+    for law in LAWS:
+        panels = []
+        for noise in NOISE_LEVELS:
+            curves = _step_curves({one.row: one for one in found if (one.place, one.noise) == (law, noise)})
+            title = f"durations {law}, R = {noise:g} m²"
+            panels.append(Panel(title, Axis("later ticks known"), Axis("mean reward of a tick"), curves))
+        rows.append(panels)
     return curve_figure(rows, (WIDTH, 3.7 * len(LAWS)), title_size=10.0, sharex=True, sharey=True)
 
 
@@ -233,9 +173,8 @@ def _step_curves(steps: dict[str, Limit]) -> list[Curve]:
     styles = decider_styles(NAMES.values())
     lags = [0, *LATER]
     rewards = [steps[step].scores.estimate(mean("reward")) for step in (BEAM, *LATER.values())]
-    points = np.array([[one.value, one.low, one.high] for one in rewards]).T
-    bars = np.abs(points[1:] - points[0])
-    curves = [Curve(NAMES[BEAM], styles[NAMES[BEAM]], lags, points[0], bars=bars, size=5.0, filled=True, width=1.5)]
+    name, values = NAMES[BEAM], [one.value for one in rewards]
+    curves = [Curve(name, styles[name], lags, values, bars=error_bars(rewards), size=5.0, filled=True, width=1.5)]
     for step in (GEOMETRIC, THRESHOLD, IMM):
         style = styles[NAMES[THRESHOLD if step == IMM else step]]  # the same bank
         reward = float(steps[step].scores.curve(mean("reward"))[0])

@@ -14,7 +14,7 @@ from rich.progress import Progress
 from agents.evaluation.error_rate import ErrorArguments
 from agents.interface.help_texts import shown_default
 from agents.interface.output_files import atomic_file, write_table
-from agents.interface.progress import progress_display
+from agents.interface.progress import print_lines, progress_display
 from agents.interface.trust import TrustArguments
 from agents.interface.world_arguments import WorldArguments
 from hybrid_env.checks import ArgumentError, check_integer, reject
@@ -27,8 +27,7 @@ from hybrid_env.rendering.window import RENDER_FPS, Renderer, display_available
 if TYPE_CHECKING:
     from agents.studies.episodes import Episodes
 
-FINAL_FRAMES = 2 * RENDER_FPS
-"""Number of times that the window shows the last frame of an episode: for two seconds."""
+FINAL_FRAMES = 2 * RENDER_FPS  # number of times that the window shows the last frame of an episode: for two seconds
 
 
 @dataclass(kw_only=True)
@@ -48,11 +47,7 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
     """A .csv file for the measurements of one episode, columns t,x,y, as `hybridtrack track` reads it."""
 
     def run(self) -> None:
-        """Play the episodes, print a table after each, and write the requested files.
-
-        Raises:
-            ArgumentError: one line that names the argument, its value and what is allowed.
-        """
+        """Play the episodes, print a table after each, and write the requested files."""
         self._check()
         from agents.evaluation.tasks import task_of
         from agents.studies.episodes import Episodes
@@ -62,19 +57,16 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
             raise ArgumentError("no window can be opened here: use --out FILE with a .gif or .png file")
         task = task_of(*self.world_of(self.decider or ""))
         episodes = Episodes(task, self.at_error(self.decider or task.reference))
-        renderer = episodes.renderer(show)
-        console = Console(emoji=False)
+        renderer, console = episodes.renderer(show), Console(emoji=False)
         try:
             with progress_display(console) as progress:
-                histories = self._play(episodes, console, progress)
-                if not self._render(renderer, histories):
+                if not self._render(renderer, self._play(episodes, console, progress)):
                     return
         finally:
             renderer.close()
         for path in (self.out, self.record):
             if path is not None:
-                size = path.stat().st_size / 1024
-                console.print(f"{path}: {size:.0f} KiB", markup=False, highlight=False, soft_wrap=True)
+                print_lines(console, f"{path}: {path.stat().st_size / 1024:.0f} KiB")
 
     def _check(self) -> None:
         check_integer("episodes", self.episodes)
@@ -85,21 +77,20 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
                 continue
             if path.suffix.lower() not in suffixes:
                 raise reject(name, str(path), f"a file name that ends in {' or '.join(suffixes)}")
-            if not path.parent.is_dir():
-                raise reject(name, str(path), "a file in an existing folder")
-            if path.is_dir():
-                raise reject(name, str(path), "a file, not a folder")
+            if not path.parent.is_dir() or path.is_dir():
+                allowed = "a file, not a folder" if path.is_dir() else "a file in an existing folder"
+                raise reject(name, str(path), allowed)
             if self.episodes > 1 and path.suffix.lower() != ".gif":
                 raise reject("episodes", self.episodes, f"1 with --{name} {path}, which holds one episode")
 
     def _play(self, episodes: "Episodes", console: Console, progress: Progress) -> Iterator[History]:
         """Play the episodes; yield the history after every reset and every step."""
         history = episodes.history
-        task = progress.add_task("Playing", total=self.episodes * episodes.task.length, note="")
+        task = progress.add_task("Playing", total=self.episodes, note="")
         for episode in range(self.episodes):
 
-            def show(before: int = episode * episodes.task.length) -> None:
-                progress.update(task, completed=before + episodes.done, note=f"tick {len(history.trace)}")
+            def show(before: int = episode) -> None:
+                progress.update(task, completed=before + episodes.task.done(history), note=f"tick {len(history.trace)}")
 
             seed = self.seed + episode
             yield from episodes.play(seed, show)
@@ -126,14 +117,10 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
 
 
 def write_recording(path: Path, history: History, tau: float) -> None:
-    """Write the measurements of an episode as CSV: t [s], which starts at tau, and x and y [m].
-
-    Ticks without a measurement have no row.
-    """
-    ticks = np.arange(1, len(history.trace) + 1)
-    # rounding to 12 digits gives 0.3 instead of 0.30000000000000004
+    """Write the measurements of an episode as CSV: t [s], which starts at tau, and x and y [m]."""
     measured = ~np.isnan(history.trace[:, TRACE_INDEX["measured_x"]])
-    times = [float(f"{time:.12g}") for time in tau * ticks[measured]]
+    ticks = np.arange(1, len(history.trace) + 1)[measured]
+    times = [float(f"{time:.12g}") for time in tau * ticks]  # 0.3 instead of 0.30000000000000004
     x, y = (history.trace[measured, TRACE_INDEX[name]] for name in ("measured_x", "measured_y"))
     write_table(path, {"t": times, "x": x, "y": y})
 
@@ -147,28 +134,22 @@ PALETTE_SIZE = 255  # a GIF has 256 colours, and Pillow uses one for unchanged p
 def write_gif(path: Path, frames: Iterator[Frame], options: ModelOptions) -> None:
     """Write frames, (height, width, 3) uint8, as an endless animation with RENDER_FPS frames per second.
 
-    All frames share one palette. With one palette for each frame, which is the default of Pillow, files are
-    four to seven times as large and unchanged pixels flicker.
-
-    Raises:
-        ArgumentError: there are too many frames, or the file cannot be written.
+    All frames share one palette. With one palette for each frame, which is the default of Pillow, files are four to
+    seven times as large and unchanged pixels flicker.
     """
     palette = Image.new("P", (1, 1))
     palette.putpalette(palette_colours(options).tobytes())
-    images = (
-        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in _bounded(path, frames)
-    )
+
+    def images() -> Iterator[Image.Image]:
+        for number, frame in enumerate(frames, start=1):
+            if number > MAX_FRAMES:
+                raise reject("out", str(path), f"at most {MAX_FRAMES} frames: choose fewer or shorter episodes")
+            yield Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+
+    others = images()
+    duration = round(1000 / RENDER_FPS)
     with atomic_file(path) as part:
-        next(images).save(
-            part, format="GIF", save_all=True, append_images=images, duration=round(1000 / RENDER_FPS), loop=0
-        )
-
-
-def _bounded(path: Path, frames: Iterator[Frame]) -> Iterator[Frame]:
-    for number, frame in enumerate(frames, start=1):
-        if number > MAX_FRAMES:
-            raise reject("out", str(path), f"at most {MAX_FRAMES} frames: choose fewer or shorter episodes")
-        yield frame
+        next(others).save(part, format="GIF", save_all=True, append_images=others, duration=duration, loop=0)
 
 
 def palette_colours(options: ModelOptions) -> NDArray[np.uint8]:

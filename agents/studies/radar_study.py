@@ -3,6 +3,7 @@
 import os
 from collections.abc import Mapping, Sequence
 from functools import partial
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -32,14 +33,9 @@ Figures = Mapping[Noise, Mapping[str, Mapping[str, Mapping[str, float | None]]]]
 
 
 def score_radar_data(data: RadarData, folder: Path, progress: Progress) -> Found:
-    """Return the scores of all filters by noise; those of the thesis come first.
+    """Return the scores of all filters by noise, those of the thesis first, tuned and trained on the training flights.
 
-    Everything is tuned and trained on the training flights.
-
-    Args:
-        data: the data set.
-        folder: for finished trials and the weights, from which a killed run goes on; it is created.
-        progress: display.
+    A killed run goes on from the trials and weights in the folder.
     """
     folder.mkdir(parents=True, exist_ok=True)
     bar = progress.add_task("Scoring", total=3.0, note="tuning")
@@ -52,18 +48,13 @@ def score_radar_data(data: RadarData, folder: Path, progress: Progress) -> Found
     parameters = tune_filters(data.tracks["training"], data.seed, folder, run=run, progress=show, robust=robust)
     weights = folder / "network.safetensors"
     net = radar_net(data, weights, lambda share: progress.update(bar, completed=1.0 + share, note=NETWORK))
-    calls = {
-        (noise, name): partial(score_filter, name, parameters[noise][name], data, noise)
-        for noise in NOISES
-        for name in FILTERS
-    }
+    named = product(NOISES, FILTERS)
+    calls = {(noise, name): partial(score_filter, name, parameters[noise][name], data, noise) for noise, name in named}
     found = dict(run(calls, lambda call: progress.update(bar, advance=1.0 / len(calls), note=call[1])))
-    scores = {}
-    for noise in NOISES:
-        tracks = data.tracks["test"][noise]
+    scores = {noise: [found[noise, name] for name in FILTERS] for noise in NOISES}
+    for noise, tracks in data.tracks["test"].items():
         filtered = filter_with(net, tracks.measurements.swapaxes(0, 1), tracks.times.T)
-        of_net = score_estimates(NETWORK, filtered, data, noise)
-        scores[noise] = [*(found[noise, name] for name in FILTERS), of_net]
+        scores[noise].append(score_estimates(NETWORK, filtered, data, noise))
     progress.remove_task(bar)
     return scores
 
@@ -74,19 +65,13 @@ def score_filter(name: str, parameters: Mapping[str, float], data: RadarData, no
     return score_estimates(name, filtered, data, noise)
 
 
-def best_of_thesis(scores: Sequence[Scores]) -> Scores:
-    """Return the filter of the thesis with the smallest position error."""
-    position = STATISTICS["position"]
-    return min(scores[: len(THESIS)], key=lambda one: float(one.curve(position)[0]))
-
-
 def radar_tables(found: Found) -> list[Table]:
     """Return a table for each noise."""
     heads = ["filter", "position\nm", "velocity\nm/s", *(f"{h:g} s\nahead, m" for h in HORIZONS)]
     heads += ["covered\n%", "position,\nratio"]
     tables = []
     for noise, scores in found.items():
-        best = best_of_thesis(scores)
+        best = min(scores[: len(THESIS)], key=lambda one: float(one.curve(STATISTICS["position"])[0]))
         rows = []
         for one in scores:
             figures = [one.estimate(STATISTICS[name]) for name in COLUMNS]

@@ -41,11 +41,7 @@ class Score:
     """PNG file for the modes of the first tracks over time."""
 
     def run(self) -> None:
-        """Score the statements, print the tables and write the files.
-
-        Raises:
-            ArgumentError: a flag is not allowed, or a file is invalid.
-        """
+        """Score the statements, print the tables and write the files."""
         check_choice("per", self.per, ("h", "min", "s"))
         if len(self.files) < 2:
             raise reject("files", [str(file) for file in self.files], "the truth and at least one more file")
@@ -56,8 +52,8 @@ class Score:
         result = self.score()
         from rich.console import Console
 
-        from agents.figures.canvas import save_figure
-        from agents.interface.output_files import write_json
+        from agents.interface.output_files import save_figure, write_json
+        from agents.interface.progress import print_lines
         from agents.studies.score_report import score_figure, score_tables
 
         console = Console(emoji=False)
@@ -67,16 +63,10 @@ class Score:
             write_json(self.out, result.as_json())
         if self.picture is not None:
             save_figure(score_figure(result), self.picture)
-        for path in (self.out, self.picture):
-            if path is not None:
-                console.print(str(path), markup=False, highlight=False, soft_wrap=True)
+        print_lines(console, *filter(None, (self.out, self.picture)))
 
     def score(self) -> "TimelineScores":
-        """Read the files and score the statements.
-
-        Raises:
-            ArgumentError: a file is invalid, or has not the tracks of the truth.
-        """
+        """Read the files and score the statements."""
         from baselines.recordings.reading.modes import read_modes  # pandas; other commands start faster
         from baselines.scoring.score import score
 

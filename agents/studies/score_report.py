@@ -15,7 +15,7 @@ from baselines.scoring.score import TimelineScores
 
 HEADS = {
     "agreement": ("agreement\n%", 1, 100.0),
-    "delay": ("delay\n{unit}", 2, 1.0),
+    "delay": ("delay\ns", 2, 1.0),
     "misses": ("misses\n%", 1, 100.0),
     "full_delay": ("delay,\nall", 2, 1.0),
     "false_changes": ("false\n/{per}", 2, 1.0),
@@ -33,19 +33,12 @@ changes: of the statement, per switch."""
 MOST_TRACKS = 4  # in the picture
 
 
-def score_tables(result: TimelineScores, per: str, unit: str = "s") -> list[Table]:
-    """Return the table of figures, and that of the differences if there are several sets.
-
-    Args:
-        result: the scores.
-        per: name of the time in which false changes are counted.
-        unit: of the times.
-    """
+def score_tables(result: TimelineScores, per: str) -> list[Table]:
+    """Return the table of figures, and that of the differences if there are several sets."""
     first, *others = result.scores
     seconds = float(result.scores[first].of("scored", 0).sum())
-    over = f"± half width of the 95 % interval over {result.unit}."
-    if not result.unit:
-        over = "No intervals: they need several tracks, or one of at least 20 switches."
+    missing = "No intervals: they need several tracks, or one of at least 20 switches."
+    over = f"± half width of the 95 % interval over {result.unit}." if result.unit else missing
     count = f"{result.tracks} track" + "s" * (result.tracks > 1)
     title = f"Statements on {count}, {seconds / result.period:.4g} {per} scored"
     notes = NOTES.format(per=per)
@@ -55,18 +48,18 @@ def score_tables(result: TimelineScores, per: str, unit: str = "s") -> list[Tabl
     if others:
         contents.append((f"Less that of {first}, on the same tracks", over, result.differences, "+"))
     heads = {key: head for key, head in HEADS.items() if key != "false_alarms" or result.normal is not None}
+    shown = ("statements", *(head.format(per=per) for head, *_ in heads.values()))
     tables = []
     for title, caption, rows, sign in contents:
         lines = []
         for name, figures in rows.items():
             cells = [estimate_cell(figures[key], scale, digits, sign=sign) for key, (_, digits, scale) in heads.items()]
             lines.append((escape(name), *cells))
-        shown = [head.format(unit=unit, per=per) for head, *_ in heads.values()]
-        tables.append(filled_table(title, ("statements", *shown), lines, caption))
+        tables.append(filled_table(title, shown, lines, caption))
     return tables
 
 
-def score_figure(result: TimelineScores, unit: str = "s") -> Figure:
+def score_figure(result: TimelineScores) -> Figure:
     """Return a picture of truth and statements over time on the first tracks; wrong ones are hatched."""
     tracks = min(result.tracks, MOST_TRACKS)
     canvas = new_canvas((10.0, 0.8 + tracks * (0.6 + 0.3 * (1 + len(result.timelines)))))
@@ -80,7 +73,7 @@ def score_figure(result: TimelineScores, unit: str = "s") -> Figure:
         true = np.where(lines[first].scored, lines[first].modes, -1)[at[first]]
         rows = {"truth": true} | {name: line.stated[at[name]] for name, line in lines.items()}
         wrong = {name: (rows[name] != true) & (true >= 0) & (rows[name] >= 0) for name in lines}
-        draw_timelines(axes, clock, rows, colours, f"t [{unit}]", wrong=wrong, edge_width=0.0)
+        draw_timelines(axes, clock, rows, colours, "t [s]", wrong=wrong, edge_width=0.0)
     handles = [Patch(color=colour, label=str(mode)) for colour, mode in zip(colours, result.modes, strict=True)]
     handles += [Patch(color=UNDECIDED_COLOUR, label="nothing"), wrong_patch("wrong statement")]
     legend_beside(grid[0], handles=handles)

@@ -3,6 +3,7 @@
 import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from typing import Any
 
 from rich.table import Table
@@ -18,26 +19,18 @@ from baselines.rules.msprt import ALPHAS, FEW_ALPHAS
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores
 
-MOST_THRESHOLDS = 13
-"""Thresholds tried in each environment, spread over those of the decider; all posteriors use `FEW_ALPHAS`."""
+MOST_THRESHOLDS = 13  # tried in each environment, spread over those of the decider; posteriors use `FEW_ALPHAS`
 
 
 @dataclass(frozen=True, eq=False)
 class Shift:
-    """Scores of one decider in one environment.
+    """Scores of one decider in one environment."""
 
-    Attributes:
-        world: name of the environment.
-        task: what is decided, in this environment.
-        own: scores at the threshold selected in this environment, on other episodes.
-        nominal: scores at the threshold selected in the nominal environment.
-        setting: options that were selected with the own threshold, see `Task.settings`.
-    """
-
-    world: str
-    task: Task
-    own: Scores
-    nominal: Scores
+    world: str  # name of the environment
+    task: Task  # what is decided, in this environment
+    own: Scores  # scores at the threshold selected in this environment, on other episodes
+    nominal: Scores  # scores at the threshold selected in the nominal environment
+    # options that were selected with the own threshold, see `Task.settings`
     setting: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -55,64 +48,39 @@ class Shift:
         """Mean of the goal at the threshold of the nominal environment."""
         return self.nominal.estimate(self.task.statistic(self.task.goal))
 
-    def less(self, other: "Shift") -> tuple[Estimate, Estimate]:
-        """Return the goal less that of another decider, and the same at the nominal threshold of this one."""
-        goal = self.task.statistic(self.task.goal)
-        return self.own.difference(other.own, goal), self.nominal.difference(other.own, goal)
-
     def as_json(self) -> dict[str, Any]:
         """Return the figures."""
-        metrics = {
-            metric.name: float(self.own.curve(metric.statistic)[0])
-            for metric in self.task.metrics
-            if metric.name != self.task.goal
-        }
+        others = [metric for metric in self.task.metrics if metric.name != self.task.goal]
         reward, nominal = self.reward, self.nominal_reward
         return {
             "world": self.world, "decider": self.decider, "threshold": self.own.thresholds[0],
-            "reward": reward.value, "low": reward.low, "high": reward.high, **metrics,
+            "reward": reward.value, "low": reward.low, "high": reward.high,
+            **{metric.name: float(self.own.curve(metric.statistic)[0]) for metric in others},
             "nominal_threshold": self.nominal.thresholds[0], "nominal_reward": nominal.value,
             "nominal_low": nominal.low, "nominal_high": nominal.high,
         } | ({"setting": dict(self.setting)} if self.setting else {})  # fmt: skip
 
 
 def evaluate_shifts(
-    names: Sequence[str],
-    worlds: Mapping[str, Task],
-    episodes: int,
-    seed: int,
-    workers: Workers,
-    on_progress: Callable[[str], None],
-    untuned: Sequence[str] = (),
-) -> list[Shift]:
-    """Evaluate every decider in every environment.
+    names: Sequence[str], worlds: Mapping[str, Task], episodes: int, seed: int, workers: Workers,
+    on_progress: Callable[[str], None], untuned: Sequence[str] = (),
+) -> list[Shift]:  # fmt: skip
+    """Evaluate every decider in every environment; `on_progress` is called with the name of both.
 
-    Each decider uses the threshold with the best reward, selected on other episodes, once of the same
-    environment and once of the nominal environment; without a nominal one, its default. Rules that are fitted
-    to an environment are fitted to each of them.
-
-    Args:
-        names: of deciders, without thresholds.
-        worlds: what is decided in each environment, by its name.
-        episodes: number of evaluation episodes.
-        seed: of the first episode.
-        workers: where the evaluations run.
-        on_progress: called with the name of the decider and environment that were evaluated.
-        untuned: names of deciders for which nothing is selected: their nominal threshold is also their own.
+    Each decider uses the threshold with the best reward, selected on other episodes, once of the same environment
+    and once of the nominal environment; without a nominal one, its default. Rules that are fitted to an environment
+    are fitted to each of them. Nothing is selected for `untuned` names.
     """
     alone = functools.partial(evaluate_world, episodes=episodes, seed=seed)
     home = worlds.get(NOMINAL)
     calls = {f"{name}: {NOMINAL}": functools.partial(alone, name, NOMINAL, home, None) for name in names}
     found = dict(workers.results(calls if home else {}, on_progress))
     others = {}
-    for name in names:
-        for world, task in worlds.items():
-            if world != NOMINAL:
-                used = found[f"{name}: {NOMINAL}"].own.thresholds[0] if home else None
-                usual = find_family(name, task.options).default if used is None else used
-                others[f"{name}: {world}"] = functools.partial(
-                    alone, name, world, task, usual, tuned=name not in untuned
-                )
+    for name, (world, task) in product(names, worlds.items()):
+        if world != NOMINAL:
+            at_home = found.get(f"{name}: {NOMINAL}")
+            usual = at_home.own.thresholds[0] if at_home else find_family(name, task.options).default
+            others[f"{name}: {world}"] = functools.partial(alone, name, world, task, usual, tuned=name not in untuned)
     found |= workers.results(others, on_progress)
     return [found[f"{name}: {world}"] for name in names for world in worlds]
 
@@ -120,10 +88,7 @@ def evaluate_shifts(
 def evaluate_world(
     name: str, world: str, task: Task, threshold: float | None, episodes: int, seed: int, tuned: bool = True
 ) -> Shift:
-    """Evaluate a decider in one environment; without a nominal threshold, it also serves as nominal.
-
-    Arguments as in `evaluate_shifts`; tuned: whether threshold and settings are selected.
-    """
+    """Evaluate a decider in one environment; without a nominal threshold, its own also serves as nominal."""
     if threshold is not None:
         usual = sweep(task, find_family(name, task.options), episodes, seed, thresholds=(threshold,))
         if not tuned:
@@ -147,12 +112,13 @@ def evaluate_world(
 
 
 def differences(results: Sequence[Shift]) -> dict[str, tuple[Shift, Estimate, Estimate]]:
-    """Return the best other decider in each environment, and the first less that one, see `Shift.less`."""
+    """Return the best other decider of each environment, and the first less it, also at the nominal threshold."""
     found = {}
     for world in dict.fromkeys(result.world for result in results):
         mine, *others = (result for result in results if result.world == world)
         best = max(others, key=lambda one: one.reward.value)
-        found[world] = best, *mine.less(best)
+        goal = mine.task.statistic(mine.task.goal)
+        found[world] = best, mine.own.difference(best.own, goal), mine.nominal.difference(best.own, goal)
     return found
 
 
@@ -187,11 +153,9 @@ def shift_table(results: Sequence[Shift], title: str) -> Table:
         table.add_column(Text(head), justify="right", no_wrap=True)
     for world in dict.fromkeys(result.world for result in results):
         row = {result.decider: result for result in results if result.world == world}
-        cells = [_cell(world, row[name].reward, row[name].nominal_reward.value) for name in deciders]
-        if world in gains:
-            _, gain, nominal = gains[world]
-            cells.append(_cell(world, gain, nominal.value))
-        table.add_row(world, *cells)
+        pairs = [(row[name].reward, row[name].nominal_reward) for name in deciders]
+        pairs += [gains[world][1:]] if gains else []
+        table.add_row(world, *(_cell(world, own, nominal.value) for own, nominal in pairs))
     return table
 
 

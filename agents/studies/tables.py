@@ -24,21 +24,13 @@ def metric_cell(metric: Metric, estimate: Estimate) -> str:
 
 
 def scores_table(
-    task: Task,
-    rows: Sequence[tuple[Scores, Mapping[str, Estimate], Estimate | None]],
-    title: str,
-    notes: str = "",
+    task: Task, rows: Sequence[tuple[Scores, Mapping[str, Estimate], Estimate | None]], title: str, notes: str = "",
     to: str = "",
-) -> Table:
+) -> Table:  # fmt: skip
     """Return a table with one row for each decider at a single threshold.
 
-    Args:
-        task: what is decided.
-        rows: scores of one threshold, metrics by name, and the difference of the goal to that of another
-            decider, None for this one.
-        title: of the table.
-        notes: lines of the caption before the explanation of the metrics, each with its end.
-        to: name of the other decider.
+    A row has scores of one threshold, metrics by name, and the difference of the goal to that of the decider `to`,
+    None for this one. The notes stand before the explanation of the metrics, each line with its end.
     """
     compared = any(difference is not None for *_, difference in rows)
     if compared:
@@ -71,26 +63,21 @@ def chosen_table(result: Comparison) -> Table:
     """Return the metrics of each decider at its selected threshold."""
     plan, task = result.plan, result.plan.task
     criterion = "the best reward" if plan.accuracy is None else f"{plan.accuracy:.1%} accuracy"
-    rows = [
-        (
-            entry.scores.at(entry.chosen),
-            {metric.name: result.figure(entry, metric.name) for metric in task.metrics},
-            result.to_best_rule(entry),
-        )
-        for entry in result.entries
-    ]
-    return scores_table(
-        task, rows, f"{task.title}: {task.size(plan.episodes)}, common to all",
-        f"Thresholds for {criterion}, selected on other episodes.\n", result.best_rule.name,
-    )  # fmt: skip
+    rows = []
+    for entry in result.entries:
+        figures = {metric.name: result.figure(entry, metric.name) for metric in task.metrics}
+        rows.append((entry.scores.at(entry.chosen), figures, result.to_best_rule(entry)))
+    title = f"{task.title}: {task.size(plan.episodes)}, common to all"
+    notes = f"Thresholds for {criterion}, selected on other episodes.\n"
+    return scores_table(task, rows, title, notes, result.best_rule.name)
 
 
 def levels_table(result: Comparison) -> Table:
     """Return figures of whole operating curves, and paired figures of each decider and the reference."""
     task, (reference, *others) = result.plan.task, result.entries
     word = {"diff.": f"diff.: less that of {reference.name}", "ratio": f"ratio: to that of {reference.name}"}
-    found = [result.against(entry).items() for entry in others]
-    pairs = list(dict.fromkeys((key, name) for one in found for key, names in one for name in names))
+    found = [result.against(entry) for entry in others]
+    pairs = list(dict.fromkeys((key, name) for one in found for key in one for name in one[key]))
     heads = ["decider", *(metric.head for metric in result.levels.values())]
     heads += [f"{name.replace('_', ' ')}\n{task.paired}" for _, name in pairs]
     lines = []
@@ -100,11 +87,8 @@ def levels_table(result: Comparison) -> Table:
             paired = None if entry is reference else result.against(entry).get(key, {}).get(name)
             cells.append("" if paired is None else bounds_cell(paired, 3))
         lines.append((escape(entry.name), *cells))
-    return filled_table(
-        "On the operating curves", heads, lines,
-        f"Interpolated between thresholds. {HALF_WIDTH}\n{word[task.paired]} on the same episodes, with its "
-        "95 % interval.",
-    )  # fmt: skip
+    notes = f"Interpolated between thresholds. {HALF_WIDTH}\n{word[task.paired]} on the same episodes"
+    return filled_table("On the operating curves", heads, lines, f"{notes}, with its 95 % interval.")
 
 
 def spread_lines(result: Comparison) -> list[str]:
@@ -113,15 +97,13 @@ def spread_lines(result: Comparison) -> list[str]:
     for group, entries in result.seed_groups.items():
         if len(entries) < 2:
             continue
-        figures = [(metric, [result.figure(entry, metric.name).value for entry in entries]) for metric in task.metrics]
-        figures += [
-            (metric, [result.level(entry, keys).value for entry in entries]) for keys, metric in result.levels.items()
-        ]
+        figures = [(metric, [result.figure(one, metric.name) for one in entries]) for metric in task.metrics]
+        figures += [(metric, [result.level(one, keys) for one in entries]) for keys, metric in result.levels.items()]
         spread = []
-        for metric, values in figures:
-            low, centre, high = (metric.scale * one for one in (min(values), np.mean(values), max(values)))
-            name = " ".join(metric.head.split())
-            spread.append(f"{name} {centre:.{metric.digits}f} ({low:.{metric.digits}f} to {high:.{metric.digits}f})")
+        for metric, found in figures:
+            values = metric.scale * np.array([one.value for one in found])
+            mean, low, high = (f"{one:.{metric.digits}f}" for one in (values.mean(), values.min(), values.max()))
+            spread.append(f"{' '.join(metric.head.split())} {mean} ({low} to {high})")
         lines.append(f"{group} over {len(entries)} training seeds, mean and range: " + ", ".join(spread))
     return lines
 

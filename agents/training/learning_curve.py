@@ -7,9 +7,9 @@ from typing import Any
 
 from agents.evaluation.task import Wording, sweep
 from agents.evaluation.tasks import task_of
-from agents.figures.canvas import save_figure
 from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import decider_style
+from agents.interface.output_files import save_figure
 from agents.training.run_folder import read_metrics
 from baselines.rules import seeds
 from baselines.rules.decider import DeciderFamily, rules

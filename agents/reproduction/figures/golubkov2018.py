@@ -16,8 +16,7 @@ from baselines.rules.sprt import sprt_thresholds
 from hybrid_env.rendering.evidence import TYPE_COLOURS, mode_colour
 
 TYPE_NAMES = ("straight", "left turn", "right turn")
-RUN = 0
-"""Index of the run that is drawn."""
+RUN = 0  # index of the run that is drawn
 
 
 def draw(result: Reproduction) -> dict[str, Figure]:
@@ -28,28 +27,12 @@ def draw(result: Reproduction) -> dict[str, Figure]:
 def tracking_figures(
     paper: str, result: Reproduction, variances: dict[str, float], radii: Sequence[float], alpha: float
 ) -> dict[str, Figure]:
-    """Return a figure by its file name for each measurement variance.
-
-    Args:
-        paper: its name, with which the names of the files begin.
-        result: its reproduction.
-        variances: R [m^2] of each setting.
-        radii: of the hypotheses [m].
-        alpha: of the test.
-    """
-    return {
-        f"{paper}_{index}.png": _tracking_figure(
-            f"{result.paper}: one run of ATE, measurement variance R = {variances[name]:g} m²",
-            recording, tracks, radii, alpha,
-        )
-        for index, (name, (recording, tracks)) in enumerate(result.examples.items(), start=1)
-    }  # fmt: skip
-
-
-def _mode_label(signed_radius: float) -> str:
-    if signed_radius == 0.0:
-        return "straight"
-    return f"{'left' if signed_radius > 0.0 else 'right'} turn, r = {abs(signed_radius):g} m"
+    """Return a figure by its file name for each measurement variance R [m^2]; radii of the hypotheses in m."""
+    figures = {}
+    for index, (name, (recording, tracks)) in enumerate(result.examples.items(), start=1):
+        title = f"{result.paper}: one run of ATE, measurement variance R = {variances[name]:g} m²"
+        figures[f"{paper}_{index}.png"] = _tracking_figure(title, recording, tracks, radii, alpha)
+    return figures
 
 
 def _tracking_figure(title: str, recording: Any, tracks: Any, radii: Sequence[float], alpha: float) -> Figure:
@@ -63,34 +46,27 @@ def _tracking_figure(title: str, recording: Any, tracks: Any, radii: Sequence[fl
     segments = zip(ends, recording.lengths, recording.signed_radii, strict=True)
     for number, (end, length, radius) in enumerate(segments, start=1):
         middle = truth[end - 3 * length // 4 : end - length // 4]  # the half of the segment beside its label
-        map_axes.plot(*middle.T, color=TRUTH, linewidth=3.4, label=f"{number}: {_mode_label(radius)}")
-    estimate = tracks.estimates[RUN][:, [0, 2]]
-    modes = tracks.modes[RUN]
+        turn = f"{'left' if radius > 0.0 else 'right'} turn, r = {abs(radius):g} m"
+        label = f"{number}: {turn if radius else 'straight'}"
+        map_axes.plot(*middle.T, color=TRUTH, linewidth=3.4, label=label)
+    estimate, modes = tracks.estimates[RUN][:, [0, 2]], tracks.modes[RUN]
     lines = plot_by_mode(map_axes, estimate, modes, radii, linewidth=1.5, zorder=3)
     worst = np.hypot(*(estimate - truth).T).argmax()
     lines[np.count_nonzero(np.diff(modes[: worst + 1]))].set_label("estimate")  # with the largest error
-    decided = ~tracks.undecided[RUN]
-    decision_ticks = (ends - recording.lengths + tracks.ticks[RUN])[decided]
-    map_axes.plot(
-        *estimate[decision_ticks - 1].T, "o", markersize=5, markerfacecolor="white", markeredgecolor="black",
-        zorder=4,
-    )  # fmt: skip
+    decided = (ends - recording.lengths + tracks.ticks[RUN])[~tracks.undecided[RUN]] - 1
+    map_axes.plot(*estimate[decided].T, "o", markersize=5, markerfacecolor="white", markeredgecolor="black", zorder=4)
     map_axes.plot(*truth[0], "s", color="black", markersize=6, zorder=4)
 
     _draw_ratios(ratio_axes, recording, tracks, radii, alpha)
+    ring: dict[str, Any] = {"marker": "o", "markerfacecolor": "white", "markeredgecolor": "black", "linestyle": "none"}
+    types = zip(TYPE_COLOURS, TYPE_NAMES, strict=True)
     handles = [
         Line2D([], [], color="black", marker="s", linestyle="none", markersize=6, label="start"),
         Line2D([], [], color=GREY, marker=".", linestyle="none", label="measurements"),
         Line2D([], [], color=TRUTH, linewidth=3.4, label="true trajectory"),
-        *(
-            Line2D([], [], color=colour, linewidth=2, label=name)
-            for colour, name in zip(TYPE_COLOURS, TYPE_NAMES, strict=True)
-        ),
-        Line2D(
-            [], [], marker="o", markerfacecolor="white", markeredgecolor="black", linestyle="none",
-            markersize=5, label="decision",
-        ),
-    ]  # fmt: skip
+        *(Line2D([], [], color=colour, linewidth=2, label=name) for colour, name in types),
+        Line2D([], [], **ring, markersize=5, label="decision"),
+    ]
     shades = "; darker shades: smaller radii" if len(radii) > 1 else ""
     figure.legend(
         handles=handles, loc="outside lower center", ncols=len(handles), frameon=False,
@@ -121,8 +97,7 @@ def _draw_ratios(axes: Any, recording: Any, tracks: Any, radii: Sequence[float],
     numbers.tick_params(length=0, pad=-16)  # inside the axes
     axes.set(
         title=f"Sequential tests of segments 1 to {len(ends)}, each until its decision", xlabel="tick",
-        ylabel="log-likelihood ratio to the active mode", xlim=(0, len(ratios)),
-        ylim=(2.0 * lower, 2.0 * upper),
+        ylabel="log-likelihood ratio to the active mode", xlim=(0, len(ratios)), ylim=(2.0 * lower, 2.0 * upper),
     )  # fmt: skip
 
 

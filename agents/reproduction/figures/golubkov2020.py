@@ -22,12 +22,9 @@ ALPHA_STYLES = (
 
 def draw(result: Reproduction) -> dict[str, Figure]:
     """Return the figure by its file name."""
-    figure, (map_axes, ratio_axes, delay_axes) = paper_figure(
-        f"{result.paper}: detection of a right turn (r = 5 m) that begins after tick {SWITCH}",
-        (15.5, 5.2), (0.9, 1.2, 1.2),
-    )  # fmt: skip
+    title = f"{result.paper}: detection of a right turn (r = 5 m) that begins after tick {SWITCH}"
+    figure, (map_axes, ratio_axes, delay_axes) = paper_figure(title, (15.5, 5.2), (0.9, 1.2, 1.2))
     recording, detection = next(iter(result.examples.values()))
-    alpha = ALPHAS[0]
     modes = np.repeat([0, RIGHT_TURN], recording.lengths)
     style_map(map_axes, "One run in the plane")
     map_axes.plot(*recording.measurements[RUN].T, ".", color=GREY, markersize=4, label="measurements")
@@ -44,12 +41,12 @@ def draw(result: Reproduction) -> dict[str, Figure]:
     ratio_axes.axvline(SWITCH + 0.5, color=GREY, linewidth=0.9, zorder=0, label="turn begins")
     tick = int(detection.ticks[RUN])
     if tick:
+        label = f"detected at tick {tick}"
         ratio_axes.plot(
-            tick, log_ratios[tick - 1], "o", color=TRUTH, markersize=6, markerfacecolor="white",
-            label=f"detected at tick {tick}",
-        )  # fmt: skip
+            tick, log_ratios[tick - 1], "o", color=TRUTH, markersize=6, markerfacecolor="white", label=label
+        )
     ratio_axes.set(
-        title=f"The same run: averaged likelihood ratio λ, alpha = {alpha:g}", xlabel="tick",
+        title=f"The same run: averaged likelihood ratio λ, alpha = {ALPHAS[0]:g}", xlabel="tick",
         ylabel="ln λ of a right turn against straight motion",
     )  # fmt: skip
 

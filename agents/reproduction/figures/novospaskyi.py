@@ -15,7 +15,7 @@ from baselines.papers.novospaskyi.study import Example
 from baselines.papers.novospaskyi.tables import NOISE_NAMES, TABLES, UNFILTERED, as_published
 from baselines.papers.reproduction import Cell, Reproduction
 
-RADAR = "#AA3377"
+RADAR, SOUND = "#AA3377", "#88CCEE"
 PUBLISHED_CV = as_published("KF CV")
 COLOURS = {
     UNFILTERED: GREY, "g-h": "#CCBB44", "KF CV": "#4477AA", "KF CA": "#EE6677", "KF CJ": "#228833",
@@ -26,8 +26,7 @@ SHOWN: dict[Noise, dict[str, str]] = {
 }
 """Estimates in the figure of the flight, with their colours."""
 
-WINDOW = 16
-"""Measurements in the enlarged part of the flight."""
+WINDOW = 16  # measurements in the enlarged part of the flight
 
 
 def draw(result: Reproduction) -> dict[str, Figure]:
@@ -43,14 +42,11 @@ def draw(result: Reproduction) -> dict[str, Figure]:
 
 def _flight(result: Reproduction, example: Example) -> Figure:
     """The flight with its radars (as figures 2.1.3 and 2.1.4), and its strongest turn for each noise."""
-    figure, axes = paper_figure(
-        f"{result.paper}: one test flight, two radars with a range of {RANGE / 1000:g} km", (16.0, 5.8),
-        (1.0, 1.0, 1.0),
-    )  # fmt: skip
+    title = f"{result.paper}: one test flight, two radars with a range of {RANGE / 1000:g} km"
+    figure, axes = paper_figure(title, (16.0, 5.8), (1.0, 1.0, 1.0))
     _draw_map(axes[0], example)
-    first = _strongest_turn(example)
     for part, noise in zip(axes[1:], NOISES, strict=True):
-        _draw_turn(part, example, noise, first)
+        _draw_turn(part, example, noise, _strongest_turn(example))
     return figure
 
 
@@ -97,29 +93,23 @@ def _draw_turn(axes: Any, example: Example, noise: Noise, first: int) -> None:
 
 def _errors(result: Reproduction, statistic: str) -> Figure:
     """RMSE or MAE of every filter with both noises, as figures 3.3.1 to 3.3.6."""
-    figure, axes = paper_figure(
-        f"{result.paper}: {statistic} on the test flights; thin lines: 95 % of studies of this size",
-        (17.0, 6.4), (1.0, 1.0, 1.0, 1.0),
-    )  # fmt: skip
+    title = f"{result.paper}: {statistic} on the test flights; thin lines: 95 % of studies of this size"
+    figure, axes = paper_figure(title, (17.0, 6.4), (1.0, 1.0, 1.0, 1.0))
     for index, noise in enumerate(NOISES):
         for place, metric in enumerate((f"position {statistic}, m", f"velocity {statistic}, m/s")):
             _draw_bars(axes[2 * index + place], result, noise, metric)
-    axes[1].legend(
-        handles=[Patch(facecolor="white", edgecolor=DARK_GREY, hatch="////", label="published"),
-                 Patch(facecolor=DARK_GREY, label="ours, as in the thesis"),
-                 Patch(facecolor="#88CCEE", label="ours, sound and robust")],
-        loc="lower right", fontsize=8,
-    )  # fmt: skip
+    handles = [Patch(facecolor="white", edgecolor=DARK_GREY, hatch="////", label="published")]
+    ours = {DARK_GREY: "ours, as in the thesis", SOUND: "ours, sound and robust"}
+    handles += [Patch(facecolor=colour, label=text) for colour, text in ours.items()]
+    axes[1].legend(handles=handles, loc="lower right", fontsize=8)
     return figure
 
 
 def _draw_bars(axes: Any, result: Reproduction, noise: Noise, metric: str) -> None:
-    thesis = _cells(result, TABLES[noise], metric)
-    sound = [
-        cell
-        for cell in _cells(result, f"Sound settings, {NOISE_NAMES[noise]}", metric)
-        if not (metric.startswith("velocity") and cell.row == UNFILTERED)
-    ]
+    tables = (TABLES[noise], f"Sound settings, {NOISE_NAMES[noise]}")
+    thesis, sound = ([cell for cell in result.tables[table] if cell.column == metric] for table in tables)
+    if metric.startswith("velocity"):
+        sound = [cell for cell in sound if cell.row != UNFILTERED]
     names = [cell.row for cell in (*thesis, *sound)]
     rows = np.arange(len(names), dtype=np.float64)
     ours = rows[: len(thesis)]
@@ -128,7 +118,7 @@ def _draw_bars(axes: Any, result: Reproduction, noise: Noise, metric: str) -> No
         ours - 0.2, [cell.published for cell in thesis], 0.36, facecolor="white", edgecolor=DARK_GREY,
         hatch="////", linewidth=0.6,
     )  # fmt: skip
-    _bars(axes, rows[len(thesis) :], sound, ["#88CCEE"] * len(sound))
+    _bars(axes, rows[len(thesis) :], sound, [SOUND] * len(sound))
     axes.axhline(len(thesis) - 0.5, color="0.6", linewidth=0.8)
     axes.set_yticks(rows, names)
     axes.invert_yaxis()
@@ -148,25 +138,17 @@ def _bars(axes: Any, places: Any, cells: Sequence[Cell], colours: Sequence[str])
     axes.barh(places, values, 0.36, color=colours, xerr=np.maximum(spread, 0.0), error_kw={"elinewidth": 1.0})
 
 
-def _cells(result: Reproduction, table: str, metric: str) -> list[Cell]:
-    return [cell for cell in result.tables[table] if cell.column == metric]
-
-
 def _anomaly(result: Reproduction, example: Example) -> Figure:
     """Velocity and position errors of KF CV with the published and with the tuned parameters."""
-    figure, axes = paper_figure(
-        f"{result.paper}: KF CV with the published R (about 1e-9 m²) and with the true one, Gaussian noise",
-        (14.0, 5.0), (1.0, 1.0),
-    )  # fmt: skip
+    title = f"{result.paper}: KF CV with the published R (about 1e-9 m²) and with the true one, Gaussian noise"
+    figure, axes = paper_figure(title, (14.0, 5.0), (1.0, 1.0))
     tracks, times = example.tracks["gaussian"], example.scan.times
     truths = tracks.positions[0], tracks.velocities[0]
     labels = ("error of the position on x [m]", "error of the velocity on x [m/s]")
-    for part, index, label in zip(axes, (0, 1), labels, strict=True):
-        for name, text, colour, width in (
-            (PUBLISHED_CV, PUBLISHED_CV, RADAR, 0.9),
-            ("KF CV", "KF CV, true R", COLOURS["KF CV"], 1.6),
-        ):
-            error = (example.estimates["gaussian"][name][index] - truths[index])[:, 0]
+    lines = (PUBLISHED_CV, PUBLISHED_CV, RADAR, 0.9), ("KF CV", "KF CV, true R", COLOURS["KF CV"], 1.6)
+    for index, (part, truth, label) in enumerate(zip(axes, truths, labels, strict=True)):
+        for name, text, colour, width in lines:
+            error = (example.estimates["gaussian"][name][index] - truth)[:, 0]
             part.plot(times, error, ".-", color=colour, linewidth=width, markersize=4, label=text)
         part.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
         part.set(xlabel="time [s]", ylabel=label)

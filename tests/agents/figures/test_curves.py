@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agents.figures.canvas import save_figure
 from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import decider_style
+from agents.interface.output_files import save_figure
 from hybrid_env import ArgumentError
 
 TICKS = np.array([5.0, 15.0, 30.0, 50.0, 90.0])

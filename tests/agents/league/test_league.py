@@ -68,14 +68,14 @@ def test_kinds_tell_what_a_decider_is_told_and_remembers():
     for (world, name), kind in kinds.items():
         task = world_task(world)
         family = find_family(name, task.options_with({}) if not task.given else task.options)
-        assert kind_of(name, family.make(family.default), task) == kind, name
+        assert kind_of(family.make(family.default), task) == kind, name
 
     class Remembers:
         def predict(self, rows, state=None, episode_start=None, deterministic=True):
             return np.zeros(len(rows), int), 1
 
-    assert kind_of("", as_decider(Remembers()), world_task("R = 0.1")) == "recurrent"
-    assert kind_of("", as_decider(lambda rows: np.zeros(len(rows), int)), world_task("R = 0.1")) == "memoryless"
+    assert kind_of(as_decider(Remembers()), world_task("R = 0.1")) == "recurrent"
+    assert kind_of(as_decider(lambda rows: np.zeros(len(rows), int)), world_task("R = 0.1")) == "memoryless"
 
 
 def test_the_command_shows_files_and_refuses_those_that_were_changed(folder, capsys, monkeypatch):

@@ -16,16 +16,16 @@ from agents.figures.decider_colours import decider_style
 from agents.interface.parallel import Workers
 from agents.studies import limits
 from agents.studies.limits import (
-    BANK_ENV,
+    BANK,
     BANKS,
     BEAM,
     LAGS,
     LATER,
     LAWS,
     NOISE_LEVELS,
-    QUICKEST_ENV,
+    QUICKEST,
     STEPS,
-    THREE_MODE_ENV,
+    THREE,
     THRESHOLD,
     UNKNOWN_STEPS,
     Limit,
@@ -53,12 +53,12 @@ def announced():
         time = 20.0 + 10.0 * np.log10(noise / 0.01) - (0.0 if rule == RULES[0] else 3.0)
         missed = rule == RULES[0] and bank == BANKS[0]
         curve = announced_scores(rule, [0.5, 0.9 if missed else 1.0], [time, time])
-        rules.append(Limit(THREE_MODE_ENV, noise, rule, curve.at(0), bank, curve))
-    for env, noise, (k, step) in itertools.product((THREE_MODE_ENV, BANK_ENV), NOISE_LEVELS, enumerate(STEPS)):
+        rules.append(Limit(THREE, noise, rule, curve.at(0), bank, curve))
+    for env, noise, (k, step) in itertools.product((THREE, BANK), NOISE_LEVELS, enumerate(STEPS)):
         steps.append(Limit(env, noise, step, announced_scores(step, [0.7 + 0.02 * k], [10.0])))
     calibration = [{"bank": "oracle", "noise": 0.1, "ticks": 5, "right": 0.5, "stated": 0.52, "worst": -0.031}]
     accuracy = announced_scores("gap", [0.98], [45.5])
-    golubkov = [Limit(BANK_ENV, 1.0, "gap", accuracy, "anchor_aware")]
+    golubkov = [Limit(BANK, 1.0, "gap", accuracy, "anchor_aware")]
     return {"steps": steps, "rules": rules, "calibration": calibration, "golubkov2018": golubkov}
 
 
@@ -143,7 +143,7 @@ def test_the_gap_rule_reaches_a_high_type_accuracy_on_the_scheme_of_2018(monkeyp
 
 def test_without_later_ticks_the_smoothed_scores_are_those_of_the_beam(monkeypatch):
     monkeypatch.setattr(limits, "SMOOTHED_TRACKS", 7)
-    task = UnknownTask(QUICKEST_ENV, SHORT)
+    task = UnknownTask(QUICKEST, SHORT)
     smoothed = smoothed_scores(task, 10, 3, (0, 15))
     beam = sweep(task, find_family("beam", task.options), 10, 3)
     np.testing.assert_array_equal(smoothed[0].values, beam.values)
