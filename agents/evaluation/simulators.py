@@ -6,8 +6,7 @@ from typing import Any
 
 from agents.evaluation.task import Recorded
 from agents.evaluation.unknown import UnknownTask
-from baselines.recordings.simulators.aircraft import AIRCRAFT
-from baselines.recordings.simulators.tracks import MINUTES, SimulatedTracks, world_options
+from baselines.recordings.simulators.tracks import MINUTES, VEHICLES, SimulatedTracks, world_options
 from baselines.rules.rollout import record_in
 from hybrid_env.quickest_options import QuickestOptions
 
@@ -23,7 +22,7 @@ class SimulatorTask(UnknownTask):
     """Flights of an aircraft with noise; its options are what deciders are told.
 
     Attributes:
-        kind: key of `AIRCRAFT`.
+        kind: key of `VEHICLES`.
     """
 
     kind: str = ""
@@ -58,7 +57,7 @@ def simulator_worlds() -> dict[str, SimulatorTask]:
         f"{kind}, {tick:g} s, {noise:g} m": SimulatorTask(
             "hybrid_env:HybridTrackQuickest-v0", world_options(kind, tick, noise), kind
         )
-        for kind, craft in AIRCRAFT.items()
-        for tick in craft.ticks
-        for noise in craft.noises
+        for kind, one in VEHICLES.items()
+        for tick in one.ticks
+        for noise in one.noises
     }
