@@ -98,7 +98,8 @@ def evaluate_shifts(
         seed: of the first episode.
         workers: where the evaluations run.
         on_progress: called with the name of the decider and environment that were evaluated.
-        untuned: names of deciders for which nothing is selected: their nominal threshold is also their own.
+        untuned: names of deciders for which nothing is selected: their nominal threshold is also their own,
+            with the changes `Task.untuned`.
     """
     alone = functools.partial(evaluate_world, episodes=episodes, seed=seed)
     home = worlds.get(NOMINAL)
@@ -127,10 +128,13 @@ def evaluate_world(
     if threshold is not None:
         usual = sweep(task, find_family(name, task.options), episodes, seed, thresholds=(threshold,))
         if not tuned:
-            return Shift(world, task, usual, usual)
+            told = task.changed(task.untuned)
+            own = sweep(told, find_family(name, told.options), episodes, seed, thresholds=(threshold,))
+            return Shift(world, told, own, usual, task.untuned)
     count = min(episodes, seeds.SELECTION_EPISODES)
-    tried = []
-    for setting in task.settings():
+    usual_family, tried = find_family(name, task.options), []
+    observes = usual_family.make(usual_family.default).observes
+    for setting in task.settings(observes):
         own = task.changed(setting)
         family = find_family(name, own.options)
         thresholds = FEW_ALPHAS if family.thresholds == ALPHAS else family.thresholds

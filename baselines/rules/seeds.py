@@ -9,6 +9,9 @@ SELECTION_EPISODES = 1000
 FITTING = 2_000_000_000
 """Stopping rules are fitted on episodes from this seed on."""
 
+SEALED = 7_000_000_000
+"""Paths of simulators from here on stay closed until agent and settings are fixed, see `agents.studies.seal`."""
+
 STOPPING = 6_000_000_000
 """Deciders without a threshold select one on episodes of what they are told from this seed on."""
 

@@ -73,7 +73,7 @@ def _started() -> Any:
     return bluesky
 
 
-@functools.lru_cache(maxsize=64)
+@functools.lru_cache(maxsize=8)
 def _fly_together(craft: Airliner, block: int, duration: float) -> list[Path]:
     """Return the flights of `TOGETHER` successive seeds."""
     count, settled = round(duration / CONTROL), round(SETTLED / CONTROL)

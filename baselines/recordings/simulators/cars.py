@@ -78,7 +78,7 @@ CARS = {
 }  # fmt: skip
 
 
-@functools.lru_cache(maxsize=64)
+@functools.lru_cache(maxsize=8)
 def _drive_together(net: RoadNet, block: int, duration: float) -> list[Path]:
     """Return the paths of `TOGETHER` successive seeds."""
     return [_path(one) for one in _drive(net, block, round(duration / CONTROL))]

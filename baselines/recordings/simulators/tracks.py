@@ -1,6 +1,8 @@
 """Simulated paths with measured positions, as an environment with unknown switches."""
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +12,7 @@ from baselines.recordings.simulators.aircraft import AIRCRAFT
 from baselines.recordings.simulators.airliners import AIRLINERS
 from baselines.recordings.simulators.cars import CARS
 from baselines.recordings.simulators.paths import CONTROL, Vehicle
+from baselines.recordings.simulators.process_noise import LikeliestNoise
 from baselines.rules.decider import Actions, Observations
 from hybrid_env.checks import BoolArray, FloatArray
 from hybrid_env.live import MeasuredTracks
@@ -54,16 +57,20 @@ class SimulatedTracks:
         kind: key of `VEHICLES`.
         options: of the bank; `tau` and `measurement_variance` are those of the sensor.
         tracks: N.
+        factors: process noise of the banks, as factors of that of the options; of several, rows are those of
+            the likeliest one, see `process_noise`.
 
     Attributes:
         num_envs: N.
         single_action_space: M modes to state.
-        world: arrays of the bank.
+        world: arrays of the first bank.
     """
 
-    def __init__(self, kind: str, options: QuickestOptions, tracks: int):
+    def __init__(self, kind: str, options: QuickestOptions, tracks: int, factors: Sequence[float] = (1.0,)):
         self.kind, self.options, self.num_envs = kind, options, tracks
-        self.world = MeasuredTracks(options, tracks)
+        told = [replace(options, process_variance=one * options.process_variance) for one in factors]
+        self.worlds = [MeasuredTracks(one, tracks) for one in told]
+        self.world = self.worlds[0]
         self.single_action_space = spaces.Discrete(options.hypotheses)
 
     def reset(self, *, seed: int | None = None) -> tuple[Observations, dict[str, Any]]:
@@ -86,18 +93,27 @@ class SimulatedTracks:
             self._modes[:, track] = path.modes[rows[1:]]
         self._points: FloatArray = np.stack(points, axis=1)
         self._tick = 0
-        self.world.begin_all(np.array(starts), np.diag(spread), self._modes[0])
+        self._chooser = LikeliestNoise(options) if len(self.worlds) > 1 else None
+        for world in self.worlds:
+            world.begin_all(np.array(starts), np.diag(spread), self._modes[0])
         return self._measure(), {}
 
     def _measure(self) -> Observations:
-        self.world.measure_all(self._points[self._tick])
-        self.world.write("true_mode", self._modes[self._tick])
+        for world in self.worlds:
+            world.measure_all(self._points[self._tick])
+            world.write("true_mode", self._modes[self._tick])
         self._tick += 1
-        return self.world.take_rows()
+        return self._rows()
+
+    def _rows(self) -> Observations:
+        if self._chooser is None:
+            return self.world.take_rows()
+        return self._chooser.choose(np.stack([world.take_rows() for world in self.worlds]))
 
     def step(self, actions: Actions) -> tuple[Observations, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
         """Go on to the next positions after statements (N,); after the last ones the episodes end."""
-        self.world.actions[:] = actions
+        for world in self.worlds:
+            world.actions[:] = actions
         ended = np.full(self.num_envs, self._tick == len(self._points))
-        rows = self.world.take_rows() if ended.all() else self._measure()
+        rows = self._rows() if ended.all() else self._measure()
         return rows, np.zeros(self.num_envs), ended, np.zeros(self.num_envs, np.bool_), {}
