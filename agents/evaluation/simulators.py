@@ -1,4 +1,4 @@
-"""What moves in simulators of others in place of the object of `HybridTrackQuickest-v0`: a mode is stated at every tick."""
+"""What moves in simulators of others in place of the object of `HybridTrackQuickest-v0`."""
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence

@@ -91,8 +91,9 @@ def _version(name: str) -> str:
 
 
 def simulators_json(results: Sequence[Shift], mismatches: Mapping[str, float]) -> dict[str, Any]:
-    """Return all figures, what `summary` counts, and the mismatch of each world."""
-    found: dict[str, Any] = {"results": [one.as_json() for one in results], "mismatches": dict(mismatches)}
+    """Return all figures, what `summary` counts, the mismatch of each world, and what `SEAL` holds once sealed."""
+    shown = [one.as_json() for one in results]
+    found: dict[str, Any] = {"results": shown, "mismatches": dict(mismatches), "seal": current_seal()}
     if len({one.decider for one in results}) > 1:
         found |= {"differences": differences_json(results)} | counts(results)
     return found
@@ -173,7 +174,7 @@ def summary(results: Sequence[Shift]) -> str:
     first = results[0].decider
     found = counts(results)
     return (
-        f"{first} at its default threshold, with the likeliest process noise, beside the best other decider, whose threshold and process noise "
-        f"are tuned in each world: at most {ALLOWED:g} below in {found['kept']} of {found['worlds']} worlds; "
+        f"{first} at its default threshold, with the likeliest process noise, beside the best other decider, "
+        f"which is tuned in each world: at most {ALLOWED:g} below in {found['kept']} of {found['worlds']} worlds; "
         f"above in {found['above']} and below in {found['below']} by Holm's correction."
     )
