@@ -129,8 +129,8 @@ def evaluate_world(
         usual = sweep(task, find_family(name, task.options), episodes, seed, thresholds=(threshold,))
         if not tuned:
             told = task.changed(task.untuned)
-            own = sweep(told, find_family(name, told.options), episodes, seed, thresholds=(threshold,))
-            return Shift(world, told, own, usual, task.untuned)
+            alone = sweep(told, find_family(name, told.options), episodes, seed, thresholds=(threshold,))
+            return Shift(world, told, alone, usual, task.untuned)
     count = min(episodes, seeds.SELECTION_EPISODES)
     usual_family, tried = find_family(name, task.options), []
     observes = usual_family.make(usual_family.default).observes

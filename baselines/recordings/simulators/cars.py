@@ -104,7 +104,7 @@ def _drive(net: RoadNet, block: int, count: int) -> list[FloatArray]:
         folder = FilePath(name)
         roads, cars, found = (folder / one for one in ("net.xml", "cars.xml", "found.csv"))
         _run("netgenerate", f"{net.flags} {NET_FLAGS} --no-turnarounds --seed {NET_SEED} -o", roads)
-        cars.write_text(_routes(ElementTree.parse(roads), block, FASTEST * duration))
+        cars.write_text(_routes(ElementTree.parse(roads).getroot(), block, FASTEST * duration))
         flags = f"--step-length {CONTROL} --end {duration} --seed {block} {SUMO_FLAGS}"
         _run("sumo", f"{flags} -n", roads, "-r", cars, "--fcd-output", found)
         rows = np.loadtxt(found, delimiter=";", skiprows=1)  # time, car, x, y, heading; in the order of time
@@ -118,7 +118,7 @@ def _run(program: str, flags: str, *further: str | FilePath) -> None:
     subprocess.run(command, check=True, capture_output=True)
 
 
-def _routes(roads: ElementTree.ElementTree, seed: int, length: float) -> str:
+def _routes(roads: ElementTree.Element, seed: int, length: float) -> str:
     """Return the demand of SUMO: cars that turn at random at every junction, for at least a length [m]."""
     edges = [one for one in roads.findall("edge") if one.get("function") != "internal"]
     lengths = {str(one.get("id")): float(one[0].get("length", 0.0)) for one in edges}

@@ -30,7 +30,7 @@ class LikeliestNoise:
         self.layout = QuickestLayout(options.hypotheses)
         self.transitions = options.transition_matrix
         self.last: FloatArray | None = None
-        self.evidence: FloatArray | float = 0.0
+        self.evidence: FloatArray = np.zeros(1)
 
     def choose(self, rows: Observations) -> Observations:
         """Return the rows (N, width) of the likeliest bank of each track at the next tick of K banks, (K, N, width)."""
