@@ -6,7 +6,9 @@ from contextlib import contextmanager
 from importlib import metadata
 
 DISTRIBUTION = "hybrid-track"
-OTHER_NAMES = {"PIL": "pillow", "pygame": "pygame-ce", "yaml": "pyyaml"}
+OTHER_NAMES = {
+    "PIL": "pillow", "bluesky": "bluesky-simulator", "pygame": "pygame-ce", "sumo": "eclipse-sumo", "yaml": "pyyaml",
+}  # fmt: skip
 """Distributions that are not called as their modules."""
 
 

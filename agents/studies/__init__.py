@@ -4,7 +4,7 @@
 - `compare_command`: `hybridtrack compare`; `continuation` has its plan and keeps what is finished,
   `comparison` trains, selects thresholds and scores; `flights_study` for recorded flights and
   `gliders_study` for those of gliders, whose sealed logs `sealed.json` guards, with `flights_report`;
-  `simulators_study` for aircraft of JSBSim.
+  `simulators_study` for simulators of others, whose closed paths `sealed_simulators.json` guards; `seal`.
 - `limits_command`: `hybridtrack limits`; `limits`, `limits_report`.
 - `play_command`: `hybridtrack play`; `episodes`.
 - `score_command`: `hybridtrack score`, statements of any origin; `score_report`.

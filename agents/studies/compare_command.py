@@ -1,7 +1,7 @@
 """The command `hybridtrack compare`: train agents and compare deciders on the same episodes."""
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -25,8 +25,8 @@ class FlightArguments:
     gliders: bool = False
     """Compare on flights of paragliders: the logs in igc-xc-score-1.8.0.tgz, which --source names."""
     sealed: bool = False
-    """With --gliders: open the sealed logs too; refused if labels, weights or settings are not those of the
-    seal."""
+    """With --gliders: open the sealed logs too; with --simulators: the sealed paths instead. Refused if code,
+    weights or settings are not those of the seal."""
     source: Path | None = None
     """With --flights: folder or wheel of the package 'traffic'; by default where it is installed. With
     --gliders: the archive or a folder with its logs."""
@@ -35,9 +35,10 @@ class FlightArguments:
     form: Literal["native", "semi-real"] = "native"
     """With --flights: as reported, or the smoothed flight with white noise in the setting of
     HybridTrackQuickest-v0, whose deciders are then compared, 'shipped' among them."""
-    simulators: bool = False
-    """Compare on aircraft of the flight dynamics model JSBSim (extra 'simulators'), in 27 worlds of three
-    aircraft, ticks and noises, the agent at its default threshold and rules that are tuned in each."""
+    simulators: tuple[Literal["jsbsim", "bluesky", "sumo"], ...] | None = None
+    """Compare on aircraft of JSBSim, airliners of BlueSky and cars of SUMO (extra 'simulators'), without a
+    value on all: each in 27 worlds of three kinds, ticks and noises, the agent at its default threshold and
+    rules that are tuned in each."""
 
 
 if TYPE_CHECKING:
@@ -87,10 +88,10 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
     def run(self) -> None:
         """Train, score, print the tables and write the figures and compare.json."""
         recorded = {field.name for field in fields(FlightArguments)}
-        if self.simulators:
+        if self.simulators is not None:
             parallel = {field.name for field in fields(ParallelArguments)}
-            self._refuse({"simulators", "episodes", "seed"} | parallel, "no value with --simulators")
-            self._compare_simulators()
+            self._refuse({"simulators", "sealed", "episodes", "seed"} | parallel, "no value with --simulators")
+            self._compare_simulators(self.simulators)
         elif self.gliders:
             self._refuse({"gliders", "sealed", "source"}, "no value with --gliders")
             self._compare_gliders()
@@ -160,30 +161,33 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
             console.print(table)
         console.print(f"Files in {self.out}: flights.json, a picture of each flight", markup=False, highlight=False)
 
-    def _compare_simulators(self) -> None:
-        with explained():
-            importlib.import_module("jsbsim")
+    def _compare_simulators(self, simulators: Sequence[str]) -> None:
         from rich.console import Console
 
         from agents.evaluation.registry import find_family
-        from agents.evaluation.simulators import COMPARED, simulator_worlds
+        from agents.evaluation.simulators import COMPARED, SIMULATORS, simulator_worlds
         from agents.interface.output_files import output_folder, write_files
         from agents.interface.progress import shown
         from agents.studies import simulators_study as study
         from agents.studies.shifts import shift_table
 
-        names, worlds, console = self.deciders or COMPARED, simulator_worlds(), Console(emoji=False)
+        used = simulators or SIMULATORS
+        with explained():
+            for module in used:
+                importlib.import_module(module)
+        names, worlds, console = self.deciders or COMPARED, simulator_worlds(used), Console(emoji=False)
         episodes = check_integer("episodes", study.EPISODES if self.episodes is None else self.episodes)
         for name in names:
             find_family(name, next(iter(worlds.values())).options)
+        seed = study.first_seed(self.seed, episodes, self.sealed)
         folder = output_folder("out", self.out)
         results = shown(
             console, "Simulators", len(names) * len(worlds),
-            lambda note: study.compare_on_simulators(names, episodes, self.seed, self.workers(), note),
+            lambda note: study.compare_on_simulators(names, worlds, episodes, seed, self.workers(), note),
         )  # fmt: skip
-        mismatches = {name: study.mismatch(task, self.seed) for name, task in worlds.items()}
+        mismatches = {name: study.mismatch(task, seed) for name, task in worlds.items()}
         files: dict[str, Any] = {"simulators.json": study.simulators_json(results, mismatches)}
-        console.print(shift_table(results, f"Aircraft of JSBSim: {results[0].task.size(episodes)} a world"))
+        console.print(shift_table(results, f"Simulators of others: {results[0].task.size(episodes)} a world"))
         if len(names) > 1:
             console.print(study.summary(results))
             files["simulators.png"] = study.mismatch_figure(results, mismatches)

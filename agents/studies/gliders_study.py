@@ -3,7 +3,6 @@
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from agents.evaluation import gliders as task
 from agents.evaluation.flights import AGENT
 from agents.evaluation.gliders import Setting, glider_rule, glider_statements
 from agents.evaluation.registry import SHIPPED, policy_folder
+from agents.studies.seal import differing, digests
 from baselines.estimation.turns import STRAIGHT, run_turn_imm
 from baselines.recordings.flights import circling, gliders
 from baselines.recordings.flights import labels as label_rules
@@ -191,22 +191,14 @@ def current_seal() -> dict[str, Any]:
     """Return the digests of what labels and rules are computed with, and of the agent."""
     weights, files = policy_folder(SHIPPED, GLIDERS), {name: Path(str(one.__file__)) for name, one in FROZEN.items()}
     files |= {name: weights.parent / f"{name}_decider.py" for name in ("flight", "glider")}  # importing loads PyTorch
-    code, shipped = (
-        {name: sha256(file.read_bytes()).hexdigest() for name, file in some.items()}
-        for some in (files, {file.name: file for file in sorted(weights.glob("policy.*"))})
-    )
-    return {"code": code | {"libigc": version("libigc")}, "weights": shipped}
+    shipped = digests({file.name: file for file in sorted(weights.glob("policy.*"))})
+    return {"code": digests(files) | {"libigc": version("libigc")}, "weights": shipped}
 
 
 def unbroken_seal(names: Sequence[str]) -> dict[str, Any]:
     """Return the seal; refuse if code or weights are not those of the seal, or it has no settings of a rule."""
     kept: dict[str, Any] = json.loads(SEAL.read_text(encoding="utf-8"))
-    differ = [
-        name
-        for part, found in current_seal().items()
-        for name in {**kept[part], **found}
-        if kept[part].get(name) != found.get(name)
-    ]
+    differ = differing(kept, current_seal())
     differ += [name for name in names if any(name not in one for one in kept["settings"].values())]
     if differ:
         allowed = f"no value: {', '.join(differ)} differ from {SEAL.name}, and the sealed logs stay closed"

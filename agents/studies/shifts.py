@@ -69,7 +69,8 @@ def evaluate_shifts(
 
     Each decider uses the threshold with the best reward, selected on other episodes, once of the same environment
     and once of the nominal environment; without a nominal one, its default. Rules that are fitted to an environment
-    are fitted to each of them. Nothing is selected for `untuned` names.
+    are fitted to each of them. Nothing is selected for `untuned` names: their nominal threshold is also their own,
+    with the changes `Task.untuned`.
     """
     alone = functools.partial(evaluate_world, episodes=episodes, seed=seed)
     home = worlds.get(NOMINAL)
@@ -92,10 +93,13 @@ def evaluate_world(
     if threshold is not None:
         usual = sweep(task, find_family(name, task.options), episodes, seed, thresholds=(threshold,))
         if not tuned:
-            return Shift(world, task, usual, usual)
+            told = task.changed(task.untuned)
+            alone = sweep(told, find_family(name, told.options), episodes, seed, thresholds=(threshold,))
+            return Shift(world, told, alone, usual, task.untuned)
     count = min(episodes, seeds.SELECTION_EPISODES)
-    tried = []
-    for setting in task.settings():
+    usual_family, tried = find_family(name, task.options), []
+    observes = usual_family.make(usual_family.default).observes
+    for setting in task.settings(observes):
         own = task.changed(setting)
         family = find_family(name, own.options)
         thresholds = FEW_ALPHAS if family.thresholds == ALPHAS else family.thresholds

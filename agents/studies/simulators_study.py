@@ -1,40 +1,99 @@
 """The agent on simulators of others beside rules that are tuned in each world: `compare --simulators`."""
 
+import json
 from collections.abc import Callable, Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from scipy.stats import norm
 
-from agents.evaluation.simulators import SimulatorTask, simulator_worlds
+from agents.evaluation import simulators
+from agents.evaluation.registry import SHIPPED, policy_folder
+from agents.evaluation.simulators import SimulatorTask
 from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import FURTHER_STYLES
 from agents.interface.parallel import Workers
+from agents.studies.seal import differing, digests
 from agents.studies.shifts import Shift, differences, differences_json, evaluate_shifts
-from baselines.recordings.simulators.aircraft import AIRCRAFT
-from baselines.recordings.simulators.tracks import SimulatedTracks
+from baselines.recordings.simulators import aircraft, airliners, cars, paths, process_noise, tracks
+from baselines.recordings.simulators.tracks import VEHICLES, SimulatedTracks
+from baselines.rules import beam, seeds, threshold
+from baselines.rules.decider import UNKNOWN
 from baselines.scoring.estimates import Estimate
+from hybrid_env.checks import reject
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.quickest_options import QuickestOptions
 
-EPISODES = 40  # flights of a quarter of an hour: 10 h a world
-FLIGHTS = 8  # for the mismatch
+EPISODES = 40  # paths of a quarter of an hour: 10 h a world
+PATHS = 8  # for the mismatch
 LEVEL = 0.05
 ALLOWED = 0.01
 """Reward by which the agent may be below the best rule and still not lose."""
 
+SEAL = Path(__file__).with_name("sealed_simulators.json")
+"""Digests of what is fixed before the paths from `seeds.SEALED` on are opened."""
+
+FROZEN = (aircraft, airliners, cars, paths, process_noise, tracks, simulators, beam, threshold)
+PROGRAMS = ("jsbsim", "bluesky-simulator", "openap", "eclipse-sumo")
+
 
 def compare_on_simulators(
-    names: Sequence[str], episodes: int, seed: int, workers: Workers, on_progress: Callable[[str], None]
+    names: Sequence[str],
+    worlds: Mapping[str, SimulatorTask],
+    episodes: int,
+    seed: int,
+    workers: Workers,
+    on_progress: Callable[[str], None],
 ) -> list[Shift]:
-    """Evaluate deciders in all worlds, see `evaluate_shifts`: all but the first are tuned in each of them."""
-    return evaluate_shifts(names, simulator_worlds(), episodes, seed, workers, on_progress, names[:1])
+    """Evaluate deciders in worlds, see `evaluate_shifts`: all but the first are tuned in each of them."""
+    return evaluate_shifts(names, worlds, episodes, seed, workers, on_progress, names[:1])
+
+
+def first_seed(seed: int, episodes: int, sealed: bool) -> int:
+    """Return the seed of the first path.
+
+    Raises:
+        ArgumentError: the seeds are not open, or the seal is broken.
+    """
+    if not sealed:
+        if not 0 <= seed <= seeds.SELECTION - episodes:
+            raise reject("seed", seed, f"a number from 0 to {seeds.SELECTION} minus the number of episodes")
+        return seed
+    if seed:
+        raise reject("seed", seed, "no value with --sealed")
+    differ = differing(json.loads(SEAL.read_text(encoding="utf-8")), current_seal())
+    if differ:
+        allowed = f"no value: {', '.join(differ)} differ from {SEAL.name}, and the sealed paths stay closed"
+        raise reject("sealed", True, allowed)
+    return seeds.SEALED
+
+
+def current_seal() -> dict[str, dict[str, str]]:
+    """Return the digests of the code of worlds, rules and agent, of its weights, and versions of the simulators."""
+    weights = policy_folder(SHIPPED, UNKNOWN)
+    files = [Path(str(one.__file__)) for one in FROZEN]
+    files += [weights.parent / f"statement_{name}.py" for name in ("decider", "net")]  # importing loads PyTorch
+    return {
+        "code": digests({file.stem: file for file in files}),
+        "weights": digests({file.name: file for file in sorted(weights.glob("policy.*"))}),
+        "programs": {name: _version(name) for name in PROGRAMS},
+    }
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "missing"
 
 
 def simulators_json(results: Sequence[Shift], mismatches: Mapping[str, float]) -> dict[str, Any]:
-    """Return all figures, what `summary` counts, and the mismatch of each world."""
-    found: dict[str, Any] = {"results": [one.as_json() for one in results], "mismatches": dict(mismatches)}
+    """Return all figures, what `summary` counts, the mismatch of each world, and what `SEAL` holds once sealed."""
+    shown = [one.as_json() for one in results]
+    found: dict[str, Any] = {"results": shown, "mismatches": dict(mismatches), "seal": current_seal()}
     if len({one.decider for one in results}) > 1:
         found |= {"differences": differences_json(results)} | counts(results)
     return found
@@ -47,11 +106,11 @@ def mismatch(task: SimulatorTask, seed: int) -> float:
     """
     options = task.options_with({})
     assert isinstance(options, QuickestOptions)
-    tracks, layout = SimulatedTracks(task.kind, options, FLIGHTS), QuickestLayout(options.hypotheses)
+    tracks, layout = SimulatedTracks(task.kind, options, PATHS), QuickestLayout(options.hypotheses)
     rows, _ = tracks.reset(seed=seed)
     squares = []
     for _ in range(options.ticks - 1):
-        rows, *_ = tracks.step(np.zeros(FLIGHTS, np.int64))
+        rows, *_ = tracks.step(np.zeros(PATHS, np.int64))
         each = sum(layout.read(rows, f"innovation_{axis}") ** 2 for axis in ("along", "across"))
         squares.append(0.5 * (np.exp(layout.read(rows, "log_probability")) * each).sum(-1))
     return float(np.mean(squares))
@@ -60,29 +119,32 @@ def mismatch(task: SimulatorTask, seed: int) -> float:
 def mismatch_figure(results: Sequence[Shift], mismatches: Mapping[str, float]) -> Figure:
     """Draw the gain of the first decider over the best tuned other one against the mismatch of the world."""
     gains = differences(results)
-    curves = []
-    for (kind, craft), style in zip(AIRCRAFT.items(), FURTHER_STYLES, strict=False):
-        worlds = sorted((world for world in gains if world.startswith(kind)), key=lambda world: mismatches[world])
+    curves: dict[str, list[Curve]] = {}
+    for kind, one in VEHICLES.items():
+        worlds = sorted((world for world in gains if world.startswith(f"{kind},")), key=lambda world: mismatches[world])
         if not worlds:
             continue
-        nominal = [gains[world][2] for world in worlds]
-        bars = np.array([[one.value - one.low, one.high - one.value] for one in nominal]).T
-        points = [mismatches[world] for world in worlds], [one.value for one in nominal]
-        curves.append(Curve(f"{kind} ({craft.name})", style, *points, bars=bars, dashes=":", filled=True))
-    x = Axis("mean squared whitened innovation of a coordinate (1: the model is true)", levels=(1.0,))
+        found = [gains[world][1] for world in worlds]
+        bars = np.array([[each.value - each.low, each.high - each.value] for each in found]).T
+        points = [mismatches[world] for world in worlds], [each.value for each in found]
+        panel = curves.setdefault(one.simulator, [])
+        panel.append(Curve(kind, FURTHER_STYLES[len(panel)], *points, bars=bars, dashes=":", filled=True))
+    x = Axis("mean squared whitened innovation", levels=(1.0,))
     y = Axis("reward less that of the best tuned rule", levels=(0.0, -ALLOWED))
-    title = f"{results[0].decider} on aircraft of JSBSim"
-    return curve_figure([[Panel("", x, y, curves)]], (8.0, 5.0), title)
+    panels = [Panel(simulator, x, y, some) for simulator, some in curves.items()]
+    return curve_figure([panels], (4.5 * len(panels) + 1.0, 4.5), f"{results[0].decider} in simulators of others")
 
 
 def counts(results: Sequence[Shift]) -> dict[str, int]:
     """Return in how many worlds the first decider, untuned, keeps up with the best tuned other one.
 
+    It has the likeliest process noise.
+
     Returns:
         worlds; kept: at most .01 below; above: the difference above 0, and below: below 0, by Holm's
         correction over all worlds.
     """
-    gains = [nominal for _, _, nominal in differences(results).values()]
+    gains = [gain for _, gain, _ in differences(results).values()]
     sure = holm([p_value(gain) for gain in gains])
     return {
         "worlds": len(gains),
@@ -112,7 +174,7 @@ def summary(results: Sequence[Shift]) -> str:
     first = results[0].decider
     found = counts(results)
     return (
-        f"{first} at its default threshold beside the best other decider, whose threshold and process noise "
-        f"are tuned in each world: at most {ALLOWED:g} below in {found['kept']} of {found['worlds']} worlds; "
+        f"{first} at its default threshold, with the likeliest process noise, beside the best other decider, "
+        f"which is tuned in each world: at most {ALLOWED:g} below in {found['kept']} of {found['worlds']} worlds; "
         f"above in {found['above']} and below in {found['below']} by Holm's correction."
     )

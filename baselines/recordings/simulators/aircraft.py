@@ -14,17 +14,17 @@ import math
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
+from baselines.recordings.simulators.paths import CONTROL, Path, flown_path
 from hybrid_env.checks import FloatArray, IntArray
 
 GRAVITY = 9.81  # [m/s^2]
 FOOT = 0.3048  # [m]
 STEP = 1.0 / 60.0  # of the flight dynamics [s]
-STEPS = 6  # of them between two corrections of the controls
-CONTROL = STEP * STEPS  # [s]
+STEPS = round(CONTROL / STEP)  # of them between two corrections of the controls
 SETTLED = 20.0  # time of straight flight before the track begins [s]
 BANK_SPREAD = 0.15  # a commanded bank differs from the nominal one by up to this share
 BANK_GAINS = 0.02, 0.015, 0.004  # aileron by the error of the bank [1/deg], its rate and its integral
@@ -51,6 +51,9 @@ class Aircraft:
         noises: standard deviations of a measured position [m].
     """
 
+    simulator: ClassVar[str] = "JSBSim"
+    module: ClassVar[str] = "jsbsim"
+
     name: str
     height: float
     airspeed: float
@@ -67,8 +70,17 @@ class Aircraft:
 
     @property
     def radian(self) -> float:
-        """Time in which it turns by a radian [s]; modes last this time and, on average, twice of it more."""
+        """Time in which it turns by a radian [s]."""
         return self.radius / self.speed
+
+    @property
+    def lasting(self) -> tuple[float, float]:
+        """See `Vehicle.lasting`: a mode lasts a radian and, on average, twice of it more."""
+        return self.radian, 2.0 * self.radian
+
+    def travel(self, seed: int, duration: float) -> Path:
+        """See `Vehicle.travel`."""
+        return fly(self, seed, duration)
 
 
 AIRCRAFT = {
@@ -78,52 +90,35 @@ AIRCRAFT = {
 }
 
 
-class Path(NamedTuple):
-    """A flown path at every correction of the controls.
-
-    Attributes:
-        states: (n, 4) true [x, vx, y, vy], x east and y north [m, m/s].
-        modes: (n,) straight, left or right, as commanded.
-        banks: (n,) flown bank, positive to the right [deg].
-    """
-
-    states: FloatArray
-    modes: IntArray
-    banks: FloatArray
-
-
 @functools.lru_cache(maxsize=512)
-def fly(kind: str, seed: int, duration: float) -> Path:
+def fly(craft: Aircraft, seed: int, duration: float) -> Path:
     """Return a flight of a duration [s], with modes and banks drawn by a seed.
 
     Args:
-        kind: key of `AIRCRAFT`.
+        craft: of JSBSim.
         seed: of the random numbers.
         duration: [s].
 
     Raises:
         ModuleNotFoundError: JSBSim is not installed.
     """
-    craft, generator = AIRCRAFT[kind], np.random.default_rng(seed)
+    generator = np.random.default_rng(seed)
     count = round(duration / CONTROL)
     modes, commands = draw_commands(craft, count, generator)
     heading = generator.uniform(0.0, 360.0)
     flown = _fly(craft, heading, np.append(np.zeros(round(SETTLED / CONTROL)), commands))[-count:]
-    east, north = (flown[:, k] for k in (0, 1))
-    x, y = (CONTROL * (np.cumsum(v) - 0.5 * (v + v[0])) for v in (east, north))  # trapezoids
-    return Path(np.stack([x, east, y, north], axis=1), modes, flown[:, 2])
+    return flown_path(flown[:, :2], modes, flown[:, 2])
 
 
 def draw_commands(craft: Aircraft, count: int, generator: np.random.Generator) -> tuple[IntArray, FloatArray]:
     """Return the modes (count,) at every correction and the commanded banks (count,) [deg], right positive.
 
-    A mode lasts `Aircraft.radian` and an exponential time of twice this mean; the next mode is one of the
-    other two.
+    A mode lasts as `Aircraft.lasting` says; the next one is one of the other two.
     """
     modes, banks = np.zeros(count, np.int64), np.zeros(count)
     first, mode = 0, int(generator.integers(3))
     while first < count:
-        length = math.ceil(craft.radian * (1.0 + generator.exponential(2.0)) / CONTROL)
+        length = math.ceil((craft.lasting[0] + craft.lasting[1] * generator.exponential()) / CONTROL)
         bank = craft.bank * generator.uniform(1.0 - BANK_SPREAD, 1.0 + BANK_SPREAD)
         modes[first : first + length] = mode
         banks[first : first + length] = (0.0, -bank, bank)[mode]

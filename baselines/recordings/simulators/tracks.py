@@ -1,67 +1,80 @@
-"""Simulated flights with measured positions, as an environment with unknown switches."""
+"""Simulated paths with measured positions, as an environment with unknown switches."""
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 
-from baselines.recordings.simulators.aircraft import AIRCRAFT, CONTROL, fly
+from baselines.recordings.simulators.aircraft import AIRCRAFT
+from baselines.recordings.simulators.airliners import AIRLINERS
+from baselines.recordings.simulators.cars import CARS
+from baselines.recordings.simulators.paths import CONTROL, Vehicle
+from baselines.recordings.simulators.process_noise import LikeliestNoise
 from baselines.rules.decider import Actions, Observations
 from hybrid_env.checks import BoolArray, FloatArray
 from hybrid_env.live import MeasuredTracks
 from hybrid_env.quickest_options import QuickestOptions
 
+VEHICLES: dict[str, Vehicle] = {**AIRCRAFT, **AIRLINERS, **CARS}
+"""What moves in the worlds, by name."""
+
 MINUTES = 15.0
-"""Duration of a flight [min]."""
+"""Duration of a path [min]."""
 
 PROCESS = 0.0158
 """Deviation of the velocity by the process noise of a tick over the speed, as in the default environment."""
 
-NOISE_STREAM = 1  # random numbers of the noise are none of the flight
+NOISE_STREAM = 1  # random numbers of the noise are none of the path
 
 
 def world_options(kind: str, tick: float, noise: float) -> dict[str, Any]:
     """Return what deciders are told of a world, as options of `HybridTrackQuickest-v0`.
 
     Args:
-        kind: key of `AIRCRAFT`.
+        kind: key of `VEHICLES`.
         tick: [s].
         noise: standard deviation of a measured position [m].
     """
-    craft = AIRCRAFT[kind]
-    radian = max(1, round(craft.radian / tick))
+    one = VEHICLES[kind]
+    shortest, further = (max(1, round(time / tick)) for time in one.lasting)
     return {
-        "radii": (craft.radius,), "speed": craft.speed, "tau": tick, "measurement_variance": noise**2,
-        "process_variance": (PROCESS * craft.speed) ** 2, "durations": f"{radian} + geometric {2 * radian}",
-        "ticks": int(60.0 * MINUTES / tick), "initial_error": (0.3, (0.07 * craft.speed) ** 2),
+        "radii": (one.radius,), "speed": one.speed, "tau": tick, "measurement_variance": noise**2,
+        "process_variance": (PROCESS * one.speed) ** 2, "durations": f"{shortest} + geometric {further}",
+        "ticks": int(60.0 * MINUTES / tick), "initial_error": (0.3, (0.07 * one.speed) ** 2),
     }  # fmt: skip
 
 
 class SimulatedTracks:
-    """Flights with noise as a vector environment with the rows of `hybrid_env.HybridTrackQuickestEnv`.
+    """Paths with noise as a vector environment with the rows of `hybrid_env.HybridTrackQuickestEnv`.
 
-    Track i is the flight of seed s + i, whatever noise and tick are. Bank and deciders know the mode in which
+    Track i has the path of seed s + i, whatever noise and tick are. Bank and deciders know the mode in which
     it begins, and an estimate with the error of the options.
 
     Args:
-        kind: key of `AIRCRAFT`.
+        kind: key of `VEHICLES`.
         options: of the bank; `tau` and `measurement_variance` are those of the sensor.
         tracks: N.
+        factors: process noise of the banks, as factors of that of the options; of several, rows are those of
+            the likeliest one, see `process_noise`.
 
     Attributes:
         num_envs: N.
         single_action_space: M modes to state.
-        world: arrays of the bank.
+        world: arrays of the first bank.
     """
 
-    def __init__(self, kind: str, options: QuickestOptions, tracks: int):
+    def __init__(self, kind: str, options: QuickestOptions, tracks: int, factors: Sequence[float] = (1.0,)):
         self.kind, self.options, self.num_envs = kind, options, tracks
-        self.world = MeasuredTracks(options, tracks)
+        told = [replace(options, process_variance=one * options.process_variance) for one in factors]
+        self.worlds = [MeasuredTracks(one, tracks) for one in told]
+        self.world = self.worlds[0]
         self.single_action_space = spaces.Discrete(options.hypotheses)
 
     def reset(self, *, seed: int | None = None) -> tuple[Observations, dict[str, Any]]:
-        """Begin the flights of the seeds, and measure their first positions."""
+        """Begin the paths of the seeds, and measure their first positions."""
         assert seed is not None
         options, deviation = self.options, math.sqrt(self.options.variances[0])
         ends = options.tau * np.arange(options.ticks + 1)
@@ -72,7 +85,7 @@ class SimulatedTracks:
         position, velocity = options.initial_error
         spread = np.array([position * deviation**2, velocity] * 2)
         for track in range(self.num_envs):
-            path = fly(self.kind, seed + track, 60.0 * MINUTES)
+            path = VEHICLES[self.kind].travel(seed + track, 60.0 * MINUTES)
             generator = np.random.default_rng([seed + track, NOISE_STREAM])
             exact = np.stack([np.interp(ends, moments, one) for one in path.states.T], axis=1)
             starts.append(exact[0] + np.sqrt(spread) * generator.standard_normal(4))
@@ -80,18 +93,27 @@ class SimulatedTracks:
             self._modes[:, track] = path.modes[rows[1:]]
         self._points: FloatArray = np.stack(points, axis=1)
         self._tick = 0
-        self.world.begin_all(np.array(starts), np.diag(spread), self._modes[0])
+        self._chooser = LikeliestNoise(options) if len(self.worlds) > 1 else None
+        for world in self.worlds:
+            world.begin_all(np.array(starts), np.diag(spread), self._modes[0])
         return self._measure(), {}
 
     def _measure(self) -> Observations:
-        self.world.measure_all(self._points[self._tick])
-        self.world.write("true_mode", self._modes[self._tick])
+        for world in self.worlds:
+            world.measure_all(self._points[self._tick])
+            world.write("true_mode", self._modes[self._tick])
         self._tick += 1
-        return self.world.take_rows()
+        return self._rows()
+
+    def _rows(self) -> Observations:
+        if self._chooser is None:
+            return self.world.take_rows()
+        return self._chooser.choose(np.stack([world.take_rows() for world in self.worlds]))
 
     def step(self, actions: Actions) -> tuple[Observations, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
         """Go on to the next positions after statements (N,); after the last ones the episodes end."""
-        self.world.actions[:] = actions
+        for world in self.worlds:
+            world.actions[:] = actions
         ended = np.full(self.num_envs, self._tick == len(self._points))
-        rows = self.world.take_rows() if ended.all() else self._measure()
+        rows = self._rows() if ended.all() else self._measure()
         return rows, np.zeros(self.num_envs), ended, np.zeros(self.num_envs, np.bool_), {}

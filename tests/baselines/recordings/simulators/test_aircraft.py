@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from baselines.recordings.simulators.aircraft import AIRCRAFT, BANK_SPREAD, CONTROL, draw_commands, fly
+from baselines.recordings.simulators.aircraft import AIRCRAFT, BANK_SPREAD, draw_commands, fly
+from baselines.recordings.simulators.paths import CONTROL
 
 
 def test_commands_have_the_documented_durations_and_banks():
@@ -21,7 +22,7 @@ def test_commands_have_the_documented_durations_and_banks():
 @pytest.mark.parametrize("kind", AIRCRAFT)
 def test_aircraft_turn_as_commanded_after_they_have_rolled(kind):
     pytest.importorskip("jsbsim")
-    craft, path = AIRCRAFT[kind], fly(kind, 3, 300.0)
+    craft, path = AIRCRAFT[kind], AIRCRAFT[kind].travel(3, 300.0)
     vx, vy = path.states[:, 1], path.states[:, 3]
     rates = np.gradient(np.unwrap(np.arctan2(vy, vx)), CONTROL)
     settled = np.full(len(rates), True)
@@ -43,7 +44,7 @@ def test_aircraft_turn_as_commanded_after_they_have_rolled(kind):
 
 def test_flights_are_those_of_their_seeds(capfd):
     pytest.importorskip("jsbsim")
-    first, other = (fly.__wrapped__("airliner", seed, 20.0).states for seed in (5, 6))
-    np.testing.assert_array_equal(fly.__wrapped__("airliner", 5, 20.0).states, first)
+    first, other = (fly.__wrapped__(AIRCRAFT["airliner"], seed, 20.0).states for seed in (5, 6))
+    np.testing.assert_array_equal(fly.__wrapped__(AIRCRAFT["airliner"], 5, 20.0).states, first)
     assert not np.array_equal(first, other)
     assert capfd.readouterr().out == ""

@@ -1,11 +1,17 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
+import hybrid_env
 from baselines import ThresholdDecider, measure_statements
 from baselines.recordings.simulators import tracks
-from baselines.recordings.simulators.aircraft import CONTROL, fly
+from baselines.recordings.simulators.aircraft import AIRCRAFT
+from baselines.recordings.simulators.paths import CONTROL
+from baselines.recordings.simulators.process_noise import FACTORS, LikeliestNoise
 from baselines.recordings.simulators.tracks import SimulatedTracks, world_options
 from baselines.rules.rollout import record_in
+from hybrid_env.live import MeasuredTracks
 from hybrid_env.quickest_options import QuickestOptions
 
 
@@ -22,7 +28,7 @@ def test_statements_follow_the_commands(options):
     right = [measure_statements(one).right.mean() for one in found]
     assert right[0] > 0.7 > right[1]
     for track in range(3):
-        modes = fly("fighter", 4 + track, 240.0).modes
+        modes = AIRCRAFT["fighter"].travel(4 + track, 240.0).modes
         commanded = modes[np.minimum(np.round(np.arange(1, 241) / CONTROL).astype(int), len(modes) - 1)]
         assert np.mean(found[0].true_modes[:, track] == commanded) > 0.99
 
@@ -34,7 +40,7 @@ def test_noise_and_path_have_random_numbers_of_their_own(options):
         env = SimulatedTracks("fighter", one, 2)
         env.reset(seed=4)
         points.append(env._points)
-    path = fly("fighter", 4, 240.0).states[:, ::2]
+    path = AIRCRAFT["fighter"].travel(4, 240.0).states[:, ::2]
     exact = path[np.minimum(np.arange(1, 241) * round(1.0 / CONTROL), len(path) - 1)]
     loud, low = ((one[:, 0] - exact) / deviation for one, deviation in zip(points, (20.0, 5.0), strict=True))
     np.testing.assert_allclose(loud, low, atol=1e-6)  # the same random numbers
@@ -46,3 +52,31 @@ def test_episodes_end_together(options):
     env.reset(seed=0)
     ended = [env.step(np.zeros(2, np.int64))[2].all() for _ in range(options.ticks)]
     assert ended == [False] * (options.ticks - 1) + [True]
+
+
+def test_the_likeliest_process_noise_is_that_of_the_object(monkeypatch):
+    """With an object of the model, rows are mostly those of the bank that is told its process noise."""
+    monkeypatch.setattr(tracks, "MINUTES", 10.0)
+    told = QuickestOptions(ticks=600, radii=(20.0,))
+    for true in (0.001, 0.01, 0.1):
+        env = hybrid_env.HybridTrackQuickestVectorEnv(40, process_variance=true, radii=(20.0,))
+        env.reset(seed=3)
+        banks = [
+            MeasuredTracks(dataclasses.replace(told, radii=(20.0,), process_variance=one * 0.001), 40)
+            for one in FACTORS
+        ]
+        state, chooser = env.world, LikeliestNoise(banks[0].options)
+        for bank in banks:
+            bank.begin_all(state.field("estimate"), np.eye(4) * 0.02, state.field("true_mode"))
+        picked = []
+        for tick in range(500):
+            for bank in banks:
+                bank.measure_all(state.field("measurement"))
+            rows = np.stack([bank.take_rows() for bank in banks])
+            chosen = chooser.choose(rows)
+            if tick > 100:
+                picked.append(chooser.evidence.argmax(0))
+            assert all((chosen[k] == rows[:, k]).all(1).any() for k in range(0, 40, 13))
+            env.step(np.zeros(40, np.int64))
+        median = np.median(np.log10(np.array(FACTORS)[np.array(picked)]))
+        assert median == pytest.approx(np.log10(true / 0.001), abs=0.51)
