@@ -56,6 +56,7 @@ OWN_NETWORKS = {
     "reward": ("reward_decider", "RewardDecider"), "tandem": ("tandem_decider", "TandemDecider"),
     "kalman": ("kalman_decider", "KalmanDecider"),
     "distilled": ("distilled", "DistilledDecider"), "transformer": ("transformer_net", "TransformerDecider"),
+    "jump_markov": ("jump_markov_decider", "JumpMarkovDecider"),
 }  # fmt: skip
 """File and class of the deciders whose networks are of this package, by training algorithm."""
 

@@ -50,12 +50,13 @@ class KalmanNet(nn.Module):
     Args:
         states, measurements: m and n.
         hidden: units of the GRU.
+        context: number of further inputs of the GRU at every measurement.
     """
 
-    def __init__(self, states: int, measurements: int, hidden: int):
+    def __init__(self, states: int, measurements: int, hidden: int, context: int = 0):
         super().__init__()
         self.states, self.measurements = states, measurements
-        inputs = 2 * (states + measurements)
+        inputs = 2 * (states + measurements) + context
         self.before = nn.Sequential(nn.Linear(inputs, hidden), nn.SiLU())
         self.recurrent = nn.GRUCell(hidden, hidden)
         self.gain = nn.Sequential(
@@ -74,7 +75,13 @@ class KalmanNet(nn.Module):
         return KalmanState(state, memory, measurement, nothing, nothing)
 
     def step(
-        self, last: KalmanState, motion: Tensor, sensor: Tensor, measurement: Tensor, scale: Tensor
+        self,
+        last: KalmanState,
+        motion: Tensor,
+        sensor: Tensor,
+        measurement: Tensor,
+        scale: Tensor,
+        context: Tensor | None = None,
     ) -> tuple[KalmanState, Tensor]:
         """Process one measurement of every filter.
 
@@ -84,6 +91,7 @@ class KalmanNet(nn.Module):
             sensor: (n, m) matrix from the state to the measurement.
             measurement: (N, n).
             scale: (N, 1) typical deviation of an innovation, in the unit of state and measurement.
+            context: (N, context) further inputs; None for a network without.
 
         Returns:
             The state of the filters, and the log-likelihood of each measurement given those before, (N,).
@@ -92,6 +100,7 @@ class KalmanNet(nn.Module):
         innovation = measurement - predicted @ sensor.T
         differences = torch.cat([innovation, measurement - last.measurement, last.evolution, last.update], -1) / scale
         inputs = LARGEST_INPUT * torch.tanh(differences / LARGEST_INPUT)
+        inputs = inputs if context is None else torch.cat([inputs, context], -1)
         memory = self.recurrent(self.before(inputs), last.memory)
         update = (self.gain(memory) @ innovation[..., None])[..., 0]
         n = self.measurements

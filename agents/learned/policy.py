@@ -8,12 +8,13 @@ import torch
 from gymnasium import spaces
 from numpy.typing import NDArray
 from scipy.special import softmax
-from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from torch import Tensor
 
 from agents.learned.features import policy_kwargs_with_features
 from agents.learned.policy_file import (
     LAYOUTS,
+    VALUE_ALGORITHMS,
     card_task,
     check_policy_kwargs,
     load_weights,
@@ -27,6 +28,8 @@ from hybrid_env.observation import Layout
 from hybrid_env.rendering.evidence import EvidencePanel, Threshold, probability_panel
 
 LARGEST_WIDTH = 2000  # of an observation row
+VALUE_THRESHOLDS = (-1.0, -0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01, 0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
+"""On the differences of action values, in units of the reward."""
 
 
 def make_policy(
@@ -34,37 +37,47 @@ def make_policy(
     action_space: spaces.Space[Any],
     policy_kwargs: dict[str, Any],
     observe: tuple[str, ...] = (),
-    recurrent: bool = False,
+    algo: str = "ppo",
     layout: type[Layout] = Layout,
-) -> ActorCriticPolicy:
-    """Create an untrained actor-critic policy of Stable-Baselines3 or sb3-contrib.
+) -> BasePolicy:
+    """Create an untrained policy of Stable-Baselines3 or sb3-contrib.
 
     Args:
         observation_space: of one observation row.
         action_space: of one track.
         policy_kwargs: keyword arguments of the policy, such as net_arch.
         observe: names of the quantities that the policy observes; all if empty.
-        recurrent: use the LSTM policy of sb3-contrib.
+        algo: of its training, a key of `policy_file.POLICY_SETTINGS`.
         layout: of the observation.
 
     Raises:
-        ImportError: recurrent, and sb3-contrib is not installed.
+        ImportError: of sb3-contrib, which is not installed.
     """
     kind: Any = ActorCriticPolicy
-    if recurrent:
-        from sb3_contrib.ppo_recurrent import MlpLstmPolicy
-
-        kind = MlpLstmPolicy
+    if algo == "recurrent_ppo":
+        from sb3_contrib.ppo_recurrent import MlpLstmPolicy as kind
+    elif algo == "qrdqn":
+        from sb3_contrib.qrdqn.policies import QRDQNPolicy as kind
+    elif algo == "dqn":
+        from stable_baselines3.dqn.policies import DQNPolicy as kind
     keywords = policy_kwargs_with_features(policy_kwargs, observe, layout)
-    policy: ActorCriticPolicy = kind(observation_space, action_space, lambda _: 0.0, **keywords)
+    policy: BasePolicy = kind(observation_space, action_space, lambda _: 0.0, **keywords)
     return policy
+
+
+def value_network(policy: Any) -> Any:
+    """Return the network of the action values of DQN, or of their quantiles of QR-DQN; None of other policies."""
+    return getattr(policy, "q_net", getattr(policy, "quantile_net", None))
 
 
 class ActorDecider(Decider):
     """Base class of the deciders of a trained actor; the subclasses choose actions from its logits.
 
+    Action values of DQN and QR-DQN take the place of logits, and their differences that of log-odds.
+
     Args:
-        policy: actor with or without an LSTM, or a network from rows to one number for each action.
+        policy: actor with or without an LSTM, policy of action values, or a network from rows to one number for
+            each action.
         threshold: see the subclass.
     """
 
@@ -81,7 +94,10 @@ class ActorDecider(Decider):
 
     def trained(self, name: str) -> DeciderFamily:
         """Return the policy at any threshold."""
-        return DeciderFamily(name, self.symbol, self.thresholds, self.default, self.with_threshold, self.hypotheses)
+        symbol, grid = self.symbol, self.thresholds
+        if value_network(self.policy) is not None:
+            symbol, grid = "value difference", VALUE_THRESHOLDS
+        return DeciderFamily(name, symbol, grid, self.default, self.with_threshold, self.hypotheses)
 
     @property
     def hypotheses(self) -> int:
@@ -97,7 +113,8 @@ class ActorDecider(Decider):
         """Return logits (N, actions) and the LSTM state: None, or two tensors (layers, N, hidden)."""
         rows = torch.as_tensor(observation)
         if not isinstance(self.policy, ActorCriticPolicy):
-            return self.policy(rows).numpy().astype(np.float64), None
+            values = (value_network(self.policy) or self.policy)(rows)
+            return (values.mean(1) if values.ndim == 3 else values).numpy().astype(np.float64), None
         lstm: Any = getattr(self.policy, "lstm_actor", None)
         features: Tensor = self.policy.pi_features_extractor(rows)
         if lstm is not None:
@@ -225,7 +242,7 @@ ACTORS: dict[str, type[ActorDecider]] = {kind.task: kind for kind in (PolicyDeci
 """Deciders of an actor by task."""
 
 
-def save_actor(folder: Path, policy: ActorCriticPolicy, card: dict[str, Any], task: str = ANNOUNCED) -> None:
+def save_actor(folder: Path, policy: BasePolicy, card: dict[str, Any], task: str = ANNOUNCED) -> None:
     """Write weights and card; see `save_policy`."""
     shape = policy.observation_space.shape
     assert shape is not None
@@ -234,7 +251,7 @@ def save_actor(folder: Path, policy: ActorCriticPolicy, card: dict[str, Any], ta
     save_policy(folder, policy.state_dict(), card, task)
 
 
-def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -> ActorCriticPolicy:
+def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -> BasePolicy:
     """Return the policy for the weights and card that `policy_file.load_policy` read from a folder.
 
     Raises:
@@ -242,17 +259,14 @@ def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -
     """
     try:
         entry = card["recipe"]["entry"]
-        recurrent = entry["algo"] == "recurrent_ppo"
-        check_policy_kwargs(entry["policy_kwargs"], recurrent)
+        algo, keywords = entry["algo"], entry["policy_kwargs"]
+        check_policy_kwargs(keywords, algo)
+        if algo not in VALUE_ALGORITHMS:
+            keywords = keywords | {"ortho_init": False}  # slow, and the weights are replaced
         space, actions = _spaces(card)
         # the limits on widths and layers keep this below 200 MB, whatever the card says
         policy = make_policy(
-            space,
-            actions,
-            entry["policy_kwargs"] | {"ortho_init": False},  # slow, and the weights are replaced
-            tuple(entry.get("observe", ())),
-            recurrent,
-            LAYOUTS[card_task(card)],
+            space, actions, keywords, tuple(entry.get("observe", ())), algo, LAYOUTS[card_task(card)]
         )
         load_weights(policy, weights)
     except ImportError:

@@ -9,7 +9,7 @@ from hypothesis import given
 
 from agents.interface.input_files import LARGEST_FILE
 from agents.training.recipe import FOLDER, Recipe, load_recipe, recipe_names, recipe_of
-from agents.training.settings import PPOSettings
+from agents.training.stable_baselines_settings import PPOSettings
 from hybrid_env.checks import ArgumentError
 
 ENV = "hybrid_env:HybridTrack-v0"
