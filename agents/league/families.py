@@ -35,7 +35,7 @@ from baselines.rules.decider import ANNOUNCED, UNKNOWN, Actions, Decider
 from baselines.rules.own import as_decider
 from baselines.rules.rollout import rollout
 from baselines.scoring.estimates import RESAMPLES, Estimate
-from hybrid_env.checks import FloatArray, reject
+from hybrid_env.checks import ArgumentError, FloatArray, reject
 from hybrid_env.registration import make_vector_env
 
 HOMES = {ANNOUNCED: (THREE, "R = 0.1"), UNKNOWN: (QUICKEST, "unknown, R = 0.1")}
@@ -102,11 +102,16 @@ def home_of(recipe: str) -> tuple[str, str]:
     Raises:
         ArgumentError: the recipe cannot be read, or is not for one of the environments.
     """
-    homes = (task for task in ALGORITHMS[load_recipe(recipe, THREE).algo] if task in HOMES)
-    task = next(homes, None)
-    if task is None:
-        raise reject("deciders", recipe, "a recipe for HybridTrack-v0 or HybridTrackQuickest-v0")
-    return HOMES[task]
+    errors = []
+    for task, home in HOMES.items():
+        try:
+            if task in ALGORITHMS[load_recipe(recipe, home[0]).algo]:
+                return home
+        except ArgumentError as error:  # such as a recipe without an entry for this environment
+            errors.append(error)
+    if errors:
+        raise errors[0]
+    raise reject("deciders", recipe, "a recipe for HybridTrack-v0 or HybridTrackQuickest-v0")
 
 
 def worlds_of(env_id: str) -> list[str]:

@@ -4,7 +4,8 @@ In the way of JMFNet (Stamatelis & Alexandropoulos 2025, "Filtering jump Markov 
 a model-based deep learning approach", arXiv:2511.09569), which joins a recurrent network for the mode and a KalmanNet
 that is told its probabilities. Here every hypothesis has such a filter, all with the same weights, and the filters are
 mixed as in the IMM algorithm (Blom & Bar-Shalom 1988). `StatementNet` corrects the posterior by their likelihoods. The
-motions are known; gains, covariances and the rate of switches are learned. Without training it is an IMM with a fixed gain.
+motions are known; gains, covariances and the rate of switches are learned. Without training it is an IMM with a fixed
+gain.
 """
 
 from typing import NamedTuple
@@ -142,16 +143,17 @@ class JumpMarkovNet(nn.Module):
             state=torch.cat([local(start[..., :2]), local(start[..., 2:])], -1),
             measurement=local(before.measurement.view(-1, M + 1, 2) - origin[:, None]),
         )
-        context = torch.stack([twice(predicted) / 5.0, twice(kept) / 5.0, 0.5 * speed.log().expand_as(turn), 10.0 * turn], -1)
+        logs = twice(predicted) / 5.0, twice(kept) / 5.0
+        context = torch.stack([*logs, 0.5 * speed.log().expand_as(turn), 10.0 * turn], -1)
         motion, z = coordinated_turn(turn.flatten()), local((measured - origin)[:, None])
-        after, logs = self.filter.step(filters, motion, SENSOR, z, torch.ones_like(z[:, :1]), context.flatten(0, 1))
+        after, found = self.filter.step(filters, motion, SENSOR, z, torch.ones_like(z[:, :1]), context.flatten(0, 1))
         innovation = (z - (motion @ filters.state[..., None])[:, :2, 0]).view(-1, M + 1, 2)
         innovation = innovation * torch.stack([torch.ones(M + 1), side], -1)
         innovation = torch.cat([innovation[:, :2].mean(1, keepdim=True), innovation[:, 2:]], 1)
         back = frame.mT @ after.state.unflatten(-1, (2, 2)).mT  # columns: position, velocity
         state = back.mT.flatten(1) + nn.functional.pad(origin, (0, 2)).repeat_interleave(M + 1, 0)
         after = after._replace(state=state, measurement=measured.repeat_interleave(M + 1, 0))
-        likelihood = is_known * evidence(logs.view(-1, M + 1))
+        likelihood = is_known * evidence(found.view(-1, M + 1))
         return self._state(inputs, after, predicted, likelihood, innovation, last.memory)
 
     def _mix(self, last: JumpMarkovState) -> tuple[Tensor, Tensor, Tensor]:

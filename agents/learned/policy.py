@@ -9,6 +9,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from scipy.special import softmax
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
+from stable_baselines3.dqn.policies import DQNPolicy
 from torch import Tensor
 
 from agents.learned.features import policy_kwargs_with_features
@@ -53,16 +54,21 @@ def make_policy(
     Raises:
         ImportError: of sb3-contrib, which is not installed.
     """
-    kind: Any = ActorCriticPolicy
-    if algo == "recurrent_ppo":
-        from sb3_contrib.ppo_recurrent import MlpLstmPolicy as kind
-    elif algo == "qrdqn":
-        from sb3_contrib.qrdqn.policies import QRDQNPolicy as kind
-    elif algo == "dqn":
-        from stable_baselines3.dqn.policies import DQNPolicy as kind
     keywords = policy_kwargs_with_features(policy_kwargs, observe, layout)
-    policy: BasePolicy = kind(observation_space, action_space, lambda _: 0.0, **keywords)
+    policy: BasePolicy = _policy_class(algo)(observation_space, action_space, lambda _: 0.0, **keywords)
     return policy
+
+
+def _policy_class(algo: str) -> Any:
+    if algo == "recurrent_ppo":
+        from sb3_contrib.ppo_recurrent import MlpLstmPolicy
+
+        return MlpLstmPolicy
+    if algo == "qrdqn":
+        from sb3_contrib.qrdqn.policies import QRDQNPolicy
+
+        return QRDQNPolicy
+    return DQNPolicy if algo == "dqn" else ActorCriticPolicy
 
 
 def value_network(policy: Any) -> Any:
@@ -265,9 +271,7 @@ def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -
             keywords = keywords | {"ortho_init": False}  # slow, and the weights are replaced
         space, actions = _spaces(card)
         # the limits on widths and layers keep this below 200 MB, whatever the card says
-        policy = make_policy(
-            space, actions, keywords, tuple(entry.get("observe", ())), algo, LAYOUTS[card_task(card)]
-        )
+        policy = make_policy(space, actions, keywords, tuple(entry.get("observe", ())), algo, LAYOUTS[card_task(card)])
         load_weights(policy, weights)
     except ImportError:
         raise reject("run", str(folder), 'sb3-contrib: pip install "hybrid-track[recurrent]"') from None

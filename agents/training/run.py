@@ -16,8 +16,8 @@ from torch.optim import Optimizer
 from agents.interface.output_files import output_folder, write_json
 from agents.learned.policy_file import package_versions
 from agents.training import checkpoint, run_folder
-from agents.training.learning_rate import learning_rate_schedule
 from agents.training.learning_curve import LearningCurve, environment_curve
+from agents.training.learning_rate import learning_rate_schedule
 from agents.training.recipe import Recipe
 from baselines.rules.decider import DeciderFamily
 from hybrid_env.checks import ArgumentError, reject

@@ -7,13 +7,7 @@ from typing import Any, ClassVar
 
 from agents.learned.policy_file import LARGEST_HIDDEN
 from agents.training.learning_rate import learning_rate_schedule
-from agents.training.stable_baselines_settings import (
-    LARGEST_COUNT,
-    LARGEST_WEIGHT,
-    A2CSettings,
-    PPOSettings,
-    QSettings,
-)
+from agents.training.stable_baselines_settings import LARGEST_COUNT, LARGEST_WEIGHT, A2CSettings, PPOSettings, QSettings
 from hybrid_env.checks import check_flag, check_integer, check_number, check_positive, reject
 from hybrid_env.durations import parse_durations
 from hybrid_env.limits import MAX_RADII, two_values

@@ -35,7 +35,7 @@ from agents.training.checkpoint import (
 )
 from agents.training.learning_rate import learning_rate_schedule
 from agents.training.run import Run, TrainingProgress
-from agents.training.stable_baselines_settings import LibrarySettings, QSettings
+from agents.training.stable_baselines_settings import LibrarySettings
 from agents.training.vec_env import HybridTrackVecEnv
 from baselines.rules import seeds
 from baselines.rules.decider import DeciderFamily
@@ -164,7 +164,8 @@ class LibraryRun(Run):
         assert isinstance(settings, LibrarySettings)
         self.settings = settings
         kind = _model_class(self.recipe.algo)
-        env = HybridTrackVecEnv(self.env_id, settings.n_envs, **self.options)
+        scale = getattr(settings, "reward_scale", 1.0)
+        env = HybridTrackVecEnv(self.env_id, settings.n_envs, scale, **self.options)
         self.world, self.layout = env.env.options, type(env.env.world.layout)
         self.task = task_of(self.env_id, self.options)
         rate, decays = learning_rate_schedule(settings.learning_rate)

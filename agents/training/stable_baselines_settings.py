@@ -12,7 +12,7 @@ from hybrid_env.checks import check_between, check_integer, check_number, check_
 POLICIES = {
     "ppo": "MlpPolicy", "recurrent_ppo": "MlpLstmPolicy", "a2c": "MlpPolicy", "dqn": "MlpPolicy", "qrdqn": "MlpPolicy",
 }  # fmt: skip
-OURS = ("n_envs", "learning_rate", "policy", "policy_kwargs", "wait_bias", "observe")
+OURS = ("n_envs", "learning_rate", "policy", "policy_kwargs", "wait_bias", "observe", "reward_scale")
 """Settings that are no plain keywords of an algorithm."""
 LARGEST_ROLLOUT = 2**21  # samples of an update of PPO, which then take less than a gigabyte
 LARGEST_BUFFER = 10**6  # transitions, which then take a quarter of a gigabyte with three hypotheses
@@ -135,6 +135,8 @@ class QSettings(LibrarySettings):
         target_update_interval: environment steps between updates of the target network, at least n_envs.
         exploration_initial_eps, exploration_final_eps: share of random actions at first, and at last.
         exploration_fraction: share of the training in which it decreases.
+        reward_scale: factor of the rewards. The loss is quadratic for errors below 1 only, and values of large costs
+            would lie near the median of the returns and not at their mean.
         n_steps: rewards of a track that a target sums before it takes the value of the network.
     """
 
@@ -148,6 +150,7 @@ class QSettings(LibrarySettings):
     exploration_final_eps: float
     exploration_initial_eps: float = 1.0
     n_steps: int = 1
+    reward_scale: float = 1.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -157,7 +160,8 @@ class QSettings(LibrarySettings):
         check_integer("buffer_size", self.buffer_size, minimum=self.n_envs, maximum=LARGEST_BUFFER)
         check_integer("learning_starts", self.learning_starts, minimum=0)
         check_integer("target_update_interval", self.target_update_interval, minimum=self.n_envs)
-        check_share("exploration_fraction", self.exploration_fraction)
+        for name in ("exploration_fraction", "reward_scale"):
+            check_share(name, getattr(self, name))
         for name in ("exploration_initial_eps", "exploration_final_eps"):
             if not 0.0 <= check_number(name, getattr(self, name)) <= 1.0:
                 raise reject(name, getattr(self, name), "a number from 0 to 1")

@@ -18,14 +18,17 @@ class HybridTrackVecEnv(VecEnv):
     Args:
         env_id: registered id.
         num_envs: N.
+        reward_scale: factor of the rewards; the episode statistics are without it.
         options: environment options that override those of the id.
     """
 
-    def __init__(self, env_id: str = "hybrid_env:HybridTrack-v0", num_envs: int = 64, **options: Any):
+    def __init__(
+        self, env_id: str = "hybrid_env:HybridTrack-v0", num_envs: int = 64, reward_scale: float = 1.0, **options: Any
+    ):
         self.env = make_track_vector_env(
             env_id, num_envs, autoreset_mode=AutoresetMode.SAME_STEP, tick_info=False, **options
         )
-        self.render_mode = None
+        self.render_mode, self.reward_scale = None, reward_scale
         super().__init__(num_envs, self.env.single_observation_space, self.env.single_action_space)
         self._actions = np.zeros(num_envs, np.int64)
         self._returns = np.zeros(num_envs)
@@ -57,7 +60,7 @@ class HybridTrackVecEnv(VecEnv):
             }
         self._returns[terminated] = 0.0
         self._steps[terminated] = 0
-        return observation, rewards.astype(np.float32), terminated, infos
+        return observation, (self.reward_scale * rewards).astype(np.float32), terminated, infos
 
     def state_arrays(self) -> dict[str, NDArray[Any]]:
         """Return all arrays that determine the next steps; writing into them changes the tracks."""

@@ -13,6 +13,9 @@ from hybrid_env.checks import reject
 
 DEFAULT_RANGES = {
     "ppo": ("learning_rate=0.0003..0.03", "n_epochs=1..10", "gae_lambda=0.8..0.99", "ent_coef=0.0..0.02"),
+    "a2c": ("learning_rate=0.0001..0.01", "n_steps=8..128", "gae_lambda=0.8..0.99", "ent_coef=0.0..0.02"),
+    "dqn": ("learning_rate=0.0001..0.01", "n_steps=1..32", "gradient_steps=1..8", "target_update_interval=1000..20000"),
+    "qrdqn": ("learning_rate=0.0001..0.01", "n_steps=1..32", "gradient_steps=1..8", "exploration_final_eps=0.0..0.05"),
     "anchor": ("learning_rate=0.0003..0.03", "hidden=16..128", "smallest_alpha=0.0001..0.03"),
     "reward": ("learning_rate=0.0003..0.03", "hidden=16..128"),
     "tandem": ("learning_rate=0.0003..0.03", "hidden=16..128"),
@@ -20,6 +23,7 @@ DEFAULT_RANGES = {
     "distilled": ("learning_rate=0.0003..0.03", "hidden=16..128"),
     "transformer": ("learning_rate=0.0003..0.03", "hidden=16..128"),
     "statements": ("learning_rate=0.0003..0.03", "hidden=8..64"),
+    "jump_markov": ("learning_rate=0.0003..0.03", "hidden=8..64"),
     "flights": ("learning_rate=0.0003..0.03", "hidden=8..64"),
     "gliders": ("learning_rate=0.0003..0.03", "hidden=8..64"),
 }
