@@ -36,7 +36,7 @@ from baselines.rules.own import as_decider
 from baselines.rules.rollout import rollout
 from baselines.scoring.estimates import RESAMPLES, Estimate
 from hybrid_env.checks import ArgumentError, FloatArray, reject
-from hybrid_env.registration import make_vector_env
+from hybrid_env.registration import make_track_vector_env
 
 HOMES = {ANNOUNCED: (THREE, "R = 0.1"), UNKNOWN: (QUICKEST, "unknown, R = 0.1")}
 """Environment of the training, and its world, by task."""
@@ -58,7 +58,8 @@ class Probe(Decider):
     """
 
     def __init__(self, decider: Decider):
-        self.decider = decider
+        self.decider, self.observes = decider, decider.observes  # type: ignore[misc]
+        self.observe = decider.observe  # type: ignore[method-assign]
         self.seconds: list[float] = []
         self.stated = np.zeros(0)
 
@@ -83,7 +84,7 @@ def probe(name: str, world: str, threshold: float) -> tuple[float, float]:
     """
     torch.set_num_threads(1)  # for small networks the overhead of threads exceeds the gain
     task = world_task(world)
-    env = make_vector_env(task.env_id, PROBED_TRACKS, tick_info=False, **task.given)
+    env = make_track_vector_env(task.env_id, PROBED_TRACKS, tick_info=False, **task.given)
     decider = Probe(as_decider(find_family(name, task.options).make(threshold)))
     less = []
     for now in rollout(env, decider, PROBE_SEED):

@@ -180,9 +180,9 @@ class JumpMarkovNet(nn.Module):
         """Return outputs and state of a tick, from what the filters say of it."""
         posterior = torch.log_softmax(predicted + likelihood, -1).clamp(min=LOWEST_LOG)
         ratio = (likelihood - likelihood.max(-1, keepdim=True).values).clamp(min=LOWEST_LOG)
-        each = torch.stack([2.0 * posterior.exp() - 1.0, posterior / 5.0, predicted / 5.0, ratio / 3.0], -1)
-        each = torch.cat([each, 0.5 * innovation.clamp(-6.0, 6.0)], -1).detach().numpy()
-        seen = turn_views(each, posterior.detach().numpy(), (ACROSS,), 2)
+        parts = [2.0 * posterior.exp() - 1.0, posterior / 5.0, predicted / 5.0, ratio / 3.0]
+        each = torch.cat([torch.stack(parts, -1), 0.5 * innovation.clamp(-6.0, 6.0)], -1)
+        seen = turn_views(each.detach().numpy(), posterior.detach().numpy(), (ACROSS,), 2)
         M = posterior.shape[1]
         speed = filters.state[:, 2:].view(-1, M + 1, 2).mean(1).norm(dim=-1, keepdim=True).clamp(min=SMALLEST).detach()
         seen[..., -2] = 0.5 * speed.log().numpy()

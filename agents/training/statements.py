@@ -201,7 +201,7 @@ class TrackRun(StatementRun):
         ArgumentError: an environment in which modes are not stated, or a damaged checkpoint.
     """
 
-    decider_class = StatementDecider
+    decider_class: ClassVar[type[UtilityDecider]] = StatementDecider
     smallest_factor: ClassVar[float] = 0.01
 
     def simulate(self, world: QuickestOptions, tracks: int, seed: int) -> tuple[NDArray[Any], ...]:
