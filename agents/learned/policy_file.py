@@ -76,7 +76,7 @@ def load_policy(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
             card["recipe"] = {"name": "flights", "entry": {"algo": "flights", **card["settings"]}}
         algo = card["recipe"]["entry"]["algo"]
         if algo not in ALGORITHMS:
-            raise reject("algo", algo, ", ".join(ALGORITHMS))
+            raise reject("algo", algo, "a training algorithm of this version")
         rows = [LAYOUTS[task] for task in ALGORITHMS[algo] if task in LAYOUTS]
         is_known = not rows or card["observation_scales"] in [_scales(layout) for layout in rows]
         weights = _read_tensors(folder / WEIGHTS)
