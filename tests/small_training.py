@@ -31,6 +31,11 @@ SMALL_FLIGHTS = ("flights=[2, 2, 2, 1]", "rows=100", "passes=1", "n_steps=50", "
 QUICK = {"ticks": 50, "durations": "uniform 5-20"}
 SCHEME = {"scheme": "random 2x20-30"}
 SMALL_REWARD = ("n_envs=8", "hidden=6", "batch_size=16")
+SMALL_A2C = ("n_envs=20", "n_steps=32", "policy_kwargs.net_arch=[16]")
+SMALL_Q = (
+    "n_envs=20", "train_freq=16", "learning_starts=320", "buffer_size=1000", "batch_size=32",
+    "policy_kwargs.net_arch=[16]",
+)  # fmt: skip
 KINDS = {
     "ppo": ("ppo", "HybridTrack-v0", SCHEME, SMALL_PPO),
     "anchor": ("anchor", "HybridTrack-v0", SCHEME, SMALL_ANCHOR),
@@ -40,6 +45,11 @@ KINDS = {
     "distilled": ("distilled", "HybridTrack-v0", SCHEME, SMALL_REWARD),
     "transformer": ("transformer", "HybridTrack-v0", SCHEME, SMALL_REWARD),
     "recurrent-ppo": ("recurrent-ppo", "HybridTrack-v0", SCHEME, (*SMALL_PPO, "policy_kwargs.lstm_hidden_size=8")),
+    "a2c": ("a2c", "HybridTrack-v0", SCHEME, SMALL_A2C),
+    "dqn": ("dqn", "HybridTrack-v0", SCHEME, SMALL_Q),
+    "qrdqn": ("qrdqn", "HybridTrack-v0", SCHEME, (*SMALL_Q, "policy_kwargs.n_quantiles=5")),
+    "q-linear": ("q-linear", "HybridTrackQuickest-v0", QUICK, SMALL_Q[:-1]),
+    "jump-markov": ("jump-markov", "HybridTrackQuickest-v0", QUICK, SMALL_STATEMENTS),
     "ppo-quickest": ("ppo", "HybridTrackQuickest-v0", QUICK, SMALL_PPO),
     "statements": ("statements", "HybridTrackQuickest-v0", QUICK, SMALL_STATEMENTS),
     "flights": ("flights", "HybridTrack-v0", {}, SMALL_FLIGHTS),
@@ -59,7 +69,7 @@ def log_often(set_value=setattr):
 
 def small_run(kind, folder=None, steps=STEPS, seed=3, more=()):
     """A new run, with further changes of hyper-parameters."""
-    if kind == "recurrent-ppo":
+    if kind in ("recurrent-ppo", "qrdqn"):
         pytest.importorskip("sb3_contrib")
     recipe, env, options, changes = KINDS[kind]
     recipe = load_recipe(recipe, env, (*changes, *more))

@@ -50,6 +50,7 @@ OWN_NETWORKS = {
     "reward": ("reward_decider", "RewardDecider"), "tandem": ("tandem_net", "TandemDecider"),
     "kalman": ("kalman_net", "KalmanDecider"),
     "distilled": ("distilled", "DistilledDecider"), "transformer": ("transformer_net", "TransformerDecider"),
+    "jump_markov": ("jump_markov_decider", "JumpMarkovDecider"),
 }  # fmt: skip
 """File and class of the deciders whose networks are of this package, by training algorithm."""
 

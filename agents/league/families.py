@@ -35,8 +35,8 @@ from baselines.rules.decider import ANNOUNCED, UNKNOWN, Actions, Decider
 from baselines.rules.own import as_decider
 from baselines.rules.rollout import rollout
 from baselines.scoring.estimates import RESAMPLES, Estimate
-from hybrid_env.checks import FloatArray, reject
-from hybrid_env.registration import make_vector_env
+from hybrid_env.checks import ArgumentError, FloatArray, reject
+from hybrid_env.registration import make_track_vector_env
 
 HOMES = {ANNOUNCED: (THREE, "R = 0.1"), UNKNOWN: (QUICKEST, "unknown, R = 0.1")}
 """Environment of the training, and its world, by task."""
@@ -58,7 +58,8 @@ class Probe(Decider):
     """
 
     def __init__(self, decider: Decider):
-        self.decider = decider
+        self.decider, self.observes = decider, decider.observes  # type: ignore[misc]
+        self.observe = decider.observe  # type: ignore[method-assign]
         self.seconds: list[float] = []
         self.stated = np.zeros(0)
 
@@ -83,7 +84,7 @@ def probe(name: str, world: str, threshold: float) -> tuple[float, float]:
     """
     torch.set_num_threads(1)  # for small networks the overhead of threads exceeds the gain
     task = world_task(world)
-    env = make_vector_env(task.env_id, PROBED_TRACKS, tick_info=False, **task.given)
+    env = make_track_vector_env(task.env_id, PROBED_TRACKS, tick_info=False, **task.given)
     decider = Probe(as_decider(find_family(name, task.options).make(threshold)))
     less = []
     for now in rollout(env, decider, PROBE_SEED):
@@ -102,11 +103,16 @@ def home_of(recipe: str) -> tuple[str, str]:
     Raises:
         ArgumentError: the recipe cannot be read, or is not for one of the environments.
     """
-    homes = (task for task in ALGORITHMS[load_recipe(recipe, THREE).algo] if task in HOMES)
-    task = next(homes, None)
-    if task is None:
-        raise reject("deciders", recipe, "a recipe for HybridTrack-v0 or HybridTrackQuickest-v0")
-    return HOMES[task]
+    errors = []
+    for task, home in HOMES.items():
+        try:
+            if task in ALGORITHMS[load_recipe(recipe, home[0]).algo]:
+                return home
+        except ArgumentError as error:  # such as a recipe without an entry for this environment
+            errors.append(error)
+    if errors:
+        raise errors[0]
+    raise reject("deciders", recipe, "a recipe for HybridTrack-v0 or HybridTrackQuickest-v0")
 
 
 def worlds_of(env_id: str) -> list[str]:

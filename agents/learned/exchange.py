@@ -16,14 +16,12 @@ from gymnasium import spaces
 from torch import Tensor, nn
 
 from agents.interface.trust import TRUST
-from agents.learned.policy import ACTORS, LARGEST_WIDTH, check_actions, make_policy
+from agents.learned.policy import ACTORS, LARGEST_WIDTH, VALUE_THRESHOLDS, check_actions, make_policy
 from agents.learned.policy_file import LARGEST_FILE, LAYOUTS, first_line, load_weights
 from baselines.rules.decider import DeciderFamily
 from baselines.rules.own import own_family
 from hybrid_env.checks import ArgumentError, reject
 
-VALUE_THRESHOLDS = (-1.0, -0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01, 0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
-"""On the differences of action values, in units of the reward."""
 HOW_TO_TRUST = "--trust unpickles it, which runs the code in the file"
 QUANTILES = 200  # of QR-DQN, by default
 ACTIVATIONS = {kind.__name__: kind for kind in (nn.Tanh, nn.ReLU, nn.ELU, nn.LeakyReLU, nn.SiLU, nn.GELU)}
@@ -106,7 +104,7 @@ def _from_zip(path: Path, options: Any) -> DeciderFamily:
     if max(width, actions, settings.get("lstm_hidden_size", 0), *widths["pi"], *widths["vf"]) > LARGEST_WIDTH:
         raise ValueError(f"it is wider than {LARGEST_WIDTH}")
     space = spaces.Box(-np.inf, np.inf, (width,), np.float32)
-    policy = make_policy(space, spaces.Discrete(actions), settings, recurrent=lstm is not None)
+    policy = make_policy(space, spaces.Discrete(actions), settings, algo="ppo" if lstm is None else "recurrent_ppo")
     try:
         load_weights(policy, weights)
     except ValueError as error:

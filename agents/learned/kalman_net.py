@@ -42,12 +42,16 @@ class KalmanState(NamedTuple):
 
 
 class KalmanNet(nn.Module):
-    """The filter of a linear model of m states and n measurements; `hidden` units of the GRU."""
+    """The filter of a linear model of m states and n measurements.
 
-    def __init__(self, states: int, measurements: int, hidden: int):
+    `hidden` units of the GRU, which reads `context` further numbers at every measurement.
+    """
+
+    def __init__(self, states: int, measurements: int, hidden: int, context: int = 0):
         super().__init__()
         self.measurements = measurements
-        self.before = nn.Sequential(nn.Linear(2 * (states + measurements), hidden), nn.SiLU())
+        inputs = 2 * (states + measurements) + context
+        self.before = nn.Sequential(nn.Linear(inputs, hidden), nn.SiLU())
         self.recurrent = nn.GRUCell(hidden, hidden)
         self.gain = nn.Sequential(
             nn.Linear(hidden, hidden), nn.SiLU(), zero_layer(hidden, states * measurements),
@@ -63,7 +67,13 @@ class KalmanNet(nn.Module):
         return KalmanState(state, memory, measurement, nothing, nothing)
 
     def step(
-        self, last: KalmanState, motion: Tensor, sensor: Tensor, measurement: Tensor, scale: Tensor
+        self,
+        last: KalmanState,
+        motion: Tensor,
+        sensor: Tensor,
+        measurement: Tensor,
+        scale: Tensor,
+        context: Tensor | None = None,
     ) -> tuple[KalmanState, Tensor]:
         """Process one measurement of every filter.
 
@@ -73,6 +83,7 @@ class KalmanNet(nn.Module):
             sensor: (n, m) matrix from the state to the measurement.
             measurement: (N, n).
             scale: (N, 1) typical deviation of an innovation, in the unit of state and measurement.
+            context: (N, context) further inputs; None for a network without.
 
         Returns:
             The state of the filters, and the log-likelihood of each measurement given those before, (N,).
@@ -81,6 +92,7 @@ class KalmanNet(nn.Module):
         innovation = measurement - predicted @ sensor.T
         differences = torch.cat([innovation, measurement - last.measurement, last.evolution, last.update], -1) / scale
         inputs = LARGEST_INPUT * torch.tanh(differences / LARGEST_INPUT)
+        inputs = inputs if context is None else torch.cat([inputs, context], -1)
         memory = self.recurrent(self.before(inputs), last.memory)
         update = (self.gain(memory) @ innovation[..., None])[..., 0]
         # from the memory before the measurement, or the density would be none

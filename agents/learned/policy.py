@@ -9,12 +9,14 @@ import torch
 from gymnasium import spaces
 from numpy.typing import NDArray
 from scipy.special import softmax
-from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
+from stable_baselines3.dqn.policies import DQNPolicy
 from torch import Tensor
 
 from agents.learned.features import policy_kwargs_with_features
 from agents.learned.policy_file import (
     LAYOUTS,
+    VALUE_ALGORITHMS,
     card_task,
     check_policy_kwargs,
     load_weights,
@@ -28,6 +30,8 @@ from hybrid_env.observation import Layout
 from hybrid_env.rendering.evidence import EvidencePanel, Threshold, probability_panel
 
 LARGEST_WIDTH = 2000  # of an observation row
+VALUE_THRESHOLDS = (-1.0, -0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01, 0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
+"""On the differences of action values, in units of the reward."""
 
 
 def make_policy(
@@ -35,33 +39,48 @@ def make_policy(
     action_space: spaces.Space[Any],
     policy_kwargs: dict[str, Any],
     observe: tuple[str, ...] = (),
-    recurrent: bool = False,
+    algo: str = "ppo",
     layout: type[Layout] = Layout,
-) -> ActorCriticPolicy:
-    """Create an untrained actor-critic policy of Stable-Baselines3, or the LSTM policy of sb3-contrib.
+) -> BasePolicy:
+    """Create an untrained policy of Stable-Baselines3 or sb3-contrib.
 
     Args:
         observation_space, action_space: of one track.
         policy_kwargs: keyword arguments of the policy, such as net_arch.
         observe: names of the quantities that the policy observes; all if empty.
-        recurrent: use the LSTM policy; `ImportError` if sb3-contrib is not installed.
+        algo: of its training, a key of `policy_file.POLICY_SETTINGS`; `ImportError` if sb3-contrib is not installed.
         layout: of the observation.
     """
-    kind: Any = ActorCriticPolicy
-    if recurrent:
+    keywords = policy_kwargs_with_features(policy_kwargs, observe, layout)
+    policy: BasePolicy = _policy_class(algo)(observation_space, action_space, lambda _: 0.0, **keywords)
+    return policy
+
+
+def _policy_class(algo: str) -> Any:
+    if algo == "recurrent_ppo":
         from sb3_contrib.ppo_recurrent import MlpLstmPolicy
 
-        kind = MlpLstmPolicy
-    keywords = policy_kwargs_with_features(policy_kwargs, observe, layout)
-    policy: ActorCriticPolicy = kind(observation_space, action_space, lambda _: 0.0, **keywords)
-    return policy
+        return MlpLstmPolicy
+    if algo == "qrdqn":
+        from sb3_contrib.qrdqn.policies import QRDQNPolicy
+
+        return QRDQNPolicy
+    return DQNPolicy if algo == "dqn" else ActorCriticPolicy
+
+
+def value_network(policy: Any) -> Any:
+    """Return the network of the action values of DQN, or of their quantiles of QR-DQN; None of other policies."""
+    return getattr(policy, "q_net", getattr(policy, "quantile_net", None))
 
 
 class ActorDecider(Decider):
     """Base class of the deciders of a trained actor; the subclasses choose actions from its logits.
 
+    Action values of DQN and QR-DQN take the place of logits, and their differences that of log-odds.
+
     Args:
-        policy: actor with or without an LSTM, or a network from rows to one number for each action.
+        policy: actor with or without an LSTM, policy of action values, or a network from rows to one number for
+            each action.
         threshold: see the subclass.
     """
 
@@ -73,8 +92,11 @@ class ActorDecider(Decider):
 
     def trained(self, name: str) -> DeciderFamily:
         """Return the policy at any threshold."""
+        symbol, grid = self.symbol, self.thresholds
+        if value_network(self.policy) is not None:
+            symbol, grid = "value difference", VALUE_THRESHOLDS
         make = functools.partial(type(self), self.policy)
-        return DeciderFamily(name, self.symbol, self.thresholds, self.default, make, self.hypotheses)
+        return DeciderFamily(name, symbol, grid, self.default, make, self.hypotheses)
 
     @property
     def hypotheses(self) -> int:
@@ -86,7 +108,8 @@ class ActorDecider(Decider):
         """Return logits (N, actions) and the LSTM state: None, or two tensors (layers, N, hidden)."""
         inputs = torch.as_tensor(rows)
         if not isinstance(self.policy, ActorCriticPolicy):
-            return self.policy(inputs).numpy().astype(np.float64), None
+            values = (value_network(self.policy) or self.policy)(inputs)
+            return (values.mean(1) if values.ndim == 3 else values).numpy().astype(np.float64), None
         lstm: Any = getattr(self.policy, "lstm_actor", None)
         features: Tensor = self.policy.pi_features_extractor(inputs)
         if lstm is not None:
@@ -193,7 +216,7 @@ ACTORS: dict[str, type[ActorDecider]] = {kind.task: kind for kind in (PolicyDeci
 """Deciders of an actor by task."""
 
 
-def save_actor(folder: Path, policy: ActorCriticPolicy, card: dict[str, Any], task: str = ANNOUNCED) -> None:
+def save_actor(folder: Path, policy: BasePolicy, card: dict[str, Any], task: str = ANNOUNCED) -> None:
     """Write weights and card; see `save_policy`."""
     row, actions = policy.observation_space, policy.action_space
     assert isinstance(row, spaces.Box)
@@ -202,7 +225,7 @@ def save_actor(folder: Path, policy: ActorCriticPolicy, card: dict[str, Any], ta
     save_policy(folder, policy.state_dict(), card, task)
 
 
-def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -> ActorCriticPolicy:
+def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -> BasePolicy:
     """Return the policy for the weights and card that `policy_file.load_policy` read from a folder.
 
     Raises:
@@ -210,16 +233,16 @@ def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -
     """
     try:
         entry, task = card["recipe"]["entry"], card_task(card)
-        recurrent = entry["algo"] == "recurrent_ppo"
-        check_policy_kwargs(entry["policy_kwargs"], recurrent)
+        algo, keywords = entry["algo"], entry["policy_kwargs"]
+        check_policy_kwargs(keywords, algo)
+        if algo not in VALUE_ALGORITHMS:
+            keywords = keywords | {"ortho_init": False}  # slow, and the weights are replaced
         width = check_integer("observation_width", card["observation_width"], maximum=LARGEST_WIDTH)
         actions = check_integer("actions", card["actions"], maximum=LARGEST_WIDTH)
         check_actions(actions, LAYOUTS[task].of_width(width).hypotheses, task)
-        space = spaces.Box(-np.inf, np.inf, (width,), np.float32)
-        keywords = entry["policy_kwargs"] | {"ortho_init": False}  # slow, and the weights are replaced
-        observe = tuple(entry.get("observe", ()))
+        space, observe = spaces.Box(-np.inf, np.inf, (width,), np.float32), tuple(entry.get("observe", ()))
         # the limits on widths and layers keep this below 200 MB, whatever the card says
-        policy = make_policy(space, spaces.Discrete(actions), keywords, observe, recurrent, LAYOUTS[task])
+        policy = make_policy(space, spaces.Discrete(actions), keywords, observe, algo, LAYOUTS[task])
         load_weights(policy, weights)
     except ImportError:
         raise reject("run", str(folder), 'sb3-contrib: pip install "hybrid-track[recurrent]"') from None

@@ -21,9 +21,11 @@ from hybrid_env.observation import Layout, QuickestLayout
 WEIGHTS = "policy.safetensors"
 LAYOUTS: dict[str, type[Layout]] = {ANNOUNCED: Layout, UNKNOWN: QuickestLayout}
 ALGORITHMS = {
-    "ppo": (ANNOUNCED, UNKNOWN), "recurrent_ppo": (ANNOUNCED, UNKNOWN), "anchor": (ANNOUNCED,),
-    "reward": (ANNOUNCED,), "tandem": (ANNOUNCED,), "statements": (UNKNOWN,), "flights": (FLIGHTS,),
-    "gliders": (GLIDERS,), "kalman": (ANNOUNCED,), "distilled": (ANNOUNCED,), "transformer": (ANNOUNCED,),
+    "ppo": (ANNOUNCED, UNKNOWN), "recurrent_ppo": (ANNOUNCED, UNKNOWN), "a2c": (ANNOUNCED, UNKNOWN),
+    "dqn": (ANNOUNCED, UNKNOWN), "qrdqn": (ANNOUNCED, UNKNOWN), "anchor": (ANNOUNCED,), "reward": (ANNOUNCED,),
+    "tandem": (ANNOUNCED,), "statements": (UNKNOWN,), "flights": (FLIGHTS,), "gliders": (GLIDERS,),
+    "kalman": (ANNOUNCED,), "distilled": (ANNOUNCED,), "transformer": (ANNOUNCED,),
+    "jump_markov": (UNKNOWN,),
 }  # fmt: skip
 """Tasks of the agents of every training algorithm."""
 
@@ -70,7 +72,7 @@ def load_policy(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
             card["recipe"] = {"name": "flights", "entry": {"algo": "flights", **card["settings"]}}
         algo = card["recipe"]["entry"]["algo"]
         if algo not in ALGORITHMS:
-            raise reject("algo", algo, ", ".join(ALGORITHMS))
+            raise reject("algo", algo, "a training algorithm of this version")
         rows = [LAYOUTS[task] for task in ALGORITHMS[algo] if task in LAYOUTS]
         is_known = not rows or card["observation_scales"] in [_scales(layout) for layout in rows]
         weights = _read_tensors(folder / WEIGHTS)
@@ -153,21 +155,32 @@ def first_line(error: Exception) -> str:
 LARGEST_HIDDEN = 512  # units of a hidden layer of the anchor agent
 LARGEST_LAYER = 1024
 MOST_LAYERS = 8
-ACTOR_CRITIC_SETTINGS = ("net_arch", "ortho_init")
-LSTM_SETTINGS = ("lstm_hidden_size", "n_lstm_layers", "enable_critic_lstm")
+MOST_QUANTILES = 200
+VALUE_ALGORITHMS = ("dqn", "qrdqn")
+"""Algorithms whose policies are networks of action values."""
+POLICY_SETTINGS = {
+    "ppo": ("net_arch", "ortho_init"), "a2c": ("net_arch", "ortho_init"), "dqn": ("net_arch",),
+    "qrdqn": ("net_arch", "n_quantiles"),
+    "recurrent_ppo": ("net_arch", "ortho_init", "lstm_hidden_size", "n_lstm_layers", "enable_critic_lstm"),
+}  # fmt: skip
+"""Allowed keyword arguments of a policy by algorithm."""
 
 
-def check_policy_kwargs(policy_kwargs: Any, recurrent: bool) -> None:
-    """Check names and types of the keyword arguments of an actor-critic policy, and the size of its network."""
-    known = ACTOR_CRITIC_SETTINGS + (LSTM_SETTINGS if recurrent else ())
+def check_policy_kwargs(policy_kwargs: Any, algo: str) -> None:
+    """Check names and types of the keyword arguments of a policy by algorithm, and the size of its network.
+
+    A network of action values may have no layers: its values are then linear.
+    """
+    known, fewest = POLICY_SETTINGS[algo], 0 if algo in VALUE_ALGORITHMS else 1
     if not isinstance(policy_kwargs, Mapping) or any(name not in known for name in policy_kwargs):
         raise reject("policy_kwargs", policy_kwargs, f"a mapping of {', '.join(known)}")
     layers = policy_kwargs.get("net_arch", [1])
-    if not isinstance(layers, list) or not 1 <= len(layers) <= MOST_LAYERS:
-        raise reject("net_arch", layers, f"a list of one to {MOST_LAYERS} layers")
+    if not isinstance(layers, list) or not fewest <= len(layers) <= MOST_LAYERS:
+        raise reject("net_arch", layers, f"a list of {fewest} to {MOST_LAYERS} layers")
     for units in layers:
         check_integer("net_arch", units, maximum=LARGEST_LAYER)
-    for name, largest in (("lstm_hidden_size", LARGEST_LAYER), ("n_lstm_layers", 2)):
-        check_integer(name, policy_kwargs.get(name, 1), maximum=largest)
+    largest = {"lstm_hidden_size": LARGEST_LAYER, "n_lstm_layers": 2, "n_quantiles": MOST_QUANTILES}
+    for name, maximum in largest.items():
+        check_integer(name, policy_kwargs.get(name, 1), maximum=maximum)
     for name in ("ortho_init", "enable_critic_lstm"):
         check_flag(name, policy_kwargs.get(name, True))

@@ -36,16 +36,18 @@ class UtilityDecider(Decider):
     inputs: ClassVar[int]
     """Number of inputs of the network for each turn hypothesis."""
 
-    def __init__(self, net: StatementNet, margin: float = 0.0):
+    net: Any
+
+    def __init__(self, net: Any, margin: float = 0.0):
         self.net, self.margin = net, check_number("margin", margin)
 
     @classmethod
-    def network(cls, hidden: int) -> StatementNet:
-        """Return an untrained network with a number of hidden units."""
+    def network(cls, hidden: int) -> Any:
+        """Return an untrained network with a number of hidden units, `StatementNet` or one with the same outputs."""
         return StatementNet(hidden, cls.inputs)
 
     @classmethod
-    def trained(cls, name: str, net: StatementNet, options: Any = None) -> DeciderFamily:
+    def trained(cls, name: str, net: Any, options: Any = None) -> DeciderFamily:
         """Return a network at any margin, for the options of an environment if the decider takes them."""
         make = functools.partial(cls, net) if options is None else functools.partial(cls, net, options)
         return DeciderFamily(name, cls.symbol, cls.thresholds, cls.default, make)

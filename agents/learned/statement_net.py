@@ -64,11 +64,15 @@ def statement_inputs(world: QuickestOptions, rows: NDArray[np.float32], ages: ND
     n = len(HYPOTHESIS_INPUTS)
     out = turn_views(each, logs, (ACROSS,), len(TRACK_INPUTS))
     speed = np.maximum(rows[..., layout.slices["speed"]], SMALLEST_SPEED)[..., None]
-    noise = np.sqrt(np.prod(world.variances) ** (1.0 / world.variances.size))
-    out[..., 3 * n] = 0.5 * _log(speed * np.float32(world.tau / noise))[..., 0]
+    out[..., 3 * n] = 0.5 * _log(speed * np.float32(world.tau / noise_of(world)))[..., 0]
     turn_radii = np.tile(np.array(world.radii, np.float32), 2)
     out[..., 3 * n + 1] = 0.5 * _log(speed[..., 0] * np.float32(world.tau) / turn_radii) + 1.5
     return out
+
+
+def noise_of(world: QuickestOptions) -> float:
+    """Return the deviation of a measurement [m], the geometric mean of those of the axes."""
+    return float(np.sqrt(np.prod(world.variances) ** (1.0 / world.variances.size)))
 
 
 def _hypothesis_inputs(
@@ -141,13 +145,15 @@ class StatementOutputs(NamedTuple):
         utility: (T, N, M) of stating a mode, in units of log-odds.
         stay: (T, N) utility of not changing the statement, positive.
         belief: (T, N, M) logits of the present mode.
-        memory: (1, N (M - 1), hidden) of the recurrent network after the last tick.
+        memory: after the last tick; of `StatementNet` (1, N (M - 1), hidden).
+        logs: (T, N, M) log-likelihoods of the measurements by learned filters; None without such filters.
     """
 
     utility: Tensor
     stay: Tensor
     belief: Tensor
-    memory: Tensor
+    memory: Any
+    logs: Tensor | None = None
 
 
 class StatementNet(nn.Module):

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from agents.interface.input_files import parse_yaml, read_text
-from agents.training.settings import ALGORITHMS, POLICIES, DrawnWorlds, Settings, TrainingWorld
+from agents.training.settings import ALGORITHMS, DrawnWorlds, Settings, TrainingWorld
+from agents.training.stable_baselines_settings import LibrarySettings
 from hybrid_env.checks import check_integer, reject
 
 FOLDER = Path(__file__).parent / "recipes"
@@ -103,9 +104,10 @@ def recipe_of(name: str, entry: Mapping[str, Any]) -> Recipe:
         if not isinstance(names, (list, tuple)) or not all(isinstance(one, str) for one in names):
             raise reject("observe", names, "a list of names")
         entry["observe"] = tuple(names)
-    if "policy" in entry and entry["policy"] != POLICIES[algo]:
-        raise reject("policy", entry["policy"], POLICIES[algo])
-    recipe = Recipe(name, algo, steps, kind(**entry))
+    settings = kind(**entry)
+    if isinstance(settings, LibrarySettings):
+        settings.check_algorithm(algo)
+    recipe = Recipe(name, algo, steps, settings)
     try:
         json.dumps(recipe.as_json(), allow_nan=False)
     except (TypeError, ValueError) as error:

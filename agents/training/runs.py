@@ -7,20 +7,20 @@ from agents.training import run_folder
 from agents.training.anchor import AnchorRun
 from agents.training.checkpoint import has_checkpoint
 from agents.training.distilled import DistilledRun
-from agents.training.ppo import PPORun
+from agents.training.jump_markov import JumpMarkovRun
 from agents.training.recipe import Recipe, recipe_of
 from agents.training.reward import RewardRun
 from agents.training.run import Run
 from agents.training.simulated_flights import FlightRun, GliderRun
+from agents.training.stable_baselines import CLASSES, LibraryRun
 from agents.training.statements import TrackRun
 from agents.training.true_modes import KalmanRun, TandemRun, TransformerRun
 from hybrid_env.checks import check_integer, reject
 
-RUNS: dict[str, type[Run]] = {
-    "ppo": PPORun, "recurrent_ppo": PPORun, "anchor": AnchorRun, "reward": RewardRun,
-    "tandem": TandemRun, "statements": TrackRun, "flights": FlightRun, "gliders": GliderRun,
-    "kalman": KalmanRun,
-    "distilled": DistilledRun, "transformer": TransformerRun,
+RUNS: dict[str, type[Run]] = dict.fromkeys(CLASSES, LibraryRun) | {
+    "anchor": AnchorRun, "reward": RewardRun, "tandem": TandemRun, "statements": TrackRun, "flights": FlightRun,
+    "gliders": GliderRun, "kalman": KalmanRun, "distilled": DistilledRun, "transformer": TransformerRun,
+    "jump_markov": JumpMarkovRun,
 }  # fmt: skip
 """Runs by algorithm."""
 

@@ -1,102 +1,26 @@
 """Hyper-parameters of the training algorithms, and their limits."""
 
 import dataclasses
-import math
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from agents.learned.policy_file import LARGEST_HIDDEN, check_policy_kwargs
-from hybrid_env.checks import check_between, check_flag, check_integer, check_number, check_positive, reject
+from agents.learned.policy_file import LARGEST_HIDDEN
+from agents.training.learning_rate import learning_rate_schedule
+from agents.training.stable_baselines_settings import LARGEST_COUNT, LARGEST_WEIGHT, A2CSettings, PPOSettings, QSettings
+from hybrid_env.checks import check_flag, check_integer, check_number, check_positive, reject
 from hybrid_env.durations import parse_durations
 from hybrid_env.limits import MAX_RADII, two_values
 from hybrid_env.options import WorldOptions
 
-POLICIES = {"ppo": "MlpPolicy", "recurrent_ppo": "MlpLstmPolicy"}
-LARGEST_ROLLOUT = 2**21  # samples of an update of PPO, which then take less than a gigabyte
 LARGEST_UNROLLING = 2**22  # ticks x hypotheses of an update of the anchor agent
 LARGEST_ROUND = 2**12  # tracks of a round of simulated tracks
 LARGEST_FLIGHTS = 2**20  # positions of a round of simulated flights
 MOST_WORLDS = 100
 MOST_DRAWN = 1000
 MOST_LAWS = 100
-LARGEST_COUNT = 100_000  # tracks, steps or passes
-LARGEST_WEIGHT = 100.0  # of a part of the loss, and of the initial bias
 LARGEST_FACTOR = 1000.0  # of the variances and radii of simulated tracks
 LARGEST_ALPHA = 0.3  # largest error probability at which a training track of the anchor agent declares
-
-
-def learning_rate_schedule(rate: str | float) -> tuple[float, bool]:
-    """Return the initial learning rate and whether it decays linearly.
-
-    Raises:
-        ArgumentError: not a number in (0, 1], with or without "lin_".
-    """
-    decays = isinstance(rate, str) and rate.startswith("lin_")
-    value = math.nan
-    if isinstance(rate, (str, int, float)):
-        with suppress(ValueError, OverflowError):
-            value = float(rate.removeprefix("lin_") if isinstance(rate, str) else rate)
-    if isinstance(rate, bool) or not 0.0 < value <= 1.0:
-        raise reject("learning_rate", rate, "a number above 0, at most 1, or lin_ and such a number")
-    return value, decays
-
-
-@dataclass(frozen=True, kw_only=True)
-class PPOSettings:
-    """Hyper-parameters of PPO and RecurrentPPO, named as in Stable-Baselines3.
-
-    The default gamma is 1: segments are fast-forwarded after a declaration, and delay is already penalised by
-    the delay cost.
-
-    Attributes:
-        n_envs: number of parallel tracks.
-        n_steps: steps of each track per rollout.
-        batch_size: mini-batch size; a divisor of n_envs x n_steps.
-        n_epochs: passes over a rollout per update.
-        learning_rate: constant, or "lin_" and the initial value for linear decay to zero.
-        gae_lambda: of generalized advantage estimation.
-        ent_coef: entropy coefficient of the loss.
-        policy: class of the policy, as in `POLICIES`.
-        policy_kwargs: keyword arguments of the policy.
-        gamma: discount factor.
-        wait_bias: initial logit bias of the waiting action. With 0 an untrained policy declares immediately
-            and does not learn to wait.
-        observe: names of the observed quantities, see `agents.learned.features`; all if empty.
-    """
-
-    n_envs: int
-    n_steps: int
-    batch_size: int
-    n_epochs: int
-    learning_rate: str | float
-    gae_lambda: float
-    ent_coef: float
-    policy: str
-    policy_kwargs: Mapping[str, Any] = field(default_factory=dict)
-    gamma: float = 1.0
-    wait_bias: float = 5.0
-    observe: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        for name in ("n_envs", "n_steps", "n_epochs"):
-            check_integer(name, getattr(self, name), maximum=LARGEST_COUNT)
-        check_integer("batch_size", self.batch_size, minimum=2)
-        learning_rate_schedule(self.learning_rate)
-        for name in ("gae_lambda", "gamma"):
-            if isinstance(getattr(self, name), bool) or getattr(self, name) != 1.0:
-                check_between(name, getattr(self, name), 0.0, 1.0)
-        check_positive("ent_coef", self.ent_coef, allow_zero=True)
-        for name in ("ent_coef", "wait_bias"):
-            if abs(check_number(name, getattr(self, name))) > LARGEST_WEIGHT:
-                raise reject(name, getattr(self, name), f"a magnitude of at most {LARGEST_WEIGHT:g}")
-        samples = self.n_envs * self.n_steps
-        if samples > LARGEST_ROLLOUT:
-            raise reject("n_steps", self.n_steps, f"n_envs x n_steps of at most {LARGEST_ROLLOUT:,}")
-        if samples % self.batch_size:
-            raise reject("batch_size", self.batch_size, f"a divisor of n_envs x n_steps = {samples}")
-        check_policy_kwargs(self.policy_kwargs, self.policy == POLICIES["recurrent_ppo"])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -342,9 +266,10 @@ class GliderSettings(FlightSettings):
     groups = ("gliders",)
 
 
-Settings = PPOSettings | AnchorSettings | SegmentSettings | StatementSettings | FlightSettings
+Settings = PPOSettings | A2CSettings | QSettings | AnchorSettings | SegmentSettings | StatementSettings | FlightSettings
 ALGORITHMS: dict[str, type[Settings]] = {
-    "ppo": PPOSettings, "recurrent_ppo": PPOSettings, "anchor": AnchorSettings, "reward": RewardSettings,
-    "tandem": SegmentSettings, "statements": StatementSettings, "flights": FlightSettings, "gliders": GliderSettings,
-    "kalman": SegmentSettings, "distilled": SegmentSettings, "transformer": SegmentSettings,
+    "ppo": PPOSettings, "recurrent_ppo": PPOSettings, "a2c": A2CSettings, "dqn": QSettings, "qrdqn": QSettings,
+    "anchor": AnchorSettings, "reward": RewardSettings, "tandem": SegmentSettings, "statements": StatementSettings,
+    "flights": FlightSettings, "gliders": GliderSettings, "kalman": SegmentSettings, "distilled": SegmentSettings,
+    "transformer": SegmentSettings, "jump_markov": StatementSettings,
 }  # fmt: skip

@@ -167,7 +167,7 @@ class StatementRun(OwnNetworkRun):
             outputs = self.net(part.inputs, part.log_probability, memory)
             reward, last = expected_reward(outputs, part, last)
             entropy = cross_entropy(outputs, part)
-            loss = self.statements.belief_weight * entropy - reward.mean()
+            loss = self.statements.belief_weight * entropy - reward.mean() + self.further_loss(outputs, part)
             self.optimizer.zero_grad(set_to_none=False)
             loss.backward()
             nn.utils.clip_grad_norm_(self.net.parameters(), LARGEST_GRADIENT)
@@ -177,6 +177,10 @@ class StatementRun(OwnNetworkRun):
             totals += float(reward.detach().mean()), float(entropy.detach())
         mean: NDArray[np.float64] = totals / len(parts)
         return float(mean[0]), float(mean[1])
+
+    def further_loss(self, outputs: StatementOutputs, batch: Batch) -> Tensor | float:
+        """Return what is added to the loss of a part."""
+        return 0.0
 
     def family(self, name: str) -> DeciderFamily:
         """Return the current agent as a family of deciders."""
@@ -197,8 +201,12 @@ class TrackRun(StatementRun):
         ArgumentError: an environment in which modes are not stated, or a damaged checkpoint.
     """
 
-    decider_class = StatementDecider
+    decider_class: ClassVar[type[UtilityDecider]] = StatementDecider
     smallest_factor: ClassVar[float] = 0.01
+
+    def simulate(self, world: QuickestOptions, tracks: int, seed: int) -> tuple[NDArray[Any], ...]:
+        """Return inputs, log-probabilities and true modes of one episode of each track; see `simulate`."""
+        return simulate(world, tracks, seed)
 
     def prepare(self) -> None:
         """See `StatementRun.prepare`."""
@@ -221,7 +229,7 @@ class TrackRun(StatementRun):
         first = seeds.TRAINING + self.seed * 10**9 + number * self._round_tracks
         generator = np.random.default_rng(first)
         parts = [
-            simulate(self._draw_world(generator, law), self.settings.n_envs, first + k * self.settings.n_envs)
+            self.simulate(self._draw_world(generator, law), self.settings.n_envs, first + k * self.settings.n_envs)
             for k, law in enumerate(self.settings.durations)
         ]
         arrays = [torch.from_numpy(np.concatenate(part, axis=1)) for part in zip(*parts, strict=True)]

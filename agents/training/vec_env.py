@@ -15,14 +15,16 @@ from hybrid_env.registration import make_track_vector_env
 class HybridTrackVecEnv(VecEnv):
     """N = `num_envs` parallel tracks as a VecEnv, with episode statistics in `info["episode"]`.
 
-    The options override those of the registered id.
+    The options override those of the registered id; `reward_scale` is a factor of the rewards, not of the statistics.
     """
 
-    def __init__(self, env_id: str = "hybrid_env:HybridTrack-v0", num_envs: int = 64, **options: Any):
+    def __init__(
+        self, env_id: str = "hybrid_env:HybridTrack-v0", num_envs: int = 64, reward_scale: float = 1.0, **options: Any
+    ):
         self.env = make_track_vector_env(
             env_id, num_envs, autoreset_mode=AutoresetMode.SAME_STEP, tick_info=False, **options
         )
-        self.render_mode = None
+        self.render_mode, self.reward_scale = None, reward_scale
         super().__init__(num_envs, self.env.single_observation_space, self.env.single_action_space)
         self._actions = np.zeros(num_envs, np.int64)
         self._returns, self._steps = np.zeros(num_envs), np.zeros(num_envs, np.int64)
@@ -51,7 +53,7 @@ class HybridTrackVecEnv(VecEnv):
                 "episode": {"r": float(self._returns[i]), "l": int(self._steps[i])},
             }
         self._returns[terminated] = self._steps[terminated] = 0
-        return observation, rewards.astype(np.float32), terminated, infos
+        return observation, (self.reward_scale * rewards).astype(np.float32), terminated, infos
 
     def state_arrays(self) -> dict[str, NDArray[Any]]:
         """Return all arrays that determine the next steps; writing into them changes the tracks."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from agents.training.recipe import load_recipe
-from agents.training.settings import PPOSettings
+from agents.training.stable_baselines_settings import PPOSettings
 from baselines import CusumDecider, MSPRTDecider, OnlineTracker, SPRTDecider, ThresholdDecider
 from hybrid_env import QuickestOptions, WorldOptions
 from tools.bench import timing

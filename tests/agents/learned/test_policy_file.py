@@ -125,14 +125,14 @@ def test_files_that_are_too_large_or_would_block_are_refused(folder):
     ],
 )  # fmt: skip
 def test_settings_of_a_policy_are_bounded(policy_kwargs):
-    assert accepted(lambda: check_policy_kwargs(policy_kwargs, recurrent=False) or True) is None
+    assert accepted(lambda: check_policy_kwargs(policy_kwargs, "ppo") or True) is None
 
 
 def test_settings_of_a_recurrent_policy_are_bounded():
-    check_policy_kwargs({"lstm_hidden_size": 8, "n_lstm_layers": 2, "enable_critic_lstm": False}, True)
+    check_policy_kwargs({"lstm_hidden_size": 8, "n_lstm_layers": 2, "enable_critic_lstm": False}, "recurrent_ppo")
     for name, value in (("lstm_hidden_size", 10**6), ("n_lstm_layers", 10**9), ("enable_critic_lstm", 1)):
         with pytest.raises(ArgumentError, match=name):
-            check_policy_kwargs({name: value}, True)
+            check_policy_kwargs({name: value}, "recurrent_ppo")
 
 
 def card_of(recipe, *changes):
@@ -149,7 +149,8 @@ def save_small_actor(folder, recipe="ppo", **policy_kwargs):
     torch.manual_seed(0)
     policy_kwargs = {"net_arch": [6, 5]} | policy_kwargs
     env = HybridTrackVectorEnv(1, **OPTIONS)
-    policy = make_policy(env.single_observation_space, env.single_action_space, policy_kwargs, (), recipe != "ppo")
+    algo = recipe.replace("-", "_")
+    policy = make_policy(env.single_observation_space, env.single_action_space, policy_kwargs, (), algo)
     changes = [f"policy_kwargs.{name}={value}" for name, value in policy_kwargs.items()]
     save_actor(folder, policy, card_of(recipe, *changes))
 

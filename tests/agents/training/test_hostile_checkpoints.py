@@ -13,12 +13,14 @@ from agents.training.checkpoint import CHECKPOINT, PREVIOUS, digest
 from agents.training.recipe import load_recipe
 from agents.training.run_folder import CONFIG
 from agents.training.runs import make_run, resume_run
+from baselines.rules.measurements import OBSERVED
 from hybrid_env import Layout, QuickestLayout, QuickestOptions
 from hybrid_env.registration import environment_options
 
 KNOWN_SWITCHES = "hybrid_env:HybridTrack-v0", {"scheme": "random 2x5-8"}
 ENVIRONMENTS = {
     "statements": ("hybrid_env:HybridTrackQuickest-v0", {"ticks": 8, "durations": "uniform 2-4"}),
+    "jump-markov": ("hybrid_env:HybridTrackQuickest-v0", {"ticks": 8, "durations": "uniform 2-4"}),
     "flights": ("hybrid_env:HybridTrack-v0", {}),
 }
 RECIPES = {
@@ -30,8 +32,13 @@ RECIPES = {
     "distilled": ("n_envs=4", "hidden=4", "batch_size=8"),
     "transformer": ("n_envs=4", "hidden=4", "batch_size=8"),
     "statements": ("n_envs=2", "batch_size=4", "n_steps=4", "hidden=4", "durations=[uniform 2-4, geometric 3]"),
+    "dqn": (
+        "n_envs=4", "train_freq=8", "learning_starts=32", "buffer_size=64", "batch_size=8",
+        "policy_kwargs.net_arch=[4]",
+    ),
+    "jump-markov": ("n_envs=2", "batch_size=4", "n_steps=4", "hidden=4"),
     "flights": ("flights=[1, 1, 1, 1]", "rows=100", "passes=1", "hidden=4"),
-}
+}  # fmt: skip
 
 
 def resume(folder):
@@ -39,7 +46,8 @@ def resume(folder):
     run = resume_run(folder)
     family = run.family("run")
     states = environment_options(run.env_id) is QuickestOptions
-    width = 4 if run.recipe.algo == "flights" else (QuickestLayout if states else Layout)(3).width
+    widths = {"flights": 4, "jump_markov": OBSERVED + 3}
+    width = widths.get(run.recipe.algo, (QuickestLayout if states else Layout)(3).width)
     rows = np.zeros((2, width), np.float32)
     if family.hypotheses in (None, 3):
         assert family.make(family.default).predict(rows, None, np.ones(2, np.bool_))[0].shape == (2,)

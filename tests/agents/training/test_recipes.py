@@ -9,15 +9,21 @@ from hypothesis import given
 
 from agents.interface.input_files import LARGEST_FILE
 from agents.training.recipe import FOLDER, Recipe, load_recipe, recipe_names, recipe_of
-from agents.training.settings import PPOSettings
+from agents.training.stable_baselines_settings import PPOSettings
 from hybrid_env.checks import ArgumentError
 
-ENV = "hybrid_env:HybridTrack-v0"
+ENV, QUICKEST = "hybrid_env:HybridTrack-v0", "hybrid_env:HybridTrackQuickest-v0"
 SMALL = load_recipe("ppo", ENV, ("n_envs=16", "n_steps=32", "batch_size=256", "policy_kwargs.net_arch=[16]"))
 STUDY = pytest.param(5_000, marks=pytest.mark.study)
 LAUGHS = "a: &a [x, x]\nb: &b [*a, *a, *a, *a, *a]\n" + "".join(
     f"{chr(c + 1)}: &{chr(c + 1)} [{', '.join(['*' + chr(c)] * 9)}]\n" for c in range(ord("b"), ord("l"))
 )
+
+
+def home(recipe):
+    """An environment that a recipe is for."""
+    return QUICKEST if recipe.startswith("q-") else ENV
+
 
 INVALID = {
     "ppo": [
@@ -30,6 +36,16 @@ INVALID = {
         ("policy_kwargs", {"net_arch": 3}), ("policy_kwargs", {"net_arch": [True]}), ("observe", 5),
         ("observe", "posterior"), ("observe", [3]), ("policy_kwargs", {"log_std_init": float("nan")}),
     ],
+    "a2c": [("n_envs", 0), ("n_steps", 0), ("n_steps", 10**5), ("gae_lambda", 0.0), ("batch_size", 64)],
+    "dqn": [
+        ("buffer_size", 10), ("buffer_size", 10**7), ("batch_size", 10**5), ("learning_starts", -1), ("train_freq", 0),
+        ("gradient_steps", -1), ("target_update_interval", 1), ("exploration_fraction", 0.0),
+        ("exploration_initial_eps", 1.5), ("exploration_final_eps", float("nan")), ("n_steps", 0),
+        ("policy_kwargs", {"n_quantiles": 5}), ("policy_kwargs", {"ortho_init": True}), ("wait_bias", "5"),
+    ],
+    "qrdqn": [("policy_kwargs", {"n_quantiles": 10**6}), ("policy", "CnnPolicy")],
+    "q-linear": [("policy_kwargs", {"net_arch": [0]}), ("policy_kwargs", {"net_arch": 0})],
+    "jump-markov": [("hidden", 10**6), ("durations", [])],
     "anchor": [
         ("n_steps", 0), ("random_declarations", 1.0), ("worlds", [{"n_envs": 0}]),
         ("worlds", [{"tracks": 3}]), ("worlds", [{"n_envs": 3, "options": 3}]),
@@ -60,7 +76,7 @@ INVALID = {
     "gliders": [("flights", 3), ("flights", [1, 1]), ("flights", [0])],
 }  # fmt: skip
 NAMED = {
-    "policy_kwargs": "net_arch|policy_kwargs|recipe", "unknown": "hyper-parameter='unknown'",
+    "policy_kwargs": "net_arch|policy_kwargs|recipe|n_quantiles", "unknown": "hyper-parameter='unknown'",
     "worlds": "n_envs=|worlds=|options=|option=|env=", "drawn_worlds": "radii=|drawn_worlds=|n_steps=",
 }  # fmt: skip
 """What is named where it is not the hyper-parameter itself."""
@@ -70,7 +86,7 @@ NAMED = {
     ("recipe", "name", "value"), [(recipe, *case) for recipe, cases in INVALID.items() for case in cases]
 )
 def test_invalid_settings_are_refused_in_one_line_that_names_them(recipe, name, value):
-    entry = load_recipe(recipe, ENV).as_json()["entry"] | {name: value}
+    entry = load_recipe(recipe, home(recipe)).as_json()["entry"] | {name: value}
     with pytest.raises(ArgumentError, match=NAMED.get(name, name)) as caught:
         recipe_of("mine", entry)
     assert "expected" in str(caught.value)
@@ -95,7 +111,7 @@ def test_recipes_are_read_changed_written_and_read_again(tmp_path):
 
 def load(path, changes=()):
     """A recipe that is used can be written to the config of a run and read again."""
-    recipe = load_recipe(str(path), ENV, changes)
+    recipe = load_recipe(str(path), home(str(path)), changes)
     again = json.loads(json.dumps(recipe.as_json()))
     assert recipe_of(again["name"], again["entry"]).as_json() == recipe.as_json()
     return recipe
@@ -137,6 +153,10 @@ BOUNDED = {
         "n_timesteps=1" + "0" * 30, "observe=3", "observe=[3]", "a=&a [*a]",
         "policy_kwargs" + ".a" * 5000 + "=1", "n_envs=true", "n_envs=" + "[" * 400,
     ],
+    "dqn": [
+        "batch_size=1000000", "buffer_size=1e9", "policy_kwargs={n_quantiles: 3}", "exploration_final_eps=-1",
+        "target_update_interval=0", "gamma=2", "net_arch=[]",
+    ],
     "anchor": [
         "hidden=20000", "n_steps=1000000", "batches=0", "buffer_size=1" + "0" * 12,
         "last_tick=1" + "0" * 15, "worlds=3", "worlds={}",
@@ -157,7 +177,7 @@ def test_values_are_bounded(name, change):
 
 
 @pytest.mark.parametrize("examples", [50, STUDY])
-@pytest.mark.parametrize("name", ["ppo", "recurrent-ppo", "anchor-all", "statements"])
+@pytest.mark.parametrize("name", ["ppo", "recurrent-ppo", "qrdqn", "anchor-all", "statements"])
 def test_a_recipe_with_one_changed_value_is_used_or_refused(name, examples, tmp_path):
     path = tmp_path / "recipe.yml"
 
@@ -187,3 +207,8 @@ def test_a_damaged_recipe_is_used_or_refused(name, examples, tmp_path):
 @pytest.mark.parametrize("name", recipe_names())
 def test_the_recipes_of_the_package_are_used(name):
     assert load(name).name == name
+
+
+def test_a_recipe_for_unknown_switches_alone_is_refused_in_other_environments():
+    with pytest.raises(ArgumentError, match="an entry for HybridTrack-v0 or default"):
+        load_recipe("q-deep", ENV)

@@ -61,7 +61,7 @@ def kill(process):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_resumed_run_equals_an_uninterrupted_one(kind, whole, tmp_path):
-    if kind == "recurrent-ppo":
+    if kind in ("recurrent-ppo", "qrdqn"):
         pytest.importorskip("sb3_contrib")
     folder = interrupted(kind, tmp_path / "run", STEPS // 2 + 1)
     torch.manual_seed(0)

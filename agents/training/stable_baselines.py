@@ -1,4 +1,4 @@
-"""Training with PPO of Stable-Baselines3 or RecurrentPPO of sb3-contrib, as a resumable run.
+"""Training with algorithms of Stable-Baselines3 and sb3-contrib as resumable runs: PPO, A2C, DQN and their kin.
 
 The agent declares the mode of a segment, or states one at every tick where nobody announces the switches.
 """
@@ -12,25 +12,34 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import stable_baselines3
 import torch
-from stable_baselines3 import PPO
+from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
-from torch import Tensor
+from torch import Tensor, nn
 from torch.utils.tensorboard import SummaryWriter
 
 from agents.evaluation.tasks import task_of
 from agents.learned.features import policy_kwargs_with_features
-from agents.learned.policy import ACTORS, save_actor
+from agents.learned.policy import ACTORS, save_actor, value_network
 from agents.learned.policy_file import first_line
 from agents.training import run_folder
-from agents.training.checkpoint import check_random_state, check_scalars, check_tracks, random_state, set_random_state
+from agents.training.checkpoint import (
+    check_random_state,
+    check_scalars,
+    check_tracks,
+    random_state,
+    restore_generator,
+    set_random_state,
+)
+from agents.training.learning_rate import learning_rate_schedule
 from agents.training.run import Run, TrainingProgress
-from agents.training.settings import PPOSettings, learning_rate_schedule
+from agents.training.stable_baselines_settings import LibrarySettings
 from agents.training.vec_env import HybridTrackVecEnv
 from baselines.rules import seeds
 from baselines.rules.decider import DeciderFamily
-from hybrid_env.checks import ArgumentError, check_integer, reject
+from hybrid_env.checks import ArgumentError, check_flag, check_integer, check_number, reject
 
 
 def plain_values(logged: Mapping[str, Any]) -> dict[str, Any]:
@@ -93,7 +102,7 @@ def without_tracebacks_of_threads() -> Iterator[None]:
 class _RunCallback(BaseCallback):
     """Reports progress after each rollout; evaluates and saves the agent after each update."""
 
-    def __init__(self, run: "PPORun", on_progress: Callable[[TrainingProgress], None] | None):
+    def __init__(self, run: "LibraryRun", on_progress: Callable[[TrainingProgress], None] | None):
         super().__init__()
         self.run, self.on_progress = run, on_progress
 
@@ -110,18 +119,27 @@ class _RunCallback(BaseCallback):
             self.on_progress(TrainingProgress(self.model.num_timesteps, self.run.steps, reward, ticks))
 
 
+CLASSES = {"ppo": "PPO", "recurrent_ppo": "RecurrentPPO", "a2c": "A2C", "dqn": "DQN", "qrdqn": "QRDQN"}
+"""Classes of the algorithms; those that Stable-Baselines3 lacks are in sb3-contrib."""
+LOGGED_EPISODES = 500
+"""Episodes between two lines of metrics of DQN and QR-DQN; the others write one for each rollout."""
+BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
+"""Arrays of a replay buffer."""
+
+
 def _model_class(algo: str) -> Any:
-    if algo == "ppo":
-        return PPO
+    name = CLASSES[algo]
+    if hasattr(stable_baselines3, name):
+        return getattr(stable_baselines3, name)
     try:
-        from sb3_contrib import RecurrentPPO
+        import sb3_contrib
     except ImportError:
         raise reject("recipe", algo, 'sb3-contrib: pip install "hybrid-track[recurrent]"') from None
-    return RecurrentPPO
+    return getattr(sb3_contrib, name)
 
 
-class PPORun(Run):
-    """A run of PPO or RecurrentPPO; see `agents.training.runs.make_run` for the arguments.
+class LibraryRun(Run):
+    """A run of an algorithm of `CLASSES`; see `agents.training.runs.make_run` for the arguments.
 
     `steps` is rounded up to a multiple of the rollout size. Recipes whose initial policy waits are refused where a
     mode is stated at every tick.
@@ -130,9 +148,11 @@ class PPORun(Run):
     def build(self) -> None:
         """Create model and environments; the initial policy waits if it can."""
         settings = self.recipe.settings
-        assert isinstance(settings, PPOSettings)
+        assert isinstance(settings, LibrarySettings)
+        self.settings = settings
         kind = _model_class(self.recipe.algo)
-        env = HybridTrackVecEnv(self.env_id, settings.n_envs, **self.options)
+        scale = getattr(settings, "reward_scale", 1.0)
+        env = HybridTrackVecEnv(self.env_id, settings.n_envs, scale, **self.options)
         self.world = env.env.options
         self.task = task_of(self.env_id, self.options)
         rate, decays = learning_rate_schedule(settings.learning_rate)
@@ -140,9 +160,7 @@ class PPORun(Run):
             self.model = kind(
                 settings.policy, env,
                 learning_rate=lambda remaining: rate * max(remaining, 0.0) if decays else rate,
-                n_steps=settings.n_steps, batch_size=settings.batch_size, n_epochs=settings.n_epochs,
-                gamma=settings.gamma, gae_lambda=settings.gae_lambda, ent_coef=settings.ent_coef,
-                seed=self.seed, device="cpu",
+                seed=self.seed, device="cpu", **settings.keywords,
                 policy_kwargs=policy_kwargs_with_features(
                     settings.policy_kwargs, settings.observe, type(env.env.world.layout)
                 ),
@@ -153,8 +171,7 @@ class PPORun(Run):
             keywords = dict(settings.policy_kwargs)
             raise reject("policy_kwargs", keywords, f"keyword arguments of {settings.policy} ({error})") from None
         if self.task.waits:
-            with torch.no_grad():
-                self.model.policy.action_net.get_parameter("bias")[0] = settings.wait_bias
+            self._prefer_waiting(settings.wait_bias)
         elif settings.wait_bias:
             allowed = "0 for an agent that states a mode at every tick, which cannot wait"
             raise reject("wait_bias", settings.wait_bias, allowed)
@@ -166,7 +183,23 @@ class PPORun(Run):
         self.model.ep_success_buffer = deque(maxlen=self.model._stats_window_size)
         self.network, self.optimizer = self.model.policy, self.model.policy.optimizer
         self._random: dict[str, Any] | None = None
+        self._actions: dict[str, Any] | None = None
         self._logged: dict[str, float] = {}
+
+    @torch.no_grad()
+    def _prefer_waiting(self, bias: float) -> None:
+        policy = self.model.policy
+        values = value_network(policy)
+        *_, last = (one for one in (values or policy.action_net).modules() if isinstance(one, nn.Linear))
+        last.bias.view(-1, self.model.action_space.n)[:, 0] = bias  # one row for each quantile
+        if values is not None:
+            target = getattr(policy, "q_net_target", None) or policy.quantile_net_target
+            target.load_state_dict(values.state_dict())
+
+    @property
+    def buffer(self) -> ReplayBuffer | None:
+        """The replay buffer; None for an algorithm without one."""
+        return getattr(self.model, "replay_buffer", None)
 
     def set_steps(self, steps: int) -> None:
         """See `Run.set_steps`."""
@@ -200,6 +233,8 @@ class PPORun(Run):
         # not public, but the save() of Stable-Baselines3 pickles, and does not save the tracks
         arrays = {"observation": model._last_obs, "episode_start": model._last_episode_starts}
         arrays |= model.env.state_arrays()
+        if self.buffer is not None:
+            arrays |= {f"buffer.{name}": getattr(self.buffer, name) for name in BUFFER}
         tensors = {name: torch.from_numpy(array) for name, array in arrays.items()}
         if self.recipe.algo == "recurrent_ppo":
             states = model._last_lstm_states
@@ -210,11 +245,18 @@ class PPORun(Run):
     def values(self) -> dict[str, Any]:
         """See `Run.values`."""
         model = self.model
-        return {
+        values = {
             "random": random_state(), "updates": model._n_updates,
             "logged": plain_values(model.logger.name_to_value),
             "episodes": [[episode["r"], episode["l"]] for episode in model.ep_info_buffer],
         }  # fmt: skip
+        if self.buffer is not None:
+            values |= {
+                "calls": model._n_calls, "finished": model._episode_num, "exploration": float(model.exploration_rate),
+                "position": self.buffer.pos, "full": self.buffer.full,
+                "actions": model.action_space.np_random.bit_generator.state,
+            }  # fmt: skip
+        return values
 
     def restore_values(self, values: dict[str, Any]) -> None:
         """See `Run.restore_values`."""
@@ -224,6 +266,18 @@ class PPORun(Run):
         self._random, self._logged = values["random"], check_scalars(values["logged"])
         model._n_updates = check_integer("updates", values["updates"], minimum=0)
         model.ep_info_buffer.extend({"r": float(reward), "l": int(ticks)} for reward, ticks in values["episodes"])
+        buffer = self.buffer
+        if buffer is not None:
+            model._n_calls, model._episode_num = (
+                check_integer(name, values[name], minimum=0) for name in ("calls", "finished")
+            )
+            model.exploration_rate = check_number("exploration", values["exploration"])
+            buffer.pos = check_integer("position", values["position"], minimum=0, maximum=buffer.buffer_size - 1)
+            buffer.full = check_flag("full", values["full"])
+            if not ((buffer.actions >= 0) & (buffer.actions < model.action_space.n)).all():
+                raise ValueError("an action is out of range")
+            self._actions = values["actions"]
+            restore_generator(np.random.default_rng(), self._actions)
 
     @without_tracebacks_of_threads()
     def learn(self, on_progress: Callable[[TrainingProgress], None] | None) -> None:
@@ -240,10 +294,13 @@ class PPORun(Run):
             set_random_state(self._random)
         elif self.num_timesteps == 0:
             model.set_random_seed(self.seed)
-        self._random, self._logged = None, {}
+        if self._actions is not None:
+            restore_generator(model.action_space.np_random, self._actions)
+        self._random, self._actions, self._logged = None, None, {}
         callback = _RunCallback(self, on_progress)
+        interval = 1 if self.buffer is None else LOGGED_EPISODES
         try:
-            model.learn(self.steps - self.num_timesteps, callback, reset_num_timesteps=False)
+            model.learn(self.steps - self.num_timesteps, callback, interval, reset_num_timesteps=False)
             self.num_timesteps = model.num_timesteps
         except ArgumentError:
             raise

@@ -1,0 +1,81 @@
+"""A2C, DQN and QR-DQN as runs: values that are known in closed form, thresholds, waiting, and learning."""
+
+import numpy as np
+import pytest
+import torch
+
+from agents.evaluation.registry import find_family
+from agents.learned.policy import VALUE_THRESHOLDS, value_network
+from agents.training.recipe import load_recipe
+from agents.training.runs import make_run
+from baselines.rules.rollout import evaluate
+from hybrid_env import Layout, QuickestLayout
+from hybrid_env.registration import make_track_vector_env
+
+ANNOUNCED, QUICKEST = "hybrid_env:HybridTrack-v0", "hybrid_env:HybridTrackQuickest-v0"
+SMALL = "buffer_size=5000", "learning_starts=500"
+
+
+@pytest.mark.parametrize("kind", ["dqn", "qrdqn", "a2c"])
+def test_the_first_policy_waits_by_its_bias_and_its_target_network_too(kind):
+    pytest.importorskip("sb3_contrib")
+    run = make_run(ANNOUNCED, {}, load_recipe(kind, ANNOUNCED, ("wait_bias=3",)))
+    rows = np.random.default_rng(0).normal(size=(5, Layout(3).width)).astype(np.float32)
+    logits, _ = run.decider.logits(rows)
+    assert logits.shape == (5, 4)
+    assert (logits.argmax(1) == 0).all()
+    net = value_network(run.model.policy)
+    if net is not None:
+        target = getattr(run.model, "q_net_target", None) or run.model.quantile_net_target
+        assert all(torch.equal(one, other) for one, other in zip(net.parameters(), target.parameters(), strict=True))
+
+
+@pytest.mark.parametrize("kind", ["dqn", "qrdqn", "a2c"])
+def test_a_saved_agent_decides_as_the_model_does(kind, tmp_path):
+    pytest.importorskip("sb3_contrib")
+    changes = ("n_envs=4", "policy_kwargs.net_arch=[8]", *(() if kind == "a2c" else SMALL))
+    run = make_run(ANNOUNCED, {}, load_recipe(kind, ANNOUNCED, changes), folder=tmp_path / "run", steps=1000)
+    run.train()
+    family = find_family(str(tmp_path / "run"), run.world)
+    assert (family.thresholds == VALUE_THRESHOLDS) == (kind != "a2c")
+    rows = run.model.env.env.reset(seed=1)[0]
+    expected, _ = run.model.predict(rows, deterministic=True)
+    np.testing.assert_array_equal(family.make(0.0).predict(rows)[0], expected)
+
+
+@pytest.mark.parametrize("layers", ["[]", "[32]"])
+def test_values_without_a_future_are_the_expected_reward_of_a_statement(layers):
+    """With gamma 0 the value of a mode is its probability, less the cost of a change if that is wrong."""
+    more = ("n_timesteps=60000", "gamma=0.0001", "exploration_initial_eps=1.0", "exploration_final_eps=1.0", *SMALL)
+    changes = (*more, f"policy_kwargs.net_arch={layers}", "observe=[posterior, stated]", "learning_rate=lin_1e-2")
+    run = make_run(QUICKEST, {}, load_recipe("q-linear", QUICKEST, changes), seed=1)
+    run.train()
+    env, layout = make_track_vector_env(QUICKEST, 200, tick_info=False), QuickestLayout(3)
+    rows, generator = env.reset(seed=7)[0], np.random.default_rng(0)
+    for _ in range(100):
+        rows = env.step(generator.integers(3, size=200))[0]
+    probability = np.exp(layout.read(rows, "log_probability"))
+    stated = layout.read(rows, "stated")
+    exact = probability - 5.0 * (1.0 - probability) * (1.0 - stated)
+    found = run.decider.logits(rows)[0]
+    error = found / run.settings.reward_scale - exact
+    # linear values lack the product of probability and statement: a quarter of the variance
+    print(layers, error.std() / exact.std(), error.mean())
+    assert error.std() < (0.6 if layers == "[]" else 0.15) * exact.std()
+    assert abs(error.mean()) < 0.2
+
+
+def test_q_learning_for_unknown_switches_states_better_in_seconds():
+    recipe = load_recipe("q-linear", QUICKEST, SMALL)
+    run = make_run(QUICKEST, {}, recipe, seed=1, steps=60_000)
+    first = run.curve.evaluate(run.family(""), 0, 0.0)["evaluation/reward"]
+    run.train()
+    assert run.curve.evaluate(run.family(""), 0, 0.0)["evaluation/reward"] > max(0.55, first + 0.1)
+
+
+def test_dqn_learns_to_wait_in_seconds():
+    changes = ("policy_kwargs.net_arch=[32]", "wait_bias=0.5", "exploration_initial_eps=0.05", *SMALL)
+    run = make_run(ANNOUNCED, {}, load_recipe("dqn", ANNOUNCED, changes), seed=1, steps=100_000)
+    run.train()
+    rewards = [evaluate(run.family("").make(one), episodes=100, seed=5).reward.mean() for one in (-0.2, 0.0, 0.1)]
+    assert max(rewards) > -0.2  # of a declaration at the first tick -0.35, of waiting to the end -0.5
