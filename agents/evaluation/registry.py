@@ -52,6 +52,7 @@ def learned_family(folder: Path, options: Any = None, recorded: str = FLIGHTS) -
 
 OWN_NETWORKS = {
     "anchor": ("anchor_decider", "AnchorDecider"), "statements": ("statement_decider", "StatementDecider"),
+    "rhythm": ("rhythm_decider", "RhythmDecider"),
     "flights": ("flight_decider", "FlightAgent"), "gliders": ("glider_decider", "GliderAgent"),
     "reward": ("reward_decider", "RewardDecider"), "tandem": ("tandem_decider", "TandemDecider"),
     "kalman": ("kalman_decider", "KalmanDecider"),

@@ -14,14 +14,14 @@ from agents.training.reward import RewardRun
 from agents.training.run import Run
 from agents.training.simulated_flights import FlightRun
 from agents.training.simulated_gliders import GliderRun
-from agents.training.statements import TrackRun
+from agents.training.statements import RhythmRun, TrackRun
 from agents.training.tandem import TandemRun
 from agents.training.transformer import TransformerRun
 from hybrid_env.checks import check_integer, reject
 
 RUNS: dict[str, type[Run]] = {
     "ppo": PPORun, "recurrent_ppo": PPORun, "anchor": AnchorRun, "reward": RewardRun,
-    "tandem": TandemRun, "statements": TrackRun, "flights": FlightRun, "gliders": GliderRun,
+    "tandem": TandemRun, "statements": TrackRun, "rhythm": RhythmRun, "flights": FlightRun, "gliders": GliderRun,
     "kalman": KalmanRun,
     "distilled": DistilledRun, "transformer": TransformerRun,
 }  # fmt: skip

@@ -13,7 +13,7 @@ other state than the network and its optimizer.
 
 import math
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
@@ -25,6 +25,7 @@ from torch import Tensor, nn
 
 from agents.evaluation.tasks import task_of
 from agents.learned.policy_file import save_policy
+from agents.learned.rhythm_decider import RhythmDecider
 from agents.learned.statement_decider import StatementDecider, UtilityDecider
 from agents.learned.statement_net import StatementOutputs, count_ages, statement_inputs
 from agents.training.run import OwnNetworkRun, Round
@@ -32,7 +33,7 @@ from agents.training.settings import ExpectedRewardSettings, StatementSettings
 from baselines.rules import seeds
 from baselines.rules.decider import DeciderFamily
 from hybrid_env.checks import reject
-from hybrid_env.observation import QuickestLayout
+from hybrid_env.durations import DRAWN
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.vector_env import HybridTrackQuickestVectorEnv
 
@@ -187,6 +188,7 @@ class StatementRun(OwnNetworkRun):
         save_policy(folder, self.net.state_dict(), card, self.decider_class.task)
 
 
+HAZARDS = 1 / 160, 1 / 30  # range of the bank's hazard where the law of the durations is drawn
 LARGEST_ROUND = 2**22  # tracks x ticks x turns, whose inputs take half a gigabyte
 
 
@@ -197,7 +199,7 @@ class TrackRun(StatementRun):
         ArgumentError: an environment in which modes are not stated, or a damaged checkpoint.
     """
 
-    decider_class = StatementDecider
+    decider_class: ClassVar[type[StatementDecider]] = StatementDecider
     smallest_factor: ClassVar[float] = 0.01
 
     def prepare(self) -> None:
@@ -210,10 +212,11 @@ class TrackRun(StatementRun):
         self.world: QuickestOptions = task.options
         world = self.world
         self._round_tracks = len(self.settings.durations) * self.settings.n_envs
-        if self._round_tracks * world.ticks * (world.hypotheses - 1) > LARGEST_ROUND:
+        self._ticks = world.ticks if self.settings.ticks is None else self.settings.ticks
+        if self._round_tracks * self._ticks * (world.hypotheses - 1) > LARGEST_ROUND:
             allowed = f"n_envs x laws x ticks x (M - 1) of at most {LARGEST_ROUND:,}"
             raise reject("n_envs", self.settings.n_envs, allowed)
-        self.round_steps = self._round_tracks * world.ticks
+        self.round_steps = self._round_tracks * self._ticks
 
     def batches(self) -> Iterator[Batch]:
         """Simulate the tracks of a round, and divide them at random."""
@@ -221,7 +224,7 @@ class TrackRun(StatementRun):
         first = seeds.TRAINING + self.seed * 10**9 + number * self._round_tracks
         generator = np.random.default_rng(first)
         parts = [
-            simulate(self._draw_world(generator, law), self.settings.n_envs, first + k * self.settings.n_envs)
+            self._simulate(self._draw_world(generator, law), first + k * self.settings.n_envs)
             for k, law in enumerate(self.settings.durations)
         ]
         arrays = [torch.from_numpy(np.concatenate(part, axis=1)) for part in zip(*parts, strict=True)]
@@ -231,40 +234,64 @@ class TrackRun(StatementRun):
             costs = torch.full(modes.shape, self.world.change_cost)
             yield Batch(inputs, logs, modes, costs, torch.ones(modes.shape))
 
+    def _simulate(self, world: QuickestOptions, seed: int) -> Sequence[NDArray[Any]]:
+        decider = self.decider_class(self.net, world)
+        return simulate(world, self.settings.n_envs, seed, decider)
+
     def _draw_world(self, generator: np.random.Generator, law: str) -> QuickestOptions:
         variance, radius = (
             np.exp(generator.uniform(*np.log(range_))) for range_ in (self.settings.variances, self.settings.radii)
         )
         variances = tuple(variance * self.world.variances)
+        habits: dict[str, Any] = {"durations": law}
+        if law == DRAWN:  # the bank's hazard follows from the law, which is then unknown
+            hazard = float(np.exp(generator.uniform(*np.log(HAZARDS))))
+            habits |= {"order": DRAWN, "hazard": min(hazard, 1.0 - 1.0 / self.world.hypotheses)}
         return replace(
             self.world,
-            durations=law,
+            **habits,
+            ticks=self._ticks,
             measurement_variance=variances if len(variances) == 2 else variances[0],
             radii=tuple(radius * np.array(self.world.radii)),
         )
 
 
+class RhythmRun(TrackRun):
+    """A training run of the agent that learns habits within the episode."""
+
+    decider_class = RhythmDecider
+
+
 def simulate(
-    world: QuickestOptions, tracks: int, seed: int
+    world: QuickestOptions, tracks: int, seed: int, decider: StatementDecider | None = None
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]:
-    """Return inputs (T, N, M - 1, 26), log-probabilities (T, N, M) and true modes (T, N) of one episode each.
+    """Return inputs (T, N, M - 1, k), log-probabilities (T, N, M) and true modes (T, N) of one episode each.
 
     Args:
         world: options of the environment.
         tracks: N.
         seed: of the first track.
+        decider: whose network has these inputs, in this world; its network is not used. None is a
+            `StatementDecider`.
     """
+    if decider is None:
+        decider = StatementDecider(StatementDecider.network(1), world)
     env = HybridTrackQuickestVectorEnv(tracks, autoreset_mode="Disabled", tick_info=False, **vars(world))
     rows, _ = env.reset(seed=seed)
     all_rows = np.empty((world.ticks, *rows.shape), np.float32)
+    log_probability = np.empty((world.ticks, tracks, world.hypotheses), np.float32)
     true_modes, ages = (np.empty((world.ticks, tracks), np.int64) for _ in range(2))
-    layout = QuickestLayout(world.hypotheses)
-    block = layout.slices["log_probability"]
     best, age, statement = np.full(tracks, -1), np.zeros(tracks, np.int64), np.zeros(tracks, np.int64)
+    more, filters, starts = [], None, np.zeros(tracks, np.bool_)
     for tick in range(world.ticks):
         all_rows[tick], true_modes[tick] = rows, env.world.field("true_mode")
-        previous, best = best, rows[:, block].argmax(-1)
+        _, seen = decider.divide(rows if decider.observes == "rows" else decider.observe(env.world))
+        bank = decider.layout.read(rows, "log_probability")
+        log_probability[tick], further, filters = decider.filtered(bank, seen, filters, starts)
+        if further is not None:
+            more.append(further)
+        previous, best = best, bank.argmax(-1)
         ages[tick] = age = count_ages(best, previous, age)
         rows, *_ = env.step(statement)  # statements change only columns that the network does not read
-    log_probability = np.asarray(all_rows[..., block] / layout.scales["log_probability"], np.float32)
-    return statement_inputs(world, all_rows, ages), log_probability, true_modes
+    inputs = statement_inputs(world, all_rows, ages, np.stack(more) if more else None)
+    return inputs, log_probability, true_modes

@@ -1,6 +1,7 @@
 """The beam that learns the rhythm of an object: the law of its durations and the order of its modes."""
 
 import functools
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -47,22 +48,45 @@ class Prior(NamedTuple):
     ceiling: float = 1.0
 
 
+def mixed_prior(
+    widths: dict[float, float],
+    shortest: tuple[float, float],
+    offsets: Sequence[int],
+    means: Sequence[int],
+    shares: tuple[float, float, float],
+    different: float,
+    habitual: float,
+) -> Prior:
+    """Return uniform laws, geometric ones, and the default law of the environment.
+
+    Args:
+        widths: longest over shortest duration of the uniform laws, and the distance of the logarithms of the
+            shortest.
+        shortest: range of the shortest durations [ticks].
+        offsets, means: of the geometric laws, in all combinations.
+        shares: probabilities of the uniform and the geometric laws and of the default law.
+        different, habitual: see `Prior`.
+    """
+    laws: list[GeometricDurations | UniformDurations] = []
+    weights: list[float] = []
+    for width, step in widths.items():
+        first = np.unique(np.exp(np.arange(*np.log(shortest), step)).round().astype(int))
+        laws += [UniformDurations(k, max(round(width * k), k + 1)) for k in first.tolist()]
+        weights += [1.0 / len(first)] * len(first)
+    geometric = [GeometricDurations(float(mean), offset) for offset in offsets for mean in means]
+    average = np.log([law.mean_duration for law in (*laws, *geometric)])
+    usual = np.append(weights, np.ones(len(geometric))) * np.exp(-0.5 * ((average - np.log(USUAL)) / SPREAD) ** 2)
+    kinds = np.split(usual, [len(laws)])
+    parts = [share * kind / kind.sum() for share, kind in zip(shares[:2], kinds, strict=True)]
+    everything = (*laws, *geometric, GeometricDurations(50.0, 25))
+    return Prior(everything, (*np.concatenate(parts).tolist(), shares[2]), different, habitual, FLOOR, CEILING)
+
+
 @functools.cache
 def default_prior() -> Prior:
     """Return uniform laws of five relative widths, geometric ones, and the default law of the environment."""
-    laws: list[GeometricDurations | UniformDurations] = []
-    weights: list[float] = []
-    for width, step in WIDTHS.items():
-        shortest = np.unique(np.exp(np.arange(np.log(SHORTEST), np.log(LONGEST), step)).round().astype(int))
-        laws += [UniformDurations(k, max(round(width * k), k + 1)) for k in shortest.tolist()]
-        weights += [1.0 / len(shortest)] * len(shortest)
-    geometric = [GeometricDurations(float(mean), offset) for offset in OFFSETS for mean in MEANS]
-    means = np.log([law.mean_duration for law in (*laws, *geometric)])
-    usual = np.append(weights, np.ones(len(geometric))) * np.exp(-0.5 * ((means - np.log(USUAL)) / SPREAD) ** 2)
-    kinds = np.split(usual, [len(laws)])
-    shares = [share * kind / kind.sum() for share, kind in zip((UNIFORM, GEOMETRIC), kinds, strict=True)]
-    everything = (*laws, *geometric, GeometricDurations(50.0, 25))
-    return Prior(everything, (*np.concatenate(shares).tolist(), DEFAULT), floor=FLOOR, ceiling=CEILING)
+    shares = (UNIFORM, GEOMETRIC, DEFAULT)
+    return mixed_prior(WIDTHS, (SHORTEST, LONGEST), OFFSETS, MEANS, shares, DIFFERENT, HABITUAL)
 
 
 class AdaptiveBeamDecider(BeamDecider):

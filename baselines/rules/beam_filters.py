@@ -41,6 +41,7 @@ class Branches(NamedTuple):
         ages: (N, B) ticks of the present segment so far, 1 at its first measurement.
         rows: (N, B) `FIRST` or `LATER`.
         slots: (N, B) index of the habits of the branch in `habits`.
+        hazards: (N, B) probability that its segment would end at its last tick; 0 of a new one.
         counts: (N,) number of branches.
         evidence: (N,) log-likelihood of all measurements so far.
         habits: what the branches know of durations and order.
@@ -51,6 +52,7 @@ class Branches(NamedTuple):
     ages: NDArray[np.int64]
     rows: NDArray[np.int64]
     slots: NDArray[np.int64]
+    hazards: NDArray[np.float64]
     counts: NDArray[np.int64]
     evidence: NDArray[np.float64]
     habits: Habits
@@ -99,7 +101,8 @@ def branch_arrays(tracks: int, branches: int, modes: int = 0, laws: int = 0) -> 
         np.zeros((tracks, slots), np.float32),
     )
     counts, evidence = np.zeros(tracks, np.int64), np.zeros(tracks)
-    return Branches(filters, present, ages, rows, places, counts, evidence, habits)
+    hazards = np.zeros(places.shape)
+    return Branches(filters, present, ages, rows, places, hazards, counts, evidence, habits)
 
 
 @compiled
@@ -125,6 +128,7 @@ def begin_branches(branches: Branches, track: int, start: NDArray[np.float64], m
         branches.ages[track, mode] = 1
         branches.rows[track, mode] = FIRST
         branches.slots[track, mode] = mode
+        branches.hazards[track, mode] = 0.0
     branches.counts[track] = modes
     branches.evidence[track] = 0.0
     if model.prior.size > 0:
@@ -152,6 +156,7 @@ def _copy_branch(source: Branches, source_track: int, b: int, target: Branches, 
     target.ages[track, c] = source.ages[source_track, b]
     target.rows[track, c] = source.rows[source_track, b]
     target.slots[track, c] = source.slots[source_track, b]
+    target.hazards[track, c] = source.hazards[source_track, b]
 
 
 @internal
@@ -172,6 +177,7 @@ def _begin_child(children: Branches, c: int, mode: int, anchor: State, covarianc
     children.modes[0, c] = mode
     children.ages[0, c] = 1
     children.rows[0, c] = LATER
+    children.hazards[0, c] = 0.0
 
 
 @internal
@@ -263,6 +269,7 @@ def _extend(branches: Branches, track: int, children: Branches, model: BeamModel
         if hazard < 1.0:
             _copy_branch(branches, track, b, children, 0, count)
             children.ages[0, count] = age + 1
+            children.hazards[0, count] = hazard
             children.filters[0, count // LANES].log_likelihood[count % LANES] = weight + math.log1p(-hazard)
             count += 1
     free = switches.astype(np.int64)[:0]
