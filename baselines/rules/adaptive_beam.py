@@ -5,8 +5,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from baselines.rules.beam import BeamDecider, hazards
+from baselines.rules.beam_habits import SMALLEST
 from hybrid_env.checks import FloatArray
 from hybrid_env.durations import (
     GeometricDurations,
@@ -125,7 +127,7 @@ class AdaptiveBeamDecider(BeamDecider):
 
 
 @functools.lru_cache(4)
-def _tables(prior: Prior, ages: int, random_start: bool) -> FloatArray:
+def _tables(prior: Prior, ages: int, random_start: bool) -> NDArray[np.float32]:
     """Return the tables of `beam_filters.BeamModel`, (2, ages, 2, L), which all thresholds share."""
     first = remaining_probabilities if random_start else duration_probabilities
     tables = np.empty((2, ages, 2, len(prior.laws)))
@@ -134,7 +136,7 @@ def _tables(prior: Prior, ages: int, random_start: bool) -> FloatArray:
         ends = hazards(laws).T.clip(prior.floor, prior.ceiling)
         tables[row, :, 0] = np.cumprod(np.vstack([np.ones(len(laws)), 1.0 - ends[:-1]]), axis=0)
         tables[row, :, 1] = tables[row, :, 0] * ends
-    return tables
+    return np.where(tables > SMALLEST, tables, 0.0).astype(np.float32)
 
 
 def _beliefs(prior: Prior) -> FloatArray:

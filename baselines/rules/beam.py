@@ -89,7 +89,7 @@ class BeamDecider(MeasurementDecider[BeamState]):
         merged, sensors = check_flag("merged", merged), sensors_of(options)
         self.model = BeamModel(
             np.array(options.radii), hazards(options.duration_laws), options.order_matrix, merged,
-            np.zeros((2, 1, 2, 0)), np.zeros((3, 0)), 0.0, model, sensors,
+            np.zeros((2, 1, 2, 0), np.float32), np.zeros((3, 0)), 0.0, model, sensors,
         )  # fmt: skip
 
     @classmethod

@@ -79,7 +79,7 @@ class BeamModel(NamedTuple):
     hazards: NDArray[np.float64]
     order: NDArray[np.float64]
     merged: bool
-    tables: NDArray[np.float64]
+    tables: NDArray[np.float32]
     prior: NDArray[np.float64]
     habitual: float
     filters: FilterModel
@@ -97,6 +97,7 @@ def branch_arrays(tracks: int, branches: int, modes: int = 0, laws: int = 0) -> 
     slots, modes = (groups * LANES + modes, modes) if laws else (0, 0)
     habits = Habits(
         np.zeros((tracks, slots, 3, laws), np.float32),
+        np.zeros((tracks, slots, laws), np.float32),
         np.zeros((tracks, slots, modes, modes), np.float32),
         np.zeros((tracks, slots), np.float32),
     )
@@ -258,9 +259,9 @@ def _extend(branches: Branches, track: int, children: Branches, model: BeamModel
         row, age = branches.rows[track, b], branches.ages[track, b]
         turns = 1 if branches.modes[track, b] > 0 else 0
         if learns:
-            slot = branches.slots[track, b]
+            beliefs = branches.habits.beliefs[track, branches.slots[track, b]]
             table = model.tables[row, min(age, model.tables.shape[1]) - 1]
-            hazard = expected_hazard(branches.habits.laws[track, slot], turns, table[0], table[1])
+            hazard = expected_hazard(beliefs, table[0], table[1])
         else:
             hazard = model.hazards[2 * row + turns, min(age, model.hazards.shape[1]) - 1]
         weight = branches.filters[track, b // LANES].log_likelihood[b % LANES]
