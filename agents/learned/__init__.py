@@ -13,6 +13,7 @@
   its base class and that of `anchor_decider`.
 - `policy`: an actor of Stable-Baselines3 as a decider, which declares modes or states them.
 - `statement_net`: a recurrent network that states the present mode, and its inputs.
+- `rhythm_decider`: the same on a beam that learns habits within the episode.
 - `statement_decider`: this network as a decider in an environment; `flight_decider`: on recorded flights;
   `glider_decider`: on those of gliders.
 - `features`: selects the quantities that an actor observes.

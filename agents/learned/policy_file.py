@@ -22,8 +22,8 @@ WEIGHTS = "policy.safetensors"
 LAYOUTS: dict[str, type[Layout]] = {ANNOUNCED: Layout, UNKNOWN: QuickestLayout}
 ALGORITHMS = {
     "ppo": (ANNOUNCED, UNKNOWN), "recurrent_ppo": (ANNOUNCED, UNKNOWN), "anchor": (ANNOUNCED,),
-    "reward": (ANNOUNCED,), "tandem": (ANNOUNCED,), "statements": (UNKNOWN,), "flights": (FLIGHTS,),
-    "gliders": (GLIDERS,), "kalman": (ANNOUNCED,), "distilled": (ANNOUNCED,), "transformer": (ANNOUNCED,),
+    "reward": (ANNOUNCED,), "tandem": (ANNOUNCED,), "statements": (UNKNOWN,), "rhythm": (UNKNOWN,),
+    "flights": (FLIGHTS,), "gliders": (GLIDERS,), "kalman": (ANNOUNCED,), "distilled": (ANNOUNCED,), "transformer": (ANNOUNCED,),
 }  # fmt: skip
 """Tasks of the agents of every training algorithm."""
 

@@ -6,7 +6,7 @@ the present segment are further inputs.
 """
 
 import functools
-from dataclasses import dataclass
+import math
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from baselines.rules.decider import Observations
 from baselines.rules.measurements import run_compiled
 from hybrid_env.checks import FloatArray, reject
 from hybrid_env.core.compilation import compiled
+from hybrid_env.core.records import LANES
 from hybrid_env.quickest_options import QuickestOptions
 
 HABIT_INPUTS = (
@@ -118,7 +119,7 @@ def _sum_branches(branches: Branches, sums: FloatArray) -> None:
     """Add to `sums` (N, M, 3) what the branches in each mode have of new segments, of hazard, and of age."""
     for track in range(sums.shape[0]):
         for b in range(branches.counts[track]):
-            weight = np.exp(branches.filters[track, b // 8].log_likelihood[b % 8])
+            weight = math.exp(branches.filters[track, b // LANES].log_likelihood[b % LANES])
             target = sums[track, branches.modes[track, b]]
             if branches.ages[track, b] == 1:
                 target[0] += weight

@@ -51,10 +51,7 @@ def count_ages(best: NDArray[np.int64], previous: NDArray[np.int64], age: NDArra
 
 
 def statement_inputs(
-    world: QuickestOptions,
-    rows: NDArray[np.float32],
-    ages: NDArray[np.int64],
-    more: NDArray[np.float32] | None = None,
+    world: QuickestOptions, rows: NDArray[np.float32], ages: NDArray[np.int64], more: NDArray[np.float32] | None = None
 ) -> NDArray[np.float32]:
     """Return the inputs of each of the M - 1 turn hypotheses, (..., M - 1, 26 + 3 k).
 

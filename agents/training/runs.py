@@ -21,8 +21,8 @@ from hybrid_env.checks import check_integer, reject
 
 RUNS: dict[str, type[Run]] = {
     "ppo": PPORun, "recurrent_ppo": PPORun, "anchor": AnchorRun, "reward": RewardRun,
-    "tandem": TandemRun, "statements": TrackRun, "rhythm": RhythmRun, "flights": FlightRun, "gliders": GliderRun,
-    "kalman": KalmanRun,
+    "tandem": TandemRun, "statements": TrackRun, "rhythm": RhythmRun,
+    "flights": FlightRun, "gliders": GliderRun, "kalman": KalmanRun,
     "distilled": DistilledRun, "transformer": TransformerRun,
 }  # fmt: skip
 """Runs by algorithm."""

@@ -349,6 +349,7 @@ class GliderSettings(FlightSettings):
 Settings = PPOSettings | AnchorSettings | SegmentSettings | StatementSettings | FlightSettings
 ALGORITHMS: dict[str, type[Settings]] = {
     "ppo": PPOSettings, "recurrent_ppo": PPOSettings, "anchor": AnchorSettings, "reward": RewardSettings,
-    "tandem": SegmentSettings, "statements": StatementSettings, "rhythm": StatementSettings, "flights": FlightSettings, "gliders": GliderSettings,
+    "tandem": SegmentSettings, "statements": StatementSettings, "rhythm": StatementSettings,
+    "flights": FlightSettings, "gliders": GliderSettings,
     "kalman": SegmentSettings, "distilled": SegmentSettings, "transformer": SegmentSettings,
 }  # fmt: skip

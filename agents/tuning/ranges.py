@@ -20,6 +20,7 @@ DEFAULT_RANGES = {
     "distilled": ("learning_rate=0.0003..0.03", "hidden=16..128"),
     "transformer": ("learning_rate=0.0003..0.03", "hidden=16..128"),
     "statements": ("learning_rate=0.0003..0.03", "hidden=8..64"),
+    "rhythm": ("learning_rate=0.0003..0.03", "hidden=8..64"),
     "flights": ("learning_rate=0.0003..0.03", "hidden=8..64"),
     "gliders": ("learning_rate=0.0003..0.03", "hidden=8..64"),
 }

@@ -19,6 +19,7 @@ from hybrid_env.registration import environment_options
 KNOWN_SWITCHES = "hybrid_env:HybridTrack-v0", {"scheme": "random 2x5-8"}
 ENVIRONMENTS = {
     "statements": ("hybrid_env:HybridTrackQuickest-v0", {"ticks": 8, "durations": "uniform 2-4"}),
+    "rhythm": ("hybrid_env:HybridTrackQuickest-v0", {"ticks": 8}),
     "flights": ("hybrid_env:HybridTrack-v0", {}),
 }
 RECIPES = {
@@ -30,6 +31,7 @@ RECIPES = {
     "distilled": ("n_envs=4", "hidden=4", "batch_size=8"),
     "transformer": ("n_envs=4", "hidden=4", "batch_size=8"),
     "statements": ("n_envs=2", "batch_size=4", "n_steps=4", "hidden=4", "durations=[uniform 2-4, geometric 3]"),
+    "rhythm": ("n_envs=2", "batch_size=4", "n_steps=4", "hidden=4", "ticks=8"),
     "flights": ("flights=[1, 1, 1, 1]", "rows=100", "passes=1", "hidden=4"),
 }
 
@@ -40,6 +42,7 @@ def resume(folder):
     family = run.family("run")
     states = environment_options(run.env_id) is QuickestOptions
     width = 4 if run.recipe.algo == "flights" else (QuickestLayout if states else Layout)(3).width
+    width += 19 if run.recipe.algo == "rhythm" else 0
     rows = np.zeros((2, width), np.float32)
     if family.hypotheses in (None, 3):
         assert family.make(family.default).predict(rows, None, np.ones(2, np.bool_))[0].shape == (2,)
