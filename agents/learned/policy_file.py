@@ -23,7 +23,8 @@ LAYOUTS: dict[str, type[Layout]] = {ANNOUNCED: Layout, UNKNOWN: QuickestLayout}
 ALGORITHMS = {
     "ppo": (ANNOUNCED, UNKNOWN), "recurrent_ppo": (ANNOUNCED, UNKNOWN), "anchor": (ANNOUNCED,),
     "reward": (ANNOUNCED,), "tandem": (ANNOUNCED,), "statements": (UNKNOWN,), "rhythm": (UNKNOWN,),
-    "flights": (FLIGHTS,), "gliders": (GLIDERS,), "kalman": (ANNOUNCED,), "distilled": (ANNOUNCED,), "transformer": (ANNOUNCED,),
+    "flights": (FLIGHTS,), "gliders": (GLIDERS,), "kalman": (ANNOUNCED,), "distilled": (ANNOUNCED,),
+    "transformer": (ANNOUNCED,),
 }  # fmt: skip
 """Tasks of the agents of every training algorithm."""
 

@@ -18,8 +18,8 @@ class Train(WorldArguments):
     'reward' (from rewards alone, a minute), 'tandem' (MSPRT-TANDEM, two minutes), 'kalman' (KalmanNet, a minute),
     'distilled' (the shipped agent in 9 kB, two minutes), 'transformer' (on measurements, five minutes),
     'recurrent-ppo', 'statements' and 'rhythm' (HybridTrackQuickest-v0, half an hour), 'flights' and 'gliders' (for
-    recorded flights, without an environment, 20 and 15 minutes), three ablations ('ppo-zero-wait-bias', 'ppo-posteriors',
-    'ppo-innovations'), or a YAML file."""
+    recorded flights, without an environment, 20 and 15 minutes), three ablations ('ppo-zero-wait-bias',
+    'ppo-posteriors', 'ppo-innovations'), or a YAML file."""
     set: Annotated[tuple[str, ...], shown_default("those of the recipe")] = ()
     """Hyper-parameters to override, such as n_envs=128 policy_kwargs.net_arch=[32]."""
     out: Annotated[Path | None, shown_default("runs/<environment>-<recipe>-seed<seed>")] = None

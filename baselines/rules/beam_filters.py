@@ -29,6 +29,7 @@ from hybrid_env.core.banks.sensing import write_measured
 from hybrid_env.core.compilation import compiled, internal
 from hybrid_env.core.records import LANES, MEASURED
 
+SMALLEST_SHARE = 1e-9  # probability of a parent, over that of the most probable one, that is left out of a mixture
 FIRST, LATER = 0, 1  # rows of the table of hazards: the first segment of an episode, later ones
 
 
@@ -194,7 +195,7 @@ def _switch(
 ) -> int:
     """Write one child for every mode, after `count` others: the mixture of parents in other modes.
 
-    parents: the first branch that switches, and the end of these branches; weights: (branches,) log
+    parents: the first branch that switches, and the end of these branches; weights: (branches,)
     probability of a branch and its end; free: (M,) slots for the habits of the children. Returns the number
     of children.
     """
@@ -202,23 +203,22 @@ def _switch(
     shares = np.zeros(weights.size)  # probability of each parent
     learns = model.prior.size > 0
     for mode in range(2 * model.radii.size + 1):
-        largest, total = -np.inf, 0.0
+        largest, total = 0.0, 0.0
         for b in range(parents[0], parents[1]):
             before, probability = branches.modes[track, b], 0.0
-            if before != mode and weights[b] > -np.inf:
+            if before != mode and weights[b] > 0.0:
                 probability = model.order[before, mode]
                 if learns:
                     slot = branches.slots[track, b]
                     probability, _ = next_mode(branches.habits, track, slot, before, mode)
-            shares[b] = weights[b] + math.log(probability) if probability > 0.0 else -np.inf
+            shares[b] = weights[b] * probability
             largest = max(largest, shares[b])
-        if largest == -np.inf:
+        if largest == 0.0:
             continue
         mean[:] = 0.0
         covariance[:] = 0.0
         for b in range(parents[0], parents[1]):
-            if shares[b] > -np.inf:
-                shares[b] = math.exp(shares[b] - largest)
+            if shares[b] > SMALLEST_SHARE * largest:
                 total += shares[b]
                 for k, value in enumerate(estimate_of(branches.filters[track], b // LANES, b % LANES)):
                     mean[k] += shares[b] * value
@@ -238,7 +238,7 @@ def _switch(
                         k += 1
         anchor = (mean[0], mean[1], mean[2], mean[3])
         _begin_child(children, count, mode, anchor, triangle(covariance), model)
-        children.filters[0, count // LANES].log_likelihood[count % LANES] = largest + math.log(total)
+        children.filters[0, count // LANES].log_likelihood[count % LANES] = math.log(total)
         if learns:
             children.slots[0, count] = free[mode]
             merge_habits(
@@ -254,7 +254,7 @@ def _extend(branches: Branches, track: int, children: Branches, model: BeamModel
     """Write the continuations of all branches of a track to `children`, (1, ...). Returns their number."""
     count = 0
     learns = model.prior.size > 0
-    switches = np.full(branches.counts[track], -np.inf)
+    switches = np.zeros(branches.counts[track])
     for b in range(branches.counts[track]):
         row, age = branches.rows[track, b], branches.ages[track, b]
         turns = 1 if branches.modes[track, b] > 0 else 0
@@ -265,8 +265,7 @@ def _extend(branches: Branches, track: int, children: Branches, model: BeamModel
         else:
             hazard = model.hazards[2 * row + turns, min(age, model.hazards.shape[1]) - 1]
         weight = branches.filters[track, b // LANES].log_likelihood[b % LANES]
-        if hazard > 0.0:
-            switches[b] = weight + math.log(hazard)
+        switches[b] = hazard * math.exp(weight)
         if hazard < 1.0:
             _copy_branch(branches, track, b, children, 0, count)
             children.ages[0, count] = age + 1
