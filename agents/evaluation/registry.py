@@ -68,6 +68,8 @@ SHIPPED_FOLDERS = {
     ANNOUNCED: "shipped", UNKNOWN: "shipped_quickest", FLIGHTS: "shipped_flights", GLIDERS: "shipped_gliders",
 }  # fmt: skip
 """Folders of the weights that come with the package."""
+NAMED = {"rhythm": (UNKNOWN, "shipped_rhythm")}
+"""Task and folder of the agents that come with the package beside the shipped ones."""
 
 
 def split_threshold(name: Any) -> tuple[Any, float | None]:
@@ -92,7 +94,10 @@ def base_name(name: Any) -> Any:
 
 
 def policy_folder(name: str, switches: str) -> Path:
-    """Return the folder of the shipped agent or of a run; for an empty name, one that does not exist."""
+    """Return the folder of an agent of the package or of a run; for an empty name, one that does not exist."""
+    task, folder = NAMED.get(name, ("", ""))
+    if task == switches:
+        return Path(learned.__file__).parent / folder
     if name == SHIPPED and switches in SHIPPED_FOLDERS:
         return Path(learned.__file__).parent / SHIPPED_FOLDERS[switches]
     return Path(name or os.devnull)
@@ -117,7 +122,7 @@ def find_family(name: Any, options: Any) -> DeciderFamily:
     """Return a decider at any threshold, for an environment.
 
     Args:
-        name: of a classical rule, "shipped", a run folder, "mine.py:MyRule", "package.module:Rule" or the
+        name: of a classical rule, "shipped", "rhythm", a run folder, "mine.py:MyRule", "package.module:Rule" or the
             name of an entry point, without a threshold or with one that it chooses, see `stopping_rule`; or
             the object itself, see `own_family`.
         options: of the environment.
@@ -145,12 +150,13 @@ def find_family(name: Any, options: Any) -> DeciderFamily:
         own = find_own(name)
         if own is not None:
             return own_family(own, name, options)
-        names = ", ".join(map(repr, (*known, SHIPPED, *own_names())))
+        named = (one for one, (task, _) in NAMED.items() if task == options.switches)
+        names = ", ".join(map(repr, (*known, SHIPPED, *named, *own_names())))
         allowed = f"{names}, a run folder, model.zip, policy.onnx or mine.py:MyRule, and optionally ':number'"
         raise reject("decider", name, allowed)
     family = learned_family(folder, options)
-    if name == SHIPPED:
-        family = dataclasses.replace(family, name=SHIPPED)
+    if name == SHIPPED or name in NAMED:
+        family = dataclasses.replace(family, name=name)
     if family.hypotheses not in (None, options.hypotheses):
         allowed = f"a policy for {options.hypotheses} hypotheses; this one is for {family.hypotheses}"
         raise reject("decider", name, allowed)

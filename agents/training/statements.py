@@ -282,7 +282,8 @@ def simulate(
     log_probability = np.empty((world.ticks, tracks, world.hypotheses), np.float32)
     true_modes, ages = (np.empty((world.ticks, tracks), np.int64) for _ in range(2))
     best, age, statement = np.full(tracks, -1), np.zeros(tracks, np.int64), np.zeros(tracks, np.int64)
-    more, filters, starts = [], None, np.zeros(tracks, np.bool_)
+    more: list[NDArray[np.float32]] = []
+    filters, starts = None, np.zeros(tracks, np.bool_)
     for tick in range(world.ticks):
         all_rows[tick], true_modes[tick] = rows, env.world.field("true_mode")
         _, seen = decider.divide(rows if decider.observes == "rows" else decider.observe(env.world))

@@ -71,8 +71,9 @@ def mixed_prior(
     """
     laws: list[GeometricDurations | UniformDurations] = []
     weights: list[float] = []
+    low, high = np.log(shortest)
     for width, step in widths.items():
-        first = np.unique(np.exp(np.arange(*np.log(shortest), step)).round().astype(int))
+        first = np.unique(np.exp(np.arange(low, high, step)).round().astype(int))
         laws += [UniformDurations(k, max(round(width * k), k + 1)) for k in first.tolist()]
         weights += [1.0 / len(first)] * len(first)
     geometric = [GeometricDurations(float(mean), offset) for offset in offsets for mean in means]
