@@ -18,7 +18,7 @@
   `glider_decider`: on those of gliders.
 - `features`: selects the quantities that an actor observes.
 - `policy_file`: reads and writes weights and their card; the limits on the sizes of networks.
-- `shipped/`, `shipped_quickest/`, `shipped_rhythm/`, `shipped_flights/`, `shipped_gliders/`: the weights of the package.
+- `shipped/`, `shipped_quickest/`, `shipped_rhythm/`, `shipped_flights/`, `shipped_gliders/`: weights of the package.
 
 All of them map observation rows to actions through the interface of `baselines.rules.decider`.
 
