@@ -27,6 +27,7 @@ SMALL_ANCHOR = (
 SMALL_STATEMENTS = (
     "n_envs=8", "batch_size=8", "n_steps=25", "hidden=6", "durations=[uniform 5-20, geometric 30]",
 )  # fmt: skip
+SMALL_RHYTHM = ("n_envs=8", "batch_size=8", "n_steps=25", "hidden=6", "durations=[drawn, geometric 30]", "ticks=50")
 SMALL_FLIGHTS = ("flights=[2, 2, 2, 1]", "rows=100", "passes=1", "n_steps=50", "hidden=6")
 QUICK = {"ticks": 50, "durations": "uniform 5-20"}
 SCHEME = {"scheme": "random 2x20-30"}
@@ -52,6 +53,7 @@ KINDS = {
     "jump-markov": ("jump-markov", "HybridTrackQuickest-v0", QUICK, SMALL_STATEMENTS),
     "ppo-quickest": ("ppo", "HybridTrackQuickest-v0", QUICK, SMALL_PPO),
     "statements": ("statements", "HybridTrackQuickest-v0", QUICK, SMALL_STATEMENTS),
+    "rhythm": ("rhythm", "HybridTrackQuickest-v0", QUICK, SMALL_RHYTHM),
     "flights": ("flights", "HybridTrack-v0", {}, SMALL_FLIGHTS),
 }
 """Recipe, environment, its options and changed hyper-parameters."""

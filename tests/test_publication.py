@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from agents.evaluation.registry import SHIPPED_FOLDERS
+from agents.evaluation.registry import NAMED, SHIPPED_FOLDERS
 
 ROOT = Path(__file__).parents[1]
 PAPER = (ROOT / "paper.md").read_text(encoding="utf-8")
@@ -68,7 +68,7 @@ def test_a_release_is_uploaded_by_trusted_publishing():
     assert "secrets" not in text
 
 
-@pytest.mark.parametrize("folder", SHIPPED_FOLDERS.values())
+@pytest.mark.parametrize("folder", [*SHIPPED_FOLDERS.values(), *(folder for _, folder in NAMED.values())])
 def test_the_site_has_a_card_of_every_set_of_weights(folder):
     spec = importlib.util.spec_from_file_location("embedded_texts", ROOT / "docs/_ext/embedded_texts.py")
     module = importlib.util.module_from_spec(spec)
@@ -76,5 +76,5 @@ def test_the_site_has_a_card_of_every_set_of_weights(folder):
     page = (ROOT / "docs" / "models.md").read_text(encoding="utf-8")
     assert ("card", folder) in module.MARK.findall(page)
     card = module.card(folder)
-    assert re.search(r"\| weights \| \d{1,2},\d{3} numbers, [3-7]\d,\d{3} bytes \|", card)
+    assert re.search(r"\| weights \| \d{1,2},\d{3} numbers, [3-8]\d,\d{3} bytes \|", card)
     assert yaml.safe_load(card.partition("```yaml\n")[2].removesuffix("```"))

@@ -46,6 +46,7 @@ def learned_family(folder: Path, options: Any = None, recorded: str = FLIGHTS) -
 
 OWN_NETWORKS = {
     "anchor": ("anchor_decider", "AnchorDecider"), "statements": ("statement_decider", "StatementDecider"),
+    "rhythm": ("rhythm_decider", "RhythmDecider"),
     "flights": ("flight_decider", "FlightAgent"), "gliders": ("glider_decider", "GliderAgent"),
     "reward": ("reward_decider", "RewardDecider"), "tandem": ("tandem_net", "TandemDecider"),
     "kalman": ("kalman_net", "KalmanDecider"),
@@ -61,6 +62,8 @@ SHIPPED_FOLDERS = {
     ANNOUNCED: "shipped", UNKNOWN: "shipped_quickest", FLIGHTS: "shipped_flights", GLIDERS: "shipped_gliders",
 }  # fmt: skip
 """Folders of the weights that come with the package."""
+NAMED = {"rhythm": (UNKNOWN, "shipped_rhythm")}
+"""Task and folder of the agents that come with the package beside the shipped ones."""
 
 
 def split_threshold(name: Any) -> tuple[Any, float | None]:
@@ -85,7 +88,10 @@ def base_name(name: Any) -> Any:
 
 
 def policy_folder(name: str, switches: str) -> Path:
-    """Return the folder of the shipped agent or of a run; for an empty name, one that does not exist."""
+    """Return the folder of an agent of the package or of a run; for an empty name, one that does not exist."""
+    task, folder = NAMED.get(name, ("", ""))
+    if task == switches:
+        return Path(learned.__file__).parent / folder
     if name == SHIPPED and switches in SHIPPED_FOLDERS:
         return Path(learned.__file__).parent / SHIPPED_FOLDERS[switches]
     return Path(name or os.devnull)
@@ -105,8 +111,8 @@ def is_brought(name: Any) -> bool:
 def find_family(name: Any, options: Any) -> DeciderFamily:
     """Return a decider at any threshold, for the options of an environment.
 
-    The name is that of a rule, "shipped", a run folder, "mine.py:MyRule", "package.module:Rule" or an entry point,
-    without a threshold or with one that it chooses, see `stopping_rule`; or the object itself, see `own_family`.
+    The name is that of a rule, "shipped", "rhythm", a run folder, "mine.py:MyRule", "package.module:Rule" or an entry
+    point, without a threshold or with one that it chooses, see `stopping_rule`; or the object itself, see `own_family`.
     """
     if not isinstance(name, str):
         return own_family(name, getattr(name, "__name__", type(name).__name__), options)
@@ -127,12 +133,13 @@ def find_family(name: Any, options: Any) -> DeciderFamily:
         own = find_own(name)
         if own is not None:
             return own_family(own, name, options)
-        names = ", ".join(map(repr, (*known, SHIPPED, *own_names())))
+        named = (one for one, (task, _) in NAMED.items() if task == options.switches)
+        names = ", ".join(map(repr, (*known, SHIPPED, *named, *own_names())))
         allowed = f"{names}, a run folder, model.zip, policy.onnx or mine.py:MyRule, and optionally ':number'"
         raise reject("decider", name, allowed)
     family = learned_family(folder, options)
-    if name == SHIPPED:
-        family = dataclasses.replace(family, name=SHIPPED)
+    if name == SHIPPED or name in NAMED:
+        family = dataclasses.replace(family, name=name)
     if family.hypotheses not in (None, options.hypotheses):
         allowed = f"a policy for {options.hypotheses} hypotheses; this one is for {family.hypotheses}"
         raise reject("decider", name, allowed)

@@ -23,8 +23,8 @@ LAYOUTS: dict[str, type[Layout]] = {ANNOUNCED: Layout, UNKNOWN: QuickestLayout}
 ALGORITHMS = {
     "ppo": (ANNOUNCED, UNKNOWN), "recurrent_ppo": (ANNOUNCED, UNKNOWN), "a2c": (ANNOUNCED, UNKNOWN),
     "dqn": (ANNOUNCED, UNKNOWN), "qrdqn": (ANNOUNCED, UNKNOWN), "anchor": (ANNOUNCED,), "reward": (ANNOUNCED,),
-    "tandem": (ANNOUNCED,), "statements": (UNKNOWN,), "flights": (FLIGHTS,), "gliders": (GLIDERS,),
-    "kalman": (ANNOUNCED,), "distilled": (ANNOUNCED,), "transformer": (ANNOUNCED,),
+    "tandem": (ANNOUNCED,), "statements": (UNKNOWN,), "rhythm": (UNKNOWN,), "flights": (FLIGHTS,),
+    "gliders": (GLIDERS,), "kalman": (ANNOUNCED,), "distilled": (ANNOUNCED,), "transformer": (ANNOUNCED,),
     "jump_markov": (UNKNOWN,),
 }  # fmt: skip
 """Tasks of the agents of every training algorithm."""

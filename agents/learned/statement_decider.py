@@ -75,11 +75,13 @@ class StatementState:
         memory: (1, N (M - 1), hidden) of the recurrent network.
         best: (N,) most probable mode of the last tick.
         age: (N,) ticks for which it has been the most probable one.
+        filters: state of filters of the decider's own.
     """
 
     memory: Tensor
     best: NDArray[np.int64]
     age: NDArray[np.int64]
+    filters: Any = None
 
 
 class StatementDecider(UtilityDecider):
@@ -107,9 +109,7 @@ class StatementDecider(UtilityDecider):
         self, observation: Observations, state: StatementState | None, episode_start: Any
     ) -> tuple[Actions, StatementState]:
         """See `Decider.decide`; action i states mode i, from rows of `hybrid_env.HybridTrackQuickestEnv`."""
-        rows = np.asarray(observation, np.float32)
-        if rows.ndim != 2 or rows.shape[1] != self.layout.width:
-            raise reject("observation shape", rows.shape, f"(N, {self.layout.width})")
+        rows, seen = self.divide(observation)
         tracks, turns = len(rows), self.layout.hypotheses - 1
         if state is None:
             hidden = self.net.recurrent.hidden_size
@@ -117,14 +117,34 @@ class StatementDecider(UtilityDecider):
             state = StatementState(torch.zeros(1, tracks * turns, hidden), *nothing)
         elif episode_start is not None and episode_start.any():
             going_on = torch.from_numpy(np.repeat(~episode_start, turns)).float()
-            state = StatementState(
-                state.memory * going_on[None, :, None], np.where(episode_start, -1, state.best), state.age
-            )
-        log_probability = self.layout.read(rows, "log_probability")
-        best = log_probability.argmax(-1)
+            best = np.where(episode_start, -1, state.best)
+            state = StatementState(state.memory * going_on[None, :, None], best, state.age, state.filters)
+        bank = self.layout.read(rows, "log_probability")
+        best = bank.argmax(-1)
         age = count_ages(best, state.best, state.age)
-        inputs = torch.from_numpy(statement_inputs(self.world, rows, age)[None])
+        log_probability, more, filters = self.filtered(bank, seen, state.filters, episode_start)
+        inputs = torch.from_numpy(statement_inputs(self.world, rows, age, more)[None])
         outputs = self.net(inputs, torch.from_numpy(log_probability[None]).float(), state.memory)
         stated, started = read_statement(rows)
         utility, stay = (part[0].double().numpy() for part in (outputs.utility, outputs.stay))
-        return self.largest(utility, stay, stated, started), StatementState(outputs.memory, best, age)
+        return self.largest(utility, stay, stated, started), StatementState(outputs.memory, best, age, filters)
+
+    def divide(self, observation: Observations) -> tuple[NDArray[np.float32], NDArray[Any] | None]:
+        """Return the rows (N, width) of an observation, and what else it contains."""
+        rows = np.asarray(observation, np.float32)
+        if rows.ndim != 2 or rows.shape[1] != self.layout.width:
+            raise reject("observation shape", rows.shape, f"(N, {self.layout.width})")
+        return rows, None
+
+    def filtered(
+        self, bank: NDArray[np.float64], seen: NDArray[Any] | None, filters: Any, episode_start: Any
+    ) -> tuple[NDArray[np.float64], NDArray[np.float32] | None, Any]:
+        """Return log-probabilities (N, M) to correct, further inputs (N, M, k), and the state of own filters.
+
+        Args:
+            bank: (N, M) log-probabilities of the bank, which this class corrects.
+            seen: from `divide`.
+            filters: state after the last tick.
+            episode_start: as in `decide`.
+        """
+        return bank, None, filters

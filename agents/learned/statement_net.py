@@ -50,18 +50,23 @@ def count_ages(best: NDArray[np.int64], previous: NDArray[np.int64], age: NDArra
     return np.where(best == previous, age + 1, 1)
 
 
-def statement_inputs(world: QuickestOptions, rows: NDArray[np.float32], ages: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Return the inputs of each of the M - 1 turn hypotheses, (..., M - 1, 26).
+def statement_inputs(
+    world: QuickestOptions, rows: NDArray[np.float32], ages: NDArray[np.int64], more: NDArray[np.float32] | None = None
+) -> NDArray[np.float32]:
+    """Return the inputs of each of the M - 1 turn hypotheses, (..., M - 1, 26 + 3 k).
 
     Args:
         world: options of the environment.
         rows: (..., width).
         ages: (...) ticks for which the most probable mode has been the same.
+        more: (..., M, k) further inputs of the hypotheses, which a mirrored trajectory does not change.
     """
     layout = QuickestLayout(world.hypotheses)
     each = _hypothesis_inputs(layout, rows, ages)
+    if more is not None:
+        each = np.concatenate([each, more], -1)
     logs = rows[..., layout.slices["log_probability"]] / np.float32(layout.scales["log_probability"])
-    n = len(HYPOTHESIS_INPUTS)
+    n = each.shape[-1]
     out = turn_views(each, logs, (ACROSS,), len(TRACK_INPUTS))
     speed = np.maximum(rows[..., layout.slices["speed"]], SMALLEST_SPEED)[..., None]
     out[..., 3 * n] = 0.5 * _log(speed * np.float32(world.tau / noise_of(world)))[..., 0]

@@ -10,7 +10,7 @@ from agents.training.learning_rate import learning_rate_schedule
 from agents.training.stable_baselines_settings import LARGEST_COUNT, LARGEST_WEIGHT, A2CSettings, PPOSettings, QSettings
 from hybrid_env.checks import check_flag, check_integer, check_number, check_positive, reject
 from hybrid_env.durations import parse_durations
-from hybrid_env.limits import MAX_RADII, two_values
+from hybrid_env.limits import MAX_RADII, check_ticks, two_values
 from hybrid_env.options import WorldOptions
 
 LARGEST_UNROLLING = 2**22  # ticks x hypotheses of an update of the anchor agent
@@ -197,6 +197,7 @@ class StatementSettings(ExpectedRewardSettings):
         variances: smallest and largest factor of the measurement variance of the environment.
         radii: smallest and largest factor of its radii.
         batch_size: tracks of an update.
+        ticks: length of the tracks; None is that of the environment.
     """
 
     durations: tuple[str, ...]
@@ -204,6 +205,7 @@ class StatementSettings(ExpectedRewardSettings):
     variances: tuple[float, float]
     radii: tuple[float, float]
     batch_size: int
+    ticks: int | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -212,6 +214,8 @@ class StatementSettings(ExpectedRewardSettings):
         object.__setattr__(self, "durations", tuple(str(parse_durations(law)) for law in self.durations))
         for name in ("n_envs", "batch_size"):
             check_integer(name, getattr(self, name), maximum=LARGEST_ROUND)
+        if self.ticks is not None:
+            check_ticks("ticks", self.ticks)
         if self.n_envs * len(self.durations) > LARGEST_ROUND:
             raise reject("n_envs", self.n_envs, f"n_envs x laws of at most {LARGEST_ROUND:,}")
         for name in ("variances", "radii"):
@@ -270,6 +274,6 @@ Settings = PPOSettings | A2CSettings | QSettings | AnchorSettings | SegmentSetti
 ALGORITHMS: dict[str, type[Settings]] = {
     "ppo": PPOSettings, "recurrent_ppo": PPOSettings, "a2c": A2CSettings, "dqn": QSettings, "qrdqn": QSettings,
     "anchor": AnchorSettings, "reward": RewardSettings, "tandem": SegmentSettings, "statements": StatementSettings,
-    "flights": FlightSettings, "gliders": GliderSettings, "kalman": SegmentSettings, "distilled": SegmentSettings,
-    "transformer": SegmentSettings, "jump_markov": StatementSettings,
+    "rhythm": StatementSettings, "flights": FlightSettings, "gliders": GliderSettings, "kalman": SegmentSettings,
+    "distilled": SegmentSettings, "transformer": SegmentSettings, "jump_markov": StatementSettings,
 }  # fmt: skip

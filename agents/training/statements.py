@@ -25,6 +25,7 @@ from torch import Tensor, nn
 
 from agents.evaluation.tasks import task_of
 from agents.learned.policy_file import save_policy
+from agents.learned.rhythm_decider import RhythmDecider
 from agents.learned.statement_decider import StatementDecider, UtilityDecider
 from agents.learned.statement_net import StatementOutputs, count_ages, statement_inputs
 from agents.training.run import OwnNetworkRun, Round
@@ -32,7 +33,7 @@ from agents.training.settings import ExpectedRewardSettings, StatementSettings
 from baselines.rules import seeds
 from baselines.rules.decider import DeciderFamily
 from hybrid_env.checks import reject
-from hybrid_env.observation import QuickestLayout
+from hybrid_env.durations import DRAWN
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.vector_env import HybridTrackQuickestVectorEnv
 
@@ -191,6 +192,7 @@ class StatementRun(OwnNetworkRun):
         save_policy(folder, self.net.state_dict(), card, self.decider_class.task)
 
 
+HAZARDS = 1 / 160, 1 / 30  # range of the bank's hazard where the law of the durations is drawn
 LARGEST_ROUND = 2**22  # tracks x ticks x turns, whose inputs take half a gigabyte
 
 
@@ -206,7 +208,9 @@ class TrackRun(StatementRun):
 
     def simulate(self, world: QuickestOptions, tracks: int, seed: int) -> tuple[NDArray[Any], ...]:
         """Return inputs, log-probabilities and true modes of one episode of each track; see `simulate`."""
-        return simulate(world, tracks, seed)
+        decider = self.decider_class(self.net, world)
+        assert isinstance(decider, StatementDecider)
+        return simulate(world, tracks, seed, decider)
 
     def prepare(self) -> None:
         """See `StatementRun.prepare`."""
@@ -218,10 +222,11 @@ class TrackRun(StatementRun):
         self.world: QuickestOptions = task.options
         world = self.world
         self._round_tracks = len(self.settings.durations) * self.settings.n_envs
-        if self._round_tracks * world.ticks * (world.hypotheses - 1) > LARGEST_ROUND:
+        self._ticks = world.ticks if self.settings.ticks is None else self.settings.ticks
+        if self._round_tracks * self._ticks * (world.hypotheses - 1) > LARGEST_ROUND:
             allowed = f"n_envs x laws x ticks x (M - 1) of at most {LARGEST_ROUND:,}"
             raise reject("n_envs", self.settings.n_envs, allowed)
-        self.round_steps = self._round_tracks * world.ticks
+        self.round_steps = self._round_tracks * self._ticks
 
     def batches(self) -> Iterator[Batch]:
         """Simulate the tracks of a round, and divide them at random."""
@@ -244,35 +249,51 @@ class TrackRun(StatementRun):
             np.exp(generator.uniform(*np.log(range_))) for range_ in (self.settings.variances, self.settings.radii)
         )
         variances = tuple(variance * self.world.variances)
+        habits: dict[str, Any] = {"durations": law}
+        if law == DRAWN:  # the bank's hazard follows from the law, which is then unknown
+            hazard = float(np.exp(generator.uniform(*np.log(HAZARDS))))
+            habits |= {"order": DRAWN, "hazard": min(hazard, 1.0 - 1.0 / self.world.hypotheses)}
         return replace(
             self.world,
-            durations=law,
+            **habits,
+            ticks=self._ticks,
             measurement_variance=variances if len(variances) == 2 else variances[0],
             radii=tuple(radius * np.array(self.world.radii)),
         )
 
 
-def simulate(
-    world: QuickestOptions, tracks: int, seed: int
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]:
-    """Return inputs (T, N, M - 1, 26), log-probabilities (T, N, M) and true modes (T, N) of one episode each.
+class RhythmRun(TrackRun):
+    """A training run of the agent that learns habits within the episode."""
 
-    Args:
-        world: options of the environment.
-        tracks: N.
-        seed: of the first track.
+    decider_class = RhythmDecider
+
+
+def simulate(
+    world: QuickestOptions, tracks: int, seed: int, decider: StatementDecider | None = None
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]:
+    """Return inputs (T, N, M - 1, k), log-probabilities (T, N, M) and true modes (T, N) of one episode each.
+
+    The inputs are those of the network of a decider, by default a `StatementDecider`; the network is not used.
     """
+    if decider is None:
+        decider = StatementDecider(StatementDecider.network(1), world)
     env = HybridTrackQuickestVectorEnv(tracks, autoreset_mode="Disabled", tick_info=False, **vars(world))
     rows, _ = env.reset(seed=seed)
     all_rows = np.empty((world.ticks, *rows.shape), np.float32)
+    log_probability = np.empty((world.ticks, tracks, world.hypotheses), np.float32)
     true_modes, ages = (np.empty((world.ticks, tracks), np.int64) for _ in range(2))
-    layout = QuickestLayout(world.hypotheses)
-    block = layout.slices["log_probability"]
     best, age, statement = np.full(tracks, -1), np.zeros(tracks, np.int64), np.zeros(tracks, np.int64)
+    more: list[NDArray[np.float32]] = []
+    filters, starts = None, np.zeros(tracks, np.bool_)
     for tick in range(world.ticks):
         all_rows[tick], true_modes[tick] = rows, env.world.field("true_mode")
-        previous, best = best, rows[:, block].argmax(-1)
+        _, seen = decider.divide(rows if decider.observes == "rows" else decider.observe(env.world))
+        bank = decider.layout.read(rows, "log_probability")
+        log_probability[tick], further, filters = decider.filtered(bank, seen, filters, starts)
+        if further is not None:
+            more.append(further)
+        previous, best = best, bank.argmax(-1)
         ages[tick] = age = count_ages(best, previous, age)
         rows, *_ = env.step(statement)  # statements change only columns that the network does not read
-    log_probability = np.asarray(all_rows[..., block] / layout.scales["log_probability"], np.float32)
-    return statement_inputs(world, all_rows, ages), log_probability, true_modes
+    inputs = statement_inputs(world, all_rows, ages, np.stack(more) if more else None)
+    return inputs, log_probability, true_modes

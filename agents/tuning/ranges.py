@@ -20,7 +20,7 @@ DEFAULT_RANGES = {
     "qrdqn": ("learning_rate=0.0001..0.01", "n_steps=1..32", "gradient_steps=1..8", "exploration_final_eps=0.0..0.05"),
     "anchor": (RATE, "hidden=16..128", "smallest_alpha=0.0001..0.03"),
     **dict.fromkeys(("reward", "tandem", "distilled", "transformer"), (RATE, "hidden=16..128")),
-    **dict.fromkeys(("kalman", "statements", "jump_markov", "flights", "gliders"), (RATE, "hidden=8..64")),
+    **dict.fromkeys(("kalman", "statements", "rhythm", "jump_markov", "flights", "gliders"), (RATE, "hidden=8..64")),
 }
 """Ranges by algorithm; recurrent PPO has those of PPO."""
 

@@ -1,11 +1,14 @@
 """The beam that learns the rhythm of an object: the law of its durations and the order of its modes."""
 
 import functools
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from baselines.rules.beam import BeamDecider, hazards
+from baselines.rules.beam_habits import SMALLEST
 from hybrid_env.checks import FloatArray
 from hybrid_env.durations import (
     GeometricDurations,
@@ -39,22 +42,46 @@ class Prior(NamedTuple):
     ceiling: float = 1.0  # smallest and largest hazard
 
 
+def mixed_prior(
+    widths: dict[float, float],
+    shortest: tuple[float, float],
+    offsets: Sequence[int],
+    means: Sequence[int],
+    shares: tuple[float, float, float],
+    different: float,
+    habitual: float,
+) -> Prior:
+    """Return uniform laws, geometric ones, and the default law of the environment.
+
+    Args:
+        widths: longest over shortest duration of the uniform laws, and the distance of the logarithms of the
+            shortest.
+        shortest: range of the shortest durations [ticks].
+        offsets, means: of the geometric laws, in all combinations.
+        shares: probabilities of the uniform and the geometric laws and of the default law.
+        different, habitual: see `Prior`.
+    """
+    laws: list[GeometricDurations | UniformDurations] = []
+    weights: list[float] = []
+    low, high = np.log(shortest)
+    for width, step in widths.items():
+        first = np.unique(np.exp(np.arange(low, high, step)).round().astype(int))
+        laws += [UniformDurations(k, max(round(width * k), k + 1)) for k in first.tolist()]
+        weights += [1.0 / len(first)] * len(first)
+    geometric = [GeometricDurations(float(mean), offset) for offset in offsets for mean in means]
+    average = np.log([law.mean_duration for law in (*laws, *geometric)])
+    usual = np.append(weights, np.ones(len(geometric))) * np.exp(-0.5 * ((average - np.log(USUAL)) / SPREAD) ** 2)
+    kinds = np.split(usual, [len(laws)])
+    parts = [share * kind / kind.sum() for share, kind in zip(shares[:2], kinds, strict=True)]
+    everything = (*laws, *geometric, GeometricDurations(50.0, 25))
+    return Prior(everything, (*np.concatenate(parts).tolist(), shares[2]), different, habitual, FLOOR, CEILING)
+
+
 @functools.cache
 def default_prior() -> Prior:
     """Return uniform laws of five relative widths, geometric ones, and the default law of the environment."""
-    laws: list[GeometricDurations | UniformDurations] = []
-    weights: list[float] = []
-    for width, step in WIDTHS.items():
-        shortest = np.unique(np.exp(np.arange(np.log(SHORTEST), np.log(LONGEST), step)).round().astype(int))
-        laws += [UniformDurations(k, max(round(width * k), k + 1)) for k in shortest.tolist()]
-        weights += [1.0 / len(shortest)] * len(shortest)
-    geometric = [GeometricDurations(float(mean), offset) for offset in OFFSETS for mean in MEANS]
-    means = np.log([law.mean_duration for law in (*laws, *geometric)])
-    usual = np.append(weights, np.ones(len(geometric))) * np.exp(-0.5 * ((means - np.log(USUAL)) / SPREAD) ** 2)
-    kinds = np.split(usual, [len(laws)])
-    shares = [share * kind / kind.sum() for share, kind in zip((UNIFORM, GEOMETRIC), kinds, strict=True)]
-    everything = (*laws, *geometric, GeometricDurations(50.0, 25))
-    return Prior(everything, (*np.concatenate(shares).tolist(), DEFAULT), floor=FLOOR, ceiling=CEILING)
+    shares = (UNIFORM, GEOMETRIC, DEFAULT)
+    return mixed_prior(WIDTHS, (SHORTEST, LONGEST), OFFSETS, MEANS, shares, DIFFERENT, HABITUAL)
 
 
 class AdaptiveBeamDecider(BeamDecider):
@@ -79,7 +106,7 @@ class AdaptiveBeamDecider(BeamDecider):
 
 
 @functools.lru_cache(4)
-def _tables(prior: Prior, ages: int, random_start: bool) -> FloatArray:
+def _tables(prior: Prior, ages: int, random_start: bool) -> NDArray[np.float32]:
     """Return the tables of `beam_filters.BeamModel`, (2, ages, 2, L), which all thresholds share."""
     first = remaining_probabilities if random_start else duration_probabilities
     tables = np.empty((2, ages, 2, len(prior.laws)))
@@ -88,4 +115,11 @@ def _tables(prior: Prior, ages: int, random_start: bool) -> FloatArray:
         ends = hazards(laws).T.clip(prior.floor, prior.ceiling)
         tables[row, :, 0] = np.cumprod(np.vstack([np.ones(len(laws)), 1.0 - ends[:-1]]), axis=0)
         tables[row, :, 1] = tables[row, :, 0] * ends
-    return tables
+    return np.where(tables > SMALLEST, tables, 0.0).astype(np.float32)
+
+
+def _beliefs(prior: Prior) -> FloatArray:
+    """Return the prior of the three rows of `beam_habits.Habits`, (3, L)."""
+    shares = np.array([1.0 - prior.different, prior.different, prior.different])
+    weights = np.array(prior.weights)
+    return np.asarray(shares[:, None] * weights / weights.sum())

@@ -75,7 +75,7 @@ class BeamDecider(MeasurementDecider[BeamState]):
         options = dataclasses.replace(options, **{name: law for name, law in assumed.items() if law is not None})
         self.model = BeamModel(
             np.array(options.radii), hazards(options.duration_laws), options.order_matrix, check_flag("merged", merged),
-            np.zeros((2, 1, 2, 0)), np.zeros((3, 0)), 0.0, filter_model(options), sensors_of(options),
+            np.zeros((2, 1, 2, 0), np.float32), np.zeros((3, 0)), 0.0, filter_model(options), sensors_of(options),
         )  # fmt: skip
 
     @classmethod

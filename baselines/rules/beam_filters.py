@@ -27,6 +27,7 @@ from hybrid_env.core.banks.sensing import write_measured
 from hybrid_env.core.compilation import compiled, internal
 from hybrid_env.core.records import LANES, MEASURED
 
+SMALLEST_SHARE = 1e-9  # probability of a parent, over that of the most probable one, that is left out of a mixture
 FIRST, LATER = 0, 1  # rows of the table of hazards: the first segment of an episode, later ones
 
 
@@ -38,6 +39,7 @@ class Branches(NamedTuple):
     ages: IntArray  # (N, B) ticks of the present segment so far, 1 at its first measurement
     rows: IntArray  # (N, B) `FIRST` or `LATER`
     slots: IntArray  # (N, B) index of the habits of the branch in `habits`
+    hazards: FloatArray  # (N, B) probability that its segment would end at its last tick; 0 of a new one
     counts: IntArray  # (N,) number of branches
     evidence: FloatArray  # (N,) log-likelihood of all measurements so far
     habits: Habits  # what the branches know of durations and order
@@ -55,7 +57,7 @@ class BeamModel(NamedTuple):
     hazards: FloatArray  # (4, ages) probability that a segment ends after each age, see above
     order: FloatArray  # (M, M) probability of the next mode (column) by the present one. Without meaning if learned
     merged: bool  # whether branches that switch to the same mode at the same tick become one
-    tables: FloatArray  # (2, ages, 2, L) of the laws among which a beam learns, see above; L is 0 if it does not
+    tables: NDArray[np.float32]  # (2, ages, 2, L) of the laws among which a beam learns, see above; L is 0 if not
     prior: FloatArray  # (3, L) of the laws, see `Habits`
     habitual: float  # prior probability that the next modes are not equally likely, likewise
     filters: FilterModel  # model of the filters
@@ -72,11 +74,13 @@ def branch_arrays(tracks: int, branches: int, modes: int = 0, laws: int = 0) -> 
     slots, modes = (groups * LANES + modes, modes) if laws else (0, 0)
     habits = Habits(
         np.zeros((tracks, slots, 3, laws), np.float32),
+        np.zeros((tracks, slots, laws), np.float32),
         np.zeros((tracks, slots, modes, modes), np.float32),
         np.zeros((tracks, slots), np.float32),
     )
     counts, evidence = np.zeros(tracks, np.int64), np.zeros(tracks)
-    return Branches(filters, present, ages, rows, places, counts, evidence, habits)
+    hazards = np.zeros(places.shape)
+    return Branches(filters, present, ages, rows, places, hazards, counts, evidence, habits)
 
 
 @internal
@@ -91,6 +95,7 @@ def _begin_branch(
     branches.modes[track, b] = mode
     branches.ages[track, b] = 1
     branches.rows[track, b] = row
+    branches.hazards[track, b] = 0.0
 
 
 @compiled
@@ -128,6 +133,7 @@ def _copy_branch(source: Branches, source_track: int, b: int, target: Branches, 
     target.ages[track, c] = source.ages[source_track, b]
     target.rows[track, c] = source.rows[source_track, b]
     target.slots[track, c] = source.slots[source_track, b]
+    target.hazards[track, c] = source.hazards[source_track, b]
 
 
 @internal
@@ -146,30 +152,29 @@ def _switch(
 ) -> int:  # fmt: skip
     """Write one child for every mode, after `count` others: the mixture of parents in other modes. Return their number.
 
-    parents: the first branch that switches, and the end of these branches; weights: (branches,) log probability of a
+    parents: the first branch that switches, and the end of these branches; weights: (branches,) probability of a
     branch and its end; free: (M,) slots for the habits of the children.
     """
     mean, difference, covariance = np.empty(4), np.empty(4), np.empty(10)
     shares = np.zeros(weights.size)  # probability of each parent
     learns = model.prior.size > 0
     for mode in range(2 * model.radii.size + 1):
-        largest, total = -np.inf, 0.0
+        largest, total = 0.0, 0.0
         for b in range(parents[0], parents[1]):
             before, probability = branches.modes[track, b], 0.0
-            if before != mode and weights[b] > -np.inf:
+            if before != mode and weights[b] > 0.0:
                 probability = model.order[before, mode]
                 if learns:
                     slot = branches.slots[track, b]
                     probability, _ = next_mode(branches.habits, track, slot, before, mode)
-            shares[b] = weights[b] + math.log(probability) if probability > 0.0 else -np.inf
+            shares[b] = weights[b] * probability
             largest = max(largest, shares[b])
-        if largest == -np.inf:
+        if largest == 0.0:
             continue
         mean[:] = 0.0
         covariance[:] = 0.0
         for b in range(parents[0], parents[1]):
-            if shares[b] > -np.inf:
-                shares[b] = math.exp(shares[b] - largest)
+            if shares[b] > SMALLEST_SHARE * largest:
                 total += shares[b]
                 for k, value in enumerate(estimate_of(branches.filters[track], b // LANES, b % LANES)):
                     mean[k] += shares[b] * value
@@ -188,7 +193,7 @@ def _switch(
                         covariance[k] += probability * (entries[k] + difference[row] * difference[column])
                         k += 1
         anchor = (mean[0], mean[1], mean[2], mean[3])
-        log_weight = largest + math.log(total)
+        log_weight = math.log(total)
         _begin_branch(children, 0, count, mode, LATER, anchor, triangle(covariance), log_weight, model)
         if learns:
             children.slots[0, count] = free[mode]
@@ -205,22 +210,22 @@ def _extend(branches: Branches, track: int, children: Branches, model: BeamModel
     """Write the continuations of all branches of a track to `children`, (1, ...). Return their number."""
     count = 0
     learns = model.prior.size > 0
-    switches = np.full(branches.counts[track], -np.inf)
+    switches = np.zeros(branches.counts[track])
     for b in range(branches.counts[track]):
         row, age = branches.rows[track, b], branches.ages[track, b]
         turns = 1 if branches.modes[track, b] > 0 else 0
         if learns:
-            slot = branches.slots[track, b]
+            beliefs = branches.habits.beliefs[track, branches.slots[track, b]]
             table = model.tables[row, min(age, model.tables.shape[1]) - 1]
-            hazard = expected_hazard(branches.habits.laws[track, slot], turns, table[0], table[1])
+            hazard = expected_hazard(beliefs, table[0], table[1])
         else:
             hazard = model.hazards[2 * row + turns, min(age, model.hazards.shape[1]) - 1]
         weight = branches.filters[track, b // LANES].log_likelihood[b % LANES]
-        if hazard > 0.0:
-            switches[b] = weight + math.log(hazard)
+        switches[b] = hazard * math.exp(weight)
         if hazard < 1.0:
             _copy_branch(branches, track, b, children, 0, count)
             children.ages[0, count] = age + 1
+            children.hazards[0, count] = hazard
             children.filters[0, count // LANES].log_likelihood[count % LANES] = weight + math.log1p(-hazard)
             count += 1
     free = switches.astype(np.int64)[:0]

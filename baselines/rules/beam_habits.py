@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.checks import FloatArray, IntArray
-from hybrid_env.core.compilation import internal
+from hybrid_env.core.compilation import internal, summing
+
+Laws = NDArray[np.float32]  # (L,) of one number for each law
 
 SAME = 0  # row of the beliefs in one law for all modes; rows 1 and 2 are straight motion and turns
 NEGLIGIBLE = 1e-3  # probability of a parent whose habits are left out of a mixture
@@ -28,51 +30,81 @@ class Habits(NamedTuple):
     """
 
     laws: NDArray[np.float32]  # (N, S, 3, L) joint probabilities of law and kind when the present segment began
+    beliefs: NDArray[np.float32]  # (N, S, L) sum of the rows of `laws` that concern the present segment
     orders: NDArray[np.float32]  # (N, S, M, M) expected number of switches from a mode (row) to another
     habitual: NDArray[np.float32]  # (N, S) probability that the next modes are not equally likely
 
 
 @internal
 def begin_habits(habits: Habits, track: int, slots: int, prior: FloatArray, habitual: float) -> None:
-    """Give the first slots of a track the prior of the laws, (3, L), and of habits."""
+    """Give the first slots of a track, one for each mode, the prior of the laws, (3, L), and of habits."""
     for slot in range(slots):
         habits.laws[track, slot] = prior
+        _set_beliefs(habits, track, slot, slot)
         habits.orders[track, slot] = 0.0
         habits.habitual[track, slot] = habitual
 
 
 @internal
-def expected_hazard(laws: NDArray[np.float32], turns: int, lasted: FloatArray, ended: FloatArray) -> float:
-    """Return the probability that a segment ends after its present tick, given beliefs (3, L) when it began.
+def _set_beliefs(habits: Habits, track: int, slot: int, mode: int) -> None:
+    """Write the beliefs that concern a segment of a mode."""
+    laws, beliefs = habits.laws[track, slot], habits.beliefs[track, slot]
+    same, own = laws[SAME], laws[2 if mode > 0 else 1]
+    for law in range(beliefs.size):
+        beliefs[law] = same[law] + own[law]
 
-    lasted, ended: (L,) probabilities that it lasts to this tick, and that it ends after it; turns: 1 if it is a turn.
+
+@summing
+def expected_hazard(beliefs: Laws, lasted: Laws, ended: Laws) -> float:
+    """Return the probability that a segment ends after its present tick, given (L,) beliefs when it began.
+
+    lasted, ended: (L,) probabilities that it lasts to this tick, and that it ends after it.
     """
-    total, ends = 0.0, 0.0
-    own = laws[1 + turns]
-    for law in range(lasted.size):
-        belief = np.float64(laws[SAME, law] + own[law])
-        total += belief * lasted[law]
-        ends += belief * ended[law]
+    total, ends = np.float32(0.0), np.float32(0.0)
+    for law in range(beliefs.size):
+        total += beliefs[law] * lasted[law]
+        ends += beliefs[law] * ended[law]
     return min(ends / total, 1.0) if total > 0.0 else 1.0
 
 
+@summing
+def _sums(
+    same: NDArray[np.float32], own: NDArray[np.float32], ended: NDArray[np.float32]
+) -> tuple[np.float32, np.float32, np.float32]:
+    """Return the sums of same x ended, own x ended and own."""
+    total, part, before = np.float32(0.0), np.float32(0.0), np.float32(0.0)
+    for law in range(ended.size):
+        total += same[law] * ended[law]
+        part += own[law] * ended[law]
+        before += own[law]
+    return total, part, before
+
+
 @internal
-def _add_posterior(target: FloatArray, laws: NDArray[np.float32], weight: float, turns: int, ended: FloatArray) -> None:
-    """Add the beliefs (3, L) after the end of a segment, times a weight; see `expected_hazard`."""
-    same, own, before = 0.0, 0.0, 0.0
+def _add_product(
+    target: NDArray[np.float32], scale: np.float32, values: NDArray[np.float32], ended: NDArray[np.float32]
+) -> None:
     for law in range(ended.size):
-        same += laws[SAME, law] * ended[law]
-        own += laws[1 + turns, law] * ended[law]
-        before += laws[1 + turns, law]
+        target[law] += scale * values[law] * ended[law]
+
+
+@internal
+def _add_posterior(target: Laws, laws: Laws, weight: float, turns: int, ended: Laws) -> None:
+    """Add the beliefs (3, L) after the end of a segment, times a weight; see `expected_hazard`.
+
+    laws: when it began; turns: 1 if it was a turn.
+    """
+    same, own, before = _sums(laws[SAME], laws[1 + turns], ended)
     if same + own <= 0.0:
-        target += weight * laws
+        target += np.float32(weight) * laws
         return
-    scale = weight / (same + own)
-    other = scale * own / before if before > 0.0 else 0.0
-    for law in range(ended.size):
-        target[SAME, law] += scale * laws[SAME, law] * ended[law]
-        target[1 + turns, law] += scale * laws[1 + turns, law] * ended[law]
-        target[2 - turns, law] += other * laws[2 - turns, law]
+    scale = np.float32(weight / (same + own))
+    _add_product(target[SAME], scale, laws[SAME], ended)
+    _add_product(target[1 + turns], scale, laws[1 + turns], ended)
+    if before > 0.0:
+        goal, values, share = target[2 - turns], laws[2 - turns], scale * own / before
+        for law in range(ended.size):
+            goal[law] += share * values[law]
 
 
 @internal
@@ -99,10 +131,12 @@ def free_slots(used: IntArray, habits: Habits) -> IntArray:
 @internal
 def merge_habits(
     habits: Habits, track: int, slot: int, mode: int, weights: FloatArray,
-    slots: IntArray, modes: IntArray, rows: IntArray, ages: IntArray, tables: FloatArray,
+    slots: IntArray, modes: IntArray, rows: IntArray, ages: IntArray, tables: NDArray[np.float32],
 ) -> None:  # fmt: skip
     """Write the habits of a branch that begins with a switch to a mode: the mixture of its parents."""
-    laws, orders = np.zeros((3, tables.shape[3])), np.zeros(habits.orders[track, slot].shape)
+    laws, orders = habits.laws[track, slot], habits.orders[track, slot]
+    laws[:] = np.float32(0.0)
+    orders[:] = np.float32(0.0)
     least, total, habitual = NEGLIGIBLE * weights.max(), 0.0, 0.0
     for b in range(weights.size):
         if weights[b] > least:
@@ -115,10 +149,14 @@ def merge_habits(
             _add_posterior(laws, habits.laws[track, slots[b]], share, turns, ended)
             probability, habit = next_mode(habits, track, slots[b], modes[b], mode)
             habitual += share * habit / probability
-            orders += share * habits.orders[track, slots[b]]
-            orders[modes[b], mode] += share
+            counts = habits.orders[track, slots[b]]
+            for row in range(counts.shape[0]):
+                for column in range(counts.shape[0]):
+                    orders[row, column] += np.float32(share) * counts[row, column]
+            orders[modes[b], mode] += np.float32(share)
     for row in range(3):
-        for law in range(laws.shape[1]):
-            habits.laws[track, slot, row, law] = laws[row, law] if laws[row, law] > SMALLEST else 0.0
-    habits.orders[track, slot] = orders
+        values = laws[row]
+        for law in range(values.size):
+            values[law] = values[law] if values[law] > SMALLEST else np.float32(0.0)
+    _set_beliefs(habits, track, slot, mode)
     habits.habitual[track, slot] = habitual

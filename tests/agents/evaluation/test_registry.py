@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from agents.evaluation import registry
-from agents.evaluation.registry import SHIPPED, find_decider, find_family, load_decider, policy_folder
+from agents.evaluation.registry import NAMED, SHIPPED, find_decider, find_family, load_decider, policy_folder
 from agents.learned.policy_file import save_policy
 from agents.learned.statement_net import StatementNet
 from agents.training.recipe import load_recipe
@@ -21,7 +21,10 @@ OPTIONS = {
 }
 
 
-@pytest.mark.parametrize(("task", "name"), [(task, name) for task in OPTIONS for name in (*rules(task), SHIPPED)])
+AGENTS = [*((task, SHIPPED) for task in OPTIONS), *((task, name) for name, (task, _) in NAMED.items())]
+
+
+@pytest.mark.parametrize(("task", "name"), [*((task, name) for task in OPTIONS for name in rules(task)), *AGENTS])
 def test_every_decider_decides_at_its_default_and_can_be_made_at_every_threshold(task, name, monkeypatch):
     monkeypatch.setattr(refiltering, "CALIBRATION_EPISODES", 100)
     options = OPTIONS[task]

@@ -21,6 +21,7 @@ KNOWN_SWITCHES = "hybrid_env:HybridTrack-v0", {"scheme": "random 2x5-8"}
 ENVIRONMENTS = {
     "statements": ("hybrid_env:HybridTrackQuickest-v0", {"ticks": 8, "durations": "uniform 2-4"}),
     "jump-markov": ("hybrid_env:HybridTrackQuickest-v0", {"ticks": 8, "durations": "uniform 2-4"}),
+    "rhythm": ("hybrid_env:HybridTrackQuickest-v0", {"ticks": 8}),
     "flights": ("hybrid_env:HybridTrack-v0", {}),
 }
 RECIPES = {
@@ -37,6 +38,7 @@ RECIPES = {
         "policy_kwargs.net_arch=[4]",
     ),
     "jump-markov": ("n_envs=2", "batch_size=4", "n_steps=4", "hidden=4"),
+    "rhythm": ("n_envs=2", "batch_size=4", "n_steps=4", "hidden=4", "ticks=8"),
     "flights": ("flights=[1, 1, 1, 1]", "rows=100", "passes=1", "hidden=4"),
 }  # fmt: skip
 
@@ -46,8 +48,9 @@ def resume(folder):
     run = resume_run(folder)
     family = run.family("run")
     states = environment_options(run.env_id) is QuickestOptions
-    widths = {"flights": 4, "jump_markov": OBSERVED + 3}
-    width = widths.get(run.recipe.algo, (QuickestLayout if states else Layout)(3).width)
+    row = QuickestLayout if states else Layout
+    widths = {"flights": 4, "jump_markov": OBSERVED + 3, "rhythm": row(3).width + 19}
+    width = widths.get(run.recipe.algo, row(3).width)
     rows = np.zeros((2, width), np.float32)
     if family.hypotheses in (None, 3):
         assert family.make(family.default).predict(rows, None, np.ones(2, np.bool_))[0].shape == (2,)

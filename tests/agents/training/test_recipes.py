@@ -68,6 +68,7 @@ INVALID = {
         ("batch_size", 1.5), ("n_steps", 0), ("hidden", 10**6), ("learning_rate", 2.0),
         ("belief_weight", -1.0),
     ],
+    "rhythm": [("ticks", 0), ("ticks", 1e9), ("durations", ["drawn or drawn"])],
     "flights": [
         ("flights", 3), ("flights", [1, 1, 1]), ("flights", [1, 1, 1, 0]), ("flights", [10**5] * 4),
         ("rows", 0), ("rows", 1e3), ("passes", 0), ("change_cost", -1.0), ("change_cost", 1e9),
