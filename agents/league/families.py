@@ -58,7 +58,7 @@ class Probe(Decider):
     """
 
     def __init__(self, decider: Decider):
-        self.decider, self.observes = decider, decider.observes  # type: ignore[misc]
+        self.decider, self.observes = decider, decider.observes
         self.observe = decider.observe  # type: ignore[method-assign]
         self.seconds: list[float] = []
         self.stated = np.zeros(0)

@@ -208,9 +208,9 @@ class TrackRun(StatementRun):
 
     def simulate(self, world: QuickestOptions, tracks: int, seed: int) -> tuple[NDArray[Any], ...]:
         """Return inputs, log-probabilities and true modes of one episode of each track; see `simulate`."""
-        decider = self.decider_class(self.net, world)
-        assert isinstance(decider, StatementDecider)
-        return simulate(world, tracks, seed, decider)
+        kind = self.decider_class
+        assert issubclass(kind, StatementDecider)
+        return simulate(world, tracks, seed, kind(self.net, world))
 
     def prepare(self) -> None:
         """See `StatementRun.prepare`."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.checks import FloatArray, IntArray
-from hybrid_env.core.compilation import internal, summing
+from hybrid_env.core.compilation import internal
 
 Laws = NDArray[np.float32]  # (L,) of one number for each law
 
@@ -54,7 +54,7 @@ def _set_beliefs(habits: Habits, track: int, slot: int, mode: int) -> None:
         beliefs[law] = same[law] + own[law]
 
 
-@summing
+@internal
 def expected_hazard(beliefs: Laws, lasted: Laws, ended: Laws) -> float:
     """Return the probability that a segment ends after its present tick, given (L,) beliefs when it began.
 
@@ -64,10 +64,10 @@ def expected_hazard(beliefs: Laws, lasted: Laws, ended: Laws) -> float:
     for law in range(beliefs.size):
         total += beliefs[law] * lasted[law]
         ends += beliefs[law] * ended[law]
-    return min(ends / total, 1.0) if total > 0.0 else 1.0
+    return min(float(ends / total), 1.0) if total > 0.0 else 1.0
 
 
-@summing
+@internal
 def _sums(
     same: NDArray[np.float32], own: NDArray[np.float32], ended: NDArray[np.float32]
 ) -> tuple[np.float32, np.float32, np.float32]:

@@ -41,10 +41,6 @@ internal: Any = register_jitable(**OPTIONS)
 """Decorator of a function that is compiled when a compiled function calls it. Python runs it as it is."""
 
 
-summing: Any = register_jitable(**OPTIONS, fastmath={"reassoc"})
-"""Like `internal`, for a loop that adds up: the order of the terms is free, so that it becomes SIMD code."""
-
-
 def compiled(function: Callable[..., Any]) -> Any:
     """Decorator of a function called from Python, after `prepare`. Its machine code is cached on disk."""
     if config.DISABLE_JIT:
