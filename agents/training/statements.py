@@ -188,6 +188,7 @@ class StatementRun(OwnNetworkRun):
         save_policy(folder, self.net.state_dict(), card, self.decider_class.task)
 
 
+TRAINING_BRANCHES = 16  # histories of the beam of `RhythmDecider`
 HAZARDS = 1 / 160, 1 / 30  # range of the bank's hazard where the law of the durations is drawn
 LARGEST_ROUND = 2**22  # tracks x ticks x turns, whose inputs take half a gigabyte
 
@@ -234,9 +235,12 @@ class TrackRun(StatementRun):
             costs = torch.full(modes.shape, self.world.change_cost)
             yield Batch(inputs, logs, modes, costs, torch.ones(modes.shape))
 
+    def make_decider(self, world: QuickestOptions) -> StatementDecider:
+        """Return the decider whose inputs are trained on, in a world."""
+        return self.decider_class(self.net, world)
+
     def _simulate(self, world: QuickestOptions, seed: int) -> Sequence[NDArray[Any]]:
-        decider = self.decider_class(self.net, world)
-        return simulate(world, self.settings.n_envs, seed, decider)
+        return simulate(world, self.settings.n_envs, seed, self.make_decider(world))
 
     def _draw_world(self, generator: np.random.Generator, law: str) -> QuickestOptions:
         variance, radius = (
@@ -260,6 +264,10 @@ class RhythmRun(TrackRun):
     """A training run of the agent that learns habits within the episode."""
 
     decider_class = RhythmDecider
+
+    def make_decider(self, world: QuickestOptions) -> RhythmDecider:
+        """See `TrackRun.make_decider`; with fewer histories than the agent, which are faster to simulate."""
+        return RhythmDecider(self.net, world, branches=TRAINING_BRANCHES)
 
 
 def simulate(
