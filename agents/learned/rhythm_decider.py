@@ -33,7 +33,7 @@ HABIT_INPUTS = (
 )
 """Of straight motion, of the turn, and of the other turns, in addition to `statement_net.HYPOTHESIS_INPUTS`."""
 
-BRANCHES, BRANCHES_PER_MODE = 16, 3
+BRANCHES, BRANCHES_PER_MODE = 40, 3
 SHORTEST, LONGEST = 14.0, 180.0  # ticks, of the shortest duration of a uniform law
 WIDTHS = {1.07: 0.07, 1.2: 0.13, 1.6: 0.25, 2.4: 0.4}
 OFFSETS, MEANS = (0, 10, 25, 50, 80), (10, 20, 40, 80)
@@ -54,6 +54,7 @@ class RhythmDecider(StatementDecider):
         net: trained network.
         world: options of the environment.
         margin: see `UtilityDecider`.
+        branches: histories of the beam, at least three for each mode.
 
     Raises:
         ArgumentError: the margin is not a finite number.
@@ -62,9 +63,9 @@ class RhythmDecider(StatementDecider):
     observes = "tracks"
     inputs = INPUTS + 3 * len(HABIT_INPUTS)
 
-    def __init__(self, net: StatementNet, world: QuickestOptions, margin: float = 0.0):
+    def __init__(self, net: StatementNet, world: QuickestOptions, margin: float = 0.0, branches: int = BRANCHES):
         super().__init__(net, world, margin)
-        branches = max(BRANCHES, BRANCHES_PER_MODE * world.hypotheses)
+        branches = max(branches, BRANCHES_PER_MODE * world.hypotheses)
         self.beam = AdaptiveBeamDecider(world, branches=branches, prior=prior())
 
     def observe(self, tracks: Any) -> FloatArray:

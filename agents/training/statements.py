@@ -192,6 +192,7 @@ class StatementRun(OwnNetworkRun):
         save_policy(folder, self.net.state_dict(), card, self.decider_class.task)
 
 
+TRAINING_BRANCHES = 16  # histories of the beam of `RhythmDecider`
 HAZARDS = 1 / 160, 1 / 30  # range of the bank's hazard where the law of the durations is drawn
 LARGEST_ROUND = 2**22  # tracks x ticks x turns, whose inputs take half a gigabyte
 
@@ -208,9 +209,13 @@ class TrackRun(StatementRun):
 
     def simulate(self, world: QuickestOptions, tracks: int, seed: int) -> tuple[NDArray[Any], ...]:
         """Return inputs, log-probabilities and true modes of one episode of each track; see `simulate`."""
+        return simulate(world, tracks, seed, self.make_decider(world))
+
+    def make_decider(self, world: QuickestOptions) -> StatementDecider:
+        """Return the decider whose inputs are trained on, in a world."""
         kind = self.decider_class
         assert issubclass(kind, StatementDecider)
-        return simulate(world, tracks, seed, kind(self.net, world))
+        return kind(self.net, world)
 
     def prepare(self) -> None:
         """See `StatementRun.prepare`."""
@@ -266,6 +271,10 @@ class RhythmRun(TrackRun):
     """A training run of the agent that learns habits within the episode."""
 
     decider_class = RhythmDecider
+
+    def make_decider(self, world: QuickestOptions) -> RhythmDecider:
+        """See `TrackRun.make_decider`; with fewer histories than the agent, which are faster to simulate."""
+        return RhythmDecider(self.net, world, branches=TRAINING_BRANCHES)
 
 
 def simulate(
