@@ -21,7 +21,7 @@ def test_the_first_policy_waits_by_its_bias_and_its_target_network_too(kind):
     pytest.importorskip("sb3_contrib")
     run = make_run(ANNOUNCED, {}, load_recipe(kind, ANNOUNCED, ("wait_bias=3",)))
     rows = np.random.default_rng(0).normal(size=(5, Layout(3).width)).astype(np.float32)
-    logits, _ = run.decider.logits(rows)
+    logits, _ = run.family("").make(0.0).logits(rows)
     assert logits.shape == (5, 4)
     assert (logits.argmax(1) == 0).all()
     net = value_network(run.model.policy)
@@ -57,8 +57,8 @@ def test_values_without_a_future_are_the_expected_reward_of_a_statement(layers):
     probability = np.exp(layout.read(rows, "log_probability"))
     stated = layout.read(rows, "stated")
     exact = probability - 5.0 * (1.0 - probability) * (1.0 - stated)
-    found = run.decider.logits(rows)[0]
-    error = found / run.settings.reward_scale - exact
+    found = run.family("").make(0.0).logits(rows)[0]
+    error = found / run.recipe.settings.reward_scale - exact
     # linear values lack the product of probability and statement: a quarter of the variance
     print(layers, error.std() / exact.std(), error.mean())
     assert error.std() < (0.6 if layers == "[]" else 0.15) * exact.std()
