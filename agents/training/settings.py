@@ -16,11 +16,8 @@ from hybrid_env.options import WorldOptions
 POLICIES = {"ppo": "MlpPolicy", "recurrent_ppo": "MlpLstmPolicy"}
 LARGEST_ROLLOUT = 2**21  # samples of an update of PPO, which then take less than a gigabyte
 LARGEST_UNROLLING = 2**22  # ticks x hypotheses of an update of the anchor agent
-LARGEST_ROUND = 2**12  # tracks of a round of simulated tracks
-LARGEST_FLIGHTS = 2**20  # positions of a round of simulated flights
-MOST_WORLDS = 100
-MOST_DRAWN = 1000
-MOST_LAWS = 100
+LARGEST_ROUND, LARGEST_FLIGHTS = 2**12, 2**20  # tracks, and positions of flights, of a round of simulated ones
+MOST_WORLDS, MOST_DRAWN, MOST_LAWS = 100, 1000, 100
 LARGEST_COUNT = 100_000  # tracks, steps or passes
 LARGEST_WEIGHT = 100.0  # of a part of the loss, and of the initial bias
 LARGEST_FACTOR = 1000.0  # of the variances and radii of simulated tracks
@@ -290,8 +287,7 @@ class StatementSettings(ExpectedRewardSettings):
         object.__setattr__(self, "durations", tuple(str(parse_durations(law)) for law in self.durations))
         for name in ("n_envs", "batch_size"):
             check_integer(name, getattr(self, name), maximum=LARGEST_ROUND)
-        if self.ticks is not None:
-            check_ticks("ticks", self.ticks)
+        check_ticks("ticks", 1 if self.ticks is None else self.ticks)
         if self.n_envs * len(self.durations) > LARGEST_ROUND:
             raise reject("n_envs", self.n_envs, f"n_envs x laws of at most {LARGEST_ROUND:,}")
         for name in ("variances", "radii"):
@@ -349,7 +345,6 @@ class GliderSettings(FlightSettings):
 Settings = PPOSettings | AnchorSettings | SegmentSettings | StatementSettings | FlightSettings
 ALGORITHMS: dict[str, type[Settings]] = {
     "ppo": PPOSettings, "recurrent_ppo": PPOSettings, "anchor": AnchorSettings, "reward": RewardSettings,
-    "tandem": SegmentSettings, "statements": StatementSettings, "rhythm": StatementSettings,
-    "flights": FlightSettings, "gliders": GliderSettings,
-    "kalman": SegmentSettings, "distilled": SegmentSettings, "transformer": SegmentSettings,
+    "tandem": SegmentSettings, "statements": StatementSettings, "rhythm": StatementSettings, "flights": FlightSettings,
+    "gliders": GliderSettings, "kalman": SegmentSettings, "distilled": SegmentSettings, "transformer": SegmentSettings,
 }  # fmt: skip
