@@ -69,7 +69,7 @@ def expected_hazard(beliefs: NDArray[np.float32], lasted: NDArray[np.float32], e
     for law in range(beliefs.size):
         total += beliefs[law] * lasted[law]
         ends += beliefs[law] * ended[law]
-    return min(ends / total, 1.0) if total > 0.0 else 1.0
+    return min(float(ends / total), 1.0) if total > 0.0 else 1.0
 
 
 @summing
