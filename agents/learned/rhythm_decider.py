@@ -78,7 +78,7 @@ class RhythmDecider(StatementDecider):
         if observation.ndim != 2 or observation.shape[1] <= width:
             raise reject("observation shape", observation.shape, f"(N, more than {width}), from `observe`")
         rows, _ = super().divide(observation[:, :width])
-        return rows, observation[:, width:]
+        return rows, np.asarray(observation[:, width:], np.float64)
 
     def filtered(
         self, bank: NDArray[np.float64], seen: NDArray[Any] | None, filters: BeamState | None, episode_start: Any

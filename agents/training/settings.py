@@ -214,8 +214,7 @@ class StatementSettings(ExpectedRewardSettings):
         object.__setattr__(self, "durations", tuple(str(parse_durations(law)) for law in self.durations))
         for name in ("n_envs", "batch_size"):
             check_integer(name, getattr(self, name), maximum=LARGEST_ROUND)
-        if self.ticks is not None:
-            check_ticks("ticks", self.ticks)
+        check_ticks("ticks", 1 if self.ticks is None else self.ticks)
         if self.n_envs * len(self.durations) > LARGEST_ROUND:
             raise reject("n_envs", self.n_envs, f"n_envs x laws of at most {LARGEST_ROUND:,}")
         for name in ("variances", "radii"):
