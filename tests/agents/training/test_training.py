@@ -15,6 +15,7 @@ from agents.training.learning_curve import draw_learning_curve, environment_curv
 from agents.training.recipe import load_recipe, recipe_of
 from agents.training.run_folder import read_metrics
 from agents.training.runs import make_run, resume_run
+from agents.training.stable_baselines import CLASSES
 from baselines import FixedTimeDecider, measure_statements
 from baselines.rules import seeds
 from baselines.rules.rollout import evaluate, record_statements
@@ -103,7 +104,7 @@ def test_a_run_folder_has_card_metrics_and_an_equivalent_decider(kind, folders):
     assert ("per tick" in run.notes[-1]) == (flights or "Quickest" in env)
     rows = read_metrics(folder)
     assert [row["step"] for row in rows if "evaluation/reward" in row][-1] == run.num_timesteps
-    assert any("events.out.tfevents" in path.name for path in folder.iterdir()) == ("ppo" in kind)
+    assert any("events.out.tfevents" in path.name for path in folder.iterdir()) == (run.recipe.algo in CLASSES)
     assert not list(folder.glob("*.part*"))
     world = None if flights else (QuickestOptions if "Quickest" in env else WorldOptions)(**options)
     family = learned_family(folder, world)
