@@ -108,7 +108,7 @@ def test_a_run_folder_has_card_metrics_and_an_equivalent_decider(kind, folders):
     assert not list(folder.glob("*.part*"))
     world = None if flights else (QuickestOptions if "Quickest" in env else WorldOptions)(**options)
     family = learned_family(folder, world)
-    assert (family.name, family.hypotheses) == (kind, 3 if "ppo" in kind else None)
+    assert (family.name, family.hypotheses) == (kind, 3 if run.recipe.algo in CLASSES else None)
     loaded, own = (one.make(one.default) for one in (family, run.family("")))
     if flights:
         assert all(torch.equal(*pair) for pair in zip(
