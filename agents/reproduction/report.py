@@ -40,7 +40,7 @@ def describe_runs(result: Reproduction) -> str:
 
 def _unpublished(cells: Sequence[Cell]) -> str:
     """Rows beside columns of a table without published values; "" if it has some, or not all of ours."""
-    values = {(cell.row, cell.column): f"{_row(cell)[3]} ({_row(cell)[4]})" for cell in cells}
+    values = {(row, column): f"{ours} ({interval})" for row, column, _, ours, _, interval, _ in map(_row, cells)}
     rows, columns = (list(dict.fromkeys(names)) for names in zip(*values, strict=True))
     if len(values) < len(rows) * len(columns) or any(cell.verdict != "not published" for cell in cells):
         return ""
