@@ -47,6 +47,19 @@ def test_exact_posteriors_of_windows_give_the_exact_ratios(order):
     np.testing.assert_allclose(log_softmax(found, -1), log_softmax(exact, -1), atol=1e-5)
 
 
+@torch.no_grad()
+def test_the_loss_is_the_log_sum_exp_of_the_ratios_and_that_of_the_windows():
+    generator = torch.Generator().manual_seed(1)
+    vectors, lengths, modes, _ = gaussian_sequences(6, 4, generator)
+    net, ticks, each = WindowNet(3, 3, 8, 1), ticks_of(lengths), modes.repeat_interleave(4)[:, None]
+    longer, shorter = (net(part) for part in windows_of(vectors, ticks, 1))
+    ratios = log_ratios(longer, shorter, ticks, 1)
+    others = torch.exp(ratios - ratios.gather(1, each)).sum(1) - 1.0
+    windows = longer.gather(1, each).mean() + shorter.gather(1, each)[ticks > 1].mean()
+    expected = float(torch.log1p(others).mean() - windows)
+    assert float(tandem_loss(net, vectors, lengths, modes)) == pytest.approx(expected, rel=1e-5)
+
+
 def learned_ratios(updates, order, seed=0):
     """Learned and exact differences of log-likelihoods on other sequences of ten vectors, (n, 3)."""
     torch.set_num_threads(1)
