@@ -24,6 +24,10 @@ SMALL_ANCHOR = (
     "worlds=[{n_envs: 16}, {n_envs: 4, env: HybridTrackBank-v0}]",
     "drawn_worlds=[{radii: 1, worlds: 1, n_envs: 4}]",
 )  # fmt: skip
+SMALL_STOPPING = (
+    "batch_size=16", "passes=2", "worlds=[{n_envs: 8}, {n_envs: 2, env: HybridTrackBank-v0}]",
+    "drawn_worlds=[{radii: 1, worlds: 1, n_envs: 2}]",
+)  # fmt: skip
 SMALL_STATEMENTS = (
     "n_envs=8", "batch_size=8", "n_steps=25", "hidden=6", "durations=[uniform 5-20, geometric 30]",
 )  # fmt: skip
@@ -40,6 +44,7 @@ SMALL_Q = (
 KINDS = {
     "ppo": ("ppo", "HybridTrack-v0", SCHEME, SMALL_PPO),
     "anchor": ("anchor", "HybridTrack-v0", SCHEME, SMALL_ANCHOR),
+    "stopping": ("stopping", "HybridTrack-v0", SCHEME, SMALL_STOPPING),
     "reward": ("reward", "HybridTrack-v0", SCHEME, SMALL_REWARD),
     "tandem": ("tandem", "HybridTrack-v0", SCHEME, SMALL_REWARD),
     "kalman": ("kalman", "HybridTrack-v0", SCHEME, SMALL_REWARD),

@@ -46,7 +46,7 @@ def learned_family(folder: Path, options: Any = None, recorded: str = FLIGHTS) -
 
 OWN_NETWORKS = {
     "anchor": ("anchor_decider", "AnchorDecider"), "statements": ("statement_decider", "StatementDecider"),
-    "rhythm": ("rhythm_decider", "RhythmDecider"),
+    "rhythm": ("rhythm_decider", "RhythmDecider"), "stopping": ("stopping_decider", "StoppingDecider"),
     "flights": ("flight_decider", "FlightAgent"), "gliders": ("glider_decider", "GliderAgent"),
     "reward": ("reward_decider", "RewardDecider"), "tandem": ("tandem_net", "TandemDecider"),
     "kalman": ("kalman_net", "KalmanDecider"),
@@ -62,7 +62,7 @@ SHIPPED_FOLDERS = {
     ANNOUNCED: "shipped", UNKNOWN: "shipped_quickest", FLIGHTS: "shipped_flights", GLIDERS: "shipped_gliders",
 }  # fmt: skip
 """Folders of the weights that come with the package."""
-NAMED = {"rhythm": (UNKNOWN, "shipped_rhythm")}
+NAMED = {"rhythm": (UNKNOWN, "shipped_rhythm"), "stopping": (ANNOUNCED, "shipped_stopping")}
 """Task and folder of the agents that come with the package beside the shipped ones."""
 
 
@@ -111,7 +111,7 @@ def is_brought(name: Any) -> bool:
 def find_family(name: Any, options: Any) -> DeciderFamily:
     """Return a decider at any threshold, for the options of an environment.
 
-    The name is that of a rule, "shipped", "rhythm", a run folder, "mine.py:MyRule", "package.module:Rule" or an entry
+    The name is that of a rule, an agent of the package, a run folder, "mine.py:MyRule", "package.module:Rule" or an entry
     point, without a threshold or with one that it chooses, see `stopping_rule`; or the object itself, see `own_family`.
     """
     if not isinstance(name, str):

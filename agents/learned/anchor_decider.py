@@ -81,6 +81,7 @@ class TrackFilters:
         posterior, components = np.full((total, M), 1 / M), np.full((total, COMPONENTS), 1 / COMPONENTS)
         self.last = LastRow(posterior, components, np.zeros((total, M, 2)), *(np.zeros(total) for _ in range(3)))
         self.anchor_samples: tuple[NDArray[np.float32], FloatArray, IntArray] | None = None
+        self.innovations = np.zeros((total, M, 3))  # of each hypothesis in the last tick, see `ComponentFilters`
 
     def advance(
         self, net: AnchorNet, rows: Observations, first: BoolArray, sensed: Sequence[FloatArray | None]
@@ -108,7 +109,7 @@ class TrackFilters:
         share = joint_posterior(np.concatenate([one.log_likelihood for one in self.filters], axis=1), self.log_weights)
         posterior = share.sum(0)
         innovations = np.concatenate([one.innovations for one in self.filters], axis=1)
-        own = (share[..., None] * innovations).sum(0) / np.maximum(posterior, SMALLEST)[..., None]
+        self.innovations = own = (share[..., None] * innovations).sum(0) / np.maximum(posterior, SMALLEST)[..., None]
         left, speed = (layout.read(rows, name) for name in ("ticks_left", "speed"))
         self.last = LastRow(posterior, share.sum(-1).T, bias_of_bank(layout, rows, own), ticks, left, speed)
         return posterior

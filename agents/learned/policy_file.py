@@ -25,7 +25,7 @@ ALGORITHMS = {
     "dqn": (ANNOUNCED, UNKNOWN), "qrdqn": (ANNOUNCED, UNKNOWN), "anchor": (ANNOUNCED,), "reward": (ANNOUNCED,),
     "tandem": (ANNOUNCED,), "statements": (UNKNOWN,), "rhythm": (UNKNOWN,), "flights": (FLIGHTS,),
     "gliders": (GLIDERS,), "kalman": (ANNOUNCED,), "distilled": (ANNOUNCED,), "transformer": (ANNOUNCED,),
-    "jump_markov": (UNKNOWN,),
+    "jump_markov": (UNKNOWN,), "stopping": (ANNOUNCED,),
 }  # fmt: skip
 """Tasks of the agents of every training algorithm."""
 

@@ -17,18 +17,16 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.evaluation.worlds import draw_world
 from agents.learned.anchor_decider import AnchorDecider, AnchorNetworks, TrackFilters, errors_and_best
 from agents.learned.anchor_net import ratios, regret_inputs, select, turns_per_tick
 from agents.training.checkpoint import check_tracks, restore_generator, track_arrays
-from agents.training.run import OwnNetworkRun, Round
+from agents.training.run import Round
 from agents.training.settings import LARGEST_ALPHA, AnchorSettings
+from agents.training.worlds import WorldsRun
 from baselines.rules import seeds
 from baselines.rules.anchor_prior import anchor_errors
 from baselines.rules.measurements import sensed_of
-from hybrid_env.checks import FloatArray, IntArray, check_integer, reject
-from hybrid_env.options import WorldOptions
-from hybrid_env.registration import make_vector_env
+from hybrid_env.checks import FloatArray, IntArray, check_integer
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
 LOG_EVERY = 10  # updates
@@ -162,7 +160,7 @@ class AnchorStream:
         return arrays
 
 
-class AnchorRun(OwnNetworkRun):
+class AnchorRun(WorldsRun):
     """A training run of the anchor agent; see `agents.training.runs.make_run` for the arguments."""
 
     smallest_factor: ClassVar[float] = 0.02
@@ -175,14 +173,7 @@ class AnchorRun(OwnNetworkRun):
         torch.manual_seed(self.seed)
         self.net = AnchorNetworks(self.settings.hidden)
         self.start(self.net, self.settings.learning_rate)
-        self.world = make_vector_env(self.env_id, 1, **self.options).options
-        self._fixed = []
-        for one in self.settings.worlds:
-            options = self.options | dict(one.options)
-            self._fixed.append((make_vector_env(one.env or self.env_id, 1, **options).options, one.n_envs))
-        for world in (self.world, *(world for world, _ in self._fixed)):
-            if world.actions != "all":
-                raise reject("actions", world.actions, "'all' for an agent that declares hypotheses")
+        self.create_worlds()
         self._generator = np.random.default_rng(seeds.TRAINING + self.seed)
         self._anchors = SampleBuffer(self.settings.buffer_size, self.net.anchor.inputs + 4)
         self._declarations = SampleBuffer(self.settings.buffer_size, DECLARATION + 1)
@@ -207,12 +198,8 @@ class AnchorRun(OwnNetworkRun):
         """Return tracks of the fixed worlds and of random ones, one stream for each number of hypotheses."""
         first = seeds.TRAINING + self.seed * 10**9 + self._generation * 10**5
         generator = np.random.default_rng(first)
-        worlds = list(self._fixed)
-        for drawn in self.settings.drawn_worlds:
-            options = [draw_world(generator, drawn.radii) for _ in range(drawn.worlds)]
-            worlds += [(WorldOptions.of(**one), drawn.n_envs) for one in options]
         groups: dict[int, list[HybridTrackVectorEnv]] = {}
-        for world, count in worlds:
+        for world, count in self.all_worlds(generator):
             rows = world.longest_segment + 1  # a segment decided at once, and the first tick of the next
             env = HybridTrackVectorEnv(count, AutoresetMode.SAME_STEP, False, rows, **vars(world))
             groups.setdefault(world.hypotheses, []).append(env)

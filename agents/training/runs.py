@@ -14,13 +14,14 @@ from agents.training.run import Run
 from agents.training.simulated_flights import FlightRun, GliderRun
 from agents.training.stable_baselines import CLASSES, LibraryRun
 from agents.training.statements import RhythmRun, TrackRun
+from agents.training.stopping import StoppingRun
 from agents.training.true_modes import KalmanRun, TandemRun, TransformerRun
 from hybrid_env.checks import check_integer, reject
 
 RUNS: dict[str, type[Run]] = dict.fromkeys(CLASSES, LibraryRun) | {
     "anchor": AnchorRun, "reward": RewardRun, "tandem": TandemRun, "statements": TrackRun, "rhythm": RhythmRun,
     "flights": FlightRun, "gliders": GliderRun, "kalman": KalmanRun, "distilled": DistilledRun,
-    "transformer": TransformerRun, "jump_markov": JumpMarkovRun,
+    "transformer": TransformerRun, "jump_markov": JumpMarkovRun, "stopping": StoppingRun,
 }  # fmt: skip
 """Runs by algorithm."""
 

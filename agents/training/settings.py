@@ -1,7 +1,7 @@
 """Hyper-parameters of the training algorithms, and their limits."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -110,10 +110,7 @@ class AnchorSettings:
         }  # fmt: skip
         for name, largest in limits.items():
             check_integer(name, getattr(self, name), maximum=largest)
-        if not 1 <= len(self.worlds) <= MOST_WORLDS:
-            raise reject("worlds", self.worlds, f"one to {MOST_WORLDS} environments")
-        if len(self.drawn_worlds) > MOST_WORLDS:
-            raise reject("drawn_worlds", self.drawn_worlds, f"at most {MOST_WORLDS} entries")
+        check_worlds(self.worlds, self.drawn_worlds)
         tracks = 3 * sum(world.n_envs for world in self.worlds)
         tracks += sum(drawn.worlds * drawn.n_envs * (2 * drawn.radii + 1) for drawn in self.drawn_worlds)
         if self.n_steps * tracks > LARGEST_UNROLLING:
@@ -230,6 +227,51 @@ def _factors(name: str, value: Any) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, kw_only=True)
+class StoppingSettings:
+    """Hyper-parameters of the learned stop.
+
+    Attributes:
+        worlds: environments of every round, one episode of each track.
+        drawn_worlds: random environments besides, new ones in every round.
+        delay_costs: smallest and largest delay cost; half of the environments have one drawn between them.
+        hidden: units of each layer, as many as those of the anchor agent.
+        learning_rate: constant, or "lin_" and the initial value for linear decay.
+        batch_size: segments of an update.
+        passes: times that the segments of a round are used.
+        agent: "shipped", or the run folder of an anchor agent.
+    """
+
+    worlds: tuple[TrainingWorld, ...]
+    hidden: int
+    learning_rate: str | float
+    batch_size: int
+    passes: int
+    drawn_worlds: tuple[DrawnWorlds, ...] = ()
+    delay_costs: tuple[float, float] = (0.003, 0.05)
+    agent: str = "shipped"
+
+    def __post_init__(self) -> None:
+        for name, largest in {"hidden": LARGEST_HIDDEN, "batch_size": LARGEST_COUNT, "passes": 1000}.items():
+            check_integer(name, getattr(self, name), maximum=largest)
+        learning_rate_schedule(self.learning_rate)
+        check_worlds(self.worlds, self.drawn_worlds)
+        tracks = sum(world.n_envs for world in self.worlds) + sum(one.worlds * one.n_envs for one in self.drawn_worlds)
+        if tracks > LARGEST_ROUND:
+            raise reject("worlds", self.worlds, f"at most {LARGEST_ROUND:,} tracks, drawn_worlds included")
+        object.__setattr__(self, "delay_costs", _factors("delay_costs", self.delay_costs))
+        if not isinstance(self.agent, str):
+            raise reject("agent", self.agent, "'shipped' or a run folder")
+
+
+def check_worlds(worlds: Sequence[TrainingWorld], drawn_worlds: Sequence[DrawnWorlds]) -> None:
+    """Raise `ArgumentError` without an environment, or with too many."""
+    if not 1 <= len(worlds) <= MOST_WORLDS:
+        raise reject("worlds", worlds, f"one to {MOST_WORLDS} environments")
+    if len(drawn_worlds) > MOST_WORLDS:
+        raise reject("drawn_worlds", drawn_worlds, f"at most {MOST_WORLDS} entries")
+
+
+@dataclass(frozen=True, kw_only=True)
 class FlightSettings(ExpectedRewardSettings):
     """Hyper-parameters of the agent for recorded flights, trained on simulated ones, new ones in every round.
 
@@ -269,10 +311,20 @@ class GliderSettings(FlightSettings):
     groups = ("gliders",)
 
 
-Settings = PPOSettings | A2CSettings | QSettings | AnchorSettings | SegmentSettings | StatementSettings | FlightSettings
+Settings = (
+    PPOSettings
+    | A2CSettings
+    | QSettings
+    | AnchorSettings
+    | SegmentSettings
+    | StatementSettings
+    | FlightSettings
+    | StoppingSettings
+)
 ALGORITHMS: dict[str, type[Settings]] = {
     "ppo": PPOSettings, "recurrent_ppo": PPOSettings, "a2c": A2CSettings, "dqn": QSettings, "qrdqn": QSettings,
     "anchor": AnchorSettings, "reward": RewardSettings, "tandem": SegmentSettings, "statements": StatementSettings,
     "rhythm": StatementSettings, "flights": FlightSettings, "gliders": GliderSettings, "kalman": SegmentSettings,
     "distilled": SegmentSettings, "transformer": SegmentSettings, "jump_markov": StatementSettings,
+    "stopping": StoppingSettings,
 }  # fmt: skip

@@ -18,6 +18,7 @@ DEFAULT_RANGES = {
     "a2c": ("learning_rate=0.0001..0.01", "n_steps=8..128", "gae_lambda=0.8..0.99", "ent_coef=0.0..0.02"),
     "dqn": ("learning_rate=0.0001..0.01", "n_steps=1..32", "gradient_steps=1..8", "target_update_interval=1000..20000"),
     "qrdqn": ("learning_rate=0.0001..0.01", "n_steps=1..32", "gradient_steps=1..8", "exploration_final_eps=0.0..0.05"),
+    "stopping": (RATE, "passes=2..12"),
     "anchor": (RATE, "hidden=16..128", "smallest_alpha=0.0001..0.03"),
     **dict.fromkeys(("reward", "tandem", "distilled", "transformer"), (RATE, "hidden=16..128")),
     **dict.fromkeys(("kalman", "statements", "rhythm", "jump_markov", "flights", "gliders"), (RATE, "hidden=8..64")),

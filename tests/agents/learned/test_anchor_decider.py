@@ -16,6 +16,7 @@ from agents.learned.anchor_net import INITIAL_LOG_SCALES, Scales, stated_factor
 from agents.learned.policy_file import load_network, load_policy, save_policy
 from agents.learned.reward_decider import RewardDecider
 from agents.learned.reward_net import RewardNet
+from agents.learned.stopping_decider import StoppingDecider, StoppingNetworks
 from agents.training.recipe import load_recipe
 from baselines import SPRTDecider
 from baselines.rules.component_filters import stated_covariance
@@ -51,7 +52,15 @@ def reward_agent(world):
     return RewardDecider(random_reward_net(), world, 0.02)
 
 
-both = pytest.mark.parametrize("agent", [anchor_agent, reward_agent])
+def stopping_agent(world):
+    torch.manual_seed(0)
+    net = StoppingNetworks(12)
+    torch.nn.init.normal_(net.anchor.output.weight, std=0.02)
+    torch.nn.init.normal_(net.stopping.output.weight, std=0.3)
+    return StoppingDecider(net, world)
+
+
+every = pytest.mark.parametrize("agent", [anchor_agent, reward_agent, stopping_agent])
 
 
 def mirrored(rows):
@@ -97,7 +106,7 @@ def in_other_units(world, length, time):
     )
 
 
-@both
+@every
 @pytest.mark.parametrize(("length", "time"), [(1000.0, 1.0), (1.0, 60.0), (0.3048, 1e-3)])
 @pytest.mark.parametrize(
     "options",
@@ -119,7 +128,7 @@ def test_a_change_of_units_changes_no_decision(options, length, time, agent):
     np.testing.assert_array_equal(actions[0].decided_mode, actions[1].decided_mode)
 
 
-@both
+@every
 @pytest.mark.parametrize("radii", [(5.0,), (2.0, 5.0, 9.0)])
 def test_a_mirrored_trajectory_gives_the_mirrored_posterior(radii, agent):
     env = HybridTrackVectorEnv(TRACKS, radii=radii)
@@ -130,7 +139,7 @@ def test_a_mirrored_trajectory_gives_the_mirrored_posterior(radii, agent):
     np.testing.assert_allclose(reflected, original[..., order], atol=1e-4)
 
 
-@both
+@every
 def test_one_network_applies_to_any_bank_and_does_not_depend_on_the_order_of_radii(agent):
     posteriors = []
     for radii in ((2.0, 5.0, 9.0), (9.0, 5.0, 2.0)):
@@ -188,13 +197,14 @@ def test_an_episode_starts_without_memory_and_a_segment_does_not():
     assert not np.allclose(continued, fresh)
 
 
-def test_dropping_finished_tracks_changes_no_decision():
+@pytest.mark.parametrize("agent", [anchor_agent, stopping_agent])
+def test_dropping_finished_tracks_changes_no_decision(agent):
     class KeepAll:
         def __init__(self, decider):
             self.predict = decider.predict
 
     options = {"radii": (3.0, 5.0), "measurement_variance": (0.05, 0.2)}
-    decider = AnchorDecider(random_net(), WorldOptions(**options), 0.05)
+    decider = agent(WorldOptions(**options))
     ticks = [evaluate(one, episodes=40, seed=3, **options).ticks for one in (decider, KeepAll(decider))]
     np.testing.assert_array_equal(*ticks)
 

@@ -27,6 +27,7 @@ ENVIRONMENTS = {
 RECIPES = {
     "ppo": ("n_envs=4", "n_steps=16", "batch_size=32", "policy_kwargs.net_arch=[4]"),
     "anchor": ("n_steps=8", "hidden=4", "worlds=[{n_envs: 4}]"),
+    "stopping": ("batch_size=8", "passes=1", "worlds=[{n_envs: 2}]", "drawn_worlds=[]"),
     "reward": ("n_envs=4", "hidden=4", "batch_size=8"),
     "tandem": ("n_envs=4", "hidden=4", "batch_size=8"),
     "kalman": ("n_envs=4", "hidden=4", "batch_size=8"),

@@ -54,6 +54,11 @@ INVALID = {
         ("updates_per_world", 0), ("drawn_worlds", [{"radii": 0, "worlds": 1, "n_envs": 1}]),
         ("drawn_worlds", [{"radii": 1}]), ("drawn_worlds", [{"radii": 900, "worlds": 900, "n_envs": 900}]),
     ],
+    "stopping": [
+        ("worlds", []), ("drawn_worlds", [{"radii": 1}]), ("delay_costs", [0.0, 1.0]), ("delay_costs", 3),
+        ("passes", 0), ("batch_size", 0), ("hidden", 10**6), ("learning_rate", 2.0), ("agent", 3),
+        ("worlds", [{"n_envs": 10**5}]),
+    ],
     "reward": [
         ("n_envs", 0), ("n_envs", 10**6), ("batch_size", 0), ("hidden", 10**6), ("learning_rate", 2.0),
         ("every_row", 1),
