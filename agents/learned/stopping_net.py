@@ -78,11 +78,11 @@ def stopping_inputs(
     turn = turns_per_tick(layout, rows, scales)
     difference = np.log(np.maximum(np.abs(turn[each, best] - turn[each, rival]), 1e-6))
     within = np.where(kind == kind[best][:, None], posterior, 0.0)
-    within /= within.sum(-1, keepdims=True)
+    within /= np.maximum(within.sum(-1, keepdims=True), SMALLEST)
     spread = np.sqrt((within * (turn - turn[each, best][:, None]) ** 2).sum(-1))
     motion, process, noise, position, velocity = ratios(layout, rows, scales)
     entropy = -(posterior * np.log(np.maximum(posterior, SMALLEST))).sum(-1)
-    cost, log_ticks = np.log(max(delay_cost, SMALLEST) / USUAL_COST), np.log(ticks)
+    cost, log_ticks = np.log(max(delay_cost, SMALLEST) / USUAL_COST), np.log(np.maximum(ticks, 1.0))
     constants = cost / 2.0, float(by_type), np.log(kind.size / 3.0) / 2.0
     separation = difference + motion  # logarithm of the distance to the rival over sqrt(R), per squared tick
     columns = [
@@ -91,7 +91,7 @@ def stopping_inputs(
         0.5 * (difference + 3.0), 0.5 * (separation + 2.0 * log_ticks - 3.0),
         0.5 * (separation + 2.0 * np.log(ticks + 10.0) - 5.0),
         np.log(np.maximum(posterior[each, rival], SMALLEST)) / 4.0, np.arcsinh(30.0 * spread),
-        np.arcsinh(30.0 * spread * np.sqrt(left)) / 2.0, entropy, (best == 0).astype(float), (rival == 0).astype(float),
+        np.arcsinh(30.0 * spread * np.sqrt(np.maximum(left, 0.0))) / 2.0, entropy, (best == 0).astype(float), (rival == 0).astype(float),
         0.5 * motion, 0.5 * (process + 4.0), 0.3 * (noise + 5.0), 0.5 * (position + 2.0), 0.5 * (velocity + 6.0),
         scales.follows_bank, scales.anchor_aware, *(np.full(len(rows), one) for one in constants),
     ]  # fmt: skip

@@ -64,12 +64,14 @@ def test_an_agent_with_another_number_of_units_is_refused_in_one_line():
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("options", [{"process_variance": 0.01}, {"noise": "levy 1.5 1 44"}, {}])
-def test_without_a_threshold_the_agent_earns_as_much_as_with_its_best_threshold(options):
-    stopping = load_decider("stopping", WorldOptions(**options))
-    reward = evaluate(stopping, episodes=150, seed=50, **options).reward.mean(1)
+@pytest.mark.parametrize(
+    ("options", "least"), [({"process_variance": 0.01}, 0.02), ({"noise": "levy 1.5 1 44"}, -np.inf), ({}, -np.inf)]
+)
+def test_without_a_threshold_the_agent_earns_as_much_as_with_its_best_threshold(options, least):
+    reward = evaluate(load_decider("stopping", WorldOptions(**options)), episodes=150, seed=50, **options).reward.mean(
+        1
+    )
     for threshold in (0.005, 0.02, 0.08):
         shipped = load_decider(f"shipped:{threshold}", WorldOptions(**options))
         gain = reward - evaluate(shipped, episodes=150, seed=50, **options).reward.mean(1)
-        assert gain.mean() > -3.0 * gain.std() / np.sqrt(len(gain))
-    assert (gain.mean() > 0.02) == ("process_variance" in options)
+        assert gain.mean() > max(-3.0 * gain.std() / np.sqrt(len(gain)), least)
