@@ -91,7 +91,8 @@ def stopping_inputs(
         0.5 * (difference + 3.0), 0.5 * (separation + 2.0 * log_ticks - 3.0),
         0.5 * (separation + 2.0 * np.log(ticks + 10.0) - 5.0),
         np.log(np.maximum(posterior[each, rival], SMALLEST)) / 4.0, np.arcsinh(30.0 * spread),
-        np.arcsinh(30.0 * spread * np.sqrt(np.maximum(left, 0.0))) / 2.0, entropy, (best == 0).astype(float), (rival == 0).astype(float),
+        np.arcsinh(30.0 * spread * np.sqrt(np.maximum(left, 0.0))) / 2.0, entropy,
+        (best == 0).astype(float), (rival == 0).astype(float),
         0.5 * motion, 0.5 * (process + 4.0), 0.3 * (noise + 5.0), 0.5 * (position + 2.0), 0.5 * (velocity + 6.0),
         scales.follows_bank, scales.anchor_aware, *(np.full(len(rows), one) for one in constants),
     ]  # fmt: skip
