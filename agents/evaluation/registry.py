@@ -111,8 +111,9 @@ def is_brought(name: Any) -> bool:
 def find_family(name: Any, options: Any) -> DeciderFamily:
     """Return a decider at any threshold, for the options of an environment.
 
-    The name is that of a rule or of an agent of the package, a run folder, "mine.py:MyRule", "package.module:Rule" or an
-    entry point, without a threshold or with one that it chooses, see `stopping_rule`; or the object itself, see `own_family`.
+    The name is that of a rule or of an agent of the package, a run folder, "mine.py:MyRule", "package.module:Rule" or
+    an entry point, without a threshold or with one that it chooses, see `stopping_rule`; or the object itself, see
+    `own_family`.
     """
     if not isinstance(name, str):
         return own_family(name, getattr(name, "__name__", type(name).__name__), options)
