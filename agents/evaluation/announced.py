@@ -14,7 +14,6 @@ from agents.evaluation.curves import Groups, Selected, chosen, curves, means
 from agents.evaluation.task import Levels, Metric, OnProgress, Recorded, Task, Wording
 from agents.evaluation.worlds import shifted_worlds
 from agents.figures.curves import Axis, Panel
-from agents.figures.decider_colours import decider_styles
 from agents.figures.tracks import UNDECIDED, TrackRecord
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED
@@ -160,12 +159,11 @@ class AnnouncedTask(Task):
         errors = filled_table("Error rate by previous decision", heads, rows)
         return [errors, calibration_table(remarks["bank"], self.options.bank)]
 
-    def panels(self, groups: Groups, complete: bool) -> list[Panel]:
+    def panels(self, groups: Groups) -> list[Panel]:
         """Return accuracy and mean reward against mean decision time.
 
         The accuracy axis is logarithmic in the error rate, so that 98 % and 99 % are distinguishable. No
-        error among n segments is drawn as half an error. A hollow marker at the right edge means that the
-        decider does not reach the accuracy level.
+        error among n segments is drawn as half an error.
         """
         first = next(iter(groups.values()))[0].scores
         least = 0.5 / (first.episodes * self.options.segments)
@@ -182,7 +180,7 @@ class AnnouncedTask(Task):
         accuracy = "Accuracy against mean decision time"
         cost = f"Mean reward per segment, delay cost {self.options.delay_cost:g} per tick"
         return [
-            Panel(accuracy, ticks, error, found, unreached=_unreached(groups, complete)),
+            Panel(accuracy, ticks, error, found),
             Panel(cost, ticks, reward, curves(groups, mean("ticks"), mean("reward"), (-np.inf, -np.inf))),
         ]
 
@@ -222,15 +220,4 @@ def _ends(groups: Groups) -> list[float]:
     for group in groups.values():
         ticks, accuracy = means(group, mean("ticks")), means(group, mean("accuracy"))
         found.append(float(np.interp(0.998, accuracy, ticks)) if accuracy.max() > 0.9 else float(ticks.max()))
-    return found
-
-
-def _unreached(groups: Groups, complete: bool) -> dict[float, tuple[str, list[Any]]]:
-    """Return the styles of the deciders that do not reach an accuracy level at any threshold."""
-    styles, whole = decider_styles(groups), list(groups)[: None if complete else 1]  # those with all thresholds
-    found = {}
-    for level in ACCURACY_LEVELS:
-        missing = [name for name in whole if means(groups[name], mean("accuracy")).max() < level]
-        if missing:
-            found[1.0 - level] = f"{100 * level:g} % not reached", [styles[name] for name in missing]
     return found

@@ -24,7 +24,7 @@ from hybrid_env.options import ModelOptions
 from hybrid_env.registration import make_track_vector_env
 from hybrid_env.rendering.history import History
 
-FIGURE_SIZE = (11.5, 5.2)  # of the figure of a comparison [in]
+FIGURE_SIZE = (13.0, 5.2)  # of the figure of a comparison [in]
 Levels = dict[tuple[str, ...], "Metric"]
 """Figures of whole operating curves, by their keys in JSON from the outermost on."""
 OnProgress = Callable[[float], None]  # called with the finished share
@@ -107,8 +107,7 @@ class Task(ABC):
     @property
     def figure_note(self) -> str:
         """Text below the figure of a comparison."""
-        selected = f"Filled markers: thresholds selected on other {self.episode_word}."
-        return f"{selected} Arrows: the curve continues outside the axes."
+        return f"Filled markers: thresholds selected on other {self.episode_word}."
 
     @abstractmethod
     def size(self, episodes: int) -> str:
@@ -166,12 +165,12 @@ class Task(ABC):
         """Return paired figures of a decider and the reference by keys in JSON; `curves`: at all thresholds."""
 
     @abstractmethod
-    def panels(self, groups: Groups, complete: bool) -> list[Panel]:
-        """Return the operating curves of deciders, the reference first; `complete`: all at every threshold."""
+    def panels(self, groups: Groups) -> list[Panel]:
+        """Return the operating curves of deciders, the reference first."""
 
-    def figure(self, groups: Groups, complete: bool) -> Figure:
+    def figure(self, groups: Groups) -> Figure:
         """Return the figure of a comparison, see `panels`."""
-        panels = self.panels(groups, complete)
+        panels = self.panels(groups)
         rows = [panels[k : k + 2] for k in range(0, len(panels), 2)]
         width, height = FIGURE_SIZE
         return curve_figure(rows, (width, height * len(rows)), self.figure_title, self.figure_note)

@@ -169,7 +169,7 @@ class UnknownTask(Task):
         """See `Task.figure_note`."""
         return f"{super().figure_note} A switch that is not detected counts until the end of its segment."
 
-    def panels(self, groups: Groups, complete: bool) -> list[Panel]:
+    def panels(self, groups: Groups) -> list[Panel]:
         """Return mean delay and mean reward against wrong changes per 1,000 ticks.
 
         The delay of a switch that is not detected is that to the end of its segment. Otherwise a strict

@@ -100,7 +100,7 @@ class Comparison:
 
     def picture(self) -> Figure:
         """Return the figure of the operating curves."""
-        return self.plan.task.figure(self.seed_groups, self.plan.curves)
+        return self.plan.task.figure(self.seed_groups)
 
     def largest_difference(self) -> tuple[Entry, int]:
         """The best agent, or without one the best rule, and the episode in which it differs most from the reference."""

@@ -4,7 +4,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from agents.figures.canvas import DARK_GREY, GREY, TRUTH, paper_figure, style_map
-from agents.figures.curve_labels import label_lines
 from agents.figures.tracks import plot_by_mode
 from agents.reproduction.figures.golubkov2018 import RUN, decimal
 from baselines.papers.golubkov2020 import ALPHAS, PUBLISHED_DELAY, RIGHT_TURN, SWITCH
@@ -64,5 +63,5 @@ def draw(result: Reproduction) -> dict[str, Figure]:
     delay_axes.set_xticks(range(0, SWITCH + 1, 5))
 
     for axes in (map_axes, ratio_axes, delay_axes):
-        label_lines(axes)
+        axes.legend()
     return {"golubkov2020.png": figure}

@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch
 
 from agents.figures.canvas import DARK_GREY, GREY, TRUTH, paper_figure, style_map
-from agents.figures.curve_labels import label_lines
 from baselines.papers.novospaskyi.filters import THESIS
 from baselines.papers.novospaskyi.radars import NOISES, RANGE, Noise
 from baselines.papers.novospaskyi.study import Example
@@ -59,7 +58,7 @@ def _draw_map(axes: Any, example: Example) -> None:
     for radar in radars:
         axes.add_patch(Circle(radar, RANGE / 1000.0, color=RADAR, alpha=0.08, linewidth=0))
     style_map(axes, "Flight from above, Gaussian noise", "km")
-    label_lines(axes)
+    axes.legend()
 
 
 def _strongest_turn(example: Example) -> int:
@@ -88,7 +87,7 @@ def _draw_turn(axes: Any, example: Example, noise: Noise, first: int) -> None:
         ylabel="y [m]", xlim=(low[0], high[0]), ylim=(low[1], high[1]),
     )  # fmt: skip
     axes.grid(alpha=0.25)
-    label_lines(axes)
+    axes.legend()
 
 
 def _errors(result: Reproduction, statistic: str) -> Figure:
@@ -153,7 +152,7 @@ def _anomaly(result: Reproduction, example: Example) -> Figure:
         part.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
         part.set(xlabel="time [s]", ylabel=label)
         part.grid(alpha=0.25)
-        label_lines(part)
+        part.legend()
     axes[0].set_title("The position follows each measurement")
     axes[1].set_title("The velocity error changes sign at each measurement")
     return figure

@@ -6,7 +6,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from agents.figures.canvas import GREY, paper_figure
-from agents.figures.curve_labels import label_lines
 from baselines.papers import zimchuk
 from baselines.papers.reproduction import Cell, Reproduction
 
@@ -30,7 +29,6 @@ def draw(result: Reproduction) -> dict[str, Figure]:
     )
     _draw_errors(time_axes, result)
     _draw_legs(leg_axes, result)
-    label_lines(time_axes)
     return {"zimchuk.png": figure}
 
 
@@ -76,4 +74,4 @@ def _draw_legs(axes: Any, result: Reproduction) -> None:
             axes.plot(places + shift, published, marker, color=colour, markersize=9, markerfacecolor="none")
     _error_axes(axes, "RMSE on each leg; open: in the paper")
     axes.set_xticks(places, list(zimchuk.LEGS))
-    axes.legend(loc="best", fontsize=8, ncols=2, framealpha=0.9)
+    axes.legend(fontsize=8, ncols=2)

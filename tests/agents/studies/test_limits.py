@@ -92,9 +92,9 @@ def test_tables_for_announced_switches(announced):
 def test_every_rule_is_labelled_in_its_colour_and_missing_times_are_marked(announced):
     figure = limits_figure(announced)
     assert len(figure.axes) == len(BANKS)
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == list(RULES)
     colours = {rule: decider_style(rule).colour for rule in RULES}
     for axes, bank in zip(figure.axes, BANKS, strict=True):
-        assert {text.get_text() for text in axes.texts} == set(RULES)
         hollow = [line for line in axes.lines if line.get_markerfacecolor() == "white"]
         assert len(hollow) == (len(NOISE_LEVELS) if bank == BANKS[0] else 0)
         assert {line.get_color() for line in hollow} <= {colours["ATE (SPRT)"]}
@@ -112,8 +112,8 @@ def test_tables_and_figure_for_unknown_switches(unknown):
     assert rows[1].startswith("| IMM, tuned threshold | 0.920 (+0.020 [+0.020, +0.020]) |")
     figure = limits_figure(unknown)
     assert len(figure.axes) == len(LAWS) * len(NOISE_LEVELS)
+    assert {text.get_text() for text in figure.legends[0].get_texts()} == set(NAMES.values())
     for axes in figure.axes:
-        assert {text.get_text() for text in axes.texts} == set(NAMES.values())
         [curve] = [line for line in axes.lines if line.get_marker() not in ("None", "", None, "none")]
         np.testing.assert_array_equal(curve.get_xdata(), [0, *LAGS])
 
