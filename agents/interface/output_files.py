@@ -8,6 +8,7 @@ import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from operator import methodcaller
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -19,6 +20,7 @@ from hybrid_env.checks import ArgumentError, reject
 
 PART_PREFIX = ".hybridtrack-"
 WRITTEN_ROWS = 50_000
+MOST_NAMED = 8  # files in a line
 STALE_AFTER = 86_400.0  # seconds; a temporary file without a change for so long is of a killed process
 
 Column: TypeAlias = Sequence[Any] | NDArray[Any]
@@ -94,9 +96,9 @@ def _reason(error: Exception) -> str:
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Write indented JSON; NaN and infinities are refused."""
+    """Write indented JSON, of objects what their `as_json` returns; NaN and infinities are refused."""
     try:
-        text = json.dumps(value, indent=2, allow_nan=False)
+        text = json.dumps(value, indent=2, allow_nan=False, default=methodcaller("as_json"))
     except ValueError:
         raise ArgumentError(f"{path.name} is not written: its values are not all finite") from None
     write_text(path, text + "\n")
@@ -115,7 +117,7 @@ def save_figure(figure: Any, path: Path) -> None:
 
 
 def write_files(folder: Path, files: Mapping[str, Any]) -> str:
-    """Write plain values (.json), texts (.md) and figures of Matplotlib (.png); return a line with their names."""
+    """Write plain values (.json), texts (.md) and figures of Matplotlib (.png); return a line with most names."""
     for name, content in files.items():
         if name.endswith(".json"):
             write_json(folder / name, content)
@@ -123,7 +125,8 @@ def write_files(folder: Path, files: Mapping[str, Any]) -> str:
             write_text(folder / name, content)
         else:
             save_figure(content, folder / name)
-    return f"Files in {folder}: {', '.join(files)}"
+    names = [*files] if len(files) <= MOST_NAMED else [*files][:3] + [f"{len(files) - 3} more"]
+    return f"Files in {folder}: {', '.join(names)}"
 
 
 def write_table(path: str | os.PathLike[str], columns: Mapping[str, Column]) -> None:

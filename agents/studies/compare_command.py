@@ -1,5 +1,6 @@
 """The command `hybridtrack compare`: train agents and compare deciders on the same episodes."""
 
+import functools
 import importlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
@@ -110,89 +111,68 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
                 shown = str(value) if isinstance(value, Path) else value
                 raise reject(field.name.replace("_", "-"), shown, allowed)
 
-    def _compare_gliders(self) -> None:
+    def _show(
+        self, title: str, steps: int, work: Callable[[Callable[[str], None]], Any],
+        tables: Callable[[Any], list[Any]], files: Callable[[Any], dict[str, Any]],
+    ) -> None:  # fmt: skip
+        """Run a study, which tells its steps, write its files and print its tables."""
         from rich.console import Console
 
         from agents.interface.output_files import output_folder, write_files
-        from agents.interface.progress import shown
-        from agents.studies.flights_report import glider_figure, glider_tables, gliders_json
-        from agents.studies.gliders_study import compare_on_gliders, default_names, steps
+        from agents.interface.progress import print_lines, shown
+
+        def run(note: Callable[[str], None]) -> tuple[Any, str]:
+            result = work(note)
+            note("files")
+            return result, write_files(output_folder("out", self.out), files(result))
+
+        console = Console(emoji=False)
+        result, written = shown(console, title, steps + 1, run)
+        for table in tables(result):
+            console.print(table)
+        print_lines(console, written)
+
+    def _compare_gliders(self) -> None:
+        from agents.studies import gliders_study as study
 
         if self.source is None:
             raise reject("source", None, "the archive igc-xc-score-1.8.0.tgz (npm pack igc-xc-score@1.8.0)")
-        source, names, console = self.source, self.deciders or default_names(), Console(emoji=False)
-        result = shown(
-            console, "Gliders", steps(names, self.sealed),
-            lambda note: compare_on_gliders(source, names, note, self.sealed),
-        )  # fmt: skip
-        files = {"gliders.json": gliders_json(result), "gliders.png": glider_figure(result)}
-        line = write_files(output_folder("out", self.out), files)
-        for table in glider_tables(result):
-            console.print(table)
-        console.print(line, markup=False, highlight=False)
+        names = self.deciders or study.default_names()
+        work = functools.partial(study.compare_on_gliders, self.source, names, sealed=self.sealed)
+        self._show("Gliders", study.steps(names, self.sealed), work, study.glider_tables, study.glider_files)
 
     def _compare_flights(self) -> None:
-        from rich.console import Console
-
         from agents.evaluation.flights import FlightTask
-        from agents.interface.output_files import output_folder, write_files
-        from agents.interface.progress import shown
-        from agents.studies.flights_report import flight_figures, flight_tables, flights_json
-        from agents.studies.flights_study import FlightComparison, compare_on_flights, steps
+        from agents.studies import flights_study as study
 
         task = FlightTask(self.source, self.flights or (), self.tier, self.form)
         task.check()
         deciders = self.deciders or task.compared
         if len(set(deciders)) < len(deciders):
             raise reject("deciders", deciders, "different names")
-        names, console = {name: task.label(name) for name in deciders}, Console(emoji=False)
-
-        def work(note: Callable[[str], None]) -> FlightComparison:
-            result = compare_on_flights(task, names, note)
-            note("pictures")
-            folder = output_folder("out", self.out)
-            for name, figure in flight_figures(result):
-                write_files(folder, {name: figure})
-            return result
-
-        result = shown(console, "Flights", steps(task, len(names)) + 1, work)
-        write_files(self.out, {"flights.json": flights_json(result)})
-        for table in flight_tables(result):
-            console.print(table)
-        console.print(f"Files in {self.out}: flights.json, a picture of each flight", markup=False, highlight=False)
+        names = {name: task.label(name) for name in deciders}
+        work = functools.partial(study.compare_on_flights, task, names)
+        self._show("Flights", study.steps(task, len(names)), work, study.flight_tables, study.flight_files)
 
     def _compare_simulators(self, simulators: Sequence[str]) -> None:
-        from rich.console import Console
-
         from agents.evaluation.registry import find_family
         from agents.evaluation.simulators import COMPARED, SIMULATORS, simulator_worlds
-        from agents.interface.output_files import output_folder, write_files
-        from agents.interface.progress import shown
+        from agents.interface.output_files import output_folder
         from agents.studies import simulators_study as study
-        from agents.studies.shifts import shift_table
 
         used = simulators or SIMULATORS
         with explained():
             for module in used:
                 importlib.import_module(module)
-        names, worlds, console = self.deciders or COMPARED, simulator_worlds(used), Console(emoji=False)
+        names, worlds = self.deciders or COMPARED, simulator_worlds(used)
         episodes = check_integer("episodes", study.EPISODES if self.episodes is None else self.episodes)
         for name in names:
             find_family(name, next(iter(worlds.values())).options)
         seed = study.first_seed(self.seed, episodes, self.sealed)
-        folder = output_folder("out", self.out)
-        results = shown(
-            console, "Simulators", len(names) * len(worlds),
-            lambda note: study.compare_on_simulators(names, worlds, episodes, seed, self.workers(), note),
-        )  # fmt: skip
-        mismatches = {name: study.mismatch(task, seed) for name, task in worlds.items()}
-        files: dict[str, Any] = {"simulators.json": study.simulators_json(results, mismatches)}
-        console.print(shift_table(results, f"Simulators of others: {results[0].task.size(episodes)} a world"))
-        if len(names) > 1:
-            console.print(study.summary(results))
-            files["simulators.png"] = study.mismatch_figure(results, mismatches)
-        line = write_files(folder, files)
-        console.print(line if len(files) > 1 else line.replace("Files", "File", 1), markup=False, highlight=False)
+        output_folder("out", self.out)
+        work = functools.partial(study.compare_on_simulators, names, worlds, episodes, seed, self.workers())
+        steps = len(names) * len(worlds) + len(worlds)
+        self._show("Simulators", steps, work, study.simulator_tables, study.simulator_files)
 
     def plan(self) -> "Plan":
         """Return the checked plan."""
@@ -238,8 +218,8 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
 
         folder, task, console = output_folder("out", self.out), plan.task, Console(emoji=False)
 
-        def write(now: "Comparison", complete: bool = False, **remarks: Any) -> None:
-            write_json(folder / "compare.json", now.as_json() | {"complete": complete} | remarks)
+        def write(now: "Comparison") -> None:
+            write_json(folder / "compare.json", now.as_json() | {"complete": False})
 
         with progress_display(console) as progress:
             try:
@@ -254,11 +234,11 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         chosen = [entry.scores.at(entry.chosen) for entry in result.entries]
         for table in task.further_tables(chosen, remarks):
             console.print(table)
-        write(result, complete=True, **remarks)
-        write_files(folder, {"compare.png": result.picture(), "episode.png": self._episode(result)})
-        console.print(f"Files in {folder}: compare.png, episode.png, compare.json", markup=False, highlight=False)
+        data = result.as_json() | {"complete": True} | remarks
+        files = {"compare.png": result.picture(), "episode.png": self._episode(result), "compare.json": data}
+        print_lines(console, write_files(folder, files))
         if (folder / TRAINED).is_dir():
-            console.print(f"Trained agents in {folder / TRAINED}", markup=False, highlight=False)
+            print_lines(console, f"Trained agents in {folder / TRAINED}")
 
     def _episode(self, result: "Comparison") -> "Figure":
         """Draw the episode on which the best decider and the reference differ most."""

@@ -8,7 +8,7 @@ other episodes.
 """
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,9 +20,9 @@ from agents.evaluation.task import sweep
 from agents.evaluation.tasks import ENVIRONMENTS, task_of
 from agents.figures.curves import Axis, Curve, Panel, curve_figure, error_bars
 from agents.figures.decider_colours import decider_styles
+from agents.interface.parallel import Call
 from agents.studies.shifts import evaluate_world
 from baselines.rules.decider import ANNOUNCED, UNKNOWN
-from baselines.scoring.estimates import Estimate
 from hybrid_env import RandomScheme
 
 TOLD = {ANNOUNCED: ("calibrated", "calibrated-robust"), UNKNOWN: ("beam",)}
@@ -30,6 +30,7 @@ TOLD = {ANNOUNCED: ("calibrated", "calibrated-robust"), UNKNOWN: ("beam",)}
 DECIDERS = {ANNOUNCED: ("shipped", "msprt", "ate"), UNKNOWN: ("shipped", "beam-adaptive", "beam-default", "threshold")}
 """Deciders that are not told."""
 RADIUS, VARIANCE = 5.0, 0.001  # listed radius [m] and Q [m^2/s^2]
+Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -62,27 +63,9 @@ ROADS: dict[str, tuple[str, list[Level]]] = {
 }
 
 
-@dataclass(frozen=True)
-class Response:
-    """A decider at one level."""
-
-    road: str
-    level: str
-    decider: str  # its name; of the reference, that of the best rule
-    reward: Estimate
-    gap: Estimate | None = None  # the reward less that of the reference on the same episodes; of the reference, None
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the figures."""
-        return {
-            "road": self.road, "level": self.level.replace("\n", " "), "decider": self.decider,
-            "reward": self.reward.as_json(), "gap": None if self.gap is None else self.gap.as_json(),
-        }  # fmt: skip
-
-
-def calls(further: Sequence[str], episodes: int, seed: int) -> dict[str, Callable[[], list[Response]]]:
+def calls(further: Sequence[str], episodes: int, seed: int) -> dict[str, Call]:
     """Return the parts of the study by name, with `further` deciders for announced switches."""
-    found: dict[str, Callable[[], list[Response]]] = {}
+    found: dict[str, Call] = {}
     for road, (switches, levels) in ROADS.items():
         names = DECIDERS[switches] + (tuple(further) if switches == ANNOUNCED else ())
         for level in levels:
@@ -91,51 +74,55 @@ def calls(further: Sequence[str], episodes: int, seed: int) -> dict[str, Callabl
     return found
 
 
-def respond(road: str, level: Level, switches: str, names: Sequence[str], episodes: int, seed: int) -> list[Response]:
-    """Return the reference and the deciders at one level; arguments as in `calls`."""
+def respond(road: str, level: Level, switches: str, names: Sequence[str], episodes: int, seed: int) -> list[Row]:
+    """Return rows, as in JSON, of the best told rule and of the deciders at one level; arguments as in `calls`.
+
+    The gap is the reward less that of this rule on the same episodes; None in its own row.
+    """
     task = task_of(ENVIRONMENTS[switches])
     told, world = task.changed(level.truth), task.changed(level.world)
     goal = task.statistic(task.goal)
     rules = [evaluate_world(name, level.name, told, None, episodes, seed) for name in TOLD[switches]]
     best = max(rules, key=lambda one: one.reward.value)
-    found = [Response(road, level.name, best.decider, best.reward)]
+    place = {"road": road, "level": level.name.replace("\n", " ")}
+    rows: list[Row] = [place | {"decider": best.decider, "reward": best.reward, "gap": None}]
     for name in names:
         family = find_family(name, task.options)  # made for the nominal model
         scores = sweep(world, family, episodes, seed, thresholds=(family.default,))
         gap = scores.difference(best.own, goal)
-        found.append(Response(road, level.name, scores.name, scores.estimate(goal), gap))
-    return found
+        rows.append(place | {"decider": scores.name, "reward": scores.estimate(goal), "gap": gap})
+    return rows
 
 
-def departures_markdown(found: Sequence[Response]) -> str:
+def departures_markdown(found: Sequence[Row]) -> str:
     """Return a table for each road."""
     parts = []
-    for road in dict.fromkeys(one.road for one in found):
-        here = [one for one in found if one.road == road]
-        names = list(dict.fromkeys(one.decider for one in here if one.gap is not None))
-        rows = []
-        for level in dict.fromkeys(one.level for one in here):
-            reference, *others = (one for one in here if one.level == level)
-            gaps = [in_brackets(one.gap, 3, sign="+") for one in others if one.gap is not None]
-            rows.append([level.replace("\n", " "), f"{reference.reward.value:.3f} ({reference.decider})", *gaps])
+    for road in dict.fromkeys(row["road"] for row in found):
+        here = [row for row in found if row["road"] == road]
+        names = dict.fromkeys(row["decider"] for row in here if row["gap"] is not None)
+        lines = []
+        for level in dict.fromkeys(row["level"] for row in here):
+            told, *others = (row for row in here if row["level"] == level)
+            gaps = [in_brackets(row["gap"], 3, sign="+") for row in others]
+            lines.append([level, f"{told['reward'].value:.3f} ({told['decider']})", *gaps])
         head = ["level", "best rule that is told", *(f"{name} less it" for name in names)]
-        parts.append(f"## {road[0].upper()}{road[1:]}\n\n{markdown_table(head, rows)}")
+        parts.append(f"## {road[0].upper()}{road[1:]}\n\n{markdown_table(head, lines)}")
     return "\n\n".join(parts) + "\n"
 
 
-def departures_figure(found: Sequence[Response]) -> Figure:
+def departures_figure(found: Sequence[Row]) -> Figure:
     """Draw the gaps along each road, with their 95 % intervals."""
-    panels = []
-    styles = decider_styles(dict.fromkeys(one.decider for one in found if one.gap is not None))
+    panels, untold = [], [row for row in found if row["gap"] is not None]
+    styles = decider_styles(dict.fromkeys(row["decider"] for row in untold))
     for road, (_, levels) in ROADS.items():
         curves = []
         for name, style in styles.items():
-            gaps = [one.gap for one in found if one.road == road and one.decider == name and one.gap is not None]
+            gaps = [row["gap"] for row in untold if (row["road"], row["decider"]) == (road, name)]
             if gaps:
                 values = [gap.value for gap in gaps]
                 curves.append(Curve(name, style, range(len(gaps)), values, bars=error_bars(gaps)))
         ticks = {float(k): level.name for k, level in enumerate(levels)}
-        x = Axis(road, limits=(-0.2, len(levels) - 1 + 0.9), ticks=ticks)
+        x = Axis(road, limits=(-0.2, len(levels) - 0.1), ticks=ticks)
         panels.append(Panel("", x, Axis("reward less that of the best rule that is told", levels=(0.0,)), curves))
     title = "What deciders lose that are not told how the world departs from the model"
-    return curve_figure([panels[:2], panels[2:]], (12.0, 9.0), title)
+    return curve_figure([panels[:2], panels[2:]], (13.0, 9.0), title)
