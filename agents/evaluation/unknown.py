@@ -180,9 +180,7 @@ class UnknownTask(Task):
         rates = [EQUAL_WRONG_CHANGES, *(rate for rate in chosen(groups, wrong) if rate > 0.0)]
         low, high = min(rates) / 3.0, max(rates) * 3.0
         ticks = {rate: f"{rate:g}" for rate in RATES if low <= rate <= high}
-        axis = Axis(
-            "wrong changes per 1,000 ticks", (low, high), ticks, minor=True, log=True, levels=(EQUAL_WRONG_CHANGES,)
-        )
+        axis = Axis("wrong changes per 1,000 ticks", (low, high), ticks, log=True, levels=(EQUAL_WRONG_CHANGES,))
         reward = f"Mean reward, a wrong change costs {self.options.change_cost:g} ticks"
         found = []
         every = [one.scores for group in groups.values() for one in group]

@@ -8,15 +8,12 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
-from matplotlib.transforms import ScaledTranslation
 from numpy.typing import ArrayLike
 
 from agents.figures.canvas import new_canvas, plain_axes
 from agents.figures.decider_colours import DeciderStyle
 from baselines.scoring.estimates import Estimate
 from hybrid_env.checks import FloatArray
-
-MARKER_SPACING = 10.0  # between the markers of points without a value [pt]
 
 
 @dataclass(frozen=True)
@@ -25,7 +22,7 @@ class Curve:
 
     name: str  # in the legend; one of its style, if it is in several panels
     style: DeciderStyle  # colour and marker
-    # x, y: (K,) points; `Panel.strip` shows those whose y is not finite
+    # x, y: (K,) points
     x: ArrayLike
     y: ArrayLike
     bounds: FloatArray | None = None  # (2, K) lower and upper bound of y, drawn as a band
@@ -45,7 +42,6 @@ class Axis:
     label: str = ""
     limits: tuple[float, float] | None = None  # first and last value; None fits the data
     ticks: Mapping[float, str] | None = None  # their labels by value; None chooses them
-    minor: bool = False  # whether there are small ticks between these
     log: bool = False  # whether the scale is logarithmic
     levels: tuple[float, ...] = ()  # values that are marked by dashed lines
 
@@ -58,8 +54,6 @@ class Panel:
     x: Axis
     y: Axis
     curves: Sequence[Curve]  # in drawing order
-    # y of a line, and y above it where hollow markers stand for points whose y is not finite
-    strip: tuple[float, float] | None = None
 
 
 def error_bars(estimates: Sequence[Estimate]) -> FloatArray:
@@ -93,13 +87,8 @@ def curve_figure(
 
 def _draw_panel(axes: Any, panel: Panel, outer_only: bool) -> None:
     """Draw a panel, with `outer_only` without labels at inner axes."""
-    missing: dict[float, int] = {}
     for curve in panel.curves:
         _draw_curve(axes, curve)
-        if panel.strip is not None:
-            _draw_missing(axes, curve, panel.strip[1], missing)
-    if panel.strip is not None:
-        axes.axhline(panel.strip[0], color="0.4", linewidth=0.8)
     place = axes.get_subplotspec()
     outer = place.is_last_row() or not outer_only, place.is_first_col() or not outer_only
     plain_axes(axes, panel.x.label * outer[0], panel.y.label * outer[1])
@@ -109,10 +98,7 @@ def _draw_panel(axes: Any, panel: Panel, outer_only: bool) -> None:
         if axis.ticks is not None:
             of_axes = getattr(axes, f"{name}axis")
             of_axes.set_ticks(list(axis.ticks), labels=list(axis.ticks.values()))
-            if axis.minor:
-                of_axes.set_minor_formatter(NullFormatter())
-            else:
-                of_axes.set_ticks([], minor=True)
+            of_axes.set_minor_formatter(NullFormatter())
         if axis.limits is not None:
             axes.set(**{f"{name}lim": axis.limits})
         for level in axis.levels:
@@ -133,17 +119,3 @@ def _draw_curve(axes: Any, curve: Curve) -> None:
     )  # fmt: skip
     for point in np.reshape(curve.selected, (-1, 2)):
         axes.plot(*point, linestyle="none", color=colour, marker=marker, markersize=8, zorder=5)
-
-
-def _draw_missing(axes: Any, curve: Curve, height: float, missing: dict[float, int]) -> None:
-    """Draw hollow markers at a height for points without a finite y, beside those of earlier curves at the same x."""
-    values = np.asarray(curve.x, float)
-    for x in values[~np.isfinite(curve.y)].tolist():
-        side = -1 if x == values[-1] else 1  # towards the middle of the panel
-        shift = side * MARKER_SPACING * missing.get(x, 0)
-        missing[x] = missing.get(x, 0) + 1
-        offset = ScaledTranslation(shift / 72, 0, axes.figure.dpi_scale_trans)
-        axes.plot(
-            x, height, marker=curve.style.marker, markersize=6, color=curve.style.colour,
-            markerfacecolor="white", transform=axes.transData + offset, linestyle="none",
-        )  # fmt: skip

@@ -125,7 +125,7 @@ def write_files(folder: Path, files: Mapping[str, Any]) -> str:
             write_text(folder / name, content)
         else:
             save_figure(content, folder / name)
-    names = [*files] if len(files) <= MOST_NAMED else [*files][:3] + [f"{len(files) - 3} more"]
+    names = [*files] if len(files) <= MOST_NAMED else [*list(files)[:3], f"{len(files) - 3} more"]
     return f"Files in {folder}: {', '.join(names)}"
 
 

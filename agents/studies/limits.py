@@ -282,8 +282,8 @@ def limits_figure(parts: Mapping[str, Sequence[Row]]) -> Figure:
 def decision_times(rows: Sequence[Row]) -> Figure:
     """Mean decision time at 98 % accuracy over the noise, one row per environment, one column per bank.
 
-    Rules that do not reach 98 % at a noise level have a hollow marker in the strip at the top. Coinciding lines
-    remain visible, as the last is dashed.
+    Rules that do not reach 98 % at a noise level are above the line at the top. Coinciding lines remain visible, as
+    the last is dashed and markers become smaller.
     """
     levels = {noise: f"{noise:g}" for noise in NOISE_LEVELS}
     noise = Axis("measurement variance R, m²", (0.7 * NOISE_LEVELS[0], 1.5 * NOISE_LEVELS[-1]), levels, log=True)
@@ -293,17 +293,17 @@ def decision_times(rows: Sequence[Row]) -> Figure:
         times = {(row["bank"], row["rule"], row["noise"]): row["time_98"].value for row in here}
         top = 5.0 * float(np.ceil(max(filter(np.isfinite, times.values()), default=10.0) / 5.0))
         ticks = {tick: f"{tick:g}" for tick in np.arange(0, top + 1, 10).tolist()} | {1.09 * top: "not reached"}
-        time = Axis("mean decision time\nat 98 % accuracy, ticks", (0.0, 1.15 * top), ticks, minor=True)
+        time = Axis("mean decision time\nat 98 % accuracy, ticks", (0.0, 1.15 * top), ticks, levels=(1.03 * top,))
         rules = list(dict.fromkeys(rule for _, rule, _ in times))
         panels = []
         for bank in BANKS:
             curves = []
             for index, rule in enumerate(rules):
-                own = {level: one for (*key, level), one in times.items() if key == [bank, rule]}
+                own = {level: min(one, 1.09 * top) for (*key, level), one in times.items() if key == [bank, rule]}
                 style: dict[str, Any] = {"size": 8.5 - 1.3 * index, "dashes": "--" if rule == rules[-1] else "-"}
                 curves.append(Curve(rule, styles[rule], [*own], [*own.values()], filled=True, width=1.8, **style))
             title = f"{place.rpartition(':')[2]}, {_name(bank)} bank"
-            panels.append(Panel(title, noise, time, curves, (1.03 * top, 1.09 * top)))
+            panels.append(Panel(title, noise, time, curves))
         grid.append(panels)
     return curve_figure(grid, (WIDTH, 3.9 * len(grid)), title_size=11.0, sharex=True, sharey="row")
 

@@ -68,7 +68,7 @@ class Limits(TrustArguments, ParallelArguments):
             by_part = calls("" if self.env is None else QUICKEST, self.episodes, self.seed, self.deciders)
         every = {name: call for part in by_part.values() for name, call in part.items()}
         found = shown(console, "Evaluating", len(every), lambda note: dict(workers.results(every, note)))
-        parts: dict[str, Any] = {part: [row for name in named for row in found[name]] for part, named in by_part.items()}
+        parts: Any = {part: [row for name in named for row in found[name]] for part, named in by_part.items()}
         name, data, text, figure = "limits", parts, limits_markdown, limits_figure
         if self.departures:
             name, data = "departures", parts["departures"]

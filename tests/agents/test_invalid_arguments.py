@@ -134,8 +134,6 @@ INVALID_ARGUMENTS = [
     ("evaluate --shifted --seed 1000000000", "seed=1000000000"),
     ("evaluate --drawn -1", "drawn=-1"),
     ("evaluate --noises loud", "noises='loud'"),
-    ("evaluate --drawn 2 --beyond 0.5", "beyond=0.5"),
-    ("evaluate --beyond 3", "no value without --drawn"),
     ("evaluate --out nowhere/x.json", "out='nowhere/x.json'"),
     ("play --out x.mp4", "out='x.mp4'"),
     ("play --out x.gif --episodes 0", "episodes=0"),

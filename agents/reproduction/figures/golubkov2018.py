@@ -46,7 +46,10 @@ def _tracking_figure(title: str, recording: Any, tracks: Any, radii: Sequence[fl
     for number, (end, length, radius) in enumerate(segments, start=1):
         turn = f"{'left' if radius > 0.0 else 'right'} turn, r = {abs(radius):g} m"
         text = f"{number}: {turn if radius else 'straight'}"
-        map_axes.annotate(text, truth[end - length // 2], (8, 8), textcoords="offset points", fontsize=9)
+        map_axes.annotate(
+            text, truth[end - length // 2], (8, 8), textcoords="offset points", fontsize=9, zorder=5,
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
+        )  # fmt: skip
     estimate = tracks.estimates[RUN][:, [0, 2]]
     plot_by_mode(map_axes, estimate, tracks.modes[RUN], radii, linewidth=1.5, zorder=3)
     decided = (ends - recording.lengths + tracks.ticks[RUN])[~tracks.undecided[RUN]] - 1

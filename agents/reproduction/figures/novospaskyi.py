@@ -8,13 +8,15 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch
 
 from agents.figures.canvas import DARK_GREY, GREY, TRUTH, paper_figure, style_map
+from agents.figures.curves import Axis, Curve, Panel, curve_figure
+from agents.figures.decider_colours import DeciderStyle
 from baselines.papers.novospaskyi.filters import THESIS
 from baselines.papers.novospaskyi.radars import NOISES, RANGE, Noise
 from baselines.papers.novospaskyi.study import Example
 from baselines.papers.novospaskyi.tables import NOISE_NAMES, TABLES, UNFILTERED, as_published
 from baselines.papers.reproduction import Cell, Reproduction
 
-RADAR, SOUND = "#AA3377", "#88CCEE"
+RADARS, SOUND = DeciderStyle("#AA3377", "^"), "#88CCEE"
 PUBLISHED_CV = as_published("KF CV")
 COLOURS = {
     UNFILTERED: GREY, "g-h": "#CCBB44", "KF CV": "#4477AA", "KF CA": "#EE6677", "KF CJ": "#228833",
@@ -54,9 +56,9 @@ def _draw_map(axes: Any, example: Example) -> None:
     measured = example.tracks["gaussian"].measurements[0, :, :2].T / 1000.0
     axes.plot(*measured, ".", color=GREY, markersize=4, label="measurements")
     radars = example.scan.radars[:, :2] / 1000.0
-    axes.plot(*radars.T, "^", color=RADAR, markersize=9, label="radars")
+    axes.plot(*radars.T, RADARS.marker, color=RADARS.colour, markersize=9, label="radars")
     for radar in radars:
-        axes.add_patch(Circle(radar, RANGE / 1000.0, color=RADAR, alpha=0.08, linewidth=0))
+        axes.add_patch(Circle(radar, RANGE / 1000.0, color=RADARS.colour, alpha=0.08, linewidth=0))
     style_map(axes, "Flight from above, Gaussian noise", "km")
     axes.legend()
 
@@ -139,20 +141,17 @@ def _bars(axes: Any, places: Any, cells: Sequence[Cell], colours: Sequence[str])
 
 def _anomaly(result: Reproduction, example: Example) -> Figure:
     """Velocity and position errors of KF CV with the published and with the tuned parameters."""
+    tracks, time = example.tracks["gaussian"], Axis("time [s]")
+    styles = {"KF CV": ("KF CV, true R", DeciderStyle(COLOURS["KF CV"], ".")), PUBLISHED_CV: (PUBLISHED_CV, RADARS)}
+    panels = []
+    for index, (truth, label, title) in enumerate(
+        (
+            (tracks.positions[0], "error of the position on x [m]", "The position follows each measurement"),
+            (tracks.velocities[0], "error of the velocity on x [m/s]", "The velocity error changes sign at each one"),
+        )
+    ):
+        errors = {name: (example.estimates["gaussian"][name][index] - truth)[:, 0] for name in styles}
+        curves = [Curve(text, style, example.scan.times, errors[name]) for name, (text, style) in styles.items()]
+        panels.append(Panel(title, time, Axis(label, levels=(0.0,)), curves))
     title = f"{result.paper}: KF CV with the published R (about 1e-9 m²) and with the true one, Gaussian noise"
-    figure, axes = paper_figure(title, (14.0, 5.0), (1.0, 1.0))
-    tracks, times = example.tracks["gaussian"], example.scan.times
-    truths = tracks.positions[0], tracks.velocities[0]
-    labels = ("error of the position on x [m]", "error of the velocity on x [m/s]")
-    lines = (PUBLISHED_CV, PUBLISHED_CV, RADAR, 0.9), ("KF CV", "KF CV, true R", COLOURS["KF CV"], 1.6)
-    for index, (part, truth, label) in enumerate(zip(axes, truths, labels, strict=True)):
-        for name, text, colour, width in lines:
-            error = (example.estimates["gaussian"][name][index] - truth)[:, 0]
-            part.plot(times, error, ".-", color=colour, linewidth=width, markersize=4, label=text)
-        part.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
-        part.set(xlabel="time [s]", ylabel=label)
-        part.grid(alpha=0.25)
-        part.legend()
-    axes[0].set_title("The position follows each measurement")
-    axes[1].set_title("The velocity error changes sign at each measurement")
-    return figure
+    return curve_figure([panels], (15.0, 5.0), title)

@@ -1,6 +1,4 @@
-"""Panels of curves: legend, colours, bands, and points without a value."""
-
-from dataclasses import replace
+"""Panels of curves: legend, colours, bands and axes."""
 
 import numpy as np
 import pytest
@@ -56,16 +54,6 @@ def test_curves_have_the_colours_and_markers_of_their_deciders_and_selected_poin
         assert filled == [[list(point)] for point in one.selected]
 
 
-def test_points_without_a_value_have_hollow_markers_in_the_strip():
-    known, unknown = curve("MSPRT", [0.1, 0.2, 0.3, 0.4, np.inf]), curve("gap rule", [np.inf] * 5)
-    panel = Panel("", TIME, Axis(limits=(0.0, 1.15)), [known, unknown], strip=(1.03, 1.09))
-    [axes] = curve_figure([[panel]], (6.0, 4.0)).axes
-    marks = [line for line in axes.lines if line.get_ydata()[0] == 1.09]
-    assert [(line.get_xdata()[0], line.get_color()) for line in marks] == [
-        (90.0, known.style.colour), *((tick, unknown.style.colour) for tick in TICKS),
-    ]  # fmt: skip
-
-
 def test_only_the_outer_panels_of_a_shared_grid_have_labels_at_their_axes():
     panel = Panel("", TIME, REWARD, CURVES[:1])
     figure = curve_figure([[panel] * 2] * 2, (8.0, 6.0), sharex=True, sharey=True)
@@ -78,11 +66,9 @@ def test_axes_have_the_scale_the_ticks_and_the_dashed_levels_that_are_given():
     [axes] = curve_figure([[Panel("title", x, REWARD, CURVES[:1])]], (6.0, 4.0)).axes
     assert (axes.get_xscale(), axes.get_yscale(), axes.get_title()) == ("log", "linear", "title")
     assert [tick.get_text() for tick in axes.get_xticklabels()] == ["five", "fifty"]
-    assert not axes.get_xticks(minor=True).size
+    assert not any(tick.get_text() for tick in axes.get_xticklabels(minor=True))
     dashed = [line.get_xydata().tolist() for line in axes.lines if line.get_linestyle() == "--"]
     assert dashed == [[[20.0, 0.0], [20.0, 1.0]], [[0.0, 0.5], [1.0, 0.5]]]
-    [minor] = curve_figure([[Panel("", replace(x, minor=True), REWARD, CURVES[:1])]], (6.0, 4.0)).axes
-    assert minor.get_xticks(minor=True).size
 
 
 def test_bands_and_bars_reach_from_the_lower_to_the_upper_bound():
