@@ -236,9 +236,10 @@ class UnknownTask(Task):
         wrong = round(1e-3 * len(stated) * float(metrics.wrong_changes[0]))
         right, reward = f"{100 * metrics.right[0]:.1f} % of the ticks right", f"mean reward {metrics.reward[0]:.3f}"
         summary = f"{right}, {delayed}, {wrong} changes to a wrong mode, {reward}"
-        marks = np.flatnonzero(np.diff(stated, prepend=stated[:1]))
-        same = history.true_modes == stated
-        return TrackRecord(**common, modes=stated, right=same, marks=marks, switches=None, summary=summary)
+        return TrackRecord(
+            **common, modes=stated, right=history.true_modes == stated, switches=np.zeros(0, np.int64),
+            marks=np.flatnonzero(np.diff(stated, prepend=stated[:1])), summary=summary,
+        )  # fmt: skip
 
     def _of_episode(self, history: History) -> StatementMetrics:
         statements = Statements(history.true_modes[:, None], history.stated[:, None])

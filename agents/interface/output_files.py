@@ -95,6 +95,12 @@ def _reason(error: Exception) -> str:
     return (getattr(error, "strerror", None) or str(error))[:80]
 
 
+def finite(values: Any) -> Any:
+    """Return an array as lists of numbers, with None for values that are not finite."""
+    array = np.asarray(values)
+    return [finite(one) for one in array] if array.ndim else array.item() if np.isfinite(array) else None
+
+
 def write_json(path: Path, value: Any) -> None:
     """Write indented JSON, of objects what their `as_json` returns; NaN and infinities are refused."""
     try:

@@ -12,7 +12,7 @@ from matplotlib.transforms import blended_transform_factory
 
 from agents.figures.canvas import GREY, PAPER_DPI, new_canvas
 from agents.interface.output_files import atomic_file
-from agents.recordings.tracked import TrackedRecording
+from agents.recordings.tracking import TrackedRecording
 from hybrid_env.checks import ArgumentError, FloatArray, IntArray
 from hybrid_env.rendering.evidence import mode_colour
 

@@ -7,10 +7,19 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+from matplotlib.figure import Figure
+from rich.console import Console
+
+from agents.evaluation.registry import find_family
+from agents.evaluation.tasks import task_of
+from agents.figures.tracks import track_figure
 from agents.interface.help_texts import shown_default
+from agents.interface.output_files import output_folder, write_files, write_json
 from agents.interface.parallel import ParallelArguments
+from agents.interface.progress import print_lines, progress_display, shown
 from agents.interface.trust import TrustArguments
 from agents.interface.world_arguments import WorldArguments
+from agents.studies.episodes import Episodes
 from baselines.rules import seeds
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.extras import explained
@@ -43,8 +52,6 @@ class FlightArguments:
 
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from agents.studies.comparison import Comparison
     from agents.studies.continuation import Plan
 
@@ -116,10 +123,6 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         tables: Callable[[Any], list[Any]], files: Callable[[Any], dict[str, Any]],
     ) -> None:  # fmt: skip
         """Run a study, which tells its steps, write its files and print its tables."""
-        from rich.console import Console
-
-        from agents.interface.output_files import output_folder, write_files
-        from agents.interface.progress import print_lines, shown
 
         def run(note: Callable[[str], None]) -> tuple[Any, str]:
             result = work(note)
@@ -155,9 +158,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         self._show("Flights", study.steps(task, len(names)), work, study.flight_tables, study.flight_files)
 
     def _compare_simulators(self, simulators: Sequence[str]) -> None:
-        from agents.evaluation.registry import find_family
         from agents.evaluation.simulators import COMPARED, SIMULATORS, simulator_worlds
-        from agents.interface.output_files import output_folder
         from agents.studies import simulators_study as study
 
         used = simulators or SIMULATORS
@@ -176,7 +177,6 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
 
     def plan(self) -> "Plan":
         """Return the checked plan."""
-        from agents.evaluation.tasks import task_of
         from agents.studies.continuation import Plan
 
         def given(name: str, usual: Any) -> Any:
@@ -208,10 +208,6 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
 
     def _compare(self) -> None:
         plan, workers = self.plan(), self.workers()
-        from rich.console import Console
-
-        from agents.interface.output_files import output_folder, write_files, write_json
-        from agents.interface.progress import print_lines, progress_display
         from agents.studies.comparison import compare
         from agents.studies.continuation import TRAINED
         from agents.studies.tables import chosen_table, levels_table, spread_lines, unreached_lines
@@ -240,11 +236,8 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         if (folder / TRAINED).is_dir():
             print_lines(console, f"Trained agents in {folder / TRAINED}")
 
-    def _episode(self, result: "Comparison") -> "Figure":
+    def _episode(self, result: "Comparison") -> Figure:
         """Draw the episode on which the best decider and the reference differ most."""
-        from agents.figures.tracks import track_figure
-        from agents.studies.episodes import Episodes
-
         plan, task = result.plan, result.plan.task
         best, episode = result.largest_difference()
         seed, records = plan.seed + episode, []

@@ -15,6 +15,7 @@ from agents.evaluation.curves import Selected
 from agents.evaluation.registry import find_family
 from agents.evaluation.task import Levels, OnProgress, Task, sweep
 from agents.figures.decider_colours import name_without_seed
+from agents.interface.output_files import finite
 from agents.interface.parallel import Call, Workers
 from agents.studies.continuation import Continuation, Plan, weights_digest
 from baselines.rules import seeds
@@ -138,12 +139,6 @@ class Comparison:
             "curve": {"thresholds": list(scores.thresholds)}
             | {metric.name: finite(scores.curve(metric.statistic)) for metric in task.metrics},
         }
-
-
-def finite(values: Any) -> Any:
-    """Return an array as lists of numbers, with None for values that are not finite."""
-    array = np.asarray(values)
-    return [finite(one) for one in array] if array.ndim else array.item() if np.isfinite(array) else None
 
 
 def compare(

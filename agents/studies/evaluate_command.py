@@ -2,24 +2,28 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import tyro
+from rich.console import Console
 
 from agents.evaluation.error_rate import ErrorArguments
+from agents.evaluation.registry import find_decider, find_family, split_threshold
+from agents.evaluation.task import Task, sweep
+from agents.evaluation.tasks import task_of
+from agents.evaluation.worlds import NOMINAL, draw_worlds
 from agents.interface.help_texts import shown_default
+from agents.interface.output_files import finite, write_json
 from agents.interface.parallel import ParallelArguments
+from agents.interface.progress import progress_display, shown
 from agents.interface.trust import TrustArguments
 from agents.interface.world_arguments import WorldArguments
+from agents.studies.shifts import differences_json, evaluate_shifts, shift_table
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.noises import parse_noise
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from agents.evaluation.task import Task
+from hybrid_env.rendering.evidence import mode_name
 
 MOST_DRAWN = 1000  # random worlds
 MOST_SHOWN_MODES = 5  # of a confusion matrix
@@ -58,11 +62,6 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
     def run(self) -> None:
         """Evaluate the deciders and print the tables."""
         self._check()
-        from rich.console import Console
-
-        from agents.evaluation.tasks import task_of
-        from agents.interface.output_files import write_json
-
         console = Console(emoji=False)
         first = task_of(*self.world_of(self.deciders[0] if self.deciders else ""))
         deciders = tuple(map(self.at_error, self.deciders or (first.reference,)))
@@ -86,8 +85,6 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
         check_integer("drawn", self.drawn, minimum=0, maximum=MOST_DRAWN)
         if not self._worlds:
             return
-        from agents.evaluation.registry import split_threshold
-
         worlds = "with --shifted, --drawn or --noises"
         if self.seed + self.episodes > seeds.SELECTION:
             raise reject("seed", self.seed, f"at most {seeds.SELECTION} minus the number of episodes, {worlds}")
@@ -95,15 +92,9 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
             if split_threshold(name)[1] is not None:
                 raise reject("deciders", name, f"a name without a threshold, {worlds}")
 
-    def _evaluate(self, deciders: tuple[str, ...], console: "Console") -> Any:
+    def _evaluate(self, deciders: tuple[str, ...], console: Console) -> Any:
         """Evaluate deciders at one threshold each; those of one environment are compared in one table."""
-        from agents.evaluation.registry import find_decider
-        from agents.evaluation.task import sweep
-        from agents.evaluation.tasks import task_of
-        from agents.interface.progress import progress_display
-        from agents.studies.comparison import finite
-        from agents.studies.tables import confusion_table, scores_table
-        from hybrid_env.rendering.evidence import mode_name
+        from agents.studies.tables import confusion_table, scores_table  # PyTorch
 
         found = []
         for name in deciders:  # checks all names before evaluating
@@ -139,13 +130,8 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
                     console.print(confusion_table(scores, modes))
         return rows
 
-    def _evaluate_worlds(self, deciders: tuple[str, ...], task: "Task", console: "Console") -> Any:
+    def _evaluate_worlds(self, deciders: tuple[str, ...], task: Task, console: Console) -> Any:
         """Evaluate deciders in shifted, random or noisy environments and in the nominal one."""
-        from agents.evaluation.registry import find_family
-        from agents.evaluation.worlds import NOMINAL, draw_worlds
-        from agents.interface.progress import shown
-        from agents.studies.shifts import differences_json, evaluate_shifts, shift_table
-
         if self.drawn and task.switches != ANNOUNCED:
             raise reject("drawn", self.drawn, f"no value in {task.title}")
         worlds = task.shifted() if self.shifted else {NOMINAL: {}}
@@ -160,7 +146,7 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
             lambda note: evaluate_shifts(deciders, tasks, self.episodes, self.seed, self.workers(), note),
         )  # fmt: skip
         console.print(shift_table(results, f"{task.title} under distribution shift: {task.size(self.episodes)} each"))
-        found: dict[str, Any] = {"results": [result.as_json() for result in results]}
+        found: dict[str, Any] = {"results": results}
         if len(deciders) > 1:
             found["differences"] = differences_json(results)
         return found | {"worlds": worlds}

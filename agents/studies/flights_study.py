@@ -22,7 +22,7 @@ from agents.evaluation.flights import (
     value,
 )
 from agents.figures.tracks import recording_figure
-from agents.studies.comparison import finite
+from agents.interface.output_files import finite
 from baselines.recordings.flights.flight import TIERS, TOGETHER, Flight, stack_flights
 from baselines.recordings.flights.labels import (
     MODE_NAMES,

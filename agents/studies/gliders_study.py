@@ -18,7 +18,7 @@ from agents.evaluation.flights import AGENT, SECOND_LINES, figure_cell, less_cel
 from agents.evaluation.gliders import METRICS, Setting, glider_rule, glider_statements
 from agents.evaluation.registry import SHIPPED, policy_folder
 from agents.figures.tracks import recording_figure
-from agents.studies.comparison import finite
+from agents.interface.output_files import finite
 from agents.studies.seal import differing, digests
 from baselines.estimation.turns import STRAIGHT, run_turn_imm
 from baselines.recordings.flights import circling, gliders

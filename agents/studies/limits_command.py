@@ -4,9 +4,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+from rich.console import Console
+from rich.markdown import Markdown
+
+from agents.evaluation.registry import find_family
+from agents.evaluation.tasks import QUICKEST, task_of
 from agents.interface.help_texts import shown_default
+from agents.interface.output_files import output_folder, write_files
 from agents.interface.parallel import ParallelArguments
+from agents.interface.progress import print_lines, shown
 from agents.interface.trust import TrustArguments
+from agents.studies import departures
+from agents.studies.limits import CALIBRATION_EPISODES, RULES, calls, limits_figure, limits_markdown
 from baselines.rules import seeds
 from hybrid_env.checks import check_integer, reject
 
@@ -38,16 +47,6 @@ class Limits(TrustArguments, ParallelArguments):
         check_integer("episodes", self.episodes, minimum=10)
         check_integer("seed", self.seed, minimum=0)
         workers = self.workers()
-        from rich.console import Console
-        from rich.markdown import Markdown
-
-        from agents.evaluation.registry import find_family
-        from agents.evaluation.tasks import QUICKEST, task_of
-        from agents.interface.output_files import output_folder, write_files
-        from agents.interface.progress import print_lines, shown
-        from agents.studies import departures
-        from agents.studies.limits import CALIBRATION_EPISODES, RULES, calls, limits_figure, limits_markdown
-
         quickest = QUICKEST.rpartition(":")[2]
         if self.env not in (None, quickest, QUICKEST):
             raise reject("env", self.env, f"{quickest}, or no --env for the others")

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,20 +12,19 @@ from rich.console import Console
 from rich.progress import Progress
 
 from agents.evaluation.error_rate import ErrorArguments
+from agents.evaluation.tasks import task_of
 from agents.interface.help_texts import shown_default
 from agents.interface.output_files import atomic_file, write_table
 from agents.interface.progress import print_lines, progress_display
 from agents.interface.trust import TrustArguments
 from agents.interface.world_arguments import WorldArguments
+from agents.studies.episodes import Episodes
 from hybrid_env.checks import ArgumentError, check_integer, reject
 from hybrid_env.options import ModelOptions
 from hybrid_env.rendering.evidence import mode_colour, shade
 from hybrid_env.rendering.figure import CURRENT_COLOUR
 from hybrid_env.rendering.history import TRACE_INDEX, History
 from hybrid_env.rendering.window import RENDER_FPS, Renderer, display_available
-
-if TYPE_CHECKING:
-    from agents.studies.episodes import Episodes
 
 FINAL_FRAMES = 2 * RENDER_FPS  # number of times that the window shows the last frame of an episode: for two seconds
 
@@ -49,9 +48,6 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
     def run(self) -> None:
         """Play the episodes, print a table after each, and write the requested files."""
         self._check()
-        from agents.evaluation.tasks import task_of
-        from agents.studies.episodes import Episodes
-
         show = self.out is None and (self.record is None or display_available())
         if show and not display_available():
             raise ArgumentError("no window can be opened here: use --out FILE with a .gif or .png file")
@@ -83,7 +79,7 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
             if self.episodes > 1 and path.suffix.lower() != ".gif":
                 raise reject("episodes", self.episodes, f"1 with --{name} {path}, which holds one episode")
 
-    def _play(self, episodes: "Episodes", console: Console, progress: Progress) -> Iterator[History]:
+    def _play(self, episodes: Episodes, console: Console, progress: Progress) -> Iterator[History]:
         """Play the episodes; yield the history after every reset and every step."""
         history = episodes.history
         task = progress.add_task("Playing", total=self.episodes, note="")

@@ -111,7 +111,7 @@ def simulator_tables(found: Found) -> list[Any]:
 def simulator_files(found: Found) -> dict[str, Any]:
     """Return the files: all figures, counts, the mismatch of each world, what `SEAL` holds once sealed; a picture."""
     results, mismatches = found
-    content = {"results": [one.as_json() for one in results], "mismatches": mismatches, "seal": current_seal()}
+    content: dict[str, Any] = {"results": results, "mismatches": mismatches, "seal": current_seal()}
     if len({one.decider for one in results}) == 1:
         return {"simulators.json": content}
     content |= {"differences": differences_json(results)} | counts(results)

@@ -8,8 +8,20 @@ from small_training import SCHEME, SMALL_PPO
 
 from agents.cli import main
 from agents.training.recipe import load_recipe, recipe_names
-from agents.tuning.ranges import DEFAULT_RANGES, Range, changes_of, parse_range, parse_ranges, values_of
-from agents.tuning.search import BEST, POINTS, Search, median_rewards, open_study, train_trial
+from agents.tuning.search import (
+    BEST,
+    DEFAULT_RANGES,
+    POINTS,
+    Range,
+    Search,
+    changes_of,
+    median_rewards,
+    open_study,
+    parse_range,
+    parse_ranges,
+    train_trial,
+    values_of,
+)
 from hybrid_env.checks import ArgumentError
 
 ENV = "hybrid_env:HybridTrack-v0"
