@@ -188,16 +188,15 @@ class AnnouncedTask(Task):
         """See `Task.done`."""
         return len(history.decisions) / self.length
 
-    def fill(self, table: Table, history: History) -> None:
-        """Add one row for each decision."""
-        for name in ("segment", "true mode", "decided mode", "decision"):
-            table.add_column(name)
-        table.add_column("ticks", justify="right")
+    def episode_table(self, history: History) -> tuple[Sequence[str], list[tuple[str, ...]], str, int]:
+        """Return one row for each decision."""
+        rows = []
         for number, decision in enumerate(history.decisions, start=1):
             modes = (mode_name(mode, self.options.radii) for mode in (decision.true_mode, decision.mode))
             verdict = "[green]correct[/]" if decision.correct else "[red]wrong[/]"
             verdict += ", forced" if decision.forced else ""
-            table.add_row(str(number), *modes, verdict, f"{decision.ticks} of {decision.length}")
+            rows.append((str(number), *modes, verdict, f"{decision.ticks} of {decision.length}"))
+        return ("segment", "true mode", "decided mode", "decision", "ticks"), rows, "", 4
 
     def track_record(self, history: History, **common: Any) -> TrackRecord:
         """Return the declarations: statements from their tick to the end of the segment."""

@@ -185,8 +185,8 @@ class Task(ABC):
         """Return the share of the running episode that is decided or stated."""
 
     @abstractmethod
-    def fill(self, table: Table, history: History) -> None:
-        """Add columns and rows about an episode that has just ended."""
+    def episode_table(self, history: History) -> tuple[Sequence[str], list[tuple[str, ...]], str, int]:
+        """Return a table of an episode that has just ended: the last arguments of `filled_table`."""
 
     @abstractmethod
     def track_record(self, history: History, **common: Any) -> TrackRecord:

@@ -210,23 +210,20 @@ class UnknownTask(Task):
         """See `Task.done`."""
         return len(history.trace) / self.length
 
-    def fill(self, table: Table, history: History) -> None:
-        """Add one row for each segment, and metrics of the episode."""
-        true, stated = history.true_modes, history.stated
+    def episode_table(self, history: History) -> tuple[Sequence[str], list[tuple[str, ...]], str, int]:
+        """Return one row for each segment, and metrics of the episode."""
+        true, stated, rows = history.true_modes, history.stated, []
         right = true == stated
         wrong = (np.diff(stated, prepend=stated[:1]) != 0) & ~right
-        metrics = self._of_episode(history)
-        table.caption = f"right {metrics.right[0]:.1%}, reward {metrics.reward[0]:.3f} per tick"
-        table.add_column("segment")
-        table.add_column("true mode")
-        for name in ("ticks", "ticks until stated", "right", "wrong changes"):
-            table.add_column(name, justify="right")
         bounds = [*history.switches.tolist(), len(true)]
         for number, (first, end) in enumerate(pairwise(bounds), start=1):
             inside, mode = right[first:end], mode_name(int(true[first]), self.options.radii)
             until = str(inside.argmax()) if inside.any() else "[red]never[/]"
             changes = str(wrong[first:end].sum())
-            table.add_row(str(number), mode, str(end - first), until, f"{inside.mean():.0%}", changes)
+            rows.append((str(number), mode, str(end - first), until, f"{inside.mean():.0%}", changes))
+        metrics = self._of_episode(history)
+        caption = f"right {metrics.right[0]:.1%}, reward {metrics.reward[0]:.3f} per tick"
+        return ("segment", "true mode", "ticks", "ticks until stated", "right", "wrong changes"), rows, caption, 2
 
     def track_record(self, history: History, **common: Any) -> TrackRecord:
         """Return the statements."""

@@ -22,8 +22,18 @@ from agents.interface.input_files import read_json
 from agents.interface.output_files import write_json
 from agents.interface.parallel import Workers
 from agents.interface.world_arguments import CARD
-from agents.league.entry import make_entry, pack, read_entry, scores_of
-from agents.league.protocol import QUICKEST, SEED, THREE, WORLDS, play, world_task
+from agents.league.protocol import (
+    QUICKEST,
+    SEED,
+    THREE,
+    WORLDS,
+    make_entry,
+    pack,
+    play,
+    read_entry,
+    scores_of,
+    world_task,
+)
 from agents.learned.policy_file import ALGORITHMS
 from agents.learned.posterior_decider import PosteriorDecider
 from agents.studies.comparison import train_agent
@@ -75,13 +85,7 @@ class Probe(Decider):
 
 
 def probe(name: str, world: str, threshold: float) -> tuple[float, float]:
-    """Return the mean stated probability less the accuracy of declarations, and the time of a decision in µs.
-
-    Args:
-        name: of the decider, without a threshold.
-        world: of the league.
-        threshold: of the decider.
-    """
+    """Return the mean stated probability less the accuracy of declarations, and the time of a decision in µs."""
     torch.set_num_threads(1)  # for small networks the overhead of threads exceeds the gain
     task = world_task(world)
     env = make_track_vector_env(task.env_id, PROBED_TRACKS, tick_info=False, **task.given)
@@ -98,11 +102,7 @@ def probe(name: str, world: str, threshold: float) -> tuple[float, float]:
 
 
 def home_of(recipe: str) -> tuple[str, str]:
-    """Return the environment in which a recipe is trained, and its world.
-
-    Raises:
-        ArgumentError: the recipe cannot be read, or is not for one of the environments.
-    """
+    """Return the environment in which a recipe is trained, and its world; refuse one for no environment."""
     errors = []
     for task, home in HOMES.items():
         try:
@@ -148,13 +148,7 @@ def play_family(
 ) -> tuple[dict[str, Any], list[Path]]:
     """Train a recipe with every seed and play all agents; return the entry of the family and the run folders.
 
-    Args:
-        recipe: name of a recipe, or a YAML file.
-        training_seeds: number of agents.
-        steps: environment steps of each; None takes the number in the recipe.
-        workers: where the work runs.
-        out: folder of the run folders.
-        on_done: called with the training seed after each training and after each agent that has played.
+    `on_done` is called with the training seed after each training and after each agent that has played.
     """
     trainings = {number: functools.partial(train, recipe, number, steps, out) for number in range(training_seeds)}
     folders = dict(workers.results(trainings, on_done))
@@ -229,11 +223,7 @@ def _cell(estimate: Estimate) -> str:
 
 
 def training_figure(runs: Mapping[str, Sequence[Path]]) -> Figure:
-    """Return a figure of the rewards during training, mean and range over the training seeds.
-
-    Args:
-        runs: run folders of the agents of each recipe.
-    """
+    """Return a figure of the rewards during training, from the run folders of the agents of each recipe."""
     styles, panels = decider_styles(runs), []
     for task, (env_id, _) in HOMES.items():
         curves = []

@@ -1,7 +1,6 @@
 """The command `hybridtrack reproduce`: published tables and figures next to reproduced ones."""
 
 import functools
-import os
 import pkgutil
 import time
 from collections.abc import Sequence
@@ -14,19 +13,17 @@ import numpy as np
 import tyro
 from rich.console import Console
 from rich.markdown import Markdown
-from rich.progress import Progress
 
 from agents.evaluation.cells import markdown_table
 from agents.interface.output_files import output_folder, write_files
-from agents.interface.parallel import ParallelArguments, Workers
+from agents.interface.parallel import ParallelArguments
 from agents.interface.progress import print_lines, progress_display
 from agents.reproduction import figures
 from baselines.papers.reproduction import Cell, Reproduction
 from hybrid_env.checks import check_integer, reject
 
-RADAR_STUDY = "novospaskyi"  # has a folder for its finished parts and processes of its own
+RADAR_STUDY = "novospaskyi"  # has a folder for its finished parts, and parallel parts itself
 LONG = (RADAR_STUDY, "multiple_models")  # take some minutes and run on request only
-MOST_PROCESSES = 8  # of the radar study
 # all papers with figures here, in the order of the years in their names, those without one last
 MODULES = [module.name for module in pkgutil.iter_modules(figures.__path__)]
 PAPERS = tuple(sorted(MODULES, key=lambda name: "".join(filter(str.isdigit, name)) or "9999"))
@@ -69,8 +66,14 @@ class Reproduce(ParallelArguments):
             task = progress.add_task("Reproducing", total=len(self.papers), note="")
             found = dict(workers.results(calls, lambda paper: progress.update(task, advance=1, note=paper)))
             if RADAR_STUDY in self.papers:
-                progress.update(task, note=RADAR_STUDY)
-                found[RADAR_STUDY] = self._reproduce_radar_study(options, folder, progress)
+                bar = progress.add_task(RADAR_STUDY, total=None, note="flights")
+
+                def show(stage: str, done: int, total: int) -> None:
+                    progress.update(bar, completed=done, total=total, note=f"{stage}: {done} of {total}")
+
+                own = {"folder": folder / RADAR_STUDY / "point-mass", "run": workers.results, "progress": show}
+                found[RADAR_STUDY] = _reproduce(RADAR_STUDY, options | own)
+                progress.remove_task(bar)
                 progress.advance(task)
             progress.update(task, note="")
         for paper in self.papers:
@@ -84,19 +87,6 @@ class Reproduce(ParallelArguments):
             print_lines(console, f"{describe_runs(result)} Computed in {seconds:.2f} s. {files}\n")
         write_files(folder, {"reproduction.md": summary_markdown([found[paper][0] for paper in self.papers])})
         print_lines(console, f"Summary: {folder / 'reproduction.md'}")
-
-    def _reproduce_radar_study(self, options: dict[str, Any], folder: Path, progress: Progress) -> tuple[Any, float]:
-        """Run the radar study on all processor cores, with a line of its own in the progress display."""
-        task = progress.add_task(RADAR_STUDY, total=None, note="flights")
-
-        def show(stage: str, done: int, total: int) -> None:
-            progress.update(task, completed=done, total=total, note=f"{stage}: {done} of {total}")
-
-        run = Workers(min(os.cpu_count() or 1, MOST_PROCESSES)).results
-        own = {"folder": folder / RADAR_STUDY / "point-mass", "run": run, "progress": show}
-        found = _reproduce(RADAR_STUDY, options | own)
-        progress.remove_task(task)
-        return found
 
 
 def _reproduce(paper: str, options: dict[str, Any]) -> tuple[Any, float]:

@@ -6,9 +6,9 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
-from rich.markup import escape
 from rich.table import Table
 
+from agents.evaluation.cells import filled_table
 from agents.evaluation.registry import load_decider
 from agents.evaluation.task import Task
 from agents.figures.tracks import TrackRecord
@@ -68,9 +68,7 @@ class Episodes:
 
     def table(self, title: str) -> Table:
         """Return a table of the episode that has just ended."""
-        table = Table(title=escape(title), title_justify="left", caption_justify="left")
-        self.task.fill(table, self.history)
-        return table
+        return filled_table(title, *self.task.episode_table(self.history))
 
     def record(self, name: str, seed: int) -> TrackRecord:
         """Play an episode and return what was declared or stated at every tick, with the name in the figure."""
