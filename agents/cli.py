@@ -15,7 +15,7 @@ import gymnasium as gym
 import tyro
 
 from agents.interface.help_texts import as_command, as_subcommand
-from agents.interface.trust import TRUST
+from agents.interface.world_arguments import TRUST
 from agents.league.command import League
 from agents.recordings.command import Track
 from agents.reproduction.command import Reproduce

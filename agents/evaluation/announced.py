@@ -184,10 +184,6 @@ class AnnouncedTask(Task):
             Panel(cost, ticks, reward, curves(groups, mean("ticks"), mean("reward"), (-np.inf, -np.inf))),
         ]
 
-    def done(self, history: History) -> float:
-        """See `Task.done`."""
-        return len(history.decisions) / self.length
-
     def episode_table(self, history: History) -> tuple[Sequence[str], list[tuple[str, ...]], str, int]:
         """Return one row for each decision."""
         rows = []

@@ -181,10 +181,6 @@ class Task(ABC):
         return int(getattr(self.options, f"{self.wording.unit}s"))
 
     @abstractmethod
-    def done(self, history: History) -> float:
-        """Return the share of the running episode that is decided or stated."""
-
-    @abstractmethod
     def episode_table(self, history: History) -> tuple[Sequence[str], list[tuple[str, ...]], str, int]:
         """Return a table of an episode that has just ended: the last arguments of `filled_table`."""
 

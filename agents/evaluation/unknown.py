@@ -206,10 +206,6 @@ class UnknownTask(Task):
                 found.append(Panel(title, times, Axis("switches, %", (0.0, 100.0)), lines))
         return found
 
-    def done(self, history: History) -> float:
-        """See `Task.done`."""
-        return len(history.trace) / self.length
-
     def episode_table(self, history: History) -> tuple[Sequence[str], list[tuple[str, ...]], str, int]:
         """Return one row for each segment, and metrics of the episode."""
         true, stated, rows = history.true_modes, history.stated, []

@@ -13,7 +13,7 @@ from agents.interface.help_texts import shown_default
 from agents.interface.output_files import output_folder, write_files
 from agents.interface.parallel import ParallelArguments
 from agents.interface.progress import print_lines, progress_display
-from agents.interface.trust import TrustArguments
+from agents.interface.world_arguments import TrustArguments
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
 from hybrid_env.checks import check_integer, reject
 

@@ -14,11 +14,12 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from agents.evaluation.cells import filled_table
 from agents.interface.help_texts import shown_default
 from agents.interface.output_files import atomic_folder, output_folder, write_files, write_table
 from agents.interface.parallel import Workers
 from agents.interface.progress import print_lines, progress_display
-from agents.interface.trust import TrustArguments
+from agents.interface.world_arguments import TrustArguments
 from agents.recordings.figure import check_plotly, draw_recording, write_map
 from agents.recordings.tracking import TrackedRecording, TrackingArguments, piece_table, row_table
 from baselines.recordings.reading.names import ROLES
@@ -231,19 +232,14 @@ def report_lines(tracked: TrackedRecording) -> list[str]:
 
 
 def _printed_table(pieces: dict[str, list[Any]], tracked: TrackedRecording) -> Table:
-    unit = tracked.recording.time_unit
-    table = Table()
-    for name in ("piece", "rows", f"from\n[{unit}]", "mode", "radius", f"decided at\n[{unit}]"):
-        table.add_column(escape(name), justify="left" if name == "mode" else "right")
-    for k in range(min(len(pieces["piece"]), MAX_PRINTED_PIECES)):
-        radius, when = pieces["radius"][k], pieces["decided_at"][k]
-        table.add_row(
-            str(pieces["piece"][k]), f"{pieces['first_row'][k]}-{pieces['last_row'][k]}", f"{pieces['begin'][k]:.6g}",
-            pieces["mode"][k], f"{radius:.4g}" if radius != "" else "", f"{when:.6g}" if when != "" else "undecided",
-        )  # fmt: skip
-    if len(pieces["piece"]) > MAX_PRINTED_PIECES:
-        table.caption = f"... and {len(pieces['piece']) - MAX_PRINTED_PIECES} more in modes.csv"
-    return table
+    unit, rows = escape(f"[{tracked.recording.time_unit}]"), []
+    columns = [column[:MAX_PRINTED_PIECES] for column in pieces.values()]
+    for number, first, last, begin, _, mode, radius, when, _ in zip(*columns, strict=True):
+        known, decided = "" if radius == "" else f"{radius:.4g}", "undecided" if when == "" else f"{when:.6g}"
+        rows.append((str(number), f"{first}-{last}", f"{begin:.6g}", mode, known, decided))
+    more = len(pieces["piece"]) - MAX_PRINTED_PIECES
+    heads = ("piece", "rows", f"from\n{unit}", "mode", "radius", f"decided at\n{unit}")
+    return filled_table("Pieces", heads, rows, f"... and {more} more in modes.csv" if more > 0 else "", 0)
 
 
 def object_folders(folder: Path, names: Sequence[str]) -> list[Path]:

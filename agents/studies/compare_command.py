@@ -17,8 +17,7 @@ from agents.interface.help_texts import shown_default
 from agents.interface.output_files import output_folder, write_files, write_json
 from agents.interface.parallel import ParallelArguments
 from agents.interface.progress import print_lines, progress_display, shown
-from agents.interface.trust import TrustArguments
-from agents.interface.world_arguments import WorldArguments
+from agents.interface.world_arguments import TrustArguments, WorldArguments
 from agents.studies.episodes import Episodes
 from baselines.rules import seeds
 from hybrid_env.checks import check_integer, reject
@@ -179,19 +178,14 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         """Return the checked plan."""
         from agents.studies.continuation import Plan
 
-        def given(name: str, usual: Any) -> Any:
-            return usual if getattr(self, name) is None else getattr(self, name)
-
         task = task_of(self.env_id, self.world_options())
-        plan = Plan(
-            task, given("deciders", task.compared), given("agents", task.agents), given("episodes", task.episodes),
-            self.seed, given("selection_episodes", task.selection_episodes), self.steps, self.training_seeds,
-            self.accuracy, self.curves,
-        )  # fmt: skip
-        for name in ("episodes", "selection_episodes", "training_seeds"):
-            check_integer(name.replace("_", "-"), getattr(plan, name))
-        if self.steps is not None:
-            check_integer("steps", self.steps)
+        usual = {name: getattr(task, name) for name in ("agents", "episodes", "selection_episodes")}
+        usual["deciders"] = task.compared
+        own = {field.name: getattr(self, field.name) for field in fields(Plan) if field.name != "task"}
+        plan = Plan(task, **{name: usual.get(name) if value is None else value for name, value in own.items()})
+        for name in ("episodes", "selection_episodes", "training_seeds", "steps"):
+            if getattr(plan, name) is not None:
+                check_integer(name.replace("_", "-"), getattr(plan, name))
         check_integer("seed", self.seed, minimum=0)
         if self.accuracy is not None and not 0.0 < self.accuracy < 1.0:
             raise reject("accuracy", self.accuracy, "a number between 0 and 1")

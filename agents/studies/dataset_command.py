@@ -21,8 +21,7 @@ from agents.evaluation.tasks import task_of
 from agents.interface.help_texts import shown_default
 from agents.interface.output_files import atomic_folder, write_files
 from agents.interface.progress import progress_display
-from agents.interface.trust import TrustArguments
-from agents.interface.world_arguments import WorldArguments
+from agents.interface.world_arguments import TrustArguments, WorldArguments
 from baselines.rules import seeds
 from baselines.rules.rollout import rollout
 from hybrid_env.checks import check_integer, reject

@@ -16,8 +16,7 @@ from agents.interface.help_texts import shown_default
 from agents.interface.output_files import finite, write_json
 from agents.interface.parallel import ParallelArguments
 from agents.interface.progress import progress_display, shown
-from agents.interface.trust import TrustArguments
-from agents.interface.world_arguments import WorldArguments
+from agents.interface.world_arguments import TrustArguments, WorldArguments
 from agents.studies.shifts import differences_json, evaluate_shifts, shift_table
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED

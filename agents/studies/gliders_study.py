@@ -249,11 +249,10 @@ def glider_files(result: GliderComparison) -> dict[str, Any]:
     for group, rows in result.groups.items():
         for level, by_name in result.scores.items():
             for name, scores in by_name.items():
-                less, copied = less_first(by_name, name, rows), result.simulated[level][name]
                 groups.setdefault(group, {}).setdefault(f"{level:g}", {})[name] = _estimates(scores.some(rows)) | {
-                    "agreement_less_first": None if less is None else less.as_json(),
+                    "agreement_less_first": less_first(by_name, name, rows),
                     "settings": result.chosen[level][name],
-                    "simulated": _estimates(copied),
+                    "simulated": _estimates(result.simulated[level][name]),
                 }
     flights = [
         {
@@ -273,7 +272,7 @@ def glider_files(result: GliderComparison) -> dict[str, Any]:
 
 
 def _estimates(scores: Scores) -> dict[str, Any]:
-    return {one.name: scores.estimate(one.statistic).as_json() for one in METRICS}
+    return {one.name: scores.estimate(one.statistic) for one in METRICS}
 
 
 def _picture(result: GliderComparison) -> Figure:

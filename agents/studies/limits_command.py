@@ -13,7 +13,7 @@ from agents.interface.help_texts import shown_default
 from agents.interface.output_files import output_folder, write_files
 from agents.interface.parallel import ParallelArguments
 from agents.interface.progress import print_lines, shown
-from agents.interface.trust import TrustArguments
+from agents.interface.world_arguments import TrustArguments
 from agents.studies import departures
 from agents.studies.limits import CALIBRATION_EPISODES, RULES, calls, limits_figure, limits_markdown
 from baselines.rules import seeds

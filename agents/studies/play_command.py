@@ -16,8 +16,7 @@ from agents.evaluation.tasks import task_of
 from agents.interface.help_texts import shown_default
 from agents.interface.output_files import atomic_file, write_table
 from agents.interface.progress import print_lines, progress_display
-from agents.interface.trust import TrustArguments
-from agents.interface.world_arguments import WorldArguments
+from agents.interface.world_arguments import TrustArguments, WorldArguments
 from agents.studies.episodes import Episodes
 from hybrid_env.checks import ArgumentError, check_integer, reject
 from hybrid_env.options import ModelOptions
@@ -84,12 +83,9 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
         history = episodes.history
         task = progress.add_task("Playing", total=self.episodes, note="")
         for episode in range(self.episodes):
-
-            def show(before: int = episode) -> None:
-                progress.update(task, completed=before + episodes.task.done(history), note=f"tick {len(history.trace)}")
-
             seed = self.seed + episode
-            yield from episodes.play(seed, show)
+            yield from episodes.play(seed, lambda: progress.update(task, note=f"tick {len(history.trace)}"))
+            progress.advance(task)
             console.print(episodes.table(f"{episodes.name}, episode {episode + 1}, seed {seed}"))
             if self.record is not None:
                 write_recording(self.record, history, episodes.env.options.tau)

@@ -92,9 +92,9 @@ class Tune(WorldArguments, ParallelArguments):
             path = write_best(search, study, folder)
         lines = []
         for row in rows:
-            values = [row.params[one.name] for one in ranges]
+            values = [row.params[name] for name in ranges]
             shown = [f"{value:.3g}" if isinstance(value, float) else str(value) for value in values]
             lines.append((str(row.number), f"{row.value:.3f}", *shown))
-        heads = ("trial", "reward", *(one.name for one in ranges))
+        heads = ("trial", "reward", *ranges)
         console.print(filled_table(f"Best of {len(ended(study))} trials", heads, lines))
         print_lines(console, f"Best recipe: {path}", f"Next: hybridtrack train --recipe {path}")

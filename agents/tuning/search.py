@@ -7,13 +7,14 @@ import re
 import statistics
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import optuna
 import yaml
+from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
 from optuna.storages import JournalStorage
 from optuna.storages.journal import JournalFileBackend
 from optuna.trial import FrozenTrial, TrialState
@@ -50,73 +51,55 @@ DIGITS = 3  # significant, of a number that is found
 WIDE = 10.0  # ratio of the bounds of a positive range from which it is searched on a logarithmic scale
 
 
-@dataclass(frozen=True)
-class Range:
-    """Values of a hyper-parameter."""
-
-    name: str  # as in `--set`
-    low: float = 0.0  # an integer, as the other bound, for an integer
-    high: float = 0.0
-    choices: tuple[str, ...] = ()  # instead of bounds, values as YAML
-
-    def suggest(self, trial: Any) -> None:
-        """Ask an Optuna trial for a value."""
-        if self.choices:
-            trial.suggest_categorical(self.name, self.choices)
-        else:
-            suggest = trial.suggest_int if isinstance(self.low, int) else trial.suggest_float
-            suggest(self.name, self.low, self.high, log=self.low > 0 and self.high / self.low >= WIDE)
-
-    def contains(self, value: Any) -> bool:
-        """Return whether a value of an Optuna trial is in the range."""
-        if self.choices:
-            return value in self.choices
-        return isinstance(value, type(self.low)) and self.low <= value <= self.high
+Ranges = dict[str, Any]  # distributions of Optuna by hyper-parameter, as in `--set`
 
 
-def parse_range(text: str) -> Range:
-    """Read "n_epochs=1..10", "gae_lambda=0.8..1.0" or "batch_size=512|1024"."""
+def parse_range(text: str) -> tuple[str, Any]:
+    """Read "n_epochs=1..10", "gae_lambda=0.8..1.0" or "batch_size=512|1024", whose choices are values as YAML."""
     error = reject("search", text, "name=low..high with numbers, low < high, or name=value|value")
-    name, equals, values = text.partition("=")
-    if not equals or not name:
+    name, _, values = text.partition("=")
+    if not name or not values:
         raise error
     if "|" in values:
         choices = tuple(values.split("|"))
         if not all(choices) or len(set(choices)) != len(choices):
             raise error
-        return Range(name, choices=choices)
+        return name, CategoricalDistribution(choices)
     bounds = values.split("..")
-    kind = int if all(re.fullmatch(r"[+-]?\d+", bound) for bound in bounds) else float
+    whole = all(re.fullmatch(r"[+-]?\d+", bound) for bound in bounds)
     try:
-        low, high = map(kind, bounds)
+        low, high = map(int if whole else float, bounds)
     except ValueError:
         raise error from None
     if not -math.inf < low < high < math.inf:
         raise error
-    return Range(name, low, high)
+    return name, (IntDistribution if whole else FloatDistribution)(low, high, log=low > 0 and high / low >= WIDE)
 
 
-def parse_ranges(texts: Sequence[str], recipe: Recipe) -> tuple[Range, ...]:
+def parse_ranges(texts: Sequence[str], recipe: Recipe) -> Ranges:
     """Read ranges, those of the algorithm of a recipe if there are none."""
-    ranges = tuple(map(parse_range, texts or DEFAULT_RANGES[recipe.algo.removeprefix("recurrent_")]))
-    names = [one.name for one in ranges]
-    if len(set(names)) != len(names):
+    ranges = list(map(parse_range, texts or DEFAULT_RANGES[recipe.algo.removeprefix("recurrent_")]))
+    if len(dict(ranges)) != len(ranges):
         raise reject("search", texts, "different names")
-    return ranges
+    return dict(ranges)
 
 
-def values_of(recipe: Recipe, ranges: Sequence[Range]) -> dict[str, Any]:
+def values_of(recipe: Recipe, ranges: Ranges) -> dict[str, Any]:
     """Return the values of a recipe that are in the ranges, for a trial of what it is now."""
     entry = recipe.as_json()["entry"]
     values = {}
-    for one in ranges:
-        value = entry.get(one.name)
+    for name, one in ranges.items():
+        value = entry.get(name)
         if isinstance(value, str) and value.startswith(LINEAR_DECAY):
             value = float(value.removeprefix(LINEAR_DECAY))
-        if not one.choices and isinstance(one.low, float) and isinstance(value, int):
+        if isinstance(one, FloatDistribution) and isinstance(value, int):
             value = float(value)
-        if one.contains(value):
-            values[one.name] = value
+        if isinstance(one, CategoricalDistribution):
+            known = value in one.choices
+        else:
+            known = isinstance(value, type(one.low)) and one.low <= value <= one.high
+        if known:
+            values[name] = value
     return values
 
 
@@ -187,7 +170,7 @@ class Search:
     options: dict[str, Any]  # which override those of the id
     recipe_name: str  # or path of a YAML file
     changes: tuple[str, ...]  # hyper-parameters of the recipe to override
-    ranges: tuple[Range, ...]  # what is searched
+    ranges: Ranges  # what is searched
     seed: int  # of the trainings and of the proposals
     steps: int | None  # of a training; None uses those of the recipe
 
@@ -200,7 +183,8 @@ class Search:
 
     def as_text(self) -> str:
         """Return all settings; equal texts mean equal searches."""
-        return json.dumps(asdict(self) | {"recipe": self.recipe().as_json()}, sort_keys=True)
+        ranges = {name: str(one) for name, one in self.ranges.items()}
+        return json.dumps(vars(self) | {"recipe": self.recipe().as_json(), "ranges": ranges}, sort_keys=True)
 
 
 def open_study(search: Search, folder: Path) -> optuna.Study:
@@ -255,13 +239,12 @@ def run_trials(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
             study.sampler = optuna.samplers.TPESampler(seed=search.seed + number, constant_liar=True)
-        asked = {trial.number: trial for trial in (study.ask() for _ in range(min(left, TRIALS_AT_A_TIME)))}
+        batch = [study.ask(search.ranges) for _ in range(min(left, TRIALS_AT_A_TIME))]
+        asked = {trial.number: trial for trial in batch}
         calls: dict[int, Call] = {}
         failed = {}
         medians = median_rewards(study)
         for one, trial in asked.items():
-            for searched in search.ranges:
-                searched.suggest(trial)
             try:
                 calls[one] = functools.partial(train_trial, search, search.recipe(trial.params), medians)
             except ArgumentError as error:
