@@ -12,7 +12,7 @@ from agents.evaluation.registry import SHIPPED, find_decider, learned_family, po
 from agents.evaluation.task import Metric
 from baselines.estimation.turn_beam import run_turn_beam
 from baselines.estimation.turns import run_turn_imm
-from baselines.recordings.flights.flight import SCORED, TIERS, Flight, stack_flights
+from baselines.recordings.flights.flight import SCORED, Flight, stack_flights
 from baselines.recordings.flights.labels import Labels
 from baselines.recordings.flights.metrics import STATISTICS
 from baselines.recordings.flights.samples import Samples
@@ -81,14 +81,6 @@ class FlightTask:
     identities: tuple[str, ...]  # of the flights; without any those of `SCORED`
     tiers: tuple[str, ...]  # names of the tiers; of the default flights only these are used
     form: str
-
-    def check(self) -> None:
-        """Raise `ArgumentError` if a name is unknown."""
-        for name in self.tiers:
-            if name not in TIERS:
-                raise reject("tier", name, ", ".join(TIERS))
-        if self.form not in COMPARED:
-            raise reject("form", self.form, ", ".join(COMPARED))
 
     @property
     def compared(self) -> tuple[str, ...]:

@@ -74,7 +74,7 @@ class Task(ABC):
     metrics: ClassVar[tuple[Metric, ...]]  # figures of a decider at one threshold, in the order of tables
     further: ClassVar[Mapping[str, Statistic]] = {}  # other figures at one threshold, for JSON
     goal: ClassVar[str] = "reward"  # figure that thresholds are selected for
-    episode_word: ClassVar[str] = "episodes"  # what an episode is called in the note of figures
+    figure_note: ClassVar[str] = "Filled markers: thresholds selected on other episodes."
     notes: ClassVar[str] = ""  # lines that explain the metrics below a table
     paired: ClassVar[str]  # how `against` compares, as a word for headings
     reference: ClassVar[str]  # name of the rule that others are compared with
@@ -103,11 +103,6 @@ class Task(ABC):
         """Title of the figure of a comparison."""
         variances = " and ".join(f"{variance:g}" for variance in self.options.variances)
         return f"{self.title}: {self.options.hypotheses} hypotheses, R = {variances} m²"
-
-    @property
-    def figure_note(self) -> str:
-        """Text below the figure of a comparison."""
-        return f"Filled markers: thresholds selected on other {self.episode_word}."
 
     @abstractmethod
     def size(self, episodes: int) -> str:

@@ -70,7 +70,10 @@ class UnknownTask(Task):
         "threshold", "IMM threshold", "threshold rule", "tick", ("right", "wrong_changes"),
         "right {right:.1%} of the time, {wrong_changes:.1f} wrong changes in 1,000 ticks",
     )  # fmt: skip
-    episode_word: ClassVar = "tracks"
+    figure_note: ClassVar = (
+        "Filled markers: thresholds selected on other tracks. "
+        "A switch that is not detected counts until the end of its segment."
+    )
     agents: ClassVar = ("shipped",)
     episodes: ClassVar = 500
     selection_episodes: ClassVar = 300
@@ -163,11 +166,6 @@ class UnknownTask(Task):
     def figure_title(self) -> str:
         """See `Task.figure_title`."""
         return f"{super().figure_title}, segments of {self.options.law} ticks"
-
-    @property
-    def figure_note(self) -> str:
-        """See `Task.figure_note`."""
-        return f"{super().figure_note} A switch that is not detected counts until the end of its segment."
 
     def panels(self, groups: Groups) -> list[Panel]:
         """Return mean delay and mean reward against wrong changes per 1,000 ticks.

@@ -63,20 +63,18 @@ def error_bars(estimates: Sequence[Estimate]) -> FloatArray:
 
 
 def curve_figure(
-    rows: Sequence[Sequence[Panel]], size: tuple[float, float], title: str = "", note: str = "",
-    title_size: float = 12.0, **sharing: Any,
-) -> Figure:  # fmt: skip
+    rows: Sequence[Sequence[Panel]], size: tuple[float, float], title: str = "", note: str = "", **sharing: Any
+) -> Figure:
     """Draw rows of panels with curves, width and height in inches.
 
-    `title` and `note` stand above and below all panels, `title_size` [pt] is that of each, and `sharing` has
-    `sharex` and `sharey` of `Figure.subplots`.
+    `title` and `note` stand above and below all panels; `sharing` has `sharex` and `sharey` of `Figure.subplots`.
     """
     canvas = new_canvas(size)
     grid = canvas.subplots(len(rows), len(rows[0]), squeeze=False, **sharing)
     named: dict[str, Any] = {}
     for axes, panel in zip(grid.flat, chain(*rows), strict=True):
         _draw_panel(axes, panel, outer_only=bool(sharing))
-        axes.set_title(panel.title, fontsize=title_size)
+        axes.set_title(panel.title, fontsize=11)
         lines, names = axes.get_legend_handles_labels()
         named |= dict(zip(names, lines, strict=True))
     canvas.legend(named.values(), named, loc="outside right upper", frameon=False)

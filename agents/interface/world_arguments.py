@@ -77,9 +77,8 @@ class WorldArguments(_Flags):
     def world_options(self, env_id: str | None = None) -> dict[str, Any]:
         """Return the given options as keyword arguments of `gym.make`; refuse what the environment does not have."""
         env_id = env_id or self.env_id
-        flags = [field for field in dataclasses.fields(WorldArguments) if field.name != "env"]
-        values = {flag.name: getattr(self, flag.name) for flag in flags}
-        given = {flag.name: values[flag.name] for flag in flags if values[flag.name] is not flag.default}
+        values = [(flag, getattr(self, flag.name)) for flag in dataclasses.fields(WorldArguments) if flag.name != "env"]
+        given = {flag.name: value for flag, value in values if value is not flag.default}
         known = _names(env_id)  # refuses an unknown id
         for name in given:
             if name not in known:

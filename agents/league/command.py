@@ -51,10 +51,11 @@ class League(TrustArguments, ParallelArguments):
         from agents.league import families
         from agents.league.protocol import WORLDS, play, read_entry, world_task
         from agents.league.table import league_figure, league_markdown, league_table, shipped_entries, world_table
+        from agents.training.recipe import recipe_names
 
         entries = {entry["title"]: entry for entry in (*shipped_entries(), *map(read_entry, self.table))}
         known = {SHIPPED, *rules(ANNOUNCED), *rules(UNKNOWN)}
-        recipes = [name for name in self.deciders if families.is_recipe(name)]
+        recipes = [name for name in self.deciders if name in recipe_names() or name.endswith(".yml")]
         for name in self.deciders:  # one that cannot be found or imported is refused before any work
             if name in recipes:
                 families.home_of(name)

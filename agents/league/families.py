@@ -39,7 +39,7 @@ from agents.learned.posterior_decider import PosteriorDecider
 from agents.studies.comparison import train_agent
 from agents.studies.continuation import Continuation, Plan
 from agents.training.learning_curve import REWARD_KEY, learning_points
-from agents.training.recipe import load_recipe, recipe_names
+from agents.training.recipe import load_recipe
 from agents.training.run_folder import read_metrics
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Actions, Decider
 from baselines.rules.own import as_decider
@@ -60,18 +60,13 @@ PROBE_SEED = SEED + 10**6
 
 
 class Probe(Decider):
-    """A decider that measures its time and what it states at its declarations.
-
-    Attributes:
-        seconds: of every tick, for all tracks.
-        stated: (N,) largest probability of the last tick; NaN where the decider states none.
-    """
+    """A decider that measures its time and what it states at its declarations."""
 
     def __init__(self, decider: Decider):
         self.decider, self.observes = decider, decider.observes
         self.observe = decider.observe  # type: ignore[method-assign]
-        self.seconds: list[float] = []
-        self.stated = np.zeros(0)
+        self.seconds: list[float] = []  # of every tick, for all tracks
+        self.stated = np.zeros(0)  # (N,) largest probability of the last tick; NaN where the decider states none
 
     def decide(self, observation: Any, state: Any, episode_start: Any) -> tuple[Actions, Any]:
         """See `Decider.decide`."""
@@ -120,11 +115,6 @@ def worlds_of(env_id: str) -> list[str]:
     return [world for world, (other, _) in WORLDS.items() if other == env_id]
 
 
-def is_recipe(name: str) -> bool:
-    """Return whether a decider is to be trained."""
-    return name in recipe_names() or name.endswith(".yml")
-
-
 def train(recipe: str, number: int, steps: int | None, out: Path) -> Path:
     """Train an agent of a recipe in a run folder below `out`, or go on with it; return the run folder."""
     env_id, world = home_of(recipe)
@@ -171,18 +161,16 @@ def merged(title: str, entries: Sequence[dict[str, Any]], cost: dict[str, Any]) 
     for world in entries[0]["worlds"]:
         agents = [entry["worlds"][world] for entry in entries]
         rewards = np.array([scores.of("reward", 0) for entry in entries if (scores := scores_of(entry, world))])
-        metrics = {name: [one["metrics"][name]["value"] for one in agents] for name in agents[0]["metrics"]}
+        metrics = {}
+        for name in agents[0]["metrics"]:
+            known = [value for one in agents if (value := one["metrics"][name]["value"]) is not None]
+            metrics[name] = {"value": float(np.mean(known)) if known else None}
         worlds[world] = {
             "threshold": float(np.mean([one["threshold"] for one in agents])),
-            "metrics": {name: {"value": _mean(values)} for name, values in metrics.items()},
+            "metrics": metrics,
             "rewards": pack(rewards.mean(0)), "seeds": rewards.mean(1).tolist(),
         }  # fmt: skip
     return make_entry(title, title, entries[0]["kind"], worlds, cost)
-
-
-def _mean(values: Sequence[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return float(np.mean(known)) if known else None
 
 
 def interquartile_mean(rewards: FloatArray) -> Estimate:
@@ -208,7 +196,8 @@ def families_tables(entries: Sequence[dict[str, Any]]) -> dict[str, tuple[list[s
             if "seeds" not in entry["worlds"].get(home, {}):
                 continue
             seeds = np.array([entry["worlds"][world]["seeds"] for world in worlds]).T
-            cells = [_cell(interquartile_mean(part)) for part in (seeds, *seeds.T[:, :, None])]
+            found = [interquartile_mean(part) for part in (seeds, *seeds.T[:, :, None])]
+            cells = [f"{one.value:.3f} ({one.low:.3f}, {one.high:.3f})" for one in found]
             calibration, microseconds, seconds = entry["cost"].values()
             stated = "-" if calibration is None else f"{100.0 * calibration:+.1f}"
             rows.append((entry["title"], *cells, stated, f"{microseconds:.1f}", f"{seconds / 60.0:.1f}"))
@@ -216,10 +205,6 @@ def families_tables(entries: Sequence[dict[str, Any]]) -> dict[str, tuple[list[s
             heads = ["family", "all", *worlds, "stated less right, %", "decision, µs", "training, min"]
             tables[env_id] = heads, sorted(rows, key=lambda row: row[1], reverse=True)
     return tables
-
-
-def _cell(estimate: Estimate) -> str:
-    return f"{estimate.value:.3f} ({estimate.low:.3f}, {estimate.high:.3f})"
 
 
 def training_figure(runs: Mapping[str, Sequence[Path]]) -> Figure:

@@ -2,7 +2,7 @@
 
 import functools
 import importlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -39,7 +39,7 @@ class FlightArguments:
     source: Path | None = None
     """With --flights: folder or wheel of the package 'traffic'; by default where it is installed. With
     --gliders: the archive or a folder with its logs."""
-    tier: tuple[str, ...] = ("A", "B", "C", "D", "stress")
+    tier: tuple[Literal["A", "B", "C", "D", "stress"], ...] = ("A", "B", "C", "D", "stress")
     """With --flights: tiers of quality, and flights with special manoeuvres, which no total contains."""
     form: Literal["native", "semi-real"] = "native"
     """With --flights: as reported, or the smoothed flight with white noise in the setting of
@@ -94,20 +94,17 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
 
     def run(self) -> None:
         """Train, score, print the tables and write the figures and compare.json."""
+        for flag, allowed, study in (
+            ("simulators", {"sealed", "episodes", "seed", "jobs", "engine"}, self._compare_simulators),
+            ("gliders", {"sealed", "source"}, self._compare_gliders),
+            ("flights", {"source", "tier", "form"}, self._compare_flights),
+        ):
+            if getattr(self, flag) not in (None, False):
+                self._refuse(allowed | {flag}, f"no value with --{flag}")
+                return study()
         recorded = {field.name for field in fields(FlightArguments)}
-        if self.simulators is not None:
-            parallel = {field.name for field in fields(ParallelArguments)}
-            self._refuse({"simulators", "sealed", "episodes", "seed"} | parallel, "no value with --simulators")
-            self._compare_simulators(self.simulators)
-        elif self.gliders:
-            self._refuse({"gliders", "sealed", "source"}, "no value with --gliders")
-            self._compare_gliders()
-        elif self.flights is not None:
-            self._refuse({"flights", "source", "tier", "form"}, "no value with --flights")
-            self._compare_flights()
-        else:
-            self._refuse({field.name for field in fields(self)} - recorded, "no value without --flights or --gliders")
-            self._compare()
+        self._refuse({field.name for field in fields(self)} - recorded, "no value without --flights or --gliders")
+        return self._compare()
 
     def _refuse(self, allowed_flags: set[str], allowed: str) -> None:
         """Refuse given flags other than some."""
@@ -148,7 +145,6 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         from agents.studies import flights_study as study
 
         task = FlightTask(self.source, self.flights or (), self.tier, self.form)
-        task.check()
         deciders = self.deciders or task.compared
         if len(set(deciders)) < len(deciders):
             raise reject("deciders", deciders, "different names")
@@ -156,11 +152,11 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         work = functools.partial(study.compare_on_flights, task, names)
         self._show("Flights", study.steps(task, len(names)), work, study.flight_tables, study.flight_files)
 
-    def _compare_simulators(self, simulators: Sequence[str]) -> None:
+    def _compare_simulators(self) -> None:
         from agents.evaluation.simulators import COMPARED, SIMULATORS, simulator_worlds
         from agents.studies import simulators_study as study
 
-        used = simulators or SIMULATORS
+        used = self.simulators or SIMULATORS
         with explained():
             for module in used:
                 importlib.import_module(module)

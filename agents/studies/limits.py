@@ -305,7 +305,7 @@ def decision_times(rows: Sequence[Row]) -> Figure:
             title = f"{place.rpartition(':')[2]}, {_name(bank)} bank"
             panels.append(Panel(title, noise, time, curves))
         grid.append(panels)
-    return curve_figure(grid, (WIDTH, 3.9 * len(grid)), title_size=11.0, sharex=True, sharey="row")
+    return curve_figure(grid, (WIDTH, 3.9 * len(grid)), sharex=True, sharey="row")
 
 
 def later_ticks(rows: Sequence[Row]) -> Figure:
@@ -329,4 +329,4 @@ def later_ticks(rows: Sequence[Row]) -> Figure:
             title = f"durations {law}, R = {noise:g} m²"
             panels.append(Panel(title, Axis("later ticks known"), Axis("mean reward of a tick"), curves))
         grid.append(panels)
-    return curve_figure(grid, (WIDTH, 3.7 * len(LAWS)), title_size=10.0, sharex=True, sharey=True)
+    return curve_figure(grid, (WIDTH, 3.7 * len(LAWS)), sharex=True, sharey=True)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 import tyro
@@ -22,7 +22,7 @@ from agents.interface.output_files import save_figure, write_json
 from agents.interface.progress import print_lines
 from baselines.recordings.reading.names import SECONDS
 from baselines.scoring.score import TimelineScores, score
-from hybrid_env.checks import check_choice, reject
+from hybrid_env.checks import reject
 
 
 @dataclass(kw_only=True)
@@ -42,8 +42,8 @@ class Score:
     time_unit: str | None = None
     """Unit of the times: s, ms, us, ns, min, h, or a format such as '%d/%m/%Y %H:%M:%S'. By default that of
     the header or seconds; dates are recognised."""
-    per: str = "h"
-    """Time in which false changes are counted: h, min or s."""
+    per: Literal["h", "min", "s"] = "h"
+    """Time in which false changes are counted."""
     normal: str | None = None
     """True mode, away from which a false change is a false alarm, counted in the time in which it is true."""
     out: Path | None = None
@@ -53,7 +53,6 @@ class Score:
 
     def run(self) -> None:
         """Score the statements, print the tables and write the files."""
-        check_choice("per", self.per, ("h", "min", "s"))
         if len(self.files) < 2:
             raise reject("files", [str(file) for file in self.files], "the truth and at least one more file")
         for name in ("out", "picture"):

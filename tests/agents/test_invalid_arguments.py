@@ -108,7 +108,7 @@ INVALID_ARGUMENTS = [
     ("train --seed 5000000000", "seed=5000000000"),
     ("evaluate --scheme 'random 99999999999999999999x5'", "segments="),
     ("evaluate ''", "decider="),
-    ("compare --flights --tier X", "tier='X'"),
+    ("compare --flights --tier X", "tier"),
     ("compare --flights --source nowhere", "source=nowhere"),
     ("compare --gliders --source nowhere", "source='nowhere'"),
     ("compare --gliders --deciders sprt --source x", "deciders='sprt'"),
@@ -226,7 +226,7 @@ INVALID_ARGUMENTS += [
         ("good.csv good.csv", "--columns time=1 --object 7", "object='7'"),
         ("good.csv good.csv", "--columns time=1 --time-unit h2", "time_unit='h2'"),
         ("good.csv good.csv", "--columns time=1 mode=2 --normal x", "normal='x'"),
-        ("good.csv good.csv", "--per year", "per='year'"),
+        ("good.csv good.csv", "--per year", "year"),
         ("good.csv good.csv", "--out no/s.json", "out='no/s.json'"),
         ("good.csv good.csv", "--picture no/s.png", "picture='no/s.png'"),
     )

@@ -1,6 +1,5 @@
 """Figures of the radar study: a flight with its measurements, errors of all filters, KF CV as published."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from baselines.papers.novospaskyi.filters import THESIS
 from baselines.papers.novospaskyi.radars import NOISES, RANGE, Noise
 from baselines.papers.novospaskyi.study import Example
 from baselines.papers.novospaskyi.tables import NOISE_NAMES, TABLES, UNFILTERED, as_published
-from baselines.papers.reproduction import Cell, Reproduction
+from baselines.papers.reproduction import Reproduction
 
 RADARS, SOUND = DeciderStyle("#AA3377", "^"), "#88CCEE"
 PUBLISHED_CV = as_published("KF CV")
@@ -44,14 +43,7 @@ def draw(result: Reproduction) -> dict[str, Figure]:
 def _flight(result: Reproduction, example: Example) -> Figure:
     """The flight with its radars (as figures 2.1.3 and 2.1.4), and its strongest turn for each noise."""
     title = f"{result.paper}: one test flight, two radars with a range of {RANGE / 1000:g} km"
-    figure, axes = paper_figure(title, (16.0, 5.8), (1.0, 1.0, 1.0))
-    _draw_map(axes[0], example)
-    for part, noise in zip(axes[1:], NOISES, strict=True):
-        _draw_turn(part, example, noise, _strongest_turn(example))
-    return figure
-
-
-def _draw_map(axes: Any, example: Example) -> None:
+    figure, (axes, *turns) = paper_figure(title, (16.0, 5.8), (1.0, 1.0, 1.0))
     axes.plot(*example.flight.positions[:, :2].T / 1000.0, color=TRUTH, linewidth=1.5, label="flight")
     measured = example.tracks["gaussian"].measurements[0, :, :2].T / 1000.0
     axes.plot(*measured, ".", color=GREY, markersize=4, label="measurements")
@@ -61,6 +53,9 @@ def _draw_map(axes: Any, example: Example) -> None:
         axes.add_patch(Circle(radar, RANGE / 1000.0, color=RADARS.colour, alpha=0.08, linewidth=0))
     style_map(axes, "Flight from above, Gaussian noise", "km")
     axes.legend()
+    for part, noise in zip(turns, NOISES, strict=True):
+        _draw_turn(part, example, noise, _strongest_turn(example))
+    return figure
 
 
 def _strongest_turn(example: Example) -> int:
@@ -107,36 +102,29 @@ def _errors(result: Reproduction, statistic: str) -> Figure:
 
 
 def _draw_bars(axes: Any, result: Reproduction, noise: Noise, metric: str) -> None:
-    tables = (TABLES[noise], f"Sound settings, {NOISE_NAMES[noise]}")
+    tables, velocity = (TABLES[noise], f"Sound settings, {NOISE_NAMES[noise]}"), metric.startswith("velocity")
     thesis, sound = ([cell for cell in result.tables[table] if cell.column == metric] for table in tables)
-    if metric.startswith("velocity"):
-        sound = [cell for cell in sound if cell.row != UNFILTERED]
-    names = [cell.row for cell in (*thesis, *sound)]
-    rows = np.arange(len(names), dtype=np.float64)
-    ours = rows[: len(thesis)]
-    _bars(axes, ours + 0.2, thesis, [COLOURS[name] for name in (UNFILTERED, *THESIS)])
+    sound = [cell for cell in sound if not (velocity and cell.row == UNFILTERED)]
+    cells, rows = [*thesis, *sound], np.arange(len(thesis) + len(sound), dtype=np.float64)
+    ours, low, high = np.array([(cell.ours, cell.low, cell.high) for cell in cells]).T
+    colours = [COLOURS[name] for name in (UNFILTERED, *THESIS)] + [SOUND] * len(sound)
+    bars = np.maximum([ours - low, high - ours], 0.0)
+    rows[: len(thesis)] += 0.2
+    axes.barh(rows, ours, 0.36, color=colours, xerr=bars, error_kw={"elinewidth": 1.0})
     axes.barh(
-        ours - 0.2, [cell.published for cell in thesis], 0.36, facecolor="white", edgecolor=DARK_GREY,
+        rows[: len(thesis)] - 0.4, [cell.published for cell in thesis], 0.36, facecolor="white", edgecolor=DARK_GREY,
         hatch="////", linewidth=0.6,
     )  # fmt: skip
-    _bars(axes, rows[len(thesis) :], sound, [SOUND] * len(sound))
     axes.axhline(len(thesis) - 0.5, color="0.6", linewidth=0.8)
-    axes.set_yticks(rows, names)
+    axes.set_yticks(range(len(cells)), [cell.row for cell in cells])
     axes.invert_yaxis()
     axes.set(xlabel=metric.replace(", ", " [") + "]", title=NOISE_NAMES[noise])
-    if metric.startswith("velocity"):
+    if velocity:
         ticks = [5, 10, 20, 40, 100, 400]
-        axes.set_xscale("log")
+        axes.set(xscale="log", xlim=(3.0, 600.0))
         axes.set_xticks(ticks, [str(tick) for tick in ticks])
-        axes.set_xlim(3.0, 600.0)
         axes.minorticks_off()
     axes.grid(axis="x", alpha=0.25)
-
-
-def _bars(axes: Any, places: Any, cells: Sequence[Cell], colours: Sequence[str]) -> None:
-    values = np.array([cell.ours for cell in cells])
-    spread = np.array([[cell.ours - cell.low, cell.high - cell.ours] for cell in cells]).T
-    axes.barh(places, values, 0.36, color=colours, xerr=np.maximum(spread, 0.0), error_kw={"elinewidth": 1.0})
 
 
 def _anomaly(result: Reproduction, example: Example) -> Figure:

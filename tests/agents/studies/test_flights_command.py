@@ -120,10 +120,8 @@ def test_stress_flights_are_a_tier_outside_of_the_totals(tmp_path, source, monke
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        ({"flights": (), "tier": ("E",)}, "tier="),
         ({"flights": (), "deciders": ("ate",)}, "deciders="),
         ({"flights": (), "deciders": ("imm:1.5",)}, "threshold="),
-        ({"flights": (), "form": "real"}, "form="),
         ({"flights": (), "form": "semi-real", "deciders": ("imm",)}, "decider="),
         ({"flights": (), "deciders": ("imm", "imm")}, "deciders="),
         ({"flights": (), "episodes": 7}, "episodes=7"),
