@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from agents.evaluation.cells import filled_table
-from agents.evaluation.curves import Groups, Selected, chosen, curves, means
+from agents.evaluation.curves import Groups, Selected, chosen, curves
 from agents.evaluation.task import Levels, Metric, OnProgress, Recorded, Task, Wording
 from agents.evaluation.worlds import shifted_worlds
 from agents.figures.curves import Axis, Panel
@@ -169,7 +169,7 @@ class AnnouncedTask(Task):
         least = 0.5 / (first.episodes * self.options.segments)
         times, wrong, rewards = (list(chosen(groups, one)) for one in (mean("ticks"), ERROR, mean("reward")))
         best, worst = max(rewards), min(rewards)
-        ticks = Axis("mean decision time, ticks", (0.0, 1.05 * max([30.0, *times, *_ends(groups)])))
+        ticks = Axis("mean decision time, ticks", (0.0, max([30.0, *(1.8 * time for time in times)])))
         error = Axis(
             "accuracy, % of segments", (max(0.6, 1.1 * max(wrong)), min(0.8e-3, 0.8 * max(min(wrong), least))),
             {error: f"{100 * (1 - error):g}" for error in ERRORS}, log=True,
@@ -207,12 +207,3 @@ class AnnouncedTask(Task):
             **common, modes=np.where(since < np.repeat(ticks, lengths), UNDECIDED, stated), switches=switches,
             right=np.repeat(correct, lengths), marks=switches + ticks - 1, summary=f"{rewards.mean():+.2f}",
         )  # fmt: skip
-
-
-def _ends(groups: Groups) -> list[float]:
-    """Return the mean decision times up to which curves are shown: to an accuracy of 99.8 %."""
-    found = []
-    for group in groups.values():
-        ticks, accuracy = means(group, mean("ticks")), means(group, mean("accuracy"))
-        found.append(float(np.interp(0.998, accuracy, ticks)) if accuracy.max() > 0.9 else float(ticks.max()))
-    return found

@@ -22,11 +22,10 @@ class Curve:
 
     name: str  # in the legend; one of its style, if it is in several panels
     style: DeciderStyle  # colour and marker
-    # x, y: (K,) points
+    # x, y: (K,) points; estimates have bars
     x: ArrayLike
-    y: ArrayLike
+    y: ArrayLike | Sequence[Estimate]
     bounds: FloatArray | None = None  # (2, K) lower and upper bound of y, drawn as a band
-    bars: FloatArray | None = None  # (2, K) lengths of the bars below and above y
     selected: ArrayLike = ()  # (n, 2) points with large filled markers
     size: float = 4.5  # of the markers [pt], 0 for none
     filled: bool = False  # whether the markers are filled
@@ -73,8 +72,10 @@ def curve_figure(
     grid = canvas.subplots(len(rows), len(rows[0]), squeeze=False, **sharing)
     named: dict[str, Any] = {}
     for axes, panel in zip(grid.flat, chain(*rows), strict=True):
-        _draw_panel(axes, panel, outer_only=bool(sharing))
+        _draw_panel(axes, panel)
         axes.set_title(panel.title, fontsize=11)
+        if sharing:
+            axes.label_outer()
         lines, names = axes.get_legend_handles_labels()
         named |= dict(zip(names, lines, strict=True))
     canvas.legend(named.values(), named, loc="outside right upper", frameon=False)
@@ -83,13 +84,11 @@ def curve_figure(
     return canvas
 
 
-def _draw_panel(axes: Any, panel: Panel, outer_only: bool) -> None:
-    """Draw a panel, with `outer_only` without labels at inner axes."""
+def _draw_panel(axes: Any, panel: Panel) -> None:
+    """Draw the curves of a panel and its axes."""
     for curve in panel.curves:
         _draw_curve(axes, curve)
-    place = axes.get_subplotspec()
-    outer = place.is_last_row() or not outer_only, place.is_first_col() or not outer_only
-    plain_axes(axes, panel.x.label * outer[0], panel.y.label * outer[1])
+    plain_axes(axes, panel.x.label, panel.y.label)
     for name, axis, draw_level in (("x", panel.x, axes.axvline), ("y", panel.y, axes.axhline)):
         if axis.log:
             axes.set(**{f"{name}scale": "log"})
@@ -108,11 +107,13 @@ def _draw_curve(axes: Any, curve: Curve) -> None:
     colour, marker = curve.style.colour, curve.style.marker
     if curve.bounds is not None:
         axes.fill_between(curve.x, *curve.bounds, color=colour, alpha=0.13, linewidth=0)
-    if curve.bars is not None:
-        axes.errorbar(curve.x, curve.y, curve.bars, color=colour, linestyle="none", linewidth=1)
+    y: Any = curve.y
+    if len(y) and isinstance(y[0], Estimate):
+        y = [one.value for one in y]
+        axes.errorbar(curve.x, y, error_bars(curve.y), color=colour, linestyle="none", linewidth=1)
     hollow = {} if curve.filled else {"markerfacecolor": "white", "markeredgewidth": 0.9}
     axes.plot(
-        curve.x, curve.y, color=colour, marker=marker if curve.size else None, markersize=curve.size,
+        curve.x, y, color=colour, marker=marker if curve.size else None, markersize=curve.size,
         linewidth=curve.width, linestyle=curve.dashes, label=curve.name.replace("$", r"\$"), **hollow,
     )  # fmt: skip
     for point in np.reshape(curve.selected, (-1, 2)):

@@ -107,13 +107,8 @@ def write_json(path: Path, value: Any) -> None:
         text = json.dumps(value, indent=2, allow_nan=False, default=methodcaller("as_json"))
     except ValueError:
         raise ArgumentError(f"{path.name} is not written: its values are not all finite") from None
-    write_text(path, text + "\n")
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a text in UTF-8."""
     with atomic_file(path) as part:
-        part.write_text(text, encoding="utf-8")
+        part.write_text(text + "\n", encoding="utf-8")
 
 
 def save_figure(figure: Any, path: Path) -> None:
@@ -128,7 +123,8 @@ def write_files(folder: Path, files: Mapping[str, Any]) -> str:
         if name.endswith(".json"):
             write_json(folder / name, content)
         elif name.endswith(".md"):
-            write_text(folder / name, content)
+            with atomic_file(folder / name) as part:
+                part.write_text(content, encoding="utf-8")
         else:
             save_figure(content, folder / name)
     names = [*files] if len(files) <= MOST_NAMED else [*list(files)[:3], f"{len(files) - 3} more"]

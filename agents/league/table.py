@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from agents.evaluation.cells import filled_table, markdown_table
-from agents.figures.curves import Axis, Curve, Panel, curve_figure, error_bars
+from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import decider_styles
 from agents.league.protocol import QUICKEST, WORLDS, read_entry, scores_of
 from baselines.scoring.estimates import Estimate
@@ -108,9 +108,8 @@ def league_figure(entries: Sequence[dict[str, Any]]) -> Figure:
     worlds, shift = list(WORLDS), 0.7 / max(1, len(entries) - 1)
     for index, entry in enumerate(entries):
         found = {place: value for place, world in enumerate(worlds) if (value := reward(entry, world)) is not None}
-        places, values = [place + index * shift - 0.35 for place in found], [value.value for value in found.values()]
-        name, bars = f"{entry['title']} ({entry['kind']})", error_bars([*found.values()])
-        curves.append(Curve(name, styles[entry["title"]], places, values, bars=bars, dashes="none", filled=True))
+        places, name = [place + index * shift - 0.35 for place in found], f"{entry['title']} ({entry['kind']})"
+        curves.append(Curve(name, styles[entry["title"]], places, [*found.values()], dashes="none", filled=True))
     names = ["\n".join(textwrap.fill(part, 11) for part in world.split(", ")) for world in worlds]
     between = tuple(place - 0.5 for place in range(1, len(worlds)))
     x = Axis(limits=(-0.5, len(worlds) - 0.5), ticks=dict(enumerate(names)), levels=between)

@@ -3,6 +3,7 @@
 import functools
 import os
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -24,7 +25,7 @@ from agents.recordings.figure import check_plotly, draw_recording, write_map
 from agents.recordings.tracking import TrackedRecording, TrackingArguments, piece_table, row_table
 from baselines.recordings.reading.names import ROLES
 from hybrid_env.checks import ArgumentError, check_between, check_integer, check_positive, reject
-from hybrid_env.sensors import Radar, Sensor, parse_sensors
+from hybrid_env.sensors import Radar, parse_sensors
 
 if TYPE_CHECKING:
     from baselines.recordings.reading.read import RecordingFile
@@ -81,13 +82,13 @@ class FileArguments:
 
     def parsed_radar(self) -> Radar | None:
         """Return the radar, if there is one."""
-        try:
-            one = None if self.radar is None else parse_sensors([f"radar {self.radar}"])[0]
-        except ArgumentError:
-            one = Sensor(variance=1.0)
-        if isinstance(one, Sensor):
-            raise reject("radar", self.radar, "two standard deviations and more, as in '30 0.01 rate 0.5 at 10 0'")
-        return one
+        if self.radar is None:
+            return None
+        with suppress(ArgumentError):
+            (one,) = parse_sensors([f"radar {self.radar}"])
+            if isinstance(one, Radar):
+                return one
+        raise reject("radar", self.radar, "two standard deviations and more, as in '30 0.01 rate 0.5 at 10 0'")
 
     def column_names(self) -> dict[str, str]:
         """Return the columns by role."""
@@ -289,14 +290,13 @@ def work_on_files(work: Work, paths: Sequence[Path], folders: Sequence[Path], jo
 def check_free(folder: Path, overwrite: bool) -> None:
     """Check before any work that the folder can be written to, and is empty unless it may be overwritten."""
     try:
-        if folder.is_dir() and any(folder.iterdir()) and not overwrite:
-            raise reject("out", str(folder), "a new or empty folder, or --overwrite")
+        full = folder.is_dir() and any(folder.iterdir())
         existing = next((one for one in (folder, *folder.parents) if one.exists()), folder)
         writable = existing.is_dir() and os.access(existing, os.W_OK | os.X_OK)
-    except ArgumentError:
-        raise
     except (OSError, ValueError):
-        writable = False
+        full = writable = False
+    if full and not overwrite:
+        raise reject("out", str(folder), "a new or empty folder, or --overwrite")
     if not writable:
         raise reject("out", str(folder), "a writable folder")
 

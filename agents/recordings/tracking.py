@@ -150,13 +150,9 @@ class TrackingArguments(ErrorArguments):
         if self.durations is not None:
             parse_durations(self.durations)
         check_choice("undecided", self.undecided, ("keep", "likeliest"))
-        if self.bank is not None:
-            check_choice("bank", self.bank, ("published", "anchor_aware"))
-            if not self.lengths:
-                raise reject("bank", self.bank, "none without lengths: the bank is the IMM")
-        for name in ("recalculation", "refine_radius"):
+        for name in ("bank", "recalculation", "refine_radius"):
             if getattr(self, name) and not self.lengths:
-                raise reject(name, True, "False without lengths: modes are then stated, not declared")
+                raise reject(name, getattr(self, name), "no value without lengths: modes are then stated, by the IMM")
         if self.start is not None:
             check_array("start", self.start, (4,))
         announced, unknown = rules(ANNOUNCED), rules(UNKNOWN)

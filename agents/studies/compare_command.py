@@ -18,7 +18,7 @@ from agents.interface.output_files import output_folder, write_files, write_json
 from agents.interface.parallel import ParallelArguments
 from agents.interface.progress import print_lines, progress_display, shown
 from agents.interface.world_arguments import TrustArguments, WorldArguments
-from agents.studies.episodes import Episodes
+from agents.studies.play_command import Episodes
 from baselines.rules import seeds
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.extras import explained

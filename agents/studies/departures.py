@@ -8,8 +8,7 @@ other episodes.
 """
 
 import functools
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from typing import Any
 
 from matplotlib.figure import Figure
@@ -18,7 +17,7 @@ from agents.evaluation.cells import in_brackets, markdown_table
 from agents.evaluation.registry import find_family
 from agents.evaluation.task import sweep
 from agents.evaluation.tasks import ENVIRONMENTS, task_of
-from agents.figures.curves import Axis, Curve, Panel, curve_figure, error_bars
+from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import decider_styles
 from agents.interface.parallel import Call
 from agents.studies.shifts import evaluate_world
@@ -33,33 +32,26 @@ RADIUS, VARIANCE = 5.0, 0.001  # listed radius [m] and Q [m^2/s^2]
 Row = dict[str, Any]
 
 
-@dataclass(frozen=True)
-class Level:
-    """A world on a road."""
-
-    name: str
-    # options of the environment in which nobody is told of the departure
-    world: Mapping[str, Any] = field(default_factory=dict)
-    truth: Mapping[str, Any] = field(default_factory=dict)  # options of the same world, told to its filters
+Level = tuple[str, dict[str, Any], dict[str, Any]]
+"""A world on a road: name, options of an environment in which nobody is told, those of the same one that is told."""
 
 
 def _radius(factor: float) -> Level:
-    flown = (factor * RADIUS,)
-    world = {"scheme": RandomScheme(radii=flown), "correctness": "type"}
-    return Level(f"{factor:g}", world, {"radii": flown, "correctness": "type"})
+    told = {"radii": (factor * RADIUS,), "correctness": "type"}
+    return f"{factor:g}", {"scheme": RandomScheme(radii=told["radii"]), "correctness": "type"}, told
 
 
-PROCESS = [
-    Level(f"{k}", {"object_variance": k * VARIANCE}, {"process_variance": k * VARIANCE}) for k in (3, 10, 30, 100)
+PROCESS: list[Level] = [
+    (f"{k}", {"object_variance": k * VARIANCE}, {"process_variance": k * VARIANCE}) for k in (3, 10, 30, 100)
 ]
-TAILS = [Level(f"{freedom:g}", *[{"noise": f"student_t {freedom:g}"}] * 2) for freedom in (10, 5, 3, 2, 1.5)]
+TAILS: list[Level] = [(f"{freedom:g}", *[{"noise": f"student_t {freedom:g}"}] * 2) for freedom in (10, 5, 3, 2, 1.5)]
 DURATIONS = ("uniform 25-125", "uniform 50-100", "uniform 65-85", "uniform 72-78")
-RHYTHMS = [Level(law.replace(" ", "\n"), *[{"durations": law}] * 2) for law in DURATIONS]
+RHYTHMS: list[Level] = [(law.replace(" ", "\n"), *[{"durations": law}] * 2) for law in DURATIONS]
 ROADS: dict[str, tuple[str, list[Level]]] = {
-    "tails of the noise: Student's t, degrees of freedom": (ANNOUNCED, [Level("normal"), *TAILS]),
-    "process noise of the object over Q": (ANNOUNCED, [Level("1"), *PROCESS]),
+    "tails of the noise: Student's t, degrees of freedom": (ANNOUNCED, [("normal", {}, {}), *TAILS]),
+    "process noise of the object over Q": (ANNOUNCED, [("1", {}, {}), *PROCESS]),
     "radius of turns over the listed one": (ANNOUNCED, list(map(_radius, (1.0, 1.25, 1.5, 2.0, 2.5)))),
-    "rhythm: durations": (UNKNOWN, [Level("25 +\ngeometric 50"), *RHYTHMS]),
+    "rhythm: durations": (UNKNOWN, [("25 +\ngeometric 50", {}, {}), *RHYTHMS]),
 }
 
 
@@ -69,7 +61,7 @@ def calls(further: Sequence[str], episodes: int, seed: int) -> dict[str, Call]:
     for road, (switches, levels) in ROADS.items():
         names = DECIDERS[switches] + (tuple(further) if switches == ANNOUNCED else ())
         for level in levels:
-            name = f"{road}: {level.name}".replace("\n", " ")
+            name = f"{road}: {level[0]}".replace("\n", " ")
             found[name] = functools.partial(respond, road, level, switches, names, episodes, seed)
     return found
 
@@ -80,11 +72,12 @@ def respond(road: str, level: Level, switches: str, names: Sequence[str], episod
     The gap is the reward less that of this rule on the same episodes; None in its own row.
     """
     task = task_of(ENVIRONMENTS[switches])
-    told, world = task.changed(level.truth), task.changed(level.world)
+    title, untold_options, told_options = level
+    told, world = task.changed(told_options), task.changed(untold_options)
     goal = task.statistic(task.goal)
-    rules = [evaluate_world(name, level.name, told, None, episodes, seed) for name in TOLD[switches]]
+    rules = [evaluate_world(name, title, told, None, episodes, seed) for name in TOLD[switches]]
     best = max(rules, key=lambda one: one.reward.value)
-    place = {"road": road, "level": level.name.replace("\n", " ")}
+    place = {"road": road, "level": title.replace("\n", " ")}
     rows: list[Row] = [place | {"decider": best.decider, "reward": best.reward, "gap": None}]
     for name in names:
         family = find_family(name, task.options)  # made for the nominal model
@@ -119,9 +112,8 @@ def departures_figure(found: Sequence[Row]) -> Figure:
         for name, style in styles.items():
             gaps = [row["gap"] for row in untold if (row["road"], row["decider"]) == (road, name)]
             if gaps:
-                values = [gap.value for gap in gaps]
-                curves.append(Curve(name, style, range(len(gaps)), values, bars=error_bars(gaps)))
-        ticks = {float(k): level.name for k, level in enumerate(levels)}
+                curves.append(Curve(name, style, range(len(gaps)), gaps))
+        ticks = {float(k): title for k, (title, *_) in enumerate(levels)}
         x = Axis(road, limits=(-0.2, len(levels) - 0.1), ticks=ticks)
         panels.append(Panel("", x, Axis("reward less that of the best rule that is told", levels=(0.0,)), curves))
     title = "What deciders lose that are not told how the world departs from the model"

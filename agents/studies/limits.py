@@ -16,7 +16,7 @@ from agents.evaluation.registry import find_family
 from agents.evaluation.task import Task, gather, sweep
 from agents.evaluation.tasks import BANK, QUICKEST, THREE, task_of
 from agents.evaluation.unknown import UnknownTask
-from agents.figures.curves import Axis, Curve, Panel, curve_figure, error_bars
+from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import decider_styles
 from agents.interface.parallel import Call
 from baselines.papers import golubkov2018
@@ -320,8 +320,7 @@ def later_ticks(rows: Sequence[Row]) -> Figure:
         for noise in NOISE_LEVELS:
             steps = {row["step"]: row["reward"] for row in rows if (row["law"], row["noise"]) == (law, noise)}
             known = [steps[step] for step in (BEAM, *LATER.values())]
-            beam = {"bars": error_bars(known), "size": 5.0, "filled": True, "width": 1.5}
-            curves = [Curve(NAMES[BEAM], styles[NAMES[BEAM]], lags, [one.value for one in known], **beam)]
+            curves = [Curve(NAMES[BEAM], styles[NAMES[BEAM]], lags, known, size=5.0, filled=True, width=1.5)]
             for step in (GEOMETRIC, THRESHOLD, IMM):
                 style = styles[NAMES[THRESHOLD if step == IMM else step]]  # the same bank
                 ends, reward = [lags[0], lags[-1]], [steps[step].value] * 2

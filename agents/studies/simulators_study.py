@@ -13,7 +13,7 @@ from scipy.stats import norm
 from agents.evaluation import simulators
 from agents.evaluation.registry import SHIPPED, policy_folder
 from agents.evaluation.simulators import SimulatorTask
-from agents.figures.curves import Axis, Curve, Panel, curve_figure, error_bars
+from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import FURTHER_STYLES
 from agents.interface.parallel import Workers
 from agents.studies.seal import differing, digests
@@ -144,9 +144,8 @@ def mismatch_figure(results: Sequence[Shift], mismatches: Mapping[str, float]) -
         if not worlds:
             continue
         found = [gains[world][1] for world in worlds]
-        points = [mismatches[world] for world in worlds], [each.value for each in found]
         style = FURTHER_STYLES[sum(map(len, curves.values()))]
-        curve = Curve(kind, style, *points, bars=error_bars(found), dashes=":", filled=True)
+        curve = Curve(kind, style, [mismatches[world] for world in worlds], found, dashes=":", filled=True)
         curves.setdefault(one.simulator, []).append(curve)
     x = Axis("mean squared whitened innovation", levels=(1.0,))
     y = Axis("reward less that of the best tuned rule", levels=(0.0, -ALLOWED))

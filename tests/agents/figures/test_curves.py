@@ -6,6 +6,7 @@ import pytest
 from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import decider_style
 from agents.interface.output_files import save_figure
+from baselines.scoring.estimates import Estimate
 from hybrid_env import ArgumentError
 
 TICKS = np.array([5.0, 15.0, 30.0, 50.0, 90.0])
@@ -73,7 +74,7 @@ def test_axes_have_the_scale_the_ticks_and_the_dashed_levels_that_are_given():
 
 def test_bands_and_bars_reach_from_the_lower_to_the_upper_bound():
     banded = curve("ppo", [0.5] * 5, bounds=np.array([[0.2] * 5, [0.9] * 5]))
-    barred = curve("ATE (SPRT)", [0.4] * 5, bars=np.array([[0.1] * 5, [0.3] * 5]))
+    barred = Curve("ATE (SPRT)", decider_style("ATE (SPRT)"), TICKS, [Estimate(0.4, 0.3, 0.7)] * 5)
     [axes] = curve_figure([[Panel("", TIME, REWARD, [banded, barred])]], (6.0, 4.0)).axes
     ends = [collection.get_datalim(axes.transData) for collection in axes.collections]
     np.testing.assert_allclose([(box.y0, box.y1) for box in ends], [(0.2, 0.9), (0.3, 0.7)])

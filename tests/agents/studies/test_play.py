@@ -11,8 +11,7 @@ import hybrid_env  # noqa: F401
 from agents.evaluation.registry import load_decider
 from agents.evaluation.tasks import task_of
 from agents.studies import episodes, play_command
-from agents.studies.episodes import Episodes
-from agents.studies.play_command import PALETTE_SIZE, Play, palette_colours
+from agents.studies.play_command import PALETTE_SIZE, Episodes, Play, palette_colours
 from baselines.recordings.reading.read import read_recordings
 from baselines.rules.own import as_decider
 from hybrid_env.checks import ArgumentError
