@@ -12,9 +12,8 @@ from hypothesis import given
 
 from agents import track_recording
 from agents.cli import main
-from agents.recordings.files import object_folders
-from agents.tuning.ranges import parse_range
-from agents.tuning.search import JOURNAL, Search, best_rows, ended, median_rewards, open_study
+from agents.recordings.command import object_folders
+from agents.tuning.search import JOURNAL, Search, best_rows, ended, median_rewards, open_study, parse_range
 from baselines.rules.rollout import evaluate
 from hybrid_env import ArgumentError, HybridTrackEasyEnv, HybridTrackEnv, Layout
 from hybrid_env.wrappers import CompleteInfo
