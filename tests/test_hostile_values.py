@@ -93,7 +93,7 @@ def test_a_journal_with_a_cut_last_line_goes_on_and_a_hostile_one_is_refused(tmp
 
 @pytest.mark.parametrize("examples", counts(40, 10_000))
 def test_a_damaged_journal_goes_on_or_is_refused(examples, tmp_path):
-    ranges = (parse_range("n_epochs=1..3"),)
+    ranges = dict([parse_range("n_epochs=1..3")])
     search = Search("hybrid_env:HybridTrack-v0", {}, "ppo", (), ranges, 0, None)
     study = open_study(search, tmp_path)
     study.tell(study.ask(), 0.5)

@@ -186,7 +186,7 @@ class AnnouncedTask(Task):
 
     def episode_table(self, history: History) -> tuple[Sequence[str], list[tuple[str, ...]], str, int]:
         """Return one row for each decision."""
-        rows = []
+        rows: list[tuple[str, ...]] = []
         for number, decision in enumerate(history.decisions, start=1):
             modes = (mode_name(mode, self.options.radii) for mode in (decision.true_mode, decision.mode))
             verdict = "[green]correct[/]" if decision.correct else "[red]wrong[/]"

@@ -206,7 +206,8 @@ class UnknownTask(Task):
 
     def episode_table(self, history: History) -> tuple[Sequence[str], list[tuple[str, ...]], str, int]:
         """Return one row for each segment, and metrics of the episode."""
-        true, stated, rows = history.true_modes, history.stated, []
+        true, stated = history.true_modes, history.stated
+        rows: list[tuple[str, ...]] = []
         right = true == stated
         wrong = (np.diff(stated, prepend=stated[:1]) != 0) & ~right
         bounds = [*history.switches.tolist(), len(true)]

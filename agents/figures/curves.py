@@ -108,12 +108,12 @@ def _draw_curve(axes: Any, curve: Curve) -> None:
     if curve.bounds is not None:
         axes.fill_between(curve.x, *curve.bounds, color=colour, alpha=0.13, linewidth=0)
     y: Any = curve.y
-    if len(y) and isinstance(y[0], Estimate):
-        y = [one.value for one in y]
-        axes.errorbar(curve.x, y, error_bars(curve.y), color=colour, linestyle="none", linewidth=1)
+    values = [one.value if isinstance(one, Estimate) else one for one in y]
+    if any(isinstance(one, Estimate) for one in y):
+        axes.errorbar(curve.x, values, error_bars(y), color=colour, linestyle="none", linewidth=1)
     hollow = {} if curve.filled else {"markerfacecolor": "white", "markeredgewidth": 0.9}
     axes.plot(
-        curve.x, y, color=colour, marker=marker if curve.size else None, markersize=curve.size,
+        curve.x, values, color=colour, marker=marker if curve.size else None, markersize=curve.size,
         linewidth=curve.width, linestyle=curve.dashes, label=curve.name.replace("$", r"\$"), **hollow,
     )  # fmt: skip
     for point in np.reshape(curve.selected, (-1, 2)):

@@ -175,10 +175,11 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         from agents.studies.continuation import Plan
 
         task = task_of(self.env_id, self.world_options())
-        usual = {name: getattr(task, name) for name in ("agents", "episodes", "selection_episodes")}
+        usual: dict[str, Any] = {name: getattr(task, name) for name in ("agents", "episodes", "selection_episodes")}
         usual["deciders"] = task.compared
-        own = {field.name: getattr(self, field.name) for field in fields(Plan) if field.name != "task"}
-        plan = Plan(task, **{name: usual.get(name) if value is None else value for name, value in own.items()})
+        own: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(Plan) if field.name != "task"}
+        own |= {name: value for name, value in usual.items() if own[name] is None}
+        plan = Plan(task, **own)
         for name in ("episodes", "selection_episodes", "training_seeds", "steps"):
             if getattr(plan, name) is not None:
                 check_integer(name.replace("_", "-"), getattr(plan, name))

@@ -37,16 +37,19 @@ Level = tuple[str, dict[str, Any], dict[str, Any]]
 
 
 def _radius(factor: float) -> Level:
-    told = {"radii": (factor * RADIUS,), "correctness": "type"}
-    return f"{factor:g}", {"scheme": RandomScheme(radii=told["radii"]), "correctness": "type"}, told
+    flown = (factor * RADIUS,)
+    untold = {"scheme": RandomScheme(radii=flown), "correctness": "type"}
+    return f"{factor:g}", untold, {"radii": flown, "correctness": "type"}
 
 
 PROCESS: list[Level] = [
     (f"{k}", {"object_variance": k * VARIANCE}, {"process_variance": k * VARIANCE}) for k in (3, 10, 30, 100)
 ]
-TAILS: list[Level] = [(f"{freedom:g}", *[{"noise": f"student_t {freedom:g}"}] * 2) for freedom in (10, 5, 3, 2, 1.5)]
-DURATIONS = ("uniform 25-125", "uniform 50-100", "uniform 65-85", "uniform 72-78")
-RHYTHMS: list[Level] = [(law.replace(" ", "\n"), *[{"durations": law}] * 2) for law in DURATIONS]
+TAILS: list[Level] = [
+    (f"{freedom:g}", noise, noise) for freedom in (10, 5, 3, 2, 1.5) for noise in [{"noise": f"student_t {freedom:g}"}]
+]
+LAWS = ("uniform 25-125", "uniform 50-100", "uniform 65-85", "uniform 72-78")
+RHYTHMS: list[Level] = [(law.replace(" ", "\n"), {"durations": law}, {"durations": law}) for law in LAWS]
 ROADS: dict[str, tuple[str, list[Level]]] = {
     "tails of the noise: Student's t, degrees of freedom": (ANNOUNCED, [("normal", {}, {}), *TAILS]),
     "process noise of the object over Q": (ANNOUNCED, [("1", {}, {}), *PROCESS]),

@@ -102,7 +102,7 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
             task.options_with(family.options)
             found.append((task, family, threshold))
         groups: dict[str, list[Any]] = {}
-        rows = []
+        rows: list[dict[str, Any]] = []
         with progress_display(console) as progress:
             bar = progress.add_task("Evaluating", total=len(found), note="")
             for name, (task, family, threshold) in zip(deciders, found, strict=True):
@@ -114,8 +114,10 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
                 scores = sweep(task, family, self.episodes, self.seed, show, (threshold,))
                 figures = {metric.name: scores.estimate(metric.statistic) for metric in task.metrics}
                 groups.setdefault(f"{task.env_id} {task.given}", []).append((task, scores, figures))
-                row = {"decider": name, "name": scores.name, "threshold": {"symbol": scores.symbol, "value": threshold}}
-                row |= {"episodes": self.episodes, "size": task.size(self.episodes)} | figures
+                row: dict[str, Any] = {
+                    "decider": name, "name": scores.name, "threshold": {"symbol": scores.symbol, "value": threshold},
+                    "episodes": self.episodes, "size": task.size(self.episodes), **figures,
+                }  # fmt: skip
                 rows.append(row | {key: finite(values[0]) for key, values in scores.extra.items()})
             progress.update(bar, note="")
         for (task, first, figures), *others in groups.values():

@@ -68,10 +68,10 @@ class Limits(TrustArguments, ParallelArguments):
         every = {name: call for part in by_part.values() for name, call in part.items()}
         found = shown(console, "Evaluating", len(every), lambda note: dict(workers.results(every, note)))
         parts: Any = {part: [row for name in named for row in found[name]] for part, named in by_part.items()}
-        name, data, text, figure = "limits", parts, limits_markdown, limits_figure
+        study: Any = ("limits", parts, limits_markdown, limits_figure)
         if self.departures:
-            name, data = "departures", parts["departures"]
-            text, figure = departures.departures_markdown, departures.departures_figure
+            study = "departures", parts["departures"], departures.departures_markdown, departures.departures_figure
+        name, data, text, figure = study
         files = {f"{name}.md": text(data), f"{name}.json": data, f"{name}.png": figure(data)}
         console.print(Markdown(files[f"{name}.md"]))
         print_lines(console, write_files(folder, files))

@@ -73,7 +73,8 @@ def parse_range(text: str) -> tuple[str, Any]:
         raise error from None
     if not -math.inf < low < high < math.inf:
         raise error
-    return name, (IntDistribution if whole else FloatDistribution)(low, high, log=low > 0 and high / low >= WIDE)
+    kind: Any = IntDistribution if whole else FloatDistribution
+    return name, kind(low, high, log=low > 0 and high / low >= WIDE)
 
 
 def parse_ranges(texts: Sequence[str], recipe: Recipe) -> Ranges:
