@@ -170,9 +170,8 @@ class UnknownTask(Task):
     def panels(self, groups: Groups) -> list[Panel]:
         """Return mean delay and mean reward against wrong changes per 1,000 ticks.
 
-        The delay of a switch that is not detected is that to the end of its segment. Otherwise a strict
-        threshold would detect only the easiest switches and seem quick. A dashed line marks the rate at which
-        delays are compared.
+        Switches that are not detected count in the delay: a strict threshold, which detects only the easiest ones,
+        would else seem quick. A dashed line marks the rate at which delays are compared.
         """
         wrong = mean("wrong_changes")
         rates = [EQUAL_WRONG_CHANGES, *(rate for rate in chosen(groups, wrong) if rate > 0.0)]

@@ -85,10 +85,7 @@ def _play(name: str, world: str) -> dict[str, Any]:
 
 
 def kind_of(decider: Decider, task: Task) -> str:
-    """Return what a decider uses: "informed" of what a user does not know, a "classical" rule, else memory.
-
-    Learned and own deciders are "recurrent" if they keep a state or filters of their own, else "memoryless".
-    """
+    """Return "informed" of what a user does not know, "classical" rule, "recurrent" with memory, or "memoryless"."""
     if decider.informed:
         return "informed"
     if type(decider).__module__.startswith("baselines.rules.") and type(decider).name:

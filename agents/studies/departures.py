@@ -1,10 +1,8 @@
 """Deciders that are not told how the world departs from the model, beside the best rule that is told.
 
-There are four roads away from the model, each from no departure to a large one. On each of them an agent or
-rule keeps its weights, its default threshold and the nominal model. Beside it stand classical rules in the same
-episodes, with the true model: their filters know the process noise, radii or law of the durations, those for
-announced switches are fitted to simulated episodes with the true noise, and their thresholds are selected on
-other episodes.
+On four roads away from the model an agent or rule keeps its weights, its default threshold and the nominal model.
+Beside it stand classical rules in the same episodes, with the true model: their filters know the process noise, radii
+or law of the durations, some are fitted to the true noise, and thresholds are selected on other episodes.
 """
 
 import functools
@@ -30,7 +28,6 @@ DECIDERS = {ANNOUNCED: ("shipped", "msprt", "ate"), UNKNOWN: ("shipped", "beam-a
 """Deciders that are not told."""
 RADIUS, VARIANCE = 5.0, 0.001  # listed radius [m] and Q [m^2/s^2]
 Row = dict[str, Any]
-
 
 Level = tuple[str, dict[str, Any], dict[str, Any]]
 """A world on a road: name, options of an environment in which nobody is told, those of the same one that is told."""

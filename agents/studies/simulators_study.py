@@ -56,11 +56,7 @@ def compare_on_simulators(
 
 
 def first_seed(seed: int, episodes: int, sealed: bool) -> int:
-    """Return the seed of the first path.
-
-    Raises:
-        ArgumentError: the seeds are not open, or the seal is broken.
-    """
+    """Return the seed of the first path; refuse seeds that are not open, and sealed ones if the seal is broken."""
     if not sealed:
         if not 0 <= seed <= seeds.SELECTION - episodes:
             raise reject("seed", seed, f"a number from 0 to {seeds.SELECTION} minus the number of episodes")
@@ -156,11 +152,7 @@ def mismatch_figure(results: Sequence[Shift], mismatches: Mapping[str, float]) -
 def counts(results: Sequence[Shift]) -> dict[str, int]:
     """Return in how many worlds the first decider, untuned, keeps up with the best tuned other one.
 
-    It has the likeliest process noise.
-
-    Returns:
-        worlds; kept: at most .01 below; above: the difference above 0, and below: below 0, by Holm's
-        correction over all worlds.
+    kept: at most .01 below; above, below: the difference is not 0 by Holm's correction over all worlds.
     """
     gains = [gain for _, gain, _ in differences(results).values()]
     sure = holm([p_value(gain) for gain in gains])

@@ -230,11 +230,7 @@ def ended(study: optuna.Study) -> list[FrozenTrial]:
 def run_trials(
     search: Search, study: optuna.Study, trials: int, workers: Workers, on_done: Callable[[str], None]
 ) -> None:
-    """Train with the workers until the study of a search has a number of trials.
-
-    Raises:
-        ArgumentError: no combination of values can be trained.
-    """
+    """Train with the workers until the study of a search has a number of trials; refuse values that cannot be."""
     while (left := trials - len(ended(study))) > 0:
         number = len(study.get_trials(deepcopy=False))
         with warnings.catch_warnings():
