@@ -184,15 +184,15 @@ class AnnouncedTask(Task):
             Panel(cost, ticks, reward, curves(groups, mean("ticks"), mean("reward"), (-np.inf, -np.inf))),
         ]
 
-    def episode_table(self, history: History) -> tuple[Sequence[str], list[tuple[str, ...]], str, int]:
+    def episode_table(self, title: str, history: History) -> Table:
         """Return one row for each decision."""
-        rows: list[tuple[str, ...]] = []
+        rows = []
         for number, decision in enumerate(history.decisions, start=1):
             modes = (mode_name(mode, self.options.radii) for mode in (decision.true_mode, decision.mode))
             verdict = "[green]correct[/]" if decision.correct else "[red]wrong[/]"
             verdict += ", forced" if decision.forced else ""
             rows.append((str(number), *modes, verdict, f"{decision.ticks} of {decision.length}"))
-        return ("segment", "true mode", "decided mode", "decision", "ticks"), rows, "", 4
+        return filled_table(title, ("segment", "true mode", "decided mode", "decision", "ticks"), rows, texts=4)
 
     def track_record(self, history: History, **common: Any) -> TrackRecord:
         """Return the declarations: statements from their tick to the end of the segment."""

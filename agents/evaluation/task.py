@@ -176,8 +176,8 @@ class Task(ABC):
         return int(getattr(self.options, f"{self.wording.unit}s"))
 
     @abstractmethod
-    def episode_table(self, history: History) -> tuple[Sequence[str], list[tuple[str, ...]], str, int]:
-        """Return a table of an episode that has just ended: the last arguments of `filled_table`."""
+    def episode_table(self, title: str, history: History) -> Table:
+        """Return a table of an episode that has just ended."""
 
     @abstractmethod
     def track_record(self, history: History, **common: Any) -> TrackRecord:

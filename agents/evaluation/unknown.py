@@ -203,10 +203,9 @@ class UnknownTask(Task):
                 found.append(Panel(title, times, Axis("switches, %", (0.0, 100.0)), lines))
         return found
 
-    def episode_table(self, history: History) -> tuple[Sequence[str], list[tuple[str, ...]], str, int]:
+    def episode_table(self, title: str, history: History) -> Table:
         """Return one row for each segment, and metrics of the episode."""
-        true, stated = history.true_modes, history.stated
-        rows: list[tuple[str, ...]] = []
+        true, stated, rows = history.true_modes, history.stated, []
         right = true == stated
         wrong = (np.diff(stated, prepend=stated[:1]) != 0) & ~right
         bounds = [*history.switches.tolist(), len(true)]
@@ -217,7 +216,8 @@ class UnknownTask(Task):
             rows.append((str(number), mode, str(end - first), until, f"{inside.mean():.0%}", changes))
         metrics = self._of_episode(history)
         caption = f"right {metrics.right[0]:.1%}, reward {metrics.reward[0]:.3f} per tick"
-        return ("segment", "true mode", "ticks", "ticks until stated", "right", "wrong changes"), rows, caption, 2
+        heads = ("segment", "true mode", "ticks", "ticks until stated", "right", "wrong changes")
+        return filled_table(title, heads, rows, caption, 2)
 
     def track_record(self, history: History, **common: Any) -> TrackRecord:
         """Return the statements."""

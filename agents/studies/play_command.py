@@ -13,7 +13,6 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from agents.evaluation.cells import filled_table
 from agents.evaluation.error_rate import ErrorArguments
 from agents.evaluation.registry import load_decider
 from agents.evaluation.task import Task
@@ -85,7 +84,7 @@ class Episodes:
 
     def table(self, title: str) -> Table:
         """Return a table of the episode that has just ended."""
-        return filled_table(title, *self.task.episode_table(self.history))
+        return self.task.episode_table(title, self.history)
 
     def record(self, name: str, seed: int) -> TrackRecord:
         """Play an episode and return what was declared or stated at every tick, with the name in the figure."""
