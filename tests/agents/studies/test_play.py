@@ -10,7 +10,7 @@ from PIL import Image, ImageSequence
 import hybrid_env  # noqa: F401
 from agents.evaluation.registry import load_decider
 from agents.evaluation.tasks import task_of
-from agents.studies import episodes, play_command
+from agents.studies import play_command
 from agents.studies.play_command import PALETTE_SIZE, Episodes, Play, palette_colours
 from baselines.recordings.reading.read import read_recordings
 from baselines.rules.own import as_decider
@@ -70,7 +70,7 @@ def played(env_id, name):
 
 
 def use(monkeypatch, decider):
-    monkeypatch.setattr(episodes, "load_decider", lambda *_: as_decider(decider))
+    monkeypatch.setattr(play_command, "load_decider", lambda *_: as_decider(decider))
 
 
 def test_a_gif_has_one_frame_for_each_reset_and_step_at_ten_per_second(tmp_path):
