@@ -9,13 +9,13 @@ import re
 import sys
 import warnings
 from collections.abc import Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import gymnasium as gym
 import tyro
 
-from agents.interface.help_texts import as_command, as_subcommand
-from agents.interface.trust import TRUST
+from agents.interface.help_texts import as_command
+from agents.interface.world_arguments import TRUST
 from agents.league.command import League
 from agents.recordings.command import Track
 from agents.reproduction.command import Reproduce
@@ -129,9 +129,13 @@ def parse(arguments: Sequence[str]) -> Any:
     if name in COMMANDS:  # the flags of one command are parsed much sooner than those of all
         kind, description = as_command(COMMANDS[name])
         return tyro.cli(kind, prog=f"hybridtrack {name}", args=arguments[1:], description=description, config=config)
-    kinds = tuple(as_subcommand(name, kind) for name, kind in COMMANDS.items())
+    kinds: list[Any] = []
+    for name, (kind, description) in zip(COMMANDS, map(as_command, COMMANDS.values()), strict=True):
+        first = tyro.conf.subcommand(name, description=description.partition("\n")[0])
+        kinds.append(Annotated[kind, first])
+    every: Any = functools.reduce(operator.or_, kinds)
     return tyro.cli(
-        functools.reduce(operator.or_, kinds), prog="hybridtrack", args=arguments, config=config,
+        every, prog="hybridtrack", args=arguments, config=config,
         description="Quickest decisions on motion modes with classical rules and learned agents.",
     )  # fmt: skip
 

@@ -12,9 +12,8 @@ from hypothesis import given
 
 from agents import track_recording
 from agents.cli import main
-from agents.recordings.files import object_folders
-from agents.tuning.ranges import parse_range
-from agents.tuning.search import JOURNAL, Search, best_rows, ended, median_rewards, open_study
+from agents.recordings.command import object_folders
+from agents.tuning.search import JOURNAL, Search, best_rows, ended, median_rewards, open_study, parse_range
 from baselines.rules.rollout import evaluate
 from hybrid_env import ArgumentError, HybridTrackEasyEnv, HybridTrackEnv, Layout
 from hybrid_env.wrappers import CompleteInfo
@@ -94,7 +93,7 @@ def test_a_journal_with_a_cut_last_line_goes_on_and_a_hostile_one_is_refused(tmp
 
 @pytest.mark.parametrize("examples", counts(40, 10_000))
 def test_a_damaged_journal_goes_on_or_is_refused(examples, tmp_path):
-    ranges = (parse_range("n_epochs=1..3"),)
+    ranges = dict([parse_range("n_epochs=1..3")])
     search = Search("hybrid_env:HybridTrack-v0", {}, "ppo", (), ranges, 0, None)
     study = open_study(search, tmp_path)
     study.tell(study.ask(), 0.5)

@@ -10,11 +10,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from agents.evaluation.cells import filled_table
-from agents.evaluation.curves import Groups, Selected, chosen, curves, means
+from agents.evaluation.curves import Groups, Selected, chosen, curves
 from agents.evaluation.task import Levels, Metric, OnProgress, Recorded, Task, Wording
 from agents.evaluation.worlds import shifted_worlds
 from agents.figures.curves import Axis, Panel
-from agents.figures.decider_colours import decider_styles
 from agents.figures.tracks import UNDECIDED, TrackRecord
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED
@@ -160,18 +159,17 @@ class AnnouncedTask(Task):
         errors = filled_table("Error rate by previous decision", heads, rows)
         return [errors, calibration_table(remarks["bank"], self.options.bank)]
 
-    def panels(self, groups: Groups, complete: bool) -> list[Panel]:
+    def panels(self, groups: Groups) -> list[Panel]:
         """Return accuracy and mean reward against mean decision time.
 
         The accuracy axis is logarithmic in the error rate, so that 98 % and 99 % are distinguishable. No
-        error among n segments is drawn as half an error. A hollow marker at the right edge means that the
-        decider does not reach the accuracy level.
+        error among n segments is drawn as half an error.
         """
         first = next(iter(groups.values()))[0].scores
         least = 0.5 / (first.episodes * self.options.segments)
         times, wrong, rewards = (list(chosen(groups, one)) for one in (mean("ticks"), ERROR, mean("reward")))
         best, worst = max(rewards), min(rewards)
-        ticks = Axis("mean decision time, ticks", (0.0, 1.05 * max([30.0, *times, *_ends(groups)])))
+        ticks = Axis("mean decision time, ticks", (0.0, max([30.0, *(1.8 * time for time in times)])))
         error = Axis(
             "accuracy, % of segments", (max(0.6, 1.1 * max(wrong)), min(0.8e-3, 0.8 * max(min(wrong), least))),
             {error: f"{100 * (1 - error):g}" for error in ERRORS}, log=True,
@@ -182,24 +180,19 @@ class AnnouncedTask(Task):
         accuracy = "Accuracy against mean decision time"
         cost = f"Mean reward per segment, delay cost {self.options.delay_cost:g} per tick"
         return [
-            Panel(accuracy, ticks, error, found, unreached=_unreached(groups, complete)),
+            Panel(accuracy, ticks, error, found),
             Panel(cost, ticks, reward, curves(groups, mean("ticks"), mean("reward"), (-np.inf, -np.inf))),
         ]
 
-    def done(self, history: History) -> float:
-        """See `Task.done`."""
-        return len(history.decisions) / self.length
-
-    def fill(self, table: Table, history: History) -> None:
-        """Add one row for each decision."""
-        for name in ("segment", "true mode", "decided mode", "decision"):
-            table.add_column(name)
-        table.add_column("ticks", justify="right")
+    def episode_table(self, title: str, history: History) -> Table:
+        """Return one row for each decision."""
+        rows = []
         for number, decision in enumerate(history.decisions, start=1):
             modes = (mode_name(mode, self.options.radii) for mode in (decision.true_mode, decision.mode))
             verdict = "[green]correct[/]" if decision.correct else "[red]wrong[/]"
             verdict += ", forced" if decision.forced else ""
-            table.add_row(str(number), *modes, verdict, f"{decision.ticks} of {decision.length}")
+            rows.append((str(number), *modes, verdict, f"{decision.ticks} of {decision.length}"))
+        return filled_table(title, ("segment", "true mode", "decided mode", "decision", "ticks"), rows, texts=4)
 
     def track_record(self, history: History, **common: Any) -> TrackRecord:
         """Return the declarations: statements from their tick to the end of the segment."""
@@ -214,23 +207,3 @@ class AnnouncedTask(Task):
             **common, modes=np.where(since < np.repeat(ticks, lengths), UNDECIDED, stated), switches=switches,
             right=np.repeat(correct, lengths), marks=switches + ticks - 1, summary=f"{rewards.mean():+.2f}",
         )  # fmt: skip
-
-
-def _ends(groups: Groups) -> list[float]:
-    """Return the mean decision times up to which curves are shown: to an accuracy of 99.8 %."""
-    found = []
-    for group in groups.values():
-        ticks, accuracy = means(group, mean("ticks")), means(group, mean("accuracy"))
-        found.append(float(np.interp(0.998, accuracy, ticks)) if accuracy.max() > 0.9 else float(ticks.max()))
-    return found
-
-
-def _unreached(groups: Groups, complete: bool) -> dict[float, tuple[str, list[Any]]]:
-    """Return the styles of the deciders that do not reach an accuracy level at any threshold."""
-    styles, whole = decider_styles(groups), list(groups)[: None if complete else 1]  # those with all thresholds
-    found = {}
-    for level in ACCURACY_LEVELS:
-        missing = [name for name in whole if means(groups[name], mean("accuracy")).max() < level]
-        if missing:
-            found[1.0 - level] = f"{100 * level:g} % not reached", [styles[name] for name in missing]
-    return found

@@ -10,21 +10,14 @@ from rich.table import Table
 from baselines.scoring.estimates import Estimate
 
 
-def new_table(title: str, caption: str = "") -> Table:
-    """Return an empty table."""
-    return Table(
-        title=escape(title), min_width=len(title), caption=escape(caption) or None, caption_justify="left",
-        box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0),
-    )  # fmt: skip
-
-
 def filled_table(
     title: str, heads: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "", texts: int = 1
 ) -> Table:
     """Return a table whose first columns, `texts` of them, are of text; an empty row draws a line."""
-    table = new_table(title, caption)
-    if len(heads) > 7:  # fit into 80 columns
-        table.padding = (0, 0, 0, 0)
+    table = Table(
+        title=escape(title), min_width=len(title), caption=escape(caption) or None, caption_justify="left",
+        box=box.SIMPLE_HEAD, padding=(0, int(len(heads) <= 7), 0, 0),  # fits into 80 columns
+    )  # fmt: skip
     for column, head in enumerate(heads):  # long names are wrapped, numbers are not
         words = column < texts
         table.add_column(head, "", justify="left" if words else "right", overflow="fold", no_wrap=not words)

@@ -1,23 +1,26 @@
 """Recorded flights: a mode is stated at every position, and compared with labels by hindsight."""
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from agents.evaluation.cells import bounds_cell
 from agents.evaluation.registry import SHIPPED, find_decider, learned_family, policy_folder, split_threshold
 from agents.evaluation.task import Metric
 from baselines.estimation.turn_beam import run_turn_beam
 from baselines.estimation.turns import run_turn_imm
-from baselines.recordings.flights.flight import SCORED, TIERS, Flight, stack_flights
+from baselines.recordings.flights.flight import SCORED, Flight, stack_flights
 from baselines.recordings.flights.labels import Labels
 from baselines.recordings.flights.metrics import STATISTICS
 from baselines.recordings.flights.samples import Samples
 from baselines.recordings.flights.semi_real import WORLD, semi_real_flights, state_semi_real
 from baselines.recordings.flights.tracks import FlightTracks
 from baselines.rules.decider import FLIGHTS, UNKNOWN, Decider, DeciderFamily, rules
+from baselines.scoring.estimates import Estimate
+from baselines.scoring.scores import Scores
 from hybrid_env.checks import IntArray, reject
 
 NATIVE, SEMI_REAL = "native", "semi-real"
@@ -34,6 +37,37 @@ METRICS = (
     Metric("changes_per_label", "changes\nper label", STATISTICS["changes_per_label"], 2),
 )
 
+SECOND_LINES = "Second lines: 95 % interval, flights drawn with replacement."
+
+
+def value(scores: Scores, name: str = "agreement") -> float:
+    """Return a figure of some flights."""
+    return float(scores.curve(STATISTICS[name])[0])
+
+
+def figure_cell(scores: Scores, metric: Metric, bracketed: str = "") -> str:
+    """Return a figure, in brackets another one, and below it its interval; one digit less from 10 on."""
+
+    def short(number: float) -> str:
+        digits = metric.digits - (round(abs(number), metric.digits) >= 10.0)
+        return f"{number:.{digits}f}" if np.isfinite(number) else "-"
+
+    found, low, high = (short(metric.scale * one) for one in vars(scores.estimate(metric.statistic)).values())
+    other = f" ({short(value(scores, bracketed))})" if bracketed else ""
+    return f"{found}{other}\n{low}-{high}"
+
+
+def less_first(scores: Mapping[str, Scores], name: str, rows: list[int]) -> Estimate | None:
+    """Return the agreement of a decider on some flights less that of the first decider; None for that one."""
+    first = next(iter(scores))
+    agreement = STATISTICS["agreement"]
+    return None if name == first else scores[name].some(rows).difference(scores[first].some(rows), agreement)
+
+
+def less_cell(less: Estimate | None) -> str:
+    """Return what `less_first` returns in percentage points."""
+    return "" if less is None else bounds_cell(less, 1, 100.0)
+
 
 @dataclass(frozen=True)
 class FlightTask:
@@ -47,14 +81,6 @@ class FlightTask:
     identities: tuple[str, ...]  # of the flights; without any those of `SCORED`
     tiers: tuple[str, ...]  # names of the tiers; of the default flights only these are used
     form: str
-
-    def check(self) -> None:
-        """Raise `ArgumentError` if a name is unknown."""
-        for name in self.tiers:
-            if name not in TIERS:
-                raise reject("tier", name, ", ".join(TIERS))
-        if self.form not in COMPARED:
-            raise reject("form", self.form, ", ".join(COMPARED))
 
     @property
     def compared(self) -> tuple[str, ...]:

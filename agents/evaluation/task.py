@@ -24,7 +24,7 @@ from hybrid_env.options import ModelOptions
 from hybrid_env.registration import make_track_vector_env
 from hybrid_env.rendering.history import History
 
-FIGURE_SIZE = (11.5, 5.2)  # of the figure of a comparison [in]
+FIGURE_SIZE = (13.0, 5.2)  # of the figure of a comparison [in]
 Levels = dict[tuple[str, ...], "Metric"]
 """Figures of whole operating curves, by their keys in JSON from the outermost on."""
 OnProgress = Callable[[float], None]  # called with the finished share
@@ -74,7 +74,7 @@ class Task(ABC):
     metrics: ClassVar[tuple[Metric, ...]]  # figures of a decider at one threshold, in the order of tables
     further: ClassVar[Mapping[str, Statistic]] = {}  # other figures at one threshold, for JSON
     goal: ClassVar[str] = "reward"  # figure that thresholds are selected for
-    episode_word: ClassVar[str] = "episodes"  # what an episode is called in the note of figures
+    figure_note: ClassVar[str] = "Filled markers: thresholds selected on other episodes."
     notes: ClassVar[str] = ""  # lines that explain the metrics below a table
     paired: ClassVar[str]  # how `against` compares, as a word for headings
     reference: ClassVar[str]  # name of the rule that others are compared with
@@ -103,12 +103,6 @@ class Task(ABC):
         """Title of the figure of a comparison."""
         variances = " and ".join(f"{variance:g}" for variance in self.options.variances)
         return f"{self.title}: {self.options.hypotheses} hypotheses, R = {variances} m²"
-
-    @property
-    def figure_note(self) -> str:
-        """Text below the figure of a comparison."""
-        selected = f"Filled markers: thresholds selected on other {self.episode_word}."
-        return f"{selected} Arrows: the curve continues outside the axes."
 
     @abstractmethod
     def size(self, episodes: int) -> str:
@@ -166,12 +160,12 @@ class Task(ABC):
         """Return paired figures of a decider and the reference by keys in JSON; `curves`: at all thresholds."""
 
     @abstractmethod
-    def panels(self, groups: Groups, complete: bool) -> list[Panel]:
-        """Return the operating curves of deciders, the reference first; `complete`: all at every threshold."""
+    def panels(self, groups: Groups) -> list[Panel]:
+        """Return the operating curves of deciders, the reference first."""
 
-    def figure(self, groups: Groups, complete: bool) -> Figure:
+    def figure(self, groups: Groups) -> Figure:
         """Return the figure of a comparison, see `panels`."""
-        panels = self.panels(groups, complete)
+        panels = self.panels(groups)
         rows = [panels[k : k + 2] for k in range(0, len(panels), 2)]
         width, height = FIGURE_SIZE
         return curve_figure(rows, (width, height * len(rows)), self.figure_title, self.figure_note)
@@ -182,12 +176,8 @@ class Task(ABC):
         return int(getattr(self.options, f"{self.wording.unit}s"))
 
     @abstractmethod
-    def done(self, history: History) -> float:
-        """Return the share of the running episode that is decided or stated."""
-
-    @abstractmethod
-    def fill(self, table: Table, history: History) -> None:
-        """Add columns and rows about an episode that has just ended."""
+    def episode_table(self, title: str, history: History) -> Table:
+        """Return a table of an episode that has just ended."""
 
     @abstractmethod
     def track_record(self, history: History, **common: Any) -> TrackRecord:

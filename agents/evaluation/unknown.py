@@ -70,7 +70,10 @@ class UnknownTask(Task):
         "threshold", "IMM threshold", "threshold rule", "tick", ("right", "wrong_changes"),
         "right {right:.1%} of the time, {wrong_changes:.1f} wrong changes in 1,000 ticks",
     )  # fmt: skip
-    episode_word: ClassVar = "tracks"
+    figure_note: ClassVar = (
+        "Filled markers: thresholds selected on other tracks. "
+        "A switch that is not detected counts until the end of its segment."
+    )
     agents: ClassVar = ("shipped",)
     episodes: ClassVar = 500
     selection_episodes: ClassVar = 300
@@ -164,25 +167,17 @@ class UnknownTask(Task):
         """See `Task.figure_title`."""
         return f"{super().figure_title}, segments of {self.options.law} ticks"
 
-    @property
-    def figure_note(self) -> str:
-        """See `Task.figure_note`."""
-        return f"{super().figure_note} A switch that is not detected counts until the end of its segment."
-
-    def panels(self, groups: Groups, complete: bool) -> list[Panel]:
+    def panels(self, groups: Groups) -> list[Panel]:
         """Return mean delay and mean reward against wrong changes per 1,000 ticks.
 
-        The delay of a switch that is not detected is that to the end of its segment. Otherwise a strict
-        threshold would detect only the easiest switches and seem quick. A dashed line marks the rate at which
-        delays are compared.
+        Switches that are not detected count in the delay: a strict threshold, which detects only the easiest ones,
+        would else seem quick. A dashed line marks the rate at which delays are compared.
         """
         wrong = mean("wrong_changes")
         rates = [EQUAL_WRONG_CHANGES, *(rate for rate in chosen(groups, wrong) if rate > 0.0)]
         low, high = min(rates) / 3.0, max(rates) * 3.0
         ticks = {rate: f"{rate:g}" for rate in RATES if low <= rate <= high}
-        axis = Axis(
-            "wrong changes per 1,000 ticks", (low, high), ticks, minor=True, log=True, levels=(EQUAL_WRONG_CHANGES,)
-        )
+        axis = Axis("wrong changes per 1,000 ticks", (low, high), ticks, log=True, levels=(EQUAL_WRONG_CHANGES,))
         reward = f"Mean reward, a wrong change costs {self.options.change_cost:g} ticks"
         found = []
         every = [one.scores for group in groups.values() for one in group]
@@ -208,27 +203,21 @@ class UnknownTask(Task):
                 found.append(Panel(title, times, Axis("switches, %", (0.0, 100.0)), lines))
         return found
 
-    def done(self, history: History) -> float:
-        """See `Task.done`."""
-        return len(history.trace) / self.length
-
-    def fill(self, table: Table, history: History) -> None:
-        """Add one row for each segment, and metrics of the episode."""
-        true, stated = history.true_modes, history.stated
+    def episode_table(self, title: str, history: History) -> Table:
+        """Return one row for each segment, and metrics of the episode."""
+        true, stated, rows = history.true_modes, history.stated, []
         right = true == stated
         wrong = (np.diff(stated, prepend=stated[:1]) != 0) & ~right
-        metrics = self._of_episode(history)
-        table.caption = f"right {metrics.right[0]:.1%}, reward {metrics.reward[0]:.3f} per tick"
-        table.add_column("segment")
-        table.add_column("true mode")
-        for name in ("ticks", "ticks until stated", "right", "wrong changes"):
-            table.add_column(name, justify="right")
         bounds = [*history.switches.tolist(), len(true)]
         for number, (first, end) in enumerate(pairwise(bounds), start=1):
             inside, mode = right[first:end], mode_name(int(true[first]), self.options.radii)
             until = str(inside.argmax()) if inside.any() else "[red]never[/]"
             changes = str(wrong[first:end].sum())
-            table.add_row(str(number), mode, str(end - first), until, f"{inside.mean():.0%}", changes)
+            rows.append((str(number), mode, str(end - first), until, f"{inside.mean():.0%}", changes))
+        metrics = self._of_episode(history)
+        caption = f"right {metrics.right[0]:.1%}, reward {metrics.reward[0]:.3f} per tick"
+        heads = ("segment", "true mode", "ticks", "ticks until stated", "right", "wrong changes")
+        return filled_table(title, heads, rows, caption, 2)
 
     def track_record(self, history: History, **common: Any) -> TrackRecord:
         """Return the statements."""
@@ -238,9 +227,10 @@ class UnknownTask(Task):
         wrong = round(1e-3 * len(stated) * float(metrics.wrong_changes[0]))
         right, reward = f"{100 * metrics.right[0]:.1f} % of the ticks right", f"mean reward {metrics.reward[0]:.3f}"
         summary = f"{right}, {delayed}, {wrong} changes to a wrong mode, {reward}"
-        marks = np.flatnonzero(np.diff(stated, prepend=stated[:1]))
-        same = history.true_modes == stated
-        return TrackRecord(**common, modes=stated, right=same, marks=marks, switches=None, summary=summary)
+        return TrackRecord(
+            **common, modes=stated, right=history.true_modes == stated, switches=np.zeros(0, np.int64),
+            marks=np.flatnonzero(np.diff(stated, prepend=stated[:1])), summary=summary,
+        )  # fmt: skip
 
     def _of_episode(self, history: History) -> StatementMetrics:
         statements = Statements(history.true_modes[:, None], history.stated[:, None])

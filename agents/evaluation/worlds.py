@@ -12,6 +12,7 @@ from hybrid_env.options import WorldOptions
 from hybrid_env.scheme import RandomScheme
 
 NOMINAL = "nominal"
+BEYOND = 2.0  # factor of the ranges of worlds for evaluation, at both ends
 
 LENGTH_UNITS = (0.03, 1000.0)  # standard deviation of a measurement [m], where units are drawn
 TICKS = (0.01, 60.0)  # length of a tick [s], likewise
@@ -142,10 +143,10 @@ def _draw_heavy_tails(generator: Generator) -> str:
     return f"student_t {_log_uniform(generator, FREEDOMS):.6g}"
 
 
-def draw_worlds(count: int, seed: int, beyond: float) -> dict[str, dict[str, Any]]:
-    """Return name and options of random worlds with 3, 7 or 21 hypotheses."""
+def draw_worlds(count: int, seed: int) -> dict[str, dict[str, Any]]:
+    """Return name and options of random worlds with 3, 7 or 21 hypotheses, from wider ranges than in training."""
     generators = [np.random.default_rng(seed + k) for k in range(count)]
     return {
-        f"random world {k}": draw_world(one, int(one.choice([1, 3, 10], p=[0.6, 0.2, 0.2])), beyond)
+        f"random world {k}": draw_world(one, int(one.choice([1, 3, 10], p=[0.6, 0.2, 0.2])), BEYOND)
         for k, one in enumerate(generators, start=1)
     }

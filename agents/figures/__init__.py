@@ -2,7 +2,6 @@
 
 - `canvas`: an empty figure, and the style of its axes.
 - `decider_colours`: colour and marker of each decider, the same in every figure.
-- `curve_labels`: names beside curves, in place of a legend.
 - `curves`: panels of curves, such as operating curves.
 - `tracks`: a track in the plane by its modes, and modes over time as bars.
 

@@ -6,22 +6,21 @@ from typing import Any
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-DPI, PAPER_DPI = 120, 110
-
+DPI = 110
 GREY, DARK_GREY, TRUTH = "#9a9a9a", "#4d4d4d", "#1a1a1a"
 """Of measurements, of lines beside curves, and of the true track."""
 
 
-def new_canvas(size: tuple[float, float], dpi: float = DPI) -> Figure:
+def new_canvas(size: tuple[float, float]) -> Figure:
     """Return an empty figure of width and height [in]."""
-    canvas = Figure(figsize=size, layout="constrained", dpi=dpi)
+    canvas = Figure(figsize=size, layout="constrained", dpi=DPI)
     FigureCanvasAgg(canvas)
     return canvas
 
 
 def paper_figure(title: str, size: tuple[float, float], widths: Sequence[float]) -> tuple[Figure, Any]:
     """Return a figure of a paper, of width and height [in], with axes of relative widths in a row."""
-    figure = new_canvas(size, PAPER_DPI)
+    figure = new_canvas(size)
     figure.suptitle(title)
     return figure, figure.subplots(1, len(widths), width_ratios=widths)
 

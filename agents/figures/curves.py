@@ -1,36 +1,31 @@
-"""Panels of curves with their names beside them, one curve per decider."""
+"""Panels of curves, one curve per decider, with a legend for all panels."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from itertools import chain, pairwise
+from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
-from matplotlib.transforms import ScaledTranslation
 from numpy.typing import ArrayLike
 
 from agents.figures.canvas import new_canvas, plain_axes
-from agents.figures.curve_labels import label_curves
 from agents.figures.decider_colours import DeciderStyle
 from baselines.scoring.estimates import Estimate
 from hybrid_env.checks import FloatArray
-
-MARKER_SPACING = 10.0  # between the markers of points without a value [pt]
 
 
 @dataclass(frozen=True)
 class Curve:
     """One curve."""
 
-    name: str  # written beside it
+    name: str  # in the legend; one of its style, if it is in several panels
     style: DeciderStyle  # colour and marker
-    # x, y: (K,) points; `Panel.strip` shows those whose y is not finite
+    # x, y: (K,) points; estimates have bars
     x: ArrayLike
-    y: ArrayLike
+    y: ArrayLike | Sequence[Estimate]
     bounds: FloatArray | None = None  # (2, K) lower and upper bound of y, drawn as a band
-    bars: FloatArray | None = None  # (2, K) lengths of the bars below and above y
     selected: ArrayLike = ()  # (n, 2) points with large filled markers
     size: float = 4.5  # of the markers [pt], 0 for none
     filled: bool = False  # whether the markers are filled
@@ -46,7 +41,6 @@ class Axis:
     label: str = ""
     limits: tuple[float, float] | None = None  # first and last value; None fits the data
     ticks: Mapping[float, str] | None = None  # their labels by value; None chooses them
-    minor: bool = False  # whether there are small ticks between these
     log: bool = False  # whether the scale is logarithmic
     levels: tuple[float, ...] = ()  # values that are marked by dashed lines
 
@@ -59,10 +53,6 @@ class Panel:
     x: Axis
     y: Axis
     curves: Sequence[Curve]  # in drawing order
-    # y of a line, and y above it where hollow markers stand for points whose y is not finite
-    strip: tuple[float, float] | None = None
-    # by level of y, a text at the right edge and the styles of the curves that do not reach it
-    unreached: Mapping[float, tuple[str, Sequence[DeciderStyle]]] = field(default_factory=dict)
 
 
 def error_bars(estimates: Sequence[Estimate]) -> FloatArray:
@@ -72,134 +62,59 @@ def error_bars(estimates: Sequence[Estimate]) -> FloatArray:
 
 
 def curve_figure(
-    rows: Sequence[Sequence[Panel]], size: tuple[float, float], title: str = "", note: str = "",
-    title_size: float = 12.0, **sharing: Any,
-) -> Figure:  # fmt: skip
-    """Draw rows of panels with curves, width and height in inches. An arrow marks where a curve leaves its panel.
+    rows: Sequence[Sequence[Panel]], size: tuple[float, float], title: str = "", note: str = "", **sharing: Any
+) -> Figure:
+    """Draw rows of panels with curves, width and height in inches.
 
-    `title` and `note` stand above and below all panels, `title_size` [pt] is that of each, and `sharing` has
-    `sharex` and `sharey` of `Figure.subplots`.
+    `title` and `note` stand above and below all panels; `sharing` has `sharex` and `sharey` of `Figure.subplots`.
     """
     canvas = new_canvas(size)
     grid = canvas.subplots(len(rows), len(rows[0]), squeeze=False, **sharing)
-    drawn = []
+    named: dict[str, Any] = {}
     for axes, panel in zip(grid.flat, chain(*rows), strict=True):
-        drawn.append((axes, _draw_panel(axes, panel, outer_only=bool(sharing))))
-        axes.set_title(panel.title, fontsize=title_size)
-    if title:
-        canvas.suptitle(title)
-    if note:
-        canvas.supxlabel(note, fontsize=9, color="0.3")
-    canvas.draw_without_rendering()  # fixes the layout
-    for axes, lines in drawn:
-        _mark_edges(axes, [line for line, _ in lines])
-        label_curves(axes, lines, fixed=True)
+        _draw_panel(axes, panel)
+        axes.set_title(panel.title, fontsize=11)
+        if sharing:
+            axes.label_outer()
+        lines, names = axes.get_legend_handles_labels()
+        named |= dict(zip(names, lines, strict=True))
+    canvas.legend(named.values(), named, loc="outside right upper", frameon=False)
+    canvas.suptitle(title)
+    canvas.supxlabel(note, fontsize=9, color="0.3")
     return canvas
 
 
-def _draw_panel(axes: Any, panel: Panel, outer_only: bool) -> list[tuple[Any, str]]:
-    """Draw a panel, with `outer_only` without labels at inner axes; return its lines with their labels."""
-    lines = []
-    missing: dict[float, int] = {}
+def _draw_panel(axes: Any, panel: Panel) -> None:
+    """Draw the curves of a panel and its axes."""
     for curve in panel.curves:
-        line = _draw_curve(axes, curve)
-        if panel.strip is not None:
-            marks = _draw_missing(axes, curve, panel.strip[1], missing)
-            line = line if np.isfinite(curve.y).any() else marks[0]
-        lines.append((line, curve.name))
-    if panel.strip is not None:
-        axes.axhline(panel.strip[0], color="0.4", linewidth=0.8)
-    place = axes.get_subplotspec()
-    outer = place.is_last_row() or not outer_only, place.is_first_col() or not outer_only
-    plain_axes(axes, panel.x.label * outer[0], panel.y.label * outer[1])
+        _draw_curve(axes, curve)
+    plain_axes(axes, panel.x.label, panel.y.label)
     for name, axis, draw_level in (("x", panel.x, axes.axvline), ("y", panel.y, axes.axhline)):
         if axis.log:
             axes.set(**{f"{name}scale": "log"})
         if axis.ticks is not None:
             of_axes = getattr(axes, f"{name}axis")
             of_axes.set_ticks(list(axis.ticks), labels=list(axis.ticks.values()))
-            if axis.minor:
-                of_axes.set_minor_formatter(NullFormatter())
-            else:
-                of_axes.set_ticks([], minor=True)
+            of_axes.set_minor_formatter(NullFormatter())
         if axis.limits is not None:
             axes.set(**{f"{name}lim": axis.limits})
         for level in axis.levels:
             draw_level(level, color="0.75", linewidth=0.8, linestyle="--", zorder=0)
-    for level, (text, styles) in panel.unreached.items():
-        _mark_unreached(axes, level, text, styles)
-    return lines
 
 
-def _draw_curve(axes: Any, curve: Curve) -> Any:
-    """Draw a curve with its band, bars and selected points; return its line."""
+def _draw_curve(axes: Any, curve: Curve) -> None:
+    """Draw a curve with its band, bars and selected points."""
     colour, marker = curve.style.colour, curve.style.marker
     if curve.bounds is not None:
         axes.fill_between(curve.x, *curve.bounds, color=colour, alpha=0.13, linewidth=0)
-    if curve.bars is not None:
-        axes.errorbar(curve.x, curve.y, curve.bars, color=colour, linestyle="none", linewidth=1)
+    y: Any = curve.y
+    values = [one.value if isinstance(one, Estimate) else one for one in y]
+    if any(isinstance(one, Estimate) for one in y):
+        axes.errorbar(curve.x, values, error_bars(y), color=colour, linestyle="none", linewidth=1)
     hollow = {} if curve.filled else {"markerfacecolor": "white", "markeredgewidth": 0.9}
-    (line,) = axes.plot(
-        curve.x, curve.y, color=colour, marker=marker if curve.size else None, markersize=curve.size,
-        linewidth=curve.width, linestyle=curve.dashes, **hollow,
+    axes.plot(
+        curve.x, values, color=colour, marker=marker if curve.size else None, markersize=curve.size,
+        linewidth=curve.width, linestyle=curve.dashes, label=curve.name.replace("$", r"\$"), **hollow,
     )  # fmt: skip
     for point in np.reshape(curve.selected, (-1, 2)):
         axes.plot(*point, linestyle="none", color=colour, marker=marker, markersize=8, zorder=5)
-    return line
-
-
-def _draw_missing(axes: Any, curve: Curve, height: float, missing: dict[float, int]) -> list[Any]:
-    """Draw hollow markers at a height for points without a finite y, beside those of earlier curves at the same x."""
-    values = np.asarray(curve.x, float)
-    marks = []
-    for x in values[~np.isfinite(curve.y)].tolist():
-        side = -1 if x == values[-1] else 1  # towards the middle of the panel
-        shift = side * MARKER_SPACING * missing.get(x, 0)
-        missing[x] = missing.get(x, 0) + 1
-        offset = ScaledTranslation(shift / 72, 0, axes.figure.dpi_scale_trans)
-        marks += axes.plot(
-            x, height, marker=curve.style.marker, markersize=6, color=curve.style.colour,
-            markerfacecolor="white", transform=axes.transData + offset, linestyle="none",
-        )  # fmt: skip
-    return marks
-
-
-def _mark_unreached(axes: Any, level: float, text: str, styles: Sequence[DeciderStyle]) -> None:
-    """Write a text at the right edge, and below it a hollow marker for each style."""
-    edge = axes.get_yaxis_transform()
-    axes.annotate(
-        text, (1.0, level), (6, 3), xycoords=edge, fontsize=8, color="0.3", textcoords="offset points",
-        va="bottom", annotation_clip=False,
-    )  # fmt: skip
-    for index, style in enumerate(styles):
-        shift = ScaledTranslation((10 + 11 * index) / 72, -7 / 72, axes.figure.dpi_scale_trans)
-        axes.plot(
-            1.0, level, transform=edge + shift, marker=style.marker, markersize=6.5, color=style.colour,
-            markerfacecolor="white", clip_on=False,
-        )  # fmt: skip
-
-
-def _mark_edges(axes: Any, lines: Sequence[Any]) -> None:
-    """An arrow along a curve wherever it crosses an edge of the axes."""
-    box = axes.get_window_extent()
-    for line in lines:
-        points = axes.transData.transform(line.get_xydata())
-        for start, end in pairwise(points):
-            inside = [box.contains(*point) for point in (start, end)]
-            if inside[0] == inside[1] or not np.isfinite([start, end]).all():
-                continue
-            inner, outer = (start, end) if inside[0] else (end, start)
-            step = outer - inner
-            with np.errstate(divide="ignore", invalid="ignore"):
-                shares = np.concatenate([(box.min - inner) / step, (box.max - inner) / step])
-            edge = inner + step * min((share for share in shares if 0.0 <= share <= 1.0), default=1.0)
-            direction = step / np.hypot(*step)
-            ends = axes.transAxes.inverted().transform([edge, edge - 14.0 * direction])
-            arrow = axes.annotate(
-                "", ends[0], ends[1], xycoords="axes fraction", textcoords="axes fraction", zorder=6,
-                arrowprops={
-                    "arrowstyle": "-|>", "color": line.get_color(), "mutation_scale": 11, "linewidth": 1.4,
-                    "shrinkA": 0, "shrinkB": 0,
-                },
-            )  # fmt: skip
-            arrow.set_in_layout(False)

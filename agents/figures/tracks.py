@@ -12,8 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
 
-from agents.figures.canvas import legend_beside, new_canvas, plain_axes
-from agents.figures.decider_colours import DeciderStyle, decider_styles
+from agents.figures.canvas import DARK_GREY, GREY, legend_beside, new_canvas, plain_axes
+from agents.figures.decider_colours import decider_styles
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.rendering.evidence import TYPE_COLOURS, mode_colour, mode_name, shade
 
@@ -22,10 +22,7 @@ UNDECIDED_COLOUR = "0.92"
 WRONG_HATCH = "xxx"
 NAME_LENGTH = 0.009  # of a character, as a share of the time axis
 
-TRUE_TRACK = "0.72"
-MEASUREMENT = "0.6"
 MARKER_SIZES = (12.0, 7.0)  # of the first and of the second decider, whose changes may coincide
-MOST_NAMES = 7  # true modes named in the legend
 UNSCORED = "#c8c8c8"
 LABEL_WIDTH, STATED_WIDTH = 6.0, 1.6
 
@@ -36,14 +33,18 @@ def runs(values: IntArray, breaks: ArrayLike = ()) -> list[tuple[int, int, int]]
     return list(zip(begins.tolist(), [*begins[1:].tolist(), len(values)], values[begins].tolist(), strict=True))
 
 
-def plot_by_mode(
-    axes: Any, positions: FloatArray, modes: IntArray, radii: Sequence[float], **style: Any
-) -> list[Line2D]:
-    """Draw positions, (T, 2), with one line per run of constant mode, in the colour of the mode."""
-    return [
-        axes.plot(*positions[max(first - 1, 0) : end].T, color=mode_colour(mode, radii), **style)[0]
-        for first, end, mode in runs(modes)
-    ]
+def draw_by_mode(
+    axes: Any, points: FloatArray, modes: IntArray, colours: Sequence[str],
+    pieces: Sequence[tuple[int, int]] | None = None, **style: Any,
+) -> None:  # fmt: skip
+    """Draw a line through the points (T, 2) of each piece, or of all, in the colour of the mode of each point."""
+    lines, shades = [], []
+    for first, end in [(0, len(modes))] if pieces is None else pieces:
+        for begin, stop, mode in runs(modes[first:end]):
+            lines.append(points[max(first + begin - 1, first) : first + stop])
+            shades.append(colours[mode])
+    axes.add_collection(LineCollection(lines, colors=shades, capstyle="butt", **style))
+    axes.autoscale_view()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,80 +58,47 @@ class TrackRecord:
     modes: IntArray  # (T,) declared or stated mode of each tick, `UNDECIDED` before a declaration
     right: BoolArray  # (T,) whether the decision of the tick, or of its segment, is right
     marks: IntArray  # (n,) 0-based ticks at which a mode is declared, or the statement changes
-    switches: IntArray | None  # (K,) 0-based first tick of each segment if the switches are announced, else None
+    switches: IntArray  # (K,) 0-based first tick of each segment if the switches are announced, else empty
     estimates: FloatArray  # (T, 2) estimated positions [m]
     summary: str  # figures of the decider on this track
 
 
 def track_figure(records: Sequence[TrackRecord], radii: Sequence[float], title: str) -> Figure:
-    """The track with the decisions or statements of one or two deciders, and their modes over time; radii in m."""
-    canvas = new_canvas((11, 8))
+    """The track by its modes, estimates and decisions of one or two deciders, and their modes over time; radii in m."""
+    canvas = new_canvas((12, 8))
     track, timeline = canvas.subplots(2, 1, height_ratios=(3, 0.5 + 0.3 * len(records)))
     first, modes = records[0], range(2 * len(radii) + 1)
-    colours, names = ([of(mode, radii) for mode in modes] for of in (mode_colour, mode_name))
     rows = {"true mode": first.true_modes} | {record.name: record.modes for record in records}
     wrong = {record.name: ~record.right & (record.modes != UNDECIDED) for record in records}
-    edges, label = np.arange(len(first.truth) + 1), "tick of the episode"
-    if first.switches is None:
-        draw_timelines(timeline, edges, rows, colours, label, wrong=wrong, edge_width=0.3)
-        shown = np.unique(first.true_modes).tolist()[:MOST_NAMES]
-        handles = [Patch(color=colours[mode], label=names[mode]) for mode in shown]
-        handles.append(wrong_patch("wrong statement"))
-    else:
-        draw_timelines(timeline, edges, rows, colours, label, wrong=wrong, breaks=first.switches, names=names)
-        handles = [Patch(color=UNDECIDED_COLOUR, label="before the decision (ticks)"), wrong_patch("wrong mode")]
-    _draw_track(track, records, colours)
+    colours, names = ([of(mode, radii) for mode in modes] for of in (mode_colour, mode_name))
+    draw_timelines(
+        timeline, np.arange(len(first.truth) + 1), rows, colours, "tick of the episode", wrong=wrong,
+        breaks=first.switches, names=names, edge_width=0.5,
+    )  # fmt: skip
+    undecided = [Patch(color=UNDECIDED_COLOUR, label="before the decision (ticks)")] * (len(first.switches) > 0)
+    legend_beside(timeline, handles=[*undecided, wrong_patch("wrong mode")])
+    draw_by_mode(track, first.truth, first.true_modes, colours, linewidths=5, alpha=0.4, zorder=1)
+    handles = track.plot(*first.measurements[::4].T, ".", color=GREY, markersize=2.5, label="every fourth measurement")
+    if undecided:
+        switches = first.truth[first.switches].T
+        handles += track.plot(*switches, "|", color=DARK_GREY, markersize=12, zorder=4, label="mode switch")
+    styles = decider_styles(record.name for record in records)
+    for record, size in zip(records, MARKER_SIZES, strict=False):
+        style = styles[record.name]
+        label = f"{record.name}: estimate"
+        handles += track.plot(*record.estimates.T, color=style.colour, linewidth=1.2, zorder=3, label=label)
+        for right, face in ((True, style.colour), (False, "white")):
+            ticks = record.marks[record.right[record.marks] == right]
+            handles += track.plot(
+                *record.truth[ticks].T, linestyle="none", marker=style.marker, markersize=size, zorder=5,
+                color=style.colour, markerfacecolor=face, markeredgewidth=1.6,
+                label=f"{record.name}: {'right' if right else 'wrong'} decision",
+            )  # fmt: skip
     plain_axes(track, "x, m", "y, m")
-    legend_beside(timeline, handles=handles)
+    track.set_aspect("equal", adjustable="datalim")
+    legend_beside(track, handles=handles)
     canvas.suptitle(title)
     return canvas
-
-
-def _draw_track(axes: Any, records: Sequence[TrackRecord], colours: Sequence[str]) -> None:
-    """Draw the track, and the estimates and declarations or the changes of the statements of each decider."""
-    first = records[0]
-    announced = first.switches is not None
-    words: tuple[str, ...] = ("right change", "wrong change")
-    handles, sizes = [], MARKER_SIZES
-    if announced:
-        handles += axes.plot(*first.truth.T, color=TRUE_TRACK, linewidth=4, label="true track", zorder=1)
-        sizes, words = (9.0, 9.0), ("estimate", "correct decision", "wrong decision")
-    else:
-        for begin, end, mode in runs(first.true_modes):
-            axes.plot(*first.truth[begin : end + 1].T, color=colours[mode], linewidth=3, zorder=2)
-    handles += axes.plot(
-        *first.measurements[::4].T, ".", color=MEASUREMENT, markersize=2.5, zorder=1 + announced,
-        label="every fourth measurement",
-    )  # fmt: skip
-    if announced:
-        switches = first.truth[first.switches].T
-        handles += axes.plot(*switches, "|", color="0.2", markersize=12, zorder=4, label="mode switch")
-    labels = [line.get_label() for line in handles]
-    styles = decider_styles(record.name for record in records)
-    for record, size in zip(records, sizes, strict=False):
-        style = styles[record.name]
-        if announced:
-            handles += axes.plot(*record.estimates.T, color=style.colour, linewidth=1.2, zorder=3)
-        handles += _draw_marks(axes, record, style, size)
-        labels += [f"{record.name}: {what}" for what in words]
-    if announced:
-        low, high = first.truth.min(0), first.truth.max(0)
-        margin = 0.08 * max(high - low)
-        axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
-    axes.set_aspect("equal", adjustable="box" if announced else "datalim")
-    legend_beside(axes, handles=handles, labels=labels)
-
-
-def _draw_marks(axes: Any, record: TrackRecord, style: DeciderStyle, size: float) -> list[Any]:
-    """Draw filled markers at right decisions and hollow ones at wrong decisions; return both."""
-    handles = []
-    for right, face in ((True, style.colour), (False, "white")):
-        ticks = record.marks[record.right[record.marks] == right]
-        handles += axes.plot(
-            *record.truth[ticks].T, linestyle="none", marker=style.marker, markersize=size, zorder=5,
-            color=style.colour, markerfacecolor=face, markeredgewidth=1.6,
-        )  # fmt: skip
-    return handles
 
 
 def recording_figure(
@@ -150,11 +118,10 @@ def recording_figure(
     ground, timeline = canvas.subplots(2, 1, height_ratios=(tall, bars))
     name, modes = next(iter(stated.items()))
     pale = [shade(colour, 0.6) for colour in TYPE_COLOURS] + [UNSCORED]
-    _draw_by_mode(ground, points, pieces, labels, pale, linewidths=LABEL_WIDTH, zorder=1)
-    _draw_by_mode(ground, points, pieces, modes, TYPE_COLOURS, linewidths=STATED_WIDTH, zorder=2)
+    draw_by_mode(ground, points, labels, pale, pieces, linewidths=LABEL_WIDTH, zorder=1)
+    draw_by_mode(ground, points, modes, TYPE_COLOURS, pieces, linewidths=STATED_WIDTH, zorder=2)
     ground.plot(*points[0], "s", color="black", markersize=5, zorder=3)
     ground.set_aspect("equal", adjustable="datalim")
-    ground.autoscale_view()
     ground.grid(alpha=0.25)
     ground.set(xlabel="x east [km]", ylabel="y north [km]")
     inside = np.zeros(len(minutes), np.bool_)
@@ -162,7 +129,7 @@ def recording_figure(
         inside[first : end - 1] = True  # the last position ends the last bar
     rows = {one: np.where(inside, values, NO_BAR) for one, values in {label: labels, **stated}.items()}
     edges = np.append(minutes, minutes[-1])
-    draw_timelines(timeline, edges, rows, [*TYPE_COLOURS, UNSCORED], "t [min]", edge_width=0.0)
+    draw_timelines(timeline, edges, rows, [*TYPE_COLOURS, UNSCORED], "t [min]")
     canvas.suptitle(title)
     handles = [Line2D([], [], color=TYPE_COLOURS[k], linewidth=2.5, label=mode) for k, mode in enumerate(names)]
     wide = {pale[1]: f"pale: {label}"} | ({UNSCORED: "not scored"} if (labels == len(names)).any() else {})
@@ -171,23 +138,10 @@ def recording_figure(
     return canvas
 
 
-def _draw_by_mode(
-    axes: Any, points: FloatArray, pieces: Sequence[tuple[int, int]], modes: IntArray, colours: Sequence[str],
-    **style: Any,
-) -> None:  # fmt: skip
-    """Draw a line through the points of each piece, in the colour of the mode of each point."""
-    lines, shades = [], []
-    for first, end in pieces:
-        for begin, stop, mode in runs(modes[first:end]):
-            lines.append(points[max(first + begin - 1, first) : first + stop])
-            shades.append(colours[mode])
-    axes.add_collection(LineCollection(lines, colors=shades, capstyle="butt", **style))
-
-
 def draw_timelines(
     axes: Any, edges: ArrayLike, rows: Mapping[str, IntArray], colours: Sequence[str], xlabel: str, *,
     wrong: Mapping[str, BoolArray] | None = None, breaks: ArrayLike = (), names: Sequence[str] = (),
-    edge_width: float = 1.0,
+    edge_width: float = 0.0,
 ) -> None:  # fmt: skip
     """Draw the modes (T,) of each row as bars between `edges` (T + 1,): indices of `colours` or others above.
 

@@ -21,12 +21,6 @@ def shown_default(text: str, *aliases: str, help: str | None = None) -> Any:
     return tyro.conf.arg(help=help, help_behavior_hint=f"(default: {text})", aliases=aliases or None)
 
 
-def as_subcommand(name: str, kind: type) -> Any:
-    """Return a dataclass as a subcommand for `tyro.cli`, described by its first paragraph."""
-    kind, description = as_command(kind)
-    return Annotated[kind, tyro.conf.subcommand(name, description=description.partition("\n")[0])]
-
-
 def as_command(kind: type) -> tuple[type, str]:
     """Return a dataclass as a command for `tyro.cli`, and its description."""
     _prepare_flags(kind)

@@ -8,6 +8,7 @@ import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from operator import methodcaller
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -19,6 +20,7 @@ from hybrid_env.checks import ArgumentError, reject
 
 PART_PREFIX = ".hybridtrack-"
 WRITTEN_ROWS = 50_000
+MOST_NAMED = 8  # files in a line
 STALE_AFTER = 86_400.0  # seconds; a temporary file without a change for so long is of a killed process
 
 Column: TypeAlias = Sequence[Any] | NDArray[Any]
@@ -93,19 +95,20 @@ def _reason(error: Exception) -> str:
     return (getattr(error, "strerror", None) or str(error))[:80]
 
 
+def finite(values: Any) -> Any:
+    """Return an array as lists of numbers, with None for values that are not finite."""
+    array = np.asarray(values)
+    return [finite(one) for one in array] if array.ndim else array.item() if np.isfinite(array) else None
+
+
 def write_json(path: Path, value: Any) -> None:
-    """Write indented JSON; NaN and infinities are refused."""
+    """Write indented JSON, of objects what their `as_json` returns; NaN and infinities are refused."""
     try:
-        text = json.dumps(value, indent=2, allow_nan=False)
+        text = json.dumps(value, indent=2, allow_nan=False, default=methodcaller("as_json"))
     except ValueError:
         raise ArgumentError(f"{path.name} is not written: its values are not all finite") from None
-    write_text(path, text + "\n")
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a text in UTF-8."""
     with atomic_file(path) as part:
-        part.write_text(text, encoding="utf-8")
+        part.write_text(text + "\n", encoding="utf-8")
 
 
 def save_figure(figure: Any, path: Path) -> None:
@@ -115,15 +118,17 @@ def save_figure(figure: Any, path: Path) -> None:
 
 
 def write_files(folder: Path, files: Mapping[str, Any]) -> str:
-    """Write plain values (.json), texts (.md) and figures of Matplotlib (.png); return a line with their names."""
+    """Write plain values (.json), texts (.md) and figures of Matplotlib (.png); return a line with most names."""
     for name, content in files.items():
         if name.endswith(".json"):
             write_json(folder / name, content)
         elif name.endswith(".md"):
-            write_text(folder / name, content)
+            with atomic_file(folder / name) as part:
+                part.write_text(content, encoding="utf-8")
         else:
             save_figure(content, folder / name)
-    return f"Files in {folder}: {', '.join(files)}"
+    names = [*files] if len(files) <= MOST_NAMED else [*list(files)[:3], f"{len(files) - 3} more"]
+    return f"Files in {folder}: {', '.join(names)}"
 
 
 def write_table(path: str | os.PathLike[str], columns: Mapping[str, Column]) -> None:

@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from datetime import timedelta
 from typing import TypeVar
 
 from rich.console import Console
@@ -21,7 +22,7 @@ def progress_display(console: Console, transient: bool = False) -> Progress:
     Every task needs a `note` field with a short status text. A transient display is removed at the end.
     """
     if not console.is_terminal:
-        return _ProgressLines()
+        return _ProgressLines(disable=True)
     return Progress(
         TextColumn("{task.description:<12}"), BarColumn(bar_width=16), TextColumn("{task.percentage:>3.0f} %"),
         TimeElapsedColumn(), TimeRemainingColumn(), TextColumn("{task.fields[note]}", markup=False),
@@ -45,44 +46,30 @@ def shown(console: Console, title: str, total: int, work: Callable[[Callable[[st
 
 
 class _ProgressLines(Progress):
-    """Lines instead of a live display. The longer the command takes, the rarer they are."""
-
-    def __init__(self) -> None:
-        super().__init__(disable=True)
-        self._ended = threading.Event()
-        self._lines: threading.Thread | None = None
+    """Lines on the standard error stream. The longer the command takes, the rarer they are."""
 
     def start(self) -> None:
-        if self._lines is None:
-            self._lines = threading.Thread(target=self._print_lines, daemon=True)
-            self._lines.start()
+        self._ended = threading.Event()
+        self._printer = threading.Thread(target=self._print_lines, daemon=True)
+        self._printer.start()
 
     def stop(self) -> None:
         self._ended.set()
-        if self._lines is not None:
-            self._lines.join()
+        self._printer.join()
 
     def _print_lines(self) -> None:
-        began = time.monotonic()
-        silence = FIRST_LINE
+        began, silence = time.monotonic(), FIRST_LINE
         while not self._ended.wait(silence):
             current = [task for task in self.tasks if not task.finished]
             if current:
                 with suppress(OSError, ValueError):  # the stream is closed
-                    print(progress_line(current[-1]), file=sys.stderr, flush=True)
+                    print(_line(current[-1]), file=sys.stderr, flush=True)
             silence = min(LONGEST_SILENCE, max(FIRST_LINE, 0.2 * (time.monotonic() - began)))
 
 
-def progress_line(task: Task) -> str:
-    """Text of a task, such as "Training: 40 % after 0:12, about 0:18 left: reward +0.31"."""
-    text = f"{task.description}: {task.percentage:.0f} % after {_clock(task.elapsed or 0.0)}"
+def _line(task: Task) -> str:
+    """Text of a task, such as "Training: 40 % after 0:00:12, about 0:00:18 left: reward +0.31"."""
+    text = f"{task.description}: {task.percentage:.0f} % after {timedelta(seconds=round(task.elapsed or 0.0))}"
     if task.time_remaining:
-        text += f", about {_clock(task.time_remaining)} left"
-    note = task.fields.get("note")
-    return f"{text}: {note}" if note else text
-
-
-def _clock(seconds: float) -> str:
-    minutes, second = divmod(round(seconds), 60)
-    hours, minute = divmod(minutes, 60)
-    return f"{hours}:{minute:02}:{second:02}" if hours else f"{minute}:{second:02}"
+        text += f", about {timedelta(seconds=round(task.time_remaining))} left"
+    return text + (f": {task.fields['note']}" if task.fields["note"] else "")

@@ -17,6 +17,7 @@ from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.registration import ENVIRONMENTS, environment_options
 
 CARD = "policy.json"
+TRUST = "HYBRIDTRACK_TRUST"  # environment variable: 1 lets policies of others be unpickled, which runs the code in them
 DEFAULT_ENV = "hybrid_env:HybridTrack-v0"
 _DEFAULT_TEXTS = {
     "heading": "random", "object_variance": "Q", "reset_covariance": "True for the published bank only",
@@ -76,9 +77,8 @@ class WorldArguments(_Flags):
     def world_options(self, env_id: str | None = None) -> dict[str, Any]:
         """Return the given options as keyword arguments of `gym.make`; refuse what the environment does not have."""
         env_id = env_id or self.env_id
-        flags = [field for field in dataclasses.fields(WorldArguments) if field.name != "env"]
-        values = {flag.name: getattr(self, flag.name) for flag in flags}
-        given = {flag.name: values[flag.name] for flag in flags if values[flag.name] is not flag.default}
+        values = [(flag, getattr(self, flag.name)) for flag in dataclasses.fields(WorldArguments) if flag.name != "env"]
+        given = {flag.name: value for flag, value in values if value is not flag.default}
         known = _names(env_id)  # refuses an unknown id
         for name in given:
             if name not in known:
@@ -96,6 +96,14 @@ class WorldArguments(_Flags):
             return self.env_id, self.world_options()
         trained = {name: value for name, value in card["options"].items() if name != "actions"}
         return card["environment"], trained | self.world_options(card["environment"])
+
+
+@dataclass(kw_only=True)
+class TrustArguments:
+    """Flag of the commands that read policies of other libraries."""
+
+    trust: bool = False
+    """Unpickle model.zip, which runs the code in it; needed for networks of other than the usual layers."""
 
 
 def read_card(decider: str) -> dict[str, Any] | None:

@@ -5,10 +5,16 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
+from rich.console import Console
 
+from agents.evaluation.cells import filled_table, markdown_table
+from agents.evaluation.registry import SHIPPED, find_family, is_brought
 from agents.interface.help_texts import shown_default
+from agents.interface.output_files import output_folder, write_files
 from agents.interface.parallel import ParallelArguments
-from agents.interface.trust import TrustArguments
+from agents.interface.progress import print_lines, progress_display
+from agents.interface.world_arguments import TrustArguments
+from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
 from hybrid_env.checks import check_integer, reject
 
 
@@ -42,21 +48,14 @@ class League(TrustArguments, ParallelArguments):
         for name in self.deciders:
             if len(name.rpartition(":")[0]) > 1 and not name.rpartition(":")[2].isidentifier():
                 raise reject("deciders", name, "a name without a threshold; the protocol selects it")
-        from rich.console import Console
-
-        from agents.evaluation.cells import filled_table, markdown_table
-        from agents.evaluation.registry import SHIPPED, find_family, is_brought
-        from agents.interface.output_files import output_folder, write_files
-        from agents.interface.progress import print_lines, progress_display
         from agents.league import families
-        from agents.league.entry import read_entry
-        from agents.league.protocol import WORLDS, play, world_task
+        from agents.league.protocol import WORLDS, play, read_entry, world_task
         from agents.league.table import league_figure, league_markdown, league_table, shipped_entries, world_table
-        from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
+        from agents.training.recipe import recipe_names
 
         entries = {entry["title"]: entry for entry in (*shipped_entries(), *map(read_entry, self.table))}
         known = {SHIPPED, *rules(ANNOUNCED), *rules(UNKNOWN)}
-        recipes = [name for name in self.deciders if families.is_recipe(name)]
+        recipes = [name for name in self.deciders if name in recipe_names() or name.endswith(".yml")]
         for name in self.deciders:  # one that cannot be found or imported is refused before any work
             if name in recipes:
                 families.home_of(name)
@@ -80,10 +79,9 @@ class League(TrustArguments, ParallelArguments):
                 file = "".join(one if one.isalnum() else "-" for one in entry["title"]) + ".json"
                 write_files(folder, {file: entry})
                 played.append(entry)
-                progress.console.print(str(folder / file), markup=False, highlight=False)
+                print_lines(progress.console, folder / file)
             progress.update(bar, note="")
-        entries |= {entry["title"]: entry for entry in played}
-        every = [*entries.values()]
+        every = [*(entries | {entry["title"]: entry for entry in played}).values()]
         for entry in played:
             refused: dict[str, list[str]] = {}
             for world, one in entry["worlds"].items():
@@ -102,4 +100,4 @@ class League(TrustArguments, ParallelArguments):
         files = {"league.md": "\n".join(tables), "league.png": league_figure(every)}
         if runs:
             files["training.png"] = families.training_figure(runs)
-        console.print(write_files(folder, files), markup=False, highlight=False)
+        print_lines(console, write_files(folder, files))

@@ -22,14 +22,24 @@ from agents.interface.input_files import read_json
 from agents.interface.output_files import write_json
 from agents.interface.parallel import Workers
 from agents.interface.world_arguments import CARD
-from agents.league.entry import make_entry, pack, read_entry, scores_of
-from agents.league.protocol import QUICKEST, SEED, THREE, WORLDS, play, world_task
+from agents.league.protocol import (
+    QUICKEST,
+    SEED,
+    THREE,
+    WORLDS,
+    make_entry,
+    pack,
+    play,
+    read_entry,
+    scores_of,
+    world_task,
+)
 from agents.learned.policy_file import ALGORITHMS
 from agents.learned.posterior_decider import PosteriorDecider
 from agents.studies.comparison import train_agent
 from agents.studies.continuation import Continuation, Plan
 from agents.training.learning_curve import REWARD_KEY, learning_points
-from agents.training.recipe import load_recipe, recipe_names
+from agents.training.recipe import load_recipe
 from agents.training.run_folder import read_metrics
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Actions, Decider
 from baselines.rules.own import as_decider
@@ -50,18 +60,13 @@ PROBE_SEED = SEED + 10**6
 
 
 class Probe(Decider):
-    """A decider that measures its time and what it states at its declarations.
-
-    Attributes:
-        seconds: of every tick, for all tracks.
-        stated: (N,) largest probability of the last tick; NaN where the decider states none.
-    """
+    """A decider that measures its time and what it states at its declarations."""
 
     def __init__(self, decider: Decider):
         self.decider, self.observes = decider, decider.observes
         self.observe = decider.observe  # type: ignore[method-assign]
-        self.seconds: list[float] = []
-        self.stated = np.zeros(0)
+        self.seconds: list[float] = []  # of every tick, for all tracks
+        self.stated = np.zeros(0)  # (N,) largest probability of the last tick; NaN where the decider states none
 
     def decide(self, observation: Any, state: Any, episode_start: Any) -> tuple[Actions, Any]:
         """See `Decider.decide`."""
@@ -75,13 +80,7 @@ class Probe(Decider):
 
 
 def probe(name: str, world: str, threshold: float) -> tuple[float, float]:
-    """Return the mean stated probability less the accuracy of declarations, and the time of a decision in µs.
-
-    Args:
-        name: of the decider, without a threshold.
-        world: of the league.
-        threshold: of the decider.
-    """
+    """Return the mean stated probability less the accuracy of declarations, and the time of a decision in µs."""
     torch.set_num_threads(1)  # for small networks the overhead of threads exceeds the gain
     task = world_task(world)
     env = make_track_vector_env(task.env_id, PROBED_TRACKS, tick_info=False, **task.given)
@@ -98,11 +97,7 @@ def probe(name: str, world: str, threshold: float) -> tuple[float, float]:
 
 
 def home_of(recipe: str) -> tuple[str, str]:
-    """Return the environment in which a recipe is trained, and its world.
-
-    Raises:
-        ArgumentError: the recipe cannot be read, or is not for one of the environments.
-    """
+    """Return the environment in which a recipe is trained, and its world; refuse one for no environment."""
     errors = []
     for task, home in HOMES.items():
         try:
@@ -118,11 +113,6 @@ def home_of(recipe: str) -> tuple[str, str]:
 def worlds_of(env_id: str) -> list[str]:
     """Return the worlds of an environment."""
     return [world for world, (other, _) in WORLDS.items() if other == env_id]
-
-
-def is_recipe(name: str) -> bool:
-    """Return whether a decider is to be trained."""
-    return name in recipe_names() or name.endswith(".yml")
 
 
 def train(recipe: str, number: int, steps: int | None, out: Path) -> Path:
@@ -148,13 +138,7 @@ def play_family(
 ) -> tuple[dict[str, Any], list[Path]]:
     """Train a recipe with every seed and play all agents; return the entry of the family and the run folders.
 
-    Args:
-        recipe: name of a recipe, or a YAML file.
-        training_seeds: number of agents.
-        steps: environment steps of each; None takes the number in the recipe.
-        workers: where the work runs.
-        out: folder of the run folders.
-        on_done: called with the training seed after each training and after each agent that has played.
+    `on_done` is called with the training seed after each training and after each agent that has played.
     """
     trainings = {number: functools.partial(train, recipe, number, steps, out) for number in range(training_seeds)}
     folders = dict(workers.results(trainings, on_done))
@@ -177,18 +161,16 @@ def merged(title: str, entries: Sequence[dict[str, Any]], cost: dict[str, Any]) 
     for world in entries[0]["worlds"]:
         agents = [entry["worlds"][world] for entry in entries]
         rewards = np.array([scores.of("reward", 0) for entry in entries if (scores := scores_of(entry, world))])
-        metrics = {name: [one["metrics"][name]["value"] for one in agents] for name in agents[0]["metrics"]}
+        metrics = {}
+        for name in agents[0]["metrics"]:
+            known = [value for one in agents if (value := one["metrics"][name]["value"]) is not None]
+            metrics[name] = {"value": float(np.mean(known)) if known else None}
         worlds[world] = {
             "threshold": float(np.mean([one["threshold"] for one in agents])),
-            "metrics": {name: {"value": _mean(values)} for name, values in metrics.items()},
+            "metrics": metrics,
             "rewards": pack(rewards.mean(0)), "seeds": rewards.mean(1).tolist(),
         }  # fmt: skip
     return make_entry(title, title, entries[0]["kind"], worlds, cost)
-
-
-def _mean(values: Sequence[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return float(np.mean(known)) if known else None
 
 
 def interquartile_mean(rewards: FloatArray) -> Estimate:
@@ -214,7 +196,8 @@ def families_tables(entries: Sequence[dict[str, Any]]) -> dict[str, tuple[list[s
             if "seeds" not in entry["worlds"].get(home, {}):
                 continue
             seeds = np.array([entry["worlds"][world]["seeds"] for world in worlds]).T
-            cells = [_cell(interquartile_mean(part)) for part in (seeds, *seeds.T[:, :, None])]
+            found = [interquartile_mean(part) for part in (seeds, *seeds.T[:, :, None])]
+            cells = [f"{one.value:.3f} ({one.low:.3f}, {one.high:.3f})" for one in found]
             calibration, microseconds, seconds = entry["cost"].values()
             stated = "-" if calibration is None else f"{100.0 * calibration:+.1f}"
             rows.append((entry["title"], *cells, stated, f"{microseconds:.1f}", f"{seconds / 60.0:.1f}"))
@@ -224,16 +207,8 @@ def families_tables(entries: Sequence[dict[str, Any]]) -> dict[str, tuple[list[s
     return tables
 
 
-def _cell(estimate: Estimate) -> str:
-    return f"{estimate.value:.3f} ({estimate.low:.3f}, {estimate.high:.3f})"
-
-
 def training_figure(runs: Mapping[str, Sequence[Path]]) -> Figure:
-    """Return a figure of the rewards during training, mean and range over the training seeds.
-
-    Args:
-        runs: run folders of the agents of each recipe.
-    """
+    """Return a figure of the rewards during training, from the run folders of the agents of each recipe."""
     styles, panels = decider_styles(runs), []
     for task, (env_id, _) in HOMES.items():
         curves = []

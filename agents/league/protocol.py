@@ -1,22 +1,32 @@
-"""The protocol of the league: worlds, episodes and what is recorded of a decider."""
+"""The protocol of the league: worlds, episodes, and the file of a decider, with a digest of its contents."""
 
+import base64
 import functools
+import hashlib
+import json
 from collections.abc import Callable, Sequence
+from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agents.evaluation.registry import find_family
 from agents.evaluation.task import Task
 from agents.evaluation.tasks import BANK, QUICKEST, THREE, task_of
+from agents.interface.input_files import read_json
 from agents.interface.parallel import Workers
-from agents.league.entry import make_entry, pack
-from agents.learned.policy_file import LAYOUTS
+from agents.learned.policy_file import LAYOUTS, package_versions
 from agents.studies.shifts import evaluate_world
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Decider
 from baselines.rules.own import as_decider
-from hybrid_env.checks import ArgumentError
+from baselines.scoring.scores import Scores
+from hybrid_env.checks import ArgumentError, reject
 
+PROTOCOL = 1  # number of the protocol; it rises when worlds, episodes or metrics change
+LARGEST = 2**20  # bytes of a file
+REWARD = "<f4"  # little-endian float32
 SEED = 600_000_000  # of the first reported episode; no other study reports these episodes
 EPISODES = {ANNOUNCED: 600, UNKNOWN: 150}  # reported episodes of each world; as many others select the threshold
 WORLDS: dict[str, tuple[str, dict[str, Any]]] = {
@@ -44,7 +54,7 @@ def world_task(world: str) -> Task:
 def play(
     name: str, workers: Workers, on_progress: Callable[[str], None], worlds: Sequence[str] | None = None
 ) -> dict[str, Any]:
-    """Play a decider in all worlds, or some, and return its entry, see `agents.league.entry`.
+    """Play a decider in all worlds, or some, and return its entry.
 
     The threshold with the best reward is selected in each world, on other episodes than those reported. One that can
     decide in no world is refused.
@@ -75,10 +85,7 @@ def _play(name: str, world: str) -> dict[str, Any]:
 
 
 def kind_of(decider: Decider, task: Task) -> str:
-    """Return what a decider uses: "informed" of what a user does not know, a "classical" rule, else memory.
-
-    Learned and own deciders are "recurrent" if they keep a state or filters of their own, else "memoryless".
-    """
+    """Return "informed" of what a user does not know, "classical" rule, "recurrent" with memory, or "memoryless"."""
     if decider.informed:
         return "informed"
     if type(decider).__module__.startswith("baselines.rules.") and type(decider).name:
@@ -88,3 +95,49 @@ def kind_of(decider: Decider, task: Task) -> str:
     rows = np.zeros((1, LAYOUTS[task.switches](task.options.hypotheses).width), np.float32)
     _, state = decider.predict(rows, None, np.ones(1, np.bool_))
     return "memoryless" if state is None else "recurrent"
+
+
+def make_entry(
+    decider: str, title: str, kind: str, worlds: dict[str, Any], cost: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """Return the contents of a file, with a digest of them; `cost` is that of a trained family."""
+    entry = {
+        "protocol": PROTOCOL, "versions": package_versions(), "decider": decider, "title": title,
+        "kind": kind, "worlds": worlds,
+    }  # fmt: skip
+    entry |= {} if cost is None else {"cost": cost}
+    return entry | {"digest": _digest(entry)}
+
+
+def read_entry(path: Path) -> dict[str, Any]:
+    """Read the file of a decider; refuse one that was changed, or is of another protocol or version."""
+    try:
+        entry = read_json(path, LARGEST)
+        digest, protocol = entry["digest"], entry["protocol"]
+        package, mine = entry["versions"]["hybrid-track"], version("hybrid-track")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise reject("table", str(path), f"a file of the league ({error})") from None
+    if digest != _digest({key: value for key, value in entry.items() if key != "digest"}):
+        raise reject("table", str(path), "a file as the league wrote it; this one was changed by hand")
+    if (protocol, package) != (PROTOCOL, mine):
+        now = f"protocol {PROTOCOL} of version {mine}"
+        raise reject("table", str(path), f"{now}; this one is protocol {protocol} of version {package}")
+    return dict(entry)
+
+
+def pack(rewards: NDArray[np.float64]) -> str:
+    """Return the rewards of episodes (E,) as text: float32 in base 64."""
+    return base64.b64encode(rewards.astype(REWARD).tobytes()).decode()
+
+
+def scores_of(entry: dict[str, Any], world: str) -> Scores | None:
+    """Return the rewards of all episodes in a world; None where it did not play."""
+    one = entry["worlds"].get(world, {})
+    if "rewards" not in one:
+        return None
+    rewards = np.frombuffer(base64.b64decode(one["rewards"]), REWARD).astype(np.float64)
+    return Scores(entry["title"], "", (one["threshold"],), ("reward",), rewards[:, None, None])
+
+
+def _digest(entry: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(entry, sort_keys=True).encode()).hexdigest()

@@ -11,11 +11,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from agents.evaluation.cells import filled_table, markdown_table
-from agents.figures.canvas import new_canvas
-from agents.figures.curves import error_bars
+from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import decider_styles
-from agents.league.entry import read_entry, scores_of
-from agents.league.protocol import QUICKEST, WORLDS
+from agents.league.protocol import QUICKEST, WORLDS, read_entry, scores_of
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import mean
 
@@ -23,7 +21,6 @@ KINDS = ("informed", "recurrent", "memoryless", "classical")
 ENTRIES = Path(__file__).parent / "entries"
 GROUPS = {env_id: [world for world in WORLDS if WORLDS[world][0] == env_id] for env_id, _ in WORLDS.values()}
 REWARD = mean("reward")
-FIGURE_SIZE = (11.5, 5.6)
 
 
 def shipped_entries() -> list[dict[str, Any]]:
@@ -107,24 +104,14 @@ def league_markdown(entries: Sequence[dict[str, Any]]) -> str:
 
 def league_figure(entries: Sequence[dict[str, Any]]) -> Figure:
     """Return a figure of the rewards of all deciders in all worlds."""
-    figure = new_canvas(FIGURE_SIZE)
-    axes = figure.add_subplot()
-    styles = decider_styles(entry["title"] for entry in entries)
+    styles, curves = decider_styles(entry["title"] for entry in entries), []
     worlds, shift = list(WORLDS), 0.7 / max(1, len(entries) - 1)
     for index, entry in enumerate(entries):
-        style, offset = styles[entry["title"]], index * shift - 0.35
-        found = [(place, value) for place, world in enumerate(worlds) if (value := reward(entry, world)) is not None]
-        axes.errorbar(
-            [place + offset for place, _ in found], [value.value for _, value in found],
-            error_bars([value for _, value in found]), fmt=style.marker, color=style.colour, markersize=4,
-            elinewidth=1, label=f"{entry['title']} ({entry['kind']})",
-        )  # fmt: skip
-    for place in range(1, len(worlds)):
-        axes.axvline(place - 0.5, color="0.9", linewidth=0.8, zorder=0)
+        found = {place: value for place, world in enumerate(worlds) if (value := reward(entry, world)) is not None}
+        places, name = [place + index * shift - 0.35 for place in found], f"{entry['title']} ({entry['kind']})"
+        curves.append(Curve(name, styles[entry["title"]], places, [*found.values()], dashes="none", filled=True))
     names = ["\n".join(textwrap.fill(part, 11) for part in world.split(", ")) for world in worlds]
-    axes.set_xticks(range(len(worlds)), names, fontsize=7)
-    axes.set_xlim(-0.5, len(worlds) - 0.5)
-    axes.set_ylabel("mean reward: per segment, per tick for unknown switches")
-    axes.set_title("League: reward in every world, with 95 % intervals")
-    axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return figure
+    between = tuple(place - 0.5 for place in range(1, len(worlds)))
+    x = Axis(limits=(-0.5, len(worlds) - 0.5), ticks=dict(enumerate(names)), levels=between)
+    y = Axis("mean reward: per segment, per tick for unknown switches")
+    return curve_figure([[Panel("", x, y, curves)]], (16.0, 6.5), "League: reward in every world, with 95 % intervals")

@@ -15,7 +15,7 @@ import torch
 from gymnasium import spaces
 from torch import Tensor, nn
 
-from agents.interface.trust import TRUST
+from agents.interface.world_arguments import TRUST
 from agents.learned.policy import ACTORS, LARGEST_WIDTH, VALUE_THRESHOLDS, check_actions, make_policy
 from agents.learned.policy_file import LARGEST_FILE, LAYOUTS, first_line, load_weights
 from baselines.rules.decider import DeciderFamily

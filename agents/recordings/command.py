@@ -1,21 +1,147 @@
-"""The command `hybridtrack track`: mode decisions on recordings of positions."""
+"""The command `hybridtrack track`: mode decisions on recordings of positions, one file or many."""
 
+import functools
+import os
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import joblib
 import numpy as np
+import tyro
+from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from agents.evaluation.cells import filled_table
+from agents.interface.help_texts import shown_default
 from agents.interface.output_files import atomic_folder, output_folder, write_files, write_table
-from agents.interface.trust import TrustArguments
-from agents.recordings.files import FileArguments, Report, check_free, object_folders, work_on_files
-from agents.recordings.tracked import TrackedRecording, piece_table, row_table
-from agents.recordings.tracking import TrackingArguments
+from agents.interface.parallel import Workers
+from agents.interface.progress import print_lines, progress_display
+from agents.interface.world_arguments import TrustArguments
+from agents.recordings.figure import check_plotly, draw_recording, write_map
+from agents.recordings.tracking import TrackedRecording, TrackingArguments, piece_table, row_table
+from baselines.recordings.reading.names import ROLES
+from hybrid_env.checks import ArgumentError, check_between, check_integer, check_positive, reject
+from hybrid_env.sensors import Radar, parse_sensors
 
+if TYPE_CHECKING:
+    from baselines.recordings.reading.read import RecordingFile
+
+TAU_RANGE = (1e-9, 1e9)  # [s]
+COLUMN_ROLES = ("t", *ROLES)
+PARALLEL_FILES = 8  # with fewer files the start of processes takes longer than it saves
 MAX_PRINTED_PIECES = 20
 FEW_FILES = 20  # up to this many files, each has a picture by default; it takes longer than the tracking
+
+
+@dataclass(kw_only=True)
+class FileArguments:
+    """How files are read and where the results go."""
+
+    files: Annotated[tyro.conf.Positional[tuple[Path, ...]], shown_default("none, at least one is needed")]
+    """CSV, TSV, Parquet, GPX or IGC files, also compressed by gzip. Header, delimiter, decimal comma and
+    index are found; columns are known by names such as time, timestamp, t, x, y, easting, lat, lon."""
+    columns: tuple[str, ...] = ()
+    """Columns that the header does not tell, by name or number: time=3 x=1 y=2, or time=date lat=B lon=L."""
+    object: str | None = None
+    """Column that tells several objects apart; 'none' for a single one. By default columns such as id."""
+    unit: str | None = None
+    """Unit of x and y, for example m or km; 'deg' for longitude and latitude. By default from the header."""
+    time_unit: str | None = None
+    """Unit of the times: s, ms, us, ns, min, h, or a format such as '%d/%m/%Y %H:%M:%S'. By default
+    ISO dates, seconds, and s, ms, us or ns since 1970 are recognised."""
+    tau: float | None = None
+    """Duration of a tick [s] of a file without times; by default time is counted in ticks."""
+    gap: float | None = None
+    """Longest time between two measurements [s]; after a longer gap the track starts anew. By default 20
+    ticks."""
+    radar: str | None = None
+    """Radar that measured columns range and bearing: their standard deviations [unit of the range, rad], that
+    of the range rate if there is a column of it, and the place, as in '30 0.01 rate 0.5 at 1000 200'.
+    Bearings are degrees clockwise from north, or in a column 'bearing [rad]' radians counter-clockwise from
+    the x axis."""
+    out: Path | None = None
+    """Output folder; by default <file name>_track in the folder of the file. With several files each has a
+    folder of this name inside."""
+    overwrite: bool = False
+    """Replace existing results."""
+    jobs: int | None = None
+    """Files that are tracked at the same time. By default one for each core if there are many files."""
+
+    def read(self, path: Path) -> "RecordingFile":
+        """Read a file."""
+        from baselines.recordings.reading.read import read_recordings  # pandas; other commands start faster
+
+        return read_recordings(
+            path, columns=self.column_names(), object_column=self.object, unit=self.unit,
+            time_unit=self.time_unit, tau=self.tau, gap=self.gap, radar=self.parsed_radar(),
+        )  # fmt: skip
+
+    def parsed_radar(self) -> Radar | None:
+        """Return the radar, if there is one."""
+        if self.radar is None:
+            return None
+        with suppress(ArgumentError):
+            (one,) = parse_sensors([f"radar {self.radar}"])
+            if isinstance(one, Radar):
+                return one
+        raise reject("radar", self.radar, "two standard deviations and more, as in '30 0.01 rate 0.5 at 10 0'")
+
+    def column_names(self) -> dict[str, str]:
+        """Return the columns by role."""
+        names: dict[str, str] = {}
+        for text in self.columns:
+            role, sign, column = text.partition("=")
+            if not sign or role not in COLUMN_ROLES or not column:
+                raise reject("columns", text, f"role=column with a role of {', '.join(COLUMN_ROLES)}")
+            if role in names:
+                raise reject("columns", text, f"one column for {role}")
+            names[role] = column
+        return names
+
+    def folders(self) -> list[Path]:
+        """Return the output folder of each file."""
+        folders = [self._folder(Path(path)) for path in self.files]
+        first: dict[Path, Path] = {}
+        for path, folder in zip(self.files, folders, strict=True):
+            if folder.resolve() in first:
+                both = f"{first[folder.resolve()]} and {path} both have the output folder {folder}"
+                raise ArgumentError(f"{both}: rename one, or track each by itself with --out")
+            first[folder.resolve()] = path
+        return folders
+
+    def check_files(self) -> None:
+        """Check all arguments before any work."""
+        if not self.files:
+            raise reject("files", self.files, "at least one file")
+        self.column_names()
+        self.parsed_radar()
+        if self.unit is not None and not self.unit.strip():
+            raise reject("unit", self.unit, "the name of a unit, for example m, km or deg")
+        if self.tau is not None:
+            check_between("tau", self.tau, *TAU_RANGE)
+        if self.gap is not None:
+            check_positive("gap", self.gap)
+        if self.jobs is not None:
+            check_integer("jobs", self.jobs)
+
+    def _folder(self, path: Path) -> Path:
+        name = f"{Path(path.name.removesuffix('.gz')).stem}_track"
+        if self.out is None:
+            return path.with_name(name)
+        return self.out if len(self.files) == 1 else self.out / name
+
+
+@dataclass(frozen=True)
+class Report:
+    """What is printed about a file."""
+
+    lines: tuple[str, ...]  # what was read, found and written
+    table: Table | None = None  # details, which are printed for a single file only
+    files: tuple[Path, ...] = ()  # the files that were written, printed for a single file only
 
 
 @dataclass(kw_only=True)
@@ -37,8 +163,6 @@ class Track(TrackingArguments, TrustArguments, FileArguments):
         self.check_files()
         self.check_tracking()
         if self.html:
-            from agents.recordings.figure import check_plotly
-
             check_plotly()
         picture = len(self.files) <= FEW_FILES if self.picture is None else self.picture
         work = replace(self, files=(), picture=picture)  # it is sent to a process with every file
@@ -70,8 +194,6 @@ class Track(TrackingArguments, TrustArguments, FileArguments):
 
     def _write(self, tracked: TrackedRecording, pieces: dict[str, list[Any]], folder: Path) -> list[str]:
         """Write the results of an object; return the names of the files."""
-        from agents.recordings.figure import draw_recording, write_map  # Matplotlib loads slowly
-
         output_folder("out", folder)
         write_table(folder / "modes.csv", pieces)
         write_table(folder / "estimates.csv", row_table(tracked))
@@ -111,16 +233,78 @@ def report_lines(tracked: TrackedRecording) -> list[str]:
 
 
 def _printed_table(pieces: dict[str, list[Any]], tracked: TrackedRecording) -> Table:
-    unit = tracked.recording.time_unit
-    table = Table()
-    for name in ("piece", "rows", f"from\n[{unit}]", "mode", "radius", f"decided at\n[{unit}]"):
-        table.add_column(escape(name), justify="left" if name == "mode" else "right")
-    for k in range(min(len(pieces["piece"]), MAX_PRINTED_PIECES)):
-        radius, when = pieces["radius"][k], pieces["decided_at"][k]
-        table.add_row(
-            str(pieces["piece"][k]), f"{pieces['first_row'][k]}-{pieces['last_row'][k]}", f"{pieces['begin'][k]:.6g}",
-            pieces["mode"][k], f"{radius:.4g}" if radius != "" else "", f"{when:.6g}" if when != "" else "undecided",
-        )  # fmt: skip
-    if len(pieces["piece"]) > MAX_PRINTED_PIECES:
-        table.caption = f"... and {len(pieces['piece']) - MAX_PRINTED_PIECES} more in modes.csv"
-    return table
+    unit, rows = escape(f"[{tracked.recording.time_unit}]"), []
+    columns = [column[:MAX_PRINTED_PIECES] for column in pieces.values()]
+    for number, first, last, begin, _, mode, radius, when, _ in zip(*columns, strict=True):
+        known, decided = "" if radius == "" else f"{radius:.4g}", "undecided" if when == "" else f"{when:.6g}"
+        rows.append((str(number), f"{first}-{last}", f"{begin:.6g}", mode, known, decided))
+    more = len(pieces["piece"]) - MAX_PRINTED_PIECES
+    heads = ("piece", "rows", f"from\n{unit}", "mode", "radius", f"decided at\n{unit}")
+    return filled_table("Pieces", heads, rows, f"... and {more} more in modes.csv" if more > 0 else "", 0)
+
+
+def object_folders(folder: Path, names: Sequence[str]) -> list[Path]:
+    """Return the output folder of each object of a file: that of the file if it has only one."""
+    if len(names) == 1:
+        return [folder]
+    found: dict[str, Path] = {}
+    for number, name in enumerate(names, start=1):
+        plain = "".join(letter if letter.isalnum() or letter in "._-+" else "_" for letter in name)
+        plain = plain.strip(".") or str(number)
+        while plain.casefold() in found:  # names may differ in letters that folders do not tell apart
+            plain = f"{plain}_{number}"
+        found[plain.casefold()] = folder / plain
+    return list(found.values())
+
+
+Work = Callable[[Path, Path], Report]  # on a file and its output folder; it can be pickled
+
+
+def work_on_files(work: Work, paths: Sequence[Path], folders: Sequence[Path], jobs: int | None = None) -> None:
+    """Work on files in processes and print a report for each, or on the standard error output why there is none."""
+    console, errors, failed = Console(emoji=False), Console(stderr=True, emoji=False), 0
+    if len(paths) == 1:
+        with console.status("Tracking"):
+            report = work(paths[0], folders[0])
+        print_lines(console, *report.lines)
+        if report.table is not None:
+            console.print(report.table)
+        print_lines(console, *report.files)
+        return
+    with progress_display(console, transient=True) as progress:
+        task = progress.add_task("Tracking", total=len(paths), note="")
+        calls = {file: functools.partial(_attempt, work, *file) for file in zip(paths, folders, strict=True)}
+        usual = joblib.cpu_count() if len(paths) >= PARALLEL_FILES else 1
+        for _, result in Workers(min(jobs or usual, len(paths))).results(calls):
+            if isinstance(result, Report):
+                print_lines(progress.console, *result.lines)
+            else:
+                failed += 1
+                print_lines(errors, f"hybridtrack: {result}")
+            progress.update(task, advance=1, note=f"{failed} failed" if failed else "")
+    if failed:
+        verb = "is" if failed == 1 else "are"
+        raise ArgumentError(f"{failed:,} of {len(paths):,} files {verb} not tracked; the others are")
+
+
+def check_free(folder: Path, overwrite: bool) -> None:
+    """Check before any work that the folder can be written to, and is empty unless it may be overwritten."""
+    try:
+        full = folder.is_dir() and any(folder.iterdir())
+        existing = next((one for one in (folder, *folder.parents) if one.exists()), folder)
+        writable = existing.is_dir() and os.access(existing, os.W_OK | os.X_OK)
+    except (OSError, ValueError):
+        full = writable = False
+    if full and not overwrite:
+        raise reject("out", str(folder), "a new or empty folder, or --overwrite")
+    if not writable:
+        raise reject("out", str(folder), "a writable folder")
+
+
+def _attempt(work: Work, path: Path, folder: Path) -> Report | str:
+    try:
+        return work(path, folder)
+    except ArgumentError as error:
+        return str(error)
+    except OSError as error:
+        return f"{path}: {error.strerror or error}"

@@ -1,6 +1,5 @@
 """A tracked recording of any number of rows as a figure, and as an interactive map in one HTML file."""
 
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -10,15 +9,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import blended_transform_factory
 
-from agents.figures.canvas import GREY, PAPER_DPI, new_canvas
+from agents.figures.canvas import GREY, new_canvas
 from agents.interface.output_files import atomic_file
-from agents.recordings.tracked import TrackedRecording
-from hybrid_env.checks import ArgumentError, FloatArray, IntArray
+from agents.recordings.tracking import TrackedRecording
+from hybrid_env.checks import ArgumentError, IntArray
 from hybrid_env.rendering.evidence import mode_colour
 
-MAX_POINTS, MAX_MAP_POINTS = 20_000, 100_000  # that are drawn in the figure, and in a map without delay in a browser
-MAX_LINE_POINTS = 5000  # Agg raises OverflowError for very long lines; longer ones are split
-BINS = 800  # most intervals of time, about the pixels of the axes
+MAX_POINTS = 5000  # that are drawn in the figure; Agg raises OverflowError for very long lines
+MAX_MAP_POINTS = 100_000  # in a map without delay in a browser
 MAX_MARKS = 60  # up to this many pieces, their first rows are marked
 MEDIAN_LENGTH = 1.177  # of a normalised innovation in two dimensions
 FAR_LENGTH = 3.717  # exceeded with probability 0.001
@@ -27,20 +25,17 @@ BLACK = "#000000"
 
 def draw_recording(tracked: TrackedRecording) -> Figure:
     """Draw the ground track with the decided pieces, and over time the probabilities and the residuals."""
-    known = np.flatnonzero(tracked.modes >= 0)
     points = tracked.recording.positions[tracked.recording.measured]
     width, height = np.maximum(np.ptp(points, axis=0), 1e-300)
     heights = (9.0 * float(np.clip(height / width, 0.35, 0.8)), 1.5, 1.5)  # [in]
-    figure = new_canvas((10.0, sum(heights) + 1.4), PAPER_DPI)
+    figure = new_canvas((10.0, sum(heights) + 1.4))
     ground, ribbon, residuals = figure.subplots(3, 1, height_ratios=heights)
     residuals.sharex(ribbon)
     _draw_ground(ground, tracked)
-    times = tracked.recording.times[known]
-    step = np.median(np.diff(times)) if len(times) > 1 else 1.0
-    edges = np.linspace(times[0] - 0.5 * step, times[-1] + 0.5 * step, min(len(times), BINS) + 1)
-    _draw_probabilities(ribbon, tracked, known, edges)
-    _draw_residuals(residuals, tracked, known, edges)
-    ribbon.set_xlim(edges[0], edges[-1])
+    _draw_probabilities(ribbon, tracked)
+    _draw_residuals(residuals, tracked)
+    times = tracked.recording.times[tracked.modes >= 0]
+    ribbon.set_xlim(times[0] - 0.5 * tracked.tau, times[-1] + 0.5 * tracked.tau)
     ribbon.tick_params(labelbottom=False)
     residuals.set_xlabel(f"t [{tracked.recording.time_unit}]")
     colours = mode_colours(tracked)
@@ -66,7 +61,7 @@ def mode_lines(tracked: TrackedRecording, most: int) -> list[tuple[int, IntArray
 
     Every piece keeps its first and last row, so that short pieces stay visible.
     """
-    every = max(-(-len(tracked.modes) // most), 1)
+    every = -(-len(tracked.modes) // most)
     after_gap = {first for first, _ in tracked.recording.pieces}
     lines = []
     for first, end, mode, _ in tracked.pieces.tolist():
@@ -82,11 +77,8 @@ def _draw_ground(axes: Any, tracked: TrackedRecording) -> None:
     size = float(np.clip(600.0 / np.sqrt(len(rows)) / 10.0, 0.7, 3.0))
     axes.plot(*recording.positions[rows].T, ".", color=GREY, markersize=size, alpha=0.5, zorder=1)
     colours, positions = mode_colours(tracked), tracked.estimates[:, ::2]
-    lines, shades = [], []
-    for mode, line in mode_lines(tracked, MAX_POINTS):
-        for k in range(0, len(line), MAX_LINE_POINTS):
-            lines.append(positions[line[max(k - 1, 0) : k + MAX_LINE_POINTS]])
-            shades.append(colours[mode])
+    found = mode_lines(tracked, MAX_POINTS)
+    lines, shades = [positions[line] for _, line in found], [colours[mode] for mode, _ in found]
     axes.add_collection(LineCollection(lines, colors=shades, linewidths=1.8, capstyle="round", zorder=2))
     first = tracked.pieces[:, 0]
     if len(first) <= MAX_MARKS:
@@ -98,21 +90,16 @@ def _draw_ground(axes: Any, tracked: TrackedRecording) -> None:
     axes.grid(alpha=0.25)
 
 
-def _draw_probabilities(axes: Any, tracked: TrackedRecording, known: IntArray, edges: FloatArray) -> None:
-    """Draw the mean probabilities in each interval as stacked bars, and above them the decided modes."""
-    bins = np.clip(np.searchsorted(edges, tracked.recording.times[known], "right") - 1, 0, len(edges) - 2)
-    counts = np.bincount(bins, minlength=len(edges) - 1)
-    filled = counts > 0
-    colours, bottom = mode_colours(tracked), np.zeros(len(counts))
-    for mode, colour in enumerate(colours):
-        mean = np.bincount(bins, tracked.probabilities[known, mode], len(counts)) / np.maximum(counts, 1)
-        top = bottom + np.where(filled, mean, 0.0)
-        axes.stairs(top, edges, baseline=bottom, fill=True, color=colour, linewidth=0.0)
-        bottom = top
+def _draw_probabilities(axes: Any, tracked: TrackedRecording) -> None:
+    """Draw the probabilities as stacked areas, and above them the decided modes."""
+    times, colours = tracked.recording.times, mode_colours(tracked)
+    for first, end in tracked.recording.pieces:
+        rows = slice(first, end, -(-len(times) // MAX_POINTS))
+        axes.stackplot(times[rows], tracked.probabilities[rows].T, colors=colours, linewidth=0.0)
     above = blended_transform_factory(axes.transData, axes.transAxes)
     first, end, modes, _ = tracked.pieces.T
-    begins = tracked.recording.times[first] - 0.5 * tracked.tau
-    spans = np.stack([begins, tracked.recording.times[end - 1] + 0.5 * tracked.tau - begins], axis=1)
+    begins = times[first] - 0.5 * tracked.tau
+    spans = np.stack([begins, times[end - 1] + 0.5 * tracked.tau - begins], axis=1)
     for mode in np.unique(modes):
         bars = spans[modes == mode]
         axes.broken_barh(bars, (1.04, 0.12), facecolors=colours[mode], transform=above, clip_on=False)
@@ -120,28 +107,17 @@ def _draw_probabilities(axes: Any, tracked: TrackedRecording, known: IntArray, e
     axes.set_title("Decided modes (bar) and their probabilities", pad=22.0)
 
 
-def _draw_residuals(axes: Any, tracked: TrackedRecording, known: IntArray, edges: FloatArray) -> None:
-    """Draw the lengths of the normalised innovations: all of them, or quantiles in each interval."""
-    lengths = np.hypot(*tracked.residuals[known].T)
-    times = tracked.recording.times[known]
-    given = ~np.isnan(lengths)
-    lengths, times = lengths[given], times[given]
-    many = len(lengths) > 4 * BINS
-    if not many:
-        axes.plot(times, lengths, ".", color=BLACK, markersize=2)
-    else:
-        borders = np.searchsorted(times, edges)
-        filled = [slice(a, b) for a, b in pairwise(borders) if b > a]
-        middle = [times[rows].mean() for rows in filled]
-        low, median, high = np.array([np.quantile(lengths[rows], (0.05, 0.5, 0.95)) for rows in filled]).T
-        axes.fill_between(middle, low, high, color=GREY, alpha=0.5, linewidth=0.0)
-        axes.plot(middle, median, color=BLACK, linewidth=0.8)
+def _draw_residuals(axes: Any, tracked: TrackedRecording) -> None:
+    """Draw the lengths of the normalised innovations."""
+    lengths = np.hypot(*tracked.residuals.T)
+    given = np.flatnonzero(~np.isnan(lengths))
+    shown = given[:: -(-len(lengths) // MAX_POINTS)]
+    axes.plot(tracked.recording.times[shown], lengths[shown], ".", color=BLACK, markersize=2)
     for length, style in ((MEDIAN_LENGTH, ":"), (FAR_LENGTH, "--")):
         axes.axhline(length, color=BLACK, linestyle=style, linewidth=1.0)
-    top = max(1.2 * FAR_LENGTH, 1.1 * float(np.quantile(lengths, 0.995))) if len(lengths) else 5.0
+    top = max(1.2 * FAR_LENGTH, 1.1 * float(np.quantile(lengths[given], 0.995))) if given.size else 5.0
     axes.set(ylim=(0.0, top), ylabel="residual [sd]")
-    shown = ": median, 5 to 95 %" if many else ""
-    axes.set_title(f"Normalised residuals{shown} (dotted, dashed: median and 99.9 % if the model holds)")
+    axes.set_title("Normalised residuals (dotted, dashed: median and 99.9 % if the model holds)")
 
 
 def check_plotly() -> Any:

@@ -9,7 +9,7 @@ from agents.evaluation.cells import filled_table
 from agents.evaluation.gliders import Setting, glider_statements
 from agents.figures.tracks import recording_figure, runs
 from agents.interface.output_files import atomic_folder, write_files, write_table
-from agents.recordings.files import Report
+from agents.recordings.command import Report
 from baselines.recordings.flights.circling import AirMotion, air_motion, circles
 from baselines.recordings.flights.flight import Flight
 from baselines.recordings.flights.gliders import glider_flight

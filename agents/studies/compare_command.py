@@ -1,15 +1,24 @@
 """The command `hybridtrack compare`: train agents and compare deciders on the same episodes."""
 
+import functools
 import importlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+from matplotlib.figure import Figure
+from rich.console import Console
+
+from agents.evaluation.registry import find_family
+from agents.evaluation.tasks import task_of
+from agents.figures.tracks import track_figure
 from agents.interface.help_texts import shown_default
+from agents.interface.output_files import output_folder, write_files, write_json
 from agents.interface.parallel import ParallelArguments
-from agents.interface.trust import TrustArguments
-from agents.interface.world_arguments import WorldArguments
+from agents.interface.progress import print_lines, progress_display, shown
+from agents.interface.world_arguments import TrustArguments, WorldArguments
+from agents.studies.play_command import Episodes
 from baselines.rules import seeds
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.extras import explained
@@ -30,7 +39,7 @@ class FlightArguments:
     source: Path | None = None
     """With --flights: folder or wheel of the package 'traffic'; by default where it is installed. With
     --gliders: the archive or a folder with its logs."""
-    tier: tuple[str, ...] = ("A", "B", "C", "D", "stress")
+    tier: tuple[Literal["A", "B", "C", "D", "stress"], ...] = ("A", "B", "C", "D", "stress")
     """With --flights: tiers of quality, and flights with special manoeuvres, which no total contains."""
     form: Literal["native", "semi-real"] = "native"
     """With --flights: as reported, or the smoothed flight with white noise in the setting of
@@ -42,8 +51,6 @@ class FlightArguments:
 
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from agents.studies.comparison import Comparison
     from agents.studies.continuation import Plan
 
@@ -87,20 +94,17 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
 
     def run(self) -> None:
         """Train, score, print the tables and write the figures and compare.json."""
+        for flag, allowed, study in (
+            ("simulators", {"sealed", "episodes", "seed", "jobs", "engine"}, self._compare_simulators),
+            ("gliders", {"sealed", "source"}, self._compare_gliders),
+            ("flights", {"source", "tier", "form"}, self._compare_flights),
+        ):
+            if getattr(self, flag) not in (None, False):
+                self._refuse(allowed | {flag}, f"no value with --{flag}")
+                return study()
         recorded = {field.name for field in fields(FlightArguments)}
-        if self.simulators is not None:
-            parallel = {field.name for field in fields(ParallelArguments)}
-            self._refuse({"simulators", "sealed", "episodes", "seed"} | parallel, "no value with --simulators")
-            self._compare_simulators(self.simulators)
-        elif self.gliders:
-            self._refuse({"gliders", "sealed", "source"}, "no value with --gliders")
-            self._compare_gliders()
-        elif self.flights is not None:
-            self._refuse({"flights", "source", "tier", "form"}, "no value with --flights")
-            self._compare_flights()
-        else:
-            self._refuse({field.name for field in fields(self)} - recorded, "no value without --flights or --gliders")
-            self._compare()
+        self._refuse({field.name for field in fields(self)} - recorded, "no value without --flights or --gliders")
+        return self._compare()
 
     def _refuse(self, allowed_flags: set[str], allowed: str) -> None:
         """Refuse given flags other than some."""
@@ -110,108 +114,75 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
                 shown = str(value) if isinstance(value, Path) else value
                 raise reject(field.name.replace("_", "-"), shown, allowed)
 
-    def _compare_gliders(self) -> None:
-        from rich.console import Console
+    def _show(
+        self, title: str, steps: int, work: Callable[[Callable[[str], None]], Any],
+        tables: Callable[[Any], list[Any]], files: Callable[[Any], dict[str, Any]],
+    ) -> None:  # fmt: skip
+        """Run a study, which tells its steps, write its files and print its tables."""
 
-        from agents.interface.output_files import output_folder, write_files
-        from agents.interface.progress import shown
-        from agents.studies.flights_report import glider_figure, glider_tables, gliders_json
-        from agents.studies.gliders_study import compare_on_gliders, default_names, steps
+        def run(note: Callable[[str], None]) -> tuple[Any, str]:
+            result = work(note)
+            note("files")
+            return result, write_files(output_folder("out", self.out), files(result))
+
+        console = Console(emoji=False)
+        result, written = shown(console, title, steps + 1, run)
+        for table in tables(result):
+            console.print(table)
+        print_lines(console, written)
+
+    def _compare_gliders(self) -> None:
+        from agents.studies import gliders_study as study
 
         if self.source is None:
             raise reject("source", None, "the archive igc-xc-score-1.8.0.tgz (npm pack igc-xc-score@1.8.0)")
-        source, names, console = self.source, self.deciders or default_names(), Console(emoji=False)
-        result = shown(
-            console, "Gliders", steps(names, self.sealed),
-            lambda note: compare_on_gliders(source, names, note, self.sealed),
-        )  # fmt: skip
-        files = {"gliders.json": gliders_json(result), "gliders.png": glider_figure(result)}
-        line = write_files(output_folder("out", self.out), files)
-        for table in glider_tables(result):
-            console.print(table)
-        console.print(line, markup=False, highlight=False)
+        names = self.deciders or study.default_names()
+        work = functools.partial(study.compare_on_gliders, self.source, names, sealed=self.sealed)
+        self._show("Gliders", study.steps(names, self.sealed), work, study.glider_tables, study.glider_files)
 
     def _compare_flights(self) -> None:
-        from rich.console import Console
-
         from agents.evaluation.flights import FlightTask
-        from agents.interface.output_files import output_folder, write_files
-        from agents.interface.progress import shown
-        from agents.studies.flights_report import flight_figures, flight_tables, flights_json
-        from agents.studies.flights_study import FlightComparison, compare_on_flights, steps
+        from agents.studies import flights_study as study
 
         task = FlightTask(self.source, self.flights or (), self.tier, self.form)
-        task.check()
         deciders = self.deciders or task.compared
         if len(set(deciders)) < len(deciders):
             raise reject("deciders", deciders, "different names")
-        names, console = {name: task.label(name) for name in deciders}, Console(emoji=False)
+        names = {name: task.label(name) for name in deciders}
+        work = functools.partial(study.compare_on_flights, task, names)
+        self._show("Flights", study.steps(task, len(names)), work, study.flight_tables, study.flight_files)
 
-        def work(note: Callable[[str], None]) -> FlightComparison:
-            result = compare_on_flights(task, names, note)
-            note("pictures")
-            folder = output_folder("out", self.out)
-            for name, figure in flight_figures(result):
-                write_files(folder, {name: figure})
-            return result
-
-        result = shown(console, "Flights", steps(task, len(names)) + 1, work)
-        write_files(self.out, {"flights.json": flights_json(result)})
-        for table in flight_tables(result):
-            console.print(table)
-        console.print(f"Files in {self.out}: flights.json, a picture of each flight", markup=False, highlight=False)
-
-    def _compare_simulators(self, simulators: Sequence[str]) -> None:
-        from rich.console import Console
-
-        from agents.evaluation.registry import find_family
+    def _compare_simulators(self) -> None:
         from agents.evaluation.simulators import COMPARED, SIMULATORS, simulator_worlds
-        from agents.interface.output_files import output_folder, write_files
-        from agents.interface.progress import shown
         from agents.studies import simulators_study as study
-        from agents.studies.shifts import shift_table
 
-        used = simulators or SIMULATORS
+        used = self.simulators or SIMULATORS
         with explained():
             for module in used:
                 importlib.import_module(module)
-        names, worlds, console = self.deciders or COMPARED, simulator_worlds(used), Console(emoji=False)
+        names, worlds = self.deciders or COMPARED, simulator_worlds(used)
         episodes = check_integer("episodes", study.EPISODES if self.episodes is None else self.episodes)
         for name in names:
             find_family(name, next(iter(worlds.values())).options)
         seed = study.first_seed(self.seed, episodes, self.sealed)
-        folder = output_folder("out", self.out)
-        results = shown(
-            console, "Simulators", len(names) * len(worlds),
-            lambda note: study.compare_on_simulators(names, worlds, episodes, seed, self.workers(), note),
-        )  # fmt: skip
-        mismatches = {name: study.mismatch(task, seed) for name, task in worlds.items()}
-        files: dict[str, Any] = {"simulators.json": study.simulators_json(results, mismatches)}
-        console.print(shift_table(results, f"Simulators of others: {results[0].task.size(episodes)} a world"))
-        if len(names) > 1:
-            console.print(study.summary(results))
-            files["simulators.png"] = study.mismatch_figure(results, mismatches)
-        line = write_files(folder, files)
-        console.print(line if len(files) > 1 else line.replace("Files", "File", 1), markup=False, highlight=False)
+        output_folder("out", self.out)
+        work = functools.partial(study.compare_on_simulators, names, worlds, episodes, seed, self.workers())
+        steps = len(names) * len(worlds) + len(worlds)
+        self._show("Simulators", steps, work, study.simulator_tables, study.simulator_files)
 
     def plan(self) -> "Plan":
         """Return the checked plan."""
-        from agents.evaluation.tasks import task_of
         from agents.studies.continuation import Plan
 
-        def given(name: str, usual: Any) -> Any:
-            return usual if getattr(self, name) is None else getattr(self, name)
-
         task = task_of(self.env_id, self.world_options())
-        plan = Plan(
-            task, given("deciders", task.compared), given("agents", task.agents), given("episodes", task.episodes),
-            self.seed, given("selection_episodes", task.selection_episodes), self.steps, self.training_seeds,
-            self.accuracy, self.curves,
-        )  # fmt: skip
-        for name in ("episodes", "selection_episodes", "training_seeds"):
-            check_integer(name.replace("_", "-"), getattr(plan, name))
-        if self.steps is not None:
-            check_integer("steps", self.steps)
+        usual: dict[str, Any] = {name: getattr(task, name) for name in ("agents", "episodes", "selection_episodes")}
+        usual["deciders"] = task.compared
+        own: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(Plan) if field.name != "task"}
+        own |= {name: value for name, value in usual.items() if own[name] is None}
+        plan = Plan(task, **own)
+        for name in ("episodes", "selection_episodes", "training_seeds", "steps"):
+            if getattr(plan, name) is not None:
+                check_integer(name.replace("_", "-"), getattr(plan, name))
         check_integer("seed", self.seed, minimum=0)
         if self.accuracy is not None and not 0.0 < self.accuracy < 1.0:
             raise reject("accuracy", self.accuracy, "a number between 0 and 1")
@@ -228,18 +199,14 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
 
     def _compare(self) -> None:
         plan, workers = self.plan(), self.workers()
-        from rich.console import Console
-
-        from agents.interface.output_files import output_folder, write_files, write_json
-        from agents.interface.progress import print_lines, progress_display
         from agents.studies.comparison import compare
         from agents.studies.continuation import TRAINED
         from agents.studies.tables import chosen_table, levels_table, spread_lines, unreached_lines
 
         folder, task, console = output_folder("out", self.out), plan.task, Console(emoji=False)
 
-        def write(now: "Comparison", complete: bool = False, **remarks: Any) -> None:
-            write_json(folder / "compare.json", now.as_json() | {"complete": complete} | remarks)
+        def write(now: "Comparison") -> None:
+            write_json(folder / "compare.json", now.as_json() | {"complete": False})
 
         with progress_display(console) as progress:
             try:
@@ -254,17 +221,14 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         chosen = [entry.scores.at(entry.chosen) for entry in result.entries]
         for table in task.further_tables(chosen, remarks):
             console.print(table)
-        write(result, complete=True, **remarks)
-        write_files(folder, {"compare.png": result.picture(), "episode.png": self._episode(result)})
-        console.print(f"Files in {folder}: compare.png, episode.png, compare.json", markup=False, highlight=False)
+        data = result.as_json() | {"complete": True} | remarks
+        files = {"compare.png": result.picture(), "episode.png": self._episode(result), "compare.json": data}
+        print_lines(console, write_files(folder, files))
         if (folder / TRAINED).is_dir():
-            console.print(f"Trained agents in {folder / TRAINED}", markup=False, highlight=False)
+            print_lines(console, f"Trained agents in {folder / TRAINED}")
 
-    def _episode(self, result: "Comparison") -> "Figure":
+    def _episode(self, result: "Comparison") -> Figure:
         """Draw the episode on which the best decider and the reference differ most."""
-        from agents.figures.tracks import track_figure
-        from agents.studies.episodes import Episodes
-
         plan, task = result.plan, result.plan.task
         best, episode = result.largest_difference()
         seed, records = plan.seed + episode, []

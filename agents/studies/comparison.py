@@ -15,6 +15,7 @@ from agents.evaluation.curves import Selected
 from agents.evaluation.registry import find_family
 from agents.evaluation.task import Levels, OnProgress, Task, sweep
 from agents.figures.decider_colours import name_without_seed
+from agents.interface.output_files import finite
 from agents.interface.parallel import Call, Workers
 from agents.studies.continuation import Continuation, Plan, weights_digest
 from baselines.rules import seeds
@@ -100,7 +101,7 @@ class Comparison:
 
     def picture(self) -> Figure:
         """Return the figure of the operating curves."""
-        return self.plan.task.figure(self.seed_groups, self.plan.curves)
+        return self.plan.task.figure(self.seed_groups)
 
     def largest_difference(self) -> tuple[Entry, int]:
         """The best agent, or without one the best rule, and the episode in which it differs most from the reference."""
@@ -138,12 +139,6 @@ class Comparison:
             "curve": {"thresholds": list(scores.thresholds)}
             | {metric.name: finite(scores.curve(metric.statistic)) for metric in task.metrics},
         }
-
-
-def finite(values: Any) -> Any:
-    """Return an array as lists of numbers, with None for values that are not finite."""
-    array = np.asarray(values)
-    return [finite(one) for one in array] if array.ndim else array.item() if np.isfinite(array) else None
 
 
 def compare(

@@ -7,21 +7,25 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import gymnasium as gym
 import numpy as np
 import tyro
 from numpy.typing import NDArray
+from rich.console import Console
 
+from agents.evaluation.registry import find_decider
+from agents.evaluation.task import Task
+from agents.evaluation.tasks import task_of
 from agents.interface.help_texts import shown_default
-from agents.interface.trust import TrustArguments
-from agents.interface.world_arguments import WorldArguments
+from agents.interface.output_files import atomic_folder, write_files
+from agents.interface.progress import progress_display
+from agents.interface.world_arguments import TrustArguments, WorldArguments
 from baselines.rules import seeds
+from baselines.rules.rollout import rollout
 from hybrid_env.checks import check_integer, reject
-
-if TYPE_CHECKING:
-    from agents.evaluation.task import Task
+from hybrid_env.registration import make_track_vector_env
 
 ROOT = "MINARI_DATASETS_PATH"  # by this variable Minari finds its data sets
 MOST_EPISODES = 10_000  # they are in memory until they are written, some 50 kB each
@@ -64,10 +68,6 @@ class Dataset(WorldArguments, TrustArguments):
 
     def _radar(self, folder: Path) -> None:
         """Write the radar data set, unless the folder has it and it is scored."""
-        from rich.console import Console
-
-        from agents.interface.output_files import atomic_folder, write_files
-        from agents.interface.progress import progress_display
         from baselines.papers.novospaskyi.dataset import load_radar_data, write_radar_data
 
         if self.policies:
@@ -93,10 +93,6 @@ class Dataset(WorldArguments, TrustArguments):
 
     def _minari(self, seed: int) -> None:
         from minari.storage.datasets_root_dir import get_dataset_path
-
-        from agents.evaluation.registry import find_decider
-        from agents.evaluation.tasks import task_of
-        from agents.interface.output_files import atomic_folder
 
         check_integer("episodes", self.episodes, maximum=MOST_EPISODES)
         check_integer("seed", seed, minimum=0)
@@ -128,7 +124,7 @@ class Dataset(WorldArguments, TrustArguments):
                 os.environ[ROOT] = before
         print(f"Data {folder}")
 
-    def _write(self, task: "Task", identity: str, title: str, options: dict[str, Any], decider: Any, seed: int) -> str:
+    def _write(self, task: Task, identity: str, title: str, options: dict[str, Any], decider: Any, seed: int) -> str:
         """Write one data set; return its line."""
         import minari
         from minari.data_collector import EpisodeBuffer
@@ -152,9 +148,6 @@ def record(env_id: str, options: dict[str, Any], decider: Any, episodes: int, se
 
     Observations have the shape (T + 1, width), the true mode in `infos` (T + 1,), all else (T,).
     """
-    from baselines.rules.rollout import rollout
-    from hybrid_env.registration import make_track_vector_env
-
     env = make_track_vector_env(env_id, episodes, tick_info=False, **options)
     unfinished, steps = np.ones(episodes, np.bool_), np.zeros(episodes, np.int64)
     ticks: list[tuple[NDArray[Any], ...]] = []

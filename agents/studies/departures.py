@@ -1,15 +1,12 @@
 """Deciders that are not told how the world departs from the model, beside the best rule that is told.
 
-There are four roads away from the model, each from no departure to a large one. On each of them an agent or
-rule keeps its weights, its default threshold and the nominal model. Beside it stand classical rules in the same
-episodes, with the true model: their filters know the process noise, radii or law of the durations, those for
-announced switches are fitted to simulated episodes with the true noise, and their thresholds are selected on
-other episodes.
+On four roads away from the model an agent or rule keeps its weights, its default threshold and the nominal model.
+Beside it stand classical rules in the same episodes, with the true model: their filters know the process noise, radii
+or law of the durations, some are fitted to the true noise, and thresholds are selected on other episodes.
 """
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from typing import Any
 
 from matplotlib.figure import Figure
@@ -18,11 +15,11 @@ from agents.evaluation.cells import in_brackets, markdown_table
 from agents.evaluation.registry import find_family
 from agents.evaluation.task import sweep
 from agents.evaluation.tasks import ENVIRONMENTS, task_of
-from agents.figures.curves import Axis, Curve, Panel, curve_figure, error_bars
+from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import decider_styles
+from agents.interface.parallel import Call
 from agents.studies.shifts import evaluate_world
 from baselines.rules.decider import ANNOUNCED, UNKNOWN
-from baselines.scoring.estimates import Estimate
 from hybrid_env import RandomScheme
 
 TOLD = {ANNOUNCED: ("calibrated", "calibrated-robust"), UNKNOWN: ("beam",)}
@@ -30,112 +27,94 @@ TOLD = {ANNOUNCED: ("calibrated", "calibrated-robust"), UNKNOWN: ("beam",)}
 DECIDERS = {ANNOUNCED: ("shipped", "msprt", "ate"), UNKNOWN: ("shipped", "beam-adaptive", "beam-default", "threshold")}
 """Deciders that are not told."""
 RADIUS, VARIANCE = 5.0, 0.001  # listed radius [m] and Q [m^2/s^2]
+Row = dict[str, Any]
 
-
-@dataclass(frozen=True)
-class Level:
-    """A world on a road."""
-
-    name: str
-    # options of the environment in which nobody is told of the departure
-    world: Mapping[str, Any] = field(default_factory=dict)
-    truth: Mapping[str, Any] = field(default_factory=dict)  # options of the same world, told to its filters
+Level = tuple[str, dict[str, Any], dict[str, Any]]
+"""A world on a road: name, options of an environment in which nobody is told, those of the same one that is told."""
 
 
 def _radius(factor: float) -> Level:
     flown = (factor * RADIUS,)
-    world = {"scheme": RandomScheme(radii=flown), "correctness": "type"}
-    return Level(f"{factor:g}", world, {"radii": flown, "correctness": "type"})
+    untold = {"scheme": RandomScheme(radii=flown), "correctness": "type"}
+    return f"{factor:g}", untold, {"radii": flown, "correctness": "type"}
 
 
-PROCESS = [
-    Level(f"{k}", {"object_variance": k * VARIANCE}, {"process_variance": k * VARIANCE}) for k in (3, 10, 30, 100)
+PROCESS: list[Level] = [
+    (f"{k}", {"object_variance": k * VARIANCE}, {"process_variance": k * VARIANCE}) for k in (3, 10, 30, 100)
 ]
-TAILS = [Level(f"{freedom:g}", *[{"noise": f"student_t {freedom:g}"}] * 2) for freedom in (10, 5, 3, 2, 1.5)]
-DURATIONS = ("uniform 25-125", "uniform 50-100", "uniform 65-85", "uniform 72-78")
-RHYTHMS = [Level(law.replace(" ", "\n"), *[{"durations": law}] * 2) for law in DURATIONS]
+TAILS: list[Level] = [
+    (f"{freedom:g}", noise, noise) for freedom in (10, 5, 3, 2, 1.5) for noise in [{"noise": f"student_t {freedom:g}"}]
+]
+LAWS = ("uniform 25-125", "uniform 50-100", "uniform 65-85", "uniform 72-78")
+RHYTHMS: list[Level] = [(law.replace(" ", "\n"), {"durations": law}, {"durations": law}) for law in LAWS]
 ROADS: dict[str, tuple[str, list[Level]]] = {
-    "tails of the noise: Student's t, degrees of freedom": (ANNOUNCED, [Level("normal"), *TAILS]),
-    "process noise of the object over Q": (ANNOUNCED, [Level("1"), *PROCESS]),
+    "tails of the noise: Student's t, degrees of freedom": (ANNOUNCED, [("normal", {}, {}), *TAILS]),
+    "process noise of the object over Q": (ANNOUNCED, [("1", {}, {}), *PROCESS]),
     "radius of turns over the listed one": (ANNOUNCED, list(map(_radius, (1.0, 1.25, 1.5, 2.0, 2.5)))),
-    "rhythm: durations": (UNKNOWN, [Level("25 +\ngeometric 50"), *RHYTHMS]),
+    "rhythm: durations": (UNKNOWN, [("25 +\ngeometric 50", {}, {}), *RHYTHMS]),
 }
 
 
-@dataclass(frozen=True)
-class Response:
-    """A decider at one level."""
-
-    road: str
-    level: str
-    decider: str  # its name; of the reference, that of the best rule
-    reward: Estimate
-    gap: Estimate | None = None  # the reward less that of the reference on the same episodes; of the reference, None
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the figures."""
-        return {
-            "road": self.road, "level": self.level.replace("\n", " "), "decider": self.decider,
-            "reward": self.reward.as_json(), "gap": None if self.gap is None else self.gap.as_json(),
-        }  # fmt: skip
-
-
-def calls(further: Sequence[str], episodes: int, seed: int) -> dict[str, Callable[[], list[Response]]]:
+def calls(further: Sequence[str], episodes: int, seed: int) -> dict[str, Call]:
     """Return the parts of the study by name, with `further` deciders for announced switches."""
-    found: dict[str, Callable[[], list[Response]]] = {}
+    found: dict[str, Call] = {}
     for road, (switches, levels) in ROADS.items():
         names = DECIDERS[switches] + (tuple(further) if switches == ANNOUNCED else ())
         for level in levels:
-            name = f"{road}: {level.name}".replace("\n", " ")
+            name = f"{road}: {level[0]}".replace("\n", " ")
             found[name] = functools.partial(respond, road, level, switches, names, episodes, seed)
     return found
 
 
-def respond(road: str, level: Level, switches: str, names: Sequence[str], episodes: int, seed: int) -> list[Response]:
-    """Return the reference and the deciders at one level; arguments as in `calls`."""
+def respond(road: str, level: Level, switches: str, names: Sequence[str], episodes: int, seed: int) -> list[Row]:
+    """Return rows, as in JSON, of the best told rule and of the deciders at one level; arguments as in `calls`.
+
+    The gap is the reward less that of this rule on the same episodes; None in its own row.
+    """
     task = task_of(ENVIRONMENTS[switches])
-    told, world = task.changed(level.truth), task.changed(level.world)
+    title, untold_options, told_options = level
+    told, world = task.changed(told_options), task.changed(untold_options)
     goal = task.statistic(task.goal)
-    rules = [evaluate_world(name, level.name, told, None, episodes, seed) for name in TOLD[switches]]
+    rules = [evaluate_world(name, title, told, None, episodes, seed) for name in TOLD[switches]]
     best = max(rules, key=lambda one: one.reward.value)
-    found = [Response(road, level.name, best.decider, best.reward)]
+    place = {"road": road, "level": title.replace("\n", " ")}
+    rows: list[Row] = [place | {"decider": best.decider, "reward": best.reward, "gap": None}]
     for name in names:
         family = find_family(name, task.options)  # made for the nominal model
         scores = sweep(world, family, episodes, seed, thresholds=(family.default,))
         gap = scores.difference(best.own, goal)
-        found.append(Response(road, level.name, scores.name, scores.estimate(goal), gap))
-    return found
+        rows.append(place | {"decider": scores.name, "reward": scores.estimate(goal), "gap": gap})
+    return rows
 
 
-def departures_markdown(found: Sequence[Response]) -> str:
+def departures_markdown(found: Sequence[Row]) -> str:
     """Return a table for each road."""
     parts = []
-    for road in dict.fromkeys(one.road for one in found):
-        here = [one for one in found if one.road == road]
-        names = list(dict.fromkeys(one.decider for one in here if one.gap is not None))
-        rows = []
-        for level in dict.fromkeys(one.level for one in here):
-            reference, *others = (one for one in here if one.level == level)
-            gaps = [in_brackets(one.gap, 3, sign="+") for one in others if one.gap is not None]
-            rows.append([level.replace("\n", " "), f"{reference.reward.value:.3f} ({reference.decider})", *gaps])
+    for road in dict.fromkeys(row["road"] for row in found):
+        here = [row for row in found if row["road"] == road]
+        names = dict.fromkeys(row["decider"] for row in here if row["gap"] is not None)
+        lines = []
+        for level in dict.fromkeys(row["level"] for row in here):
+            told, *others = (row for row in here if row["level"] == level)
+            gaps = [in_brackets(row["gap"], 3, sign="+") for row in others]
+            lines.append([level, f"{told['reward'].value:.3f} ({told['decider']})", *gaps])
         head = ["level", "best rule that is told", *(f"{name} less it" for name in names)]
-        parts.append(f"## {road[0].upper()}{road[1:]}\n\n{markdown_table(head, rows)}")
+        parts.append(f"## {road[0].upper()}{road[1:]}\n\n{markdown_table(head, lines)}")
     return "\n\n".join(parts) + "\n"
 
 
-def departures_figure(found: Sequence[Response]) -> Figure:
+def departures_figure(found: Sequence[Row]) -> Figure:
     """Draw the gaps along each road, with their 95 % intervals."""
-    panels = []
-    styles = decider_styles(dict.fromkeys(one.decider for one in found if one.gap is not None))
+    panels, untold = [], [row for row in found if row["gap"] is not None]
+    styles = decider_styles(dict.fromkeys(row["decider"] for row in untold))
     for road, (_, levels) in ROADS.items():
         curves = []
         for name, style in styles.items():
-            gaps = [one.gap for one in found if one.road == road and one.decider == name and one.gap is not None]
+            gaps = [row["gap"] for row in untold if (row["road"], row["decider"]) == (road, name)]
             if gaps:
-                values = [gap.value for gap in gaps]
-                curves.append(Curve(name, style, range(len(gaps)), values, bars=error_bars(gaps)))
-        ticks = {float(k): level.name for k, level in enumerate(levels)}
-        x = Axis(road, limits=(-0.2, len(levels) - 1 + 0.9), ticks=ticks)
+                curves.append(Curve(name, style, range(len(gaps)), gaps))
+        ticks = {float(k): title for k, (title, *_) in enumerate(levels)}
+        x = Axis(road, limits=(-0.2, len(levels) - 0.1), ticks=ticks)
         panels.append(Panel("", x, Axis("reward less that of the best rule that is told", levels=(0.0,)), curves))
     title = "What deciders lose that are not told how the world departs from the model"
-    return curve_figure([panels[:2], panels[2:]], (12.0, 9.0), title)
+    return curve_figure([panels[:2], panels[2:]], (13.0, 9.0), title)

@@ -2,27 +2,29 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import tyro
+from rich.console import Console
 
 from agents.evaluation.error_rate import ErrorArguments
+from agents.evaluation.registry import find_decider, find_family, split_threshold
+from agents.evaluation.task import Task, sweep
+from agents.evaluation.tasks import task_of
+from agents.evaluation.worlds import NOMINAL, draw_worlds
 from agents.interface.help_texts import shown_default
+from agents.interface.output_files import finite, write_json
 from agents.interface.parallel import ParallelArguments
-from agents.interface.trust import TrustArguments
-from agents.interface.world_arguments import WorldArguments
+from agents.interface.progress import progress_display, shown
+from agents.interface.world_arguments import TrustArguments, WorldArguments
+from agents.studies.shifts import differences_json, evaluate_shifts, shift_table
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED
-from hybrid_env.checks import check_integer, check_number, reject
+from hybrid_env.checks import check_integer, reject
 from hybrid_env.noises import parse_noise
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from agents.evaluation.task import Task
+from hybrid_env.rendering.evidence import mode_name
 
 MOST_DRAWN = 1000  # random worlds
-LARGEST_FACTOR = 10.0
 MOST_SHOWN_MODES = 5  # of a confusion matrix
 
 
@@ -49,30 +51,20 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
     with the best reward on as many other episodes, at most 1,000, of each environment and of the nominal
     one. The names then take no thresholds."""
     drawn: int = 0
-    """Evaluate in this many random environments, and in the nominal one, as with --shifted."""
+    """Evaluate in this many random environments, from ranges twice as wide at both ends as in the training of the
+    shipped agent, and in the nominal one, as with --shifted."""
     noises: tuple[str, ...] = ()
     """Evaluate under these laws of noise, and in the nominal environment, as with --shifted."""
-    beyond: float = 2.0
-    """Factor by which the ranges of random environments exceed those of the training of the shipped agent."""
     out: Annotated[Path | None, shown_default("none is written")] = None
     """JSON file for the metrics."""
 
     def run(self) -> None:
         """Evaluate the deciders and print the tables."""
         self._check()
-        from rich.console import Console
-
-        from agents.evaluation.tasks import task_of
-        from agents.interface.output_files import write_json
-
         console = Console(emoji=False)
         first = task_of(*self.world_of(self.deciders[0] if self.deciders else ""))
         deciders = tuple(map(self.at_error, self.deciders or (first.reference,)))
-        metrics: Any
-        if self._worlds:
-            metrics = self._evaluate_worlds(deciders, first, console)
-        else:
-            metrics = self._evaluate(deciders, console)
+        metrics = self._evaluate_worlds(deciders, first, console) if self._worlds else self._evaluate(deciders, console)
         if self.out is not None:
             write_json(self.out, metrics)
             print(f"Data {self.out}")
@@ -90,14 +82,8 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
         if len(set(self.deciders)) != len(self.deciders):
             raise reject("deciders", self.deciders, "different names")
         check_integer("drawn", self.drawn, minimum=0, maximum=MOST_DRAWN)
-        if not 1.0 <= check_number("beyond", self.beyond) <= LARGEST_FACTOR:
-            raise reject("beyond", self.beyond, f"a number from 1 to {LARGEST_FACTOR:g}")
-        if self.beyond != type(self).beyond and not self.drawn:
-            raise reject("beyond", self.beyond, "no value without --drawn")
         if not self._worlds:
             return
-        from agents.evaluation.registry import split_threshold
-
         worlds = "with --shifted, --drawn or --noises"
         if self.seed + self.episodes > seeds.SELECTION:
             raise reject("seed", self.seed, f"at most {seeds.SELECTION} minus the number of episodes, {worlds}")
@@ -105,71 +91,54 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
             if split_threshold(name)[1] is not None:
                 raise reject("deciders", name, f"a name without a threshold, {worlds}")
 
-    def _evaluate(self, deciders: tuple[str, ...], console: "Console") -> list[dict[str, Any]]:
+    def _evaluate(self, deciders: tuple[str, ...], console: Console) -> Any:
         """Evaluate deciders at one threshold each; those of one environment are compared in one table."""
-        from agents.evaluation.registry import find_decider
-        from agents.evaluation.task import sweep
-        from agents.evaluation.tasks import task_of
-        from agents.interface.progress import progress_display
-        from agents.studies.comparison import finite
-        from agents.studies.tables import confusion_table, scores_table
-        from hybrid_env.rendering.evidence import mode_name
+        from agents.studies.tables import confusion_table, scores_table  # PyTorch
 
         found = []
         for name in deciders:  # checks all names before evaluating
             task = task_of(*self.world_of(name))
             family, threshold = find_decider(name, task.options)
             task.options_with(family.options)
-            found.append((name, task, family, threshold))
-        rows: list[dict[str, Any]] = []
+            found.append((task, family, threshold))
         groups: dict[str, list[Any]] = {}
+        rows: list[dict[str, Any]] = []
         with progress_display(console) as progress:
             bar = progress.add_task("Evaluating", total=len(found), note="")
-            for done, (name, task, family, threshold) in enumerate(found):
+            for name, (task, family, threshold) in zip(deciders, found, strict=True):
 
-                def show(share: float, before: int = done) -> None:
+                def show(share: float, before: int = len(rows)) -> None:
                     progress.update(bar, completed=before + share)
 
                 progress.update(bar, note=name)
                 scores = sweep(task, family, self.episodes, self.seed, show, (threshold,))
                 figures = {metric.name: scores.estimate(metric.statistic) for metric in task.metrics}
                 groups.setdefault(f"{task.env_id} {task.given}", []).append((task, scores, figures))
-                rows.append(
-                    {"decider": name, "name": scores.name}
-                    | {"threshold": {"symbol": scores.symbol, "value": scores.thresholds[0]}}
-                    | {"episodes": self.episodes, "size": task.size(self.episodes)}
-                    | {key: figure.as_json() for key, figure in figures.items()}
-                    | {key: finite(values[0]) for key, values in scores.extra.items()}
-                )
+                row: dict[str, Any] = {
+                    "decider": name, "name": scores.name, "threshold": {"symbol": scores.symbol, "value": threshold},
+                    "episodes": self.episodes, "size": task.size(self.episodes), **figures,
+                }  # fmt: skip
+                rows.append(row | {key: finite(values[0]) for key, values in scores.extra.items()})
             progress.update(bar, note="")
-        for group in groups.values():
-            task, first, _ = group[0]
+        for (task, first, figures), *others in groups.values():
             goal = task.statistic(task.goal)
-            cells = [
-                (scores, figures, None if scores is first else scores.difference(first, goal))
-                for _, scores, figures in group
-            ]
-            title = f"{task.title}: {task.size(self.episodes)}"
-            console.print(scores_table(task, cells, title, to=first.name))
+            cells = [(first, figures, None)]
+            cells += [(scores, own, scores.difference(first, goal)) for _, scores, own in others]
+            console.print(scores_table(task, cells, f"{task.title}: {task.size(self.episodes)}", to=first.name))
             modes = [mode_name(mode, task.options.radii) for mode in range(task.options.hypotheses)]
-            for _, scores, _ in group:
+            for scores, *_ in cells:
                 if "confusion" in scores.extra and len(modes) <= MOST_SHOWN_MODES:
                     console.print(confusion_table(scores, modes))
         return rows
 
-    def _evaluate_worlds(self, deciders: tuple[str, ...], task: "Task", console: "Console") -> dict[str, Any]:
+    def _evaluate_worlds(self, deciders: tuple[str, ...], task: Task, console: Console) -> Any:
         """Evaluate deciders in shifted, random or noisy environments and in the nominal one."""
-        from agents.evaluation.registry import find_family
-        from agents.evaluation.worlds import NOMINAL, draw_worlds
-        from agents.interface.progress import shown
-        from agents.studies.shifts import differences_json, evaluate_shifts, shift_table
-
         if self.drawn and task.switches != ANNOUNCED:
             raise reject("drawn", self.drawn, f"no value in {task.title}")
         worlds = task.shifted() if self.shifted else {NOMINAL: {}}
         worlds |= {str(parse_noise(noise, "noises")): {"noise": noise} for noise in self.noises}
         if self.drawn:
-            worlds |= draw_worlds(self.drawn, seeds.DRAWN_WORLDS, self.beyond)
+            worlds |= draw_worlds(self.drawn, seeds.DRAWN_WORLDS)
         for name in deciders:
             find_family(name, task.options)
         tasks = {name: task.changed(changes) for name, changes in worlds.items()}
@@ -178,7 +147,7 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
             lambda note: evaluate_shifts(deciders, tasks, self.episodes, self.seed, self.workers(), note),
         )  # fmt: skip
         console.print(shift_table(results, f"{task.title} under distribution shift: {task.size(self.episodes)} each"))
-        found: dict[str, Any] = {"results": [result.as_json() for result in results]}
+        found: dict[str, Any] = {"results": results}
         if len(deciders) > 1:
             found["differences"] = differences_json(results)
         return found | {"worlds": worlds}

@@ -8,18 +8,24 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from rich.markup import escape
+from rich.table import Table
 
 from agents.evaluation import gliders as task
-from agents.evaluation.flights import AGENT
-from agents.evaluation.gliders import Setting, glider_rule, glider_statements
+from agents.evaluation.cells import filled_table
+from agents.evaluation.flights import AGENT, SECOND_LINES, figure_cell, less_cell, less_first, value
+from agents.evaluation.gliders import METRICS, Setting, glider_rule, glider_statements
 from agents.evaluation.registry import SHIPPED, policy_folder
+from agents.figures.tracks import recording_figure
+from agents.interface.output_files import finite
 from agents.studies.seal import differing, digests
 from baselines.estimation.turns import STRAIGHT, run_turn_imm
 from baselines.recordings.flights import circling, gliders
 from baselines.recordings.flights import labels as label_rules
 from baselines.recordings.flights.flight import Flight, stack_flights
 from baselines.recordings.flights.gliders import HALVES, SEALED, half_of, read_logs
-from baselines.recordings.flights.labels import Labels
+from baselines.recordings.flights.labels import MODE_NAMES, Labels
 from baselines.recordings.flights.metrics import STATISTICS, score_flights
 from baselines.recordings.flights.simulated_gliders import label_gliders, simulate_glider
 from baselines.recordings.reading import igc
@@ -38,6 +44,13 @@ SEAL = Path(__file__).with_name("sealed.json")
 SHARES = (5.0, 50.0, 95.0)  # percentiles of what recorded and simulated flights have in common
 SLOWEST_WIGGLE, SMALLEST_WIGGLE = np.radians(1.0), 10.0  # turn rate [rad/s] and angle [deg]
 INNER = 3  # positions of circles that are left out at either end
+SHOWN_TIME = 600.0  # time in the picture [s]
+NOTES = (
+    f"{SECOND_LINES} Less first: points of agreement.\n"
+    "Settings: the best agreement on the other half with as few false changes there.\n"
+    "Enter, leave: mean time from a change of the label to the first right statement.\n"
+    "Misses: the next change of the label came first. Simul.: agreement on simulated flights."
+)
 
 FROZEN = {
     "labels": circling, "smoothed turns": label_rules, "logs": gliders, "format": igc, "rules": rules_of_circling
@@ -204,3 +217,77 @@ def unbroken_seal(names: Sequence[str]) -> dict[str, Any]:
         allowed = f"no value: {', '.join(differ)} differ from {SEAL.name}, and the sealed logs stay closed"
         raise reject("sealed", True, allowed)
     return kept
+
+
+def glider_tables(result: GliderComparison) -> list[Table]:
+    """Return the tables of each level, for the open logs and for the sealed ones, and of the simulated flights."""
+    return [*(_glider_table(result, group, level) for group in result.groups for level in LEVELS), _gap_table(result)]
+
+
+def _glider_table(result: GliderComparison, group: str, level: float) -> Table:
+    rows, lines = result.groups[group], []
+    hours = sum(float(result.labels[k].weights.sum()) for k in rows) / 3600.0
+    for name, scores in result.scores[level].items():
+        cells = [figure_cell(scores.some(rows), metric) for metric in METRICS]
+        cells.append(less_cell(less_first(result.scores[level], name, rows)))
+        lines.append((escape(glider_rule(name).title), *cells, f"{100.0 * value(result.simulated[level][name]):.1f}"))
+    heads = ("decider", *(metric.head for metric in METRICS), "less\nfirst", "simul.\n%")
+    title = f"{len(rows)} flights of gliders, {group}, {hours:.1f} h: at most {level:g} false an hour"
+    return filled_table(title, heads, lines, NOTES if level == LEVELS[-1] else "")
+
+
+def _gap_table(result: GliderComparison) -> Table:
+    """Return the table of percentiles, of logs and of simulated flights."""
+    lines = [(name, *(f"{one:.2f}" for side in sides for one in side)) for name, sides in result.gap.items()]
+    heads = ("", *(f"{source}\n{share:g} %" for source in ("logs", "simul.") for share in SHARES))
+    return filled_table("Open logs and simulated flights: percentiles", heads, lines)
+
+
+def glider_files(result: GliderComparison) -> dict[str, Any]:
+    """Return gliders.json, with the settings, the figures of every flight and the seal, and gliders.png."""
+    groups: dict[str, Any] = {}
+    for group, rows in result.groups.items():
+        for level, by_name in result.scores.items():
+            for name, scores in by_name.items():
+                groups.setdefault(group, {}).setdefault(f"{level:g}", {})[name] = _estimates(scores.some(rows)) | {
+                    "agreement_less_first": less_first(by_name, name, rows),
+                    "settings": result.chosen[level][name],
+                    "simulated": _estimates(result.simulated[level][name]),
+                }
+    flights = [
+        {
+            "id": flight.identity, "half": flight.tier.name, "hours": flight.hours,
+            "scored_hours": float(labels.weights.sum()) / 3600.0,
+            "circles": sum(mode != 0 for *_, mode in labels.pieces),
+            "deciders": {
+                name: {one.name: finite(scores.some([k]).curve(one.statistic)[0]) for one in METRICS}
+                for name, scores in result.scores[LEVELS[1]].items()
+            },
+        }
+        for k, (flight, labels) in enumerate(zip(result.flights, result.labels, strict=True))
+    ]  # fmt: skip
+    gap = {"percentiles": SHARES, **result.gap}
+    content = {"groups": groups, "flights": flights, "gap": gap, "seal": result.seal}
+    return {"gliders.json": content, "gliders.png": _picture(result)}
+
+
+def _estimates(scores: Scores) -> dict[str, Any]:
+    return {one.name: scores.estimate(one.statistic) for one in METRICS}
+
+
+def _picture(result: GliderComparison) -> Figure:
+    """The ten minutes with most changes of the flight with the median agreement of the first rule."""
+    first, scores = next(iter(result.scores[LEVELS[1]].items()))
+    each = [value(scores.some([k])) for k in range(len(result.flights))]
+    k = int(np.argsort(each)[len(each) // 2])
+    flight, labels = result.flights[k], result.labels[k]
+    ends = np.searchsorted(flight.times, flight.times + SHOWN_TIME)
+    changes = np.cumsum(np.diff(labels.modes, prepend=labels.modes[0]) != 0)
+    first_row = int((changes[ends - 1] - changes).argmax())
+    rows = slice(first_row, ends[first_row])
+    shown = np.where(labels.scored, labels.modes, len(MODE_NAMES))[rows]
+    minutes = (flight.times[rows] - flight.times[first_row]) / 60.0
+    stated = {glider_rule(name).title: one[k][rows] for name, one in result.stated.items()}
+    title = f"{flight.identity}: {glider_rule(first).title} agrees {each[k]:.1%} of the whole flight"
+    kilometres = flight.positions[rows] / 1000.0
+    return recording_figure(kilometres, minutes, [(0, len(minutes))], shown, stated, MODE_NAMES, title)

@@ -4,9 +4,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+from rich.console import Console
+from rich.markdown import Markdown
+
+from agents.evaluation.registry import find_family
+from agents.evaluation.tasks import QUICKEST, task_of
 from agents.interface.help_texts import shown_default
+from agents.interface.output_files import output_folder, write_files
 from agents.interface.parallel import ParallelArguments
-from agents.interface.trust import TrustArguments
+from agents.interface.progress import print_lines, shown
+from agents.interface.world_arguments import TrustArguments
+from agents.studies import departures
+from agents.studies.limits import CALIBRATION_EPISODES, RULES, calls, limits_figure, limits_markdown
 from baselines.rules import seeds
 from hybrid_env.checks import check_integer, reject
 
@@ -38,17 +47,6 @@ class Limits(TrustArguments, ParallelArguments):
         check_integer("episodes", self.episodes, minimum=10)
         check_integer("seed", self.seed, minimum=0)
         workers = self.workers()
-        from rich.console import Console
-        from rich.markdown import Markdown
-
-        from agents.evaluation.registry import find_family
-        from agents.evaluation.tasks import QUICKEST, task_of
-        from agents.interface.output_files import output_folder, write_files
-        from agents.interface.progress import shown
-        from agents.studies import departures
-        from agents.studies.limits import CALIBRATION_EPISODES, RULES, calls, limits_json
-        from agents.studies.limits_report import limits_figure, limits_markdown
-
         quickest = QUICKEST.rpartition(":")[2]
         if self.env not in (None, quickest, QUICKEST):
             raise reject("env", self.env, f"{quickest}, or no --env for the others")
@@ -63,19 +61,17 @@ class Limits(TrustArguments, ParallelArguments):
         if self.departures and self.env is not None:
             raise reject("env", self.env, "no value with --departures")
         folder, console = output_folder("out", self.out), Console(emoji=False)
-        by_part = calls("" if self.env is None else QUICKEST, self.episodes, self.seed, self.deciders)
         if self.departures:
             by_part = {"departures": departures.calls(self.deciders, self.episodes, self.seed)}
+        else:
+            by_part = calls("" if self.env is None else QUICKEST, self.episodes, self.seed, self.deciders)
         every = {name: call for part in by_part.values() for name, call in part.items()}
         found = shown(console, "Evaluating", len(every), lambda note: dict(workers.results(every, note)))
-        parts = {part: [one for name in named for one in found[name]] for part, named in by_part.items()}
+        parts: Any = {part: [row for name in named for row in found[name]] for part, named in by_part.items()}
+        study: Any = ("limits", parts, limits_markdown, limits_figure)
         if self.departures:
-            responses = parts["departures"]
-            text, values = departures.departures_markdown(responses), [one.as_json() for one in responses]
-            figure = departures.departures_figure(responses)
-            files: dict[str, Any] = {"departures.md": text, "departures.json": values, "departures.png": figure}
-        else:
-            text = limits_markdown(parts)
-            files = {"limits.md": text, "limits.json": limits_json(parts), "limits.png": limits_figure(parts)}
-        console.print(Markdown(text))
-        console.print(write_files(folder, files), markup=False, highlight=False)
+            study = "departures", parts["departures"], departures.departures_markdown, departures.departures_figure
+        name, data, text, figure = study
+        files = {f"{name}.md": text(data), f"{name}.json": data, f"{name}.png": figure(data)}
+        console.print(Markdown(files[f"{name}.md"]))
+        print_lines(console, write_files(folder, files))

@@ -1,33 +1,102 @@
 """The command `hybridtrack play`: watch a decider in a window, or save the episode as a picture or GIF."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
+import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 from rich.console import Console
 from rich.progress import Progress
+from rich.table import Table
 
 from agents.evaluation.error_rate import ErrorArguments
+from agents.evaluation.registry import load_decider
+from agents.evaluation.task import Task
+from agents.evaluation.tasks import task_of
+from agents.figures.tracks import TrackRecord
 from agents.interface.help_texts import shown_default
 from agents.interface.output_files import atomic_file, write_table
 from agents.interface.progress import print_lines, progress_display
-from agents.interface.trust import TrustArguments
-from agents.interface.world_arguments import WorldArguments
+from agents.interface.world_arguments import TrustArguments, WorldArguments
+from baselines.rules.rollout import rollout
 from hybrid_env.checks import ArgumentError, check_integer, reject
+from hybrid_env.env import TrackEnv
 from hybrid_env.options import ModelOptions
 from hybrid_env.rendering.evidence import mode_colour, shade
 from hybrid_env.rendering.figure import CURRENT_COLOUR
 from hybrid_env.rendering.history import TRACE_INDEX, History
 from hybrid_env.rendering.window import RENDER_FPS, Renderer, display_available
 
-if TYPE_CHECKING:
-    from agents.studies.episodes import Episodes
-
 FINAL_FRAMES = 2 * RENDER_FPS  # number of times that the window shows the last frame of an episode: for two seconds
+
+
+class OneTrack:
+    """An environment of one track with the interface of a vector environment."""
+
+    num_envs = 1
+
+    def __init__(self, env: TrackEnv):
+        self.env, self.world, self.single_action_space = env, env.world, env.action_space
+
+    def reset(self, *, seed: int | None = None) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begin an episode."""
+        row, info = self.env.reset(seed=seed)
+        return row[None], info
+
+    def step(self, actions: NDArray[np.int64]) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        """Step the track."""
+        row, reward, terminated, truncated, info = self.env.step(int(actions[0]))
+        return row[None], np.array([reward]), np.array([terminated]), np.array([truncated]), info
+
+
+class Episodes:
+    """Episodes of a decider on one track; `decider` replaces that of the name, and needs `changes` of the options."""
+
+    def __init__(self, task: Task, name: str, decider: Any = None, changes: Any = None):
+        self.task, self.name = task.changed(changes or {}), name
+        env = gym.make(task.env_id, render_mode="rgb_array", **self.task.given).unwrapped
+        assert isinstance(env, TrackEnv)
+        self.env, self.decider = env, load_decider(name, env.options) if decider is None else decider
+
+    @property
+    def history(self) -> History:
+        """The running episode."""
+        assert self.env.history is not None
+        return self.env.history
+
+    def renderer(self, human: bool) -> Renderer:
+        """Return a renderer with the evidence of the decider, of a window if `human`."""
+        return Renderer(self.env.options, human, self.decider.panel())
+
+    def play(self, seed: int, on_step: Callable[[], None]) -> Iterator[History]:
+        """Play an episode; yield its history before every step, with the evidence of the decider."""
+        for now in rollout(OneTrack(self.env), self.decider, seed):
+            if now.step:
+                on_step()
+            if now.terminated[0]:
+                return
+            self.history.set_evidence(self.decider.evidence(now.seen, now.state, now.starts)[0])
+            yield self.history
+
+    def table(self, title: str) -> Table:
+        """Return a table of the episode that has just ended."""
+        return self.task.episode_table(title, self.history)
+
+    def record(self, name: str, seed: int) -> TrackRecord:
+        """Play an episode and return what was declared or stated at every tick, with the name in the figure."""
+        for _ in self.play(seed, lambda: None):
+            pass
+        history = self.history
+        truth, measured, estimates = (
+            history.trace[:, [TRACE_INDEX[f"{key}x"], TRACE_INDEX[f"{key}y"]]] for key in ("", "measured_", "estimate_")
+        )
+        return self.task.track_record(
+            history, name=name, truth=truth, measurements=measured, true_modes=history.true_modes, estimates=estimates
+        )
 
 
 @dataclass(kw_only=True)
@@ -49,9 +118,6 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
     def run(self) -> None:
         """Play the episodes, print a table after each, and write the requested files."""
         self._check()
-        from agents.evaluation.tasks import task_of
-        from agents.studies.episodes import Episodes
-
         show = self.out is None and (self.record is None or display_available())
         if show and not display_available():
             raise ArgumentError("no window can be opened here: use --out FILE with a .gif or .png file")
@@ -83,17 +149,14 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
             if self.episodes > 1 and path.suffix.lower() != ".gif":
                 raise reject("episodes", self.episodes, f"1 with --{name} {path}, which holds one episode")
 
-    def _play(self, episodes: "Episodes", console: Console, progress: Progress) -> Iterator[History]:
+    def _play(self, episodes: Episodes, console: Console, progress: Progress) -> Iterator[History]:
         """Play the episodes; yield the history after every reset and every step."""
         history = episodes.history
         task = progress.add_task("Playing", total=self.episodes, note="")
         for episode in range(self.episodes):
-
-            def show(before: int = episode) -> None:
-                progress.update(task, completed=before + episodes.task.done(history), note=f"tick {len(history.trace)}")
-
             seed = self.seed + episode
-            yield from episodes.play(seed, show)
+            yield from episodes.play(seed, lambda: progress.update(task, note=f"tick {len(history.trace)}"))
+            progress.advance(task)
             console.print(episodes.table(f"{episodes.name}, episode {episode + 1}, seed {seed}"))
             if self.record is not None:
                 write_recording(self.record, history, episodes.env.options.tau)

@@ -6,7 +6,6 @@ from functools import partial
 from itertools import product
 from pathlib import Path
 
-import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 from rich.progress import Progress
@@ -14,6 +13,7 @@ from rich.table import Table
 
 from agents.evaluation.cells import bounds_cell, estimate_cell, filled_table
 from agents.figures.canvas import new_canvas, plain_axes
+from agents.figures.curves import error_bars
 from agents.interface.parallel import Workers
 from agents.training.radar_net import filter_with, radar_net
 from baselines.papers.novospaskyi.dataset import RadarData
@@ -22,6 +22,7 @@ from baselines.papers.novospaskyi.radars import NOISES, Noise
 from baselines.papers.novospaskyi.scores import COLUMNS, HORIZONS, STATISTICS, score_estimates
 from baselines.papers.novospaskyi.study import tune_filters
 from baselines.papers.novospaskyi.tables import NOISE_NAMES
+from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores
 
 FILTERS = (*THESIS, "CV", "IMM (CV, CA)", *ROBUST, *SLOW, COMBINED)
@@ -29,7 +30,7 @@ NETWORK = "recurrent network"
 MOST_PROCESSES = 8
 ERRORS = (10, 20, 50, 100, 200, 500)
 Found = Mapping[Noise, Sequence[Scores]]
-Figures = Mapping[Noise, Mapping[str, Mapping[str, Mapping[str, float | None]]]]
+Figures = Mapping[Noise, Mapping[str, Mapping[str, Estimate]]]
 
 
 def score_radar_data(data: RadarData, folder: Path, progress: Progress) -> Found:
@@ -92,7 +93,7 @@ def radar_tables(found: Found) -> list[Table]:
 def radar_json(found: Found) -> Figures:
     """Return the figures by noise, filter and column."""
     return {
-        noise: {one.name: {name: one.estimate(STATISTICS[name]).as_json() for name in COLUMNS} for one in scores}
+        noise: {one.name: {name: one.estimate(STATISTICS[name]) for name in COLUMNS} for one in scores}
         for noise, scores in found.items()
     }
 
@@ -104,10 +105,10 @@ def radar_figure(found: Figures) -> Figure:
     marks = dict(zip(("position", *COLUMNS[2 : 2 + len(HORIZONS)]), "os^D", strict=True))
     for axes, (noise, filters) in zip(panels, found.items(), strict=True):
         for column, marker in marks.items():
-            values = np.array([list(one[column].values()) for one in filters.values()], np.float64)[::-1]
-            bars = np.abs(values[:, 1:] - values[:, :1]).T
+            errors = [one[column] for one in filters.values()][::-1]
+            values, bars = [one.value for one in errors], error_bars(errors)
             label = "now" if column == "position" else f"{column.split()[1]} s ahead"
-            axes.errorbar(values[:, 0], range(len(filters)), xerr=bars, fmt=marker, markersize=5, label=label)
+            axes.errorbar(values, range(len(filters)), xerr=bars, fmt=marker, markersize=5, label=label)
         axes.set_yticks(range(len(filters)), list(filters)[::-1])
         axes.set_xscale("log")
         axes.set_xticks(ERRORS, [f"{error:g}" for error in ERRORS])

@@ -2,16 +2,27 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Literal
 
+import numpy as np
 import tyro
+from matplotlib import colormaps
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
 
+from agents.evaluation.cells import estimate_cell, filled_table
+from agents.figures.canvas import legend_beside, new_canvas
+from agents.figures.tracks import UNDECIDED_COLOUR, draw_timelines, wrong_patch
 from agents.interface.help_texts import shown_default
+from agents.interface.output_files import save_figure, write_json
+from agents.interface.progress import print_lines
 from baselines.recordings.reading.names import SECONDS
-from hybrid_env.checks import check_choice, reject
-
-if TYPE_CHECKING:
-    from baselines.scoring.score import TimelineScores
+from baselines.scoring.score import TimelineScores, score
+from hybrid_env.checks import reject
 
 
 @dataclass(kw_only=True)
@@ -31,8 +42,8 @@ class Score:
     time_unit: str | None = None
     """Unit of the times: s, ms, us, ns, min, h, or a format such as '%d/%m/%Y %H:%M:%S'. By default that of
     the header or seconds; dates are recognised."""
-    per: str = "h"
-    """Time in which false changes are counted: h, min or s."""
+    per: Literal["h", "min", "s"] = "h"
+    """Time in which false changes are counted."""
     normal: str | None = None
     """True mode, away from which a false change is a false alarm, counted in the time in which it is true."""
     out: Path | None = None
@@ -42,7 +53,6 @@ class Score:
 
     def run(self) -> None:
         """Score the statements, print the tables and write the files."""
-        check_choice("per", self.per, ("h", "min", "s"))
         if len(self.files) < 2:
             raise reject("files", [str(file) for file in self.files], "the truth and at least one more file")
         for name in ("out", "picture"):
@@ -50,12 +60,6 @@ class Score:
             if path is not None and not path.parent.is_dir():
                 raise reject(name, str(path), "a file in a folder that exists")
         result = self.score()
-        from rich.console import Console
-
-        from agents.interface.output_files import save_figure, write_json
-        from agents.interface.progress import print_lines
-        from agents.studies.score_report import score_figure, score_tables
-
         console = Console(emoji=False)
         for table in score_tables(result, self.per):
             console.print(table)
@@ -65,10 +69,9 @@ class Score:
             save_figure(score_figure(result), self.picture)
         print_lines(console, *filter(None, (self.out, self.picture)))
 
-    def score(self) -> "TimelineScores":
+    def score(self) -> TimelineScores:
         """Read the files and score the statements."""
         from baselines.recordings.reading.modes import read_modes  # pandas; other commands start faster
-        from baselines.scoring.score import score
 
         for text in self.columns:
             if text.partition("=")[0] not in ("time", "mode") or not text.partition("=")[2]:
@@ -88,3 +91,70 @@ class Score:
             statement_times={name: list(file.times.values()) for name, file in sets.items()},
             per=SECONDS[self.per], normal=self.normal,
         )  # fmt: skip
+
+
+HEADS = {
+    "agreement": ("agreement\n%", 1, 100.0),
+    "delay": ("delay\ns", 2, 1.0),
+    "misses": ("misses\n%", 1, 100.0),
+    "full_delay": ("delay,\nall", 2, 1.0),
+    "false_changes": ("false\n/{per}", 2, 1.0),
+    "false_per_1000": ("false\n/1000", 2, 1.0),
+    "false_alarms": ("alarms\n/{per}", 2, 1.0),
+    "changes_per_switch": ("changes", 2, 1.0),
+}
+"""Heading, digits and factor of each figure."""
+
+NOTES = """delay: from a switch to the first right statement.
+misses: switches followed by another one before that.
+delay, all: without it, until the next switch or the end of the track.
+false: changes to a mode that is not true until the next change, per {per} or 1,000 samples.
+changes: of the statement, per switch."""
+MOST_TRACKS = 4  # in the picture
+
+
+def score_tables(result: TimelineScores, per: str) -> list[Table]:
+    """Return the table of figures, and that of the differences if there are several sets."""
+    first, *others = result.scores
+    seconds = float(result.scores[first].of("scored", 0).sum())
+    missing = "No intervals: they need several tracks, or one of at least 20 switches."
+    over = f"± half width of the 95 % interval over {result.unit}." if result.unit else missing
+    count = f"{result.tracks} track" + "s" * (result.tracks > 1)
+    title = f"Statements on {count}, {seconds / result.period:.4g} {per} scored"
+    notes = NOTES.format(per=per)
+    if result.normal is not None:
+        notes += f"\nalarms: false changes away from {result.normal}, per {per} in which it is true."
+    contents = [(title, f"{over}\n{notes}", result.estimates, "")]
+    if others:
+        contents.append((f"Less that of {first}, on the same tracks", over, result.differences, "+"))
+    heads = {key: head for key, head in HEADS.items() if key != "false_alarms" or result.normal is not None}
+    shown = ("statements", *(head.format(per=per) for head, *_ in heads.values()))
+    tables = []
+    for title, caption, rows, sign in contents:
+        lines = []
+        for name, figures in rows.items():
+            cells = [estimate_cell(figures[key], scale, digits, sign=sign) for key, (_, digits, scale) in heads.items()]
+            lines.append((escape(name), *cells))
+        tables.append(filled_table(title, shown, lines, caption))
+    return tables
+
+
+def score_figure(result: TimelineScores) -> Figure:
+    """Return a picture of truth and statements over time on the first tracks; wrong ones are hatched."""
+    tracks = min(result.tracks, MOST_TRACKS)
+    canvas = new_canvas((10.0, 0.8 + tracks * (0.6 + 0.3 * (1 + len(result.timelines)))))
+    grid = canvas.subplots(tracks, 1, squeeze=False)[:, 0]
+    colours = [to_hex(colormaps["tab10"](k % 10)) for k in range(len(result.modes))]
+    for number, axes in enumerate(grid):
+        lines = {name: timelines[number] for name, timelines in result.timelines.items()}
+        clock = np.unique(np.concatenate([line.times for line in lines.values()]))
+        at = {name: np.searchsorted(line.times, clock[:-1], "right") - 1 for name, line in lines.items()}
+        first = next(iter(lines))
+        true = np.where(lines[first].scored, lines[first].modes, -1)[at[first]]
+        rows = {"truth": true} | {name: line.stated[at[name]] for name, line in lines.items()}
+        wrong = {name: (rows[name] != true) & (true >= 0) & (rows[name] >= 0) for name in lines}
+        draw_timelines(axes, clock, rows, colours, "t [s]", wrong=wrong)
+    handles = [Patch(color=colour, label=str(mode)) for colour, mode in zip(colours, result.modes, strict=True)]
+    handles += [Patch(color=UNDECIDED_COLOUR, label="nothing"), wrong_patch("wrong statement")]
+    legend_beside(grid[0], handles=handles)
+    return canvas

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from itertools import product
 from typing import Any
 
+from rich.markup import escape
 from rich.table import Table
-from rich.text import Text
 
-from agents.evaluation.cells import new_table
+from agents.evaluation.cells import filled_table
 from agents.evaluation.registry import find_family
 from agents.evaluation.task import Task, sweep
 from agents.evaluation.worlds import NOMINAL
@@ -149,17 +149,16 @@ def shift_table(results: Sequence[Shift], title: str) -> Table:
     gains = differences(results) if len(deciders) > 1 else {}
     if gains:
         caption += " The last column compares the same episodes."
-    table = new_table(title, caption)
-    table.padding, table.show_edge = (0, 0, 0, 0), False
-    table.add_column("environment", min_width=14)
-    heads = [name.replace(" ", "\n") for name in deciders] + [f"{deciders[0]} -\nbest\nother"] * bool(gains)
-    for head in heads:
-        table.add_column(Text(head), justify="right", no_wrap=True)
+    heads = [escape(name).replace(" ", "\n") for name in deciders]
+    heads += [f"{heads[0]} -\nbest\nother"] * bool(gains)
+    rows = []
     for world in dict.fromkeys(result.world for result in results):
         row = {result.decider: result for result in results if result.world == world}
         pairs = [(row[name].reward, row[name].nominal_reward) for name in deciders]
         pairs += [gains[world][1:]] if gains else []
-        table.add_row(world, *(_cell(world, own, nominal.value) for own, nominal in pairs))
+        rows.append((world, *(_cell(world, own, nominal.value) for own, nominal in pairs)))
+    table = filled_table(title, ("environment   ", *heads), rows, caption)
+    table.padding, table.show_edge = (0, 0, 0, 0), False
     return table
 
 

@@ -17,7 +17,7 @@ from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import FURTHER_STYLES
 from agents.interface.parallel import Workers
 from agents.studies.seal import differing, digests
-from agents.studies.shifts import Shift, differences, differences_json, evaluate_shifts
+from agents.studies.shifts import Shift, differences, differences_json, evaluate_shifts, shift_table
 from baselines.recordings.simulators import aircraft, airliners, cars, paths, process_noise, tracks
 from baselines.recordings.simulators.tracks import VEHICLES, SimulatedTracks
 from baselines.rules import beam, seeds, threshold
@@ -40,24 +40,23 @@ FROZEN = (aircraft, airliners, cars, paths, process_noise, tracks, simulators, b
 PROGRAMS = ("jsbsim", "bluesky-simulator", "openap", "eclipse-sumo")
 
 
+Found = tuple[list[Shift], dict[str, float]]  # results, and the mismatch of each world
+
+
 def compare_on_simulators(
-    names: Sequence[str],
-    worlds: Mapping[str, SimulatorTask],
-    episodes: int,
-    seed: int,
-    workers: Workers,
-    on_progress: Callable[[str], None],
-) -> list[Shift]:
+    names: Sequence[str], worlds: Mapping[str, SimulatorTask], episodes: int, seed: int, workers: Workers,
+    note: Callable[[str], None],
+) -> Found:  # fmt: skip
     """Evaluate deciders in worlds, see `evaluate_shifts`: all but the first are tuned in each of them."""
-    return evaluate_shifts(names, worlds, episodes, seed, workers, on_progress, names[:1])
+    results, mismatches = evaluate_shifts(names, worlds, episodes, seed, workers, note, names[:1]), {}
+    for world, task in worlds.items():
+        note(f"mismatch: {world}")
+        mismatches[world] = mismatch(task, seed)
+    return results, mismatches
 
 
 def first_seed(seed: int, episodes: int, sealed: bool) -> int:
-    """Return the seed of the first path.
-
-    Raises:
-        ArgumentError: the seeds are not open, or the seal is broken.
-    """
+    """Return the seed of the first path; refuse seeds that are not open, and sealed ones if the seal is broken."""
     if not sealed:
         if not 0 <= seed <= seeds.SELECTION - episodes:
             raise reject("seed", seed, f"a number from 0 to {seeds.SELECTION} minus the number of episodes")
@@ -90,13 +89,29 @@ def _version(name: str) -> str:
         return "missing"
 
 
-def simulators_json(results: Sequence[Shift], mismatches: Mapping[str, float]) -> dict[str, Any]:
-    """Return all figures, what `summary` counts, the mismatch of each world, and what `SEAL` holds once sealed."""
-    shown = [one.as_json() for one in results]
-    found: dict[str, Any] = {"results": shown, "mismatches": dict(mismatches), "seal": current_seal()}
+def simulator_tables(found: Found) -> list[Any]:
+    """Return the table of all worlds, and with several deciders the counts as a sentence."""
+    results, _ = found
+    size = results[0].task.size(results[0].own.episodes)
+    tables: list[Any] = [shift_table(results, f"Simulators of others: {size} a world")]
     if len({one.decider for one in results}) > 1:
-        found |= {"differences": differences_json(results)} | counts(results)
-    return found
+        first, number = results[0].decider, counts(results)
+        tables.append(
+            f"{first} at its default threshold, with the likeliest process noise, beside the best other decider, "
+            f"which is tuned in each world: at most {ALLOWED:g} below in {number['kept']} of {number['worlds']} "
+            f"worlds; above in {number['above']} and below in {number['below']} by Holm's correction."
+        )
+    return tables
+
+
+def simulator_files(found: Found) -> dict[str, Any]:
+    """Return the files: all figures, counts, the mismatch of each world, what `SEAL` holds once sealed; a picture."""
+    results, mismatches = found
+    content: dict[str, Any] = {"results": results, "mismatches": mismatches, "seal": current_seal()}
+    if len({one.decider for one in results}) == 1:
+        return {"simulators.json": content}
+    content |= {"differences": differences_json(results)} | counts(results)
+    return {"simulators.json": content, "simulators.png": mismatch_figure(results, mismatches)}
 
 
 def mismatch(task: SimulatorTask, seed: int) -> float:
@@ -125,10 +140,9 @@ def mismatch_figure(results: Sequence[Shift], mismatches: Mapping[str, float]) -
         if not worlds:
             continue
         found = [gains[world][1] for world in worlds]
-        bars = np.array([[each.value - each.low, each.high - each.value] for each in found]).T
-        points = [mismatches[world] for world in worlds], [each.value for each in found]
-        panel = curves.setdefault(one.simulator, [])
-        panel.append(Curve(kind, FURTHER_STYLES[len(panel)], *points, bars=bars, dashes=":", filled=True))
+        style = FURTHER_STYLES[sum(map(len, curves.values()))]
+        curve = Curve(kind, style, [mismatches[world] for world in worlds], found, dashes=":", filled=True)
+        curves.setdefault(one.simulator, []).append(curve)
     x = Axis("mean squared whitened innovation", levels=(1.0,))
     y = Axis("reward less that of the best tuned rule", levels=(0.0, -ALLOWED))
     panels = [Panel(simulator, x, y, some) for simulator, some in curves.items()]
@@ -138,11 +152,7 @@ def mismatch_figure(results: Sequence[Shift], mismatches: Mapping[str, float]) -
 def counts(results: Sequence[Shift]) -> dict[str, int]:
     """Return in how many worlds the first decider, untuned, keeps up with the best tuned other one.
 
-    It has the likeliest process noise.
-
-    Returns:
-        worlds; kept: at most .01 below; above: the difference above 0, and below: below 0, by Holm's
-        correction over all worlds.
+    kept: at most .01 below; above, below: the difference is not 0 by Holm's correction over all worlds.
     """
     gains = [gain for _, gain, _ in differences(results).values()]
     sure = holm([p_value(gain) for gain in gains])
@@ -167,14 +177,3 @@ def holm(values: Sequence[float]) -> list[bool]:
     found = np.zeros(len(values), np.bool_)
     found[order[: int(np.logical_and.accumulate(passed).sum())]] = True
     return [bool(one) for one in found]
-
-
-def summary(results: Sequence[Shift]) -> str:
-    """Return the counts as a sentence."""
-    first = results[0].decider
-    found = counts(results)
-    return (
-        f"{first} at its default threshold, with the likeliest process noise, beside the best other decider, "
-        f"which is tuned in each world: at most {ALLOWED:g} below in {found['kept']} of {found['worlds']} worlds; "
-        f"above in {found['above']} and below in {found['below']} by Holm's correction."
-    )

@@ -27,10 +27,9 @@ def scores_table(
     task: Task, rows: Sequence[tuple[Scores, Mapping[str, Estimate], Estimate | None]], title: str, notes: str = "",
     to: str = "",
 ) -> Table:  # fmt: skip
-    """Return a table with one row for each decider at a single threshold.
+    """Return a table of deciders: scores of one threshold, metrics by name, difference of the goal to decider `to`.
 
-    A row has scores of one threshold, metrics by name, and the difference of the goal to that of the decider `to`,
-    None for this one. The notes stand before the explanation of the metrics, each line with its end.
+    The difference is None for this one. The notes stand before the explanation of the metrics, each line with its end.
     """
     compared = any(difference is not None for *_, difference in rows)
     if compared:

@@ -1,1 +1,1 @@
-"""Search for hyper-parameters of a recipe with Optuna: what is searched (`ranges`), and the trials (`search`)."""
+"""Search for hyper-parameters of a recipe with Optuna: ranges and trials (`search`)."""

@@ -4,9 +4,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+from rich.console import Console
+
+from agents.evaluation.cells import filled_table
 from agents.interface.help_texts import shown_default
+from agents.interface.output_files import output_folder
 from agents.interface.parallel import ParallelArguments
+from agents.interface.progress import print_lines, progress_display
 from agents.interface.world_arguments import WorldArguments
+from agents.training.run_folder import lock
 from hybrid_env.checks import check_integer, reject
 
 SHOWN = 5  # trials in the table
@@ -45,24 +51,25 @@ class Tune(WorldArguments, ParallelArguments):
         if self.steps is not None:
             check_integer("steps", self.steps)
         workers = self.workers()
-        from rich.console import Console
-
-        from agents.evaluation.cells import filled_table
-        from agents.interface.output_files import output_folder
-        from agents.interface.progress import progress_display
         from agents.training.recipe import load_recipe
-        from agents.training.run_folder import lock
         from agents.training.runs import make_run, run_name
-        from agents.tuning.ranges import parse_ranges
-        from agents.tuning.search import JOURNAL, Search, best_rows, ended, open_study, run_trials, write_best
+        from agents.tuning.search import (
+            JOURNAL,
+            Search,
+            best_rows,
+            ended,
+            open_study,
+            parse_ranges,
+            run_trials,
+            write_best,
+        )
 
         recipe = load_recipe(self.recipe, self.env_id, self.set)
         ranges = parse_ranges(self.search, recipe)
         options = self.world_options()
         make_run(self.env_id, options, recipe, self.seed, steps=self.steps)  # refuses what cannot be trained
         search = Search(self.env_id, options, self.recipe, self.set, ranges, self.seed, self.steps)
-        name = run_name(self.env_id, recipe)
-        folder = output_folder("out", self.out or Path("runs") / f"tune-{name}")
+        folder = output_folder("out", self.out or Path("runs") / f"tune-{run_name(self.env_id, recipe)}")
         console = Console(emoji=False)
         with lock(folder):
             study = open_study(search, folder)
@@ -70,9 +77,9 @@ class Tune(WorldArguments, ParallelArguments):
                 task = progress.add_task("Tuning", total=self.trials, completed=len(ended(study)), note="")
 
                 def show(note: str) -> None:
-                    rows = best_rows(study, 1)
-                    best = f"{note}, best reward {rows[0].value:+.3f}" if rows else note
-                    progress.update(task, advance=1, note=best)
+                    best = best_rows(study, 1)
+                    shown = f"{note}, best reward {best[0].value:+.3f}" if best else note
+                    progress.update(task, advance=1, note=shown)
 
                 try:
                     run_trials(search, study, self.trials, workers, show)
@@ -83,11 +90,11 @@ class Tune(WorldArguments, ParallelArguments):
             if not rows:
                 raise reject("trials", self.trials, "more trials: none was trained to its end")
             path = write_best(search, study, folder)
-        heads, lines = ("trial", "reward", *(one.name for one in ranges)), []
+        lines = []
         for row in rows:
-            values = [row.params[one.name] for one in ranges]
+            values = [row.params[name] for name in ranges]
             shown = [f"{value:.3g}" if isinstance(value, float) else str(value) for value in values]
             lines.append((str(row.number), f"{row.value:.3f}", *shown))
+        heads = ("trial", "reward", *ranges)
         console.print(filled_table(f"Best of {len(ended(study))} trials", heads, lines))
-        console.print(f"Best recipe: {path}", markup=False, highlight=False)
-        console.print(f"Next: hybridtrack train --recipe {path}", markup=False, highlight=False)
+        print_lines(console, f"Best recipe: {path}", f"Next: hybridtrack train --recipe {path}")

@@ -1,34 +1,125 @@
-"""The search: Optuna proposes trials, workers train them, and a folder keeps them."""
+"""The search: ranges of hyper-parameters; Optuna proposes trials, workers train them, and a folder keeps them."""
 
 import functools
 import json
 import math
+import re
 import statistics
 import warnings
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import optuna
 import yaml
+from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
 from optuna.storages import JournalStorage
 from optuna.storages.journal import JournalFileBackend
 from optuna.trial import FrozenTrial, TrialState
 
+from agents.interface.input_files import parse_yaml
 from agents.interface.output_files import atomic_file
 from agents.interface.parallel import Call, Workers
 from agents.training.learning_curve import REWARD_KEY
 from agents.training.recipe import Recipe, load_recipe
 from agents.training.run import TrainingProgress
 from agents.training.runs import make_run
-from agents.tuning.ranges import Range, changes_of, values_of
 from hybrid_env.checks import ArgumentError, check_number, reject
 
 POINTS = 20  # of the reward during a training
 FIRST_POINT = 5  # points before a training may end
 TRIALS_AT_A_TIME = 4  # that Optuna proposes; independent of the number of jobs, so that results are, too
 FIRST_TRIALS = 5  # that are all trained to their end, before others may end early
+
+
+RATE = "learning_rate=0.0003..0.03"
+DEFAULT_RANGES = {
+    "ppo": (RATE, "n_epochs=1..10", "gae_lambda=0.8..0.99", "ent_coef=0.0..0.02"),
+    "a2c": ("learning_rate=0.0001..0.01", "n_steps=8..128", "gae_lambda=0.8..0.99", "ent_coef=0.0..0.02"),
+    "dqn": ("learning_rate=0.0001..0.01", "n_steps=1..32", "gradient_steps=1..8", "target_update_interval=1000..20000"),
+    "qrdqn": ("learning_rate=0.0001..0.01", "n_steps=1..32", "gradient_steps=1..8", "exploration_final_eps=0.0..0.05"),
+    "anchor": (RATE, "hidden=16..128", "smallest_alpha=0.0001..0.03"),
+    "stopping": (RATE, "passes=2..12"),
+    **dict.fromkeys(("reward", "tandem", "distilled", "transformer"), (RATE, "hidden=16..128")),
+    **dict.fromkeys(("kalman", "statements", "rhythm", "jump_markov", "flights", "gliders"), (RATE, "hidden=8..64")),
+}
+"""Ranges by algorithm; recurrent PPO has those of PPO."""
+
+LINEAR_DECAY = "lin_"  # a learning rate that is found keeps this prefix
+DIGITS = 3  # significant, of a number that is found
+WIDE = 10.0  # ratio of the bounds of a positive range from which it is searched on a logarithmic scale
+
+
+Ranges = dict[str, Any]  # distributions of Optuna by hyper-parameter, as in `--set`
+
+
+def parse_range(text: str) -> tuple[str, Any]:
+    """Read "n_epochs=1..10", "gae_lambda=0.8..1.0" or "batch_size=512|1024", whose choices are values as YAML."""
+    error = reject("search", text, "name=low..high with numbers, low < high, or name=value|value")
+    name, _, values = text.partition("=")
+    if not name or not values:
+        raise error
+    if "|" in values:
+        choices = tuple(values.split("|"))
+        if not all(choices) or len(set(choices)) != len(choices):
+            raise error
+        return name, CategoricalDistribution(choices)
+    bounds = values.split("..")
+    whole = all(re.fullmatch(r"[+-]?\d+", bound) for bound in bounds)
+    try:
+        low, high = map(int if whole else float, bounds)
+    except ValueError:
+        raise error from None
+    if not -math.inf < low < high < math.inf:
+        raise error
+    kind: Any = IntDistribution if whole else FloatDistribution
+    return name, kind(low, high, log=low > 0 and high / low >= WIDE)
+
+
+def parse_ranges(texts: Sequence[str], recipe: Recipe) -> Ranges:
+    """Read ranges, those of the algorithm of a recipe if there are none."""
+    ranges = list(map(parse_range, texts or DEFAULT_RANGES[recipe.algo.removeprefix("recurrent_")]))
+    if len(dict(ranges)) != len(ranges):
+        raise reject("search", texts, "different names")
+    return dict(ranges)
+
+
+def values_of(recipe: Recipe, ranges: Ranges) -> dict[str, Any]:
+    """Return the values of a recipe that are in the ranges, for a trial of what it is now."""
+    entry = recipe.as_json()["entry"]
+    values = {}
+    for name, one in ranges.items():
+        value = entry.get(name)
+        if isinstance(value, str) and value.startswith(LINEAR_DECAY):
+            value = float(value.removeprefix(LINEAR_DECAY))
+        if isinstance(one, FloatDistribution) and isinstance(value, int):
+            value = float(value)
+        if isinstance(one, CategoricalDistribution):
+            known = value in one.choices
+        else:
+            known = isinstance(value, type(one.low)) and one.low <= value <= one.high
+        if known:
+            values[name] = value
+    return values
+
+
+def changes_of(values: Mapping[str, Any], recipe: Recipe) -> tuple[str, ...]:
+    """Return the values of a trial as changes of a recipe, see `recipe.load_recipe`."""
+    rate = recipe.as_json()["entry"].get("learning_rate")
+    changes = []
+    for name, value in values.items():
+        text = str(value)
+        if isinstance(value, float):
+            rounded = float(f"{value:.{DIGITS}g}")
+            text = np.format_float_positional(rounded, trim="0")  # YAML reads 1e-05 as a text
+            if name == "learning_rate" and str(rate).startswith(LINEAR_DECAY):
+                text = LINEAR_DECAY + text
+        else:
+            parse_yaml(text)
+        changes.append(f"{name}={text}")
+    return tuple(changes)
 
 
 class Outcome(NamedTuple):
@@ -81,7 +172,7 @@ class Search:
     options: dict[str, Any]  # which override those of the id
     recipe_name: str  # or path of a YAML file
     changes: tuple[str, ...]  # hyper-parameters of the recipe to override
-    ranges: tuple[Range, ...]  # what is searched
+    ranges: Ranges  # what is searched
     seed: int  # of the trainings and of the proposals
     steps: int | None  # of a training; None uses those of the recipe
 
@@ -94,7 +185,8 @@ class Search:
 
     def as_text(self) -> str:
         """Return all settings; equal texts mean equal searches."""
-        return json.dumps(asdict(self) | {"recipe": self.recipe().as_json()}, sort_keys=True)
+        ranges = {name: str(one) for name, one in self.ranges.items()}
+        return json.dumps(vars(self) | {"recipe": self.recipe().as_json(), "ranges": ranges}, sort_keys=True)
 
 
 def open_study(search: Search, folder: Path) -> optuna.Study:
@@ -139,23 +231,18 @@ def ended(study: optuna.Study) -> list[FrozenTrial]:
 def run_trials(
     search: Search, study: optuna.Study, trials: int, workers: Workers, on_done: Callable[[str], None]
 ) -> None:
-    """Train with the workers until the study of a search has a number of trials.
-
-    Raises:
-        ArgumentError: no combination of values can be trained.
-    """
+    """Train with the workers until the study of a search has a number of trials; refuse values that cannot be."""
     while (left := trials - len(ended(study))) > 0:
         number = len(study.get_trials(deepcopy=False))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
             study.sampler = optuna.samplers.TPESampler(seed=search.seed + number, constant_liar=True)
-        asked = {trial.number: trial for trial in (study.ask() for _ in range(min(left, TRIALS_AT_A_TIME)))}
+        batch = [study.ask(search.ranges) for _ in range(min(left, TRIALS_AT_A_TIME))]
+        asked = {trial.number: trial for trial in batch}
         calls: dict[int, Call] = {}
         failed = {}
         medians = median_rewards(study)
         for one, trial in asked.items():
-            for searched in search.ranges:
-                searched.suggest(trial)
             try:
                 calls[one] = functools.partial(train_trial, search, search.recipe(trial.params), medians)
             except ArgumentError as error:

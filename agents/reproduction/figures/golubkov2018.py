@@ -8,8 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from agents.figures.canvas import GREY, TRUTH, paper_figure, style_map
-from agents.figures.curve_labels import label_lines
-from agents.figures.tracks import plot_by_mode
+from agents.figures.tracks import draw_by_mode
 from baselines.papers.golubkov2018 import ALPHA, MEASUREMENT_VARIANCES, RADII
 from baselines.papers.reproduction import Reproduction
 from baselines.rules.sprt import sprt_thresholds
@@ -45,19 +44,20 @@ def _tracking_figure(title: str, recording: Any, tracks: Any, radii: Sequence[fl
     map_axes.plot(*truth.T, color=TRUTH, linewidth=3.4, zorder=2)
     segments = zip(ends, recording.lengths, recording.signed_radii, strict=True)
     for number, (end, length, radius) in enumerate(segments, start=1):
-        middle = truth[end - 3 * length // 4 : end - length // 4]  # the half of the segment beside its label
         turn = f"{'left' if radius > 0.0 else 'right'} turn, r = {abs(radius):g} m"
-        label = f"{number}: {turn if radius else 'straight'}"
-        map_axes.plot(*middle.T, color=TRUTH, linewidth=3.4, label=label)
-    estimate, modes = tracks.estimates[RUN][:, [0, 2]], tracks.modes[RUN]
-    lines = plot_by_mode(map_axes, estimate, modes, radii, linewidth=1.5, zorder=3)
-    worst = np.hypot(*(estimate - truth).T).argmax()
-    lines[np.count_nonzero(np.diff(modes[: worst + 1]))].set_label("estimate")  # with the largest error
+        text = f"{number}: {turn if radius else 'straight'}"
+        map_axes.annotate(
+            text, truth[end - length // 2], (8, 8), textcoords="offset points", fontsize=9, zorder=5,
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
+        )  # fmt: skip
+    estimate = tracks.estimates[RUN][:, [0, 2]]
+    colours = [mode_colour(mode, radii) for mode in range(2 * len(radii) + 1)]
+    draw_by_mode(map_axes, estimate, tracks.modes[RUN], colours, linewidths=1.5, zorder=3)
     decided = (ends - recording.lengths + tracks.ticks[RUN])[~tracks.undecided[RUN]] - 1
     map_axes.plot(*estimate[decided].T, "o", markersize=5, markerfacecolor="white", markeredgecolor="black", zorder=4)
     map_axes.plot(*truth[0], "s", color="black", markersize=6, zorder=4)
 
-    _draw_ratios(ratio_axes, recording, tracks, radii, alpha)
+    _draw_ratios(ratio_axes, recording, tracks, colours, alpha)
     ring: dict[str, Any] = {"marker": "o", "markerfacecolor": "white", "markeredgecolor": "black", "linestyle": "none"}
     types = zip(TYPE_COLOURS, TYPE_NAMES, strict=True)
     handles = [
@@ -72,16 +72,15 @@ def _tracking_figure(title: str, recording: Any, tracks: Any, radii: Sequence[fl
         handles=handles, loc="outside lower center", ncols=len(handles), frameon=False,
         title=f"Colours: active mode of the estimate (left) and hypothesis (right){shades}",
     )  # fmt: skip
-    label_lines(map_axes)
     return figure
 
 
-def _draw_ratios(axes: Any, recording: Any, tracks: Any, radii: Sequence[float], alpha: float) -> None:
+def _draw_ratios(axes: Any, recording: Any, tracks: Any, colours: Sequence[str], alpha: float) -> None:
     """Log-likelihood ratio of every hypothesis to the active mode, up to the decision of each segment."""
     ratios = tracks.ratios[RUN]
     ticks = np.arange(1, len(ratios) + 1)
-    for mode in range(2 * len(radii) + 1):
-        axes.plot(ticks, ratios[:, mode], color=mode_colour(mode, radii), linewidth=0.9)
+    for mode, colour in enumerate(colours):
+        axes.plot(ticks, ratios[:, mode], color=colour, linewidth=0.9)
     upper, lower = sprt_thresholds(alpha)
     for name, threshold in (("ln A", upper), ("ln B", lower)):
         axes.axhline(threshold, color="0.3", linestyle="--", linewidth=0.9, zorder=1)

@@ -4,8 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from agents.figures.canvas import DARK_GREY, GREY, TRUTH, paper_figure, style_map
-from agents.figures.curve_labels import label_lines
-from agents.figures.tracks import plot_by_mode
+from agents.figures.tracks import draw_by_mode
 from agents.reproduction.figures.golubkov2018 import RUN, decimal
 from baselines.papers.golubkov2020 import ALPHAS, PUBLISHED_DELAY, RIGHT_TURN, SWITCH
 from baselines.papers.reproduction import Reproduction
@@ -28,9 +27,9 @@ def draw(result: Reproduction) -> dict[str, Figure]:
     modes = np.repeat([0, RIGHT_TURN], recording.lengths)
     style_map(map_axes, "One run in the plane")
     map_axes.plot(*recording.measurements[RUN].T, ".", color=GREY, markersize=4, label="measurements")
-    paths = plot_by_mode(map_axes, recording.truth[RUN][:, [0, 2]], modes, (5.0,), linewidth=1.8)
-    for path, name in zip(paths, ("straight", "right turn"), strict=True):
-        path.set_label(name)
+    draw_by_mode(map_axes, recording.truth[RUN][:, [0, 2]], modes, TYPE_COLOURS, linewidths=1.8)
+    for mode, name in ((0, "straight"), (RIGHT_TURN, "right turn")):
+        map_axes.plot([], [], color=TYPE_COLOURS[mode], label=name)
 
     log_ratios = detection.log_ratios[RUN][:, RIGHT_TURN]
     ticks = np.arange(1, len(log_ratios) + 1)
@@ -64,5 +63,5 @@ def draw(result: Reproduction) -> dict[str, Figure]:
     delay_axes.set_xticks(range(0, SWITCH + 1, 5))
 
     for axes in (map_axes, ratio_axes, delay_axes):
-        label_lines(axes)
+        axes.legend()
     return {"golubkov2020.png": figure}

@@ -1,6 +1,5 @@
 """Figure of ATE against multiple models: error, delay and wrong statements over the measurement variance."""
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from agents.figures.curves import Axis, Curve, Panel, curve_figure
@@ -19,10 +18,8 @@ def draw(result: Reproduction) -> dict[str, Figure]:
         for title, found in result.examples.items():
             curves = []
             for name, estimates in found.items():
-                points = [(one[metric].value, one[metric].low, one[metric].high) for one in estimates]
-                value, *bounds = np.array(points).T
                 style = styles.get(name) or decider_style(name)
-                curves.append(Curve(name, style, VARIANCES, value, np.array(bounds)))
+                curves.append(Curve(name, style, VARIANCES, [one[metric] for one in estimates]))
             panels.append(Panel(title, variances, Axis(metric, log=metric == "nRMSE"), curves))
         rows.append(panels)
     return {"multiple_models.png": curve_figure(rows, (18.0, 12.0))}

@@ -1,6 +1,5 @@
 """Figures of the radar study: a flight with its measurements, errors of all filters, KF CV as published."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -8,14 +7,15 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch
 
 from agents.figures.canvas import DARK_GREY, GREY, TRUTH, paper_figure, style_map
-from agents.figures.curve_labels import label_lines
+from agents.figures.curves import Axis, Curve, Panel, curve_figure
+from agents.figures.decider_colours import DeciderStyle
 from baselines.papers.novospaskyi.filters import THESIS
 from baselines.papers.novospaskyi.radars import NOISES, RANGE, Noise
 from baselines.papers.novospaskyi.study import Example
 from baselines.papers.novospaskyi.tables import NOISE_NAMES, TABLES, UNFILTERED, as_published
-from baselines.papers.reproduction import Cell, Reproduction
+from baselines.papers.reproduction import Reproduction
 
-RADAR, SOUND = "#AA3377", "#88CCEE"
+RADARS, SOUND = DeciderStyle("#AA3377", "^"), "#88CCEE"
 PUBLISHED_CV = as_published("KF CV")
 COLOURS = {
     UNFILTERED: GREY, "g-h": "#CCBB44", "KF CV": "#4477AA", "KF CA": "#EE6677", "KF CJ": "#228833",
@@ -43,23 +43,19 @@ def draw(result: Reproduction) -> dict[str, Figure]:
 def _flight(result: Reproduction, example: Example) -> Figure:
     """The flight with its radars (as figures 2.1.3 and 2.1.4), and its strongest turn for each noise."""
     title = f"{result.paper}: one test flight, two radars with a range of {RANGE / 1000:g} km"
-    figure, axes = paper_figure(title, (16.0, 5.8), (1.0, 1.0, 1.0))
-    _draw_map(axes[0], example)
-    for part, noise in zip(axes[1:], NOISES, strict=True):
-        _draw_turn(part, example, noise, _strongest_turn(example))
-    return figure
-
-
-def _draw_map(axes: Any, example: Example) -> None:
+    figure, (axes, *turns) = paper_figure(title, (16.0, 5.8), (1.0, 1.0, 1.0))
     axes.plot(*example.flight.positions[:, :2].T / 1000.0, color=TRUTH, linewidth=1.5, label="flight")
     measured = example.tracks["gaussian"].measurements[0, :, :2].T / 1000.0
     axes.plot(*measured, ".", color=GREY, markersize=4, label="measurements")
     radars = example.scan.radars[:, :2] / 1000.0
-    axes.plot(*radars.T, "^", color=RADAR, markersize=9, label="radars")
+    axes.plot(*radars.T, RADARS.marker, color=RADARS.colour, markersize=9, label="radars")
     for radar in radars:
-        axes.add_patch(Circle(radar, RANGE / 1000.0, color=RADAR, alpha=0.08, linewidth=0))
+        axes.add_patch(Circle(radar, RANGE / 1000.0, color=RADARS.colour, alpha=0.08, linewidth=0))
     style_map(axes, "Flight from above, Gaussian noise", "km")
-    label_lines(axes)
+    axes.legend()
+    for part, noise in zip(turns, NOISES, strict=True):
+        _draw_turn(part, example, noise, _strongest_turn(example))
+    return figure
 
 
 def _strongest_turn(example: Example) -> int:
@@ -88,7 +84,7 @@ def _draw_turn(axes: Any, example: Example, noise: Noise, first: int) -> None:
         ylabel="y [m]", xlim=(low[0], high[0]), ylim=(low[1], high[1]),
     )  # fmt: skip
     axes.grid(alpha=0.25)
-    label_lines(axes)
+    axes.legend()
 
 
 def _errors(result: Reproduction, statistic: str) -> Figure:
@@ -106,54 +102,44 @@ def _errors(result: Reproduction, statistic: str) -> Figure:
 
 
 def _draw_bars(axes: Any, result: Reproduction, noise: Noise, metric: str) -> None:
-    tables = (TABLES[noise], f"Sound settings, {NOISE_NAMES[noise]}")
+    tables, velocity = (TABLES[noise], f"Sound settings, {NOISE_NAMES[noise]}"), metric.startswith("velocity")
     thesis, sound = ([cell for cell in result.tables[table] if cell.column == metric] for table in tables)
-    if metric.startswith("velocity"):
-        sound = [cell for cell in sound if cell.row != UNFILTERED]
-    names = [cell.row for cell in (*thesis, *sound)]
-    rows = np.arange(len(names), dtype=np.float64)
-    ours = rows[: len(thesis)]
-    _bars(axes, ours + 0.2, thesis, [COLOURS[name] for name in (UNFILTERED, *THESIS)])
+    sound = [cell for cell in sound if not (velocity and cell.row == UNFILTERED)]
+    cells, rows = [*thesis, *sound], np.arange(len(thesis) + len(sound), dtype=np.float64)
+    ours, low, high = np.array([(cell.ours, cell.low, cell.high) for cell in cells]).T
+    colours = [COLOURS[name] for name in (UNFILTERED, *THESIS)] + [SOUND] * len(sound)
+    bars = np.maximum([ours - low, high - ours], 0.0)
+    rows[: len(thesis)] += 0.2
+    axes.barh(rows, ours, 0.36, color=colours, xerr=bars, error_kw={"elinewidth": 1.0})
     axes.barh(
-        ours - 0.2, [cell.published for cell in thesis], 0.36, facecolor="white", edgecolor=DARK_GREY,
+        rows[: len(thesis)] - 0.4, [cell.published for cell in thesis], 0.36, facecolor="white", edgecolor=DARK_GREY,
         hatch="////", linewidth=0.6,
     )  # fmt: skip
-    _bars(axes, rows[len(thesis) :], sound, [SOUND] * len(sound))
     axes.axhline(len(thesis) - 0.5, color="0.6", linewidth=0.8)
-    axes.set_yticks(rows, names)
+    axes.set_yticks(range(len(cells)), [cell.row for cell in cells])
     axes.invert_yaxis()
     axes.set(xlabel=metric.replace(", ", " [") + "]", title=NOISE_NAMES[noise])
-    if metric.startswith("velocity"):
+    if velocity:
         ticks = [5, 10, 20, 40, 100, 400]
-        axes.set_xscale("log")
+        axes.set(xscale="log", xlim=(3.0, 600.0))
         axes.set_xticks(ticks, [str(tick) for tick in ticks])
-        axes.set_xlim(3.0, 600.0)
         axes.minorticks_off()
     axes.grid(axis="x", alpha=0.25)
 
 
-def _bars(axes: Any, places: Any, cells: Sequence[Cell], colours: Sequence[str]) -> None:
-    values = np.array([cell.ours for cell in cells])
-    spread = np.array([[cell.ours - cell.low, cell.high - cell.ours] for cell in cells]).T
-    axes.barh(places, values, 0.36, color=colours, xerr=np.maximum(spread, 0.0), error_kw={"elinewidth": 1.0})
-
-
 def _anomaly(result: Reproduction, example: Example) -> Figure:
     """Velocity and position errors of KF CV with the published and with the tuned parameters."""
+    tracks, time = example.tracks["gaussian"], Axis("time [s]")
+    styles = {"KF CV": ("KF CV, true R", DeciderStyle(COLOURS["KF CV"], ".")), PUBLISHED_CV: (PUBLISHED_CV, RADARS)}
+    panels = []
+    for index, (truth, label, title) in enumerate(
+        (
+            (tracks.positions[0], "error of the position on x [m]", "The position follows each measurement"),
+            (tracks.velocities[0], "error of the velocity on x [m/s]", "The velocity error changes sign at each one"),
+        )
+    ):
+        errors = {name: (example.estimates["gaussian"][name][index] - truth)[:, 0] for name in styles}
+        curves = [Curve(text, style, example.scan.times, errors[name]) for name, (text, style) in styles.items()]
+        panels.append(Panel(title, time, Axis(label, levels=(0.0,)), curves))
     title = f"{result.paper}: KF CV with the published R (about 1e-9 m²) and with the true one, Gaussian noise"
-    figure, axes = paper_figure(title, (14.0, 5.0), (1.0, 1.0))
-    tracks, times = example.tracks["gaussian"], example.scan.times
-    truths = tracks.positions[0], tracks.velocities[0]
-    labels = ("error of the position on x [m]", "error of the velocity on x [m/s]")
-    lines = (PUBLISHED_CV, PUBLISHED_CV, RADAR, 0.9), ("KF CV", "KF CV, true R", COLOURS["KF CV"], 1.6)
-    for index, (part, truth, label) in enumerate(zip(axes, truths, labels, strict=True)):
-        for name, text, colour, width in lines:
-            error = (example.estimates["gaussian"][name][index] - truth)[:, 0]
-            part.plot(times, error, ".-", color=colour, linewidth=width, markersize=4, label=text)
-        part.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
-        part.set(xlabel="time [s]", ylabel=label)
-        part.grid(alpha=0.25)
-        label_lines(part)
-    axes[0].set_title("The position follows each measurement")
-    axes[1].set_title("The velocity error changes sign at each measurement")
-    return figure
+    return curve_figure([panels], (15.0, 5.0), title)

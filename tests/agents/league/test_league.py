@@ -8,7 +8,7 @@ import pytest
 from agents.cli import main
 from agents.evaluation.registry import find_family
 from agents.interface.parallel import Workers
-from agents.league import entry, protocol, table
+from agents.league import protocol, table
 from agents.league.protocol import WORLDS, kind_of, play, world_task
 from agents.league.table import league_figure, league_markdown, reward, shipped_entries
 from baselines.rules.decider import ANNOUNCED, UNKNOWN
@@ -99,7 +99,7 @@ def test_the_command_shows_files_and_refuses_those_that_were_changed(folder, cap
     ):
         file.write_text(json.dumps(content))
         with pytest.raises(ArgumentError, match=message):
-            entry.read_entry(file)
+            protocol.read_entry(file)
         assert main(f"league --table {file} --out out".split()) == 2
     monkeypatch.setattr(protocol, "play", lambda *_: pytest.fail("played"))
     for name in ("mine.py", "runs/none"):  # refused before any work, and no folder is left
@@ -110,7 +110,7 @@ def test_the_command_shows_files_and_refuses_those_that_were_changed(folder, cap
 
 def _signed(found):
     content = {key: value for key, value in found.items() if key != "digest"}
-    return content | {"digest": entry._digest(content)}
+    return content | {"digest": protocol._digest(content)}
 
 
 def test_the_entries_of_the_package_are_of_this_protocol(monkeypatch):
@@ -122,5 +122,5 @@ def test_the_entries_of_the_package_are_of_this_protocol(monkeypatch):
     assert all(set(one["worlds"]) == set(WORLDS) for one in entries)
     both = sum(one["title"] == "shipped" for one in entries)  # it plays in both tables
     assert len(league_markdown(entries).splitlines()) == 5 + len(entries) + both
-    (axes,) = league_figure(entries).axes
-    assert len(axes.get_legend().get_texts()) == len(entries)
+    (legend,) = league_figure(entries).legends
+    assert len(legend.get_texts()) == len(entries)

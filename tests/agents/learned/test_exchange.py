@@ -10,7 +10,7 @@ from stable_baselines3 import A2C, DQN, PPO
 from stable_baselines3.common.torch_layers import FlattenExtractor
 
 from agents.evaluation.registry import find_decider, find_family
-from agents.interface.trust import TRUST
+from agents.interface.world_arguments import TRUST
 from baselines.rules.rollout import evaluate
 from hybrid_env import ArgumentError, HybridTrackVectorEnv, WorldOptions
 from hybrid_env.quickest_options import QuickestOptions

@@ -12,9 +12,8 @@ from recorded_tracks import OBJECTS
 
 from agents.cli import main
 from agents.interface.output_files import write_table
-from agents.recordings.command import Track
+from agents.recordings.command import FileArguments, Report, Track, object_folders, work_on_files
 from agents.recordings.figure import MAX_POINTS, draw_recording, mode_lines
-from agents.recordings.files import FileArguments, Report, object_folders, work_on_files
 from agents.recordings.tracking import track_recording
 from hybrid_env.checks import ArgumentError, reject
 

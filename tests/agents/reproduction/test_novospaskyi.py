@@ -27,8 +27,7 @@ def test_a_small_radar_study_prints_tables_and_draws_figures(monkeypatch, capsys
 
     study = novospaskyi.reproduce
     monkeypatch.setattr(novospaskyi, "reproduce", small)
-    monkeypatch.setattr(command, "MOST_PROCESSES", 1)
-    assert main(["reproduce", "novospaskyi", "--runs", "2", "--out", str(tmp_path)]) == 0
+    assert main(["reproduce", "novospaskyi", "--runs", "2", "--jobs", "1", "--out", str(tmp_path)]) == 0
     printed = capsys.readouterr().out
     for words in ("Table 3.5, Gaussian noise", "KF CJ", "2 runs, seed 0", "sound CV"):
         assert words in printed

@@ -1,6 +1,6 @@
 import math
 
-from agents.reproduction.report import to_markdown
+from agents.reproduction.command import to_markdown
 from baselines.papers.reproduction import Cell, Reproduction
 
 

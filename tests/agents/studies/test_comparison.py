@@ -26,12 +26,12 @@ RESULTS = {
 
 
 def figure_of(result):
-    return result.plan.task.figure(result.seed_groups, result.plan.curves)
+    return result.picture()
 
 
-def labels_of(axes):
-    """Texts beside the curves; those of arrows are empty."""
-    return [text.get_text() for text in axes.texts if text.get_text()]
+def labels_of(figure):
+    (legend,) = figure.legends
+    return [text.get_text() for text in legend.get_texts()]
 
 
 def text_of(table, width=100):
@@ -44,8 +44,10 @@ def text_of(table, width=100):
 @pytest.mark.parametrize("result", RESULTS.values(), ids=RESULTS)
 def test_both_panels_show_every_decider_with_its_selected_threshold(result):
     names = {entry.name for entry in result.entries}
-    for axes in figure_of(result).axes:
-        assert set(labels_of(axes)) == names
+    figure = figure_of(result)
+    assert set(labels_of(figure)) == names
+    figure.draw_without_rendering()
+    for axes in figure.axes:
         box = axes.get_window_extent()
         filled = [line for line in axes.lines if line.get_markersize() == 8]
         assert {line.get_color() for line in filled} == {decider_style(name).colour for name in names}
@@ -59,23 +61,14 @@ def test_the_axis_of_time_ends_where_curves_are_accurate():
 
 @pytest.mark.parametrize("chosen", [0, 4])
 def test_the_selected_threshold_is_inside_the_axes(chosen):
-    for axes in figure_of(comparison(ANNOUNCED, ATE, LATE, chosen=chosen)).axes:
+    figure = figure_of(comparison(ANNOUNCED, ATE, LATE, chosen=chosen))
+    figure.draw_without_rendering()
+    for axes in figure.axes:
         box = axes.get_window_extent()
         filled = [line for line in axes.lines if line.get_markersize() == 8]
         assert len(filled) == 2
         for line in filled:
             assert all(box.contains(*point) for point in axes.transData.transform(line.get_xydata()))
-
-
-def test_accuracy_levels_that_are_not_reached_are_marked_at_the_edge():
-    left, _ = figure_of(comparison(ANNOUNCED, ATE, INACCURATE)).axes
-    notes = [text for text in labels_of(left) if "not reached" in text]
-    assert notes == ["95 % not reached", "98 % not reached"]
-    marks = [line for line in left.lines if len(line.get_xdata()) == 1 and line.get_markerfacecolor() == "white"]
-    assert [line.get_color() for line in marks] == 2 * [decider_style("MSPRT").colour]
-    assert not any("not reached" in name for name in labels_of(figure_of(RESULTS["announced"]).axes[0]))
-    single = comparison(ANNOUNCED, ATE, INACCURATE.at(2), curves=False)  # says nothing about the others
-    assert not any("not reached" in name for name in labels_of(figure_of(single).axes[0]))
 
 
 def test_a_decider_without_wrong_changes_has_no_point_on_the_logarithmic_axis():
@@ -97,8 +90,7 @@ def test_training_seeds_are_one_curve(task):
     name = seeds[0].name.partition(" ")[0]
     result = comparison(ANNOUNCED if task == "announced" else UNKNOWN, first, *seeds, agents=3)
     assert {key: len(group) for key, group in result.seed_groups.items()} == {first.name: 1, name: 3}
-    for axes in figure_of(result).axes:
-        assert f"{name}, 3 seeds" in labels_of(axes)
+    assert f"{name}, 3 seeds" in labels_of(figure_of(result))
     assert [line.partition(",")[0] for line in spread_lines(result)] == [f"{name} over 3 training seeds"]
 
 

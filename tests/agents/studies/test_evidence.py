@@ -11,7 +11,7 @@ from gymnasium import spaces
 from agents.evaluation.registry import load_decider
 from agents.evaluation.tasks import task_of
 from agents.learned.policy import PolicyDecider, StatementPolicyDecider, make_policy
-from agents.studies.episodes import Episodes
+from agents.studies.play_command import Episodes
 from baselines import BeamDecider
 from baselines.rules.decider import UNKNOWN, rules
 from hybrid_env import HybridTrackVectorEnv, Layout, QuickestLayout, WorldOptions

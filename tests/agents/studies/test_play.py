@@ -6,14 +6,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from PIL import Image, ImageSequence
-from rich.console import Console
 
 import hybrid_env  # noqa: F401
 from agents.evaluation.registry import load_decider
 from agents.evaluation.tasks import task_of
-from agents.studies import episodes, play_command
-from agents.studies.episodes import Episodes
-from agents.studies.play_command import PALETTE_SIZE, Play, palette_colours
+from agents.studies import play_command
+from agents.studies.play_command import PALETTE_SIZE, Episodes, Play, palette_colours
 from baselines.recordings.reading.read import read_recordings
 from baselines.rules.own import as_decider
 from hybrid_env.checks import ArgumentError
@@ -72,7 +70,7 @@ def played(env_id, name):
 
 
 def use(monkeypatch, decider):
-    monkeypatch.setattr(episodes, "load_decider", lambda *_: as_decider(decider))
+    monkeypatch.setattr(play_command, "load_decider", lambda *_: as_decider(decider))
 
 
 def test_a_gif_has_one_frame_for_each_reset_and_step_at_ten_per_second(tmp_path):
@@ -157,17 +155,14 @@ def test_the_table_of_statements_has_a_row_for_each_segment():
     assert len(list(played_here.play(3, lambda: None))) == 40
     _, _, stated, true = played(STATED, "threshold")
     bounds = [0, *(np.flatnonzero(np.diff(true)) + 1), len(true)]
-    console = Console(width=200, record=True)
-    with console.capture() as captured:
-        console.print(played_here.table("An episode"))
-    lines = [line.split("│")[1:-1] for line in captured.get().splitlines() if line.startswith("│")]
+    table = played_here.table("An episode")
+    lines = list(zip(*(column.cells for column in table.columns), strict=True))
     assert [int(line[2]) for line in lines] == np.diff(bounds).tolist()
-    right = (stated == true).mean()
-    assert f"right {right:.1%}, reward " in captured.get()
+    assert table.caption.startswith(f"right {(stated == true).mean():.1%}, reward ")
     for line, first, end in zip(lines, bounds[:-1], bounds[1:], strict=True):
         inside = stated[first:end] == true[first:end]
-        assert line[3].strip() == (str(inside.argmax()) if inside.any() else "never")
-        assert line[4].strip() == f"{inside.mean():.0%}"
+        assert line[3] == (str(inside.argmax()) if inside.any() else "[red]never[/]")
+        assert line[4] == f"{inside.mean():.0%}"
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agents.cli import main
-from agents.studies.score_report import score_figure
+from agents.studies.score_command import score_figure
 from baselines.scoring.score import score
 
 

@@ -6,7 +6,7 @@ import pytest
 from agents.evaluation.tasks import task_of
 from agents.figures.decider_colours import decider_style
 from agents.figures.tracks import UNDECIDED, runs, track_figure
-from agents.studies.episodes import Episodes
+from agents.studies.play_command import Episodes
 from baselines import CusumDecider, FixedTimeDecider, SPRTDecider, ThresholdDecider, record_statements
 from baselines.rules.rollout import evaluate
 from baselines.scoring.statements import measure_statements

@@ -4,12 +4,24 @@ import dataclasses
 
 import numpy as np
 import pytest
+from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
 from small_training import SCHEME, SMALL_PPO
 
 from agents.cli import main
 from agents.training.recipe import load_recipe, recipe_names
-from agents.tuning.ranges import DEFAULT_RANGES, Range, changes_of, parse_range, parse_ranges, values_of
-from agents.tuning.search import BEST, POINTS, Search, median_rewards, open_study, train_trial
+from agents.tuning.search import (
+    BEST,
+    DEFAULT_RANGES,
+    POINTS,
+    Search,
+    changes_of,
+    median_rewards,
+    open_study,
+    parse_range,
+    parse_ranges,
+    train_trial,
+    values_of,
+)
 from hybrid_env.checks import ArgumentError
 
 ENV = "hybrid_env:HybridTrack-v0"
@@ -23,7 +35,7 @@ def tune(folder, trials, *more):
 
 def found(folder):
     """Parameters, reward and state of every trial of a folder."""
-    ranges = tuple(map(parse_range, RANGES))
+    ranges = dict(map(parse_range, RANGES))
     search = Search(ENV, dict(SCHEME), "ppo", SMALL_PPO, ranges, 0, 1280)
     return [(one.params, one.value, one.state) for one in open_study(search, folder).get_trials()]
 
@@ -61,7 +73,7 @@ def test_another_search_in_the_folder_is_refused(tmp_path, capsys):
 
 
 def test_the_trials_of_a_killed_search_are_repeated_with_their_values(tmp_path):
-    search = Search(ENV, dict(SCHEME), "ppo", SMALL_PPO, (parse_range("n_epochs=1..3"),), 0, 2560)
+    search = Search(ENV, dict(SCHEME), "ppo", SMALL_PPO, dict([parse_range("n_epochs=1..3")]), 0, 2560)
     study = open_study(search, tmp_path)
     study.ask()  # the recipe itself
     trial = study.ask()
@@ -73,7 +85,7 @@ def test_the_trials_of_a_killed_search_are_repeated_with_their_values(tmp_path):
 
 def test_a_training_below_the_median_ends_early():
     recipe = load_recipe("ppo", ENV, SMALL_PPO)
-    search = Search(ENV, dict(SCHEME), "ppo", SMALL_PPO, (), 0, 12800)
+    search = Search(ENV, dict(SCHEME), "ppo", SMALL_PPO, {}, 0, 12800)
     outcome = train_trial(search, recipe, [9.0] * POINTS)
     assert outcome.reward is None
     assert 5 <= len(outcome.rewards) < POINTS
@@ -83,7 +95,7 @@ def test_a_training_below_the_median_ends_early():
 
 
 def test_medians_need_trials(tmp_path):
-    search = Search(ENV, {}, "ppo", (), (parse_range("n_epochs=1..3"),), 0, None)
+    search = Search(ENV, {}, "ppo", (), dict([parse_range("n_epochs=1..3")]), 0, None)
     assert median_rewards(open_study(search, tmp_path)) == ()
 
 
@@ -94,9 +106,9 @@ def test_every_recipe_has_ranges_that_it_takes(name):
     recipe = load_recipe(name, env_id)
     ranges = parse_ranges((), recipe)
     assert len(ranges) == len(DEFAULT_RANGES[recipe.algo.removeprefix("recurrent_")])
-    for values in ({one.name: one.low for one in ranges}, {one.name: one.high for one in ranges}):
+    for values in ({name: one.low for name, one in ranges.items()}, {name: one.high for name, one in ranges.items()}):
         load_recipe(name, env_id, changes_of(values, recipe))
-    assert set(values_of(recipe, ranges)) <= {one.name for one in ranges}
+    assert set(values_of(recipe, ranges)) <= set(ranges)
 
 
 @pytest.mark.parametrize(
@@ -110,9 +122,9 @@ def test_an_invalid_range_is_refused(text):
 
 
 def test_ranges_are_read():
-    assert parse_range("n_epochs=1..10") == Range("n_epochs", 1, 10)
-    assert parse_range("gae_lambda=0.8..1") == Range("gae_lambda", 0.8, 1.0)
-    assert parse_range("batch_size=1|2") == Range("batch_size", choices=("1", "2"))
+    assert parse_range("n_epochs=1..10") == ("n_epochs", IntDistribution(1, 10, log=True))
+    assert parse_range("gae_lambda=0.8..1") == ("gae_lambda", FloatDistribution(0.8, 1.0))
+    assert parse_range("batch_size=1|2") == ("batch_size", CategoricalDistribution(("1", "2")))
     with pytest.raises(ArgumentError, match="different names"):
         parse_ranges(("a=1..2", "a=1|2"), load_recipe("ppo", ENV))
 
