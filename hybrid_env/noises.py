@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 
 from numpy.typing import NDArray
 
-from hybrid_env.checks import check_number, reject
+from hybrid_env.checks import Checked, check_share, ranged, reject
 from hybrid_env.core.noise import GAUSSIAN, LEVY, OUTLIERS, STUDENT_T
 
 LARGEST_ERROR = 1e6  # magnitude of a measurement error over sqrt(R)
@@ -27,7 +27,7 @@ _TEXT = re.compile(rf"([a-z_]+)((?:\s+{_NUMBER}){{0,3}})\s*")
 
 
 @dataclass(frozen=True)
-class Noise:
+class Noise(Checked):
     """A law of the measurement noise: each subclass is a law, whose fields are the numbers of its text.
 
     Attributes:
@@ -51,12 +51,6 @@ class Noise:
         return " ".join([self.example.partition(" ")[0], *numbers])
 
 
-def _fix(law: Any, name: str, low: float, high: float, allowed: str = "") -> None:
-    """Check that a number of a law is in a range, and store it as a float."""
-    allowed = allowed or f"a number from {low:g} to {high:g}"
-    object.__setattr__(law, name, check_number(name, getattr(law, name), allowed, low, high))
-
-
 @dataclass(frozen=True)
 class GaussianNoise(Noise):
     """Independent normal errors of variance R."""
@@ -75,12 +69,10 @@ class OutlierNoise(Noise):
 
     example, law, numbers = "outliers 0.02", OUTLIERS, ("share", "ratio", math.inf)
 
+    checks: ClassVar = {"share": check_share, "ratio": ranged(1.0, LARGEST_RATIO)}
+
     share: float
     ratio: float = 5.0
-
-    def __post_init__(self) -> None:
-        _fix(self, "share", 0.0, math.nextafter(1.0, 0.0), "a number >= 0 and < 1")
-        _fix(self, "ratio", 1.0, LARGEST_RATIO)
 
 
 @dataclass(frozen=True)
@@ -99,14 +91,11 @@ class LevyNoise(Noise):
 
     example, law, numbers = "levy 1.5 1 44", LEVY, ("index", "scale", "clip")
 
+    checks: ClassVar = {"index": ranged(0.5, 2.0), "scale": ranged(1e-3, 1e3), "clip": ranged(1e-3, LARGEST_ERROR)}
+
     index: float
     scale: float = 1.0
     clip: float = LARGEST_ERROR
-
-    def __post_init__(self) -> None:
-        _fix(self, "index", 0.5, 2.0)
-        _fix(self, "scale", 1e-3, 1e3)
-        _fix(self, "clip", 1e-3, LARGEST_ERROR)
 
 
 @dataclass(frozen=True)
@@ -119,10 +108,9 @@ class StudentNoise(Noise):
 
     example, law, numbers = "student_t 3", STUDENT_T, ("freedom", 1.0, LARGEST_ERROR)
 
-    freedom: float
+    checks: ClassVar = {"freedom": ranged(1.0, LARGEST_FREEDOM)}
 
-    def __post_init__(self) -> None:
-        _fix(self, "freedom", 1.0, LARGEST_FREEDOM)
+    freedom: float
 
 
 _LAWS: dict[str, type[Noise]] = {law.example.partition(" ")[0]: law for law in Noise.__subclasses__()}

@@ -1,14 +1,14 @@
 """The options of the environment with unknown switch moments, checked on creation."""
 
-import functools
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Literal
+from functools import partial
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.checks import check_choice, check_number, reject
+from hybrid_env.checks import FloatArray, check_choice, check_number, reject
 from hybrid_env.core.banks.imm import ImmBank
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
 from hybrid_env.core.records import TICK_NAMES
@@ -71,6 +71,12 @@ class QuickestOptions(ModelOptions):
     tick_names = tuple(name for name in TICK_NAMES if name != "anchor")
     hypothesis_field, first_action, bank_class = "log_probability", "straight", ImmBank
 
+    checks: ClassVar = {
+        **ModelOptions.checks, "ticks": check_ticks, "durations": lambda _, value: parse_durations(value),
+        "start": partial(check_choice, choices=("known", "random")),
+        "change_cost": partial(check_within, limits="delay_cost"),
+    }  # fmt: skip
+
     ticks: int = 600
     durations: str | Durations = "25 + geometric 50"
     order: str | tuple[tuple[float, ...], ...] = "equal"
@@ -80,16 +86,11 @@ class QuickestOptions(ModelOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        fix = functools.partial(object.__setattr__, self)
-        fix("ticks", check_ticks("ticks", self.ticks))
-        fix("durations", parse_durations(self.durations))
-        fix("order", check_order(self.order, self.hypotheses))
-        fix("start", str(check_choice("start", self.start, ("known", "random"))))
-        fix("change_cost", check_within("change_cost", self.change_cost, "delay_cost"))
+        object.__setattr__(self, "order", check_order(self.order, self.hypotheses))
         if self.hazard is not None:
             largest = 1.0 - 1.0 / self.hypotheses
             allowed = f"a number from 0 to {largest:.6g}, or None"
-            fix("hazard", check_number("hazard", self.hazard, allowed, 0.0, largest))
+            object.__setattr__(self, "hazard", check_number("hazard", self.hazard, allowed, 0.0, largest))
         self._check_ratios(self.radii)
 
     @property
@@ -115,7 +116,7 @@ class QuickestOptions(ModelOptions):
         return min(1.0 / self.law.mean_duration, largest) if self.hazard is None else self.hazard
 
     @property
-    def transition_matrix(self) -> NDArray[np.float64]:
+    def transition_matrix(self) -> FloatArray:
         """Transition probabilities that the bank assumes, (M, M); rows sum to 1."""
         M = self.hypotheses
         matrix = np.full((M, M), self.assumed_hazard / (M - 1))
@@ -123,19 +124,19 @@ class QuickestOptions(ModelOptions):
         return matrix
 
     @property
-    def table(self) -> NDArray[np.float64]:
+    def table(self) -> FloatArray:
         """One row for each mode, see `scheme.segment_table`."""
         return segment_table(RandomScheme(), self.radii)
 
     @property
-    def duration_laws(self) -> NDArray[np.float64]:
+    def duration_laws(self) -> FloatArray:
         """Probabilities of 1, ..., `ticks` ticks, (4, ticks): of a first straight segment or turn, and of others."""
         first = remaining_probabilities if self.start == "random" else duration_probabilities
         laws = laws_by_mode(self.law)
         return np.stack([of(law, self.ticks) for of in (first, duration_probabilities) for law in laws])
 
     @property
-    def order_matrix(self) -> NDArray[np.float64]:
+    def order_matrix(self) -> FloatArray:
         """Probabilities of the next mode (column) by the present one, (M, M); rows sum to 1."""
         if isinstance(self.order, tuple):
             return np.array(self.order)
