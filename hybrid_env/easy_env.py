@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_env.checks import BoolArray, IntArray
 from hybrid_env.env import HybridTrackEnv
 from hybrid_env.vector_env import HybridTrackVectorEnv, Step
 from hybrid_env.world import World
@@ -43,7 +44,7 @@ class HybridTrackEasyEnv(HybridTrackEnv):
 class HybridTrackEasyVectorEnv(HybridTrackVectorEnv):
     """A vector environment of N `HybridTrackEasyEnv` tracks, see `HybridTrackVectorEnv`."""
 
-    def step(self, actions: NDArray[np.int64]) -> Step:
+    def step(self, actions: IntArray) -> Step:
         """See `HybridTrackVectorEnv.step`; a track waits if it is too early for a declaration."""
         actions = self.action_array(actions)
         if self._started:
@@ -52,7 +53,7 @@ class HybridTrackEasyVectorEnv(HybridTrackVectorEnv):
         return super().step(actions)
 
 
-def too_early(world: World) -> NDArray[np.bool_]:
+def too_early(world: World) -> BoolArray:
     """Return whether no mode has a posterior probability above `EVIDENCE`, (N,)."""
     posterior = np.exp(world.layout.read(world.observations, "log_ratio"), dtype=np.float64)
     posterior /= posterior.sum(1, keepdims=True)

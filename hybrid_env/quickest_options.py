@@ -8,19 +8,12 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_env import durations as laws
 from hybrid_env.checks import FloatArray, check_choice, check_number, reject
 from hybrid_env.core.banks.imm import ImmBank
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
 from hybrid_env.core.records import TICK_NAMES
-from hybrid_env.durations import (
-    DRAWN,
-    DrawnDurations,
-    Durations,
-    duration_probabilities,
-    laws_by_mode,
-    parse_durations,
-    remaining_probabilities,
-)
+from hybrid_env.durations import DRAWN, Durations, parse_durations
 from hybrid_env.limits import check_ticks, check_within
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.options import ModelOptions
@@ -131,9 +124,9 @@ class QuickestOptions(ModelOptions):
     @property
     def duration_laws(self) -> FloatArray:
         """Probabilities of 1, ..., `ticks` ticks, (4, ticks): of a first straight segment or turn, and of others."""
-        first = remaining_probabilities if self.start == "random" else duration_probabilities
-        laws = laws_by_mode(self.law)
-        return np.stack([of(law, self.ticks) for of in (first, duration_probabilities) for law in laws])
+        first = laws.remaining_probabilities if self.start == "random" else laws.duration_probabilities
+        both = laws.laws_by_mode(self.law)
+        return np.stack([of(law, self.ticks) for of in (first, laws.duration_probabilities) for law in both])
 
     @property
     def order_matrix(self) -> FloatArray:
@@ -145,8 +138,8 @@ class QuickestOptions(ModelOptions):
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """See `ModelOptions.arrays`."""
-        laws = {"durations": np.cumsum(self.duration_laws, axis=1)}
-        return super().arrays() | laws | ({} if self.order in ("equal", DRAWN) else {"order": self.order_matrix})
+        cumulative = {"durations": np.cumsum(self.duration_laws, axis=1)}
+        return super().arrays() | cumulative | ({} if self.order in ("equal", DRAWN) else {"order": self.order_matrix})
 
     def bounds(self) -> dict[str, tuple[float, float]]:
         """See `WorldOptions.bounds`."""
@@ -170,6 +163,6 @@ class QuickestOptions(ModelOptions):
         record["start_known"] = self.start == "known"
         record["order_rows"] = 0 if self.order in ("equal", DRAWN) else self.hypotheses
         record["drawn_modes"] = self.hypotheses if self.order == DRAWN else 0
-        record["drawn_laws"] = 2 if isinstance(self.durations, DrawnDurations) else 0
+        record["drawn_laws"] = 2 if str(self.durations) == DRAWN else 0
         record["stay_probability"], record["switch_probability"] = self.transition_matrix[0, :2]
         return record

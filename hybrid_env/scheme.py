@@ -10,9 +10,9 @@ from functools import partial
 from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from hybrid_env.checks import ArgumentError, Checked, check_choice, optional, reject
+from hybrid_env.checks import ArgumentError, Checked, FloatArray, check_choice, optional, reject
 from hybrid_env.limits import MAX_PIECES, check_ticks, check_within, distinct_radii, two_values
 
 GRAMMAR = "words such as 'S50' or 'L50r3' (mode, ticks, radius), 'random 6x50-100', or a key of SCHEMES"
@@ -147,12 +147,12 @@ def nearest_mode(signed_radius: float, radii: ArrayLike) -> int:
     """Return the index of the hypothesis on the same side with the closest curvature; 0 is straight."""
     if signed_radius == 0.0:
         return 0
-    bank: NDArray[np.float64] = np.asarray(radii, dtype=np.float64)
+    bank: FloatArray = np.asarray(radii, dtype=np.float64)
     nearest = int(np.abs(1.0 / bank - 1.0 / abs(signed_radius)).argmin())
     return 1 + nearest + (bank.size if signed_radius < 0 else 0)
 
 
-def segment_table(scheme: Scheme, radii: ArrayLike) -> NDArray[np.float64]:
+def segment_table(scheme: Scheme, radii: ArrayLike) -> FloatArray:
     """Return the segment table, (segments, columns), with columns `core.records.SEGMENT_COLUMNS`.
 
     A random scheme has one row per mode, equally likely, with length 0.

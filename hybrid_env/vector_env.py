@@ -10,15 +10,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from hybrid_env.checks import (
-    BoolArray,
-    FloatArray,
-    ReadOnlyAttributes,
-    check_flag,
-    check_integer,
-    check_reset_options,
-    reject,
-)
+from hybrid_env.checks import FloatArray, ReadOnlyAttributes, check_flag, check_integer, check_reset_options, reject
 from hybrid_env.core.kernel import TERMINATED
 from hybrid_env.core.records import DECISION, DECISION_FLAGS
 from hybrid_env.options import WorldOptions
@@ -27,7 +19,7 @@ from hybrid_env.seeding import random_states
 from hybrid_env.world import World
 
 LARGEST = 2**31 - 1  # tracks, and rows of a trace
-Step = tuple[NDArray[np.float32], FloatArray, BoolArray, BoolArray, dict[str, Any]]
+Step = tuple[NDArray[np.float32], FloatArray, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]
 """Observations (N, width), rewards, terminated and truncated (N,), and info."""
 _DECISION_MASKS = tuple(f"_{key}" for key in DECISION + DECISION_FLAGS if key != "has_decision")
 _DICT_METHODS = (

@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from hybrid_env.checks import ArgumentError, ReadOnlyAttributes, reject
+from hybrid_env.checks import ArgumentError, BoolArray, FloatArray, IntArray, ReadOnlyAttributes, reject
 from hybrid_env.core.arrays import allocate, declared
 from hybrid_env.core.compilation import prepare
 from hybrid_env.core.kernels import KERNELS, RESET, STEP
@@ -34,16 +34,16 @@ class World(ReadOnlyAttributes):
     layout: Layout
     bank: Any  # named tuple of the arrays of all banks; `bank.hypotheses` is (B, M)
     blocks: NDArray[Any]  # (B,) records with the state of `LANES` tracks
-    actions: NDArray[np.int64]  # (N,) of the next step
+    actions: IntArray  # (N,) of the next step
     observations: NDArray[np.float32]  # (N, width)
-    rewards: NDArray[np.float64]  # (N,) of the last step
-    terminated: NDArray[np.bool_]  # (N,) whether the episode has ended
-    seeded: NDArray[np.bool_]  # (N,) whether the random stream has been seeded
-    trace: NDArray[np.float64]  # (N, trace rows, len(TRACE_COLUMNS))
-    decisions: NDArray[np.int64]  # (len(DECISION), N) of the last step, with announced switches
-    decision_flags: NDArray[np.bool_]  # (len(DECISION_FLAGS), N)
-    drawn_law: NDArray[np.float64]  # (N, 2, 2, 3) habits drawn for the episodes, see `core.habits`; else empty
-    drawn_order: NDArray[np.float64]  # (N, M, M)
+    rewards: FloatArray  # (N,) of the last step
+    terminated: BoolArray  # (N,) whether the episode has ended
+    seeded: BoolArray  # (N,) whether the random stream has been seeded
+    trace: FloatArray  # (N, trace rows, len(TRACE_COLUMNS))
+    decisions: IntArray  # (len(DECISION), N) of the last step, with announced switches
+    decision_flags: BoolArray  # (len(DECISION_FLAGS), N)
+    drawn_law: FloatArray  # (N, 2, 2, 3) habits drawn for the episodes, see `core.habits`; else empty
+    drawn_order: FloatArray  # (N, M, M)
 
     def __init__(self, options: Any, tracks: int = 1, trace_rows: int = 0, threads: int = 1):
         if trace_rows and not options.traced:
@@ -132,7 +132,7 @@ class World(ReadOnlyAttributes):
         for name, array in own.items():
             array[...] = arrays[name]
 
-    def check_blocks(self, blocks: NDArray[Any], seeded: NDArray[np.bool_]) -> None:
+    def check_blocks(self, blocks: NDArray[Any], seeded: BoolArray) -> None:
         """Check the fields of blocks that the kernel uses as indices, lengths of loops and, where seeded, seeds."""
         for name, last in self.largest().items():
             values = blocks[name]
@@ -199,7 +199,7 @@ class World(ReadOnlyAttributes):
         return arrays
 
     @property
-    def drawn(self) -> dict[str, NDArray[np.float64]]:
+    def drawn(self) -> dict[str, FloatArray]:
         """Views of the habits that are drawn for every episode, (N, ...), by their names in `info`."""
         habits = {"law": self.drawn_law, "order": self.drawn_order}
         return {name: array for name, array in habits.items() if array.size}
@@ -210,18 +210,18 @@ class World(ReadOnlyAttributes):
         values["decided_squared_error"] = values["decided_squared_error"].view(np.float64)
         return values | dict(zip(DECISION_FLAGS, self.decision_flags.copy(), strict=True))
 
-    def read_trace(self, track: int) -> NDArray[np.float64]:
+    def read_trace(self, track: int) -> FloatArray:
         """Return the ticks of the last step of a track, (ticks, len(TRACE_COLUMNS))."""
         block, lane = divmod(track, LANES)
         return self.trace[track, : self.blocks["trace_length"][block, lane]].copy()
 
-    def seed(self, tracks: int | NDArray[np.int64], states: NDArray[np.uint64]) -> None:
+    def seed(self, tracks: int | IntArray, states: NDArray[np.uint64]) -> None:
         """Set the random streams of one or n tracks. states: (4,) or (n, 4), see `hybrid_env.seeding`."""
         blocks, lanes = np.divmod(tracks, LANES)
         self.blocks["random_state"][blocks, :, lanes] = states
         self.seeded[tracks] = True
 
-    def reset(self, mask: NDArray[np.bool_]) -> None:
+    def reset(self, mask: BoolArray) -> None:
         """Begin a new episode on the tracks of a mask, (N,)."""
         self.actions[:] = mask
         self._run(RESET)

@@ -17,10 +17,10 @@ from baselines.recordings.arrays import Filters, check_recording, make_filters, 
 from baselines.rules.measurements import run_compiled
 from baselines.rules.sprt import sprt_test, sprt_thresholds
 from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_choice, check_flag
-from hybrid_env.core.banks.bank import IDENTITY, State, likeliest, likeliest_of_type, set_estimate
+from hybrid_env.core.banks.bank import IDENTITY, likeliest, likeliest_of_type, set_estimate
 from hybrid_env.core.banks.published import PublishedBank, begin_published, follow_published, step_published
 from hybrid_env.core.compilation import compiled, internal
-from hybrid_env.core.records import LANES
+from hybrid_env.core.records import LANES, State
 from hybrid_env.limits import check_within, distinct_radii
 
 NO_RECALCULATION, AS_PUBLISHED, REWIND, LITERAL = 0, 1, 2, 3

@@ -4,8 +4,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pyproj import Proj
+
+from hybrid_env.checks import FloatArray
 
 
 @dataclass(frozen=True)
@@ -25,7 +27,7 @@ class Projection:
     def _projection(self) -> Proj:
         return Proj(proj="aeqd", lat_0=self.latitude, lon_0=self.longitude, ellps="WGS84")
 
-    def forward(self, latitudes: ArrayLike, longitudes: ArrayLike) -> NDArray[np.float64]:
+    def forward(self, latitudes: ArrayLike, longitudes: ArrayLike) -> FloatArray:
         """Return x and y [m], (n, 2), of latitudes and longitudes [deg], (n,); NaN remains NaN."""
         known = ~(np.isnan(latitudes) | np.isnan(longitudes))
         positions = np.full((len(known), 2), np.nan)
@@ -34,7 +36,7 @@ class Projection:
         )
         return positions
 
-    def inverse(self, positions: ArrayLike) -> NDArray[np.float64]:
+    def inverse(self, positions: ArrayLike) -> FloatArray:
         """Return latitude and longitude [deg], (n, 2), of x and y [m], (n, 2); NaN remains NaN."""
         values = np.asarray(positions, np.float64)
         known = ~np.isnan(values).any(axis=1)

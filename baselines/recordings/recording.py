@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_env.checks import LARGEST_NUMBER, ArgumentError, check_array, check_positive, frozen, reject
+from hybrid_env.checks import LARGEST_NUMBER, ArgumentError, FloatArray, check_array, check_positive, frozen, reject
 from hybrid_env.sensors import Radar
 
 if TYPE_CHECKING:
@@ -27,8 +27,8 @@ class Recording:
     """
 
     name: str  # of the object
-    times: NDArray[np.float64]  # (n,) strictly increasing, of the rows [`time_unit`]
-    positions: NDArray[np.float64]  # (n, 2) measured x and y [`unit`]; both are NaN in a row without a measurement
+    times: FloatArray  # (n,) strictly increasing, of the rows [`time_unit`]
+    positions: FloatArray  # (n, 2) measured x and y [`unit`]; both are NaN in a row without a measurement
     tick: float  # the median step of the times [`time_unit`]
     pieces: tuple[tuple[int, int], ...]  # first row and end of each piece between gaps, in order
     unit: str = UNKNOWN_UNIT  # of length: `m`, another one that the file names, or `units` if it names none
@@ -36,7 +36,7 @@ class Recording:
     epoch: str | None = None  # date of time 0 in UTC, ISO 8601; None for times without a date
     projection: "Projection | None" = None  # from latitude and longitude to `positions`
     radar: Radar | None = None  # whose ranges and bearings `positions` are converted from
-    rates: NDArray[np.float64] | None = None  # (n,) its range rates, NaN without one
+    rates: FloatArray | None = None  # (n,) its range rates, NaN without one
 
     @property
     def measured(self) -> NDArray[np.bool_]:
@@ -44,7 +44,7 @@ class Recording:
         return ~np.isnan(self.positions[:, 0])
 
 
-def tick_times(ticks: ArrayLike, tau: float) -> NDArray[np.float64]:
+def tick_times(ticks: ArrayLike, tau: float) -> FloatArray:
     """Return the times of whole numbers of ticks, without the rounding errors of the products."""
     return np.round(tau * np.asarray(ticks, np.float64), 9 - math.floor(math.log10(tau)))
 
@@ -62,7 +62,7 @@ def make_recording(
     epoch: str | None = None,
     projection: "Projection | None" = None,
     radar: Radar | None = None,
-    rates: NDArray[np.float64] | None = None,
+    rates: FloatArray | None = None,
 ) -> Recording:
     """Make a recording of arrays.
 

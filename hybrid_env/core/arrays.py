@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from hybrid_env.core.compilation import inlined, internal
 
+FloatArray = NDArray[np.float64]
+Records = NDArray[Any]
 Owner = Literal["tracks", "options", "thread"]
 
 CACHE_LINE = 64  # bytes

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_env.core.arrays import FloatArray
 from hybrid_env.core.compilation import internal
 from hybrid_env.core.elementary import exp, log
 from hybrid_env.core.noise import integer_below, uniform
@@ -62,7 +63,7 @@ def _draw_mode_law(state: NDArray[np.uint64], lane: int, kind: int, law: Any) ->
 
 
 @internal
-def draw_law(state: NDArray[np.uint64], lane: int, law: NDArray[np.float64]) -> None:
+def draw_law(state: NDArray[np.uint64], lane: int, law: FloatArray) -> None:
     """Draw the laws of straight motion and turns, (2, 2, 3): mode, hump, and offset, span and mean."""
     kind = integer_below(state, lane, 5)
     if kind == DIFFERENT:
@@ -76,7 +77,7 @@ def draw_law(state: NDArray[np.uint64], lane: int, law: NDArray[np.float64]) -> 
 
 
 @internal
-def draw_order(state: NDArray[np.uint64], lane: int, order: NDArray[np.float64]) -> None:
+def draw_order(state: NDArray[np.uint64], lane: int, order: FloatArray) -> None:
     """Draw the probabilities of the next mode (column) by the present one, (M, M)."""
     modes = order.shape[0]
     strength = max(1.5 * uniform(state, lane) - 0.5, 0.0)
@@ -90,7 +91,7 @@ def draw_order(state: NDArray[np.uint64], lane: int, order: NDArray[np.float64])
 
 
 @internal
-def draw_from_law(state: NDArray[np.uint64], lane: int, law: NDArray[np.float64], longest: int) -> int:
+def draw_from_law(state: NDArray[np.uint64], lane: int, law: FloatArray, longest: int) -> int:
     """Return a duration of a law of one mode, (2, 3), at most `longest` [ticks]."""
     hump = law[integer_below(state, lane, 2)]
     ticks = hump[OFFSET] + 1.0 + math.floor(hump[SPAN] * uniform(state, lane))
@@ -100,7 +101,7 @@ def draw_from_law(state: NDArray[np.uint64], lane: int, law: NDArray[np.float64]
 
 
 @internal
-def draw_remaining(state: NDArray[np.uint64], lane: int, law: NDArray[np.float64], longest: int) -> int:
+def draw_remaining(state: NDArray[np.uint64], lane: int, law: FloatArray, longest: int) -> int:
     """Return the ticks left at a random moment of segments of one mode; arguments as in `draw_from_law`."""
     left = -BURN_IN - integer_below(state, lane, BURN_IN)
     while left <= 0:
@@ -109,7 +110,7 @@ def draw_remaining(state: NDArray[np.uint64], lane: int, law: NDArray[np.float64
 
 
 @internal
-def draw_mode(state: NDArray[np.uint64], lane: int, probabilities: NDArray[np.float64]) -> int:
+def draw_mode(state: NDArray[np.uint64], lane: int, probabilities: FloatArray) -> int:
     """Return a mode with the given probabilities, (M,)."""
     number, last = uniform(state, lane), 0
     for mode in range(probabilities.size):

@@ -13,14 +13,14 @@ from hybrid_env.core import kernel, quickest_kernel
 from hybrid_env.core.arrays import array_at
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.anchor_aware import AnchorAwareBank, aware_banks
-from hybrid_env.core.banks.bank import likeliest_of_type, state_of, write_lane
+from hybrid_env.core.banks.bank import likeliest_of_type
 from hybrid_env.core.banks.imm import ImmBank, begin_imm, imm_banks, imm_of_block, step_imm_irregular
 from hybrid_env.core.banks.published import PublishedBank, published_banks
 from hybrid_env.core.compilation import compiled, inlined, internal
 from hybrid_env.core.kernel import HAS_DECISION, begin_bank, chosen_mode, follow_irregular, set_anchor, step_irregular
 from hybrid_env.core.observation_row import compare_hypotheses, write_quickest_row, write_segment, write_tick
 from hybrid_env.core.quickest_kernel import record_statement
-from hybrid_env.core.records import LANES
+from hybrid_env.core.records import LANES, state_of, write_lane
 from hybrid_env.core.state import PARAMETERS, arrays_of
 
 STEP, RESET, MEASURE, BEGIN = range(4)

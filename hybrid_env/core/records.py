@@ -8,15 +8,44 @@ from typing import Any
 
 import numpy as np
 
+from hybrid_env.core.arrays import FloatArray
+from hybrid_env.core.compilation import inlined
 from hybrid_env.core.noise import NOISE_ROWS
 
 LANES = 8
 """Tracks per block. Eight float64 fill a cache line and the widest vector register."""
 
 
+State = tuple[float, float, float, float]
+Triangle4 = tuple[float, float, float, float, float, float, float, float, float, float]
+"""Covariance of [x, vx, y, vy], upper triangle row by row."""
+
+
 def lanes_of(*fields: tuple[str, type, tuple[int, ...]]) -> np.dtype[Any]:
     """Return a record type whose fields have the shape (*shape, LANES)."""
     return np.dtype([(name, kind, (*shape, LANES)) for name, kind, shape in fields])
+
+
+@inlined
+def state_of(array: FloatArray, lane: int) -> State:
+    """Return the values of a lane of an array, (4, LANES)."""
+    return array[0, lane], array[1, lane], array[2, lane], array[3, lane]
+
+
+@inlined
+def triangle_of(p: FloatArray, lane: int) -> Triangle4:
+    """Return the values of a lane of an array, (10, LANES)."""
+    return (
+        p[0, lane], p[1, lane], p[2, lane], p[3, lane], p[4, lane],
+        p[5, lane], p[6, lane], p[7, lane], p[8, lane], p[9, lane],
+    )  # fmt: skip
+
+
+@inlined
+def write_lane(array: FloatArray, lane: int, values: tuple[float, ...]) -> None:
+    """Write k values to a lane of an array, (k, LANES)."""
+    for k, value in enumerate(values):
+        array[k, lane] = value
 
 
 SENSOR = np.dtype(

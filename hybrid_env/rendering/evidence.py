@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hybrid_env.checks import reject
+from hybrid_env.checks import FloatArray, reject
 from hybrid_env.core.banks.bank import mode_type
 
 TYPE_COLOURS = ("#d55e00", "#0072b2", "#009e73")
@@ -54,7 +53,7 @@ def _type_of(mode: int, radii: Sequence[float]) -> int:
 class Threshold:
     """A level of the evidence at which a decision is made, (T,) by ticks since the switch; the last one holds on."""
 
-    levels: NDArray[np.float64]
+    levels: FloatArray
     name: str = ""
 
 
@@ -104,7 +103,7 @@ def sprt_panel(alpha: float) -> EvidencePanel:
     )
 
 
-def posterior_panel(source: str, by_type: bool = False, alpha: NDArray[np.float64] | None = None) -> EvidencePanel:
+def posterior_panel(source: str, by_type: bool = False, alpha: FloatArray | None = None) -> EvidencePanel:
     """Return the panel of posterior probabilities with the threshold 1 - alpha.
 
     alpha: (T,) threshold on the posterior error probability at each tick; None draws none.

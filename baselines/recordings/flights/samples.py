@@ -14,10 +14,9 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from baselines.recordings.flights.flight import UNUSABLE, Flight, clean_flight, tier_of
-from hybrid_env.checks import ArgumentError, reject
+from hybrid_env.checks import ArgumentError, FloatArray, reject
 
 GAP = 600.0  # reports of an aircraft that are further apart in time [s] belong to different flights
 SUFFIX = ".json.gz"
@@ -99,7 +98,7 @@ def installed_samples() -> Path:
     raise ArgumentError(f"source=None is not allowed: {INSTALL}")
 
 
-def report_times(column: pd.Series) -> NDArray[np.float64]:
+def report_times(column: pd.Series) -> FloatArray:
     """Return times since 1970 [s], NaN where there is none, of dates or of numbers [s or ms]."""
     if column.dtype.kind == "M":
         milliseconds = column.astype("datetime64[ms]").to_numpy()
@@ -108,5 +107,5 @@ def report_times(column: pd.Series) -> NDArray[np.float64]:
     return np.where(values > MILLISECONDS, values / 1000.0, values)
 
 
-def _numbers(column: pd.Series) -> NDArray[np.float64]:
+def _numbers(column: pd.Series) -> FloatArray:
     return np.asarray(pd.to_numeric(column, errors="coerce"), np.float64)

@@ -12,7 +12,8 @@ from baselines.estimation.turns import Batch, TurnEstimates
 from baselines.rules.decider import Actions, Observations, SeveralThresholds
 from baselines.rules.rollout import rollout
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
-from hybrid_env.observation import LOG_FLOOR, QuickestLayout
+from hybrid_env.core.observation_row import LOG_FLOOR
+from hybrid_env.observation import QuickestLayout
 
 MODES = 3  # straight, left, right
 SMALLEST = 1e-300  # probability

@@ -14,7 +14,7 @@ from baselines.recordings.reading.columns import ONE_OBJECT, Columns, listed_col
 from baselines.recordings.reading.files import read_table
 from baselines.recordings.reading.names import plain_name, role_of
 from baselines.recordings.reading.read import cell_text, check_order, object_rows
-from hybrid_env.checks import ArgumentError, reject
+from hybrid_env.checks import ArgumentError, FloatArray, reject
 
 # Names of columns of modes, in the order of preference.
 MODES = (
@@ -27,7 +27,7 @@ TRACKS = ("track", "episode")  # names of columns that tell tracks apart, beside
 class ModeFile(NamedTuple):
     """What was read of a file, by the name of each track."""
 
-    times: dict[str, NDArray[np.float64] | NDArray[np.datetime64]]  # increasing [s]; datetimes if the file has dates
+    times: dict[str, FloatArray | NDArray[np.datetime64]]  # increasing [s]; datetimes if the file has dates
     modes: dict[str, list[str | None]]  # as text, None for an empty cell
 
     def like(self, other: "ModeFile", name: str) -> "ModeFile":
@@ -66,7 +66,7 @@ def read_modes(
     tracks = _track_column(table, {time, *given.values()}, object_column)
     mode = given["mode"] if "mode" in given else _mode_column(table, {time, tracks})
     times = parse_times(table, time, time_unit)
-    seconds: NDArray[np.float64] | NDArray[np.datetime64] = times.seconds
+    seconds: FloatArray | NDArray[np.datetime64] = times.seconds
     if times.epoch is not None:
         passed = np.round(times.seconds * 1e9).astype("timedelta64[ns]")
         seconds = np.datetime64(times.epoch.removesuffix("Z"), "ns") + passed

@@ -3,12 +3,11 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.recordings.reading.cells import Table, parse_numbers
 from baselines.recordings.reading.columns import Columns
 from baselines.recordings.reading.names import DEGREES, split_unit
-from hybrid_env.checks import ArgumentError, reject
+from hybrid_env.checks import ArgumentError, FloatArray, IntArray, reject
 from hybrid_env.sensors import Radar
 
 MAX_VALUE = 1e12  # largest absolute value of a coordinate; its powers do not overflow
@@ -26,7 +25,7 @@ END_SHARE = 0.2  # A jump this close to an end of the recording is an error of m
 class Places(NamedTuple):
     """Positions of all rows of a file."""
 
-    values: NDArray[np.float64]  # (n, 2) x and y, or longitude and latitude [deg]; NaN where a cell is empty
+    values: FloatArray  # (n, 2) x and y, or longitude and latitude [deg]; NaN where a cell is empty
     unit: str | None  # of the positions on the plane; None if the file does not name it
     degrees: bool  # whether `values` are degrees
 
@@ -59,7 +58,7 @@ def read_positions(table: Table, found: Columns, unit: str | None) -> tuple[Plac
     return Places(np.column_stack([one.values for one in numbers]), "m" if degrees else unit, degrees), None
 
 
-def read_polar(table: Table, found: Columns, radar: Radar) -> tuple[Places, NDArray[np.float64] | None]:
+def read_polar(table: Table, found: Columns, radar: Radar) -> tuple[Places, FloatArray | None]:
     """Parse ranges and bearings of a radar to positions, and range rates, (n,), if it measures them.
 
     Bearings in degrees are clockwise from the y axis (north), those in radians counter-clockwise from the x axis.
@@ -84,9 +83,7 @@ def read_polar(table: Table, found: Columns, radar: Radar) -> tuple[Places, NDAr
     return Places(positions, length, False), values[2] if radar.values == 3 else None
 
 
-def check_positions(
-    table: Table, places: Places, seconds: NDArray[np.float64], rows: NDArray[np.int64], marked: bool
-) -> None:
+def check_positions(table: Table, places: Places, seconds: FloatArray, rows: IntArray, marked: bool) -> None:
     """Check that measurements look like those of one object, and not like degrees if they have no unit.
 
     They are in `rows` (k,), at least two, at increasing times [s], or numbers of rows; `marked`: the caller or a column
@@ -105,7 +102,7 @@ def check_positions(
         )
 
 
-def _look_like_degrees(seconds: NDArray[np.float64], positions: NDArray[np.float64]) -> bool:
+def _look_like_degrees(seconds: FloatArray, positions: FloatArray) -> bool:
     """Whether x and y may be degrees: in their range, slow, and far from 0 for their extent."""
     largest, extent = np.abs(positions).max(axis=0), np.ptp(positions, axis=0)
     if largest.max() > MAX_LONGITUDE / 2.0 or largest.min() > MAX_LATITUDE or not extent.any():
@@ -115,7 +112,7 @@ def _look_like_degrees(seconds: NDArray[np.float64], positions: NDArray[np.float
     return bool(np.median(speeds) < SLOW and offset > max(OFFSET * extent.max(), 1.0))
 
 
-def _unmarked_objects(times: NDArray[np.float64], positions: NDArray[np.float64]) -> str | None:
+def _unmarked_objects(times: FloatArray, positions: FloatArray) -> str | None:
     """Return why the rows seem to be of more than one object, None if they seem to be of one.
 
     Either the rows alternate: many are far from the row before, but near to one of the three rows before

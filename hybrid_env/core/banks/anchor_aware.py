@@ -12,17 +12,16 @@ import math
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hybrid_env.core.arrays import Array, block_reader, reader
+from hybrid_env.core.arrays import Array, FloatArray, Records, block_reader, reader
 from hybrid_env.core.banks import extended_kalman as ekf
-from hybrid_env.core.banks.bank import INNOVATION, Records, State, Triangle4, set_estimate, signed_radius, write_lane
+from hybrid_env.core.banks.bank import INNOVATION, set_estimate, signed_radius
 from hybrid_env.core.banks.kalman import log_likelihood
 from hybrid_env.core.banks.sensing import LARGEST, ROUNDING, correct_by_sensors
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import log
 from hybrid_env.core.motion import bank_turn_rate, heading_vector, turn_centre
-from hybrid_env.core.records import lanes_of
+from hybrid_env.core.records import State, Triangle4, lanes_of, write_lane
 
 AWARE_HYPOTHESIS = lanes_of(
     *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),  # estimate [m, m/s]
@@ -52,7 +51,7 @@ aware_of_block = block_reader(AnchorAwareBank)
 
 @internal
 def begin_aware(
-    bank: AnchorAwareBank, lane: int, anchor: State, covariance: Triangle4, radii: NDArray[np.float64], model: Any
+    bank: AnchorAwareBank, lane: int, anchor: State, covariance: Triangle4, radii: FloatArray, model: Any
 ) -> None:
     """Start every filter of a lane from the anchor; arguments as in `begin_published`."""
     for h in range(bank.hypotheses.size):
@@ -84,7 +83,7 @@ def begin_hypothesis(
 
 
 @inlined
-def _covariance7(P: NDArray[np.float64], lane: int) -> ekf.Triangle7:
+def _covariance7(P: FloatArray, lane: int) -> ekf.Triangle7:
     return (
         P[0, lane], P[1, lane], P[2, lane], P[3, lane], P[4, lane], P[5, lane], P[6, lane],
         P[7, lane], P[8, lane], P[9, lane], P[10, lane], P[11, lane], P[12, lane],
@@ -110,9 +109,7 @@ def predict_hypothesis(kalman: Any, lane: int, model: Any) -> tuple[float, float
 
 
 @internal
-def step_hypothesis(
-    kalman: Any, innovation: Any, first: int, last: int, measurement: NDArray[np.float64], model: Any
-) -> None:
+def step_hypothesis(kalman: Any, innovation: Any, first: int, last: int, measurement: FloatArray, model: Any) -> None:
     """Advance one filter and its log-likelihood by one tick; arguments as in `step_published`."""
     P = kalman.covariance
     variance_x, variance_y = model.variance_x, model.variance_y
@@ -190,16 +187,14 @@ def step_hypothesis(
 
 
 @internal
-def step_aware(bank: AnchorAwareBank, first: int, last: int, measurement: NDArray[np.float64], model: Any) -> None:
+def step_aware(bank: AnchorAwareBank, first: int, last: int, measurement: FloatArray, model: Any) -> None:
     """Advance every filter of lanes first .. last - 1 by one tick; see `published.step_published`."""
     for h in range(bank.hypotheses.size):
         step_hypothesis(bank.hypotheses[h], bank.innovations[h], first, last, measurement, model)
 
 
 @internal
-def follow_aware(
-    bank: AnchorAwareBank, lane: int, hypothesis: int, measurement: NDArray[np.float64], model: Any
-) -> None:
+def follow_aware(bank: AnchorAwareBank, lane: int, hypothesis: int, measurement: FloatArray, model: Any) -> None:
     """Advance the filter of one hypothesis of a lane by one tick, without its log-likelihood."""
     kalman = bank.hypotheses[hypothesis]
     before = kalman.log_likelihood[lane]
@@ -230,15 +225,13 @@ def _predict_only(kalman: Any, innovation: Any, lane: int, model: Any) -> None:
 
 
 @internal
-def correct_aware(
-    bank: AnchorAwareBank, lane: int, hypothesis: int, block: Any, sensors: NDArray[Any], model: Any
-) -> None:
+def correct_aware(bank: AnchorAwareBank, lane: int, hypothesis: int, block: Any, sensors: Records, model: Any) -> None:
     """Correct one filter of a lane after `predict_aware`; see `sensing.correct_by_sensors`."""
     _correct(bank.hypotheses[hypothesis], bank.innovations[hypothesis], lane, block, sensors, model)
 
 
 @internal
-def _correct(kalman: Any, innovation: Any, lane: int, block: Any, sensors: NDArray[Any], model: Any) -> None:
+def _correct(kalman: Any, innovation: Any, lane: int, block: Any, sensors: Records, model: Any) -> None:
     """Correct one predicted filter of a lane by all that is measured, and update its log-likelihood."""
     state = (
         kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane],
@@ -256,7 +249,7 @@ def _correct(kalman: Any, innovation: Any, lane: int, block: Any, sensors: NDArr
 
 @internal
 def sense_hypothesis(
-    kalman: Any, innovation: Any, first: int, last: int, block: Any, sensors: NDArray[Any], model: Any
+    kalman: Any, innovation: Any, first: int, last: int, block: Any, sensors: Records, model: Any
 ) -> None:
     """Advance one filter by one tick of any kind: without a measurement, or with those of sensors.
 

@@ -4,9 +4,9 @@ The state is [x, vx, y, vy, centre_x, centre_y, turn_rate], with the suffixes x,
 motion is that of Golubkov 2018, eq. (1). A covariance is its upper triangle row by row, 28 numbers.
 """
 
-from hybrid_env.core.banks.bank import Triangle4
 from hybrid_env.core.compilation import inlined
 from hybrid_env.core.elementary import sine_cosine
+from hybrid_env.core.records import Triangle4
 
 SERIES = 0.02  # [rad]; below this angle quotients of small numbers are computed by series
 

@@ -30,28 +30,16 @@ import math
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hybrid_env.core.arrays import Array, block_reader, reader
-from hybrid_env.core.banks.bank import (
-    INNOVATION,
-    Records,
-    State,
-    Triangle4,
-    filter_model,
-    set_estimate,
-    signed_radius,
-    state_of,
-    triangle_of,
-    write_lane,
-)
+from hybrid_env.core.arrays import Array, FloatArray, Records, block_reader, reader
+from hybrid_env.core.banks.bank import INNOVATION, filter_model, set_estimate, signed_radius
 from hybrid_env.core.banks.kalman import weigh
 from hybrid_env.core.banks.mixture import NEGLIGIBLE, SUMS, merge, mixture_of_two, normalize
 from hybrid_env.core.banks.sensing import LARGEST, correct_by_sensors
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import exp, log, sine_cosine
 from hybrid_env.core.motion import LARGEST_ANGLE
-from hybrid_env.core.records import lanes_of
+from hybrid_env.core.records import State, Triangle4, lanes_of, state_of, triangle_of, write_lane
 
 IMM_HYPOTHESIS = lanes_of(
     *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),  # estimate [m, m/s]
@@ -253,14 +241,14 @@ def _step_hypothesis(
 
 
 @inlined
-def _curvature(hypothesis: int, radii: NDArray[np.float64]) -> float:
+def _curvature(hypothesis: int, radii: FloatArray) -> float:
     """Return the curvature of a hypothesis [1/m], positive to the left."""
     radius = signed_radius(hypothesis, radii)
     return 0.0 if radius == 0.0 else 1.0 / radius
 
 
 @internal
-def step_imm(bank: ImmBank, block: Any, first: int, last: int, radii: NDArray[np.float64], model: Any) -> None:
+def step_imm(bank: ImmBank, block: Any, first: int, last: int, radii: FloatArray, model: Any) -> None:
     """Advance every filter, its probability and the merged estimate of lanes first .. last - 1 by one tick.
 
     block: with `measurement`, (2, LANES), and `estimate` and `covariance` of the merged estimate.
@@ -292,7 +280,7 @@ def _predict_imm_hypothesis(kalman: Any, innovation: Any, block: Any, lane: int,
 
 
 @internal
-def predict_imm(bank: ImmBank, block: Any, lane: int, radii: NDArray[np.float64], model: Any) -> None:
+def predict_imm(bank: ImmBank, block: Any, lane: int, radii: FloatArray, model: Any) -> None:
     """Advance every filter of a lane by one tick without a measurement: mixing, prediction and output.
 
     The probabilities follow the Markov chain; innovations are zero, with the variance of a measurement.

@@ -8,13 +8,13 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hybrid_env.core.arrays import FloatArray, Records
 from hybrid_env.core.banks import operations
-from hybrid_env.core.banks.bank import State, Triangle4, estimate_of, likeliest
+from hybrid_env.core.banks.bank import estimate_of, likeliest
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import exp, log
-from hybrid_env.core.records import lanes_of
+from hybrid_env.core.records import State, Triangle4, lanes_of
 
 SUMS = lanes_of(("largest", np.float64, ()), ("total", np.float64, ()))
 """Maximum log probability of the hypotheses before normalization, and the sum relative to it."""
@@ -103,7 +103,7 @@ def mixture_of_two(own: float, mine: Triangle4, merged: Triangle4, difference: S
 
 
 @internal
-def merged_estimate(hypotheses: NDArray[Any], lane: int) -> State:
+def merged_estimate(hypotheses: Records, lane: int) -> State:
     """Return the posterior mean [x, vx, y, vy] of a lane [m, m/s]."""
     largest = hypotheses[likeliest(hypotheses, lane)].log_likelihood[lane]
     total, x, vx, y, vy = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -119,7 +119,7 @@ def merged_estimate(hypotheses: NDArray[Any], lane: int) -> State:
 
 
 @internal
-def write_merged_covariance(bank: Any, lane: int, mean: State, covariance: NDArray[np.float64]) -> None:
+def write_merged_covariance(bank: Any, lane: int, mean: State, covariance: FloatArray) -> None:
     """Write the posterior covariance of a lane into (10, LANES); mean: from `merged_estimate`."""
     hypotheses = bank.hypotheses
     largest = hypotheses[likeliest(hypotheses, lane)].log_likelihood[lane]

@@ -10,29 +10,13 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from hybrid_env.core.arrays import Array, block_reader, reader
-from hybrid_env.core.banks.bank import (
-    INNOVATION,
-    FloatArray,
-    Records,
-    State,
-    Triangle4,
-    radius_column,
-    set_estimate,
-    signed_radius,
-)
-from hybrid_env.core.banks.kalman import (
-    Covariance,
-    correct_covariance,
-    kalman_gain,
-    predict_covariance,
-    student_weight,
-    weigh,
-)
+from hybrid_env.core.arrays import Array, FloatArray, Records, block_reader, reader
+from hybrid_env.core.banks.bank import INNOVATION, radius_column, set_estimate, signed_radius
+from hybrid_env.core.banks.kalman import correct_covariance, kalman_gain, predict_covariance, student_weight, weigh
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import log
 from hybrid_env.core.motion import bank_turn_rate, heading_vector, motion_coefficients, propagate, turn_centre
-from hybrid_env.core.records import lanes_of
+from hybrid_env.core.records import State, Triangle4, lanes_of
 
 HYPOTHESIS = lanes_of(
     *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),  # estimate [m, m/s]
@@ -101,7 +85,7 @@ def begin_published(
 
 
 @inlined
-def _predicted(shared: Any, lane: int, process_variance: float) -> Covariance:
+def _predicted(shared: Any, lane: int, process_variance: float) -> tuple[float, float, float]:
     """Return the predicted covariance of one radius and axis."""
     return predict_covariance(
         (shared.xx[lane], shared.xv[lane], shared.vv[lane]),

@@ -9,15 +9,14 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hybrid_env.core.banks.bank import State
+from hybrid_env.core.arrays import FloatArray, Records
 from hybrid_env.core.banks.extended_kalman import Triangle7, Vector7, condition
 from hybrid_env.core.banks.kalman import LOG_TWO_PI
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import log
 from hybrid_env.core.polar import range_rate
-from hybrid_env.core.records import MOST_RATES
+from hybrid_env.core.records import MOST_RATES, State
 
 Scalar = tuple[float, float, bool]
 """Whitened innovation, logarithm of its variance, and False if the filter has diverged."""
@@ -27,7 +26,7 @@ ROUNDING = 1e-6  # tolerance of a negative variance, relative to the predicted v
 
 
 @internal
-def write_measured(block: Any, lane: int, measured: NDArray[np.float64]) -> None:
+def write_measured(block: Any, lane: int, measured: FloatArray) -> None:
     """Write what is measured to a lane of a record with the fields of `records.MEASURED`.
 
     measured: (2,) position of variance R, or (9,) with covariance xx, xy, yy over R and range rates.
@@ -112,7 +111,7 @@ def _rate_model(state: Vector7, p: Triangle7, rate: float, sensor: Any) -> tuple
 
 @internal
 def correct_by_sensors(
-    state: Vector7, p: Triangle7, block: Any, lane: int, sensors: NDArray[Any], model: Any
+    state: Vector7, p: Triangle7, block: Any, lane: int, sensors: Records, model: Any
 ) -> tuple[Vector7, Triangle7, State, bool]:
     """Correct a predicted filter by all that is measured in a tick: a position, and range rates of the sensors.
 

@@ -135,13 +135,7 @@ def test_the_imm_bank_equals_the_literal_one(options):
     np.testing.assert_allclose(chosen.transition_matrix, matrix)
     start = [0.0, 2.0 * math.cos(0.3), 0.0, 2.0 * math.sin(0.3)]
     curvatures = [0.0, 0.5, 1 / 9, -0.5, -1 / 9]
-    model = (
-        matrix,
-        chosen.tau,
-        chosen.process_variance,
-        [1.0, 1.0],
-        FREEDOM * (str(chosen.likelihood) != "gaussian"),
-    )
+    model = (matrix, chosen.tau, chosen.process_variance, [1.0, 1.0], FREEDOM * (str(chosen.likelihood) != "gaussian"))
     literal = [LiteralImm(start, np.zeros((4, 4)), curvatures, *model) for _ in range(LANES)]
     rows, info = env.reset(seed=5)
     for _ in range(ticks):
