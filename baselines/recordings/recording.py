@@ -1,9 +1,8 @@
 """A recording: the measured positions of one object, in the units of its file."""
 
-import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -44,25 +43,15 @@ class Recording:
         return ~np.isnan(self.positions[:, 0])
 
 
-def tick_times(ticks: ArrayLike, tau: float) -> FloatArray:
-    """Return the times of whole numbers of ticks, without the rounding errors of the products."""
-    return np.round(tau * np.asarray(ticks, np.float64), 9 - math.floor(math.log10(tau)))
-
-
 def make_recording(
     times: ArrayLike | None,
     positions: ArrayLike,
     *,
     name: str = "object",
-    tau: float | None = None,
     gap: float | None = None,
     breaks: ArrayLike = (),
-    unit: str = UNKNOWN_UNIT,
     time_unit: str | None = None,
-    epoch: str | None = None,
-    projection: "Projection | None" = None,
-    radar: Radar | None = None,
-    rates: FloatArray | None = None,
+    **further: Any,
 ) -> Recording:
     """Make a recording of arrays.
 
@@ -70,11 +59,10 @@ def make_recording(
         times: (n,) strictly increasing times [`time_unit`]; None for rows at uniform ticks.
         positions: (n, 2) x and y [`unit`]; NaN in either coordinate marks a missing measurement.
         name: name of the object.
-        tau: duration of a tick [s] of a recording without times; None counts time in ticks.
         gap: longest time between two measurements of one piece [`time_unit`]; None is 20 nominal ticks.
         breaks: rows at which a piece begins whatever the times are.
-        unit, epoch, projection, radar, rates: see `Recording`.
-        time_unit: unit of time; None is `s`, and `ticks` without times and tau.
+        time_unit: unit of time; None is `s`, and `ticks` without times.
+        further: `unit`, `epoch`, `projection`, `radar` and `rates` of `Recording`.
 
     Raises:
         ArgumentError: an array has the wrong shape, times do not increase, a position is infinite, or there
@@ -83,20 +71,16 @@ def make_recording(
     values = np.array(positions, np.float64)
     if values.ndim != 2 or values.shape[1] != 2:
         raise ArgumentError(f"positions has shape {values.shape}: expected (n, 2)")
-    large = np.abs(values) > LARGEST_NUMBER
-    if large.any():
-        allowed = f"finite numbers up to {LARGEST_NUMBER:g}, or NaN if missing"
-        raise reject("positions", float(values[large][0]), allowed)
+    large = values[np.abs(values) > LARGEST_NUMBER]
+    if large.size:
+        raise reject("positions", float(large[0]), f"finite numbers up to {LARGEST_NUMBER:g}, or NaN if missing")
     missing = np.asarray(np.isnan(values).any(axis=1))
     values[missing] = np.nan
     measured = len(values) - int(missing.sum())
     if measured < 2:
         raise ArgumentError(f"{name} has {measured} measured positions: expected at least two")
     if times is None:
-        instants = tick_times(np.arange(len(values)), 1.0 if tau is None else check_positive("tau", tau))
-        time_unit = time_unit or ("ticks" if tau is None else "s")
-    elif tau is not None:
-        raise reject("tau", tau, "no value for a recording with times")
+        instants, time_unit = np.arange(len(values), dtype=np.float64), time_unit or "ticks"
     else:
         instants = check_array("times", times, (len(values),))
     steps = np.diff(instants)
@@ -110,6 +94,4 @@ def make_recording(
     ends = np.flatnonzero(np.diff(instants[rows]) > longest) + 1
     borders = np.unique(np.concatenate([[0, len(rows)], ends, before])).tolist()
     pieces = tuple((int(rows[first]), int(rows[end - 1]) + 1) for first, end in pairwise(borders))
-    return Recording(
-        name, frozen(instants), frozen(values), tick, pieces, unit, time_unit or "s", epoch, projection, radar, rates
-    )
+    return Recording(name, frozen(instants), frozen(values), tick, pieces, time_unit=time_unit or "s", **further)

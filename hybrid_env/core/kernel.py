@@ -216,14 +216,6 @@ def _act(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any) ->
 
 
 @inlined
-def _tick(block: Any, bank: Any, scratch: Any, first: int, last: int, sensors: Records, setting: Any) -> None:
-    """Advance the object and every filter of lanes first .. last - 1 by one tick."""
-    move(block, scratch.noise, first, last, sensors, setting)
-    step_lanes(block, bank, first, last, sensors, setting)
-    compare_hypotheses(scratch, bank.hypotheses, first, last)
-
-
-@inlined
 def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) -> int:
     """Step the tracks of a block; see `kernels.advance_published`. Returns their events, combined as bits."""
     block, scratch = arrays.blocks[b], arrays.scratch[0]
@@ -266,7 +258,10 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) ->
             continue
         last = lanes if all_running else first + 1
         # unsigned indices need no check for negative values, so that loops over lanes compile to SIMD code
-        _tick(block, bank, scratch, np.uint64(first), np.uint64(last), arrays.sensors, setting)
+        start, stop = np.uint64(first), np.uint64(last)
+        move(block, scratch.noise, start, stop, arrays.sensors, setting)
+        step_lanes(block, bank, start, stop, arrays.sensors, setting)
+        compare_hypotheses(scratch, bank.hypotheses, start, stop)
         for lane in range(first, last):
             i = b * LANES + lane
             if setting.recalculated > 0:

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from baselines.recordings.reading.cells import Table, parse_numbers
+from baselines.recordings.reading.cells import Numbers, Table, parse_numbers
 from baselines.recordings.reading.columns import Columns
 from baselines.recordings.reading.names import DEGREES, split_unit
 from hybrid_env.checks import ArgumentError, FloatArray, IntArray, reject
@@ -28,10 +28,23 @@ class Places(NamedTuple):
     values: FloatArray  # (n, 2) x and y, or longitude and latitude [deg]; NaN where a cell is empty
     unit: str | None  # of the positions on the plane; None if the file does not name it
     degrees: bool  # whether `values` are degrees
+    rates: FloatArray | None = None  # (n,) range rates of a radar
 
 
-def read_positions(table: Table, found: Columns, unit: str | None) -> tuple[Places, None]:
-    """Parse the columns of the positions; a unit of None is that of the header. There are no range rates."""
+def _read(table: Table, column: int, largest: float) -> Numbers:
+    """Parse a column of numbers of a magnitude, or empty cells."""
+    found = parse_numbers(table.frame[column])
+    wrong = np.union1d(found.wrong, np.flatnonzero(np.abs(found.values) > largest))
+    if wrong.size:
+        cell = table.frame[column].iloc[wrong[0]]
+        shown = cell if isinstance(cell, (str, float, int, bool)) else str(cell)
+        allowed = f"a finite number of magnitude at most {largest:g}, or an empty cell"
+        raise reject(table.place(int(wrong[0]), column), shown, allowed)
+    return found
+
+
+def read_positions(table: Table, found: Columns, unit: str | None) -> Places:
+    """Parse the columns of the positions; a unit of None is that of the header."""
     degrees = "lat" in found.roles
     axes = [found.roles[role] for role in (("lon", "lat") if degrees else ("x", "y"))]
     named = {split_unit(table.names[column])[1] for column in axes}
@@ -45,42 +58,26 @@ def read_positions(table: Table, found: Columns, unit: str | None) -> tuple[Plac
         degrees = True
         table.notes.append("x taken as longitude and y as latitude")
     limits = (MAX_LONGITUDE, MAX_LATITUDE) if degrees else (MAX_VALUE, MAX_VALUE)
-    numbers = [parse_numbers(table.frame[column]) for column in axes]
-    for column, one, limit in zip(axes, numbers, limits, strict=True):
-        wrong = np.union1d(one.wrong, np.flatnonzero(np.abs(one.values) > limit))
-        if wrong.size:
-            cell = table.frame[column].iloc[wrong[0]]
-            shown = cell if isinstance(cell, (str, float, int, bool)) else str(cell)
-            allowed = f"a finite number of magnitude at most {limit:g}, or an empty cell"
-            raise reject(table.place(int(wrong[0]), column), shown, allowed)
+    numbers = [_read(table, column, limit) for column, limit in zip(axes, limits, strict=True)]
     if any(one.comma for one in numbers):
         table.notes.append("decimal comma")
-    return Places(np.column_stack([one.values for one in numbers]), "m" if degrees else unit, degrees), None
+    return Places(np.column_stack([one.values for one in numbers]), "m" if degrees else unit, degrees)
 
 
-def read_polar(table: Table, found: Columns, radar: Radar) -> tuple[Places, FloatArray | None]:
-    """Parse ranges and bearings of a radar to positions, and range rates, (n,), if it measures them.
+def read_polar(table: Table, found: Columns, radar: Radar) -> Places:
+    """Parse ranges and bearings of a radar to positions, and range rates if it measures them.
 
     Bearings in degrees are clockwise from the y axis (north), those in radians counter-clockwise from the x axis.
     """
     names = ("range", "bearing", "rate")[: radar.values]
     if names[-1] not in found.roles:
         raise ArgumentError(f"{table.file}: no column range_rate: name it by --columns rate=...")
-    values = []
-    for name in names:
-        column = found.roles[name]
-        one = parse_numbers(table.frame[column])
-        if one.wrong.size:
-            shown = str(table.frame[column].iloc[one.wrong[0]])
-            raise reject(table.place(int(one.wrong[0]), column), shown, "a number, or an empty cell")
-        values.append(one.values)
-    unit = split_unit(table.names[found.roles["bearing"]])[1]
-    bearings = values[1] if unit == "rad" else np.radians(90.0 - values[1])
-    table.notes.append(f"bearings in {'radians from the x axis' if unit == 'rad' else 'degrees from north'}")
-    rows = np.column_stack([values[0], bearings])
+    ranges, bearings, *rates = (_read(table, found.roles[name], MAX_VALUE).values for name in names)
+    radians = split_unit(table.names[found.roles["bearing"]])[1] == "rad"
+    table.notes.append(f"bearings in {'radians from the x axis' if radians else 'degrees from north'}")
+    rows = np.column_stack([ranges, bearings if radians else np.radians(90.0 - bearings)])
     positions = np.array([radar.located(row)[:2] for row in rows])
-    length = split_unit(table.names[found.roles["range"]])[1]
-    return Places(positions, length, False), values[2] if radar.values == 3 else None
+    return Places(positions, split_unit(table.names[found.roles["range"]])[1], False, *rates)
 
 
 def check_positions(table: Table, places: Places, seconds: FloatArray, rows: IntArray, marked: bool) -> None:

@@ -65,13 +65,6 @@ imm_of_block = block_reader(ImmBank)
 
 
 @inlined
-def turn_angle(u: float, v: float, curvature: float, tau: float) -> float:
-    """Return the angle of a turn in one tick [rad], positive to the left, bounded; curvature: 1 / radius [1/m]."""
-    angle = curvature * math.sqrt(u * u + v * v) * tau
-    return max(min(angle, LARGEST_ANGLE), -LARGEST_ANGLE)
-
-
-@inlined
 def turn_coefficients(angle: float, tau: float) -> State:
     """Return (C, S, along, across) of a turn by an angle a in a tick of length tau.
 
@@ -175,9 +168,10 @@ def mix(kalman: Any, block: Any, lane: int, model: Any) -> tuple[float, State, T
 
 @inlined
 def predict(mean: State, mixed: Triangle4, curvature: float, model: Any) -> tuple[State, Triangle4]:
-    """Return the predicted estimate of a filter and its covariance."""
+    """Return the predicted estimate of a filter and its covariance; curvature: 1 / radius, positive to the left."""
     x, u, y, v = mean
-    turn = turn_coefficients(turn_angle(u, v, curvature, model.tau), model.tau)
+    angle = curvature * math.sqrt(u * u + v * v) * model.tau
+    turn = turn_coefficients(max(min(angle, LARGEST_ANGLE), -LARGEST_ANGLE), model.tau)
     C, S, along, across = turn
     predicted = predict_covariance(mixed, turn, model.process_variance)
     new_x, new_y = x + along * u - across * v, y + across * u + along * v
@@ -222,16 +216,8 @@ def _step_hypothesis(
         kalman.vx[lane] = new_u + predicted[1] * gain_x + after_x[3] * gain_y if valid else u
         kalman.y[lane] = new_y + predicted[2] * gain_x + after_x[0] * gain_y if valid else y
         kalman.vy[lane] = new_v + predicted[3] * gain_x + after_x[1] * gain_y if valid else v
-        P[0, lane] = corrected[0] if valid else mixed[0]
-        P[1, lane] = corrected[1] if valid else mixed[1]
-        P[2, lane] = corrected[2] if valid else mixed[2]
-        P[3, lane] = corrected[3] if valid else mixed[3]
-        P[4, lane] = corrected[4] if valid else mixed[4]
-        P[5, lane] = corrected[5] if valid else mixed[5]
-        P[6, lane] = corrected[6] if valid else mixed[6]
-        P[7, lane] = corrected[7] if valid else mixed[7]
-        P[8, lane] = corrected[8] if valid else mixed[8]
-        P[9, lane] = corrected[9] if valid else mixed[9]
+        for k in range(10):
+            P[k, lane] = corrected[k] if valid else mixed[k]
         likelihood = likelihood if valid else DIVERGED
         innovation.white_x[lane] = white_x if valid else 0.0
         innovation.white_y[lane] = white_y if valid else 0.0
@@ -264,30 +250,24 @@ def step_imm(bank: ImmBank, block: Any, first: int, last: int, radii: FloatArray
 
 
 @internal
-def _predict_imm_hypothesis(kalman: Any, innovation: Any, block: Any, lane: int, curvature: float, model: Any) -> None:
-    """Mix and predict one filter of a lane in a tick without a measurement."""
-    prior, mean, mixed = mix(kalman, block, lane, model)
-    moved, predicted = predict(mean, mixed, curvature, model)
-    finite = (predicted[0] + predicted[7] < LARGEST * LARGEST) & (predicted[4] + predicted[9] < LARGEST * LARGEST)
-    finite &= abs(moved[1]) + abs(moved[3]) < LARGEST  # also False for NaN
-    set_estimate(kalman, lane, moved if finite else mean)
-    write_lane(kalman.covariance, lane, predicted if finite else mixed)
-    sigma_x, sigma_y = kalman.covariance[0, lane] + model.variance_x, kalman.covariance[7, lane] + model.variance_y
-    innovation.white_x[lane] = innovation.white_y[lane] = 0.0
-    innovation.log_variance[lane] = 0.5 * (log(sigma_x) + log(sigma_y))
-    kalman.log_likelihood[lane] = 0.0
-    kalman.log_probability[lane] = log(prior)
-
-
-@internal
 def predict_imm(bank: ImmBank, block: Any, lane: int, radii: FloatArray, model: Any) -> None:
     """Advance every filter of a lane by one tick without a measurement: mixing, prediction and output.
 
     The probabilities follow the Markov chain; innovations are zero, with the variance of a measurement.
     """
     for h in range(bank.hypotheses.size):
-        curvature = _curvature(h, radii)
-        _predict_imm_hypothesis(bank.hypotheses[h], bank.innovations[h], block, lane, curvature, model)
+        kalman, innovation = bank.hypotheses[h], bank.innovations[h]
+        prior, mean, mixed = mix(kalman, block, lane, model)
+        moved, predicted = predict(mean, mixed, _curvature(h, radii), model)
+        finite = (predicted[0] + predicted[7] < LARGEST * LARGEST) & (predicted[4] + predicted[9] < LARGEST * LARGEST)
+        finite &= abs(moved[1]) + abs(moved[3]) < LARGEST  # also False for NaN
+        set_estimate(kalman, lane, moved if finite else mean)
+        write_lane(kalman.covariance, lane, predicted if finite else mixed)
+        sigma_x, sigma_y = kalman.covariance[0, lane] + model.variance_x, kalman.covariance[7, lane] + model.variance_y
+        innovation.white_x[lane] = innovation.white_y[lane] = 0.0
+        innovation.log_variance[lane] = 0.5 * (log(sigma_x) + log(sigma_y))
+        kalman.log_likelihood[lane] = 0.0
+        kalman.log_probability[lane] = log(prior)
     normalize(bank, np.uint64(lane), np.uint64(lane + 1))
     merge(bank, block, np.uint64(lane), np.uint64(lane + 1))
 
