@@ -4,7 +4,7 @@ Importing this package registers the environments. `gym.make("hybrid_env:HybridT
 names are loaded when they are first used.
 """
 
-from hybrid_env.lazy_names import lazy_names
+from hybrid_env.extras import lazy_names
 from hybrid_env.registration import register_environments
 
 __all__, __getattr__, __dir__ = lazy_names(__name__)

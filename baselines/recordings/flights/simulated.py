@@ -43,15 +43,9 @@ class FlightWorld:
 
 # Ranges of the settings that differ from flight to flight in training, log-uniform.
 DRAWN = {
-    "straight": (30.0, 900.0),
-    "reversal": (0.05, 0.3),
-    "roll": (2.0, 7.0),
-    "jitter": (0.08, 0.3),
-    "jitter_time": (4.0, 20.0),
-    "wander": (0.0007, 0.007),
-    "wander_time": (8.0, 40.0),
-    "freedom": (3.5, 12.0),
-}
+    "straight": (30.0, 900.0), "reversal": (0.05, 0.3), "roll": (2.0, 7.0), "jitter": (0.08, 0.3),
+    "jitter_time": (4.0, 20.0), "wander": (0.0007, 0.007), "wander_time": (8.0, 40.0), "freedom": (3.5, 12.0),
+}  # fmt: skip
 # The other settings in training: turns and speeds have wider ranges.
 WIDE = FlightWorld(rates=(0.01, 0.055), turns=(12.0, 120.0), speeds=(25.0, 250.0))
 

@@ -156,8 +156,35 @@ def step_hypothesis(kalman: Any, innovation: Any, first: int, last: int, measure
         innovation.white_y[lane] = white_y if valid else 0.0
         innovation.log_variance[lane] = log_variance if valid else 2.0 * math.log(LARGEST)
         kalman.log_likelihood[lane] += log_likelihood(white_x, white_y, log_variance) if valid else -DIVERGED
-        for k in range(28):
-            P[k, lane] = corrected[k] if valid else p[k]
+        # written out, because a loop over so many entries would not become SIMD code
+        P[0, lane] = corrected[0] if valid else p[0]
+        P[1, lane] = corrected[1] if valid else p[1]
+        P[2, lane] = corrected[2] if valid else p[2]
+        P[3, lane] = corrected[3] if valid else p[3]
+        P[4, lane] = corrected[4] if valid else p[4]
+        P[5, lane] = corrected[5] if valid else p[5]
+        P[6, lane] = corrected[6] if valid else p[6]
+        P[7, lane] = corrected[7] if valid else p[7]
+        P[8, lane] = corrected[8] if valid else p[8]
+        P[9, lane] = corrected[9] if valid else p[9]
+        P[10, lane] = corrected[10] if valid else p[10]
+        P[11, lane] = corrected[11] if valid else p[11]
+        P[12, lane] = corrected[12] if valid else p[12]
+        P[13, lane] = corrected[13] if valid else p[13]
+        P[14, lane] = corrected[14] if valid else p[14]
+        P[15, lane] = corrected[15] if valid else p[15]
+        P[16, lane] = corrected[16] if valid else p[16]
+        P[17, lane] = corrected[17] if valid else p[17]
+        P[18, lane] = corrected[18] if valid else p[18]
+        P[19, lane] = corrected[19] if valid else p[19]
+        P[20, lane] = corrected[20] if valid else p[20]
+        P[21, lane] = corrected[21] if valid else p[21]
+        P[22, lane] = corrected[22] if valid else p[22]
+        P[23, lane] = corrected[23] if valid else p[23]
+        P[24, lane] = corrected[24] if valid else p[24]
+        P[25, lane] = corrected[25] if valid else p[25]
+        P[26, lane] = corrected[26] if valid else p[26]
+        P[27, lane] = corrected[27] if valid else p[27]
 
 
 @internal
