@@ -1,9 +1,9 @@
 """Laws of the duration of a segment, for switches at unknown moments.
 
-A law is written as text: "geometric 75" is a geometric distribution on 1, 2, ... with a mean of 75 ticks,
-"25 + geometric 50" adds 25 ticks, and "uniform 50-100" has equally likely durations from 50 to 100 ticks.
-"uniform 30-40 or uniform 80-90" is one or the other with equal probability, and "straight uniform 90-100,
-turns geometric 30" differs between straight motion and turns. "drawn" draws a law for every episode.
+A law is written as text: "geometric 75" is a geometric distribution on 1, 2, ... with a mean of 75 ticks, "25 +
+geometric 50" adds 25 ticks, and "uniform 50-100" has equally likely durations from 50 to 100 ticks. "uniform 30-40 or
+uniform 80-90" is one or the other with equal probability, and "straight uniform 90-100, turns geometric 30" differs
+between straight motion and turns. "drawn" draws a law for every episode.
 """
 
 import re
@@ -61,9 +61,8 @@ class GeometricDurations(Checked):
 
 @dataclass(frozen=True)
 class DrawnDurations(GeometricDurations):
-    """A law drawn anew for every episode, see `hybrid_env.core.habits`; given as "drawn".
-
-    Filters and rules that assume a law assume the default one, whose attributes these are.
+    """A law drawn anew for every episode, see `hybrid_env.core.habits`; given as "drawn". Filters and rules that assume
+    a law assume the default one, whose attributes these are.
     """
 
     mean: float = 50.0
@@ -191,7 +190,7 @@ def duration_probabilities(law: SimpleDurations, ticks: int) -> FloatArray:
 def remaining_probabilities(law: SimpleDurations, ticks: int) -> FloatArray:
     """Return the probabilities that 1, ..., `ticks` ticks of a segment remain at a random moment, (ticks,).
 
-    At a random moment long after the first switch a segment is observed with a probability proportional to
-    its duration, so that r ticks remain with probability P(duration >= r) / E[duration].
+    At a random moment long after the first switch a segment is observed with a probability proportional to its
+    duration, so that r ticks remain with probability P(duration >= r) / E[duration].
     """
     return law.survival(ticks)[:-1] / law.mean_duration

@@ -19,16 +19,16 @@ EVIDENCE = 0.95
 class HybridTrackEasyEnv(HybridTrackEnv):
     """HybridTrack for the default settings of learning libraries: a declaration that comes too early waits.
 
-    As long as no mode has a posterior probability above 0.95 (equal priors), every action is the action to
-    wait. What counts as a mode is what must be correct: a hypothesis, or with `correctness="type"`
-    straight, left or right. All else is that of `HybridTrackEnv`: rewards compare with those of
-    `HybridTrack-v0`, where a policy earns the same if it waits in these ticks.
+    As long as no mode has a posterior probability above 0.95 (equal priors), every action is the action to wait. What
+    counts as a mode is what must be correct: a hypothesis, or with `correctness="type"` straight, left or right. All
+    else is that of `HybridTrackEnv`: rewards compare with those of `HybridTrack-v0`, where a policy earns the same if
+    it waits in these ticks.
 
-    A fresh policy of most libraries declares three times in four. In `HybridTrack-v0` it ends every segment
-    after a tick or two, where waiting costs and shows nothing, and it learns to declare at once. Here every
-    declaration counts where the likeliest mode is usually right. A policy that names it there is the MSPRT
-    at an error of 0.05, which earns 0.46 per segment with the default options, as ATE does there.
-    More can be earned in `HybridTrack-v0` itself, by reading more than the posterior of the bank.
+    A fresh policy of most libraries declares three times in four. In `HybridTrack-v0` it ends every segment after a
+    tick or two, where waiting costs and shows nothing, and it learns to declare at once. Here every declaration counts
+    where the likeliest mode is usually right. A policy that names it there is the MSPRT at an error of 0.05, which
+    earns 0.46 per segment with the default options, as ATE does there. More can be earned in `HybridTrack-v0` itself,
+    by reading more than the posterior of the bank.
     """
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:

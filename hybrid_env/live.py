@@ -28,19 +28,14 @@ UNIT_NOISE = np.array([1.0, 0.0, 1.0])
 
 
 class OnlineTrack(World):
-    """One track that is stepped with measurements from outside, with unknown switches.
-
-    Attributes:
-        announced: whether switches are announced by `begin_segment`.
-        environment: id of the environment whose rows it writes.
-        recalculated: estimates (k, 4) and covariances (k, 4, 4) since the switch by the filter of the mode
-            that was declared last, with the option `recalculation`; None before it.
-    """
+    """One track that is stepped with measurements from outside, with unknown switches."""
 
     kernels = LIVE_KERNELS
-    announced: ClassVar[bool] = False
+    announced: ClassVar[bool] = False  # whether switches are announced by `begin_segment`
+    environment: ClassVar[str] = "HybridTrackQuickest-v0"  # whose rows it writes
+    # with the option `recalculation`: estimates (k, 4) and covariances (k, 4, 4) since the switch by the filter of the
+    # mode that was declared last
     recalculated: tuple[FloatArray, FloatArray] | None = None
-    environment: ClassVar[str] = "HybridTrackQuickest-v0"
 
     def _bind(self, parameters: NDArray[Any], *arrays: Any) -> None:
         parameters["irregular"] = True  # any measurement may be missing
@@ -56,11 +51,8 @@ class OnlineTrack(World):
         return dict.fromkeys(("active_mode", "stated_mode"), self.options.hypotheses - 1)
 
     def begin_track(self, estimate: FloatArray, covariance: FloatArray, mode: int) -> None:
-        """Begin a track one tick before its first measurement.
-
-        Args:
-            estimate, covariance: (4,) [x, vx, y, vy] [m, m/s], and (4, 4).
-            mode: before the first tick; -1 if it is not known.
+        """Begin a track one tick before its first measurement with an estimate, (4,) [x, vx, y, vy] [m, m/s], its
+        covariance, (4, 4), and the mode before the first tick; -1 if it is not known.
         """
         self._estimate[:], self._triangle[:] = estimate, covariance[TRIANGLE]
         self._begin(mode)
@@ -158,9 +150,9 @@ class MeasuredTracks(OnlineTrack):
 class AnnouncedTrack(OnlineTrack):
     """A track with known switch moments.
 
-    The probabilities are posteriors with equal priors at the switch. After a decision only the decided filter runs
-    on, and they do not change until the next segment; with `follow="bank"` or `refine_radius` all run on. The
-    published bank with one measurement variance has one covariance for both axes: it starts from that of x.
+    The probabilities are posteriors with equal priors at the switch. After a decision only the decided filter runs on,
+    and they do not change until the next segment; with `follow="bank"` or `refine_radius` all run on. The published
+    bank with one measurement variance has one covariance for both axes: it starts from that of x.
     """
 
     announced = True

@@ -1,9 +1,9 @@
 """Laws of the measurement noise, in units of the standard deviation sqrt(R) of a measured coordinate.
 
-A law is written as text: "gaussian"; "outliers 0.02 5", where 2 % of the measurements have 5 times the
-standard deviation; "levy 1.5 1 44", a symmetric alpha-stable law of index 1.5 and scale 1, clipped to +-44;
-"student_t 3" with 3 degrees of freedom. The last numbers may be left out. A bank assumes normal noise of
-variance R, or with the option `likelihood` Student's t.
+A law is written as text: "gaussian"; "outliers 0.02 5", where 2 % of the measurements have 5 times the standard
+deviation; "levy 1.5 1 44", a symmetric alpha-stable law of index 1.5 and scale 1, clipped to +-44; "student_t 3" with 3
+degrees of freedom. The last numbers may be left out. A bank assumes normal noise of variance R, or with the option
+`likelihood` Student's t.
 """
 
 import dataclasses
@@ -28,17 +28,11 @@ _TEXT = re.compile(rf"([a-z_]+)((?:\s+{_NUMBER}){{0,3}})\s*")
 
 @dataclass(frozen=True)
 class Noise(Checked):
-    """A law of the measurement noise: each subclass is a law, whose fields are the numbers of its text.
+    """A law of the measurement noise: each subclass is a law, whose fields are the numbers of its text."""
 
-    Attributes:
-        example: its text, which begins with its name.
-        law: of `core.noise`.
-        numbers: shape, scale and clip for the kernel, each a number or the name of a field.
-    """
-
-    example: ClassVar[str]
-    law: ClassVar[int]
-    numbers: ClassVar[tuple[str | float, str | float, str | float]]
+    example: ClassVar[str]  # its text, which begins with its name
+    law: ClassVar[int]  # of `core.noise`
+    numbers: ClassVar[tuple[str | float, ...]]  # shape, scale and clip for the kernel: a number or the name of a field
 
     def write_parameters(self, record: NDArray[Any]) -> None:
         """Write the law into a (1,) record `core.state.PARAMETERS`."""
@@ -79,9 +73,9 @@ class OutlierNoise(Noise):
 class LevyNoise(Noise):
     """Symmetric alpha-stable errors of each coordinate, independent and clipped.
 
-    The characteristic function is `exp(-|scale t|^index)`: normal with variance 2 scale^2 at index 2, Cauchy
-    at index 1. Below index 2 the variance is infinite before the clipping. It is drawn as in Chambers,
-    Mallows & Stuck 1976, "A method for simulating stable random variables".
+    The characteristic function is `exp(-|scale t|^index)`: normal with variance 2 scale^2 at index 2, Cauchy at index
+    1. Below index 2 the variance is infinite before the clipping. It is drawn as in Chambers, Mallows & Stuck 1976, "A
+    method for simulating stable random variables".
 
     Attributes:
         index: alpha, from 0.5 to 2.

@@ -36,10 +36,10 @@ CHOICES = {
 class ModelOptions(Checked):
     """The options of the model that every environment has; each environment has a subclass.
 
-    Values are converted to plain numbers, strings and tuples, so that arrays and lists that are given may
-    change later. Allowed are radii from 1e-12 to 1e12, speed and tau from 1e-9 to 1e9, standard deviations
-    from 1e-9 to 1e9, and 1,000 radii; the object may turn by 100 rad per tick and move by 10^9 standard
-    deviations of a measurement (`hybrid_env.limits`).
+    Values are converted to plain numbers, strings and tuples, so that arrays and lists that are given may change later.
+    Allowed are radii from 1e-12 to 1e12, speed and tau from 1e-9 to 1e9, standard deviations from 1e-9 to 1e9, and
+    1,000 radii; the object may turn by 100 rad per tick and move by 10^9 standard deviations of a measurement
+    (`hybrid_env.limits`).
 
     Attributes:
         radii: turn radii of the bank [m], each as a left and as a right turn: M = 2 n + 1 hypotheses of n radii.
@@ -49,17 +49,17 @@ class ModelOptions(Checked):
         process_variance: Q, variance of the noise added to each velocity at every tick [m^2/s^2].
         object_variance: the same of the object, of which the filters are not told; None is Q.
         measurement_variance: R, variance of each measured coordinate [m^2], one number or (x, y).
-        noise: law of the errors of measurements in units of sqrt(R), see `hybrid_env.noises`: "gaussian",
-            "outliers 0.02", "levy 1.5 1 44", "student_t 3", or a law object. The bank does not know it.
+        noise: law of the errors of measurements in units of sqrt(R), see `hybrid_env.noises`: "gaussian", "outliers
+            0.02", "levy 1.5 1 44", "student_t 3", or a law object. The bank does not know it.
         missed: probability that a tick has no measurement (of each sensor, if there are several), below 1. The filters
             then only predict; in the observation all innovations are zero, and `info["measurement"]` is NaN.
         sensors: position sensors and radars (`hybrid_env.Sensor`, `Radar`, or texts: "0.4 period 5 range 30 at 10 20",
-            "radar 5 0.01 rate 0.3") that replace the one of variance R and are fused; a tick in which none measures
-            is like a missed one. R, one number, stays the unit of the observation.
+            "radar 5 0.01 rate 0.3") that replace the one of variance R and are fused; a tick in which none measures is
+            like a missed one. R, one number, stays the unit of the observation.
         likelihood: law of the innovations that the bank assumes: "gaussian", or "student_t 4" for a robust one, by
             which a measurement far from all predictions changes little (`core.banks.kalman.weigh`).
-        initial_error: (position variance of the first estimate / R, its velocity variance [m^2/s^2]) of a normal
-            error; 0 starts at the true state.
+        initial_error: (position variance of the first estimate / R, its velocity variance [m^2/s^2]) of a normal error;
+            0 starts at the true state.
 
     Raises:
         ArgumentError: an option has a value that is not allowed.
@@ -182,26 +182,26 @@ class WorldOptions(ModelOptions):
     """The options of `HybridTrackEnv`, which are keywords of `gym.make`: these and those of `ModelOptions`.
 
     Attributes:
-        scheme: segments of an episode: "random" (6 segments of 50 to 100 ticks, all modes equally likely),
-            "random 4x20-60", "L50r3 R75r5 S50", a key of `SCHEMES`, or a scheme object.
-        bank: "published" treats the anchor as exact; "anchor_aware" includes the uncertainty of the anchor in
-            the state of every turn, see `core.banks.anchor_aware`; "oracle" is the published bank anchored at
-            the true state, an upper bound for evaluation that is not available in practice.
+        scheme: segments of an episode: "random" (6 segments of 50 to 100 ticks, all modes equally likely), "random
+            4x20-60", "L50r3 R75r5 S50", a key of `SCHEMES`, or a scheme object.
+        bank: "published" treats the anchor as exact; "anchor_aware" includes the uncertainty of the anchor in the state
+            of every turn, see `core.banks.anchor_aware`; "oracle" is the published bank anchored at the true state, an
+            upper bound for evaluation that is not available in practice.
         reset_covariance: True starts every segment with P := I, as published; False carries over the covariance of the
             estimate. None means True for the published bank that follows the declared filter, and False otherwise.
-        follow: what runs on to the end of a segment after a decision. "declared", as published: the filter of
-            the declared hypothesis, whose estimate is the next anchor. "bank": all filters; the estimate and
-            the next anchor are the mean of the posterior over all hypotheses, with its covariance
-            (`core.banks.mixture`), so that a wrong decision costs its reward and nothing else.
-        recalculation: a declaration recalculates the estimates since the switch by the filter of its mode
-            (Tsyganov 2019). `decided_squared_error` counts these; the next anchor is the same.
-        refine_radius: after a declaration all filters run on; estimate, last decided mode and next anchor are
-            those of the likeliest hypothesis of the declared type (straight, left or right).
+        follow: what runs on to the end of a segment after a decision. "declared", as published: the filter of the
+            declared hypothesis, whose estimate is the next anchor. "bank": all filters; the estimate and the next
+            anchor are the mean of the posterior over all hypotheses, with its covariance (`core.banks.mixture`), so
+            that a wrong decision costs its reward and nothing else.
+        recalculation: a declaration recalculates the estimates since the switch by the filter of its mode (Tsyganov
+            2019). `decided_squared_error` counts these; the next anchor is the same.
+        refine_radius: after a declaration all filters run on; estimate, last decided mode and next anchor are those of
+            the likeliest hypothesis of the declared type (straight, left or right).
         delay_cost: cost of a step, in units of the reward of a correct decision.
         correctness: "exact" requires the hypothesis, "type" only straight, left or right.
         actions: "all" waits or declares one of M hypotheses; "best" waits or declares the most likely one.
-        undecided: decision on a segment that ends undecided: "likeliest" for the most likely hypothesis,
-            "keep" for the last decided mode, as in the papers.
+        undecided: decision on a segment that ends undecided: "likeliest" for the most likely hypothesis, "keep" for the
+            last decided mode, as in the papers.
 
     Raises:
         ArgumentError: an option has a value that is not allowed.

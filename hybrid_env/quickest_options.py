@@ -47,17 +47,17 @@ class QuickestOptions(ModelOptions):
 
     Attributes:
         ticks: length of an episode [ticks].
-        durations: law of the duration of a segment, see `hybrid_env.durations`: "25 + geometric 50",
-            "geometric 75", "uniform 50-100", "drawn" for another law in every episode, or a law object.
-        order: law of the next mode: "equal", all other modes equally likely; "cycle", straight, left turns,
-            right turns, and again; or an (M, M) matrix of the probabilities of the next mode (column) by the
-            present one, with zeros on the diagonal, also as text: "0 0.9 0.1, 0.5 0 0.5, 1 0 0"; or "drawn",
-            another one in every episode.
-        start: "known" begins an episode at a switch to a random mode, which the bank knows; "random" begins
-            at a random moment of a segment whose mode the bank does not know.
+        durations: law of the duration of a segment, see `hybrid_env.durations`: "25 + geometric 50", "geometric 75",
+            "uniform 50-100", "drawn" for another law in every episode, or a law object.
+        order: law of the next mode: "equal", all other modes equally likely; "cycle", straight, left turns, right
+            turns, and again; or an (M, M) matrix of the probabilities of the next mode (column) by the present one,
+            with zeros on the diagonal, also as text: "0 0.9 0.1, 0.5 0 0.5, 1 0 0"; or "drawn", another one in every
+            episode.
+        start: "known" begins an episode at a switch to a random mode, which the bank knows; "random" begins at a random
+            moment of a segment whose mode the bank does not know.
         change_cost: cost of a change of the statement to a wrong mode, in units of the reward of a tick.
-        hazard: probability of a switch per tick that the bank assumes, at most (M - 1) / M; None is the
-            inverse of the mean duration.
+        hazard: probability of a switch per tick that the bank assumes, at most (M - 1) / M; None is the inverse of the
+            mean duration.
     """
 
     switches, layout_class, traced = "unknown", QuickestLayout, False

@@ -1,7 +1,7 @@
 """Schemes: the mode, length and radius of every segment of a trajectory.
 
-A scheme is written as in the papers, one word per segment: "L50r3 R75r5 S50" is a left turn of 50 ticks with
-a radius of 3 m, a right turn of 75 ticks with a radius of 5 m, and a straight line of 50 ticks.
+A scheme is written as in the papers, one word per segment: "L50r3 R75r5 S50" is a left turn of 50 ticks with a radius
+of 3 m, a right turn of 75 ticks with a radius of 5 m, and a straight line of 50 ticks.
 """
 
 import re
@@ -153,9 +153,8 @@ def nearest_mode(signed_radius: float, radii: ArrayLike) -> int:
 
 
 def segment_table(scheme: Scheme, radii: ArrayLike) -> FloatArray:
-    """Return the segment table, (segments, columns), with columns `core.records.SEGMENT_COLUMNS`.
-
-    A random scheme has one row per mode, equally likely, with length 0.
+    """Return the segment table, (segments, columns), with columns `core.records.SEGMENT_COLUMNS`. A random scheme has
+    one row per mode, equally likely, with length 0.
     """
     bank = np.asarray(radii, dtype=np.float64)
     if isinstance(scheme, FixedScheme):

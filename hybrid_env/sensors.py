@@ -80,9 +80,9 @@ class Sensor(_Placed):
 class Radar(_Placed):
     """A sensor that measures range and bearing of the object, and by option its range rate (Doppler).
 
-    Range and bearing are converted to a position and its covariance, see `hybrid_env.core.polar`. The filters
-    are consistent as long as range * bearing_deviation^2, the bend of an arc of the length of the bearing
-    error, is smaller than the range deviation.
+    Range and bearing are converted to a position and its covariance, see `hybrid_env.core.polar`. The filters are
+    consistent as long as range * bearing_deviation^2, the bend of an arc of the length of the bearing error, is smaller
+    than the range deviation.
 
     Attributes:
         range_deviation: standard deviation of the range [m].
@@ -138,10 +138,8 @@ class Fused(NamedTuple):
 
 
 def fuse(sensors: Sequence[Sensor | Radar], values: Mapping[int, ArrayLike]) -> Fused:
-    """Return what some of the sensors measured in a tick.
-
-    values: of each sensor that measured, by its place in the list: (x, y), (range, bearing) or (range, bearing,
-    range rate) [m, rad, m/s].
+    """Return what some of the sensors measured in a tick. values: of each sensor that measured, by its place in the
+    list: (x, y), (range, bearing) or (range, bearing, range rate) [m, rad, m/s].
     """
     information, rates, origin = (0.0,) * 5, [], None
     for k, sensor in enumerate(sensors):
@@ -182,10 +180,8 @@ def parse_sensors(value: Any) -> tuple[Sensor | Radar, ...]:
 
 
 def _attributes(text: str) -> dict[str, Any]:
-    """Return the attributes of a sensor from a text.
-
-    "VARIANCE [period TICKS] [range DISTANCE] [at X Y]", or "radar RANGE_DEVIATION BEARING_DEVIATION [rate
-    RATE_DEVIATION]" and the same words.
+    """Return the attributes of a sensor from a text. "VARIANCE [period TICKS] [range DISTANCE] [at X Y]", or "radar
+    RANGE_DEVIATION BEARING_DEVIATION [rate RATE_DEVIATION]" and the same words.
     """
     found = _TEXT.fullmatch(" ".join(text.split()))
     if found is None:

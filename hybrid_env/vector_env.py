@@ -32,11 +32,11 @@ _DICT_METHODS = (
 class LazyInfo(dict[str, Any]):
     """A dictionary that is filled on first access.
 
-    Most callers of `step` never read `info`, and creating its arrays takes as long as a step of eight tracks. The
-    state is copied in the step, so the values are those of the step that returned the dictionary.
+    Most callers of `step` never read `info`, and creating its arrays takes as long as a step of eight tracks. The state
+    is copied in the step, so the values are those of the step that returned the dictionary.
 
-    Code in C that reads the size of a dictionary directly, such as `json.dumps`, sees an empty one until the
-    first use: pass it `dict(info)`. All masks of an info are one array.
+    Code in C that reads the size of a dictionary directly, such as `json.dumps`, sees an empty one until the first use:
+    pass it `dict(info)`. All masks of an info are one array.
 
     Args:
         make: returns arrays of N tracks by key; called at most once. Each key gets a mask `_key` of N True.
@@ -122,8 +122,8 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
         """Begin an episode on every track, or on those of `options["reset_mask"]`, (N,) bool.
 
         Args:
-            seed: an integer s seeds track i with s + i; a sequence has one seed per track; None continues
-                the random stream of each track.
+            seed: an integer s seeds track i with s + i; a sequence has one seed per track; None continues the random
+                stream of each track.
             options: may contain "reset_mask". A track outside of it that was never reset raises `ResetNeeded`.
         """
         mask = np.ones(self.num_envs, np.bool_)
@@ -220,20 +220,20 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
 class HybridTrackVectorEnv(TrackVectorEnv):
     """A vector environment of N `HybridTrackEnv` tracks, stepped in one kernel call.
 
-    With seed s, track i equals the single environment with seed s + i, bit for bit and across autoresets.
-    Spaces, rewards and info keys are those of `HybridTrackEnv`, batched. As in Gymnasium, a mask `_key` marks
-    the tracks for which an info key is valid.
+    With seed s, track i equals the single environment with seed s + i, bit for bit and across autoresets. Spaces,
+    rewards and info keys are those of `HybridTrackEnv`, batched. As in Gymnasium, a mask `_key` marks the tracks for
+    which an info key is valid.
 
     Args:
         num_envs: N, number of tracks.
-        autoreset_mode: NEXT_STEP resets a terminated track in the next step, whose action is ignored and
-            whose reward is 0; SAME_STEP resets it in the same step and returns `final_obs` and `final_info`;
-            DISABLED requires a call of `reset(options={"reset_mask": ...})`.
-        tick_info: False omits the description of the current tick from the info of `step`, which is faster
-            for training. Decisions, `final_obs` and `final_info` are always present.
+        autoreset_mode: NEXT_STEP resets a terminated track in the next step, whose action is ignored and whose reward
+            is 0; SAME_STEP resets it in the same step and returns `final_obs` and `final_info`; DISABLED requires a
+            call of `reset(options={"reset_mask": ...})`.
+        tick_info: False omits the description of the current tick from the info of `step`, which is faster for
+            training. Decisions, `final_obs` and `final_info` are always present.
         trace_rows: number of ticks per step stored in `world.trace`, 0 to store none.
-        threads: number of threads that step the tracks in parallel. Results do not depend on it. More than
-            one is useful from about 4,000 tracks.
+        threads: number of threads that step the tracks in parallel. Results do not depend on it. More than one is
+            useful from about 4,000 tracks.
         options: see `WorldOptions`.
     """
 

@@ -116,9 +116,8 @@ class World(ReadOnlyAttributes):
             self.take_rows = lambda: self._rows
 
     def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Copy the state of a world with the same options and number of tracks from its `arrays()`.
-
-        If an array is missing or has another type or shape, or an index is out of range, nothing is copied.
+        """Copy the state of a world with the same options and number of tracks from its `arrays()`. If an array is
+        missing or has another type or shape, or an index is out of range, nothing is copied.
         """
         own = self.arrays()
         for name, array in own.items():

@@ -1,8 +1,8 @@
 """A decider on a recording: mode, probabilities, estimate and covariance at every tick.
 
-The recording is converted to the units in which the measurement variance is 0.1 and the tick 0.1, those of
-the default environment. The numbers that a decider reads, and the results, therefore do not depend on the
-units of the recording. `OnlineTracker` puts the decider behind the bank.
+The recording is converted to the units in which the measurement variance is 0.1 and the tick 0.1, those of the default
+environment. The numbers that a decider reads, and the results, therefore do not depend on the units of the recording.
+`OnlineTracker` puts the decider behind the bank.
 """
 
 import math
@@ -55,10 +55,8 @@ class ModelUnits(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TickDecisions:
-    """Decisions at the T ticks of a piece between gaps, in the units of the recording.
-
-    In `pieces`, one with known switches lies between two of them, and its mode is that at its end; otherwise it is a
-    run of one mode.
+    """Decisions at the T ticks of a piece between gaps, in the units of the recording. In `pieces`, one with known
+    switches lies between two of them, and its mode is that at its end; otherwise it is a run of one mode.
     """
 
     modes: IntArray  # (T,) stated or last decided; ticks before the first decision have its mode
@@ -142,33 +140,24 @@ def _decide_piece(
             again = slice(k + 1 - len(now.recalculated[0]), k + 1)
             found.estimates[again], found.covariances[again] = now.recalculated
             found.modes[again] = now.mode
-    if lengths:
-        _decide_pieces(found, options)
     found.estimates[:] = found.estimates / scales + origin
     found.covariances[:] /= np.outer(scales, scales)
+    for one in found.pieces:  # one without a decision is as in the options
+        first, end = one[:2]
+        one[2], decided = found.modes[end - 1], np.flatnonzero(found.decided[first:end])
+        if decided.size:
+            one[3] = first + decided[0]
+        elif options.undecided == "likeliest":
+            one[2] = found.probabilities[end - 1].argmax()
     stated = np.flatnonzero(found.decided)
     if stated.size:
         found.modes[: stated[0]] = found.modes[stated[0]]
-    return found if lengths else _with_runs(found)
-
-
-def _decide_pieces(found: TickDecisions, options: Any) -> None:
-    """Write modes and decisions of pieces of known lengths; one without a decision is as in the options."""
-    for piece in found.pieces:
-        first, end = piece[:2]
-        piece[2], decided = found.modes[end - 1], np.flatnonzero(found.decided[first:end])
-        if decided.size:
-            piece[3] = first + decided[0]
-        elif options.undecided == "likeliest":
-            piece[2] = found.probabilities[end - 1].argmax()
-
-
-def _with_runs(found: TickDecisions) -> TickDecisions:
-    """Return decisions whose pieces are the runs of one mode."""
+    if lengths:
+        return found
+    # the runs of one mode
     first = np.flatnonzero(np.diff(found.modes, prepend=-1))
     end = np.append(first[1:], len(found.modes))
     when = np.where(found.decided[first], first, -1)
-    stated = np.flatnonzero(found.decided)
     if stated.size and not found.decided[0]:
         when[0] = stated[0]
     return replace(found, pieces=np.stack([first, end, found.modes[first], when], axis=1))

@@ -228,8 +228,8 @@ def _refine(likelihood: _Likelihood, start: TrackModel, free: list[str]) -> Trac
 def _counted_duration(chunks: Chunks, model: TrackModel) -> float:
     """Return the mean duration of a mode [ticks], from the changes of the most probable one.
 
-    The likelihood itself says little about it. Short changes, which noise makes, do not count, and without a
-    change the duration is that of the recording.
+    The likelihood itself says little about it. Short changes, which noise makes, do not count, and without a change the
+    duration is that of the recording.
     """
     found = recorded_pass(chunks, np.array(model.radii, float), model.of_bank).probabilities
     changes, total = 0, 0

@@ -14,8 +14,8 @@ from hybrid_env.checks import FloatArray
 class Projection:
     """Azimuthal equidistant projection of the WGS 84 ellipsoid. x points east and y north at its centre.
 
-    Distances from the centre are exact. Other lengths are too long by at most (r / 6371 km)^2 / 6 at the
-    distance r from it: 0.01 % at 160 km, 0.4 % at 1,000 km.
+    Distances from the centre are exact. Other lengths are too long by at most (r / 6371 km)^2 / 6 at the distance r
+    from it: 0.01 % at 160 km, 0.4 % at 1,000 km.
 
     Source: Snyder 1987, "Map projections: a working manual", pages 191 to 202.
     """

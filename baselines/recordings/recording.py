@@ -65,8 +65,8 @@ def make_recording(
         further: `unit`, `epoch`, `projection`, `radar` and `rates` of `Recording`.
 
     Raises:
-        ArgumentError: an array has the wrong shape, times do not increase, a position is infinite, or there
-            are fewer than two measurements.
+        ArgumentError: an array has the wrong shape, times do not increase, a position is infinite, or there are fewer
+            than two measurements.
     """
     values = np.array(positions, np.float64)
     if values.ndim != 2 or values.shape[1] != 2:

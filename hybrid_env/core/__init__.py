@@ -5,6 +5,7 @@ tick of `kernel`, `true_object` moves the object with the formulas of `motion` a
 for radars with those of `polar`; the bank in `banks` predicts and corrects every filter; `observation_row` writes the
 observation. `quickest_kernel` runs the tick with unknown switch moments, `kernels` has the compiled entry points of
 each bank. `state` declares all arrays and parameters once, with the records of `records`; `arrays` allocates them and
-finds them in compiled code. `compilation` has the compiler options and checks numba's cache; `elementary` has vectorizable
-log, exp, sine and cosine. The folder may import numpy, numba and its own files, nothing else of the project.
+finds them in compiled code. `compilation` has the compiler options and checks numba's cache; `elementary` has
+vectorizable log, exp, sine and cosine. The folder may import numpy, numba and its own files, nothing else of the
+project.
 """

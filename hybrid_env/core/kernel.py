@@ -1,7 +1,7 @@
 """The kernel: object, measurement, bank, reward, fast-forward and autoreset of many tracks in one loop.
 
-The operations of every tick are loops over the lanes of a block (see `records`). Decisions and new segments
-occur in few tracks and are computed for single lanes. Threads step different blocks.
+The operations of every tick are loops over the lanes of a block (see `records`). Decisions and new segments occur in
+few tracks and are computed for single lanes. Threads step different blocks.
 """
 
 import math
@@ -202,20 +202,6 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any)
 
 
 @inlined
-def _act(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any) -> int:
-    """Apply the action of track i. Returns the events `DECIDED` and `TERMINATED`, combined as bits."""
-    if arrays.actions[i] == 0 and block.tick[lane] < block.length[lane]:
-        arrays.rewards[i] = -setting.delay_cost
-        return 0
-    _decide(block, lane, i, bank, arrays, setting)
-    if block.segment[lane] + 1 == setting.segments:
-        arrays.terminated[i] = True
-        return DECIDED + TERMINATED
-    block.segment[lane] += 1
-    return DECIDED
-
-
-@inlined
 def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) -> int:
     """Step the tracks of a block; see `kernels.advance_published`. Returns their events, combined as bits."""
     block, scratch = arrays.blocks[b], arrays.scratch[0]
@@ -244,8 +230,17 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) ->
             arrays.rewards[i] = 0.0
             arrays.terminated[i] = False
             event = DECIDED  # a segment begins
+        elif arrays.actions[i] == 0 and block.tick[lane] < block.length[lane]:
+            arrays.rewards[i] = -setting.delay_cost
+            event = 0
         else:
-            event = _act(block, lane, i, bank, arrays, setting)
+            _decide(block, lane, i, bank, arrays, setting)
+            event = DECIDED
+            if block.segment[lane] + 1 == setting.segments:
+                arrays.terminated[i] = True
+                event = DECIDED + TERMINATED
+            else:
+                block.segment[lane] += 1
             events |= event
         if event & TERMINATED:
             scratch.running[lane] = 0

@@ -1,9 +1,9 @@
 """Random numbers of the kernel: one xoshiro256++ generator per track, and the noise of the object from it.
 
-Every track has a separate generator, so that a track of a vector environment has the same random stream as a
-single environment with the same seed. Blackman & Vigna 2021 (xoshiro256++); Box & Muller 1958 (normals);
-Chambers, Mallows & Stuck 1976 (stable distributions); Bailey 1994 (Student's t). None of these methods has a
-rejection step, so that several tracks, or several ticks of one track, can be drawn with SIMD code.
+Every track has a separate generator, so that a track of a vector environment has the same random stream as a single
+environment with the same seed. Blackman & Vigna 2021 (xoshiro256++); Box & Muller 1958 (normals); Chambers, Mallows &
+Stuck 1976 (stable distributions); Bailey 1994 (Student's t). None of these methods has a rejection step, so that
+several tracks, or several ticks of one track, can be drawn with SIMD code.
 """
 
 import math
@@ -89,9 +89,9 @@ def draw_normals(state: NDArray[np.uint64], noise: FloatArray, first: int, last:
 def draw_noise(state: NDArray[np.uint64], noise: FloatArray, first: int, last: int, setting: Any) -> None:
     """Draw the noise of one tick for lanes first .. last - 1.
 
-    Rows 0 and 1 of the noise, (NOISE_ROWS, LANES), are independent draws of N(0, 1), of magnitude below 8.5, for
-    the velocities; rows 2 and 3 are the errors of the measured coordinates over sqrt(R). Row `LOST` is uniform in
-    [0, 1) if measurements may be missing. The others are temporary.
+    Rows 0 and 1 of the noise, (NOISE_ROWS, LANES), are independent draws of N(0, 1), of magnitude below 8.5, for the
+    velocities; rows 2 and 3 are the errors of the measured coordinates over sqrt(R). Row `LOST` is uniform in [0, 1) if
+    measurements may be missing. The others are temporary.
     """
     for lane in range(first, last):
         _draw_uniforms(state, lane, noise, lane)
@@ -179,9 +179,8 @@ def _to_stable(noise: FloatArray, first: int, last: int, setting: Any) -> None:
 
 @internal
 def _to_student(noise: FloatArray, first: int, last: int, setting: Any) -> None:
-    """Transform the uniforms in rows 2 and 3 to a draw of the bivariate Student t distribution.
-
-    Bailey 1994: its squared radius r satisfies P(r > q) = (1 + q / freedom)^(-freedom / 2).
+    """Transform the uniforms in rows 2 and 3 to a draw of the bivariate Student t distribution. Bailey 1994: its
+    squared radius r satisfies P(r > q) = (1 + q / freedom)^(-freedom / 2).
     """
     freedom, scale, clip = setting.noise_shape, setting.noise_scale, setting.noise_clip
     for column in range(first, last):

@@ -1,10 +1,10 @@
 """Range, bearing and range rate of a radar, and their conversion to a position.
 
-The converted position is the mean of the true one given the measurement, and its covariance is that of the
-true one: Duan, Han & Li 2004, "Comments on 'Unbiased converted measurements for tracking'". The mean of the
-directions around a measured bearing, whose error is normal with standard deviation s, is exp(-s^2 / 2) times
-the measured direction. A conversion that is unbiased given the true position instead, which divides by this
-factor (Longbin et al. 1998), has in the filter an error along the line of sight of range * s^2.
+The converted position is the mean of the true one given the measurement, and its covariance is that of the true one:
+Duan, Han & Li 2004, "Comments on 'Unbiased converted measurements for tracking'". The mean of the directions around a
+measured bearing, whose error is normal with standard deviation s, is exp(-s^2 / 2) times the measured direction. A
+conversion that is unbiased given the true position instead, which divides by this factor (Longbin et al. 1998), has in
+the filter an error along the line of sight of range * s^2.
 """
 
 import math
@@ -30,9 +30,8 @@ def range_rate(x: float, y: float, u: float, v: float) -> float:
 def to_position(
     distance: float, along_x: float, along_y: float, range_deviation: float, bearing_deviation: float
 ) -> Position:
-    """Return the position relative to the radar of a measured range [m] and direction, and its covariance.
-
-    along: unit vector of the measured bearing; the standard deviations are in m and rad.
+    """Return the position relative to the radar of a measured range [m] and direction, and its covariance. along: unit
+    vector of the measured bearing; the standard deviations are in m and rad.
     """
     square = bearing_deviation * bearing_deviation
     shorter, turn = -math.expm1(-square), -0.5 * math.expm1(-2.0 * square)

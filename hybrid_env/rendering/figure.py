@@ -57,9 +57,8 @@ class DecisionMarkers:
 
 
 class TrackAxes:
-    """The left-hand panel: true path, measurements, estimate and decisions in the plane.
-
-    `artists` change from frame to frame, in drawing order.
+    """The left-hand panel: true path, measurements, estimate and decisions in the plane. `artists` change from frame to
+    frame, in drawing order.
     """
 
     def __init__(self, axes: Any, options: ModelOptions):

@@ -30,9 +30,8 @@ class Decision(NamedTuple):
 
 
 class History:
-    """All ticks of the running episode, with announced or with unknown switch moments.
-
-    `decisions` are the declarations so far, none with unknown switches.
+    """All ticks of the running episode, with announced or with unknown switch moments. `decisions` are the declarations
+    so far, none with unknown switches.
     """
 
     def __init__(self) -> None:

@@ -1,7 +1,7 @@
 """A recorded flight: measured positions in metres, the aircraft's own track angle, and its tier of quality.
 
-The error of an ADS-B position is small, that of its time is not: with a time that is wrong by e, the position is
-wrong by v e along the velocity v. The covariance of a measured position is therefore R = across^2 I + timing^2 v v'.
+The error of an ADS-B position is small, that of its time is not: with a time that is wrong by e, the position is wrong
+by v e along the velocity v. The covariance of a measured position is therefore R = across^2 I + timing^2 v v'.
 """
 
 from collections.abc import Sequence
@@ -146,8 +146,8 @@ def clean_flight(
 def stack_flights(flights: Sequence[Flight], longest: int = NO_CUT, margin: int = 0) -> Batch:
     """Return the pieces of flights as one batch.
 
-    Pieces are cut into parts of at most `longest` positions, which are filtered side by side; `margin` positions
-    before and after a part are filtered too, so that it is as without the cut.
+    Pieces are cut into parts of at most `longest` positions, which are filtered side by side; `margin` positions before
+    and after a part are filtered too, so that it is as without the cut.
     """
     parts = [
         (k, max(begin - margin, first), min(begin + longest + margin, end), (begin, min(begin + longest, end)))

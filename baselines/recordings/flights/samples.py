@@ -1,8 +1,8 @@
 """The recorded flights in the samples of the package `traffic`, read without importing it.
 
-Olive 2019, "traffic, a toolbox for processing and analysing air traffic data", doi 10.21105/joss.01518. The
-samples are ADS-B reports, most of them from the OpenSky Network. They are read where they are installed, or
-from a folder or wheel that the user names, and are no part of this package.
+Olive 2019, "traffic, a toolbox for processing and analysing air traffic data", doi 10.21105/joss.01518. The samples are
+ADS-B reports, most of them from the OpenSky Network. They are read where they are installed, or from a folder or wheel
+that the user names, and are no part of this package.
 """
 
 import gzip
@@ -26,7 +26,6 @@ INSTALL = "expected the package 'traffic' (pip install --no-deps traffic), or th
 
 class Samples:
     """The sample files of a source: a folder with `.json.gz` files, also in its subfolders, or a wheel of the package.
-
     None uses the installed package. Raises `ArgumentError` if there are no samples.
     """
 

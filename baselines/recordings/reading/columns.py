@@ -102,9 +102,8 @@ def _roles(table: Table, given: dict[str, int], polar: bool) -> dict[str, int]:
 
 
 def object_column_of(table: Table, used: set[int]) -> int | None:
-    """Return the column by whose values objects differ, by its name.
-
-    One that is different in every row is a number of the row; one that is the same in every row names the object.
+    """Return the column by whose values objects differ, by its name. One that is different in every row is a number of
+    the row; one that is the same in every row names the object.
     """
     codes = {}
     for k, name in enumerate(table.names):

@@ -65,9 +65,8 @@ def read_positions(table: Table, found: Columns, unit: str | None) -> Places:
 
 
 def read_polar(table: Table, found: Columns, radar: Radar) -> Places:
-    """Parse ranges and bearings of a radar to positions, and range rates if it measures them.
-
-    Bearings in degrees are clockwise from the y axis (north), those in radians counter-clockwise from the x axis.
+    """Parse ranges and bearings of a radar to positions, and range rates if it measures them. Bearings in degrees are
+    clockwise from the y axis (north), those in radians counter-clockwise from the x axis.
     """
     names = ("range", "bearing", "rate")[: radar.values]
     if names[-1] not in found.roles:
@@ -112,8 +111,8 @@ def _look_like_degrees(seconds: FloatArray, positions: FloatArray) -> bool:
 def _unmarked_objects(times: FloatArray, positions: FloatArray) -> str | None:
     """Return why the rows seem to be of more than one object, None if they seem to be of one.
 
-    Either the rows alternate: many are far from the row before, but near to one of the three rows before
-    that. Or one object follows the other: a single step is far longer than all others.
+    Either the rows alternate: many are far from the row before, but near to one of the three rows before that. Or one
+    object follows the other: a single step is far longer than all others.
     """
     count = len(positions)
     if count < MIN_ROWS:

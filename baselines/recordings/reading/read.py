@@ -53,21 +53,21 @@ def read_recordings(
 
     Args:
         path: the file.
-        columns: name or number (from 1) of the column of each of `time`, `x`, `y`, `lat`, `lon`; None finds
-            them by their names.
-        object_column: column that tells several objects apart; `none` for a file with one object; None finds
-            it by its name.
+        columns: name or number (from 1) of the column of each of `time`, `x`, `y`, `lat`, `lon`; None finds them by
+            their names.
+        object_column: column that tells several objects apart; `none` for a file with one object; None finds it by its
+            name.
         unit: unit of x and y; `deg` for longitude and latitude; None takes it from the header.
-        time_unit: unit of the times: s, ms, us, ns, min, h, or a format such as `%d/%m/%Y %H:%M:%S`; None
-            recognises ISO dates and seconds, milliseconds ... since 1970, and otherwise means seconds.
+        time_unit: unit of the times: s, ms, us, ns, min, h, or a format such as `%d/%m/%Y %H:%M:%S`; None recognises
+            ISO dates and seconds, milliseconds ... since 1970, and otherwise means seconds.
         tau: duration of a tick [s] of a file without times; None counts time in ticks.
         gap: longest time between two measurements of one piece [s]; None is 20 nominal ticks.
         radar: that measured columns `range`, `bearing` and, if it has a rate deviation, `range_rate`, see
             `positions.read_polar`.
 
     Raises:
-        ArgumentError: the file cannot be read, or it is not clear what its columns mean; the message names
-            file, line, value and what is allowed, or the option that helps.
+        ArgumentError: the file cannot be read, or it is not clear what its columns mean; the message names file, line,
+            value and what is allowed, or the option that helps.
     """
     for name, value in (("tau", tau), ("gap", gap)):
         if value is not None:

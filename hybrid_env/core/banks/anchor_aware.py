@@ -1,9 +1,9 @@
 """The anchor-aware bank: the likelihood of every turn includes the uncertainty of the anchor.
 
-The published bank treats centre and turn rate, which follow from the anchor, as exact. Here they are part of
-the state of an extended Kalman filter with seven states, see `extended_kalman`. The straight line is a turn of
-rate 0 whose centre and rate have no variance. With an exact anchor the filters are those of the published bank
-with covariances between the axes, which measurements of a radar need.
+The published bank treats centre and turn rate, which follow from the anchor, as exact. Here they are part of the state
+of an extended Kalman filter with seven states, see `extended_kalman`. The straight line is a turn of rate 0 whose
+centre and rate have no variance. With an exact anchor the filters are those of the published bank with covariances
+between the axes, which measurements of a radar need.
 
 A filter that diverges keeps its state and its log-likelihood decreases, so that no NaN occurs.
 """
@@ -63,9 +63,8 @@ def begin_aware(
 def begin_hypothesis(
     kalman: Any, lane: int, anchor: State, covariance: Triangle4, radius: float, tau: float, exact: bool = False
 ) -> None:
-    """Start one filter of a lane from the anchor.
-
-    radius: signed as in `signed_radius` [m]; exact: whether centre and turn rate have no variance.
+    """Start one filter of a lane from the anchor. radius: signed as in `signed_radius` [m]; exact: whether centre and
+    turn rate have no variance.
     """
     speed, heading_x, heading_y = heading_vector(anchor[1], anchor[3])
     # bounded: the heading of an object slower than its uncertainty deviates by about 1 rad at most
@@ -252,9 +251,8 @@ def _correct(kalman: Any, innovation: Any, lane: int, block: Any, sensors: Recor
 def sense_hypothesis(
     kalman: Any, innovation: Any, first: int, last: int, block: Any, sensors: Records, model: Any
 ) -> None:
-    """Advance one filter by one tick of any kind: without a measurement, or with those of sensors.
-
-    block: with the fields of `records.MEASURED`; without sensors all lanes or none are NaN.
+    """Advance one filter by one tick of any kind: without a measurement, or with those of sensors. block: with the
+    fields of `records.MEASURED`; without sensors all lanes or none are NaN.
     """
     if sensors.size == 0 and not math.isnan(block.measurement[0, first]):
         step_hypothesis(kalman, innovation, first, last, block.measurement, model)

@@ -45,10 +45,8 @@ IDENTITY: Triangle4 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 
 
 def bank_arrays(bank: Any, radii_count: int, axes: int = 1, blocks: int | None = None) -> Any:
-    """Return a bank of zeros for n radii and 1 or 2 distinct axes.
-
-    blocks: number of blocks of tracks, the first axis of the arrays that they do not share; None is a single
-    block without this axis.
+    """Return a bank of zeros for n radii and 1 or 2 distinct axes. blocks: number of blocks of tracks, the first axis
+    of the arrays that they do not share; None is a single block without this axis.
     """
     sizes = {"modes": 2 * radii_count + 1, "columns": radii_count + 1, "axes": axes}
     sizes["blocks_count"] = 1 if blocks is None else blocks

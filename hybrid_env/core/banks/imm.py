@@ -1,8 +1,8 @@
 """The interacting multiple model (IMM) bank: filters that run on over switches at unknown moments.
 
-Blom & Bar-Shalom 1988, "The interacting multiple model algorithm for systems with Markovian switching
-coefficients". Each of M hypotheses has a Kalman filter of a coordinated turn and a probability. The mode is a
-Markov chain with the transition matrix
+Blom & Bar-Shalom 1988, "The interacting multiple model algorithm for systems with Markovian switching coefficients".
+Each of M hypotheses has a Kalman filter of a coordinated turn and a probability. The mode is a Markov chain with the
+transition matrix
 
     1 - hazard          on the diagonal,
     hazard / (M - 1)    elsewhere,
@@ -10,18 +10,18 @@ Markov chain with the transition matrix
 whose rows sum to 1. A tick has three steps:
 
 1. Mixing. The mode before the tick, given the mode h in the tick, is h with the probability w and otherwise
-   distributed as without this knowledge. The initial condition of filter h is therefore a mixture of two
-   terms: its own estimate, with weight w, and the merged estimate of all filters, with weight 1 - w. It is
-   replaced by a normal distribution with the same mean and covariance.
+   distributed as without this knowledge. The initial condition of filter h is therefore a mixture of two terms: its own
+   estimate, with weight w, and the merged estimate of all filters, with weight 1 - w. It is replaced by a normal
+   distribution with the same mean and covariance.
 2. Every filter predicts, is corrected by the measurement, and gives its log-likelihood, which updates the log
    probability. Logarithms of probabilities are stored, so that none of them is lost in an outlier.
 3. Output. Mean and covariance of the mixture of all filters are the merged estimate.
 
-In every tick of a coordinated turn the object turns by the angle a = speed * tau / radius about the centre that
-follows from its velocity: Golubkov 2018, eq. (1), with the switch at the present tick. Its filter therefore runs
-on over switches and needs no anchor. The angle follows from the estimated velocity and is then treated as known,
-because the turn rate of the object does not change with the process noise of a segment. The state is [x, vx, y,
-vy], with the suffixes x, u, y and v below; a covariance is its upper triangle row by row, 10 numbers.
+In every tick of a coordinated turn the object turns by the angle a = speed * tau / radius about the centre that follows
+from its velocity: Golubkov 2018, eq. (1), with the switch at the present tick. Its filter therefore runs on over
+switches and needs no anchor. The angle follows from the estimated velocity and is then treated as known, because the
+turn rate of the object does not change with the process noise of a segment. The state is [x, vx, y, vy], with the
+suffixes x, u, y and v below; a covariance is its upper triangle row by row, 10 numbers.
 
 A filter that diverges keeps its initial condition and becomes unlikely, so that no NaN occurs.
 """
@@ -68,8 +68,8 @@ imm_of_block = block_reader(ImmBank)
 def turn_coefficients(angle: float, tau: float) -> State:
     """Return (C, S, along, across) of a turn by an angle a in a tick of length tau.
 
-    The new velocity is (C u - S v, S u + C v), with C = cos a and S = sin a; the position changes by
-    (along u - across v, across u + along v), with along = tau sin(a) / a, across = tau (1 - cos a) / a [s].
+    The new velocity is (C u - S v, S u + C v), with C = cos a and S = sin a; the position changes by (along u - across
+    v, across u + along v), with along = tau sin(a) / a, across = tau (1 - cos a) / a [s].
     """
     half = 0.5 * angle
     sine, cosine = sine_cosine(half)
@@ -106,9 +106,8 @@ def predict_covariance(p: Triangle4, turn: State, process_variance: float) -> Tr
 
 @inlined
 def condition_x(p: Triangle4, inverse: float, variance: float) -> Triangle4:
-    """Return the corrected covariance P - K H P after a measurement of x with variance R.
-
-    inverse: 1 / innovation variance [1/m^2].
+    """Return the corrected covariance P - K H P after a measurement of x with variance R. inverse: 1 / innovation
+    variance [1/m^2].
     """
     xx, xu, xy, xv, uu, uy, uv, yy, yv, vv = p
     left = variance * inverse  # the row of the measured coordinate is K R, which avoids cancellation
@@ -131,9 +130,8 @@ def exchange_axes(p: Triangle4) -> Triangle4:
 
 @internal
 def begin_imm(bank: ImmBank, block: Any, lane: int, known: int) -> None:
-    """Start every filter of a lane from the merged estimate of the block.
-
-    known: the mode before the first tick; -1 if it is not known, all equally probable.
+    """Start every filter of a lane from the merged estimate of the block. known: the mode before the first tick; -1 if
+    it is not known, all equally probable.
     """
     for h in range(bank.hypotheses.size):
         kalman = bank.hypotheses[h]
@@ -235,9 +233,8 @@ def _curvature(hypothesis: int, radii: FloatArray) -> float:
 
 @internal
 def step_imm(bank: ImmBank, block: Any, first: int, last: int, radii: FloatArray, model: Any) -> None:
-    """Advance every filter, its probability and the merged estimate of lanes first .. last - 1 by one tick.
-
-    block: with `measurement`, (2, LANES), and `estimate` and `covariance` of the merged estimate.
+    """Advance every filter, its probability and the merged estimate of lanes first .. last - 1 by one tick. block: with
+    `measurement`, (2, LANES), and `estimate` and `covariance` of the merged estimate.
     """
     for h in range(bank.hypotheses.size):
         kalman, innovation, curvature = bank.hypotheses[h], bank.innovations[h], _curvature(h, radii)
@@ -251,9 +248,8 @@ def step_imm(bank: ImmBank, block: Any, first: int, last: int, radii: FloatArray
 
 @internal
 def predict_imm(bank: ImmBank, block: Any, lane: int, radii: FloatArray, model: Any) -> None:
-    """Advance every filter of a lane by one tick without a measurement: mixing, prediction and output.
-
-    The probabilities follow the Markov chain; innovations are zero, with the variance of a measurement.
+    """Advance every filter of a lane by one tick without a measurement: mixing, prediction and output. The
+    probabilities follow the Markov chain; innovations are zero, with the variance of a measurement.
     """
     for h in range(bank.hypotheses.size):
         kalman, innovation = bank.hypotheses[h], bank.innovations[h]

@@ -1,8 +1,8 @@
 """The published bank of Kalman filters, one per hypothesis: straight, left turns, right turns.
 
-Golubkov 2018, eq. (2) and (4), with the scalar formulas of `kalman`. The covariances depend on the turn rate
-but not on the data, also with the robust likelihood. The left and the right turn of a radius therefore share
-them, and so do both axes if their measurement variances are equal.
+Golubkov 2018, eq. (2) and (4), with the scalar formulas of `kalman`. The covariances depend on the turn rate but not on
+the data, also with the robust likelihood. The left and the right turn of a radius therefore share them, and so do both
+axes if their measurement variances are equal.
 """
 
 import math
@@ -40,10 +40,8 @@ GAIN = lanes_of(
 
 
 class PublishedBank(NamedTuple):
-    """The bank of a block of tracks, for n radii, M = 2n + 1 hypotheses and A = 1 or 2 distinct axes.
-
-    Column 0 of covariances and gains is straight, column c uses radius c - 1. The blocks of a thread share
-    innovations and gains.
+    """The bank of a block of tracks, for n radii, M = 2n + 1 hypotheses and A = 1 or 2 distinct axes. Column 0 of
+    covariances and gains is straight, column c uses radius c - 1. The blocks of a thread share innovations and gains.
     """
 
     hypotheses: Annotated[Records, Array(HYPOTHESIS, ("blocks_count", "modes"))]
@@ -149,8 +147,8 @@ def _step_estimates(bank: PublishedBank, first: int, last: int, measurement: Flo
 
 @internal
 def step_published(bank: PublishedBank, first: int, last: int, measurement: FloatArray, model: Any) -> None:
-    """Advance every filter and its log-likelihood of lanes first .. last - 1 by one tick with a measurement,
-    (2, LANES) [m]. Golubkov 2018, eq. (2) and (4).
+    """Advance every filter and its log-likelihood of lanes first .. last - 1 by one tick with a measurement, (2, LANES)
+    [m]. Golubkov 2018, eq. (2) and (4).
     """
     axes, columns = bank.covariances.shape
     for axis in range(axes):
