@@ -14,8 +14,7 @@ from hybrid_env.options import WorldOptions
 from hybrid_env.rendering.evidence import DEFAULT_ALPHA, EvidencePanel, sprt_panel
 from hybrid_env.rendering.history import ACTIVE, History
 from hybrid_env.rendering.window import RENDER_FPS, Renderer
-from hybrid_env.seeding import state_of
-from hybrid_env.world import World
+from hybrid_env.world import World, state_of
 
 
 class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):

@@ -124,17 +124,11 @@ class Radar(_Placed):
 
 
 class Fused(NamedTuple):
-    """What sensors measured in a tick.
+    """What sensors measured in a tick."""
 
-    Attributes:
-        position: (x, y) [m].
-        covariance: xx, xy, yy of its error [m^2]; None is variance R.
-        rates: of each radar with a range rate, in the order of the list [m/s]; NaN if it did not measure.
-    """
-
-    position: tuple[float, float]
-    covariance: tuple[float, float, float] | None = None
-    rates: tuple[float, ...] = ()
+    position: tuple[float, float]  # (x, y) [m]
+    covariance: tuple[float, float, float] | None = None  # xx, xy, yy of its error [m^2]; None is variance R
+    rates: tuple[float, ...] = ()  # of each radar with a range rate, in the order of the list [m/s]; NaN without one
 
 
 def fuse(sensors: Sequence[Sensor | Radar], values: Mapping[int, ArrayLike]) -> Fused:
@@ -180,9 +174,7 @@ def parse_sensors(value: Any) -> tuple[Sensor | Radar, ...]:
 
 
 def _attributes(text: str) -> dict[str, Any]:
-    """Return the attributes of a sensor from a text. "VARIANCE [period TICKS] [range DISTANCE] [at X Y]", or "radar
-    RANGE_DEVIATION BEARING_DEVIATION [rate RATE_DEVIATION]" and the same words.
-    """
+    """Return the attributes of a sensor from a text, see `_TEXT`."""
     found = _TEXT.fullmatch(" ".join(text.split()))
     if found is None:
         raise ValueError(repr(text))

@@ -15,8 +15,7 @@ from hybrid_env.core.kernel import TERMINATED
 from hybrid_env.core.records import DECISION, DECISION_FLAGS
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.seeding import random_states
-from hybrid_env.world import World
+from hybrid_env.world import World, random_states
 
 LARGEST = 2**31 - 1  # tracks, and rows of a trace
 Step = tuple[NDArray[np.float32], FloatArray, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]

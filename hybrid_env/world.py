@@ -3,13 +3,14 @@
 import functools
 import operator
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
+from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from hybrid_env.checks import ArgumentError, BoolArray, FloatArray, IntArray, ReadOnlyAttributes, reject
@@ -215,7 +216,7 @@ class World(ReadOnlyAttributes):
         return self.trace[track, : self.blocks["trace_length"][block, lane]].copy()
 
     def seed(self, tracks: int | IntArray, states: NDArray[np.uint64]) -> None:
-        """Set the random streams of one or n tracks. states: (4,) or (n, 4), see `hybrid_env.seeding`."""
+        """Set the random streams of one or n tracks. states: (4,) or (n, 4), see `random_states`."""
         blocks, lanes = np.divmod(tracks, LANES)
         self.blocks["random_state"][blocks, :, lanes] = states
         self.seeded[tracks] = True
@@ -245,3 +246,17 @@ class World(ReadOnlyAttributes):
             low[self.layout.slices[name]] = lowest
             high[self.layout.slices[name]] = min(highest, unbounded)
         return spaces.Box(low, high, dtype=np.float32)
+
+
+def random_states(seeds: Sequence[int | None]) -> NDArray[np.uint64]:
+    """Return the initial states of random streams, (n, 4), of seeds >= 0; None is a random one."""
+    # raw words are faster, and those of `state_of`, which rejects a word of zero, once in 2^62 tracks
+    states = np.array([np.random.PCG64(seed).random_raw(4) for seed in seeds], np.uint64).reshape(-1, 4)
+    for i in np.flatnonzero((states == 0).any(1)).tolist():
+        states[i] = state_of(seeding.np_random(seeds[i])[0])
+    return states
+
+
+def state_of(generator: np.random.Generator) -> NDArray[np.uint64]:
+    """Return the state of a random stream drawn from a generator, (4,)."""
+    return generator.integers(1, 2**64, 4, dtype=np.uint64)

@@ -70,16 +70,9 @@ def merge(bank: Any, block: Any, first: int, last: int) -> None:
             weight = exp(max(kalman.log_probability[lane], NEGLIGIBLE))
             a, b = kalman.x[lane] - estimate[0, lane], kalman.vx[lane] - estimate[1, lane]
             c, d = kalman.y[lane] - estimate[2, lane], kalman.vy[lane] - estimate[3, lane]
-            covariance[0, lane] += weight * (P[0, lane] + a * a)
-            covariance[1, lane] += weight * (P[1, lane] + a * b)
-            covariance[2, lane] += weight * (P[2, lane] + a * c)
-            covariance[3, lane] += weight * (P[3, lane] + a * d)
-            covariance[4, lane] += weight * (P[4, lane] + b * b)
-            covariance[5, lane] += weight * (P[5, lane] + b * c)
-            covariance[6, lane] += weight * (P[6, lane] + b * d)
-            covariance[7, lane] += weight * (P[7, lane] + c * c)
-            covariance[8, lane] += weight * (P[8, lane] + c * d)
-            covariance[9, lane] += weight * (P[9, lane] + d * d)
+            products = a * a, a * b, a * c, a * d, b * b, b * c, b * d, c * c, c * d, d * d
+            for k in range(10):
+                covariance[k, lane] += weight * (P[k, lane] + products[k])
 
 
 @inlined
