@@ -188,9 +188,7 @@ def duration_probabilities(law: SimpleDurations, ticks: int) -> FloatArray:
 
 
 def remaining_probabilities(law: SimpleDurations, ticks: int) -> FloatArray:
-    """Return the probabilities that 1, ..., `ticks` ticks of a segment remain at a random moment, (ticks,).
-
-    At a random moment long after the first switch a segment is observed with a probability proportional to its
-    duration, so that r ticks remain with probability P(duration >= r) / E[duration].
+    """Return the probabilities that 1, ..., `ticks` ticks of a segment remain at a random moment long after the first
+    switch, (ticks,): P(duration >= r) / E[duration], as long segments are observed more often.
     """
     return law.survival(ticks)[:-1] / law.mean_duration

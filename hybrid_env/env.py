@@ -100,11 +100,7 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
         return self._observation.copy(), info
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Apply an action of the action space and advance the track.
-
-        Raises:
-            InvalidAction: the action is outside the space; ResetNeeded: no episode is running.
-        """
+        """Apply an action of the action space, others raise `InvalidAction`, and advance the track."""
         try:
             index = operator.index(action)
         except TypeError:

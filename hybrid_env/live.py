@@ -1,8 +1,4 @@
-"""The state of a track on a live sensor: the measurements come from the caller.
-
-Arrays, parameters, kernels and observations are those of the environments; the commands of a live sensor in
-`core.kernels` have no object.
-"""
+"""The state of a track on a live sensor: the arrays, kernels and rows of the environments without an object."""
 
 import copy
 from typing import Any, ClassVar
@@ -148,11 +144,9 @@ class MeasuredTracks(OnlineTrack):
 
 
 class AnnouncedTrack(OnlineTrack):
-    """A track with known switch moments.
-
-    The probabilities are posteriors with equal priors at the switch. After a decision only the decided filter runs on,
-    and they do not change until the next segment; with `follow="bank"` or `refine_radius` all run on. The published
-    bank with one measurement variance has one covariance for both axes: it starts from that of x.
+    """A track with known switch moments. The probabilities are posteriors with equal priors at the switch, and do not
+    change after a decision unless all filters run on (`follow="bank"`, `refine_radius`). The published bank with one
+    measurement variance has one covariance for both axes: it starts from that of x.
     """
 
     announced = True

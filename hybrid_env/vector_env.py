@@ -29,17 +29,11 @@ _DICT_METHODS = (
 
 
 class LazyInfo(dict[str, Any]):
-    """A dictionary that is filled on first access.
+    """A dictionary of arrays of N tracks and their masks `_key`, all one array of True, that is made on first access.
 
     Most callers of `step` never read `info`, and creating its arrays takes as long as a step of eight tracks. The state
-    is copied in the step, so the values are those of the step that returned the dictionary.
-
-    Code in C that reads the size of a dictionary directly, such as `json.dumps`, sees an empty one until the first use:
-    pass it `dict(info)`. All masks of an info are one array.
-
-    Args:
-        make: returns arrays of N tracks by key; called at most once. Each key gets a mask `_key` of N True.
-        made: further entries, already created.
+    is copied in the step. Code in C that reads the size of a dictionary directly, such as `json.dumps`, sees an empty
+    one until the first use: pass it `dict(info)`. `make` is called at most once; `made` are further entries.
     """
 
     __slots__ = ("_made", "_make")

@@ -23,10 +23,9 @@ from hybrid_env.observation import Layout
 
 
 class World(ReadOnlyAttributes):
-    """State of N tracks under the options of an environment, stepped by some threads.
-
-    The arrays can be changed in place, but not replaced, because the kernel has their addresses. A trace has
-    `trace_rows` ticks of the last step, for rendering and recording with announced switches; 0 stores none.
+    """State of N tracks under the options of an environment, stepped by some threads. The arrays cannot be replaced,
+    because the kernel has their addresses. A trace has `trace_rows` ticks of the last step, with announced switches; 0
+    stores none.
     """
 
     read_only = frozenset(("options", "layout", "threads", "bank", *declared(Arrays, "tracks")))
@@ -227,10 +226,9 @@ class World(ReadOnlyAttributes):
         self._run(RESET)
 
     def step(self) -> int:
-        """Step every track with `actions`; a terminated track begins its next episode.
-
-        Returns the events of the kernel, combined as bits: `DECIDED` if any track made a decision, `TERMINATED` if any
-        terminated. With an action outside the space, `InvalidAction` is raised, and no track is stepped.
+        """Step every track with `actions`; a terminated track begins its next episode. Returns the events of the
+        kernel, combined as bits: `DECIDED`, `TERMINATED`. An action outside the space raises `InvalidAction`, and no
+        track is stepped.
         """
         events = self._run(STEP)
         if events < 0:

@@ -1,9 +1,8 @@
 """Adaptive trajectory estimation (ATE) on recorded measurements. Golubkov 2018, algorithm 1; Tsyganov 2019.
 
 At every switch the bank starts from the current estimate with P := I. Until the decision, the output is the estimate of
-the last decided mode; after the decision, only the chosen filter runs to the end of the segment. Tsyganov 2019 adds a
-recalculation: after a decision, the chosen filter recomputes the estimates since the switch. `sprt.SPRTDecider` applies
-the same test in the environment, whose options `recalculation` ("rewind") and `refine_radius` are those here.
+the last decided mode; after it, only the chosen filter runs on. Tsyganov 2019 adds a recalculation of the estimates
+since the switch by the chosen filter. `sprt.SPRTDecider` is the same test in the environment.
 """
 
 from collections.abc import Sequence

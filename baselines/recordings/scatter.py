@@ -40,9 +40,8 @@ def noise_estimate(grid: TickGrid) -> float | None:
 def without_outliers(grid: TickGrid) -> tuple[TickGrid, int]:
     """Return the grid without measurements that are far from their neighbours, and their number.
 
-    A measurement is compared with the cubic through the two before and the two after it. It is an outlier if it is
-    farther from it than `FAR` standard deviations in either coordinate, and farther than the measurements next to it
-    are from theirs, whose cubic the outlier has spoilt.
+    An outlier is farther than `FAR` standard deviations, in either coordinate, from the cubic through the two
+    measurements before and the two after it, and farther than those next to it are from theirs, which it has spoilt.
     """
     noise = noise_estimate(grid)
     if not noise:
@@ -67,9 +66,8 @@ def without_outliers(grid: TickGrid) -> tuple[TickGrid, int]:
 def without_jumps(grid: TickGrid) -> tuple[TickGrid, int]:
     """Return the grid without short runs of measurements elsewhere, and the number of these measurements.
 
-    A jump is a step far longer than others, which neither the step before nor the one after resembles: an object that
-    begins to move makes similar steps. At most `LONGEST_BURST` measurements between two jumps are errors of the sensor.
-    Where a jump remains, the object is elsewhere from then on, and a new piece begins.
+    A jump is a step far longer than others, which neither the step before nor the one after resembles. At most
+    `LONGEST_BURST` measurements between two jumps are errors of the sensor. Where a jump remains, a new piece begins.
     """
     noise = noise_estimate(grid) or 0.0
     steps = np.concatenate([_steps(piece)[1] for piece in grid.pieces])

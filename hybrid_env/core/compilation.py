@@ -69,10 +69,7 @@ def prepare(dispatcher: Any, *arguments: Any) -> None:
     """Compile a `compiled` function for the types of these arguments, or load it from the cache.
 
     One line on stderr announces each compilation. Of several processes one compiles, and the others load its files.
-    Cached files that are damaged or cannot be loaded are removed.
-
-    Raises:
-        RuntimeError: NUMBA_DISABLE_JIT is set, or a damaged cache cannot be removed.
+    Damaged files are removed; if that is not allowed, or with NUMBA_DISABLE_JIT, `RuntimeError` is raised.
     """
     if config.DISABLE_JIT:
         raise RuntimeError("NUMBA_DISABLE_JIT is set: only the scalar formulas run without compilation")

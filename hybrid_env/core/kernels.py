@@ -1,8 +1,7 @@
 """The compiled entry points of the kernel, two for each bank. All other options are read at run time.
 
-On a live sensor the measurement comes from the caller instead of `true_object.move`. All else is computed by the
-functions of `kernel` and `quickest_kernel`, so that the same measurements give the same observations as in the
-environments; `irregular` is True in the parameters, because any measurement may be missing.
+On a live sensor the measurement comes from the caller. All else is computed by the same functions, so that the same
+measurements give the same rows; `irregular` is True in the parameters, because any measurement may be missing.
 """
 
 from typing import Any
@@ -76,11 +75,9 @@ def advance_live(begins: bool, banks: Any, arrays: Any, setting: Any) -> int:
 
 @internal
 def advance_live_quickest(begins: bool, banks: Any, arrays: Any, setting: Any) -> int:
-    """Begin tracks, or process statements and measurements, with unknown switch moments.
-
-    With `begins` every filter starts from `estimate` and `covariance` of its track; the action is the mode before the
-    first tick, -1 if it is not known. Otherwise it is the statement of the last tick, which does not count before the
-    first one.
+    """Begin tracks, or process statements and measurements, with unknown switch moments. With `begins` every filter
+    starts from `estimate` and `covariance` of its track; the action is the mode before the first tick, -1 if it is not
+    known. Otherwise it is the statement of the last tick.
     """
     for b in range(setting.first_block, setting.last_block):
         block, bank = arrays.blocks[b], imm_of_block(banks, b)

@@ -87,11 +87,9 @@ def draw_normals(state: NDArray[np.uint64], noise: FloatArray, first: int, last:
 
 @internal
 def draw_noise(state: NDArray[np.uint64], noise: FloatArray, first: int, last: int, setting: Any) -> None:
-    """Draw the noise of one tick for lanes first .. last - 1.
-
-    Rows 0 and 1 of the noise, (NOISE_ROWS, LANES), are independent draws of N(0, 1), of magnitude below 8.5, for the
-    velocities; rows 2 and 3 are the errors of the measured coordinates over sqrt(R). Row `LOST` is uniform in [0, 1) if
-    measurements may be missing. The others are temporary.
+    """Draw the noise of one tick for lanes first .. last - 1, (NOISE_ROWS, LANES). Rows 0 and 1 are draws of N(0, 1),
+    of magnitude below 8.5, for the velocities; 2 and 3 errors of the measured coordinates over sqrt(R); row `LOST` is
+    uniform in [0, 1) if measurements may be missing.
     """
     for lane in range(first, last):
         _draw_uniforms(state, lane, noise, lane)

@@ -1,10 +1,9 @@
 """Range, bearing and range rate of a radar, and their conversion to a position.
 
-The converted position is the mean of the true one given the measurement, and its covariance is that of the true one:
-Duan, Han & Li 2004, "Comments on 'Unbiased converted measurements for tracking'". The mean of the directions around a
-measured bearing, whose error is normal with standard deviation s, is exp(-s^2 / 2) times the measured direction. A
-conversion that is unbiased given the true position instead, which divides by this factor (Longbin et al. 1998), has in
-the filter an error along the line of sight of range * s^2.
+The converted position is the mean of the true one given the measurement, with its covariance: Duan, Han & Li 2004,
+"Comments on 'Unbiased converted measurements for tracking'". It is exp(-s^2 / 2) times the measured direction, s the
+standard deviation of the bearing. The conversion that divides by this factor instead (Longbin et al. 1998) has in the
+filter an error along the line of sight of range * s^2.
 """
 
 import math

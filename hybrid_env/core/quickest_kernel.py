@@ -1,7 +1,6 @@
 """The kernel with unknown switch moments: object, measurement, IMM bank, statements and autoreset.
 
-Tracks are stored in blocks, as in `kernel`. A statement is compared with the true mode and changes nothing else, so
-that every sequence of statements sees the same measurements.
+A statement changes nothing but its reward, so that every sequence of statements sees the same measurements.
 """
 
 from typing import Any

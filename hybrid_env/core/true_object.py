@@ -72,11 +72,9 @@ def move_lane(block: Any, lane: int, noise: FloatArray, column: int, setting: An
 
 @inlined
 def _sense(block: Any, lane: int, noise: FloatArray, sensors: Records, setting: Any) -> None:
-    """Move the object of one lane by one tick, and fuse the measurements of all sensors that have one.
-
-    Independent measurements of a position are equivalent to one: their mean weighted by the inverse covariances, whose
-    inverse covariance is the sum of theirs. Every sensor draws random numbers in every tick, so that the stream does
-    not depend on where the object is.
+    """Move the object of one lane by one tick, and fuse the measurements of all sensors that have one: their mean
+    weighted by the inverse covariances, whose sum is its inverse covariance. Every sensor draws random numbers in every
+    tick, so that the stream does not depend on where the object is.
     """
     clock, truth, first, last = block.clock[lane], block.truth, np.uint64(lane), np.uint64(lane + 1)
     information = (0.0, 0.0, 0.0, 0.0, 0.0)  # over that of one sensor of variance R

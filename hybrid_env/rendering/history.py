@@ -48,10 +48,8 @@ class History:
     def add(
         self, trace: Sequence[ArrayLike] | FloatArray, evidence: FloatArray, info: dict[str, Any], finished: bool
     ) -> None:
-        """Store the ticks of one step, or the first tick of an episode.
-
-        trace: (ticks, len(TRACE_COLUMNS)), including the skipped ticks after a decision and the first tick of the next
-        segment; empty if the step ends the episode without one. evidence: (M,) at the current tick.
+        """Store the ticks of one step, (ticks, len(TRACE_COLUMNS)), with those skipped after a decision and the first
+        tick of the next segment, none if the step ends the episode; evidence: (M,) at the current tick.
         """
         if "decided_mode" in info:
             value = float(self.evidence[-1, info["decided_mode"]])

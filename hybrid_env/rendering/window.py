@@ -104,11 +104,8 @@ class Renderer:
         return self.__dict__ | {"window": window, "_figure": None}  # neither can be copied or pickled
 
     def draw(self, history: History) -> Any:
-        """Draw one frame of the episode so far. Matplotlib is imported with the first one.
-
-        Returns:
-            (height, width, 3) uint8, a new array; None if frames are shown in a window, also after the user has closed
-            it, so that the calling loop can continue.
+        """Draw one frame of the episode so far, (height, width, 3) uint8, a new array; None if frames are shown in a
+        window, also after the user has closed it, so that the calling loop can continue.
         """
         if self.window is not None and not self.window.wants_frame(FRAME_SIZE):
             return None

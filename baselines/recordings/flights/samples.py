@@ -1,8 +1,7 @@
-"""The recorded flights in the samples of the package `traffic`, read without importing it.
+"""The recorded flights in the samples of the package `traffic`, read without importing it, where the user has them.
 
-Olive 2019, "traffic, a toolbox for processing and analysing air traffic data", doi 10.21105/joss.01518. The samples are
-ADS-B reports, most of them from the OpenSky Network. They are read where they are installed, or from a folder or wheel
-that the user names, and are no part of this package.
+ADS-B reports, most of them from the OpenSky Network. Olive 2019, "traffic, a toolbox for processing and analysing air
+traffic data", doi 10.21105/joss.01518.
 """
 
 import gzip

@@ -1,9 +1,9 @@
 """Simulated flights that look like the recorded ones, and simulated twins of recorded flights.
 
 In a turn the aircraft rolls in within some seconds and keeps a turn rate that jitters; in straight motion the heading
-wanders slowly. Positions have the noise of the tier: an error of their time, and one of the position itself, both with
-a Student t distribution. The default settings are those of the recorded flights as a whole; none is chosen by the score
-of a decider. Agents are trained on flights with settings of their own.
+wanders slowly. Time and position have errors with a Student t distribution, by the tier. The default settings are those
+of the recorded flights as a whole; none is chosen by the score of a decider. Agents are trained on flights with
+settings of their own.
 """
 
 from collections.abc import Sequence

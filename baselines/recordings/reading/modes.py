@@ -48,14 +48,11 @@ def read_modes(
     object_column: str | None = None,
     time_unit: str | None = None,
 ) -> ModeFile:
-    """Read the modes of a file.
+    """Read the modes of a file; what is not clear raises `ArgumentError`.
 
     Columns are the name or number (from 1) of the columns `time` and `mode`; None finds them by their names. The only
-    column that is neither time nor object is that of the modes, whatever its name is. The other arguments are those of
+    column that is neither time nor object is that of the modes, whatever its name is. The others are as in
     `read_recordings`.
-
-    Raises:
-        ArgumentError: the file cannot be read, or it is not clear what its columns mean.
     """
     table = read_table(path)
     given = {role: numbered_column(table, "columns", name) for role, name in (columns or {}).items()}

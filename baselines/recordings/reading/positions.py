@@ -80,10 +80,8 @@ def read_polar(table: Table, found: Columns, radar: Radar) -> Places:
 
 
 def check_positions(table: Table, places: Places, seconds: FloatArray, rows: IntArray, marked: bool) -> None:
-    """Check that measurements look like those of one object, and not like degrees if they have no unit.
-
-    They are in `rows` (k,), at least two, at increasing times [s], or numbers of rows; `marked`: the caller or a column
-    says that they are of one object.
+    """Check that measurements look like those of one object, and without a unit not like degrees: those in `rows` (k,),
+    at least two, at increasing times [s] or numbers of rows; `marked`: they are known to be of one object.
     """
     positions = places.values[rows]
     reason = None if marked else _unmarked_objects(seconds, positions)
@@ -109,10 +107,8 @@ def _look_like_degrees(seconds: FloatArray, positions: FloatArray) -> bool:
 
 
 def _unmarked_objects(times: FloatArray, positions: FloatArray) -> str | None:
-    """Return why the rows seem to be of more than one object, None if they seem to be of one.
-
-    Either the rows alternate: many are far from the row before, but near to one of the three rows before that. Or one
-    object follows the other: a single step is far longer than all others.
+    """Return why the rows seem to be of more than one object, or None: many are far from the row before, but near to
+    one of the three before that, or a single step is far longer than all others.
     """
     count = len(positions)
     if count < MIN_ROWS:
