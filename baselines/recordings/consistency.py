@@ -35,8 +35,8 @@ class Consistency:
     ratio: float  # median length over that of the model, 1 if the model holds
     correlation: float  # of successive ones, 0 if the model holds
     far: float  # share that is longer than 99.9 % of those of the model
-    # standard deviation of the measurements by their third differences, over that of the model; NaN if they are too few,
-    # and with a radar, whose noise depends on the range
+    # standard deviation of the measurements by their third differences, over that of the model; NaN if they are
+    # too few, and with a radar, whose noise depends on the range
     scatter: float
     count: int  # number of innovations
 

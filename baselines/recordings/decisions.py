@@ -150,12 +150,12 @@ def _decide_piece(
     if lengths:
         return found
     # the runs of one mode
-    first = np.flatnonzero(np.diff(found.modes, prepend=-1))
-    end = np.append(first[1:], len(found.modes))
-    when = np.where(found.decided[first], first, -1)
+    begin = np.flatnonzero(np.diff(found.modes, prepend=-1))
+    end = np.append(begin[1:], len(found.modes))
+    when = np.where(found.decided[begin], begin, -1)
     if stated.size and not found.decided[0]:
         when[0] = stated[0]
-    return replace(found, pieces=np.stack([first, end, found.modes[first], when], axis=1))
+    return replace(found, pieces=np.stack([begin, end, found.modes[begin], when], axis=1))
 
 
 def first_state(

@@ -57,11 +57,8 @@ class TickGrid(NamedTuple):
 
 
 def tick_grid(recording: Recording) -> TickGrid:
-    """Put the rows of a recording on uniform ticks.
-
-    Raises:
-        ArgumentError: the gap is so long that there would be more than 5 million ticks, or the steps in time or the
-            extent of the positions are too small.
+    """Put the rows of a recording on uniform ticks. `ArgumentError` if these would be more than 5 million, because of a
+    long gap, or if the steps in time or the extent of the positions are too small.
     """
     extent = float(np.ptp(recording.positions[recording.measured], axis=0).max())
     for name, value in (("step of the times", recording.tick), ("extent of the positions", extent)):
@@ -112,10 +109,8 @@ def _regular(times_of: list[FloatArray], tick: float) -> tuple[float, list[IntAr
 
 
 def _follow(times: FloatArray, tick: float) -> FloatArray:
-    """Return the number of ticks of every time since the first: the next one of a clock that is corrected.
-
-    After every row the clock is set forward or back by a part of its error, so that neither jitter nor a tick that is
-    not exactly known adds up.
+    """Return the number of ticks of every time since the first: the next one of a clock that is set forward or back by
+    a part of its error after every row, so that neither jitter nor a tick that is not exactly known adds up.
     """
     numbers, clock = np.zeros(len(times)), float(times[0])
     for k, time in enumerate(times[1:].tolist(), start=1):

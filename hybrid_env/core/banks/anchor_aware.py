@@ -1,11 +1,9 @@
 """The anchor-aware bank: the likelihood of every turn includes the uncertainty of the anchor.
 
-The published bank treats centre and turn rate, which follow from the anchor, as exact. Here they are part of the state
-of an extended Kalman filter with seven states, see `extended_kalman`. The straight line is a turn of rate 0 whose
-centre and rate have no variance. With an exact anchor the filters are those of the published bank with covariances
-between the axes, which measurements of a radar need.
-
-A filter that diverges keeps its state and its log-likelihood decreases, so that no NaN occurs.
+Centre and turn rate, which the published bank treats as exact, are part of the state of an extended Kalman filter, see
+`extended_kalman`. The straight line is a turn of rate 0 whose centre and rate have no variance. With an exact anchor
+the filters are the published ones with covariances between the axes, which measurements of a radar need. A filter that
+diverges keeps its state and its log-likelihood decreases, so that no NaN occurs.
 """
 
 import math

@@ -76,10 +76,10 @@ def student_weight(white_x: float, white_y: float, freedom: float) -> float:
 def weigh(white_x: float, white_y: float, log_variance: float, freedom: float | None) -> tuple[float, float]:
     """Return the weight of the correction by a measurement, and the log-likelihood of its innovation.
 
-    With the robust likelihood the innovations have a Student t distribution whose scale matrix is the innovation
-    variance, and the correction of the estimate is weighted, as in Agamennoni, Nieto & Nebot 2012, "Approximate
-    inference in state-space models with heavy-tailed noise", with one iteration. An approximation: the covariances are
-    those of the Kalman filter. freedom: degrees of freedom; None, a type of its own, is normal.
+    With the robust likelihood innovations have a Student t distribution whose scale matrix is the innovation variance,
+    and the correction is weighted as in Agamennoni, Nieto & Nebot 2012, "Approximate inference in state-space models
+    with heavy-tailed noise", with one iteration; the covariances stay those of the Kalman filter. A freedom of None is
+    normal.
     """
     if freedom is None:
         return 1.0, log_likelihood(white_x, white_y, log_variance)
