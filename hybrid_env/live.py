@@ -152,11 +152,6 @@ class AnnouncedTrack(OnlineTrack):
     announced = True
     environment = "HybridTrack-v0"
 
-    def __init__(self, options: Any, tracks: int = 1, trace_rows: int = 0, threads: int = 1):
-        if options.bank == "oracle":
-            raise reject("bank", options.bank, "'published' or 'anchor_aware': the true state is unknown")
-        super().__init__(options, tracks, trace_rows, threads)
-
     def _begin(self, mode: int) -> None:
         """See `OnlineTrack._begin`; the first segment still has to begin."""
         self.blocks["segment"][0, 0] = -1
@@ -245,8 +240,10 @@ class AnnouncedTrack(OnlineTrack):
 
 def live_track(options: Any) -> OnlineTrack:
     """Return the track of a live sensor for the options of an environment; others raise `ArgumentError`."""
-    if isinstance(options, WorldOptions):
-        return AnnouncedTrack(options)
     if isinstance(options, QuickestOptions):
         return OnlineTrack(options)
-    raise reject("options", options, "WorldOptions or QuickestOptions")
+    if not isinstance(options, WorldOptions):
+        raise reject("options", options, "WorldOptions or QuickestOptions")
+    if options.bank == "oracle":
+        raise reject("bank", options.bank, "'published' or 'anchor_aware': the true state is unknown")
+    return AnnouncedTrack(options)

@@ -60,9 +60,6 @@ class ModelOptions(Checked):
             which a measurement far from all predictions changes little (`core.banks.kalman.weigh`).
         initial_error: (position variance of the first estimate / R, its velocity variance [m^2/s^2]) of a normal error;
             0 starts at the true state.
-
-    Raises:
-        ArgumentError: an option has a value that is not allowed.
     """
 
     checks: ClassVar = {
@@ -202,9 +199,6 @@ class WorldOptions(ModelOptions):
         actions: "all" waits or declares one of M hypotheses; "best" waits or declares the most likely one.
         undecided: decision on a segment that ends undecided: "likeliest" for the most likely hypothesis, "keep" for the
             last decided mode, as in the papers.
-
-    Raises:
-        ArgumentError: an option has a value that is not allowed.
     """
 
     checks: ClassVar = {

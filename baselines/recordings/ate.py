@@ -183,9 +183,6 @@ def track_ate(
             always "straight".
         refine_radius: True runs all filters after the decision and uses the most likely hypothesis of the decided type;
             the published algorithm does not change the decided radius.
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
     """
     tau = check_within("tau", tau)
     values, segment_lengths, starts = check_recording(measurements, lengths, start, tau)
