@@ -12,8 +12,7 @@ from hybrid_env.env import HybridTrackEnv
 from hybrid_env.vector_env import HybridTrackVectorEnv, Step
 from hybrid_env.world import World
 
-EVIDENCE = 0.95
-"""Posterior probability of a mode above which a declaration counts."""
+EVIDENCE = 0.95  # posterior probability of a mode above which a declaration counts
 
 
 class HybridTrackEasyEnv(HybridTrackEnv):

@@ -19,8 +19,7 @@ TRIANGLE = np.triu_indices(4)
 SQUARE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
 """Where the elements of a covariance, (4, 4), are in its upper triangle row by row, (10,)."""
 
-UNIT_NOISE = np.array([1.0, 0.0, 1.0])
-"""Covariance xx, xy, yy over R of a measured position."""
+UNIT_NOISE = np.array([1.0, 0.0, 1.0])  # covariance xx, xy, yy over R of a measured position
 
 
 class OnlineTrack(World):

@@ -19,8 +19,7 @@ from hybrid_env.observation import QuickestLayout
 from hybrid_env.options import ModelOptions
 from hybrid_env.scheme import RandomScheme, segment_table
 
-ORDERS = ("equal", "cycle", DRAWN)
-"""Named values of the option `order`."""
+ORDERS = ("equal", "cycle", DRAWN)  # named values of the option `order`
 
 
 def check_order(order: Any, modes: int) -> str | tuple[tuple[float, ...], ...]:

@@ -50,8 +50,7 @@ class _Placed(Checked):
     period: int = 1
     range: float = math.inf
 
-    values: ClassVar[int] = 2
-    """Number of values that it measures."""
+    values: ClassVar[int] = 2  # number of values that it measures
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -79,8 +79,7 @@ def _inttoptr(_typing: Any, address: Any) -> Any:
     return types.voidptr(address), build
 
 
-_pointer_to: Any = intrinsic(_inttoptr)
-"""Convert an integer to a pointer for `numba.carray`."""
+_pointer_to: Any = intrinsic(_inttoptr)  # convert an integer to a pointer for `numba.carray`
 
 
 @inlined

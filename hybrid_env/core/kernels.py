@@ -22,8 +22,7 @@ from hybrid_env.core.quickest_kernel import record_statement
 from hybrid_env.core.records import LANES, state_of, write_lane
 from hybrid_env.core.state import PARAMETERS, arrays_of
 
-STEP, RESET, MEASURE, BEGIN = range(4)
-"""Commands: of the environments the first two, on a live sensor the others."""
+STEP, RESET, MEASURE, BEGIN = range(4)  # commands: of the environments the first two, on a live sensor the others
 
 FIRST, LAST = np.uint64(0), np.uint64(1)  # range of lanes; unsigned as in the other kernels
 

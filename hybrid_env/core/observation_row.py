@@ -42,8 +42,7 @@ QUICKEST_HYPOTHESIS_FEATURES = {
     "log_probability": LOG_SCALE, "log_ratio": 1.0, "innovation_along": 1.0, "innovation_across": 1.0,
     "log_variance": 1.0, "stated": 1.0,
 }  # fmt: skip
-QUICKEST_TRACK_FEATURES = {"speed": 1.0, "stated_ticks": TICK_SCALE}
-"""The same with unknown switches."""
+QUICKEST_TRACK_FEATURES = {"speed": 1.0, "stated_ticks": TICK_SCALE}  # the same with unknown switches
 
 BLOCKS, SINGLES = len(HYPOTHESIS_FEATURES), len(TRACK_FEATURES)
 TICKS, TICKS_LEFT, LOG_ERROR, SPEED, ALONG, ACROSS, ANCHOR_XX, ANCHOR_XV, ANCHOR_VV, LOG_NOISE = range(SINGLES)

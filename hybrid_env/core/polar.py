@@ -10,9 +10,7 @@ import math
 
 from hybrid_env.core.compilation import inlined
 
-Position = tuple[float, float, float, float, float]
-"""x, y and their covariance xx, xy, yy."""
-
+Position = tuple[float, float, float, float, float]  # x, y and their covariance xx, xy, yy
 Information = tuple[float, float, float, float, float]
 """Inverse covariance xx, xy, yy, and its product with the error x, y."""
 

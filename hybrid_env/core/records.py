@@ -12,8 +12,7 @@ from hybrid_env.core.arrays import FloatArray
 from hybrid_env.core.compilation import inlined
 from hybrid_env.core.noise import NOISE_ROWS
 
-LANES = 8
-"""Tracks per block. Eight float64 fill a cache line and the widest vector register."""
+LANES = 8  # tracks per block. Eight float64 fill a cache line and the widest vector register.
 
 
 State = tuple[float, float, float, float]
@@ -48,31 +47,22 @@ def write_lane(array: FloatArray, lane: int, values: tuple[float, ...]) -> None:
         array[k, lane] = value
 
 
-SENSOR = np.dtype(
-    [
-        ("x", np.float64),  # [m]
-        ("y", np.float64),
-        ("deviation", np.float64),  # of each measured coordinate, or of the range [m]
-        ("precision", np.float64),  # R over the variance of each measured coordinate
-        ("bearing_deviation", np.float64),  # [rad]; 0 is a position sensor
-        ("rate_deviation", np.float64),  # of the range rate [m/s]
-        ("rate_row", np.int64),  # of the range rate in `MEASURED`; -1 without one
-        ("range", np.float64),  # [m]
-        ("period", np.int64),  # [ticks]
-    ]
-)
+SENSOR = np.dtype([
+    *((name, np.float64) for name in ("x", "y", "range")),  # [m]
+    ("deviation", np.float64), ("precision", np.float64),  # of a coordinate or the range [m]; R over its square
+    ("bearing_deviation", np.float64), ("rate_deviation", np.float64),  # [rad], 0 is a position sensor; [m/s]
+    ("rate_row", np.int64), ("period", np.int64),  # of the range rate in `MEASURED`, -1 without one; [ticks]
+])  # fmt: skip
 """A sensor; see `hybrid_env.sensors`."""
 
-MOST_RATES = 4
-"""Radars of a list that measure the range rate."""
+MOST_RATES = 4  # radars of a list that measure the range rate
 
 MEASURED_FIELDS = (
     ("measurement", np.float64, (2,)),  # [m], NaN without one
     ("noise", np.float64, (3,)),  # covariance xx, xy, yy of the fused measurement over R
     ("rates", np.float64, (MOST_RATES,)),  # range rates of the sensors with one [m/s], NaN if not measured
 )
-MEASURED = lanes_of(*MEASURED_FIELDS)
-"""What the sensors measure in a tick; the first field is that of `TICK`."""
+MEASURED = lanes_of(*MEASURED_FIELDS)  # what the sensors measure in a tick; the first field is that of `TICK`
 
 _TICK = (
     ("truth", np.float64, (4,)),  # [x, vx, y, vy] [m, m/s]
@@ -84,9 +74,7 @@ _TICK = (
     ("anchor", np.float64, (4,)),  # initial state of the bank: the estimate, or the true state for the oracle
 )
 
-TICK = lanes_of(*_TICK)
-"""The leading fields of a block: the current tick as described by `info`."""
-
+TICK = lanes_of(*_TICK)  # the leading fields of a block: the current tick as described by `info`
 TICK_NAMES = ("segment", "tick", "true_mode", "truth", "measurement", "anchor", "estimate")
 """Fields of `TICK`, in the order of `info`."""
 

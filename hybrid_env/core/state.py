@@ -52,9 +52,7 @@ class Arrays(NamedTuple):
     sensors: Annotated[Records, Array(SENSOR, ("sensor_count",), "options")]
 
 
-arrays_of = reader(Arrays)
-"""Return the `Arrays` at the addresses in a record `PARAMETERS`."""
-
+arrays_of = reader(Arrays)  # return the `Arrays` at the addresses in a record `PARAMETERS`
 _TUPLES = (Arrays, *BANKS.values(), ImmBank)
 ADDRESSES = tuple(dict.fromkeys(name for kind in _TUPLES for name in declared(kind)))
 """The fields of `PARAMETERS` with the address of an array."""
@@ -99,8 +97,6 @@ PARAMETERS = np.dtype(
         *((name, np.uintp) for name in ADDRESSES),
     ]
 )
-"""The options of an environment in the form used by the kernel, and the addresses of its arrays.
-
-Passing an array from Python takes 0.1 us per call, longer than the tick of a track. The kernel therefore has
-the address of one such record as its argument. Each thread has a separate record.
+"""The options of an environment in the form used by the kernel, and the addresses of its arrays. Passing an array from
+Python takes longer than the tick of a track: the kernel is given the address of such a record, one for each thread.
 """

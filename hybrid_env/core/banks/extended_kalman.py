@@ -11,8 +11,7 @@ from hybrid_env.core.records import Triangle4
 SERIES = 0.02  # [rad]; below this angle quotients of small numbers are computed by series
 
 Vector7 = tuple[float, float, float, float, float, float, float]
-Triangle7 = tuple[float, ...]
-"""Covariance of the seven states, upper triangle row by row: 28 numbers."""
+Triangle7 = tuple[float, ...]  # covariance of the seven states, upper triangle row by row: 28 numbers
 
 
 @inlined
