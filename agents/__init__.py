@@ -13,6 +13,6 @@ The subpackages, lowest first. Each imports only those listed before it, and a s
    the commands.
 """
 
-from hybrid_env.lazy_names import lazy_names
+from hybrid_env.extras import lazy_names
 
 __all__, __getattr__, __dir__ = lazy_names(__name__)

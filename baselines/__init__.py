@@ -5,6 +5,6 @@ the detector of Golubkov 2020 and a beam of histories.
 `OnlineTracker` puts a rule behind a live sensor. Names are loaded when they are first used.
 """
 
-from hybrid_env.lazy_names import lazy_names
+from hybrid_env.extras import lazy_names
 
 __all__, __getattr__, __dir__ = lazy_names(__name__)

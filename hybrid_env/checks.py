@@ -1,8 +1,9 @@
 """Argument checks, and types of arrays. An error is one line: the argument, its value, the allowed values."""
 
+import functools
 import math
 import reprlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from numbers import Integral, Real
 from typing import Any, ClassVar
 
@@ -12,6 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
+Check = Callable[[str, Any], Any]
+"""Takes name and value of an argument, and returns the value as it is stored; others raise `ArgumentError`."""
 
 LONGEST_VALUE = 120  # characters of a value in a message
 LONGEST_MESSAGE = 300  # characters
@@ -38,6 +41,16 @@ class ReadOnlyAttributes:
         if name in self.read_only and hasattr(self, name):  # reading __dict__ would slow down all attributes
             raise AttributeError(f"{type(self).__name__}.{name} is read-only")
         super().__setattr__(name, value)
+
+
+class Checked:
+    """A frozen dataclass whose fields are checked when it is made, in the order of `checks`."""
+
+    checks: ClassVar[Mapping[str, Check]] = {}
+
+    def __post_init__(self) -> None:
+        for name, check in self.checks.items():
+            object.__setattr__(self, name, check(name, getattr(self, name)))
 
 
 def _shorten(text: str, longest: int) -> str:
@@ -72,6 +85,19 @@ def check_number(
     return number
 
 
+def ranged(low: float, high: float, allowed: str = "") -> Check:
+    """Return the check of a number from `low` to `high`."""
+    return functools.partial(check_number, allowed=allowed or f"a number from {low:g} to {high:g}", low=low, high=high)
+
+
+def optional(check: Check) -> Check:
+    """Return a check that also allows None."""
+    return lambda name, value: None if value is None else check(name, value)
+
+
+check_share = ranged(0.0, math.nextafter(1.0, 0.0), "a number >= 0 and < 1")
+
+
 def check_positive(name: str, value: Any, allow_zero: bool = False) -> float:
     """Return a finite float > 0, or >= 0 with `allow_zero`."""
     low, sign = (0.0, ">=") if allow_zero else (math.ulp(0.0), ">")
@@ -100,7 +126,7 @@ def check_choice(name: str, value: Any, choices: Iterable[str]) -> str:
     choices = tuple(choices)
     if not isinstance(value, str) or value not in choices:
         raise reject(name, value, "one of " + ", ".join(map(repr, choices)))
-    return value
+    return str(value)
 
 
 def check_reset_options(options: Any) -> None:
@@ -163,8 +189,3 @@ def frozen(array: FloatArray) -> FloatArray:
     """Return the array, which can no longer be changed in place."""
     array.setflags(write=False)
     return array
-
-
-def axis_variances(measurement_variance: float | tuple[float, float]) -> FloatArray:
-    """Return checked measurement variances [m^2]: (1,) if x and y have the same variance, else (2,)."""
-    return np.atleast_1d(np.array(measurement_variance, np.float64))

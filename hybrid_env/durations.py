@@ -1,19 +1,19 @@
 """Laws of the duration of a segment, for switches at unknown moments.
 
-A law is written as text: "geometric 75" is a geometric distribution on 1, 2, ... with a mean of 75 ticks,
-"25 + geometric 50" adds 25 ticks, and "uniform 50-100" has equally likely durations from 50 to 100 ticks.
-"uniform 30-40 or uniform 80-90" is one or the other with equal probability, and "straight uniform 90-100,
-turns geometric 30" differs between straight motion and turns. "drawn" draws a law for every episode.
+A law is written as text: "geometric 75" is a geometric distribution on 1, 2, ... with a mean of 75 ticks, "25 +
+geometric 50" adds 25 ticks, and "uniform 50-100" has equally likely durations from 50 to 100 ticks. "uniform 30-40 or
+uniform 80-90" is one or the other with equal probability, and "straight uniform 90-100, turns geometric 30" differs
+between straight motion and turns. "drawn" draws a law for every episode.
 """
 
 import re
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar, TypeAlias, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hybrid_env.checks import check_integer, check_number, reject
+from hybrid_env.checks import Checked, FloatArray, check_integer, ranged, reject
 from hybrid_env.limits import MAX_LENGTH, check_ticks
 
 DRAWN = "drawn"
@@ -23,14 +23,13 @@ GRAMMAR = (
 )
 
 _INTEGER = "[0-9]{1,20}"
-_GEOMETRIC = re.compile(rf"(?:({_INTEGER})\s*\+\s*)?geometric\s+([0-9]{{1,20}}(?:\.[0-9]{{1,20}})?)")
-_TWO = re.compile("([^,]+) or ([^,]+)")
 _BY_MODE = re.compile("straight ([^,]+), ?turns ([^,]+)")
+_GEOMETRIC = re.compile(rf"(?:({_INTEGER})\s*\+\s*)?geometric\s+({_INTEGER}(?:\.{_INTEGER})?)")
 _UNIFORM = re.compile(rf"uniform\s+({_INTEGER})(?:\s*-\s*({_INTEGER}))?")
 
 
 @dataclass(frozen=True)
-class GeometricDurations:
+class GeometricDurations(Checked):
     """Durations `offset` + G, where G = 1, 2, ... has a geometric distribution.
 
     Attributes:
@@ -38,20 +37,20 @@ class GeometricDurations:
         offset: smallest duration minus 1 [ticks].
     """
 
+    checks: ClassVar = {
+        "mean": ranged(1.0, MAX_LENGTH, f"a number of ticks from 1 to {MAX_LENGTH}"),
+        "offset": partial(check_integer, minimum=0, maximum=MAX_LENGTH),
+    }
+
     mean: float
     offset: int = 0
-
-    def __post_init__(self) -> None:
-        allowed = f"a number of ticks from 1 to {MAX_LENGTH}"
-        object.__setattr__(self, "mean", check_number("mean", self.mean, allowed, 1.0, MAX_LENGTH))
-        object.__setattr__(self, "offset", check_integer("offset", self.offset, 0, MAX_LENGTH))
 
     @property
     def mean_duration(self) -> float:
         """Expected duration [ticks]."""
         return self.offset + self.mean
 
-    def survival(self, ticks: int) -> NDArray[np.float64]:
+    def survival(self, ticks: int) -> FloatArray:
         """Return the probabilities that a duration is longer than 0, 1, ..., `ticks`, (ticks + 1,)."""
         beyond = np.maximum(np.arange(ticks + 1.0) - self.offset, 0.0)
         return np.asarray((1.0 - 1.0 / self.mean) ** beyond)
@@ -62,9 +61,8 @@ class GeometricDurations:
 
 @dataclass(frozen=True)
 class DrawnDurations(GeometricDurations):
-    """A law drawn anew for every episode, see `hybrid_env.core.habits`; given as "drawn".
-
-    Filters and rules that assume a law assume the default one, whose attributes these are.
+    """A law drawn anew for every episode, see `hybrid_env.core.habits`; given as "drawn". Filters and rules that assume
+    a law assume the default one, whose attributes these are.
     """
 
     mean: float = 50.0
@@ -75,15 +73,16 @@ class DrawnDurations(GeometricDurations):
 
 
 @dataclass(frozen=True)
-class UniformDurations:
+class UniformDurations(Checked):
     """Equally likely durations from `shortest` to `longest`, both included [ticks]."""
+
+    checks: ClassVar = {"shortest": check_ticks, "longest": check_ticks}
 
     shortest: int
     longest: int
 
     def __post_init__(self) -> None:
-        for name in ("shortest", "longest"):
-            object.__setattr__(self, name, check_ticks(name, getattr(self, name)))
+        super().__post_init__()
         if self.shortest > self.longest:
             raise reject("longest", self.longest, f"at least {self.shortest}, the shortest duration")
 
@@ -92,7 +91,7 @@ class UniformDurations:
         """Expected duration [ticks]."""
         return 0.5 * (self.shortest + self.longest)
 
-    def survival(self, ticks: int) -> NDArray[np.float64]:
+    def survival(self, ticks: int) -> FloatArray:
         """Return the probabilities that a duration is longer than 0, 1, ..., `ticks`, (ticks + 1,)."""
         left = (self.longest - np.arange(ticks + 1.0)) / (self.longest - self.shortest + 1.0)
         return np.asarray(left.clip(0.0, 1.0))
@@ -126,7 +125,7 @@ class TwoDurations(_Pair):
     one: GeometricDurations | UniformDurations
     other: GeometricDurations | UniformDurations
 
-    def survival(self, ticks: int) -> NDArray[np.float64]:
+    def survival(self, ticks: int) -> FloatArray:
         """Return the probabilities that a duration is longer than 0, 1, ..., `ticks`, (ticks + 1,)."""
         return 0.5 * (self.one.survival(ticks) + self.other.survival(ticks))
 
@@ -160,7 +159,7 @@ def laws_by_mode(law: Durations) -> tuple[SimpleDurations, SimpleDurations]:
 
 def parse_durations(value: Any) -> Durations:
     """Parse a string; a law is returned as it is. Raises `ArgumentError` for other values."""
-    if isinstance(value, (GeometricDurations, UniformDurations, TwoDurations, ModeDurations)):
+    if isinstance(value, Durations):
         return value
     text = " ".join(value.split()) if isinstance(value, str) else ""
     if text == DRAWN:
@@ -172,29 +171,24 @@ def parse_durations(value: Any) -> Durations:
 
 def _parse_simple(text: str, value: Any) -> SimpleDurations:
     """Parse the law of one mode, which is a part of a value."""
-    if two := _TWO.fullmatch(text):
-        return TwoDurations(*(_parse_one(part, value) for part in two.groups()))
-    return _parse_one(text, value)
+    laws: list[GeometricDurations | UniformDurations] = []
+    for part in text.split(" or ", 1):
+        if geometric := _GEOMETRIC.fullmatch(part):
+            laws.append(GeometricDurations(float(geometric[2]), int(geometric[1] or 0)))
+        elif uniform := _UNIFORM.fullmatch(part):
+            laws.append(UniformDurations(int(uniform[1]), int(uniform[2] or uniform[1])))
+        else:
+            raise reject("durations", value, GRAMMAR)
+    return TwoDurations(*laws) if len(laws) > 1 else laws[0]
 
 
-def _parse_one(text: str, value: Any) -> GeometricDurations | UniformDurations:
-    """Parse a geometric or uniform law."""
-    if geometric := _GEOMETRIC.fullmatch(text):
-        return GeometricDurations(float(geometric[2]), int(geometric[1] or 0))
-    if uniform := _UNIFORM.fullmatch(text):
-        return UniformDurations(int(uniform[1]), int(uniform[2] or uniform[1]))
-    raise reject("durations", value, GRAMMAR)
-
-
-def duration_probabilities(law: SimpleDurations, ticks: int) -> NDArray[np.float64]:
+def duration_probabilities(law: SimpleDurations, ticks: int) -> FloatArray:
     """Return the probabilities of the durations 1, 2, ..., `ticks`, (ticks,)."""
     return -np.diff(law.survival(ticks))
 
 
-def remaining_probabilities(law: SimpleDurations, ticks: int) -> NDArray[np.float64]:
-    """Return the probabilities that 1, ..., `ticks` ticks of a segment remain at a random moment, (ticks,).
-
-    At a random moment long after the first switch a segment is observed with a probability proportional to
-    its duration, so that r ticks remain with probability P(duration >= r) / E[duration].
+def remaining_probabilities(law: SimpleDurations, ticks: int) -> FloatArray:
+    """Return the probabilities that 1, ..., `ticks` ticks of a segment remain at a random moment long after the first
+    switch, (ticks,): P(duration >= r) / E[duration], as long segments are observed more often.
     """
     return law.survival(ticks)[:-1] / law.mean_duration

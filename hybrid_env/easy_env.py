@@ -7,27 +7,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_env.checks import BoolArray, IntArray
 from hybrid_env.env import HybridTrackEnv
 from hybrid_env.vector_env import HybridTrackVectorEnv, Step
 from hybrid_env.world import World
 
-EVIDENCE = 0.95
-"""Posterior probability of a mode above which a declaration counts."""
+EVIDENCE = 0.95  # posterior probability of a mode above which a declaration counts
 
 
 class HybridTrackEasyEnv(HybridTrackEnv):
     """HybridTrack for the default settings of learning libraries: a declaration that comes too early waits.
 
-    As long as no mode has a posterior probability above 0.95 (equal priors), every action is the action to
-    wait. What counts as a mode is what must be correct: a hypothesis, or with `correctness="type"`
-    straight, left or right. All else is that of `HybridTrackEnv`: rewards compare with those of
-    `HybridTrack-v0`, where a policy earns the same if it waits in these ticks.
+    As long as no mode has a posterior probability above 0.95 (equal priors), every action is the action to wait. What
+    counts as a mode is what must be correct: a hypothesis, or with `correctness="type"` straight, left or right. All
+    else is that of `HybridTrackEnv`: rewards compare with those of `HybridTrack-v0`, where a policy earns the same if
+    it waits in these ticks.
 
-    A fresh policy of most libraries declares three times in four. In `HybridTrack-v0` it ends every segment
-    after a tick or two, where waiting costs and shows nothing, and it learns to declare at once. Here every
-    declaration counts where the likeliest mode is usually right. A policy that names it there is the MSPRT
-    at an error of 0.05, which earns 0.46 per segment with the default options, as ATE does there.
-    More can be earned in `HybridTrack-v0` itself, by reading more than the posterior of the bank.
+    A fresh policy of most libraries declares three times in four. In `HybridTrack-v0` it ends every segment after a
+    tick or two, where waiting costs and shows nothing, and it learns to declare at once. Here every declaration counts
+    where the likeliest mode is usually right. A policy that names it there is the MSPRT at an error of 0.05, which
+    earns 0.46 per segment with the default options, as ATE does there. More can be earned in `HybridTrack-v0` itself,
+    by reading more than the posterior of the bank.
     """
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
@@ -43,7 +43,7 @@ class HybridTrackEasyEnv(HybridTrackEnv):
 class HybridTrackEasyVectorEnv(HybridTrackVectorEnv):
     """A vector environment of N `HybridTrackEasyEnv` tracks, see `HybridTrackVectorEnv`."""
 
-    def step(self, actions: NDArray[np.int64]) -> Step:
+    def step(self, actions: IntArray) -> Step:
         """See `HybridTrackVectorEnv.step`; a track waits if it is too early for a declaration."""
         actions = self.action_array(actions)
         if self._started:
@@ -52,7 +52,7 @@ class HybridTrackEasyVectorEnv(HybridTrackVectorEnv):
         return super().step(actions)
 
 
-def too_early(world: World) -> NDArray[np.bool_]:
+def too_early(world: World) -> BoolArray:
     """Return whether no mode has a posterior probability above `EVIDENCE`, (N,)."""
     posterior = np.exp(world.layout.read(world.observations, "log_ratio"), dtype=np.float64)
     posterior /= posterior.sum(1, keepdims=True)

@@ -14,8 +14,7 @@ from hybrid_env.options import WorldOptions
 from hybrid_env.rendering.evidence import DEFAULT_ALPHA, EvidencePanel, sprt_panel
 from hybrid_env.rendering.history import ACTIVE, History
 from hybrid_env.rendering.window import RENDER_FPS, Renderer
-from hybrid_env.seeding import state_of
-from hybrid_env.world import World
+from hybrid_env.world import World, state_of
 
 
 class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
@@ -101,11 +100,7 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
         return self._observation.copy(), info
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Apply an action of the action space and advance the track.
-
-        Raises:
-            InvalidAction: the action is outside the space; ResetNeeded: no episode is running.
-        """
+        """Apply an action of the action space, others raise `InvalidAction`, and advance the track."""
         try:
             index = operator.index(action)
         except TypeError:
@@ -145,38 +140,38 @@ class HybridTrackEnv(TrackEnv):
     """Decide quickly and correctly which mode of motion an object has switched to.
 
     ## Description
-    An object moves in a plane along straight lines, left turns and right turns of known radii, with process
-    noise on its velocity (the hybrid stochastic model of Golubkov 2018, eq. (1)). Its position is measured
-    with noise at every tick. The times at which the mode may switch are known, the new mode is unknown. At
-    each switch a bank of Kalman filters, one per hypothesis, starts from the current estimate, which is
-    called the anchor (eq. (2)). The bank treats the anchor as exact by default; with `bank="anchor_aware"` it
-    accounts for the covariance of the anchor. The agent observes how well each hypothesis explains the
-    measurements, and either waits for the next measurement or declares a hypothesis.
+    An object moves in a plane along straight lines, left turns and right turns of known radii, with process noise on
+    its velocity (the hybrid stochastic model of Golubkov 2018, eq. (1)). Its position is measured with noise at every
+    tick. The times at which the mode may switch are known, the new mode is unknown. At each switch a bank of Kalman
+    filters, one per hypothesis, starts from the current estimate, which is called the anchor (eq. (2)). The bank treats
+    the anchor as exact by default; with `bank="anchor_aware"` it accounts for the covariance of the anchor. The agent
+    observes how well each hypothesis explains the measurements, and either waits for the next measurement or declares a
+    hypothesis.
 
     An episode is one trajectory of several segments. When the agent declares a hypothesis, the segment is
-    fast-forwarded: within the same step, the filter of the declared hypothesis runs to the end of the
-    segment, and its estimate is the anchor of the next segment. A wrong decision therefore also degrades the
-    estimates of the next segment. With `follow="bank"` all filters run on, and the next anchor is the mean of
-    their posterior, so that a wrong decision costs its reward only. With `refine_radius=True` they run on,
-    and the likeliest one of the declared type gives estimate and anchor.
+    fast-forwarded: within the same step, the filter of the declared hypothesis runs to the end of the segment, and its
+    estimate is the anchor of the next segment. A wrong decision therefore also degrades the estimates of the next
+    segment. With `follow="bank"` all filters run on, and the next anchor is the mean of their posterior, so that a
+    wrong decision costs its reward only. With `refine_radius=True` they run on, and the likeliest one of the declared
+    type gives estimate and anchor.
 
     ## Action Space
-    The action space is `Discrete(M + 1)` for M hypotheses. Hypothesis 0 is straight motion, followed by the
-    left turns and then the right turns, in the order of `radii`.
+    The action space is `Discrete(M + 1)` for M hypotheses. Hypothesis 0 is straight motion, followed by the left turns
+    and then the right turns, in the order of `radii`.
 
     | Num | Action |
     |---|---|
     | 0 | wait for the next measurement |
     | i + 1 | declare hypothesis i |
 
-    With `actions="best"` the action space is `Discrete(2)`: wait, or declare the most likely hypothesis. An
-    action outside the space raises `gymnasium.error.InvalidAction`.
+    With `actions="best"` the action space is `Discrete(2)`: wait, or declare the most likely hypothesis. An action
+    outside the space raises `gymnasium.error.InvalidAction`.
 
     ## Observation Space
-    The observation is a float32 `Box` of shape `(6 M + 10,)`: six blocks of M values, one per hypothesis,
-    followed by ten scalars. Each quantity is multiplied by its scale, which Min and Max do not include;
-    `hybrid_env.Layout` reads quantities by name and removes the scale. R is the geometric mean of the two
-    measurement variances. "Along" and "across" (positive to the left) refer to the heading of the anchor.
+    The observation is a float32 `Box` of shape `(6 M + 10,)`: six blocks of M values, one per hypothesis, followed by
+    ten scalars. Each quantity is multiplied by its scale, which Min and Max do not include; `hybrid_env.Layout` reads
+    quantities by name and removes the scale. R is the geometric mean of the two measurement variances. "Along" and
+    "across" (positive to the left) refer to the heading of the anchor.
 
     | Num | Name | Observation | Min | Max | Scale |
     |---|---|---|---|---|---|
@@ -197,40 +192,38 @@ class HybridTrackEnv(TrackEnv):
     | 6 M + 8 | anchor_vv | its velocity variance / R [1/s^2] | 0 | | 1 |
     | 6 M + 9 | log_noise | log R, with R in m^2 | | | 1 |
 
-    With radars that measure the range rate, it adds to the likelihood of a hypothesis after the position;
-    innovations and their variance are those of the position.
+    With radars that measure the range rate, it adds to the likelihood of a hypothesis after the position; innovations
+    and their variance are those of the position.
 
-    A tick may have no measurement (`missed`, or sensors out of range). The filters then only predict: all
-    innovations are exactly zero, which they are in no other tick, the ratios do not change, and the
-    displacement is the one that the most likely filter predicts.
+    A tick may have no measurement (`missed`, or sensors out of range). The filters then only predict: all innovations
+    are exactly zero, which they are in no other tick, the ratios do not change, and the displacement is the one that
+    the most likely filter predicts.
 
     ## Rewards
-    Every step has the reward `-delay_cost`. A step with a decision has an additional reward of +1 if the
-    decision is correct and -1 if it is wrong. The return of a segment decided at its k-th tick is therefore
-    (+1 or -1) - k * delay_cost. Train with a discount factor of 1: the delay cost already penalizes late
-    decisions.
+    Every step has the reward `-delay_cost`. A step with a decision has an additional reward of +1 if the decision is
+    correct and -1 if it is wrong. The return of a segment decided at its k-th tick is therefore (+1 or -1) - k *
+    delay_cost. Train with a discount factor of 1: the delay cost already penalizes late decisions.
 
     ## Starting State
-    The object starts at the origin with the given `speed` and a uniformly random heading. On each axis the
-    error of the first estimate is drawn from N(0, 0.3 R) for position and from N(0, 0.02 m^2/s^2) for
-    velocity, as after a typical segment (`initial_error`). `reset` returns the observation of the first tick
-    of the first segment.
+    The object starts at the origin with the given `speed` and a uniformly random heading. On each axis the error of the
+    first estimate is drawn from N(0, 0.3 R) for position and from N(0, 0.02 m^2/s^2) for velocity, as after a typical
+    segment (`initial_error`). `reset` returns the observation of the first tick of the first segment.
 
     ## Episode End
-    The episode terminates with the decision on the last segment. The observation of this step is the one on
-    which the decision was made. Waiting on the last tick of a segment forces a decision in that step, for the
-    most likely hypothesis (with `undecided="keep"`: for the last decided mode). Episodes are never truncated.
+    The episode terminates with the decision on the last segment. The observation of this step is the one on which the
+    decision was made. Waiting on the last tick of a segment forces a decision in that step, for the most likely
+    hypothesis (with `undecided="keep"`: for the last decided mode). Episodes are never truncated.
 
     ## Information
     `info` describes the current tick at every step: `segment`, `tick`, `true_mode`, `truth` [x, vx, y, vy],
-    `measurement` [x, y] (NaN without one), `anchor` [x, vx, y, vy], `estimate` [x, vx, y, vy] of the active
-    filter, which is that of the last decided mode (with `follow="bank"`: the mean of the posterior over all
-    filters), and `log_likelihood` (M,) since the switch.
+    `measurement` [x, y] (NaN without one), `anchor` [x, vx, y, vy], `estimate` [x, vx, y, vy] of the active filter,
+    which is that of the last decided mode (with `follow="bank"`: the mean of the posterior over all filters), and
+    `log_likelihood` (M,) since the switch.
 
-    A step with a decision adds `decided_mode`, `decided_true_mode`, `correct` (by the criterion of the
-    reward), `type_correct` (straight, left or right), `ticks` (the decision time since the switch), `forced`,
-    `decided_length` (of the segment) and `decided_squared_error` (of the estimated position, summed over the
-    segment, after `recalculation=True` of the recalculated estimates). Units are m, m/s and ticks.
+    A step with a decision adds `decided_mode`, `decided_true_mode`, `correct` (by the criterion of the reward),
+    `type_correct` (straight, left or right), `ticks` (the decision time since the switch), `forced`, `decided_length`
+    (of the segment) and `decided_squared_error` (of the estimated position, summed over the segment, after
+    `recalculation=True` of the recalculated estimates). Units are m, m/s and ticks.
 
     ## Arguments
     `gym.make` takes `render_mode` ("human" or "rgb_array") and every option of `hybrid_env.WorldOptions`:

@@ -1,9 +1,13 @@
-"""Optional dependencies: which extra brings a missing module, by the metadata of the installation."""
+"""What is loaded when it is first used: optional dependencies, and names at the top of a package (PEP 562, SPEC 1)."""
 
+import importlib
 import re
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib import metadata
+from pathlib import Path
+from typing import Any
 
 DISTRIBUTION = "hybrid-track"
 OTHER_NAMES = {
@@ -41,3 +45,19 @@ def extra_of(module: str) -> str | None:
         return None
     found = (re.match(r"([\w.-]+).*\bextra == ['\"]([\w-]+)['\"]", line) for line in requirements)
     return next((one[2] for one in found if one and one[1].lower() == wanted), None)
+
+
+def lazy_names(package: str) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
+    """Return `__all__`, `__getattr__` and `__dir__` of a package, by the imports in its `__init__.pyi`."""
+    stub = Path(str(sys.modules[package].__file__)).with_suffix(".pyi").read_text(encoding="utf-8")
+    modules = {name: module for module, name in re.findall(r"^from (\S+) import (\w+)", stub, re.M)}
+
+    def load(name: str) -> Any:
+        if name not in modules:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        with explained():
+            value = getattr(importlib.import_module(modules[name]), name)
+        setattr(sys.modules[package], name, value)
+        return value
+
+    return sorted(modules), load, lambda: sorted({*vars(sys.modules[package]), *modules})

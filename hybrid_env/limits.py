@@ -1,7 +1,7 @@
 """Allowed ranges of the options.
 
-Inside them every observation is finite and inside the observation space; `make study` tests this with 10^9 ticks
-of random options. They are so wide that neither the object nor the units matter.
+Inside them every observation is finite and inside the observation space; `make study` tests this with 10^9 ticks of
+random options. They are so wide that neither the object nor the units matter.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_env.checks import ArgumentError, check_integer, check_number, reject
+from hybrid_env.checks import ArgumentError, FloatArray, check_integer, check_number, ranged, reject
 
 RANGES = {
     "radii": (1e-12, 1e12),  # [m]
@@ -40,8 +40,7 @@ LARGEST_CIRCLE = 1e12  # radius / standard deviation of a measurement; a float64
 
 def check_within(name: str, value: Any, limits: str = "") -> float:
     """Return a finite float inside a range; limits: key of `RANGES`, by default the name."""
-    low, high = RANGES[limits or name]
-    return check_number(name, value, f"a number from {low:g} to {high:g}", low, high)
+    return float(ranged(*RANGES[limits or name])(name, value))
 
 
 def check_ticks(name: str, value: Any) -> int:
@@ -85,9 +84,14 @@ def check_variances(value: Any) -> float | tuple[float, float]:
     return x if x == y else (x, y)
 
 
-def check_initial_error(value: Any) -> tuple[float, float]:
+def axis_variances(value: Any) -> FloatArray:
+    """Return checked measurement variances [m^2]: (1,) if x and y have the same variance, else (2,)."""
+    return np.atleast_1d(np.array(check_variances(value), np.float64))
+
+
+def check_initial_error(name: str, value: Any) -> tuple[float, float]:
     """Return (position variance of the first estimate / R, its velocity variance [m^2/s^2])."""
-    name, allowed = "initial_error", "(position variance over R, velocity variance) or 0"
+    allowed = "(position variance over R, velocity variance) or 0"
     values = _values(value)
     if len(values) == 1 and values is not value:
         check_number(name, values[0], allowed, 0.0, 0.0)

@@ -1,8 +1,4 @@
-"""The state of a track on a live sensor: the measurements come from the caller.
-
-Arrays, parameters, kernels and observations are those of the environments; the commands of a live sensor in
-`core.kernels` have no object.
-"""
+"""The state of a track on a live sensor: the arrays, kernels and rows of the environments without an object."""
 
 import copy
 from typing import Any, ClassVar
@@ -23,24 +19,18 @@ TRIANGLE = np.triu_indices(4)
 SQUARE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
 """Where the elements of a covariance, (4, 4), are in its upper triangle row by row, (10,)."""
 
-UNIT_NOISE = np.array([1.0, 0.0, 1.0])
-"""Covariance xx, xy, yy over R of a measured position."""
+UNIT_NOISE = np.array([1.0, 0.0, 1.0])  # covariance xx, xy, yy over R of a measured position
 
 
 class OnlineTrack(World):
-    """One track that is stepped with measurements from outside, with unknown switches.
-
-    Attributes:
-        announced: whether switches are announced by `begin_segment`.
-        environment: id of the environment whose rows it writes.
-        recalculated: estimates (k, 4) and covariances (k, 4, 4) since the switch by the filter of the mode
-            that was declared last, with the option `recalculation`; None before it.
-    """
+    """One track that is stepped with measurements from outside, with unknown switches."""
 
     kernels = LIVE_KERNELS
-    announced: ClassVar[bool] = False
+    announced: ClassVar[bool] = False  # whether switches are announced by `begin_segment`
+    environment: ClassVar[str] = "HybridTrackQuickest-v0"  # whose rows it writes
+    # with the option `recalculation`: estimates (k, 4) and covariances (k, 4, 4) since the switch by the filter of the
+    # mode that was declared last
     recalculated: tuple[FloatArray, FloatArray] | None = None
-    environment: ClassVar[str] = "HybridTrackQuickest-v0"
 
     def _bind(self, parameters: NDArray[Any], *arrays: Any) -> None:
         parameters["irregular"] = True  # any measurement may be missing
@@ -56,11 +46,8 @@ class OnlineTrack(World):
         return dict.fromkeys(("active_mode", "stated_mode"), self.options.hypotheses - 1)
 
     def begin_track(self, estimate: FloatArray, covariance: FloatArray, mode: int) -> None:
-        """Begin a track one tick before its first measurement.
-
-        Args:
-            estimate, covariance: (4,) [x, vx, y, vy] [m, m/s], and (4, 4).
-            mode: before the first tick; -1 if it is not known.
+        """Begin a track one tick before its first measurement with an estimate, (4,) [x, vx, y, vy] [m, m/s], its
+        covariance, (4, 4), and the mode before the first tick; -1 if it is not known.
         """
         self._estimate[:], self._triangle[:] = estimate, covariance[TRIANGLE]
         self._begin(mode)
@@ -156,20 +143,13 @@ class MeasuredTracks(OnlineTrack):
 
 
 class AnnouncedTrack(OnlineTrack):
-    """A track with known switch moments.
-
-    The probabilities are posteriors with equal priors at the switch. After a decision only the decided filter runs
-    on, and they do not change until the next segment; with `follow="bank"` or `refine_radius` all run on. The
-    published bank with one measurement variance has one covariance for both axes: it starts from that of x.
+    """A track with known switch moments. The probabilities are posteriors with equal priors at the switch, and do not
+    change after a decision unless all filters run on (`follow="bank"`, `refine_radius`). The published bank with one
+    measurement variance has one covariance for both axes: it starts from that of x.
     """
 
     announced = True
     environment = "HybridTrack-v0"
-
-    def __init__(self, options: Any, tracks: int = 1, trace_rows: int = 0, threads: int = 1):
-        if options.bank == "oracle":
-            raise reject("bank", options.bank, "'published' or 'anchor_aware': the true state is unknown")
-        super().__init__(options, tracks, trace_rows, threads)
 
     def _begin(self, mode: int) -> None:
         """See `OnlineTrack._begin`; the first segment still has to begin."""
@@ -259,8 +239,10 @@ class AnnouncedTrack(OnlineTrack):
 
 def live_track(options: Any) -> OnlineTrack:
     """Return the track of a live sensor for the options of an environment; others raise `ArgumentError`."""
-    if isinstance(options, WorldOptions):
-        return AnnouncedTrack(options)
     if isinstance(options, QuickestOptions):
         return OnlineTrack(options)
-    raise reject("options", options, "WorldOptions or QuickestOptions")
+    if not isinstance(options, WorldOptions):
+        raise reject("options", options, "WorldOptions or QuickestOptions")
+    if options.bank == "oracle":
+        raise reject("bank", options.bank, "'published' or 'anchor_aware': the true state is unknown")
+    return AnnouncedTrack(options)

@@ -1,9 +1,9 @@
 """Laws of the measurement noise, in units of the standard deviation sqrt(R) of a measured coordinate.
 
-A law is written as text: "gaussian"; "outliers 0.02 5", where 2 % of the measurements have 5 times the
-standard deviation; "levy 1.5 1 44", a symmetric alpha-stable law of index 1.5 and scale 1, clipped to +-44;
-"student_t 3" with 3 degrees of freedom. The last numbers may be left out. A bank assumes normal noise of
-variance R, or with the option `likelihood` Student's t.
+A law is written as text: "gaussian"; "outliers 0.02 5", where 2 % of the measurements have 5 times the standard
+deviation; "levy 1.5 1 44", a symmetric alpha-stable law of index 1.5 and scale 1, clipped to +-44; "student_t 3" with 3
+degrees of freedom. The last numbers may be left out. A bank assumes normal noise of variance R, or with the option
+`likelihood` Student's t.
 """
 
 import dataclasses
@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 
 from numpy.typing import NDArray
 
-from hybrid_env.checks import check_number, reject
+from hybrid_env.checks import Checked, check_share, ranged, reject
 from hybrid_env.core.noise import GAUSSIAN, LEVY, OUTLIERS, STUDENT_T
 
 LARGEST_ERROR = 1e6  # magnitude of a measurement error over sqrt(R)
@@ -27,18 +27,12 @@ _TEXT = re.compile(rf"([a-z_]+)((?:\s+{_NUMBER}){{0,3}})\s*")
 
 
 @dataclass(frozen=True)
-class Noise:
-    """A law of the measurement noise: each subclass is a law, whose fields are the numbers of its text.
+class Noise(Checked):
+    """A law of the measurement noise: each subclass is a law, whose fields are the numbers of its text."""
 
-    Attributes:
-        example: its text, which begins with its name.
-        law: of `core.noise`.
-        numbers: shape, scale and clip for the kernel, each a number or the name of a field.
-    """
-
-    example: ClassVar[str]
-    law: ClassVar[int]
-    numbers: ClassVar[tuple[str | float, str | float, str | float]]
+    example: ClassVar[str]  # its text, which begins with its name
+    law: ClassVar[int]  # of `core.noise`
+    numbers: ClassVar[tuple[str | float, ...]]  # shape, scale and clip for the kernel: a number or the name of a field
 
     def write_parameters(self, record: NDArray[Any]) -> None:
         """Write the law into a (1,) record `core.state.PARAMETERS`."""
@@ -49,12 +43,6 @@ class Noise:
     def __str__(self) -> str:
         numbers = [f"{getattr(self, field.name):.15g}" for field in dataclasses.fields(self)]
         return " ".join([self.example.partition(" ")[0], *numbers])
-
-
-def _fix(law: Any, name: str, low: float, high: float, allowed: str = "") -> None:
-    """Check that a number of a law is in a range, and store it as a float."""
-    allowed = allowed or f"a number from {low:g} to {high:g}"
-    object.__setattr__(law, name, check_number(name, getattr(law, name), allowed, low, high))
 
 
 @dataclass(frozen=True)
@@ -75,21 +63,19 @@ class OutlierNoise(Noise):
 
     example, law, numbers = "outliers 0.02", OUTLIERS, ("share", "ratio", math.inf)
 
+    checks: ClassVar = {"share": check_share, "ratio": ranged(1.0, LARGEST_RATIO)}
+
     share: float
     ratio: float = 5.0
-
-    def __post_init__(self) -> None:
-        _fix(self, "share", 0.0, math.nextafter(1.0, 0.0), "a number >= 0 and < 1")
-        _fix(self, "ratio", 1.0, LARGEST_RATIO)
 
 
 @dataclass(frozen=True)
 class LevyNoise(Noise):
     """Symmetric alpha-stable errors of each coordinate, independent and clipped.
 
-    The characteristic function is `exp(-|scale t|^index)`: normal with variance 2 scale^2 at index 2, Cauchy
-    at index 1. Below index 2 the variance is infinite before the clipping. It is drawn as in Chambers,
-    Mallows & Stuck 1976, "A method for simulating stable random variables".
+    The characteristic function is `exp(-|scale t|^index)`: normal with variance 2 scale^2 at index 2, Cauchy at index
+    1. Below index 2 the variance is infinite before the clipping. It is drawn as in Chambers, Mallows & Stuck 1976, "A
+    method for simulating stable random variables".
 
     Attributes:
         index: alpha, from 0.5 to 2.
@@ -99,14 +85,11 @@ class LevyNoise(Noise):
 
     example, law, numbers = "levy 1.5 1 44", LEVY, ("index", "scale", "clip")
 
+    checks: ClassVar = {"index": ranged(0.5, 2.0), "scale": ranged(1e-3, 1e3), "clip": ranged(1e-3, LARGEST_ERROR)}
+
     index: float
     scale: float = 1.0
     clip: float = LARGEST_ERROR
-
-    def __post_init__(self) -> None:
-        _fix(self, "index", 0.5, 2.0)
-        _fix(self, "scale", 1e-3, 1e3)
-        _fix(self, "clip", 1e-3, LARGEST_ERROR)
 
 
 @dataclass(frozen=True)
@@ -119,10 +102,9 @@ class StudentNoise(Noise):
 
     example, law, numbers = "student_t 3", STUDENT_T, ("freedom", 1.0, LARGEST_ERROR)
 
-    freedom: float
+    checks: ClassVar = {"freedom": ranged(1.0, LARGEST_FREEDOM)}
 
-    def __post_init__(self) -> None:
-        _fix(self, "freedom", 1.0, LARGEST_FREEDOM)
+    freedom: float
 
 
 _LAWS: dict[str, type[Noise]] = {law.example.partition(" ")[0]: law for law in Noise.__subclasses__()}

@@ -6,18 +6,8 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.checks import check_integer, reject
-from hybrid_env.core.observation_row import (
-    HYPOTHESIS_FEATURES,
-    LOG_FLOOR,
-    LOG_SCALE,
-    QUICKEST_HYPOTHESIS_FEATURES,
-    QUICKEST_TRACK_FEATURES,
-    TICK_SCALE,
-    TRACK_FEATURES,
-)
-
-__all__ = ["HYPOTHESIS_FEATURES", "LOG_FLOOR", "LOG_SCALE", "TICK_SCALE", "TRACK_FEATURES", "Layout", "QuickestLayout"]
+from hybrid_env.checks import FloatArray, check_integer, reject
+from hybrid_env.core import observation_row
 
 
 class Layout:
@@ -34,8 +24,8 @@ class Layout:
     (5, 3)
     """
 
-    hypothesis_features: ClassVar[dict[str, float]] = HYPOTHESIS_FEATURES
-    track_features: ClassVar[dict[str, float]] = TRACK_FEATURES
+    hypothesis_features: ClassVar[dict[str, float]] = observation_row.HYPOTHESIS_FEATURES
+    track_features: ClassVar[dict[str, float]] = observation_row.TRACK_FEATURES
 
     def __init__(self, hypotheses: int):
         self.hypotheses = check_integer("hypotheses", hypotheses, minimum=3)
@@ -68,7 +58,7 @@ class Layout:
             raise reject("observation shape", rows.shape, "(N, width), one row per track")
         return cls.of_width(rows.shape[1])
 
-    def read(self, observation: NDArray[Any], name: str) -> NDArray[np.float64]:
+    def read(self, observation: NDArray[Any], name: str) -> FloatArray:
         """Return a quantity without its scale, (..., M) per hypothesis or (...) per track.
 
         Args:
@@ -87,5 +77,5 @@ class Layout:
 class QuickestLayout(Layout):
     """Position and scale of each quantity in an observation of `HybridTrackQuickestEnv`; see `Layout`."""
 
-    hypothesis_features = QUICKEST_HYPOTHESIS_FEATURES
-    track_features = QUICKEST_TRACK_FEATURES
+    hypothesis_features = observation_row.QUICKEST_HYPOTHESIS_FEATURES
+    track_features = observation_row.QUICKEST_TRACK_FEATURES

@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_env.checks import FloatArray, ReadOnlyAttributes, axis_variances, check_array, frozen
+from hybrid_env.checks import FloatArray, ReadOnlyAttributes, check_array, frozen
 from hybrid_env.core.banks.bank import FilterModel, bank_arrays
 from hybrid_env.core.banks.published import PublishedBank, begin_published, step_published
 from hybrid_env.core.compilation import compiled, prepare
 from hybrid_env.core.records import LANES
-from hybrid_env.limits import check_variances, check_within, distinct_radii
+from hybrid_env.limits import axis_variances, check_within, distinct_radii
 
 
 @compiled
@@ -54,7 +54,7 @@ class KalmanBank(ReadOnlyAttributes):
         self.radii = frozen(np.array(distinct_radii("radii", radii)))
         self.tau = check_within("tau", tau)
         self.process_variance = check_within("process_variance", process_variance)
-        self.variances = frozen(axis_variances(check_variances(measurement_variance)))
+        self.variances = frozen(axis_variances(measurement_variance))
         self._bank = bank_arrays(PublishedBank, self.radii.size, self.variances.size)
         self._model = FilterModel(self.tau, self.process_variance, float(self.variances[0]), float(self.variances[-1]))
         self._measurement = np.zeros((2, LANES))

@@ -2,20 +2,21 @@
 
 import dataclasses
 import difflib
-import functools
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env import limits
-from hybrid_env.checks import axis_variances, check_choice, check_flag, check_number, reject
+from hybrid_env.checks import Checked, FloatArray, check_choice, check_flag, check_share, optional, reject
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
 from hybrid_env.core.records import SEGMENT_COLUMNS, TICK_NAMES
 from hybrid_env.core.state import BANKS, PARAMETERS
+from hybrid_env.limits import axis_variances, check_variances, check_within, distinct_radii
 from hybrid_env.noises import GaussianNoise, Noise, StudentNoise, parse_likelihood, parse_noise
 from hybrid_env.observation import Layout
 from hybrid_env.scheme import FixedScheme, Scheme, parse_scheme, segment_table
@@ -32,13 +33,13 @@ CHOICES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class ModelOptions:
+class ModelOptions(Checked):
     """The options of the model that every environment has; each environment has a subclass.
 
-    Values are converted to plain numbers, strings and tuples, so that arrays and lists that are given may
-    change later. Allowed are radii from 1e-12 to 1e12, speed and tau from 1e-9 to 1e9, standard deviations
-    from 1e-9 to 1e9, and 1,000 radii; the object may turn by 100 rad per tick and move by 10^9 standard
-    deviations of a measurement (`hybrid_env.limits`).
+    Values are converted to plain numbers, strings and tuples, so that arrays and lists that are given may change later.
+    Allowed are radii from 1e-12 to 1e12, speed and tau from 1e-9 to 1e9, standard deviations from 1e-9 to 1e9, and
+    1,000 radii; the object may turn by 100 rad per tick and move by 10^9 standard deviations of a measurement
+    (`hybrid_env.limits`).
 
     Attributes:
         radii: turn radii of the bank [m], each as a left and as a right turn: M = 2 n + 1 hypotheses of n radii.
@@ -48,21 +49,26 @@ class ModelOptions:
         process_variance: Q, variance of the noise added to each velocity at every tick [m^2/s^2].
         object_variance: the same of the object, of which the filters are not told; None is Q.
         measurement_variance: R, variance of each measured coordinate [m^2], one number or (x, y).
-        noise: law of the errors of measurements in units of sqrt(R), see `hybrid_env.noises`: "gaussian",
-            "outliers 0.02", "levy 1.5 1 44", "student_t 3", or a law object. The bank does not know it.
+        noise: law of the errors of measurements in units of sqrt(R), see `hybrid_env.noises`: "gaussian", "outliers
+            0.02", "levy 1.5 1 44", "student_t 3", or a law object. The bank does not know it.
         missed: probability that a tick has no measurement (of each sensor, if there are several), below 1. The filters
             then only predict; in the observation all innovations are zero, and `info["measurement"]` is NaN.
         sensors: position sensors and radars (`hybrid_env.Sensor`, `Radar`, or texts: "0.4 period 5 range 30 at 10 20",
-            "radar 5 0.01 rate 0.3") that replace the one of variance R and are fused; a tick in which none measures
-            is like a missed one. R, one number, stays the unit of the observation.
+            "radar 5 0.01 rate 0.3") that replace the one of variance R and are fused; a tick in which none measures is
+            like a missed one. R, one number, stays the unit of the observation.
         likelihood: law of the innovations that the bank assumes: "gaussian", or "student_t 4" for a robust one, by
             which a measurement far from all predictions changes little (`core.banks.kalman.weigh`).
-        initial_error: (position variance of the first estimate / R, its velocity variance [m^2/s^2]) of a normal
-            error; 0 starts at the true state.
-
-    Raises:
-        ArgumentError: an option has a value that is not allowed.
+        initial_error: (position variance of the first estimate / R, its velocity variance [m^2/s^2]) of a normal error;
+            0 starts at the true state.
     """
+
+    checks: ClassVar = {
+        "radii": distinct_radii, "speed": check_within, "tau": check_within, "process_variance": check_within,
+        "heading": optional(check_within), "object_variance": optional(check_within),
+        "measurement_variance": lambda _, value: check_variances(value), "noise": lambda _, value: parse_noise(value),
+        "missed": check_share, "sensors": lambda _, value: parse_sensors(value),
+        "likelihood": lambda _, value: parse_likelihood(value), "initial_error": limits.check_initial_error,
+    }  # fmt: skip
 
     switches: ClassVar[Literal["announced", "unknown"]]
     layout_class: ClassVar[type[Layout]]
@@ -85,20 +91,8 @@ class ModelOptions:
     initial_error: float | tuple[float, float] = (0.3, 0.02)
 
     def __post_init__(self) -> None:
-        fix = functools.partial(object.__setattr__, self)
-        fix("radii", limits.distinct_radii("radii", self.radii))
-        for name in ("speed", "tau", "process_variance"):
-            fix(name, limits.check_within(name, getattr(self, name)))
-        for name in ("heading", "object_variance"):
-            if getattr(self, name) is not None:
-                fix(name, limits.check_within(name, getattr(self, name)))
-        fix("measurement_variance", limits.check_variances(self.measurement_variance))
-        fix("noise", parse_noise(self.noise))
-        fix("missed", check_number("missed", self.missed, "a number >= 0 and < 1", 0.0, math.nextafter(1.0, 0.0)))
-        fix("sensors", parse_sensors(self.sensors))
-        fix("likelihood", parse_likelihood(self.likelihood))
+        super().__post_init__()
         check_sensors(self.sensors, self.variances.tolist())
-        fix("initial_error", limits.check_initial_error(self.initial_error))
 
     def _check_ratios(self, radii: Iterable[float]) -> None:
         """Check the turn per tick, and motion and radii in standard deviations; radii: of bank and object."""
@@ -139,12 +133,7 @@ class ModelOptions:
         raise NotImplementedError
 
     @property
-    def robust(self) -> bool:
-        """Whether the bank has a robust likelihood."""
-        return isinstance(self.likelihood, StudentNoise)
-
-    @property
-    def variances(self) -> NDArray[np.float64]:
+    def variances(self) -> FloatArray:
         """Measurement variances [m^2]: (1,) if x and y have the same variance, else (2,)."""
         return axis_variances(self.measurement_variance)
 
@@ -156,7 +145,7 @@ class ModelOptions:
         }  # fmt: skip
 
     @property
-    def table(self) -> NDArray[np.float64]:
+    def table(self) -> FloatArray:
         """Segments in order, or the modes to draw from, see `scheme.segment_table`."""
         raise NotImplementedError
 
@@ -190,30 +179,33 @@ class WorldOptions(ModelOptions):
     """The options of `HybridTrackEnv`, which are keywords of `gym.make`: these and those of `ModelOptions`.
 
     Attributes:
-        scheme: segments of an episode: "random" (6 segments of 50 to 100 ticks, all modes equally likely),
-            "random 4x20-60", "L50r3 R75r5 S50", a key of `SCHEMES`, or a scheme object.
-        bank: "published" treats the anchor as exact; "anchor_aware" includes the uncertainty of the anchor in
-            the state of every turn, see `core.banks.anchor_aware`; "oracle" is the published bank anchored at
-            the true state, an upper bound for evaluation that is not available in practice.
+        scheme: segments of an episode: "random" (6 segments of 50 to 100 ticks, all modes equally likely), "random
+            4x20-60", "L50r3 R75r5 S50", a key of `SCHEMES`, or a scheme object.
+        bank: "published" treats the anchor as exact; "anchor_aware" includes the uncertainty of the anchor in the state
+            of every turn, see `core.banks.anchor_aware`; "oracle" is the published bank anchored at the true state, an
+            upper bound for evaluation that is not available in practice.
         reset_covariance: True starts every segment with P := I, as published; False carries over the covariance of the
             estimate. None means True for the published bank that follows the declared filter, and False otherwise.
-        follow: what runs on to the end of a segment after a decision. "declared", as published: the filter of
-            the declared hypothesis, whose estimate is the next anchor. "bank": all filters; the estimate and
-            the next anchor are the mean of the posterior over all hypotheses, with its covariance
-            (`core.banks.mixture`), so that a wrong decision costs its reward and nothing else.
-        recalculation: a declaration recalculates the estimates since the switch by the filter of its mode
-            (Tsyganov 2019). `decided_squared_error` counts these; the next anchor is the same.
-        refine_radius: after a declaration all filters run on; estimate, last decided mode and next anchor are
-            those of the likeliest hypothesis of the declared type (straight, left or right).
+        follow: what runs on to the end of a segment after a decision. "declared", as published: the filter of the
+            declared hypothesis, whose estimate is the next anchor. "bank": all filters; the estimate and the next
+            anchor are the mean of the posterior over all hypotheses, with its covariance (`core.banks.mixture`), so
+            that a wrong decision costs its reward and nothing else.
+        recalculation: a declaration recalculates the estimates since the switch by the filter of its mode (Tsyganov
+            2019). `decided_squared_error` counts these; the next anchor is the same.
+        refine_radius: after a declaration all filters run on; estimate, last decided mode and next anchor are those of
+            the likeliest hypothesis of the declared type (straight, left or right).
         delay_cost: cost of a step, in units of the reward of a correct decision.
         correctness: "exact" requires the hypothesis, "type" only straight, left or right.
         actions: "all" waits or declares one of M hypotheses; "best" waits or declares the most likely one.
-        undecided: decision on a segment that ends undecided: "likeliest" for the most likely hypothesis,
-            "keep" for the last decided mode, as in the papers.
-
-    Raises:
-        ArgumentError: an option has a value that is not allowed.
+        undecided: decision on a segment that ends undecided: "likeliest" for the most likely hypothesis, "keep" for the
+            last decided mode, as in the papers.
     """
+
+    checks: ClassVar = {
+        "scheme": lambda _, value: parse_scheme(value), **ModelOptions.checks, "delay_cost": check_within,
+        **{name: partial(check_choice, choices=choices) for name, choices in CHOICES.items()},
+        "reset_covariance": optional(check_flag), "recalculation": check_flag, "refine_radius": check_flag,
+    }  # fmt: skip
 
     switches, layout_class, tick_names = "announced", Layout, TICK_NAMES
     hypothesis_field, first_action, traced = "log_likelihood", "wait", True
@@ -230,23 +222,15 @@ class WorldOptions(ModelOptions):
     undecided: Literal["likeliest", "keep"] = "likeliest"
 
     def __post_init__(self) -> None:
-        fix = functools.partial(object.__setattr__, self)
-        fix("scheme", parse_scheme(self.scheme))
         super().__post_init__()
-        fix("delay_cost", limits.check_within("delay_cost", self.delay_cost))
-        for name, choices in CHOICES.items():
-            fix(name, str(check_choice(name, getattr(self, name), choices)))
-        if self.reset_covariance is not None:
-            fix("reset_covariance", check_flag("reset_covariance", self.reset_covariance))
         if self.reset_covariance and self.bank == "oracle":
             raise reject("reset_covariance", True, "False or None with bank='oracle', whose anchor is exact")
         for name in ("recalculation", "refine_radius"):
-            fix(name, check_flag(name, getattr(self, name)))
             if getattr(self, name) and self.follow == "bank":
                 raise reject(name, True, "False with follow='bank', which merges all filters")
         if self.refine_radius and len(self.radii) == 1:
             raise reject("refine_radius", True, "False with a single radius: give several in radii")
-        if self.robust and self.bank == "anchor_aware":
+        if isinstance(self.likelihood, StudentNoise) and self.bank == "anchor_aware":
             raise reject("likelihood", str(self.likelihood), "'gaussian' with bank='anchor_aware'")
         signed_radii = self.table[:, SEGMENT_COLUMNS.index("signed_radius")]
         of_scheme = {abs(float(radius)) for radius in signed_radii if radius}
@@ -267,12 +251,7 @@ class WorldOptions(ModelOptions):
         return 2 if self.actions == "best" else self.hypotheses + 1
 
     @property
-    def axes(self) -> int:
-        """Number of covariances per radius in the published bank: 1 if those of both axes are equal."""
-        return 2 if self.follow == "bank" else self.variances.size
-
-    @property
-    def table(self) -> NDArray[np.float64]:
+    def table(self) -> FloatArray:
         """Segments in order, or the modes to draw from, see `scheme.segment_table`."""
         assert not isinstance(self.scheme, str)
         return segment_table(self.scheme, self.radii)
@@ -316,7 +295,8 @@ class WorldOptions(ModelOptions):
         record["reset_covariance"] = default if self.reset_covariance is None else self.reset_covariance
         record["oracle"], record["exact_anchor"] = self.bank == "oracle", self.bank != "anchor_aware"
         record["exact"], record["merged"] = self.correctness == "exact", self.follow == "bank"
-        record["declare_best"], record["axes"] = self.actions == "best", self.axes
+        record["declare_best"] = self.actions == "best"
+        record["axes"] = 2 if self.follow == "bank" else self.variances.size  # 1 if those of both axes are equal
         record["recalculated"], record["refined"] = self.hypotheses * self.recalculation, self.refine_radius
         record["keep_undecided"] = self.undecided == "keep"
         if not isinstance(self.scheme, FixedScheme):

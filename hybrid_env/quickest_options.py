@@ -1,33 +1,25 @@
 """The options of the environment with unknown switch moments, checked on creation."""
 
-import functools
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Literal
+from functools import partial
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.checks import check_choice, check_number, reject
+from hybrid_env import durations as laws
+from hybrid_env.checks import FloatArray, check_choice, check_number, reject
 from hybrid_env.core.banks.imm import ImmBank
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
 from hybrid_env.core.records import TICK_NAMES
-from hybrid_env.durations import (
-    DRAWN,
-    DrawnDurations,
-    Durations,
-    duration_probabilities,
-    laws_by_mode,
-    parse_durations,
-    remaining_probabilities,
-)
+from hybrid_env.durations import DRAWN, Durations, parse_durations
 from hybrid_env.limits import check_ticks, check_within
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.options import ModelOptions
 from hybrid_env.scheme import RandomScheme, segment_table
 
-ORDERS = ("equal", "cycle", DRAWN)
-"""Named values of the option `order`."""
+ORDERS = ("equal", "cycle", DRAWN)  # named values of the option `order`
 
 
 def check_order(order: Any, modes: int) -> str | tuple[tuple[float, ...], ...]:
@@ -54,22 +46,28 @@ class QuickestOptions(ModelOptions):
 
     Attributes:
         ticks: length of an episode [ticks].
-        durations: law of the duration of a segment, see `hybrid_env.durations`: "25 + geometric 50",
-            "geometric 75", "uniform 50-100", "drawn" for another law in every episode, or a law object.
-        order: law of the next mode: "equal", all other modes equally likely; "cycle", straight, left turns,
-            right turns, and again; or an (M, M) matrix of the probabilities of the next mode (column) by the
-            present one, with zeros on the diagonal, also as text: "0 0.9 0.1, 0.5 0 0.5, 1 0 0"; or "drawn",
-            another one in every episode.
-        start: "known" begins an episode at a switch to a random mode, which the bank knows; "random" begins
-            at a random moment of a segment whose mode the bank does not know.
+        durations: law of the duration of a segment, see `hybrid_env.durations`: "25 + geometric 50", "geometric 75",
+            "uniform 50-100", "drawn" for another law in every episode, or a law object.
+        order: law of the next mode: "equal", all other modes equally likely; "cycle", straight, left turns, right
+            turns, and again; or an (M, M) matrix of the probabilities of the next mode (column) by the present one,
+            with zeros on the diagonal, also as text: "0 0.9 0.1, 0.5 0 0.5, 1 0 0"; or "drawn", another one in every
+            episode.
+        start: "known" begins an episode at a switch to a random mode, which the bank knows; "random" begins at a random
+            moment of a segment whose mode the bank does not know.
         change_cost: cost of a change of the statement to a wrong mode, in units of the reward of a tick.
-        hazard: probability of a switch per tick that the bank assumes, at most (M - 1) / M; None is the
-            inverse of the mean duration.
+        hazard: probability of a switch per tick that the bank assumes, at most (M - 1) / M; None is the inverse of the
+            mean duration.
     """
 
     switches, layout_class, traced = "unknown", QuickestLayout, False
     tick_names = tuple(name for name in TICK_NAMES if name != "anchor")
     hypothesis_field, first_action, bank_class = "log_probability", "straight", ImmBank
+
+    checks: ClassVar = {
+        **ModelOptions.checks, "ticks": check_ticks, "durations": lambda _, value: parse_durations(value),
+        "start": partial(check_choice, choices=("known", "random")),
+        "change_cost": partial(check_within, limits="delay_cost"),
+    }  # fmt: skip
 
     ticks: int = 600
     durations: str | Durations = "25 + geometric 50"
@@ -80,16 +78,11 @@ class QuickestOptions(ModelOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        fix = functools.partial(object.__setattr__, self)
-        fix("ticks", check_ticks("ticks", self.ticks))
-        fix("durations", parse_durations(self.durations))
-        fix("order", check_order(self.order, self.hypotheses))
-        fix("start", str(check_choice("start", self.start, ("known", "random"))))
-        fix("change_cost", check_within("change_cost", self.change_cost, "delay_cost"))
+        object.__setattr__(self, "order", check_order(self.order, self.hypotheses))
         if self.hazard is not None:
             largest = 1.0 - 1.0 / self.hypotheses
             allowed = f"a number from 0 to {largest:.6g}, or None"
-            fix("hazard", check_number("hazard", self.hazard, allowed, 0.0, largest))
+            object.__setattr__(self, "hazard", check_number("hazard", self.hazard, allowed, 0.0, largest))
         self._check_ratios(self.radii)
 
     @property
@@ -115,7 +108,7 @@ class QuickestOptions(ModelOptions):
         return min(1.0 / self.law.mean_duration, largest) if self.hazard is None else self.hazard
 
     @property
-    def transition_matrix(self) -> NDArray[np.float64]:
+    def transition_matrix(self) -> FloatArray:
         """Transition probabilities that the bank assumes, (M, M); rows sum to 1."""
         M = self.hypotheses
         matrix = np.full((M, M), self.assumed_hazard / (M - 1))
@@ -123,19 +116,19 @@ class QuickestOptions(ModelOptions):
         return matrix
 
     @property
-    def table(self) -> NDArray[np.float64]:
+    def table(self) -> FloatArray:
         """One row for each mode, see `scheme.segment_table`."""
         return segment_table(RandomScheme(), self.radii)
 
     @property
-    def duration_laws(self) -> NDArray[np.float64]:
+    def duration_laws(self) -> FloatArray:
         """Probabilities of 1, ..., `ticks` ticks, (4, ticks): of a first straight segment or turn, and of others."""
-        first = remaining_probabilities if self.start == "random" else duration_probabilities
-        laws = laws_by_mode(self.law)
-        return np.stack([of(law, self.ticks) for of in (first, duration_probabilities) for law in laws])
+        first = laws.remaining_probabilities if self.start == "random" else laws.duration_probabilities
+        both = laws.laws_by_mode(self.law)
+        return np.stack([of(law, self.ticks) for of in (first, laws.duration_probabilities) for law in both])
 
     @property
-    def order_matrix(self) -> NDArray[np.float64]:
+    def order_matrix(self) -> FloatArray:
         """Probabilities of the next mode (column) by the present one, (M, M); rows sum to 1."""
         if isinstance(self.order, tuple):
             return np.array(self.order)
@@ -144,8 +137,8 @@ class QuickestOptions(ModelOptions):
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """See `ModelOptions.arrays`."""
-        laws = {"durations": np.cumsum(self.duration_laws, axis=1)}
-        return super().arrays() | laws | ({} if self.order in ("equal", DRAWN) else {"order": self.order_matrix})
+        cumulative = {"durations": np.cumsum(self.duration_laws, axis=1)}
+        return super().arrays() | cumulative | ({} if self.order in ("equal", DRAWN) else {"order": self.order_matrix})
 
     def bounds(self) -> dict[str, tuple[float, float]]:
         """See `WorldOptions.bounds`."""
@@ -169,6 +162,6 @@ class QuickestOptions(ModelOptions):
         record["start_known"] = self.start == "known"
         record["order_rows"] = 0 if self.order in ("equal", DRAWN) else self.hypotheses
         record["drawn_modes"] = self.hypotheses if self.order == DRAWN else 0
-        record["drawn_laws"] = 2 if isinstance(self.durations, DrawnDurations) else 0
+        record["drawn_laws"] = 2 if str(self.durations) == DRAWN else 0
         record["stay_probability"], record["switch_probability"] = self.transition_matrix[0, :2]
         return record

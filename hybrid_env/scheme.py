@@ -1,17 +1,18 @@
 """Schemes: the mode, length and radius of every segment of a trajectory.
 
-A scheme is written as in the papers, one word per segment: "L50r3 R75r5 S50" is a left turn of 50 ticks with
-a radius of 3 m, a right turn of 75 ticks with a radius of 5 m, and a straight line of 50 ticks.
+A scheme is written as in the papers, one word per segment: "L50r3 R75r5 S50" is a left turn of 50 ticks with a radius
+of 3 m, a right turn of 75 ticks with a radius of 5 m, and a straight line of 50 ticks.
 """
 
 import re
 from dataclasses import dataclass
-from typing import TypeAlias
+from functools import partial
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from hybrid_env.checks import ArgumentError, check_choice, reject
+from hybrid_env.checks import ArgumentError, Checked, FloatArray, check_choice, optional, reject
 from hybrid_env.limits import MAX_PIECES, check_ticks, check_within, distinct_radii, two_values
 
 GRAMMAR = "words such as 'S50' or 'L50r3' (mode, ticks, radius), 'random 6x50-100', or a key of SCHEMES"
@@ -22,7 +23,7 @@ _RANDOM = re.compile(rf"random(?:\s+({_INTEGER})x({_INTEGER})(?:-({_INTEGER}))?)
 
 
 @dataclass(frozen=True)
-class Segment:
+class Segment(Checked):
     """One segment of a trajectory.
 
     Attributes:
@@ -31,17 +32,19 @@ class Segment:
         radius: turn radius [m]; None for a straight segment.
     """
 
+    checks: ClassVar = {
+        "mode": partial(check_choice, choices=("S", "L", "R")), "length": check_ticks,
+        "radius": optional(partial(check_within, limits="radii")),
+    }  # fmt: skip
+
     mode: str
     length: int
     radius: float | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "mode", str(check_choice("mode", self.mode, ("S", "L", "R"))))
-        object.__setattr__(self, "length", check_ticks("length", self.length))
+        super().__post_init__()
         if (self.mode == "S") != (self.radius is None):
             raise reject("radius", self.radius, "None for a straight segment, a number > 0 for a turn")
-        if self.radius is not None:
-            object.__setattr__(self, "radius", check_within("radius", self.radius, "radii"))
 
     @property
     def signed_radius(self) -> float:
@@ -53,28 +56,34 @@ class Segment:
         return f"{self.mode}{self.length}{radius}"
 
 
+def _check_pieces(name: str, pieces: Any) -> tuple[Segment, ...]:
+    listed = isinstance(pieces, (tuple, list)) and 1 <= len(pieces) <= MAX_PIECES
+    if not listed or not all(isinstance(piece, Segment) for piece in pieces):
+        raise reject(name, pieces, f"a tuple of 1 to {MAX_PIECES} objects hybrid_env.Segment")
+    return tuple(pieces)
+
+
 @dataclass(frozen=True)
-class FixedScheme:
+class FixedScheme(Checked):
     """A scheme with the same segments in every episode: a tuple of at most 10,000 pieces."""
 
-    pieces: tuple[Segment, ...]
+    checks: ClassVar = {"pieces": _check_pieces}
 
-    def __post_init__(self) -> None:
-        pieces = self.pieces
-        if (
-            not isinstance(pieces, (tuple, list))
-            or not 1 <= len(pieces) <= MAX_PIECES
-            or not all(isinstance(piece, Segment) for piece in pieces)
-        ):
-            raise reject("pieces", pieces, f"a tuple of 1 to {MAX_PIECES} objects hybrid_env.Segment")
-        object.__setattr__(self, "pieces", tuple(pieces))
+    pieces: tuple[Segment, ...]
 
     def __str__(self) -> str:
         return " ".join(map(str, self.pieces))
 
 
+def _check_lengths(name: str, value: Any) -> tuple[int, int]:
+    shortest, longest = (check_ticks(name, length) for length in two_values(name, value, "(shortest, longest)"))
+    if shortest > longest:
+        raise reject(name, value, "(shortest, longest)")
+    return shortest, longest
+
+
 @dataclass(frozen=True)
-class RandomScheme:
+class RandomScheme(Checked):
     """A scheme with random segments in every episode. Modes are independent and equally likely.
 
     Attributes:
@@ -83,20 +92,11 @@ class RandomScheme:
         radii: turn radii of the object [m]; None uses the radii of the bank.
     """
 
+    checks: ClassVar = {"segments": check_ticks, "lengths": _check_lengths, "radii": optional(distinct_radii)}
+
     segments: int = 6
     lengths: tuple[int, int] = (50, 100)
     radii: tuple[float, ...] | None = None
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "segments", check_ticks("segments", self.segments))
-        allowed = "(shortest, longest)"
-        values = two_values("lengths", self.lengths, allowed)
-        shortest, longest = (check_ticks("lengths", length) for length in values)
-        if shortest > longest:
-            raise reject("lengths", self.lengths, allowed)
-        object.__setattr__(self, "lengths", (shortest, longest))
-        if self.radii is not None:
-            object.__setattr__(self, "radii", distinct_radii("radii", self.radii))
 
     def __str__(self) -> str:
         return f"random {self.segments}x{self.lengths[0]}-{self.lengths[1]}"
@@ -147,15 +147,14 @@ def nearest_mode(signed_radius: float, radii: ArrayLike) -> int:
     """Return the index of the hypothesis on the same side with the closest curvature; 0 is straight."""
     if signed_radius == 0.0:
         return 0
-    bank: NDArray[np.float64] = np.asarray(radii, dtype=np.float64)
+    bank: FloatArray = np.asarray(radii, dtype=np.float64)
     nearest = int(np.abs(1.0 / bank - 1.0 / abs(signed_radius)).argmin())
     return 1 + nearest + (bank.size if signed_radius < 0 else 0)
 
 
-def segment_table(scheme: Scheme, radii: ArrayLike) -> NDArray[np.float64]:
-    """Return the segment table, (segments, columns), with columns `core.records.SEGMENT_COLUMNS`.
-
-    A random scheme has one row per mode, equally likely, with length 0.
+def segment_table(scheme: Scheme, radii: ArrayLike) -> FloatArray:
+    """Return the segment table, (segments, columns), with columns `core.records.SEGMENT_COLUMNS`. A random scheme has
+    one row per mode, equally likely, with length 0.
     """
     bank = np.asarray(radii, dtype=np.float64)
     if isinstance(scheme, FixedScheme):

@@ -1,15 +1,16 @@
 """Position sensors and radars of any accuracy, period and range, whose measurements of a tick are fused."""
 
-import functools
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_env.checks import ArgumentError, FloatArray, check_array, check_number, reject
+from hybrid_env.checks import ArgumentError, Checked, FloatArray, check_array, check_number, optional, ranged, reject
 from hybrid_env.core.polar import Position, add_information, fused_position, position_noise, to_position
 from hybrid_env.core.records import MOST_RATES, SENSOR
 from hybrid_env.limits import RANGES, check_ticks, check_within, two_values
@@ -22,28 +23,34 @@ GRAMMAR = (
 )
 
 
+_TEXT = re.compile(
+    r"(?:(?P<variance>\S+)|radar (?P<range_deviation>\S+) (?P<bearing_deviation>\S+))"
+    r"(?: period (?P<period>\S+)| range (?P<range>\S+)| rate (?P<rate_deviation>\S+)| at (?P<x>\S+) (?P<y>\S+))*"
+)
+
+
+def _check_position(name: str, value: Any) -> tuple[float, ...]:
+    largest = RANGES["radii"][1]
+    check = ranged(-largest, largest, f"numbers up to {largest:g}")
+    return tuple(check(name, x) for x in two_values(name, value, "(x, y)"))
+
+
+def _check_range(name: str, value: Any) -> float:
+    infinite = isinstance(value, float) and value == math.inf
+    return math.inf if infinite else check_number(name, value, "a number > 0, or inf", math.ulp(0.0))
+
+
 @dataclass(frozen=True, kw_only=True)
-class _Placed:
+class _Placed(Checked):
     """Where and when a sensor measures."""
+
+    checks: ClassVar = {"position": _check_position, "period": check_ticks, "range": _check_range}
 
     position: tuple[float, float] = (0.0, 0.0)
     period: int = 1
     range: float = math.inf
 
-    values: ClassVar[int] = 2
-    """Number of values that it measures."""
-
-    def __post_init__(self) -> None:
-        fix = functools.partial(object.__setattr__, self)
-        largest = RANGES["radii"][1]
-        values = two_values("position", self.position, "(x, y)")
-        fix(
-            "position",
-            tuple(check_number("position", x, f"numbers up to {largest:g}", -largest, largest) for x in values),
-        )
-        fix("period", check_ticks("period", self.period))
-        if not (isinstance(self.range, float) and self.range == math.inf):
-            fix("range", check_number("range", self.range, "a number > 0, or inf", math.ulp(0.0)))
+    values: ClassVar[int] = 2  # number of values that it measures
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,11 +66,9 @@ class Sensor(_Placed):
         range: largest distance of the object at which it is measured [m].
     """
 
-    variance: float
+    checks: ClassVar = {"variance": partial(check_within, limits="measurement_variance")} | _Placed.checks
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "variance", check_within("variance", self.variance, "measurement_variance"))
-        super().__post_init__()
+    variance: float
 
     def located(self, values: FloatArray) -> Position:
         """Return a measured (x, y) [m] and its covariance xx, xy, yy [m^2]."""
@@ -74,9 +79,9 @@ class Sensor(_Placed):
 class Radar(_Placed):
     """A sensor that measures range and bearing of the object, and by option its range rate (Doppler).
 
-    Range and bearing are converted to a position and its covariance, see `hybrid_env.core.polar`. The filters
-    are consistent as long as range * bearing_deviation^2, the bend of an arc of the length of the bearing
-    error, is smaller than the range deviation.
+    Range and bearing are converted to a position and its covariance, see `hybrid_env.core.polar`. The filters are
+    consistent as long as range * bearing_deviation^2, the bend of an arc of the length of the bearing error, is smaller
+    than the range deviation.
 
     Attributes:
         range_deviation: standard deviation of the range [m].
@@ -85,16 +90,13 @@ class Radar(_Placed):
         position, period, range: see `Sensor`.
     """
 
+    checks: ClassVar = {
+        "range_deviation": check_within, "bearing_deviation": check_within, "rate_deviation": optional(check_within),
+    } | _Placed.checks  # fmt: skip
+
     range_deviation: float
     bearing_deviation: float
     rate_deviation: float | None = None
-
-    def __post_init__(self) -> None:
-        fix = functools.partial(object.__setattr__, self)
-        for name in ("range_deviation", "bearing_deviation", "rate_deviation"):
-            if (value := getattr(self, name)) is not None or name != "rate_deviation":
-                fix(name, check_within(name, value))
-        super().__post_init__()
 
     @property
     def values(self) -> int:  # type: ignore[override]
@@ -121,24 +123,16 @@ class Radar(_Placed):
 
 
 class Fused(NamedTuple):
-    """What sensors measured in a tick.
+    """What sensors measured in a tick."""
 
-    Attributes:
-        position: (x, y) [m].
-        covariance: xx, xy, yy of its error [m^2]; None is variance R.
-        rates: of each radar with a range rate, in the order of the list [m/s]; NaN if it did not measure.
-    """
-
-    position: tuple[float, float]
-    covariance: tuple[float, float, float] | None = None
-    rates: tuple[float, ...] = ()
+    position: tuple[float, float]  # (x, y) [m]
+    covariance: tuple[float, float, float] | None = None  # xx, xy, yy of its error [m^2]; None is variance R
+    rates: tuple[float, ...] = ()  # of each radar with a range rate, in the order of the list [m/s]; NaN without one
 
 
 def fuse(sensors: Sequence[Sensor | Radar], values: Mapping[int, ArrayLike]) -> Fused:
-    """Return what some of the sensors measured in a tick.
-
-    values: of each sensor that measured, by its place in the list: (x, y), (range, bearing) or (range, bearing,
-    range rate) [m, rad, m/s].
+    """Return what some of the sensors measured in a tick. values: of each sensor that measured, by its place in the
+    list: (x, y), (range, bearing) or (range, bearing, range rate) [m, rad, m/s].
     """
     information, rates, origin = (0.0,) * 5, [], None
     for k, sensor in enumerate(sensors):
@@ -179,28 +173,14 @@ def parse_sensors(value: Any) -> tuple[Sensor | Radar, ...]:
 
 
 def _attributes(text: str) -> dict[str, Any]:
-    """Return the attributes of a sensor from a text.
-
-    "VARIANCE [period TICKS] [range DISTANCE] [at X Y]", or "radar RANGE_DEVIATION BEARING_DEVIATION [rate
-    RATE_DEVIATION]" and the same words.
-    """
-    words = text.split()
-    found: dict[str, Any] = {}
-    if words[:1] == ["radar"] and len(words) >= 3:
-        found = {"range_deviation": float(words[1]), "bearing_deviation": float(words[2])}
-        words = words[3:]
-    elif words:
-        found["variance"] = float(words.pop(0))
-    while words:
-        name = words.pop(0)
-        if name == "at" and len(words) >= 2:
-            found["position"] = float(words.pop(0)), float(words.pop(0))
-        elif name in ("period", "range", "rate") and words:
-            attribute = "rate_deviation" if name == "rate" else name
-            found[attribute] = (int if name == "period" else float)(words.pop(0))
-        else:
-            raise ValueError(f"{name!r} in {text!r}")
-    return found
+    """Return the attributes of a sensor from a text, see `_TEXT`."""
+    found = _TEXT.fullmatch(" ".join(text.split()))
+    if found is None:
+        raise ValueError(repr(text))
+    values: dict[str, Any] = {name: float(word) for name, word in found.groupdict().items() if word is not None}
+    if "x" in values:
+        values["position"] = values.pop("x"), values.pop("y")
+    return values | ({"period": int(found["period"])} if found["period"] else {})
 
 
 def has_radar(sensors: Sequence[Sensor | Radar]) -> bool:

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_env.checks import FloatArray, IntArray, axis_variances, check_array, check_integer, reject
+from hybrid_env.checks import FloatArray, IntArray, check_array, check_integer, reject
 from hybrid_env.core.arrays import aligned_zeros
 from hybrid_env.core.compilation import compiled, prepare
 from hybrid_env.core.noise import NOISE_ROWS
 from hybrid_env.core.records import BLOCK, LANES, SENSOR
 from hybrid_env.core.state import PARAMETERS
 from hybrid_env.core.true_object import begin_motion, move
-from hybrid_env.limits import check_variances, check_within
+from hybrid_env.limits import axis_variances, check_within
 from hybrid_env.noises import Noise, parse_noise
 from hybrid_env.scheme import FixedScheme, parse_scheme, segment_table
 
@@ -95,7 +95,7 @@ def simulate(
     table = segment_table(fixed, radii)
     truth = np.empty((number * LANES, lengths.sum(), 4))
     measurements = np.empty((number * LANES, lengths.sum(), 2))
-    deviations = np.sqrt(axis_variances(check_variances(measurement_variance)))
+    deviations = np.sqrt(axis_variances(measurement_variance))
     parameters = np.zeros(1, PARAMETERS)
     parameters["tau"] = check_within("tau", tau)
     parameters["process_deviation"] = math.sqrt(check_within("process_variance", process_variance))

@@ -10,24 +10,15 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from hybrid_env.checks import (
-    BoolArray,
-    FloatArray,
-    ReadOnlyAttributes,
-    check_flag,
-    check_integer,
-    check_reset_options,
-    reject,
-)
+from hybrid_env.checks import FloatArray, ReadOnlyAttributes, check_flag, check_integer, check_reset_options, reject
 from hybrid_env.core.kernel import TERMINATED
 from hybrid_env.core.records import DECISION, DECISION_FLAGS
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.seeding import random_states
-from hybrid_env.world import World
+from hybrid_env.world import World, random_states
 
 LARGEST = 2**31 - 1  # tracks, and rows of a trace
-Step = tuple[NDArray[np.float32], FloatArray, BoolArray, BoolArray, dict[str, Any]]
+Step = tuple[NDArray[np.float32], FloatArray, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]
 """Observations (N, width), rewards, terminated and truncated (N,), and info."""
 _DECISION_MASKS = tuple(f"_{key}" for key in DECISION + DECISION_FLAGS if key != "has_decision")
 _DICT_METHODS = (
@@ -38,17 +29,11 @@ _DICT_METHODS = (
 
 
 class LazyInfo(dict[str, Any]):
-    """A dictionary that is filled on first access.
+    """A dictionary of arrays of N tracks and their masks `_key`, all one array of True, that is made on first access.
 
-    Most callers of `step` never read `info`, and creating its arrays takes as long as a step of eight tracks. The
-    state is copied in the step, so the values are those of the step that returned the dictionary.
-
-    Code in C that reads the size of a dictionary directly, such as `json.dumps`, sees an empty one until the
-    first use: pass it `dict(info)`. All masks of an info are one array.
-
-    Args:
-        make: returns arrays of N tracks by key; called at most once. Each key gets a mask `_key` of N True.
-        made: further entries, already created.
+    Most callers of `step` never read `info`, and creating its arrays takes as long as a step of eight tracks. The state
+    is copied in the step. Code in C that reads the size of a dictionary directly, such as `json.dumps`, sees an empty
+    one until the first use: pass it `dict(info)`. `make` is called at most once; `made` are further entries.
     """
 
     __slots__ = ("_made", "_make")
@@ -130,8 +115,8 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
         """Begin an episode on every track, or on those of `options["reset_mask"]`, (N,) bool.
 
         Args:
-            seed: an integer s seeds track i with s + i; a sequence has one seed per track; None continues
-                the random stream of each track.
+            seed: an integer s seeds track i with s + i; a sequence has one seed per track; None continues the random
+                stream of each track.
             options: may contain "reset_mask". A track outside of it that was never reset raises `ResetNeeded`.
         """
         mask = np.ones(self.num_envs, np.bool_)
@@ -228,20 +213,20 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
 class HybridTrackVectorEnv(TrackVectorEnv):
     """A vector environment of N `HybridTrackEnv` tracks, stepped in one kernel call.
 
-    With seed s, track i equals the single environment with seed s + i, bit for bit and across autoresets.
-    Spaces, rewards and info keys are those of `HybridTrackEnv`, batched. As in Gymnasium, a mask `_key` marks
-    the tracks for which an info key is valid.
+    With seed s, track i equals the single environment with seed s + i, bit for bit and across autoresets. Spaces,
+    rewards and info keys are those of `HybridTrackEnv`, batched. As in Gymnasium, a mask `_key` marks the tracks for
+    which an info key is valid.
 
     Args:
         num_envs: N, number of tracks.
-        autoreset_mode: NEXT_STEP resets a terminated track in the next step, whose action is ignored and
-            whose reward is 0; SAME_STEP resets it in the same step and returns `final_obs` and `final_info`;
-            DISABLED requires a call of `reset(options={"reset_mask": ...})`.
-        tick_info: False omits the description of the current tick from the info of `step`, which is faster
-            for training. Decisions, `final_obs` and `final_info` are always present.
+        autoreset_mode: NEXT_STEP resets a terminated track in the next step, whose action is ignored and whose reward
+            is 0; SAME_STEP resets it in the same step and returns `final_obs` and `final_info`; DISABLED requires a
+            call of `reset(options={"reset_mask": ...})`.
+        tick_info: False omits the description of the current tick from the info of `step`, which is faster for
+            training. Decisions, `final_obs` and `final_info` are always present.
         trace_rows: number of ticks per step stored in `world.trace`, 0 to store none.
-        threads: number of threads that step the tracks in parallel. Results do not depend on it. More than
-            one is useful from about 4,000 tracks.
+        threads: number of threads that step the tracks in parallel. Results do not depend on it. More than one is
+            useful from about 4,000 tracks.
         options: see `WorldOptions`.
     """
 

@@ -3,16 +3,17 @@
 import functools
 import operator
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
+from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
-from hybrid_env.checks import ArgumentError, ReadOnlyAttributes, reject
+from hybrid_env.checks import ArgumentError, BoolArray, FloatArray, IntArray, ReadOnlyAttributes, reject
 from hybrid_env.core.arrays import allocate, declared
 from hybrid_env.core.compilation import prepare
 from hybrid_env.core.kernels import KERNELS, RESET, STEP
@@ -22,10 +23,9 @@ from hybrid_env.observation import Layout
 
 
 class World(ReadOnlyAttributes):
-    """State of N tracks under the options of an environment, stepped by some threads.
-
-    The arrays can be changed in place, but not replaced, because the kernel has their addresses. A trace has
-    `trace_rows` ticks of the last step, for rendering and recording with announced switches; 0 stores none.
+    """State of N tracks under the options of an environment, stepped by some threads. The arrays cannot be replaced,
+    because the kernel has their addresses. A trace has `trace_rows` ticks of the last step, with announced switches; 0
+    stores none.
     """
 
     read_only = frozenset(("options", "layout", "threads", "bank", *declared(Arrays, "tracks")))
@@ -34,16 +34,16 @@ class World(ReadOnlyAttributes):
     layout: Layout
     bank: Any  # named tuple of the arrays of all banks; `bank.hypotheses` is (B, M)
     blocks: NDArray[Any]  # (B,) records with the state of `LANES` tracks
-    actions: NDArray[np.int64]  # (N,) of the next step
+    actions: IntArray  # (N,) of the next step
     observations: NDArray[np.float32]  # (N, width)
-    rewards: NDArray[np.float64]  # (N,) of the last step
-    terminated: NDArray[np.bool_]  # (N,) whether the episode has ended
-    seeded: NDArray[np.bool_]  # (N,) whether the random stream has been seeded
-    trace: NDArray[np.float64]  # (N, trace rows, len(TRACE_COLUMNS))
-    decisions: NDArray[np.int64]  # (len(DECISION), N) of the last step, with announced switches
-    decision_flags: NDArray[np.bool_]  # (len(DECISION_FLAGS), N)
-    drawn_law: NDArray[np.float64]  # (N, 2, 2, 3) habits drawn for the episodes, see `core.habits`; else empty
-    drawn_order: NDArray[np.float64]  # (N, M, M)
+    rewards: FloatArray  # (N,) of the last step
+    terminated: BoolArray  # (N,) whether the episode has ended
+    seeded: BoolArray  # (N,) whether the random stream has been seeded
+    trace: FloatArray  # (N, trace rows, len(TRACE_COLUMNS))
+    decisions: IntArray  # (len(DECISION), N) of the last step, with announced switches
+    decision_flags: BoolArray  # (len(DECISION_FLAGS), N)
+    drawn_law: FloatArray  # (N, 2, 2, 3) habits drawn for the episodes, see `core.habits`; else empty
+    drawn_order: FloatArray  # (N, M, M)
 
     def __init__(self, options: Any, tracks: int = 1, trace_rows: int = 0, threads: int = 1):
         if trace_rows and not options.traced:
@@ -116,9 +116,8 @@ class World(ReadOnlyAttributes):
             self.take_rows = lambda: self._rows
 
     def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Copy the state of a world with the same options and number of tracks from its `arrays()`.
-
-        If an array is missing or has another type or shape, or an index is out of range, nothing is copied.
+        """Copy the state of a world with the same options and number of tracks from its `arrays()`. If an array is
+        missing or has another type or shape, or an index is out of range, nothing is copied.
         """
         own = self.arrays()
         for name, array in own.items():
@@ -132,7 +131,7 @@ class World(ReadOnlyAttributes):
         for name, array in own.items():
             array[...] = arrays[name]
 
-    def check_blocks(self, blocks: NDArray[Any], seeded: NDArray[np.bool_]) -> None:
+    def check_blocks(self, blocks: NDArray[Any], seeded: BoolArray) -> None:
         """Check the fields of blocks that the kernel uses as indices, lengths of loops and, where seeded, seeds."""
         for name, last in self.largest().items():
             values = blocks[name]
@@ -199,7 +198,7 @@ class World(ReadOnlyAttributes):
         return arrays
 
     @property
-    def drawn(self) -> dict[str, NDArray[np.float64]]:
+    def drawn(self) -> dict[str, FloatArray]:
         """Views of the habits that are drawn for every episode, (N, ...), by their names in `info`."""
         habits = {"law": self.drawn_law, "order": self.drawn_order}
         return {name: array for name, array in habits.items() if array.size}
@@ -210,27 +209,26 @@ class World(ReadOnlyAttributes):
         values["decided_squared_error"] = values["decided_squared_error"].view(np.float64)
         return values | dict(zip(DECISION_FLAGS, self.decision_flags.copy(), strict=True))
 
-    def read_trace(self, track: int) -> NDArray[np.float64]:
+    def read_trace(self, track: int) -> FloatArray:
         """Return the ticks of the last step of a track, (ticks, len(TRACE_COLUMNS))."""
         block, lane = divmod(track, LANES)
         return self.trace[track, : self.blocks["trace_length"][block, lane]].copy()
 
-    def seed(self, tracks: int | NDArray[np.int64], states: NDArray[np.uint64]) -> None:
-        """Set the random streams of one or n tracks. states: (4,) or (n, 4), see `hybrid_env.seeding`."""
+    def seed(self, tracks: int | IntArray, states: NDArray[np.uint64]) -> None:
+        """Set the random streams of one or n tracks. states: (4,) or (n, 4), see `random_states`."""
         blocks, lanes = np.divmod(tracks, LANES)
         self.blocks["random_state"][blocks, :, lanes] = states
         self.seeded[tracks] = True
 
-    def reset(self, mask: NDArray[np.bool_]) -> None:
+    def reset(self, mask: BoolArray) -> None:
         """Begin a new episode on the tracks of a mask, (N,)."""
         self.actions[:] = mask
         self._run(RESET)
 
     def step(self) -> int:
-        """Step every track with `actions`; a terminated track begins its next episode.
-
-        Returns the events of the kernel, combined as bits: `DECIDED` if any track made a decision, `TERMINATED` if any
-        terminated. With an action outside the space, `InvalidAction` is raised, and no track is stepped.
+        """Step every track with `actions`; a terminated track begins its next episode. Returns the events of the
+        kernel, combined as bits: `DECIDED`, `TERMINATED`. An action outside the space raises `InvalidAction`, and no
+        track is stepped.
         """
         events = self._run(STEP)
         if events < 0:
@@ -246,3 +244,17 @@ class World(ReadOnlyAttributes):
             low[self.layout.slices[name]] = lowest
             high[self.layout.slices[name]] = min(highest, unbounded)
         return spaces.Box(low, high, dtype=np.float32)
+
+
+def random_states(seeds: Sequence[int | None]) -> NDArray[np.uint64]:
+    """Return the initial states of random streams, (n, 4), of seeds >= 0; None is a random one."""
+    # raw words are faster, and those of `state_of`, which rejects a word of zero, once in 2^62 tracks
+    states = np.array([np.random.PCG64(seed).random_raw(4) for seed in seeds], np.uint64).reshape(-1, 4)
+    for i in np.flatnonzero((states == 0).any(1)).tolist():
+        states[i] = state_of(seeding.np_random(seeds[i])[0])
+    return states
+
+
+def state_of(generator: np.random.Generator) -> NDArray[np.uint64]:
+    """Return the state of a random stream drawn from a generator, (4,)."""
+    return generator.integers(1, 2**64, 4, dtype=np.uint64)

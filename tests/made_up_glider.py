@@ -1,6 +1,7 @@
 """A made-up flight of a glider in a wind, and its log in the IGC format."""
 
 import numpy as np
+from pyproj import Proj
 
 from baselines.recordings.projection import Projection
 
@@ -30,12 +31,18 @@ def fly(seed, plan=PLAN, wind=(3.0, -1.0), speed=10.0, rate=18.0, noise=0.3):
     return modes, positions, 1500.0 + np.cumsum(np.where(modes > 0, 1.5, -1.0))
 
 
+def degrees_of(projection, positions):
+    """Latitude and longitude of positions, (n, 2) [m]."""
+    plane = Proj(proj="aeqd", lat_0=projection.latitude, lon_0=projection.longitude, ellps="WGS84")
+    return np.column_stack(plane(*positions.T, inverse=True)[::-1])
+
+
 def write_log(positions, altitudes, start=43_200, digits=2):
     """The content of a log, with more digits of the minutes in LAD and LOD."""
     lines = ["AXXX001", "HFDTE010100", "HFPLTPILOT:Nobody, N. N.", *["HFXXXREMARK:long"] * 80]
     if digits:
         lines.append(f"I0236{35 + digits:02d}LAD{36 + digits:02d}{35 + 2 * digits:02d}LOD")
-    places = PROJECTION.inverse(positions)
+    places = degrees_of(PROJECTION, positions)
     for k, ((latitude, longitude), altitude) in enumerate(zip(places, altitudes, strict=True)):
         cells, more = [], ""
         for degrees, width, letters in ((latitude, 2, "NS"), (longitude, 3, "EW")):

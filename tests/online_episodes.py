@@ -9,8 +9,7 @@ from hybrid_env import HybridTrackQuickestVectorEnv, HybridTrackVectorEnv
 from hybrid_env.core.compilation import compiled
 from hybrid_env.core.records import LANES
 from hybrid_env.core.true_object import draw_first_estimate
-from hybrid_env.seeding import random_states
-from hybrid_env.world import World
+from hybrid_env.world import World, random_states
 
 SQUARE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
 COMMON = {

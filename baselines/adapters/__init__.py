@@ -6,6 +6,6 @@ are first used.
 May import: `hybrid_env`, and `estimation`, `rules` and `recordings` of `baselines`. Nothing imports it.
 """
 
-from hybrid_env.lazy_names import lazy_names
+from hybrid_env.extras import lazy_names
 
 __all__, __getattr__, __dir__ = lazy_names(__name__)

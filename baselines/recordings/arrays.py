@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_env.checks import FloatArray, IntArray, axis_variances, check_array, check_integer, dimensions, reject
+from hybrid_env.checks import FloatArray, IntArray, check_array, check_integer, dimensions, reject
 from hybrid_env.core.banks.bank import FilterModel, bank_arrays, estimate_of
 from hybrid_env.core.banks.published import PublishedBank, covariance_published
 from hybrid_env.core.compilation import internal
-from hybrid_env.limits import check_variances, check_within
+from hybrid_env.limits import axis_variances, check_within
 
 
 class Filters(NamedTuple):
@@ -26,7 +26,7 @@ def make_filters(
 ) -> Filters:
     """Return the published bank and its model. Radii (n,) [m] and tick [s] are checked already."""
     process_variance = check_within("process_variance", process_variance)
-    variances = axis_variances(check_variances(measurement_variance))
+    variances = axis_variances(measurement_variance)
     model = FilterModel(tau, process_variance, float(variances[0]), float(variances[-1]))
     return Filters(bank_arrays(PublishedBank, radii.size, variances.size), radii, model)
 

@@ -1,10 +1,8 @@
 """Adaptive trajectory estimation (ATE) on recorded measurements. Golubkov 2018, algorithm 1; Tsyganov 2019.
 
-At every switch the bank starts from the current estimate with P := I. Until the decision, the output is the
-estimate of the last decided mode; after the decision, only the chosen filter runs to the end of the segment.
-Tsyganov 2019 adds a recalculation: after a decision, the chosen filter recomputes the estimates since the
-switch. `sprt.SPRTDecider` applies the same test in the environment, whose options `recalculation` ("rewind")
-and `refine_radius` are those here.
+At every switch the bank starts from the current estimate with P := I. Until the decision, the output is the estimate of
+the last decided mode; after it, only the chosen filter runs on. Tsyganov 2019 adds a recalculation of the estimates
+since the switch by the chosen filter. `sprt.SPRTDecider` is the same test in the environment.
 """
 
 from collections.abc import Sequence
@@ -17,10 +15,10 @@ from baselines.recordings.arrays import Filters, check_recording, make_filters, 
 from baselines.rules.measurements import run_compiled
 from baselines.rules.sprt import sprt_test, sprt_thresholds
 from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_choice, check_flag
-from hybrid_env.core.banks.bank import IDENTITY, State, likeliest, likeliest_of_type, set_estimate
+from hybrid_env.core.banks.bank import IDENTITY, likeliest, likeliest_of_type, set_estimate
 from hybrid_env.core.banks.published import PublishedBank, begin_published, follow_published, step_published
 from hybrid_env.core.compilation import compiled, internal
-from hybrid_env.core.records import LANES
+from hybrid_env.core.records import LANES, State
 from hybrid_env.limits import check_within, distinct_radii
 
 NO_RECALCULATION, AS_PUBLISHED, REWIND, LITERAL = 0, 1, 2, 3
@@ -31,8 +29,8 @@ class Tracks(NamedTuple):
     """Results of ATE for n runs of T ticks, K segments and M hypotheses. A single run has no first axis.
 
     Attributes:
-        estimates: (n, T, 4) estimates [x, vx, y, vy] [m, m/s]. Without recalculation, those up to and
-            including the tick of the decision are estimates of the previous mode.
+        estimates: (n, T, 4) estimates [x, vx, y, vy] [m, m/s]. Without recalculation, those up to and including the
+            tick of the decision are estimates of the previous mode.
         covariances: (n, T, 2, 3) P_XX, P_XV, P_VV of (position, velocity) on each axis.
         modes: (n, T) hypothesis whose filter provides the estimate.
         decided: (n, K) decided mode of each segment.
@@ -167,27 +165,24 @@ def track_ate(
     Args:
         measurements: (T, 2) measured positions [m], or (n, T, 2) for n runs.
         lengths: (K,) segment lengths [ticks], with sum T.
-        start: (4,) or (n, 4) estimate [x, vx, y, vy] one tick before the first measurement [m, m/s]; None
-            uses `first_estimate`.
+        start: (4,) or (n, 4) estimate [x, vx, y, vy] one tick before the first measurement [m, m/s]; None uses
+            `first_estimate`.
         radii: turn radii of the bank [m].
         tau: length of a tick [s].
         process_variance: Q [m^2/s^2].
         measurement_variance: R [m^2], one number or (x, y).
         alpha: type I error probability of the test.
         beta: type II error probability of the test; None uses alpha.
-        undecided: mode of a segment that ends without a decision: "keep" for the last decided mode, as
-            published, "likeliest" for the most likely hypothesis.
-        recalculation: whether the chosen filter recomputes the estimates from the switch to the decision
-            (Tsyganov 2019, lines 16 to 21). "literal" restores nothing, as these lines are printed.
-            "as_published", with which the published table comes out, restores the estimate at the switch but
-            not its covariance; the data are therefore used twice. "rewind" restores both.
-        reference: hypothesis in the denominator of the ratios: "active" for the last decided mode, as
-            published, or always "straight".
-        refine_radius: True runs all filters after the decision and uses the most likely hypothesis of the
-            decided type; the published algorithm does not change the decided radius.
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
+        undecided: mode of a segment that ends without a decision: "keep" for the last decided mode, as published,
+            "likeliest" for the most likely hypothesis.
+        recalculation: whether the chosen filter recomputes the estimates from the switch to the decision (Tsyganov
+            2019, lines 16 to 21). "literal" restores nothing, as these lines are printed. "as_published", with which
+            the published table comes out, restores the estimate at the switch but not its covariance; the data are
+            therefore used twice. "rewind" restores both.
+        reference: hypothesis in the denominator of the ratios: "active" for the last decided mode, as published, or
+            always "straight".
+        refine_radius: True runs all filters after the decision and uses the most likely hypothesis of the decided type;
+            the published algorithm does not change the decided radius.
     """
     tau = check_within("tau", tau)
     values, segment_lengths, starts = check_recording(measurements, lengths, start, tau)

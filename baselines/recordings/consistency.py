@@ -1,7 +1,7 @@
 """Whether the model fits a recording: normalised innovations of the interacting multiple model bank.
 
-If the model holds, innovations divided by their standard deviations are white, with a variance of 1;
-Bar-Shalom, Li and Kirubarajan 2001, "Estimation with applications to tracking and navigation", section 5.4.
+If the model holds, innovations divided by their standard deviations are white, with a variance of 1; Bar-Shalom, Li and
+Kirubarajan 2001, "Estimation with applications to tracking and navigation", section 5.4.
 """
 
 import math
@@ -29,16 +29,14 @@ FEWEST = 30  # innovations
 
 @dataclass(frozen=True, eq=False)
 class Consistency:
-    """Agreement of model and measurements: normalised innovations, of the most probable mode, and scatter.
-
-    The scatter is the standard deviation of the measurements by their third differences, over that of the model;
-    NaN if there are too few measurements, and with a radar, whose noise depends on the range.
-    """
+    """Agreement of model and measurements: normalised innovations, of the most probable mode, and scatter."""
 
     innovations: tuple[FloatArray, ...]  # of each piece, (T, 2), NaN without a measurement and where filters start
     ratio: float  # median length over that of the model, 1 if the model holds
     correlation: float  # of successive ones, 0 if the model holds
     far: float  # share that is longer than 99.9 % of those of the model
+    # standard deviation of the measurements by their third differences, over that of the model; NaN if they are
+    # too few, and with a radar, whose noise depends on the range
     scatter: float
     count: int  # number of innovations
 

@@ -1,8 +1,7 @@
 """A decider on a recording: mode, probabilities, estimate and covariance at every tick.
 
-The recording is converted to the units in which the measurement variance is 0.1 and the tick 0.1, those of
-the default environment. The numbers that a decider reads, and the results, therefore do not depend on the
-units of the recording. `OnlineTracker` puts the decider behind the bank.
+The recording is converted to units in which measurement variance and tick are 0.1, those of the default environment, so
+that what a decider reads, and the results, do not depend on the units of the recording.
 """
 
 import math
@@ -55,10 +54,8 @@ class ModelUnits(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TickDecisions:
-    """Decisions at the T ticks of a piece between gaps, in the units of the recording.
-
-    In `pieces`, one with known switches lies between two of them, and its mode is that at its end; otherwise it is a
-    run of one mode.
+    """Decisions at the T ticks of a piece between gaps, in the units of the recording. In `pieces`, one with known
+    switches lies between two of them, and its mode is that at its end; otherwise it is a run of one mode.
     """
 
     modes: IntArray  # (T,) stated or last decided; ticks before the first decision have its mode
@@ -77,13 +74,9 @@ def decide_recording(
     lengths: Sequence[int] = (),
     start: FloatArray | None = None,
 ) -> list[TickDecisions]:
-    """Run a decider over the pieces of a recording, whose tracker has the options of `ModelUnits.options`.
-
-    Lengths are ticks between the known switches. `start` is the exact state (4,) [x, vx, y, vy] one tick before the
-    first measurement; None starts from the first measurements.
-
-    Raises:
-        ArgumentError: the sum of the lengths is not the number of ticks, or there are gaps.
+    """Run a decider over the pieces of a recording, whose tracker has the options of `ModelUnits.options`. Lengths are
+    ticks between the known switches, see `check_lengths`; `start` is the exact state (4,) [x, vx, y, vy] one tick
+    before the first measurement, None starts from the first measurements.
     """
     check_lengths(grid, lengths)
     return [_decide_piece(piece, grid.radar, model, tracker, lengths, start) for piece in grid.pieces]
@@ -142,36 +135,27 @@ def _decide_piece(
             again = slice(k + 1 - len(now.recalculated[0]), k + 1)
             found.estimates[again], found.covariances[again] = now.recalculated
             found.modes[again] = now.mode
-    if lengths:
-        _decide_pieces(found, options)
     found.estimates[:] = found.estimates / scales + origin
     found.covariances[:] /= np.outer(scales, scales)
+    for one in found.pieces:  # one without a decision is as in the options
+        first, end = one[:2]
+        one[2], decided = found.modes[end - 1], np.flatnonzero(found.decided[first:end])
+        if decided.size:
+            one[3] = first + decided[0]
+        elif options.undecided == "likeliest":
+            one[2] = found.probabilities[end - 1].argmax()
     stated = np.flatnonzero(found.decided)
     if stated.size:
         found.modes[: stated[0]] = found.modes[stated[0]]
-    return found if lengths else _with_runs(found)
-
-
-def _decide_pieces(found: TickDecisions, options: Any) -> None:
-    """Write modes and decisions of pieces of known lengths; one without a decision is as in the options."""
-    for piece in found.pieces:
-        first, end = piece[:2]
-        piece[2], decided = found.modes[end - 1], np.flatnonzero(found.decided[first:end])
-        if decided.size:
-            piece[3] = first + decided[0]
-        elif options.undecided == "likeliest":
-            piece[2] = found.probabilities[end - 1].argmax()
-
-
-def _with_runs(found: TickDecisions) -> TickDecisions:
-    """Return decisions whose pieces are the runs of one mode."""
-    first = np.flatnonzero(np.diff(found.modes, prepend=-1))
-    end = np.append(first[1:], len(found.modes))
-    when = np.where(found.decided[first], first, -1)
-    stated = np.flatnonzero(found.decided)
+    if lengths:
+        return found
+    # the runs of one mode
+    begin = np.flatnonzero(np.diff(found.modes, prepend=-1))
+    end = np.append(begin[1:], len(found.modes))
+    when = np.where(found.decided[begin], begin, -1)
     if stated.size and not found.decided[0]:
         when[0] = stated[0]
-    return replace(found, pieces=np.stack([first, end, found.modes[first], when], axis=1))
+    return replace(found, pieces=np.stack([begin, end, found.modes[begin], when], axis=1))
 
 
 def first_state(
@@ -179,15 +163,14 @@ def first_state(
 ) -> tuple[FloatArray, FloatArray, int | None] | None:
     """Return the state one tick before the first measurement, seen backwards; None with too few measurements.
 
-    A bank for known switches takes its first estimate as exact: the centre of a turn follows from it, and an error
-    there passes on from piece to piece. A straight line through the first measurements is not good enough when the
-    object turns by much in a tick. So the interacting multiple model bank runs backwards over the first ticks; its mean
-    is the first estimate, and its most probable mode the first mode. These measurements are thus used twice, for the
-    start and for the decisions, which a recording allows and a live sensor does not.
+    A bank for known switches takes its first estimate as exact, and an error there passes on from piece to piece. A
+    straight line is not good enough if the object turns by much in a tick. So the interacting multiple model bank runs
+    backwards over the first ticks; its mean is the first estimate, its most probable mode the first one. These
+    measurements are used twice, which a recording allows and a live sensor does not.
 
-    Of the measurements (T, 2) [m], NaN without one but the first, at most 50 are used. The hazard is the probability of
-    a switch in a tick. Range rates (T,) are those of a radar. The result is the estimate (4,) [x, vx, y, vy] [m, m/s],
-    its covariance (4, 4), and the mode, None if none is probable enough.
+    Of the measurements (T, 2) [m], NaN without one but the first, and range rates (T,) of a radar, at most 50 are used;
+    the hazard is the probability of a switch in a tick. Returns the estimate (4,) [x, vx, y, vy], its covariance (4,
+    4), and the mode, None if none is probable enough.
     """
     used = measurements[:MOST_TICKS]
     if (~np.isnan(used[:, 0])).sum() < FEWEST:

@@ -1,8 +1,7 @@
 """The interacting multiple model bank over recorded measurements: likelihood and normalised innovations.
 
-The likelihood is that of the innovations, ln p(z_k | z_1 .. z_k-1) of the mixture over the modes, summed over the
-ticks. It is what `model_fit` maximises, and its innovations show whether the model fits. The pieces of a recording
-between gaps are cut into chunks of about equal length, which run side by side in the lanes of a block.
+The likelihood, ln p(z_k | z_1 .. z_k-1) of the mixture over the modes, summed over the ticks, is what `model_fit`
+maximises. Chunks of a recording of about equal length run side by side in the lanes of a block.
 """
 
 import math
@@ -60,10 +59,8 @@ def make_chunks(
     rates: list[FloatArray] | None = None,
     radar: Radar | None = None,
 ) -> Chunks:
-    """Put parts of a recording into lanes. Parts of equal length waste no time.
-
-    Each has measurements (T_i, 2), by option whether a known switch precedes each tick and range rates, (T_i,). The
-    radar that made the measurements is at the origin.
+    """Put parts of a recording into lanes: measurements (T_i, 2), by option whether a known switch precedes each tick,
+    and range rates, (T_i,), of a radar at the origin. Parts of equal length waste no time.
     """
     blocks = -(-len(parts) // LANES)
     longest = max(map(len, parts))
@@ -94,10 +91,8 @@ def _sense(block: Any, lane: int, rate: float, radar: Any, variance: float) -> N
 
 @internal
 def _begin(bank: ImmBank, block: Any, lane: int, last: FloatArray, ticks: int, turn: float, model: FilterModel) -> None:
-    """Start the filters of a lane from two measurements that are some ticks apart.
-
-    The velocity is that of the chord. Its variance has the noise of both measurements, the process noise, and
-    the change of direction in a turn, of which half has passed since the middle of the chord.
+    """Start the filters of a lane from two measurements some ticks apart. The variance of the velocity, that of the
+    chord, has their noise, the process noise, and half of the change of direction in a turn.
     """
     time = ticks * model.tau
     for axis in range(2):
@@ -137,9 +132,8 @@ def imm_pass(
 ) -> tuple[float, int]:
     """Run the bank over all chunks; return the logarithm of the likelihood, and the number of measurements in it.
 
-    A chunk starts with its first two measurements, which do not count, nor do `BURN_IN` more. All modes are
-    equally probable at first. The bank, of one block, and the output are overwritten; no radii (n,) is a bank of
-    straight motion.
+    Two measurements start a chunk, with equally probable modes; these and `BURN_IN` more do not count. The bank, of one
+    block, and the output are overwritten; no radii (n,) is a bank of straight motion.
     """
     total, count = 0.0, 0
     block = chunks.block[0]
@@ -220,9 +214,8 @@ def cut(grid: TickGrid, length: int) -> list[tuple[int, int, int]]:
 
 
 def chunks_at(grid: TickGrid, places: list[tuple[int, int, int]], scale: float, lengths: Sequence[int]) -> Chunks:
-    """Return the chunks at `places`, see `cut`; with known switches if lengths are given.
-
-    Lengths are in units of `scale`, times in ticks; the origin is the first measurement, or the radar.
+    """Return the chunks at `places`, see `cut`; with known switches if lengths are given. Lengths are in units of
+    `scale`, times in ticks; the origin is the first measurement, or the radar.
     """
     begins, switches, velocity = np.zeros(grid.total, np.bool_), None, grid.tau / scale
     if lengths:
@@ -238,9 +231,8 @@ def chunks_at(grid: TickGrid, places: list[tuple[int, int, int]], scale: float, 
 
 
 def recorded_pass(chunks: Chunks, radii: FloatArray, model: FilterModel) -> PassOutput:
-    """Return innovations and probabilities of the modes of chunks at every tick, NaN where there are none.
-
-    The block of the chunks holds the last estimates afterwards.
+    """Return innovations and probabilities of the modes of chunks at every tick, NaN where there are none. The block of
+    the chunks holds the last estimates afterwards.
     """
     shape, modes = chunks.measurements.shape[:2], 2 * len(radii) + 1
     output = PassOutput(np.full((*shape, 2, LANES), np.nan), np.full((*shape, modes, LANES), np.nan))

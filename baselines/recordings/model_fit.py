@@ -1,8 +1,7 @@
 """Measurement noise, process noise, turn radii and durations by maximum likelihood of the innovations.
 
-What is not given is found from the recording: first on a coarse grid, then by the simplex method. All lengths are in
-standard deviations of the measurement and all times in ticks, so that the units of the recording do not matter. The
-model is that of the interacting multiple model bank (`imm_pass`).
+What is not given is found first on a coarse grid, then by the simplex method. Lengths are in standard deviations of the
+measurement and times in ticks, so that units do not matter. The bank is that of `imm_pass`.
 """
 
 import functools
@@ -90,14 +89,11 @@ def fit_model(
     duration: float | None = None,
     lengths: Sequence[int] = (),
 ) -> TrackModel:
-    """Find what is not given of a model by maximum likelihood.
+    """Find what is not given of a model by maximum likelihood; a recording that does not move is refused.
 
     Without radii [unit of length], one to three are proposed, as many as the Bayesian information criterion allows.
-    With a radar R is its `nominal_variance`. With lengths, the ticks between known switches, the mean duration of a
-    segment [ticks] has no effect.
-
-    Raises:
-        ArgumentError: the recording does not move.
+    With a radar R is its `nominal_variance`. With lengths, the ticks between known switches, the mean duration has no
+    effect.
     """
     tau = grid.tau
     if grid.radar is not None:
@@ -226,10 +222,8 @@ def _refine(likelihood: _Likelihood, start: TrackModel, free: list[str]) -> Trac
 
 
 def _counted_duration(chunks: Chunks, model: TrackModel) -> float:
-    """Return the mean duration of a mode [ticks], from the changes of the most probable one.
-
-    The likelihood itself says little about it. Short changes, which noise makes, do not count, and without a
-    change the duration is that of the recording.
+    """Return the mean duration of a mode [ticks] by the changes of the most probable one, as the likelihood says little
+    about it. Short changes, made by noise, do not count; without one it is the duration of the recording.
     """
     found = recorded_pass(chunks, np.array(model.radii, float), model.of_bank).probabilities
     changes, total = 0, 0

@@ -1,14 +1,13 @@
 """A recording: the measured positions of one object, in the units of its file."""
 
-import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_env.checks import LARGEST_NUMBER, ArgumentError, check_array, check_positive, frozen, reject
+from hybrid_env.checks import LARGEST_NUMBER, ArgumentError, FloatArray, check_array, check_positive, frozen, reject
 from hybrid_env.sensors import Radar
 
 if TYPE_CHECKING:
@@ -27,8 +26,8 @@ class Recording:
     """
 
     name: str  # of the object
-    times: NDArray[np.float64]  # (n,) strictly increasing, of the rows [`time_unit`]
-    positions: NDArray[np.float64]  # (n, 2) measured x and y [`unit`]; both are NaN in a row without a measurement
+    times: FloatArray  # (n,) strictly increasing, of the rows [`time_unit`]
+    positions: FloatArray  # (n, 2) measured x and y [`unit`]; both are NaN in a row without a measurement
     tick: float  # the median step of the times [`time_unit`]
     pieces: tuple[tuple[int, int], ...]  # first row and end of each piece between gaps, in order
     unit: str = UNKNOWN_UNIT  # of length: `m`, another one that the file names, or `units` if it names none
@@ -36,7 +35,7 @@ class Recording:
     epoch: str | None = None  # date of time 0 in UTC, ISO 8601; None for times without a date
     projection: "Projection | None" = None  # from latitude and longitude to `positions`
     radar: Radar | None = None  # whose ranges and bearings `positions` are converted from
-    rates: NDArray[np.float64] | None = None  # (n,) its range rates, NaN without one
+    rates: FloatArray | None = None  # (n,) its range rates, NaN without one
 
     @property
     def measured(self) -> NDArray[np.bool_]:
@@ -44,25 +43,15 @@ class Recording:
         return ~np.isnan(self.positions[:, 0])
 
 
-def tick_times(ticks: ArrayLike, tau: float) -> NDArray[np.float64]:
-    """Return the times of whole numbers of ticks, without the rounding errors of the products."""
-    return np.round(tau * np.asarray(ticks, np.float64), 9 - math.floor(math.log10(tau)))
-
-
 def make_recording(
     times: ArrayLike | None,
     positions: ArrayLike,
     *,
     name: str = "object",
-    tau: float | None = None,
     gap: float | None = None,
     breaks: ArrayLike = (),
-    unit: str = UNKNOWN_UNIT,
     time_unit: str | None = None,
-    epoch: str | None = None,
-    projection: "Projection | None" = None,
-    radar: Radar | None = None,
-    rates: NDArray[np.float64] | None = None,
+    **further: Any,
 ) -> Recording:
     """Make a recording of arrays.
 
@@ -70,33 +59,28 @@ def make_recording(
         times: (n,) strictly increasing times [`time_unit`]; None for rows at uniform ticks.
         positions: (n, 2) x and y [`unit`]; NaN in either coordinate marks a missing measurement.
         name: name of the object.
-        tau: duration of a tick [s] of a recording without times; None counts time in ticks.
         gap: longest time between two measurements of one piece [`time_unit`]; None is 20 nominal ticks.
         breaks: rows at which a piece begins whatever the times are.
-        unit, epoch, projection, radar, rates: see `Recording`.
-        time_unit: unit of time; None is `s`, and `ticks` without times and tau.
+        time_unit: unit of time; None is `s`, and `ticks` without times.
+        further: `unit`, `epoch`, `projection`, `radar` and `rates` of `Recording`.
 
     Raises:
-        ArgumentError: an array has the wrong shape, times do not increase, a position is infinite, or there
-            are fewer than two measurements.
+        ArgumentError: an array has the wrong shape, times do not increase, a position is infinite, or there are fewer
+            than two measurements.
     """
     values = np.array(positions, np.float64)
     if values.ndim != 2 or values.shape[1] != 2:
         raise ArgumentError(f"positions has shape {values.shape}: expected (n, 2)")
-    large = np.abs(values) > LARGEST_NUMBER
-    if large.any():
-        allowed = f"finite numbers up to {LARGEST_NUMBER:g}, or NaN if missing"
-        raise reject("positions", float(values[large][0]), allowed)
+    large = values[np.abs(values) > LARGEST_NUMBER]
+    if large.size:
+        raise reject("positions", float(large[0]), f"finite numbers up to {LARGEST_NUMBER:g}, or NaN if missing")
     missing = np.asarray(np.isnan(values).any(axis=1))
     values[missing] = np.nan
     measured = len(values) - int(missing.sum())
     if measured < 2:
         raise ArgumentError(f"{name} has {measured} measured positions: expected at least two")
     if times is None:
-        instants = tick_times(np.arange(len(values)), 1.0 if tau is None else check_positive("tau", tau))
-        time_unit = time_unit or ("ticks" if tau is None else "s")
-    elif tau is not None:
-        raise reject("tau", tau, "no value for a recording with times")
+        instants, time_unit = np.arange(len(values), dtype=np.float64), time_unit or "ticks"
     else:
         instants = check_array("times", times, (len(values),))
     steps = np.diff(instants)
@@ -110,6 +94,4 @@ def make_recording(
     ends = np.flatnonzero(np.diff(instants[rows]) > longest) + 1
     borders = np.unique(np.concatenate([[0, len(rows)], ends, before])).tolist()
     pieces = tuple((int(rows[first]), int(rows[end - 1]) + 1) for first, end in pairwise(borders))
-    return Recording(
-        name, frozen(instants), frozen(values), tick, pieces, unit, time_unit or "s", epoch, projection, radar, rates
-    )
+    return Recording(name, frozen(instants), frozen(values), tick, pieces, time_unit=time_unit or "s", **further)

@@ -21,14 +21,14 @@ MOST_OUTLIERS = 0.1  # with a larger share far from their neighbours, the noise 
 def noise_estimate(grid: TickGrid) -> float | None:
     """Estimate the measurement variance R [unit of length squared]; None with too few measurements.
 
-    The third difference of four measurements, with weights of squared sum 1, cancels motion that is quadratic
-    in time; of successive ticks it is d_k = (z_{k+3} - 3 z_{k+2} + 3 z_{k+1} - z_k) / sqrt(20). Its noise
-    has the variance R. The median is robust against outliers and switches:
+    The third difference of four measurements, with weights of squared sum 1, cancels motion that is quadratic in time;
+    of successive ticks it is d_k = (z_{k+3} - 3 z_{k+2} + 3 z_{k+1} - z_k) / sqrt(20). Its noise has the variance R.
+    The median is robust against outliers and switches:
 
         R = (median |d_k| / 0.6745)^2, averaged over x and y.
 
-    A turn adds about r (omega tau)^3 / 4.5 to |d|, and process noise adds Q tau^2 / 10 to R. The relative
-    standard error is about 2.4 / sqrt(T).
+    A turn adds about r (omega tau)^3 / 4.5 to |d|, and process noise adds Q tau^2 / 10 to R. The relative standard
+    error is about 2.4 / sqrt(T).
     """
     differences = np.concatenate([_differences(piece, 4)[1] for piece in grid.pieces])
     if len(differences) < FEWEST:
@@ -40,9 +40,8 @@ def noise_estimate(grid: TickGrid) -> float | None:
 def without_outliers(grid: TickGrid) -> tuple[TickGrid, int]:
     """Return the grid without measurements that are far from their neighbours, and their number.
 
-    A measurement is compared with the cubic through the two before and the two after it. It is an outlier if
-    it is farther from it than `FAR` standard deviations in either coordinate, and farther than the
-    measurements next to it are from theirs, whose cubic the outlier has spoilt.
+    An outlier is farther than `FAR` standard deviations, in either coordinate, from the cubic through the two
+    measurements before and the two after it, and farther than those next to it are from theirs, which it has spoilt.
     """
     noise = noise_estimate(grid)
     if not noise:
@@ -67,9 +66,8 @@ def without_outliers(grid: TickGrid) -> tuple[TickGrid, int]:
 def without_jumps(grid: TickGrid) -> tuple[TickGrid, int]:
     """Return the grid without short runs of measurements elsewhere, and the number of these measurements.
 
-    A jump is a step far longer than others, which neither the step before nor the one after resembles: an
-    object that begins to move makes similar steps. At most `LONGEST_BURST` measurements between two jumps are
-    errors of the sensor. Where a jump remains, the object is elsewhere from then on, and a new piece begins.
+    A jump is a step far longer than others, which neither the step before nor the one after resembles. At most
+    `LONGEST_BURST` measurements between two jumps are errors of the sensor. Where a jump remains, a new piece begins.
     """
     noise = noise_estimate(grid) or 0.0
     steps = np.concatenate([_steps(piece)[1] for piece in grid.pieces])
@@ -104,9 +102,8 @@ def _steps(piece: Piece) -> tuple[IntArray, FloatArray]:
 
 
 def _runs(piece: Piece, noise: float, step: float) -> list[IntArray]:
-    """Return the ticks with a measurement between the jumps.
-
-    Noise alone explains steps as long as `noise`, and motion alone those of `step` for each tick.
+    """Return the ticks with a measurement between the jumps. Noise alone explains steps as long as `noise`, and motion
+    alone those of `step` for each tick.
     """
     rows, steps = _steps(piece)
     limits = noise / np.diff(rows) + step
@@ -154,9 +151,8 @@ def median_step(grid: TickGrid, ticks: int = 1) -> float | None:
 
 
 def _differences(piece: Piece, points: int) -> tuple[IntArray, FloatArray]:
-    """Return ticks, (n, m), and divided differences, (n, 2), of m = `points` successive measurements.
-
-    Differences have unit noise, and cancel polynomials of degree m - 2.
+    """Return ticks, (n, m), and divided differences, (n, 2), of m = `points` successive measurements. Differences have
+    unit noise, and cancel polynomials of degree m - 2.
     """
     rows = np.flatnonzero(~np.isnan(piece.measurements[:, 0]))
     if len(rows) < points:

@@ -1,10 +1,10 @@
 """The rows of a recording on a grid of uniform ticks, as the filters of the banks need them.
 
 A clock that jitters keeps one tick per row: a measurement that was made by e after its tick is moved back by e times
-the local velocity, which a line through five measurements gives. For a turn of `a` rad per tick this leaves an error
-of speed * tau * a * (e / tau)^2 / 2 at most, and its noise is larger by at most 3 %. A tick without a row, or with a
-row without a measurement, is one without a measurement: filters predict. If the steps are irregular, the grid is
-finer than the median step, so that few rows fall on the same tick; those that do are replaced by their mean.
+the local velocity, which a line through five measurements gives. For a turn of `a` rad per tick this leaves an error of
+speed * tau * a * (e / tau)^2 / 2 at most, and its noise is larger by at most 3 %. A tick without a row, or with a row
+without a measurement, is one without a measurement: filters predict. If the steps are irregular, the grid is finer than
+the median step, so that few rows fall on the same tick; those that do are replaced by their mean.
 """
 
 from typing import NamedTuple
@@ -57,11 +57,8 @@ class TickGrid(NamedTuple):
 
 
 def tick_grid(recording: Recording) -> TickGrid:
-    """Put the rows of a recording on uniform ticks.
-
-    Raises:
-        ArgumentError: the gap is so long that there would be more than 5 million ticks, or the steps in
-            time or the extent of the positions are too small.
+    """Put the rows of a recording on uniform ticks. `ArgumentError` if these would be more than 5 million, because of a
+    long gap, or if the steps in time or the extent of the positions are too small.
     """
     extent = float(np.ptp(recording.positions[recording.measured], axis=0).max())
     for name, value in (("step of the times", recording.tick), ("extent of the positions", extent)):
@@ -94,9 +91,8 @@ def tick_grid(recording: Recording) -> TickGrid:
 
 
 def _regular(times_of: list[FloatArray], tick: float) -> tuple[float, list[IntArray]] | None:
-    """Return the tick, the slope of the times over their numbers, and the tick numbers of every piece.
-
-    None for a clock whose errors add up.
+    """Return the tick, the slope of the times over their numbers, and the tick numbers of every piece. None for a clock
+    whose errors add up.
     """
     numbers = [_follow(times, tick) for times in times_of]
     centred = [one - one.mean() for one in numbers]
@@ -113,10 +109,8 @@ def _regular(times_of: list[FloatArray], tick: float) -> tuple[float, list[IntAr
 
 
 def _follow(times: FloatArray, tick: float) -> FloatArray:
-    """Return the number of ticks of every time since the first: the next one of a clock that is corrected.
-
-    After every row the clock is set forward or back by a part of its error, so that neither jitter nor a tick
-    that is not exactly known adds up.
+    """Return the number of ticks of every time since the first: the next one of a clock that is set forward or back by
+    a part of its error after every row, so that neither jitter nor a tick that is not exactly known adds up.
     """
     numbers, clock = np.zeros(len(times)), float(times[0])
     for k, time in enumerate(times[1:].tolist(), start=1):

@@ -15,7 +15,7 @@ from baselines.rules.msprt import By, PosteriorRule
 from baselines.rules.posterior_paths import PosteriorPaths, simulate_posterior_paths
 from baselines.rules.seeds import FITTING
 from hybrid_env.checks import FloatArray, check_array, check_positive, reject
-from hybrid_env.observation import LOG_FLOOR
+from hybrid_env.core.observation_row import LOG_FLOOR
 from hybrid_env.options import WorldOptions
 
 KNOTS = np.array([-20.0, -12.0, -8.0, -6.0, -4.5, -3.5, -2.5, -1.8, -1.2, -0.7, -0.3])  # log error probabilities

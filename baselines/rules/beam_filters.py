@@ -22,10 +22,10 @@ from baselines.rules.beam_habits import Habits, begin_habits, expected_hazard, f
 from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.core.arrays import aligned_zeros
 from hybrid_env.core.banks.anchor_aware import AWARE_HYPOTHESIS, begin_hypothesis, covariance_of, sense_hypothesis
-from hybrid_env.core.banks.bank import INNOVATION, FilterModel, State, Triangle4, estimate_of, signed_radius
+from hybrid_env.core.banks.bank import INNOVATION, FilterModel, estimate_of, signed_radius
 from hybrid_env.core.banks.sensing import write_measured
 from hybrid_env.core.compilation import compiled, internal
-from hybrid_env.core.records import LANES, MEASURED
+from hybrid_env.core.records import LANES, MEASURED, State, Triangle4
 
 SMALLEST_SHARE = 1e-9  # probability of a parent, over that of the most probable one, that is left out of a mixture
 FIRST, LATER = 0, 1  # rows of the table of hazards: the first segment of an episode, later ones

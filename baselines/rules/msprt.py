@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from baselines.rules.decider import Actions, Decider, Observations, RowRule
 from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_choice, check_number, check_positive, reject
-from hybrid_env.observation import LOG_FLOOR, Layout
+from hybrid_env.core.observation_row import LOG_FLOOR
+from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering.evidence import EvidencePanel, Threshold, posterior_panel, ratio_limits
 

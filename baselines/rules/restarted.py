@@ -23,10 +23,10 @@ from baselines.rules.measurements import MeasurementDecider, filter_model, run_c
 from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_choice, check_integer, check_positive
 from hybrid_env.core.arrays import aligned_zeros
 from hybrid_env.core.banks.anchor_aware import AWARE_HYPOTHESIS, begin_hypothesis, covariance_of, sense_hypothesis
-from hybrid_env.core.banks.bank import INNOVATION, FilterModel, State, Triangle4, signed_radius
+from hybrid_env.core.banks.bank import INNOVATION, FilterModel, signed_radius
 from hybrid_env.core.banks.sensing import write_measured
 from hybrid_env.core.compilation import compiled, internal
-from hybrid_env.core.records import LANES, MEASURED, SENSOR
+from hybrid_env.core.records import LANES, MEASURED, SENSOR, State, Triangle4
 from hybrid_env.quickest_options import QuickestOptions
 
 LONGEST_WINDOW = 10_000  # ticks

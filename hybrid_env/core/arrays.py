@@ -1,7 +1,7 @@
 """Arrays that are declared once: allocated from Python, and found by their addresses in compiled code.
 
-A named tuple of arrays declares each of them by `Annotated[NDArray[...], Array(dtype, sizes)]`. A size is a
-number or a field of the parameter record; the address is in the field with the name of the array.
+A named tuple of arrays declares each of them by `Annotated[NDArray[...], Array(dtype, sizes)]`. A size is a number or a
+field of the parameter record; the address is in the field with the name of the array.
 """
 
 import math
@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from hybrid_env.core.compilation import inlined, internal
 
+FloatArray = NDArray[np.float64]
+Records = NDArray[Any]
 Owner = Literal["tracks", "options", "thread"]
 
 CACHE_LINE = 64  # bytes
@@ -26,18 +28,12 @@ HUGE_PAGE = 1 << 21  # bytes
 
 @dataclass(frozen=True)
 class Array:
-    """The declaration of an array: its type, and its shape as numbers or fields of the parameter record.
-
-    Attributes:
-        of: "tracks" if it holds their state, "options" if it does not change, or "thread" if it is temporary
-            memory, which the blocks of a thread share.
-        at: field with its address, if that is not its name: another view of the same memory.
-    """
+    """The declaration of an array: its type, and its shape as numbers or fields of the parameter record."""
 
     dtype: Any
     sizes: tuple[int | str, ...]
-    of: Owner = "tracks"
-    at: str = ""
+    of: Owner = "tracks"  # whose state it holds; "options" do not change, "thread" is temporary, shared by its blocks
+    at: str = ""  # field with its address, if that is not its name: another view of the same memory
 
 
 def declared(arrays: type, *owners: Owner) -> dict[str, Array]:
@@ -49,8 +45,8 @@ def declared(arrays: type, *owners: Owner) -> dict[str, Array]:
 def aligned_zeros(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
     """Return an array of zeros aligned to a cache line, so that the eight lanes of a field fill one line.
 
-    A step accesses the state of all tracks once. With pages of 4 kB the address cache misses every few tracks,
-    which takes longer than the computation: large arrays request huge pages.
+    A step accesses the state of all tracks once. With pages of 4 kB the address cache misses every few tracks, which
+    takes longer than the computation: large arrays request huge pages.
     """
     kind = np.dtype(dtype)
     size = math.prod(shape) * kind.itemsize
@@ -83,8 +79,7 @@ def _inttoptr(_typing: Any, address: Any) -> Any:
     return types.voidptr(address), build
 
 
-_pointer_to: Any = intrinsic(_inttoptr)
-"""Convert an integer to a pointer for `numba.carray`."""
+_pointer_to: Any = intrinsic(_inttoptr)  # convert an integer to a pointer for `numba.carray`
 
 
 @inlined

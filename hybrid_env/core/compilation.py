@@ -1,14 +1,13 @@
 """Compilation: numba's `njit` with common options, and a cache that may be missing, outdated or damaged.
 
-With NumPy's error model a division has no branch that raises, so that loops over lanes compile to SIMD code.
-The GIL is released, so that threads can step different tracks in parallel. With NUMBA_BOUNDSCHECK=1 every index
-is checked; the code is then only cached in the folder NUMBA_CACHE_DIR, because numba does not tell it from code
-without checks.
+With NumPy's error model a division has no branch that raises, so that loops over lanes compile to SIMD code. The GIL is
+released, so that threads can step different tracks in parallel. With NUMBA_BOUNDSCHECK=1 every index is checked; the
+code is then only cached in the folder NUMBA_CACHE_DIR, because numba does not tell it from code without checks.
 
-numba compares a cached function with the file that defines it, but not with the files of its callees, and it has
-no checksums: outdated or damaged machine code would be executed. Its public interface has no hook for either,
-therefore this file knows the names of its cache files, `<file>.<function>-*.nbi` and `.nbc` in the folder
-`stats.cache_path` of a function. If these names change, nothing is found, and nothing is removed.
+numba compares a cached function with the file that defines it, but not with the files of its callees, and it has no
+checksums: outdated or damaged machine code would be executed. Its public interface has no hook for either, therefore
+this file knows the names of its cache files, `<file>.<function>-*.nbi` and `.nbc` in the folder `stats.cache_path` of a
+function. If these names change, nothing is found, and nothing is removed.
 """
 
 import functools
@@ -69,11 +68,8 @@ def drop_stale_files(cache: str | None, package: str) -> None:
 def prepare(dispatcher: Any, *arguments: Any) -> None:
     """Compile a `compiled` function for the types of these arguments, or load it from the cache.
 
-    One line on stderr announces each compilation. Of several processes one compiles, and the others load its
-    files. Cached files that are damaged or cannot be loaded are removed.
-
-    Raises:
-        RuntimeError: NUMBA_DISABLE_JIT is set, or a damaged cache cannot be removed.
+    One line on stderr announces each compilation. Of several processes one compiles, and the others load its files.
+    Damaged files are removed; if that is not allowed, or with NUMBA_DISABLE_JIT, `RuntimeError` is raised.
     """
     if config.DISABLE_JIT:
         raise RuntimeError("NUMBA_DISABLE_JIT is set: only the scalar formulas run without compilation")
@@ -88,9 +84,10 @@ def prepare(dispatcher: Any, *arguments: Any) -> None:
         for found in (_files(name) != [], False):
             if not found:
                 _announce(dispatcher, name)
+            collects = gc.isenabled()
+            gc.disable()  # it would take a fifth of the time of a compilation
             try:
-                with _collector_paused():
-                    dispatcher.compile(types)
+                dispatcher.compile(types)
                 _save_checksums(name)
                 return
             except Exception:  # unpickling a damaged file can raise anything
@@ -99,6 +96,9 @@ def prepare(dispatcher: Any, *arguments: Any) -> None:
                 if not found:
                     raise
                 _remove(name)
+            finally:
+                if collects:
+                    gc.enable()
 
 
 @contextmanager
@@ -158,15 +158,3 @@ def _announce(dispatcher: Any, name: Path | None) -> None:
     function = f"{dispatcher.__module__.rpartition('.')[2]}.{dispatcher.__name__}"
     number = f"number {next(_number)}; most commands need 1 to 5"
     print(f"HybridTrack: compiling {function} ({number}), up to 15 s, {until}", file=sys.stderr)
-
-
-@contextmanager
-def _collector_paused() -> Iterator[None]:
-    """Pause Python's garbage collector, which would take a fifth of the time of a compilation."""
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()

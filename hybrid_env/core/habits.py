@@ -1,15 +1,12 @@
 """Habits of an object drawn anew for every episode: the law of its durations and of its next modes.
 
-A law is the mixture of two humps with equal probability. A duration of a hump is offset + U + G ticks, where
-U = 0, ..., span - 1 is uniform and G = 1, 2, ... geometric with a given mean; with a mean of 1, G is 1.
-
-One law in five each is narrow (uniform, the longest duration 1 to 1.2 times the shortest), wide (uniform, 1.2
-to 3 times), geometric (an offset of up to 80 ticks, which a third has not, and a mean of 10 to 100), of two
-narrow humps, or different for straight motion and turns, which then have laws of one of these four kinds. The
-shortest uniform duration is 20 to 150 ticks. Ranges are uniform in the logarithm, offsets uniform.
-
-With drawn orders, a third of the objects has equally likely next modes. The others have one preferred next
-mode after each mode, with a probability of 0.5 to 1 above its equal share of the rest.
+A law is the mixture of two humps with equal probability. A duration of a hump is offset + U + G ticks, where U = 0,
+..., span - 1 is uniform and G = 1, 2, ... geometric with a given mean; with a mean of 1, G is 1. One law in five each
+is narrow (uniform, the longest duration 1 to 1.2 times the shortest), wide (uniform, 1.2 to 3 times), geometric (an
+offset of up to 80 ticks, which a third has not, and a mean of 10 to 100), of two narrow humps, or different for
+straight motion and turns, each of one of these kinds. The shortest uniform duration is 20 to 150 ticks. Ranges are
+uniform in the logarithm, offsets uniform. A third of the drawn orders has equally likely next modes; the others one
+preferred next mode after each mode, with a probability of 0.5 to 1 above its equal share of the rest.
 """
 
 import math
@@ -18,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_env.core.arrays import FloatArray
 from hybrid_env.core.compilation import internal
 from hybrid_env.core.elementary import exp, log
 from hybrid_env.core.noise import integer_below, uniform
@@ -62,7 +60,7 @@ def _draw_mode_law(state: NDArray[np.uint64], lane: int, kind: int, law: Any) ->
 
 
 @internal
-def draw_law(state: NDArray[np.uint64], lane: int, law: NDArray[np.float64]) -> None:
+def draw_law(state: NDArray[np.uint64], lane: int, law: FloatArray) -> None:
     """Draw the laws of straight motion and turns, (2, 2, 3): mode, hump, and offset, span and mean."""
     kind = integer_below(state, lane, 5)
     if kind == DIFFERENT:
@@ -76,7 +74,7 @@ def draw_law(state: NDArray[np.uint64], lane: int, law: NDArray[np.float64]) -> 
 
 
 @internal
-def draw_order(state: NDArray[np.uint64], lane: int, order: NDArray[np.float64]) -> None:
+def draw_order(state: NDArray[np.uint64], lane: int, order: FloatArray) -> None:
     """Draw the probabilities of the next mode (column) by the present one, (M, M)."""
     modes = order.shape[0]
     strength = max(1.5 * uniform(state, lane) - 0.5, 0.0)
@@ -90,7 +88,7 @@ def draw_order(state: NDArray[np.uint64], lane: int, order: NDArray[np.float64])
 
 
 @internal
-def draw_from_law(state: NDArray[np.uint64], lane: int, law: NDArray[np.float64], longest: int) -> int:
+def draw_from_law(state: NDArray[np.uint64], lane: int, law: FloatArray, longest: int) -> int:
     """Return a duration of a law of one mode, (2, 3), at most `longest` [ticks]."""
     hump = law[integer_below(state, lane, 2)]
     ticks = hump[OFFSET] + 1.0 + math.floor(hump[SPAN] * uniform(state, lane))
@@ -100,7 +98,7 @@ def draw_from_law(state: NDArray[np.uint64], lane: int, law: NDArray[np.float64]
 
 
 @internal
-def draw_remaining(state: NDArray[np.uint64], lane: int, law: NDArray[np.float64], longest: int) -> int:
+def draw_remaining(state: NDArray[np.uint64], lane: int, law: FloatArray, longest: int) -> int:
     """Return the ticks left at a random moment of segments of one mode; arguments as in `draw_from_law`."""
     left = -BURN_IN - integer_below(state, lane, BURN_IN)
     while left <= 0:
@@ -109,7 +107,7 @@ def draw_remaining(state: NDArray[np.uint64], lane: int, law: NDArray[np.float64
 
 
 @internal
-def draw_mode(state: NDArray[np.uint64], lane: int, probabilities: NDArray[np.float64]) -> int:
+def draw_mode(state: NDArray[np.uint64], lane: int, probabilities: FloatArray) -> int:
     """Return a mode with the given probabilities, (M,)."""
     number, last = uniform(state, lane), 0
     for mode in range(probabilities.size):

@@ -1,34 +1,32 @@
 """The kernel: object, measurement, bank, reward, fast-forward and autoreset of many tracks in one loop.
 
-The operations of every tick are loops over the lanes of a block (see `records`). Decisions and new segments
-occur in few tracks and are computed for single lanes. Threads step different blocks.
+The operations of every tick are loops over the lanes of a block (see `records`). Decisions and new segments occur in
+few tracks and are computed for single lanes. Threads step different blocks.
 """
 
 import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hybrid_env.core.arrays import FloatArray, Records
 from hybrid_env.core.banks import operations
-from hybrid_env.core.banks.bank import (
-    IDENTITY,
-    State,
-    estimate_of,
-    filter_model,
-    likeliest,
-    likeliest_of_type,
-    mode_type,
-    state_of,
-    triangle_of,
-    write_lane,
-)
+from hybrid_env.core.banks.bank import IDENTITY, estimate_of, filter_model, likeliest, likeliest_of_type, mode_type
 from hybrid_env.core.banks.mixture import merged_estimate, write_merged_covariance
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.motion import heading_vector
 from hybrid_env.core.noise import draw_noise_ahead, integer_below
 from hybrid_env.core.observation_row import compare_hypotheses, write_segment, write_tick
-from hybrid_env.core.records import DECISION, DECISION_FLAGS, LANES, SEGMENT_COLUMNS
+from hybrid_env.core.records import (
+    DECISION,
+    DECISION_FLAGS,
+    LANES,
+    SEGMENT_COLUMNS,
+    State,
+    state_of,
+    triangle_of,
+    write_lane,
+)
 from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move, move_lane, sum_errors
 
 NO_COVARIANCE = (0.0,) * 10  # of the oracle bank, whose anchor is exact
@@ -39,7 +37,7 @@ DECIDED, TERMINATED = 1, 2  # events of a step, combined as bits
 
 
 @inlined
-def _record(block: Any, lane: int, estimate: State, trace: NDArray[np.float64]) -> None:
+def _record(block: Any, lane: int, estimate: State, trace: FloatArray) -> None:
     """Record an estimate, its squared error, and a row of the trace if stored."""
     write_lane(block.estimate, lane, estimate)
     x, _, y, _ = estimate
@@ -57,14 +55,14 @@ def _record(block: Any, lane: int, estimate: State, trace: NDArray[np.float64]) 
 
 
 @inlined
-def _record_estimate(block: Any, lane: int, hypotheses: NDArray[Any], trace: NDArray[np.float64], merged: bool) -> None:
+def _record_estimate(block: Any, lane: int, hypotheses: Records, trace: FloatArray, merged: bool) -> None:
     """Record the estimate of the active filter, or the merged one."""
     estimate = merged_estimate(hypotheses, lane) if merged else estimate_of(hypotheses, block.active_mode[lane], lane)
     _record(block, lane, estimate, trace)
 
 
 @inlined
-def begin_bank(block: Any, lane: int, bank: Any, radii: NDArray[np.float64], setting: Any) -> None:
+def begin_bank(block: Any, lane: int, bank: Any, radii: FloatArray, setting: Any) -> None:
     """Begin a segment of the bank: every filter starts from the anchor and the kept covariance of the block."""
     anchor, covariance = state_of(block.anchor, lane), triangle_of(block.covariance, lane)
     speed, heading_x, heading_y = heading_vector(anchor[1], anchor[3])
@@ -97,7 +95,7 @@ def _begin_segment(block: Any, lane: int, bank: Any, arrays: Any, setting: Any) 
 
 
 @inlined
-def step_irregular(bank: Any, first: Any, last: Any, block: Any, sensors: NDArray[Any], setting: Any) -> None:
+def step_irregular(bank: Any, first: Any, last: Any, block: Any, sensors: Records, setting: Any) -> None:
     """Advance every filter of lanes first .. last - 1 where measurements may be missing or of any covariance."""
     for lane in range(first, last):
         missing, model = math.isnan(block.measurement[0, lane]), filter_model(setting, 1.0)
@@ -126,7 +124,7 @@ def follow_irregular(bank: Any, lane: int, chosen: int, block: Any, sensors: Any
 
 
 @internal
-def step_lanes(block: Any, bank: Any, first: int, last: int, sensors: NDArray[Any], setting: Any) -> None:
+def step_lanes(block: Any, bank: Any, first: int, last: int, sensors: Records, setting: Any) -> None:
     """Advance every filter of lanes first .. last - 1 by the measurement of the block, if there is one."""
     if setting.irregular:
         step_irregular(bank, first, last, block, sensors, setting)
@@ -204,28 +202,6 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any)
 
 
 @inlined
-def _act(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any) -> int:
-    """Apply the action of track i. Returns the events `DECIDED` and `TERMINATED`, combined as bits."""
-    if arrays.actions[i] == 0 and block.tick[lane] < block.length[lane]:
-        arrays.rewards[i] = -setting.delay_cost
-        return 0
-    _decide(block, lane, i, bank, arrays, setting)
-    if block.segment[lane] + 1 == setting.segments:
-        arrays.terminated[i] = True
-        return DECIDED + TERMINATED
-    block.segment[lane] += 1
-    return DECIDED
-
-
-@inlined
-def _tick(block: Any, bank: Any, scratch: Any, first: int, last: int, sensors: NDArray[Any], setting: Any) -> None:
-    """Advance the object and every filter of lanes first .. last - 1 by one tick."""
-    move(block, scratch.noise, first, last, sensors, setting)
-    step_lanes(block, bank, first, last, sensors, setting)
-    compare_hypotheses(scratch, bank.hypotheses, first, last)
-
-
-@inlined
 def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) -> int:
     """Step the tracks of a block; see `kernels.advance_published`. Returns their events, combined as bits."""
     block, scratch = arrays.blocks[b], arrays.scratch[0]
@@ -254,8 +230,17 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) ->
             arrays.rewards[i] = 0.0
             arrays.terminated[i] = False
             event = DECIDED  # a segment begins
+        elif arrays.actions[i] == 0 and block.tick[lane] < block.length[lane]:
+            arrays.rewards[i] = -setting.delay_cost
+            event = 0
         else:
-            event = _act(block, lane, i, bank, arrays, setting)
+            _decide(block, lane, i, bank, arrays, setting)
+            event = DECIDED
+            if block.segment[lane] + 1 == setting.segments:
+                arrays.terminated[i] = True
+                event = DECIDED + TERMINATED
+            else:
+                block.segment[lane] += 1
             events |= event
         if event & TERMINATED:
             scratch.running[lane] = 0
@@ -268,7 +253,10 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) ->
             continue
         last = lanes if all_running else first + 1
         # unsigned indices need no check for negative values, so that loops over lanes compile to SIMD code
-        _tick(block, bank, scratch, np.uint64(first), np.uint64(last), arrays.sensors, setting)
+        start, stop = np.uint64(first), np.uint64(last)
+        move(block, scratch.noise, start, stop, arrays.sensors, setting)
+        step_lanes(block, bank, start, stop, arrays.sensors, setting)
+        compare_hypotheses(scratch, bank.hypotheses, start, stop)
         for lane in range(first, last):
             i = b * LANES + lane
             if setting.recalculated > 0:

@@ -1,8 +1,7 @@
 """The compiled entry points of the kernel, two for each bank. All other options are read at run time.
 
-On a live sensor the measurement comes from the caller instead of `true_object.move`. All else is computed by
-the functions of `kernel` and `quickest_kernel`, so that the same measurements give the same observations as in
-the environments; `irregular` is True in the parameters, because any measurement may be missing.
+On a live sensor the measurement comes from the caller. All else is computed by the same functions, so that the same
+measurements give the same rows; `irregular` is True in the parameters, because any measurement may be missing.
 """
 
 from typing import Any
@@ -13,50 +12,29 @@ from hybrid_env.core import kernel, quickest_kernel
 from hybrid_env.core.arrays import array_at
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.anchor_aware import AnchorAwareBank, aware_banks
-from hybrid_env.core.banks.bank import likeliest_of_type, state_of, write_lane
+from hybrid_env.core.banks.bank import likeliest_of_type
 from hybrid_env.core.banks.imm import ImmBank, begin_imm, imm_banks, imm_of_block, step_imm_irregular
 from hybrid_env.core.banks.published import PublishedBank, published_banks
-from hybrid_env.core.compilation import compiled, inlined, internal
+from hybrid_env.core.compilation import compiled, internal
 from hybrid_env.core.kernel import HAS_DECISION, begin_bank, chosen_mode, follow_irregular, set_anchor, step_irregular
 from hybrid_env.core.observation_row import compare_hypotheses, write_quickest_row, write_segment, write_tick
 from hybrid_env.core.quickest_kernel import record_statement
-from hybrid_env.core.records import LANES
+from hybrid_env.core.records import LANES, state_of, write_lane
 from hybrid_env.core.state import PARAMETERS, arrays_of
 
-STEP, RESET, MEASURE, BEGIN = range(4)
-"""Commands: of the environments the first two, on a live sensor the others."""
+STEP, RESET, MEASURE, BEGIN = range(4)  # commands: of the environments the first two, on a live sensor the others
 
 FIRST, LAST = np.uint64(0), np.uint64(1)  # range of lanes; unsigned as in the other kernels
-
-
-@inlined
-def _measure(block: Any, bank: Any, arrays: Any, setting: Any) -> None:
-    """Advance the bank by one tick; before the decision of the segment also write the observation."""
-    decided = arrays.decision_flags[HAS_DECISION, 0]
-    block.tick[0] += 1
-    block.length[0] = max(block.length[0], block.tick[0])
-    if decided and not (setting.merged or setting.refined):
-        follow_irregular(bank, 0, block.active_mode[0], block, arrays.sensors, setting)
-    else:
-        step_irregular(bank, FIRST, LAST, block, arrays.sensors, setting)
-    if decided and setting.refined:
-        block.active_mode[0] = likeliest_of_type(bank.hypotheses, 0, block.active_mode[0])
-    if not decided:
-        scratch, row = arrays.scratch[0], arrays.observations[0]
-        compare_hypotheses(scratch, bank.hypotheses, FIRST, LAST)
-        if block.tick[0] == 1:
-            write_segment(row, block, 0, arrays.radii, setting)
-        write_tick(row, block, 0, scratch, bank, setting)
 
 
 @internal
 def advance_live(begins: bool, banks: Any, arrays: Any, setting: Any) -> int:
     """Begin a segment, process a measurement, or declare a mode, on the first lane of the first block.
 
-    With `begins` the last segment ends, and the bank starts from its estimate; the first one starts from that of
-    the block, and its `segment` is -1. Otherwise action 0 advances the bank by the `measurement`, and writes the
-    observation until a mode is declared; action i + 1 declares mode i and advances nothing. Then `estimate` and
-    `covariance` of the block are those of the last decided mode, or merged over the bank.
+    With `begins` the last segment ends, and the bank starts from its estimate; the first one, whose `segment` is -1,
+    from that of the block. Otherwise action 0 advances the bank by the `measurement`, and writes the observation until
+    a mode is declared; action i + 1 declares mode i and advances nothing. Then `estimate` and `covariance` of the block
+    are those of the last decided mode, or merged over the bank.
     """
     block, bank = arrays.blocks[0], operations.bank_of_block(banks, 0)
     if begins:
@@ -73,19 +51,32 @@ def advance_live(begins: bool, banks: Any, arrays: Any, setting: Any) -> int:
     if action > 0:
         block.active_mode[0] = chosen_mode(block, 0, bank, action, setting)
         arrays.decision_flags[HAS_DECISION, 0] = True
+        set_anchor(block, 0, bank, block.active_mode[0], setting.merged)
+        return 0
+    decided = arrays.decision_flags[HAS_DECISION, 0]
+    block.tick[0] += 1
+    block.length[0] = max(block.length[0], block.tick[0])
+    if decided and not (setting.merged or setting.refined):
+        follow_irregular(bank, 0, block.active_mode[0], block, arrays.sensors, setting)
     else:
-        _measure(block, bank, arrays, setting)
+        step_irregular(bank, FIRST, LAST, block, arrays.sensors, setting)
+    if decided and setting.refined:
+        block.active_mode[0] = likeliest_of_type(bank.hypotheses, 0, block.active_mode[0])
+    if not decided:
+        scratch, row = arrays.scratch[0], arrays.observations[0]
+        compare_hypotheses(scratch, bank.hypotheses, FIRST, LAST)
+        if block.tick[0] == 1:
+            write_segment(row, block, 0, arrays.radii, setting)
+        write_tick(row, block, 0, scratch, bank, setting)
     set_anchor(block, 0, bank, block.active_mode[0], setting.merged)
     return 0
 
 
 @internal
 def advance_live_quickest(begins: bool, banks: Any, arrays: Any, setting: Any) -> int:
-    """Begin tracks, or process statements and measurements, with unknown switch moments.
-
-    With `begins` every filter starts from `estimate` and `covariance` of its track; the action is the mode
-    before the first tick, -1 if it is not known. Otherwise it is the statement of the last tick, which does not
-    count before the first one.
+    """Begin tracks, or process statements and measurements, with unknown switch moments. With `begins` every filter
+    starts from `estimate` and `covariance` of its track; the action is the mode before the first tick, -1 if it is not
+    known. Otherwise it is the statement of the last tick.
     """
     for b in range(setting.first_block, setting.last_block):
         block, bank = arrays.blocks[b], imm_of_block(banks, b)
@@ -110,17 +101,10 @@ def advance_live_quickest(begins: bool, banks: Any, arrays: Any, setting: Any) -
 def advance_published(address: int, command: int) -> int:
     """Step every track, or with `RESET` begin a new episode on every track whose action is not 0.
 
-    In a step, a terminated track begins its next episode. The observation of a track that terminates is not
-    changed: it is the one on which the last decision was made.
-
-    Args:
-        address: of a record `PARAMETERS`, whose arrays must exist during the call; its blocks
-            first_block .. last_block - 1 are stepped, so that threads can share the tracks.
-        command: `STEP` or `RESET`.
-
-    Returns:
-        `DECIDED` if any track made a decision, plus `TERMINATED` if any terminated. If the action of track i
-        is outside the space, -1 - i; then no track is stepped.
+    In a step, a terminated track begins its next episode; the observation of a track that terminates stays the one on
+    which the last decision was made. The address is that of a record `PARAMETERS`, whose arrays must exist during the
+    call. Returns `DECIDED` if any track made a decision, plus `TERMINATED` if any terminated; or, if the action of
+    track i is outside the space, -1 - i, and no track is stepped.
     """
     setting = array_at(address, (1,), PARAMETERS)[0]
     return kernel.advance(command == RESET, published_banks(setting), arrays_of(setting), setting)

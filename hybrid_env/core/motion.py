@@ -1,9 +1,9 @@
 """Motion of the object: straight lines and turns about a fixed centre, one axis at a time.
 
-Golubkov 2018, eq. (1). A turn that begins in the state (p_s, v_s) at the switch has the turn rate
-omega = |v_s| / r and the centre c = p_s + n r (left) or p_s - n r (right), where n is the left normal of
-v_s / |v_s|. The centre and the turn rate are constant over the segment. Each axis is therefore a linear
-oscillator about the coordinate of the centre, and straight motion is the limit omega = 0.
+Golubkov 2018, eq. (1). A turn that begins in the state (p_s, v_s) at the switch has the turn rate omega = |v_s| / r and
+the centre c = p_s + n r (left) or p_s - n r (right), where n is the left normal of v_s / |v_s|. The centre and the turn
+rate are constant over the segment. Each axis is therefore a linear oscillator about the coordinate of the centre, and
+straight motion is the limit omega = 0.
 """
 
 import math
@@ -28,9 +28,8 @@ def motion_coefficients(turn_rate: float, tau: float) -> tuple[float, float, flo
 def propagate(
     position: float, velocity: float, centre: float, cosine: float, sine_velocity: float, sine_position: float
 ) -> tuple[float, float]:
-    """Return position [m] and velocity [m/s] of one axis after a tick without noise. Golubkov 2018, eq. (1).
-
-    centre: of the turn [m]; any finite number for straight motion.
+    """Return position [m] and velocity [m/s] of one axis after a tick without noise. Golubkov 2018, eq. (1). centre: of
+    the turn [m]; any finite number for straight motion.
     """
     offset = position - centre
     return centre + cosine * offset + sine_velocity * velocity, cosine * velocity - sine_position * offset
@@ -38,9 +37,8 @@ def propagate(
 
 @internal
 def bank_turn_rate(speed: float, radius: float, tau: float) -> float:
-    """Return the turn rate that a bank assumes, speed / radius, at most `LARGEST_ANGLE` per tick [rad/s].
-
-    Unbounded, the estimated speed could grow in every wrongly decided segment until it overflows.
+    """Return the turn rate that a bank assumes, speed / radius, at most `LARGEST_ANGLE` per tick [rad/s]. Unbounded,
+    the estimated speed could grow in every wrongly decided segment until it overflows.
     """
     return min(speed / radius, LARGEST_ANGLE / tau)
 

@@ -1,9 +1,9 @@
 """Random numbers of the kernel: one xoshiro256++ generator per track, and the noise of the object from it.
 
-Every track has a separate generator, so that a track of a vector environment has the same random stream as a
-single environment with the same seed. Blackman & Vigna 2021 (xoshiro256++); Box & Muller 1958 (normals);
-Chambers, Mallows & Stuck 1976 (stable distributions); Bailey 1994 (Student's t). None of these methods has a
-rejection step, so that several tracks, or several ticks of one track, can be drawn with SIMD code.
+Every track has a separate generator, so that a track of a vector environment has the same random stream as a single
+environment with the same seed. Blackman & Vigna 2021 (xoshiro256++); Box & Muller 1958 (normals); Chambers, Mallows &
+Stuck 1976 (stable distributions); Bailey 1994 (Student's t). None of these methods has a rejection step, so that
+several tracks, or several ticks of one track, can be drawn with SIMD code.
 """
 
 import math
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_env.core.arrays import FloatArray
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import ONE, exp, float_of, log, sine_cosine
 
@@ -60,7 +61,7 @@ def uniform(state: NDArray[np.uint64], lane: int) -> float:
 
 
 @inlined
-def _draw_uniforms(state: NDArray[np.uint64], lane: int, noise: NDArray[np.float64], column: int) -> None:
+def _draw_uniforms(state: NDArray[np.uint64], lane: int, noise: FloatArray, column: int) -> None:
     """Draw four uniforms into rows 0 .. 3 of a column, with the state in registers."""
     s0, s1, s2, s3 = state[0, lane], state[1, lane], state[2, lane], state[3, lane]
     for k in range(4):
@@ -76,7 +77,7 @@ def integer_below(state: NDArray[np.uint64], lane: int, bound: int) -> np.int64:
 
 
 @internal
-def draw_normals(state: NDArray[np.uint64], noise: NDArray[np.float64], first: int, last: int) -> None:
+def draw_normals(state: NDArray[np.uint64], noise: FloatArray, first: int, last: int) -> None:
     """Draw four numbers from N(0, 1), of magnitude below 8.5, into rows 0 .. 3 for lanes first .. last - 1."""
     for lane in range(first, last):
         _draw_uniforms(state, lane, noise, lane)
@@ -85,12 +86,10 @@ def draw_normals(state: NDArray[np.uint64], noise: NDArray[np.float64], first: i
 
 
 @internal
-def draw_noise(state: NDArray[np.uint64], noise: NDArray[np.float64], first: int, last: int, setting: Any) -> None:
-    """Draw the noise of one tick for lanes first .. last - 1.
-
-    Rows 0 and 1 of the noise, (NOISE_ROWS, LANES), are independent draws of N(0, 1), of magnitude below 8.5, for
-    the velocities; rows 2 and 3 are the errors of the measured coordinates over sqrt(R). Row `LOST` is uniform in
-    [0, 1) if measurements may be missing. The others are temporary.
+def draw_noise(state: NDArray[np.uint64], noise: FloatArray, first: int, last: int, setting: Any) -> None:
+    """Draw the noise of one tick for lanes first .. last - 1, (NOISE_ROWS, LANES). Rows 0 and 1 are draws of N(0, 1),
+    of magnitude below 8.5, for the velocities; 2 and 3 errors of the measured coordinates over sqrt(R); row `LOST` is
+    uniform in [0, 1) if measurements may be missing.
     """
     for lane in range(first, last):
         _draw_uniforms(state, lane, noise, lane)
@@ -101,9 +100,7 @@ def draw_noise(state: NDArray[np.uint64], noise: NDArray[np.float64], first: int
 
 
 @internal
-def draw_noise_ahead(
-    state: NDArray[np.uint64], lane: int, noise: NDArray[np.float64], ticks: int, setting: Any
-) -> None:
+def draw_noise_ahead(state: NDArray[np.uint64], lane: int, noise: FloatArray, ticks: int, setting: Any) -> None:
     """Draw the noise of up to LANES consecutive ticks of one lane; column k holds that of tick k."""
     further = setting.noise_law != GAUSSIAN or setting.missed > 0.0
     for tick in range(ticks):
@@ -114,7 +111,7 @@ def draw_noise_ahead(
 
 
 @internal
-def _draw_further(state: NDArray[np.uint64], lane: int, noise: NDArray[np.float64], column: int, setting: Any) -> None:
+def _draw_further(state: NDArray[np.uint64], lane: int, noise: FloatArray, column: int, setting: Any) -> None:
     """Draw the uniform numbers that only some settings need: rows 4 and 5 for the law, and `LOST`."""
     if setting.noise_law == OUTLIERS or setting.noise_law == LEVY:
         noise[4, column] = uniform(state, lane)
@@ -125,7 +122,7 @@ def _draw_further(state: NDArray[np.uint64], lane: int, noise: NDArray[np.float6
 
 
 @inlined
-def _to_noise(noise: NDArray[np.float64], first: int, last: int, setting: Any) -> None:
+def _to_noise(noise: FloatArray, first: int, last: int, setting: Any) -> None:
     """Transform the uniforms in columns first .. last - 1 to normals and to draws of the law."""
     _to_normals(noise, 0, first, last)
     if setting.noise_law == LEVY:
@@ -142,7 +139,7 @@ def _to_noise(noise: NDArray[np.float64], first: int, last: int, setting: Any) -
 
 
 @internal
-def _to_normals(noise: NDArray[np.float64], k: int, first: int, last: int) -> None:
+def _to_normals(noise: FloatArray, k: int, first: int, last: int) -> None:
     """Transform the uniforms in rows k and k + 1 to independent normals. Box & Muller 1958."""
     for column in range(first, last):
         radius = math.sqrt(-2.0 * log(1.0 - noise[k, column]))
@@ -169,7 +166,7 @@ def _stable(number: float, other: float, index: float) -> float:
 
 
 @internal
-def _to_stable(noise: NDArray[np.float64], first: int, last: int, setting: Any) -> None:
+def _to_stable(noise: FloatArray, first: int, last: int, setting: Any) -> None:
     """Transform the uniforms in rows 2 .. 5 to two independent stable draws in rows 2 and 3."""
     index, scale, clip = setting.noise_shape, setting.noise_scale, setting.noise_clip
     for k in range(2, 4):
@@ -179,10 +176,9 @@ def _to_stable(noise: NDArray[np.float64], first: int, last: int, setting: Any) 
 
 
 @internal
-def _to_student(noise: NDArray[np.float64], first: int, last: int, setting: Any) -> None:
-    """Transform the uniforms in rows 2 and 3 to a draw of the bivariate Student t distribution.
-
-    Bailey 1994: its squared radius r satisfies P(r > q) = (1 + q / freedom)^(-freedom / 2).
+def _to_student(noise: FloatArray, first: int, last: int, setting: Any) -> None:
+    """Transform the uniforms in rows 2 and 3 to a draw of the bivariate Student t distribution. Bailey 1994: its
+    squared radius r satisfies P(r > q) = (1 + q / freedom)^(-freedom / 2).
     """
     freedom, scale, clip = setting.noise_shape, setting.noise_scale, setting.noise_clip
     for column in range(first, last):

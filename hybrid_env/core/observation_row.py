@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_env.core.arrays import FloatArray, Records
 from hybrid_env.core.banks.bank import estimate_of, likeliest
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import exp, log
@@ -41,8 +42,7 @@ QUICKEST_HYPOTHESIS_FEATURES = {
     "log_probability": LOG_SCALE, "log_ratio": 1.0, "innovation_along": 1.0, "innovation_across": 1.0,
     "log_variance": 1.0, "stated": 1.0,
 }  # fmt: skip
-QUICKEST_TRACK_FEATURES = {"speed": 1.0, "stated_ticks": TICK_SCALE}
-"""The same with unknown switches."""
+QUICKEST_TRACK_FEATURES = {"speed": 1.0, "stated_ticks": TICK_SCALE}  # the same with unknown switches
 
 BLOCKS, SINGLES = len(HYPOTHESIS_FEATURES), len(TRACK_FEATURES)
 TICKS, TICKS_LEFT, LOG_ERROR, SPEED, ALONG, ACROSS, ANCHOR_XX, ANCHOR_XV, ANCHOR_VV, LOG_NOISE = range(SINGLES)
@@ -83,7 +83,7 @@ def mean_over_noise(value_x: float, value_y: float, variance_x: float, variance_
 
 
 @internal
-def write_segment(row: NDArray[np.float32], block: Any, lane: int, radii: NDArray[np.float64], setting: Any) -> None:
+def write_segment(row: NDArray[np.float32], block: Any, lane: int, radii: FloatArray, setting: Any) -> None:
     """Write the values that are constant over a segment. row: (6 M + 10,); setting: record `PARAMETERS`."""
     n = radii.size
     M = 2 * n + 1
@@ -103,7 +103,7 @@ def write_segment(row: NDArray[np.float32], block: Any, lane: int, radii: NDArra
 
 
 @inlined
-def compare_hypotheses(scratch: Any, hypotheses: NDArray[Any], first: int, last: int) -> None:
+def compare_hypotheses(scratch: Any, hypotheses: Records, first: int, last: int) -> None:
     """Compute the maximum log-likelihood and the log error probability of lanes first .. last - 1."""
     for lane in range(first, last):
         scratch.largest[lane] = hypotheses[0].log_likelihood[lane]

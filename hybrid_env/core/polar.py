@@ -1,19 +1,16 @@
 """Range, bearing and range rate of a radar, and their conversion to a position.
 
-The converted position is the mean of the true one given the measurement, and its covariance is that of the
-true one: Duan, Han & Li 2004, "Comments on 'Unbiased converted measurements for tracking'". The mean of the
-directions around a measured bearing, whose error is normal with standard deviation s, is exp(-s^2 / 2) times
-the measured direction. A conversion that is unbiased given the true position instead, which divides by this
-factor (Longbin et al. 1998), has in the filter an error along the line of sight of range * s^2.
+The converted position is the mean of the true one given the measurement, with its covariance: Duan, Han & Li 2004,
+"Comments on 'Unbiased converted measurements for tracking'". It is exp(-s^2 / 2) times the measured direction, s the
+standard deviation of the bearing. The conversion that divides by this factor instead (Longbin et al. 1998) has in the
+filter an error along the line of sight of range * s^2.
 """
 
 import math
 
 from hybrid_env.core.compilation import inlined
 
-Position = tuple[float, float, float, float, float]
-"""x, y and their covariance xx, xy, yy."""
-
+Position = tuple[float, float, float, float, float]  # x, y and their covariance xx, xy, yy
 Information = tuple[float, float, float, float, float]
 """Inverse covariance xx, xy, yy, and its product with the error x, y."""
 
@@ -30,9 +27,8 @@ def range_rate(x: float, y: float, u: float, v: float) -> float:
 def to_position(
     distance: float, along_x: float, along_y: float, range_deviation: float, bearing_deviation: float
 ) -> Position:
-    """Return the position relative to the radar of a measured range [m] and direction, and its covariance.
-
-    along: unit vector of the measured bearing; the standard deviations are in m and rad.
+    """Return the position relative to the radar of a measured range [m] and direction, and its covariance. along: unit
+    vector of the measured bearing; the standard deviations are in m and rad.
     """
     square = bearing_deviation * bearing_deviation
     shorter, turn = -math.expm1(-square), -0.5 * math.expm1(-2.0 * square)

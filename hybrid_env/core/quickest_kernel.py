@@ -1,14 +1,13 @@
 """The kernel with unknown switch moments: object, measurement, IMM bank, statements and autoreset.
 
-Tracks are stored in blocks, as in `kernel`. A statement is compared with the true mode and changes nothing
-else, so that every sequence of statements sees the same measurements.
+A statement changes nothing but its reward, so that every sequence of statements sees the same measurements.
 """
 
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hybrid_env.core.arrays import FloatArray
 from hybrid_env.core.banks.bank import filter_model
 from hybrid_env.core.banks.imm import begin_imm, imm_of_block, step_imm, step_imm_irregular
 from hybrid_env.core.compilation import inlined, internal
@@ -23,7 +22,7 @@ FIRST_DURATIONS, OTHER_DURATIONS = 0, 2  # rows of the table of durations; those
 
 
 @internal
-def draw_duration(cumulative: NDArray[np.float64], number: float) -> int:
+def draw_duration(cumulative: FloatArray, number: float) -> int:
     """Return a duration from a number in [0, 1) and the cumulative probabilities of 1, 2, ..., `ticks`, by bisection;
     `ticks` + 1 stands for all that are longer.
     """

@@ -1,17 +1,23 @@
 """The records of the kernel: the state of the tracks, a sensor, and the columns of segments and trace.
 
-Tracks are stored in blocks of `LANES`. Every field of a block holds one number per track, so that a loop over
-lanes has a constant stride and compiles to SIMD code.
+Tracks are stored in blocks of `LANES`. Every field of a block holds one number per track, so that a loop over lanes has
+a constant stride and compiles to SIMD code.
 """
 
 from typing import Any
 
 import numpy as np
 
+from hybrid_env.core.arrays import FloatArray
+from hybrid_env.core.compilation import inlined
 from hybrid_env.core.noise import NOISE_ROWS
 
-LANES = 8
-"""Tracks per block. Eight float64 fill a cache line and the widest vector register."""
+LANES = 8  # tracks per block. Eight float64 fill a cache line and the widest vector register.
+
+
+State = tuple[float, float, float, float]
+Triangle4 = tuple[float, float, float, float, float, float, float, float, float, float]
+"""Covariance of [x, vx, y, vy], upper triangle row by row."""
 
 
 def lanes_of(*fields: tuple[str, type, tuple[int, ...]]) -> np.dtype[Any]:
@@ -19,31 +25,44 @@ def lanes_of(*fields: tuple[str, type, tuple[int, ...]]) -> np.dtype[Any]:
     return np.dtype([(name, kind, (*shape, LANES)) for name, kind, shape in fields])
 
 
-SENSOR = np.dtype(
-    [
-        ("x", np.float64),  # [m]
-        ("y", np.float64),
-        ("deviation", np.float64),  # of each measured coordinate, or of the range [m]
-        ("precision", np.float64),  # R over the variance of each measured coordinate
-        ("bearing_deviation", np.float64),  # [rad]; 0 is a position sensor
-        ("rate_deviation", np.float64),  # of the range rate [m/s]
-        ("rate_row", np.int64),  # of the range rate in `MEASURED`; -1 without one
-        ("range", np.float64),  # [m]
-        ("period", np.int64),  # [ticks]
-    ]
-)
+@inlined
+def state_of(array: FloatArray, lane: int) -> State:
+    """Return the values of a lane of an array, (4, LANES)."""
+    return array[0, lane], array[1, lane], array[2, lane], array[3, lane]
+
+
+@inlined
+def triangle_of(p: FloatArray, lane: int) -> Triangle4:
+    """Return the values of a lane of an array, (10, LANES)."""
+    return (
+        p[0, lane], p[1, lane], p[2, lane], p[3, lane], p[4, lane],
+        p[5, lane], p[6, lane], p[7, lane], p[8, lane], p[9, lane],
+    )  # fmt: skip
+
+
+@inlined
+def write_lane(array: FloatArray, lane: int, values: tuple[float, ...]) -> None:
+    """Write k values to a lane of an array, (k, LANES)."""
+    for k, value in enumerate(values):
+        array[k, lane] = value
+
+
+SENSOR = np.dtype([
+    *((name, np.float64) for name in ("x", "y", "range")),  # [m]
+    ("deviation", np.float64), ("precision", np.float64),  # of a coordinate or the range [m]; R over its square
+    ("bearing_deviation", np.float64), ("rate_deviation", np.float64),  # [rad], 0 is a position sensor; [m/s]
+    ("rate_row", np.int64), ("period", np.int64),  # of the range rate in `MEASURED`, -1 without one; [ticks]
+])  # fmt: skip
 """A sensor; see `hybrid_env.sensors`."""
 
-MOST_RATES = 4
-"""Radars of a list that measure the range rate."""
+MOST_RATES = 4  # radars of a list that measure the range rate
 
 MEASURED_FIELDS = (
     ("measurement", np.float64, (2,)),  # [m], NaN without one
     ("noise", np.float64, (3,)),  # covariance xx, xy, yy of the fused measurement over R
     ("rates", np.float64, (MOST_RATES,)),  # range rates of the sensors with one [m/s], NaN if not measured
 )
-MEASURED = lanes_of(*MEASURED_FIELDS)
-"""What the sensors measure in a tick; the first field is that of `TICK`."""
+MEASURED = lanes_of(*MEASURED_FIELDS)  # what the sensors measure in a tick; the first field is that of `TICK`
 
 _TICK = (
     ("truth", np.float64, (4,)),  # [x, vx, y, vy] [m, m/s]
@@ -55,9 +74,7 @@ _TICK = (
     ("anchor", np.float64, (4,)),  # initial state of the bank: the estimate, or the true state for the oracle
 )
 
-TICK = lanes_of(*_TICK)
-"""The leading fields of a block: the current tick as described by `info`."""
-
+TICK = lanes_of(*_TICK)  # the leading fields of a block: the current tick as described by `info`
 TICK_NAMES = ("segment", "tick", "true_mode", "truth", "measurement", "anchor", "estimate")
 """Fields of `TICK`, in the order of `info`."""
 

@@ -7,20 +7,20 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hybrid_env.core.banks.bank import estimate_of, state_of, write_lane
+from hybrid_env.core.arrays import FloatArray, Records
+from hybrid_env.core.banks.bank import estimate_of
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.motion import heading_vector, motion_coefficients, propagate, turn_centre
 from hybrid_env.core.noise import LOST, draw_noise, draw_normals, uniform
 from hybrid_env.core.polar import add_information, fused_position, range_rate, to_position
-from hybrid_env.core.records import SEGMENT_COLUMNS
+from hybrid_env.core.records import SEGMENT_COLUMNS, state_of, write_lane
 
 SIGNED_RADIUS = SEGMENT_COLUMNS.index("signed_radius")
 
 
 @internal
-def draw_first_estimate(block: Any, noise: NDArray[np.float64], lane: int, setting: Any) -> None:
+def draw_first_estimate(block: Any, noise: FloatArray, lane: int, setting: Any) -> None:
     """Set the initial state of the object of a lane, and draw the first estimate, whose error has the normal
     distribution whose covariance the bank may use. noise: (NOISE_ROWS, LANES), overwritten.
     """
@@ -43,7 +43,7 @@ def draw_first_estimate(block: Any, noise: NDArray[np.float64], lane: int, setti
 
 
 @internal
-def begin_motion(block: Any, lane: int, segment: NDArray[np.float64], tau: float) -> None:
+def begin_motion(block: Any, lane: int, segment: FloatArray, tau: float) -> None:
     """Begin a segment, a row of the segment table: centre and turn rate follow from the true state of the lane."""
     x, vx, y, vy = state_of(block.truth, lane)
     signed_radius = segment[SIGNED_RADIUS]  # 0 is straight
@@ -54,7 +54,7 @@ def begin_motion(block: Any, lane: int, segment: NDArray[np.float64], tau: float
 
 
 @inlined
-def move_lane(block: Any, lane: int, noise: NDArray[np.float64], column: int, setting: Any) -> None:
+def move_lane(block: Any, lane: int, noise: FloatArray, column: int, setting: Any) -> None:
     """Move the object of one lane by one tick and measure its position; column: that of the noise for this tick."""
     truth = block.truth
     motion, centre = block.true_motion, block.true_centre
@@ -71,11 +71,9 @@ def move_lane(block: Any, lane: int, noise: NDArray[np.float64], column: int, se
 
 
 @inlined
-def _sense(block: Any, lane: int, noise: NDArray[np.float64], sensors: NDArray[Any], setting: Any) -> None:
-    """Move the object of one lane by one tick, and fuse the measurements of all sensors that have one.
-
-    Independent measurements of a position are equivalent to one: their mean weighted by the inverse
-    covariances, whose inverse covariance is the sum of theirs. Every sensor draws random numbers in every
+def _sense(block: Any, lane: int, noise: FloatArray, sensors: Records, setting: Any) -> None:
+    """Move the object of one lane by one tick, and fuse the measurements of all sensors that have one: their mean
+    weighted by the inverse covariances, whose sum is its inverse covariance. Every sensor draws random numbers in every
     tick, so that the stream does not depend on where the object is.
     """
     clock, truth, first, last = block.clock[lane], block.truth, np.uint64(lane), np.uint64(lane + 1)
@@ -125,7 +123,7 @@ def _sense(block: Any, lane: int, noise: NDArray[np.float64], sensors: NDArray[A
 
 
 @inlined
-def sum_errors(block: Any, lane: int, hypotheses: NDArray[Any], errors: NDArray[np.float64]) -> None:
+def sum_errors(block: Any, lane: int, hypotheses: Records, errors: FloatArray) -> None:
     """Add the squared position errors of all filters to their sums since the switch, (M, LANES) [m^2]."""
     for h in range(hypotheses.size):
         x, _, y, _ = estimate_of(hypotheses, h, lane)
@@ -135,7 +133,7 @@ def sum_errors(block: Any, lane: int, hypotheses: NDArray[Any], errors: NDArray[
 
 
 @internal
-def move(block: Any, noise: NDArray[np.float64], first: int, last: int, sensors: NDArray[Any], setting: Any) -> None:
+def move(block: Any, noise: FloatArray, first: int, last: int, sensors: Records, setting: Any) -> None:
     """Move the objects of lanes first .. last - 1 by one tick and measure their positions, without sensors with
     variance R everywhere. noise: (NOISE_ROWS, LANES), overwritten.
     """

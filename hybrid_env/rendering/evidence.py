@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hybrid_env.checks import reject
+from hybrid_env.checks import FloatArray, reject
 from hybrid_env.core.banks.bank import mode_type
 
 TYPE_COLOURS = ("#d55e00", "#0072b2", "#009e73")
@@ -54,28 +53,24 @@ def _type_of(mode: int, radii: Sequence[float]) -> int:
 class Threshold:
     """A level of the evidence at which a decision is made, (T,) by ticks since the switch; the last one holds on."""
 
-    levels: NDArray[np.float64]
+    levels: FloatArray
     name: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
 class EvidencePanel:
-    """What the evidence panel shows: label, limits and scale of the vertical axis, and below.
-
-    Attributes:
-        curves: one curve for each hypothesis, one for each type of motion (straight, left turn, right turn),
-            or a single one. Hypotheses that share a curve must have the same evidence.
-        thresholds, legend: drawn as dashed lines, and their entry in the legend.
-        ribbons: whether true and stated modes are drawn below the curves, for unknown switch moments; there
-            are then no decisions, and the evidence does not begin anew at a switch.
-    """
+    """What the evidence panel shows: label, limits and scale of the vertical axis, and below."""
 
     label: str
     limits: tuple[float, float]
     scale: Literal["linear", "logit"] = "linear"
+    # of each hypothesis, of straight motion, left and right turns, or a single one; those that share a curve must have
+    # the same evidence
     curves: Literal["hypothesis", "type", "single"] = "hypothesis"
-    thresholds: tuple[Threshold, ...] = ()
-    legend: str = ""
+    thresholds: tuple[Threshold, ...] = ()  # drawn as dashed lines
+    legend: str = ""  # of the thresholds
+    # whether true and stated modes are drawn below the curves, for unknown switch moments: there are then no decisions,
+    # and the evidence does not begin anew at a switch
     ribbons: bool = False
 
     def colours(self, radii: Sequence[float]) -> dict[int, str]:
@@ -104,10 +99,9 @@ def sprt_panel(alpha: float) -> EvidencePanel:
     )
 
 
-def posterior_panel(source: str, by_type: bool = False, alpha: NDArray[np.float64] | None = None) -> EvidencePanel:
-    """Return the panel of posterior probabilities with the threshold 1 - alpha.
-
-    alpha: (T,) threshold on the posterior error probability at each tick; None draws none.
+def posterior_panel(source: str, by_type: bool = False, alpha: FloatArray | None = None) -> EvidencePanel:
+    """Return the panel of posterior probabilities with the threshold 1 - alpha. alpha: (T,) threshold on the posterior
+    error probability at each tick; None draws none.
     """
     limit = 1.0 - POSTERIOR_LIMIT
     thresholds: tuple[Threshold, ...] = ()
@@ -128,9 +122,8 @@ def posterior_panel(source: str, by_type: bool = False, alpha: NDArray[np.float6
 
 
 def probability_panel(source: str = "", threshold: float = 0.0) -> EvidencePanel:
-    """Return the panel of the probabilities of the modes, for unknown switch moments.
-
-    threshold: smallest probability of a mode to which the statement changes; 0 draws none.
+    """Return the panel of the probabilities of the modes, for unknown switch moments. threshold: smallest probability
+    of a mode to which the statement changes; 0 draws none.
     """
     return EvidencePanel(
         label=f"probability ({source})" if source else "probability",

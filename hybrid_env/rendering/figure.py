@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import Collection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -57,10 +57,7 @@ class DecisionMarkers:
 
 
 class TrackAxes:
-    """The left-hand panel: true path, measurements, estimate and decisions in the plane.
-
-    `artists` change from frame to frame, in drawing order.
-    """
+    """The left-hand panel: true path, measurements, estimate and decisions in the plane."""
 
     def __init__(self, axes: Any, options: ModelOptions):
         axes.set_xlabel("x [m]", fontsize=9)
@@ -72,10 +69,6 @@ class TrackAxes:
         (self._switches,) = axes.plot([], [], **_SWITCH_STYLE)
         self._decisions = DecisionMarkers(axes, options.radii)
         (self._current,) = axes.plot([], [], **_CURRENT_STYLE, markersize=12)
-        self.artists: list[Artist] = [
-            self._truth, self._measurements, *self._estimates, self._switches, *self._decisions.artists,
-            self._current,
-        ]  # fmt: skip
 
     def update(self, history: History) -> None:
         """Show the episode so far."""
@@ -127,10 +120,6 @@ class EvidenceAxes:
             for name in (RIBBONS if panel.ribbons else ())
         }
         self._decisions = DecisionMarkers(axes, options.radii)
-        ribbons = [line for lines in self._ribbons.values() for line in lines]
-        self.artists: list[Artist] = [
-            self._skipped, *self._thresholds, *self._curves.values(), *ribbons, *self._decisions.artists,
-        ]  # fmt: skip
 
     def update(self, history: History) -> None:
         """Show the episode so far."""
@@ -205,7 +194,9 @@ class EpisodeFigure:
             axes.ticklabel_format(scilimits=(-2, 4))
         self._panels = (TrackAxes(self._track, options), EvidenceAxes(self._evidence, options, panel))
         self._title = figure.text(0.5, 0.955, "", ha="center", va="center", fontsize=10)
-        self._changing: list[Artist] = [*self._panels[0].artists, *self._panels[1].artists, self._title]
+        # from frame to frame; what was added to the axes first is drawn first
+        added = [child for axes in figure.axes for child in axes.get_children()]
+        self._changing = [*(child for child in added if isinstance(child, (Line2D, Collection))), self._title]
         for artist in self._changing:
             artist.set_animated(True)  # excluded from the background
         self._add_legends()

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.core.records import TRACE_COLUMNS
 
 TRACE_INDEX = {name: index for index, name in enumerate(TRACE_COLUMNS)}
-ACTIVE, SEGMENT = TRACE_INDEX["active_mode"], TRACE_INDEX["segment"]
+ACTIVE, SEGMENT, TRUE_MODE = TRACE_INDEX["active_mode"], TRACE_INDEX["segment"], len(TRACE_COLUMNS)
 
 
 class Decision(NamedTuple):
@@ -30,9 +30,8 @@ class Decision(NamedTuple):
 
 
 class History:
-    """All ticks of the running episode, with announced or with unknown switch moments.
-
-    `decisions` are the declarations so far, none with unknown switches.
+    """All ticks of the running episode, with announced or with unknown switch moments. `decisions` are the declarations
+    so far, none with unknown switches.
     """
 
     def __init__(self) -> None:
@@ -44,17 +43,13 @@ class History:
         self.episode += 1
         self.finished = False
         self.decisions: list[Decision] = []
-        self._traces: list[NDArray[Any]] = []
-        self._evidence: list[NDArray[Any]] = []
-        self._true_modes: list[NDArray[Any]] = []
+        self._parts: list[FloatArray] = []  # rows with the columns of the trace, the true mode and the evidence
 
     def add(
         self, trace: Sequence[ArrayLike] | FloatArray, evidence: FloatArray, info: dict[str, Any], finished: bool
     ) -> None:
-        """Store the ticks of one step, or the first tick of an episode.
-
-        trace: (ticks, len(TRACE_COLUMNS)), including the skipped ticks after a decision and the first tick of the next
-        segment; empty if the step ends the episode without one. evidence: (M,) at the current tick.
+        """Store the ticks of one step, (ticks, len(TRACE_COLUMNS)), with those skipped after a decision and the first
+        tick of the next segment, none if the step ends the episode; evidence: (M,) at the current tick.
         """
         if "decided_mode" in info:
             value = float(self.evidence[-1, info["decided_mode"]])
@@ -62,17 +57,15 @@ class History:
             self.decisions.append(Decision(len(self.trace), value, *(info[name] for name in names)))
         self.finished, self.segment, self.tick = finished, info["segment"], info["tick"]
         rows = np.reshape(np.asarray(trace, np.float64), (-1, len(TRACE_COLUMNS)))
-        values = np.full((len(rows), len(evidence)), np.nan)
-        if not finished:  # only the last tick was processed by every filter of the bank
-            values[-1] = evidence
         current = rows[:, SEGMENT] == info["segment"]
-        self._traces.append(rows)
-        self._evidence.append(values)
-        self._true_modes.append(np.where(current, info["true_mode"], info.get("decided_true_mode", info["true_mode"])))
+        true = np.where(current, info["true_mode"], info.get("decided_true_mode", info["true_mode"]))
+        self._parts.append(np.column_stack([rows, true, np.full((len(rows), len(evidence)), np.nan)]))
+        if not finished:  # only the last tick was processed by every filter of the bank
+            self.set_evidence(evidence)
 
     def state(self, mode: int) -> None:
         """Store the mode that is stated at the current tick."""
-        self._traces[-1][-1, ACTIVE] = mode
+        self._parts[-1][-1, ACTIVE] = mode
 
     @property
     def stated(self) -> IntArray:
@@ -81,36 +74,36 @@ class History:
 
     def set_evidence(self, evidence: FloatArray) -> None:
         """Replace the evidence at the current tick, (M,), one value for each hypothesis."""
-        self._evidence[-1][-1] = evidence
+        self._parts[-1][-1, TRUE_MODE + 1 :] = evidence
 
     @property
     def started(self) -> bool:
         """Whether the episode has a tick."""
-        return bool(self._traces)
+        return bool(self._parts)
+
+    @property
+    def _rows(self) -> FloatArray:
+        """All rows so far, which are joined in place, so that repeated reading is cheap."""
+        if len(self._parts) > 1:
+            self._parts[:] = [np.concatenate(self._parts)]
+        return self._parts[0]
 
     @property
     def trace(self) -> FloatArray:
         """(T, len(TRACE_COLUMNS)); with unknown switches the active mode is the stated one, NaN before it is."""
-        return _joined(self._traces)
+        return self._rows[:, :TRUE_MODE]
 
     @property
     def true_modes(self) -> IntArray:
         """(T,) true modes."""
-        return _joined(self._true_modes)
+        return self._rows[:, TRUE_MODE].astype(np.int64)
 
     @property
     def evidence(self) -> FloatArray:
         """(T, M) evidence for each hypothesis, NaN at the ticks after a decision."""
-        return _joined(self._evidence)
+        return self._rows[:, TRUE_MODE + 1 :]
 
     @property
     def switches(self) -> IntArray:
         """(number of segments so far,) index of the first row of `trace` of each segment."""
         return np.flatnonzero(np.diff(self.trace[:, SEGMENT], prepend=-1.0))
-
-
-def _joined(parts: list[NDArray[Any]]) -> NDArray[Any]:
-    """Concatenate the parts and store the result in place of them, so that repeated reading is cheap."""
-    if len(parts) > 1:
-        parts[:] = [np.concatenate(parts)]
-    return parts[0]

@@ -36,9 +36,16 @@ class Window:
         """Open the window if necessary and process its events. Returns False if the user has closed it."""
         if self.closed_by_user:
             return False
-        if self._surface is None:
-            self._open(size)
         pygame = _import_pygame()
+        if self._surface is None:
+            try:
+                pygame.display.init()
+                self._surface = pygame.display.set_mode(size)
+            except pygame.error as error:
+                pygame.display.quit()
+                raise NoDisplayError(f"no window can be opened ({error}): use render_mode='rgb_array'") from None
+            pygame.display.set_caption("HybridTrack")
+            self._clock = pygame.time.Clock()
         if pygame.event.get(pygame.QUIT):  # all other events stay in the queue for the calling program
             self.close()
             self.closed_by_user = True
@@ -59,22 +66,10 @@ class Window:
             self._surface = None
         self.closed_by_user = False
 
-    def _open(self, size: tuple[int, int]) -> None:
-        pygame = _import_pygame()
-        try:
-            pygame.display.init()
-            self._surface = pygame.display.set_mode(size)
-        except pygame.error as error:
-            pygame.display.quit()
-            raise NoDisplayError(f"no window can be opened ({error}): use render_mode='rgb_array'") from None
-        pygame.display.set_caption("HybridTrack")
-        self._clock = pygame.time.Clock()
-
 
 def display_available() -> bool:
-    """Return whether a window can be opened on a display, without which SDL silently renders off screen.
-
-    A working driver named in SDL_VIDEODRIVER counts as a display.
+    """Return whether a window can be opened on a display, without which SDL silently renders off screen. A working
+    driver named in SDL_VIDEODRIVER counts as a display.
     """
     chosen = any(map(os.environ.get, ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")))
     displays = any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
@@ -109,11 +104,8 @@ class Renderer:
         return self.__dict__ | {"window": window, "_figure": None}  # neither can be copied or pickled
 
     def draw(self, history: History) -> Any:
-        """Draw one frame of the episode so far. Matplotlib is imported with the first one.
-
-        Returns:
-            (height, width, 3) uint8, a new array; None if frames are shown in a window, also after the user has
-            closed it, so that the calling loop can continue.
+        """Draw one frame of the episode so far, (height, width, 3) uint8, a new array; None if frames are shown in a
+        window, also after the user has closed it, so that the calling loop can continue.
         """
         if self.window is not None and not self.window.wants_frame(FRAME_SIZE):
             return None

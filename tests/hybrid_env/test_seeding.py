@@ -5,7 +5,7 @@ import pytest
 from gymnasium.utils import seeding
 
 from hybrid_env import ArgumentError, HybridTrackEnv, HybridTrackVectorEnv
-from hybrid_env.seeding import random_states, state_of
+from hybrid_env.world import random_states, state_of
 
 SEEDS = [*range(300), 2**31, 2**32 - 1, 2**32, 2**32 + 7, 2**63, 2**64 - 1, 2**64, 2**100, 12345678901234567]
 

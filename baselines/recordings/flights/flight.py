@@ -1,7 +1,7 @@
 """A recorded flight: measured positions in metres, the aircraft's own track angle, and its tier of quality.
 
-The error of an ADS-B position is small, that of its time is not: with a time that is wrong by e, the position is
-wrong by v e along the velocity v. The covariance of a measured position is therefore R = across^2 I + timing^2 v v'.
+The error of an ADS-B position is small, that of its time is not: with a time that is wrong by e, the position is wrong
+by v e along the velocity v. The covariance of a measured position is therefore R = across^2 I + timing^2 v v'.
 """
 
 from collections.abc import Sequence
@@ -116,10 +116,8 @@ class Flight:
 def clean_flight(
     identity: str, tier: Tier, times: FloatArray, latitudes: FloatArray, longitudes: FloatArray, angles: FloatArray
 ) -> Flight:
-    """Return a flight of reports in any order, without repeated and interpolated positions.
-
-    Times (n,) [s], latitudes, longitudes (n,) [deg], and track angles (n,), clockwise from north [deg], are NaN where
-    they are not reported. Raises `ArgumentError` if fewer than 50 positions remain.
+    """Return a flight of reports in any order, without repeated and interpolated positions: times (n,) [s], latitudes,
+    longitudes (n,) and track angles (n,), clockwise from north [deg], NaN where not reported; at least 50 must remain.
     """
     known = np.flatnonzero(~np.isnan(times + latitudes + longitudes))
     known = known[np.argsort(times[known], kind="stable")]
@@ -144,9 +142,7 @@ def clean_flight(
 
 
 def stack_flights(flights: Sequence[Flight], longest: int = NO_CUT, margin: int = 0) -> Batch:
-    """Return the pieces of flights as one batch.
-
-    Pieces are cut into parts of at most `longest` positions, which are filtered side by side; `margin` positions
+    """Return the pieces of flights as one batch, cut into parts of at most `longest` positions; `margin` positions
     before and after a part are filtered too, so that it is as without the cut.
     """
     parts = [

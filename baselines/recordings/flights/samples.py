@@ -1,8 +1,7 @@
-"""The recorded flights in the samples of the package `traffic`, read without importing it.
+"""The recorded flights in the samples of the package `traffic`, read without importing it, where the user has them.
 
-Olive 2019, "traffic, a toolbox for processing and analysing air traffic data", doi 10.21105/joss.01518. The
-samples are ADS-B reports, most of them from the OpenSky Network. They are read where they are installed, or
-from a folder or wheel that the user names, and are no part of this package.
+ADS-B reports, most of them from the OpenSky Network. Olive 2019, "traffic, a toolbox for processing and analysing air
+traffic data", doi 10.21105/joss.01518.
 """
 
 import gzip
@@ -14,10 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from baselines.recordings.flights.flight import UNUSABLE, Flight, clean_flight, tier_of
-from hybrid_env.checks import ArgumentError, reject
+from hybrid_env.checks import ArgumentError, FloatArray, reject
 
 GAP = 600.0  # reports of an aircraft that are further apart in time [s] belong to different flights
 SUFFIX = ".json.gz"
@@ -27,7 +25,6 @@ INSTALL = "expected the package 'traffic' (pip install --no-deps traffic), or th
 
 class Samples:
     """The sample files of a source: a folder with `.json.gz` files, also in its subfolders, or a wheel of the package.
-
     None uses the installed package. Raises `ArgumentError` if there are no samples.
     """
 
@@ -99,7 +96,7 @@ def installed_samples() -> Path:
     raise ArgumentError(f"source=None is not allowed: {INSTALL}")
 
 
-def report_times(column: pd.Series) -> NDArray[np.float64]:
+def report_times(column: pd.Series) -> FloatArray:
     """Return times since 1970 [s], NaN where there is none, of dates or of numbers [s or ms]."""
     if column.dtype.kind == "M":
         milliseconds = column.astype("datetime64[ms]").to_numpy()
@@ -108,5 +105,5 @@ def report_times(column: pd.Series) -> NDArray[np.float64]:
     return np.where(values > MILLISECONDS, values / 1000.0, values)
 
 
-def _numbers(column: pd.Series) -> NDArray[np.float64]:
+def _numbers(column: pd.Series) -> FloatArray:
     return np.asarray(pd.to_numeric(column, errors="coerce"), np.float64)

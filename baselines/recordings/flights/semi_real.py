@@ -1,11 +1,10 @@
 """Recorded flights in the setting of `HybridTrackQuickest-v0`: real motion, simulated noise.
 
-The smoother of the labels sees the whole flight; its path, at ticks of one second, is taken for the true one. White
-noise is added to it, equal in both axes, whose standard deviation is such that a tick at the speed of the flight is
-as long as one of the default environment: v tau / sigma = 0.63. With lengths in units of sigma and times in ticks,
-the environment's deciders then read a flight as they are, without having seen one. Its turns have a radius of 25 v s,
-which is 2.3 deg/s: that of a bank of 20 deg at 90 m/s, and of 25 deg at 115 m/s (tan bank = v omega / g); aircraft in
-civil traffic turn at 3 deg/s or with a bank of 25 deg, whichever is slower (ICAO Doc 8168).
+The path of the smoother of the labels, at ticks of one second, is taken for the true one. White noise is added, equal
+in both axes, with which a tick at the speed of the flight is as long as one of the default environment: v tau / sigma =
+0.63. With lengths in units of sigma and times in ticks, the environment's deciders read a flight as they are. Its turns
+have a radius of 25 v s, which is 2.3 deg/s: that of a bank of 20 deg at 90 m/s, and of 25 deg at 115 m/s (tan bank = v
+omega / g); aircraft in civil traffic turn at 3 deg/s or with a bank of 25 deg, whichever is slower (ICAO Doc 8168).
 """
 
 from collections.abc import Sequence
@@ -29,11 +28,11 @@ WORLD = QuickestOptions(start="random")
 def semi_real_flights(
     flights: Sequence[Flight], labels: Sequence[Labels], generator: np.random.Generator
 ) -> tuple[list[Flight], list[Labels]]:
-    """Return recorded or simulated flights at ticks of 1 s with white noise, and their labels.
+    """Return flights at ticks of 1 s with white noise, and their labels.
 
-    Their speed v is the median over the ticks at speeds that are scored. The tier of a result has its sigma
-    as `across`, and no error of the time. A tick has the label of the nearest recorded position; it is not
-    scored if that is not, or is 1.5 median steps away.
+    Their speed v is the median over the ticks at speeds that are scored. The tier has sigma as `across`, and no error
+    of the time. A tick has the label of the nearest position; it is not scored if that is not, or is 1.5 median steps
+    away.
     """
     batch = stack_flights(flights)
     states = smoothed_states(batch, LabelRules().jerk)
@@ -70,7 +69,6 @@ def _semi_real(
 
 def smooth_path(times: FloatArray, states: FloatArray, ticks: FloatArray) -> FloatArray:
     """Return the path [x, vx, y, vy], (T, 4), at ticks [s] within smoothed states [x, vx, ax, y, vy, ay] at times [s].
-
     With white jerk the expected path between two states is the polynomial of degree five through both.
     """
     row = np.clip(np.searchsorted(times, ticks, "right") - 1, 0, len(times) - 2)

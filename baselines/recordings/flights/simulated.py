@@ -1,9 +1,9 @@
 """Simulated flights that look like the recorded ones, and simulated twins of recorded flights.
 
 In a turn the aircraft rolls in within some seconds and keeps a turn rate that jitters; in straight motion the heading
-wanders slowly. Positions have the noise of the tier: an error of their time, and one of the position itself, both with
-a Student t distribution. The default settings are those of the recorded flights as a whole; none is chosen by the
-score of a decider. Agents are trained on flights with settings of their own.
+wanders slowly. Time and position have errors with a Student t distribution, by the tier. The default settings are those
+of the recorded flights as a whole; none is chosen by the score of a decider. Agents are trained on flights with
+settings of their own.
 """
 
 from collections.abc import Sequence
@@ -43,15 +43,9 @@ class FlightWorld:
 
 # Ranges of the settings that differ from flight to flight in training, log-uniform.
 DRAWN = {
-    "straight": (30.0, 900.0),
-    "reversal": (0.05, 0.3),
-    "roll": (2.0, 7.0),
-    "jitter": (0.08, 0.3),
-    "jitter_time": (4.0, 20.0),
-    "wander": (0.0007, 0.007),
-    "wander_time": (8.0, 40.0),
-    "freedom": (3.5, 12.0),
-}
+    "straight": (30.0, 900.0), "reversal": (0.05, 0.3), "roll": (2.0, 7.0), "jitter": (0.08, 0.3),
+    "jitter_time": (4.0, 20.0), "wander": (0.0007, 0.007), "wander_time": (8.0, 40.0), "freedom": (3.5, 12.0),
+}  # fmt: skip
 # The other settings in training: turns and speeds have wider ranges.
 WIDE = FlightWorld(rates=(0.01, 0.055), turns=(12.0, 120.0), speeds=(25.0, 250.0))
 
@@ -68,9 +62,8 @@ def draw_world(generator: np.random.Generator) -> FlightWorld:
 def simulate_flights(
     tier: Tier, count: int, duration: float, generator: np.random.Generator, world: FlightWorld | None = None
 ) -> tuple[list[Flight], list[Labels]]:
-    """Return `count` flights of a duration [s], and their labels, which follow from their true turn rates.
-
-    The tier gives noise and steps.
+    """Return `count` flights of a duration [s], and their labels, which follow from their true turn rates. The tier
+    gives noise and steps.
     """
     settings = FlightWorld() if world is None else world
     results = []
@@ -86,9 +79,8 @@ def simulate_flights(
 def twins(
     flights: Sequence[Flight], labels: Sequence[Labels], generator: np.random.Generator
 ) -> tuple[list[Flight], list[Labels]]:
-    """Return simulated flights with the steps, speeds and turns of recorded ones, and their true modes.
-
-    The turns have the times and mean rates of the labels of the recorded flights.
+    """Return simulated flights with the steps, speeds and turns of recorded ones, and their true modes. The turns have
+    the times and mean rates of the labels of the recorded flights.
     """
     settings = FlightWorld()
     results = []
@@ -110,9 +102,8 @@ def fly(
     identity: str, tier: Tier, times: FloatArray, wanted: FloatArray, speeds: FloatArray,
     generator: np.random.Generator, world: FlightWorld,
 ) -> tuple[Flight, Labels]:  # fmt: skip
-    """Simulate a flight with positions at times (n,), from 0 [s].
-
-    The turn rate that the pilot wants [rad/s] and the speeds [m/s], (g,), are those of every half second.
+    """Simulate a flight with positions at times (n,), from 0 [s]. The turn rate that the pilot wants [rad/s] and the
+    speeds [m/s], (g,), are those of every half second.
     """
     grid = GRID * np.arange(len(wanted))
     width = max(round(world.roll / GRID), 1)
@@ -136,9 +127,8 @@ def fly(
 def flown_path(
     rates: FloatArray, speeds: FloatArray, generator: np.random.Generator, wind: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the path (g, 2) and its moves until the next row [m], in any first direction.
-
-    From turn rates (g,) [rad/s], speeds (g,) and wind (g, 2) [m/s], every half second.
+    """Return the path (g, 2) and its moves until the next row [m], in any first direction. From turn rates (g,)
+    [rad/s], speeds (g,) and wind (g, 2) [m/s], every half second.
     """
     middle = generator.uniform(-np.pi, np.pi) + GRID * (np.cumsum(rates) - 0.5 * rates)
     moved = GRID * speeds[:, None] * np.column_stack([np.cos(middle), np.sin(middle)])

@@ -1,9 +1,9 @@
 """Simulated flights of gliders, in a moving air that rises where they circle.
 
-A flight goes straight, with wiggles and partial turns, and circles in thermals. The air moves: wind, that changes
-slowly, and gusts. Rolling in and out takes seconds; in circles the turn rate jitters, changes with the heading, and
-falls for moments, when the pilot looks for the centre. The lift begins before the circles and ends about with them; it
-also comes without. Positions are rounded as in logs, and some are missing. Settings are drawn from wide ranges.
+Straight flight with wiggles and partial turns, and circles in thermals, in a wind that changes slowly, and gusts.
+Rolling in and out takes seconds; in circles the turn rate jitters, changes with the heading, and falls for moments. The
+lift begins before the circles and ends about with them; it also comes without. Positions are rounded as in logs, and
+some are missing. Settings are drawn from wide ranges.
 """
 
 from collections.abc import Sequence

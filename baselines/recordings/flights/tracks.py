@@ -12,17 +12,17 @@ from baselines.estimation.turns import Batch, TurnEstimates
 from baselines.rules.decider import Actions, Observations, SeveralThresholds
 from baselines.rules.rollout import rollout
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
-from hybrid_env.observation import LOG_FLOOR, QuickestLayout
+from hybrid_env.core.observation_row import LOG_FLOOR
+from hybrid_env.observation import QuickestLayout
 
 MODES = 3  # straight, left, right
 SMALLEST = 1e-300  # probability
 
 
 class FlightTracks:
-    """B pieces of flights, each an episode, at positions `tick`; rows as of `hybrid_env.HybridTrackQuickestEnv`.
-
-    Of a row, the probabilities of the modes (T, B, 3), which are those of the IMM filter if none are given, the
-    likelihood ratios of its estimates and the last statement are filled.
+    """B pieces of flights, each an episode, at positions `tick`. Of their rows, as of
+    `hybrid_env.HybridTrackQuickestEnv`, the probabilities of the modes (T, B, 3), by default of the IMM filter, its
+    likelihood ratios and the last statement are filled.
     """
 
     def __init__(self, batch: Batch, estimates: TurnEstimates, probabilities: FloatArray | None = None):

@@ -5,10 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from baselines.recordings.reading.names import SECONDS, split_unit
-from hybrid_env.checks import ArgumentError, reject
+from hybrid_env.checks import ArgumentError, FloatArray, IntArray, reject
 
 # Cells without a value.
 MISSING = ["", "nan", "NaN", "NAN", "NA", "N/A", "n/a", "#N/A", "null", "NULL", "None", "<NA>", "-nan"]
@@ -31,7 +30,7 @@ class Table:
     headed: bool = True  # whether the file names its columns
     row_word: str = "row"  # what a row is called in messages: line, row or point
     first_row: int = 1  # number of the first row in messages
-    segments: NDArray[np.int64] | None = None  # (n,) number of the segment of a GPX track of each row
+    segments: IntArray | None = None  # (n,) number of the segment of a GPX track of each row
     notes: list[str] = field(default_factory=list)  # what was left out or assumed, for the summary
 
     def place(self, row: int, column: int) -> str:
@@ -50,15 +49,15 @@ class Table:
 class Numbers(NamedTuple):
     """Cells of a column as numbers."""
 
-    values: NDArray[np.float64]  # (n,) NaN where a cell is empty, and where it is not a number
-    wrong: NDArray[np.int64]  # rows whose cell is neither a number nor empty
+    values: FloatArray  # (n,) NaN where a cell is empty, and where it is not a number
+    wrong: IntArray  # rows whose cell is neither a number nor empty
     comma: bool = False  # whether the decimal separator is a comma
 
 
 class Times(NamedTuple):
     """Times of all rows of a file."""
 
-    seconds: NDArray[np.float64]  # (n,) [s]; dates are counted from the earliest one
+    seconds: FloatArray  # (n,) [s]; dates are counted from the earliest one
     epoch: str | None  # date of time 0, ISO 8601; None for times without a date
     kind: str  # how the cells were understood, for the summary
     unit: str = "s"  # or `ticks` for numbers of rows
@@ -112,7 +111,7 @@ def parse_times(table: Table, column: int, unit: str | None) -> Times:
     return Times(seconds, epoch, kind)
 
 
-def epoch_unit(values: NDArray[np.float64]) -> str | None:
+def epoch_unit(values: FloatArray) -> str | None:
     """Return the unit of times since 1970, None if the times are not of the years 1990 to 2103."""
     for unit in EPOCH_UNITS:
         low, high = (bound / SECONDS[unit] for bound in EPOCH)
@@ -121,7 +120,7 @@ def epoch_unit(values: NDArray[np.float64]) -> str | None:
     return None
 
 
-def _from_numbers(table: Table, column: int, values: NDArray[np.float64], unit: str | None) -> Times:
+def _from_numbers(table: Table, column: int, values: FloatArray, unit: str | None) -> Times:
     """Seconds of numbers; a unit of None is that of the header."""
     if unit is None:
         unit = split_unit(table.names[column])[1]
@@ -164,7 +163,7 @@ def _from_dates(cells: "pd.Series[object]", form: str | None) -> "tuple[pd.Serie
     return pd.to_datetime(texts, format="ISO8601", utc=True, errors="coerce"), kind
 
 
-def _check_times(table: Table, column: int, seconds: NDArray[np.float64]) -> None:
+def _check_times(table: Table, column: int, seconds: FloatArray) -> None:
     """Check that every cell is a time: none is NaN, infinite or of an absurd size."""
     wrong = np.flatnonzero(~(np.abs(seconds) <= MAX_TIME))
     if not wrong.size:

@@ -31,7 +31,13 @@ def find_columns(
     table: Table, columns: Mapping[str, str] | None, object_column: str | None, polar: bool = False
 ) -> Columns:
     """Find the columns of times, positions, with `polar` those of a radar, and objects by their names."""
-    given = {role: numbered_column(table, "columns", name) for role, name in _checked(columns or {}).items()}
+    names = {"time" if role == "t" else role: str(name) for role, name in (columns or {}).items()}
+    for role in names:
+        if role not in ROLES:
+            raise reject("columns", role, f"names of columns for {', '.join(ROLES)}")
+    if names and not any(names.keys() >= axes for axes in (PLANE, DEGREES, POLAR)) and set(names) != {"time"}:
+        raise reject("columns", dict(columns or {}), "x and y, or lat and lon, and time where the file has times")
+    given = {role: numbered_column(table, "columns", name) for role, name in names.items()}
     found = Columns(_roles(table, given, polar), chosen=bool(given))
     used = set(found.roles.values())
     if object_column is None:
@@ -59,17 +65,6 @@ def numbered_column(table: Table, option: str, name: str) -> int:
         several = "several columns have this name" if found else listed_columns(table)
         raise reject(option, name, f"a column of {table.file}, by name or number: {several}")
     return found[0]
-
-
-def _checked(columns: Mapping[str, str]) -> dict[str, str]:
-    result = {"time" if role == "t" else role: str(name) for role, name in columns.items()}
-    for role in result:
-        if role not in ROLES:
-            raise reject("columns", role, f"names of columns for {', '.join(ROLES)}")
-    roles = set(result)
-    if roles and not (roles >= PLANE or roles >= DEGREES or roles >= POLAR or roles == {"time"}):
-        raise reject("columns", dict(columns), "x and y, or lat and lon, and time where the file has times")
-    return result
 
 
 def _roles(table: Table, given: dict[str, int], polar: bool) -> dict[str, int]:
@@ -102,9 +97,8 @@ def _roles(table: Table, given: dict[str, int], polar: bool) -> dict[str, int]:
 
 
 def object_column_of(table: Table, used: set[int]) -> int | None:
-    """Return the column by whose values objects differ, by its name.
-
-    One that is different in every row is a number of the row; one that is the same in every row names the object.
+    """Return the column by whose values objects differ, by its name. One that is different in every row is a number of
+    the row; one that is the same in every row names the object.
     """
     codes = {}
     for k, name in enumerate(table.names):

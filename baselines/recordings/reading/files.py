@@ -210,8 +210,8 @@ def _is_comment(lines: list[str]) -> bool:
 
 
 def _fit(lines: list[str], delimiter: str) -> tuple[float, ...]:
-    """Return how well a delimiter fits: known names in the header, share of rows with equally many cells, and
-    whether the header has as many. Where none fits, it is the comma.
+    """Return how well a delimiter fits: known names in the header, share of rows with equally many cells, and whether
+    the header has as many. Where none fits, it is the comma.
     """
     header, *rows = (_cells(line, delimiter) for line in lines)
     [(usual, times)] = Counter(map(len, rows or [header])).most_common(1)
@@ -230,10 +230,8 @@ def _cells(line: str, delimiter: str) -> list[str]:
 
 
 def _names(rows: list[list[str]], line: str) -> tuple[str, ...]:
-    """Return the names of the columns.
-
-    Rows may have one more cell than the header: the name of the row, or an empty one at the end. The header
-    may have another delimiter, as of numpy.savetxt.
+    """Return the names of the columns. Rows may have one more cell than the header: the name of the row, or an empty
+    one at the end. The header may have another delimiter, as of numpy.savetxt.
     """
     names = rows[0]
     [(usual, _)] = Counter(map(len, rows[1:])).most_common(1)

@@ -9,12 +9,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from baselines.recordings.reading.cells import Table, parse_times
+from baselines.recordings.reading.cells import parse_times
 from baselines.recordings.reading.columns import ONE_OBJECT, Columns, listed_columns, numbered_column, object_column_of
 from baselines.recordings.reading.files import read_table
 from baselines.recordings.reading.names import plain_name, role_of
 from baselines.recordings.reading.read import cell_text, check_order, object_rows
-from hybrid_env.checks import ArgumentError, reject
+from hybrid_env.checks import ArgumentError, FloatArray, reject
 
 # Names of columns of modes, in the order of preference.
 MODES = (
@@ -27,7 +27,7 @@ TRACKS = ("track", "episode")  # names of columns that tell tracks apart, beside
 class ModeFile(NamedTuple):
     """What was read of a file, by the name of each track."""
 
-    times: dict[str, NDArray[np.float64] | NDArray[np.datetime64]]  # increasing [s]; datetimes if the file has dates
+    times: dict[str, FloatArray | NDArray[np.datetime64]]  # increasing [s]; datetimes if the file has dates
     modes: dict[str, list[str | None]]  # as text, None for an empty cell
 
     def like(self, other: "ModeFile", name: str) -> "ModeFile":
@@ -48,25 +48,37 @@ def read_modes(
     object_column: str | None = None,
     time_unit: str | None = None,
 ) -> ModeFile:
-    """Read the modes of a file.
+    """Read the modes of a file; what is not clear raises `ArgumentError`.
 
     Columns are the name or number (from 1) of the columns `time` and `mode`; None finds them by their names. The only
-    column that is neither time nor object is that of the modes, whatever its name is. The other arguments are those of
+    column that is neither time nor object is that of the modes, whatever its name is. The others are as in
     `read_recordings`.
-
-    Raises:
-        ArgumentError: the file cannot be read, or it is not clear what its columns mean.
     """
     table = read_table(path)
     given = {role: numbered_column(table, "columns", name) for role, name in (columns or {}).items()}
     for role in given:
         if role not in ("time", "mode"):
             raise reject("columns", role, "names of columns for time, mode")
-    time = given["time"] if "time" in given else _time_column(table)
-    tracks = _track_column(table, {time, *given.values()}, object_column)
-    mode = given["mode"] if "mode" in given else _mode_column(table, {time, tracks})
+    named = [given["time"]] if "time" in given else [k for k, one in enumerate(table.names) if role_of(one) == "time"]
+    if len(named) != 1:
+        why = f"both {table.labels(named)} may be it" if named else listed_columns(table)
+        raise ArgumentError(f"{table.file}: no column of times ({why}): name it by --columns, as time=1")
+    (time,) = named
+    used, tracks = {time, *given.values()}, None
+    if object_column is None:
+        of_tracks = [k for k, one in enumerate(table.names) if plain_name(one) in TRACKS and k not in used]
+        tracks = of_tracks[0] if of_tracks else object_column_of(table, used)
+    elif object_column != ONE_OBJECT:
+        tracks = numbered_column(table, "object", object_column)
+    free = [k for k in range(len(table.names)) if k not in (time, tracks)]
+    plain = {plain_name(table.names[k]): k for k in reversed(free)}
+    modes = [plain[name] for name in MODES if name in plain]
+    if "mode" not in given and not modes and len(free) != 1:
+        advice = f"({listed_columns(table)}): name it by --columns, as mode=2"
+        raise ArgumentError(f"{table.file}: no column of modes {advice}")
+    mode = given["mode"] if "mode" in given else (modes or free)[0]
     times = parse_times(table, time, time_unit)
-    seconds: NDArray[np.float64] | NDArray[np.datetime64] = times.seconds
+    seconds: FloatArray | NDArray[np.datetime64] = times.seconds
     if times.epoch is not None:
         passed = np.round(times.seconds * 1e9).astype("timedelta64[ns]")
         seconds = np.datetime64(times.epoch.removesuffix("Z"), "ns") + passed
@@ -77,30 +89,3 @@ def read_modes(
         found.times[name] = seconds[rows]
         found.modes[name] = [cells[row] for row in rows]
     return found
-
-
-def _time_column(table: Table) -> int:
-    named = [k for k, name in enumerate(table.names) if role_of(name) == "time"]
-    if len(named) == 1:
-        return named[0]
-    found = f"both {table.labels(named)} may be it" if named else listed_columns(table)
-    raise ArgumentError(f"{table.file}: no column of times ({found}): name it by --columns, as time=1")
-
-
-def _track_column(table: Table, used: set[int], name: str | None) -> int | None:
-    if name == ONE_OBJECT:
-        return None
-    if name is not None:
-        return numbered_column(table, "object", name)
-    named = [k for k, one in enumerate(table.names) if plain_name(one) in TRACKS and k not in used]
-    return named[0] if named else object_column_of(table, used)
-
-
-def _mode_column(table: Table, used: set[int | None]) -> int:
-    free = [k for k in range(len(table.names)) if k not in used]
-    plain = {plain_name(table.names[k]): k for k in reversed(free)}
-    named = [plain[name] for name in MODES if name in plain]
-    if not named and len(free) != 1:
-        advice = f"({listed_columns(table)}): name it by --columns, as mode=2"
-        raise ArgumentError(f"{table.file}: no column of modes {advice}")
-    return (named or free)[0]

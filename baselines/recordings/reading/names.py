@@ -51,10 +51,8 @@ def plain_name(name: str) -> str:
 
 @functools.lru_cache(maxsize=256)
 def split_unit(name: str) -> tuple[str, str | None]:
-    """Return the plain name of a column and its unit, None if it has none.
-
-    The unit is in brackets or after a slash, as in `x [m]`, `x (km)` and `t/s`, or a known one after an
-    underscore, as in `t_ms`.
+    """Return the plain name of a column and its unit, None if it has none. The unit is in brackets or after a slash, as
+    in `x [m]`, `x (km)` and `t/s`, or a known one after an underscore, as in `t_ms`.
     """
     found = re.fullmatch(r"\s*(.+?)\s*(?:\[(.*)\]|\((.*)\)|/\s*(\w+))\s*", name)
     if found:

@@ -3,12 +3,11 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from baselines.recordings.reading.cells import Table, parse_numbers
+from baselines.recordings.reading.cells import Numbers, Table, parse_numbers
 from baselines.recordings.reading.columns import Columns
 from baselines.recordings.reading.names import DEGREES, split_unit
-from hybrid_env.checks import ArgumentError, reject
+from hybrid_env.checks import ArgumentError, FloatArray, IntArray, reject
 from hybrid_env.sensors import Radar
 
 MAX_VALUE = 1e12  # largest absolute value of a coordinate; its powers do not overflow
@@ -26,13 +25,26 @@ END_SHARE = 0.2  # A jump this close to an end of the recording is an error of m
 class Places(NamedTuple):
     """Positions of all rows of a file."""
 
-    values: NDArray[np.float64]  # (n, 2) x and y, or longitude and latitude [deg]; NaN where a cell is empty
+    values: FloatArray  # (n, 2) x and y, or longitude and latitude [deg]; NaN where a cell is empty
     unit: str | None  # of the positions on the plane; None if the file does not name it
     degrees: bool  # whether `values` are degrees
+    rates: FloatArray | None = None  # (n,) range rates of a radar
 
 
-def read_positions(table: Table, found: Columns, unit: str | None) -> tuple[Places, None]:
-    """Parse the columns of the positions; a unit of None is that of the header. There are no range rates."""
+def _read(table: Table, column: int, largest: float) -> Numbers:
+    """Parse a column of numbers of a magnitude, or empty cells."""
+    found = parse_numbers(table.frame[column])
+    wrong = np.union1d(found.wrong, np.flatnonzero(np.abs(found.values) > largest))
+    if wrong.size:
+        cell = table.frame[column].iloc[wrong[0]]
+        shown = cell if isinstance(cell, (str, float, int, bool)) else str(cell)
+        allowed = f"a finite number of magnitude at most {largest:g}, or an empty cell"
+        raise reject(table.place(int(wrong[0]), column), shown, allowed)
+    return found
+
+
+def read_positions(table: Table, found: Columns, unit: str | None) -> Places:
+    """Parse the columns of the positions; a unit of None is that of the header."""
     degrees = "lat" in found.roles
     axes = [found.roles[role] for role in (("lon", "lat") if degrees else ("x", "y"))]
     named = {split_unit(table.names[column])[1] for column in axes}
@@ -46,51 +58,30 @@ def read_positions(table: Table, found: Columns, unit: str | None) -> tuple[Plac
         degrees = True
         table.notes.append("x taken as longitude and y as latitude")
     limits = (MAX_LONGITUDE, MAX_LATITUDE) if degrees else (MAX_VALUE, MAX_VALUE)
-    numbers = [parse_numbers(table.frame[column]) for column in axes]
-    for column, one, limit in zip(axes, numbers, limits, strict=True):
-        wrong = np.union1d(one.wrong, np.flatnonzero(np.abs(one.values) > limit))
-        if wrong.size:
-            cell = table.frame[column].iloc[wrong[0]]
-            shown = cell if isinstance(cell, (str, float, int, bool)) else str(cell)
-            allowed = f"a finite number of magnitude at most {limit:g}, or an empty cell"
-            raise reject(table.place(int(wrong[0]), column), shown, allowed)
+    numbers = [_read(table, column, limit) for column, limit in zip(axes, limits, strict=True)]
     if any(one.comma for one in numbers):
         table.notes.append("decimal comma")
-    return Places(np.column_stack([one.values for one in numbers]), "m" if degrees else unit, degrees), None
+    return Places(np.column_stack([one.values for one in numbers]), "m" if degrees else unit, degrees)
 
 
-def read_polar(table: Table, found: Columns, radar: Radar) -> tuple[Places, NDArray[np.float64] | None]:
-    """Parse ranges and bearings of a radar to positions, and range rates, (n,), if it measures them.
-
-    Bearings in degrees are clockwise from the y axis (north), those in radians counter-clockwise from the x axis.
+def read_polar(table: Table, found: Columns, radar: Radar) -> Places:
+    """Parse ranges and bearings of a radar to positions, and range rates if it measures them. Bearings in degrees are
+    clockwise from the y axis (north), those in radians counter-clockwise from the x axis.
     """
     names = ("range", "bearing", "rate")[: radar.values]
     if names[-1] not in found.roles:
         raise ArgumentError(f"{table.file}: no column range_rate: name it by --columns rate=...")
-    values = []
-    for name in names:
-        column = found.roles[name]
-        one = parse_numbers(table.frame[column])
-        if one.wrong.size:
-            shown = str(table.frame[column].iloc[one.wrong[0]])
-            raise reject(table.place(int(one.wrong[0]), column), shown, "a number, or an empty cell")
-        values.append(one.values)
-    unit = split_unit(table.names[found.roles["bearing"]])[1]
-    bearings = values[1] if unit == "rad" else np.radians(90.0 - values[1])
-    table.notes.append(f"bearings in {'radians from the x axis' if unit == 'rad' else 'degrees from north'}")
-    rows = np.column_stack([values[0], bearings])
+    ranges, bearings, *rates = (_read(table, found.roles[name], MAX_VALUE).values for name in names)
+    radians = split_unit(table.names[found.roles["bearing"]])[1] == "rad"
+    table.notes.append(f"bearings in {'radians from the x axis' if radians else 'degrees from north'}")
+    rows = np.column_stack([ranges, bearings if radians else np.radians(90.0 - bearings)])
     positions = np.array([radar.located(row)[:2] for row in rows])
-    length = split_unit(table.names[found.roles["range"]])[1]
-    return Places(positions, length, False), values[2] if radar.values == 3 else None
+    return Places(positions, split_unit(table.names[found.roles["range"]])[1], False, *rates)
 
 
-def check_positions(
-    table: Table, places: Places, seconds: NDArray[np.float64], rows: NDArray[np.int64], marked: bool
-) -> None:
-    """Check that measurements look like those of one object, and not like degrees if they have no unit.
-
-    They are in `rows` (k,), at least two, at increasing times [s], or numbers of rows; `marked`: the caller or a column
-    says that they are of one object.
+def check_positions(table: Table, places: Places, seconds: FloatArray, rows: IntArray, marked: bool) -> None:
+    """Check that measurements look like those of one object, and without a unit not like degrees: those in `rows` (k,),
+    at least two, at increasing times [s] or numbers of rows; `marked`: they are known to be of one object.
     """
     positions = places.values[rows]
     reason = None if marked else _unmarked_objects(seconds, positions)
@@ -105,7 +96,7 @@ def check_positions(
         )
 
 
-def _look_like_degrees(seconds: NDArray[np.float64], positions: NDArray[np.float64]) -> bool:
+def _look_like_degrees(seconds: FloatArray, positions: FloatArray) -> bool:
     """Whether x and y may be degrees: in their range, slow, and far from 0 for their extent."""
     largest, extent = np.abs(positions).max(axis=0), np.ptp(positions, axis=0)
     if largest.max() > MAX_LONGITUDE / 2.0 or largest.min() > MAX_LATITUDE or not extent.any():
@@ -115,11 +106,9 @@ def _look_like_degrees(seconds: NDArray[np.float64], positions: NDArray[np.float
     return bool(np.median(speeds) < SLOW and offset > max(OFFSET * extent.max(), 1.0))
 
 
-def _unmarked_objects(times: NDArray[np.float64], positions: NDArray[np.float64]) -> str | None:
-    """Return why the rows seem to be of more than one object, None if they seem to be of one.
-
-    Either the rows alternate: many are far from the row before, but near to one of the three rows before
-    that. Or one object follows the other: a single step is far longer than all others.
+def _unmarked_objects(times: FloatArray, positions: FloatArray) -> str | None:
+    """Return why the rows seem to be of more than one object, or None: many are far from the row before, but near to
+    one of the three before that, or a single step is far longer than all others.
     """
     count = len(positions)
     if count < MIN_ROWS:

@@ -1,5 +1,6 @@
 """Reading a file of recorded positions: CSV, TSV, Parquet, GPX or IGC, also compressed by gzip."""
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from baselines.recordings.reading.cells import Table, Times, counted, parse_numb
 from baselines.recordings.reading.columns import Columns, find_columns
 from baselines.recordings.reading.files import read_table
 from baselines.recordings.reading.positions import check_positions, read_polar, read_positions
-from baselines.recordings.recording import UNKNOWN_UNIT, Recording, make_recording, tick_times
+from baselines.recordings.recording import UNKNOWN_UNIT, Recording, make_recording
 from hybrid_env.checks import ArgumentError, FloatArray, IntArray, check_positive, reject
 from hybrid_env.sensors import Radar
 
@@ -52,21 +53,21 @@ def read_recordings(
 
     Args:
         path: the file.
-        columns: name or number (from 1) of the column of each of `time`, `x`, `y`, `lat`, `lon`; None finds
-            them by their names.
-        object_column: column that tells several objects apart; `none` for a file with one object; None finds
-            it by its name.
+        columns: name or number (from 1) of the column of each of `time`, `x`, `y`, `lat`, `lon`; None finds them by
+            their names.
+        object_column: column that tells several objects apart; `none` for a file with one object; None finds it by its
+            name.
         unit: unit of x and y; `deg` for longitude and latitude; None takes it from the header.
-        time_unit: unit of the times: s, ms, us, ns, min, h, or a format such as `%d/%m/%Y %H:%M:%S`; None
-            recognises ISO dates and seconds, milliseconds ... since 1970, and otherwise means seconds.
+        time_unit: unit of the times: s, ms, us, ns, min, h, or a format such as `%d/%m/%Y %H:%M:%S`; None recognises
+            ISO dates and seconds, milliseconds ... since 1970, and otherwise means seconds.
         tau: duration of a tick [s] of a file without times; None counts time in ticks.
         gap: longest time between two measurements of one piece [s]; None is 20 nominal ticks.
         radar: that measured columns `range`, `bearing` and, if it has a rate deviation, `range_rate`, see
             `positions.read_polar`.
 
     Raises:
-        ArgumentError: the file cannot be read, or it is not clear what its columns mean; the message names
-            file, line, value and what is allowed, or the option that helps.
+        ArgumentError: the file cannot be read, or it is not clear what its columns mean; the message names file, line,
+            value and what is allowed, or the option that helps.
     """
     for name, value in (("tau", tau), ("gap", gap)):
         if value is not None:
@@ -75,7 +76,7 @@ def read_recordings(
     found = find_columns(table, columns, object_column, radar is not None)
     groups = object_rows(table, found.object, Path(path))
     times = _times(table, found, time_unit, tau, len(groups) == 1)
-    places, rates = read_positions(table, found, unit) if radar is None else read_polar(table, found, radar)
+    places = read_positions(table, found, unit) if radar is None else read_polar(table, found, radar)
     known = np.asarray(~np.isnan(places.values).any(axis=1))
     recordings = []
     for name, rows in groups:
@@ -97,7 +98,7 @@ def read_recordings(
         recording = make_recording(
             times.seconds[rows], positions, name=name, gap=gap, breaks=breaks, unit=places.unit or UNKNOWN_UNIT,
             time_unit=times.unit, epoch=times.epoch, projection=projection, radar=radar,
-            rates=None if rates is None else rates[rows],
+            rates=None if places.rates is None else places.rates[rows],
         )  # fmt: skip
         recordings.append(recording)
     if not recordings:
@@ -147,7 +148,10 @@ def _times(table: Table, found: Columns, unit: str | None, tau: float | None, on
         elif not found.chosen:
             advice = f"name the columns by --columns, for example time={found.index + 1} x=... y=..."
             raise ArgumentError(f"{table.file}: {table.label(found.index)} is no number of the row: {advice}")
-    return Times(tick_times(ticks, 1.0 if tau is None else tau), None, "", "ticks" if tau is None else "s")
+    if tau is None:
+        return Times(ticks, None, "", "ticks")
+    # without the rounding errors of the products
+    return Times(np.round(tau * ticks, 9 - math.floor(math.log10(tau))), None, "", "s")
 
 
 def check_order(table: Table, found: Columns, seconds: FloatArray, rows: IntArray, name: str) -> None:

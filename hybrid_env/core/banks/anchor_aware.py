@@ -1,28 +1,25 @@
 """The anchor-aware bank: the likelihood of every turn includes the uncertainty of the anchor.
 
-The published bank treats centre and turn rate, which follow from the anchor, as exact. Here they are part of
-the state of an extended Kalman filter with seven states, see `extended_kalman`. The straight line is a turn of
-rate 0 whose centre and rate have no variance. With an exact anchor the filters are those of the published bank
-with covariances between the axes, which measurements of a radar need.
-
-A filter that diverges keeps its state and its log-likelihood decreases, so that no NaN occurs.
+Centre and turn rate, which the published bank treats as exact, are part of the state of an extended Kalman filter, see
+`extended_kalman`. The straight line is a turn of rate 0 whose centre and rate have no variance. With an exact anchor
+the filters are the published ones with covariances between the axes, which measurements of a radar need. A filter that
+diverges keeps its state and its log-likelihood decreases, so that no NaN occurs.
 """
 
 import math
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hybrid_env.core.arrays import Array, block_reader, reader
+from hybrid_env.core.arrays import Array, FloatArray, Records, block_reader, reader
 from hybrid_env.core.banks import extended_kalman as ekf
-from hybrid_env.core.banks.bank import INNOVATION, Records, State, Triangle4, set_estimate, signed_radius, write_lane
+from hybrid_env.core.banks.bank import INNOVATION, set_estimate, signed_radius
 from hybrid_env.core.banks.kalman import log_likelihood
 from hybrid_env.core.banks.sensing import LARGEST, ROUNDING, correct_by_sensors
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import log
 from hybrid_env.core.motion import bank_turn_rate, heading_vector, turn_centre
-from hybrid_env.core.records import lanes_of
+from hybrid_env.core.records import State, Triangle4, lanes_of, write_lane
 
 AWARE_HYPOTHESIS = lanes_of(
     *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),  # estimate [m, m/s]
@@ -52,7 +49,7 @@ aware_of_block = block_reader(AnchorAwareBank)
 
 @internal
 def begin_aware(
-    bank: AnchorAwareBank, lane: int, anchor: State, covariance: Triangle4, radii: NDArray[np.float64], model: Any
+    bank: AnchorAwareBank, lane: int, anchor: State, covariance: Triangle4, radii: FloatArray, model: Any
 ) -> None:
     """Start every filter of a lane from the anchor; arguments as in `begin_published`."""
     for h in range(bank.hypotheses.size):
@@ -64,9 +61,8 @@ def begin_aware(
 def begin_hypothesis(
     kalman: Any, lane: int, anchor: State, covariance: Triangle4, radius: float, tau: float, exact: bool = False
 ) -> None:
-    """Start one filter of a lane from the anchor.
-
-    radius: signed as in `signed_radius` [m]; exact: whether centre and turn rate have no variance.
+    """Start one filter of a lane from the anchor. radius: signed as in `signed_radius` [m]; exact: whether centre and
+    turn rate have no variance.
     """
     speed, heading_x, heading_y = heading_vector(anchor[1], anchor[3])
     # bounded: the heading of an object slower than its uncertainty deviates by about 1 rad at most
@@ -84,7 +80,7 @@ def begin_hypothesis(
 
 
 @inlined
-def _covariance7(P: NDArray[np.float64], lane: int) -> ekf.Triangle7:
+def _covariance7(P: FloatArray, lane: int) -> ekf.Triangle7:
     return (
         P[0, lane], P[1, lane], P[2, lane], P[3, lane], P[4, lane], P[5, lane], P[6, lane],
         P[7, lane], P[8, lane], P[9, lane], P[10, lane], P[11, lane], P[12, lane],
@@ -110,9 +106,7 @@ def predict_hypothesis(kalman: Any, lane: int, model: Any) -> tuple[float, float
 
 
 @internal
-def step_hypothesis(
-    kalman: Any, innovation: Any, first: int, last: int, measurement: NDArray[np.float64], model: Any
-) -> None:
+def step_hypothesis(kalman: Any, innovation: Any, first: int, last: int, measurement: FloatArray, model: Any) -> None:
     """Advance one filter and its log-likelihood by one tick; arguments as in `step_published`."""
     P = kalman.covariance
     variance_x, variance_y = model.variance_x, model.variance_y
@@ -159,6 +153,7 @@ def step_hypothesis(
         innovation.white_y[lane] = white_y if valid else 0.0
         innovation.log_variance[lane] = log_variance if valid else 2.0 * math.log(LARGEST)
         kalman.log_likelihood[lane] += log_likelihood(white_x, white_y, log_variance) if valid else -DIVERGED
+        # written out, because a loop over so many entries would not become SIMD code
         P[0, lane] = corrected[0] if valid else p[0]
         P[1, lane] = corrected[1] if valid else p[1]
         P[2, lane] = corrected[2] if valid else p[2]
@@ -190,16 +185,14 @@ def step_hypothesis(
 
 
 @internal
-def step_aware(bank: AnchorAwareBank, first: int, last: int, measurement: NDArray[np.float64], model: Any) -> None:
+def step_aware(bank: AnchorAwareBank, first: int, last: int, measurement: FloatArray, model: Any) -> None:
     """Advance every filter of lanes first .. last - 1 by one tick; see `published.step_published`."""
     for h in range(bank.hypotheses.size):
         step_hypothesis(bank.hypotheses[h], bank.innovations[h], first, last, measurement, model)
 
 
 @internal
-def follow_aware(
-    bank: AnchorAwareBank, lane: int, hypothesis: int, measurement: NDArray[np.float64], model: Any
-) -> None:
+def follow_aware(bank: AnchorAwareBank, lane: int, hypothesis: int, measurement: FloatArray, model: Any) -> None:
     """Advance the filter of one hypothesis of a lane by one tick, without its log-likelihood."""
     kalman = bank.hypotheses[hypothesis]
     before = kalman.log_likelihood[lane]
@@ -230,15 +223,13 @@ def _predict_only(kalman: Any, innovation: Any, lane: int, model: Any) -> None:
 
 
 @internal
-def correct_aware(
-    bank: AnchorAwareBank, lane: int, hypothesis: int, block: Any, sensors: NDArray[Any], model: Any
-) -> None:
+def correct_aware(bank: AnchorAwareBank, lane: int, hypothesis: int, block: Any, sensors: Records, model: Any) -> None:
     """Correct one filter of a lane after `predict_aware`; see `sensing.correct_by_sensors`."""
     _correct(bank.hypotheses[hypothesis], bank.innovations[hypothesis], lane, block, sensors, model)
 
 
 @internal
-def _correct(kalman: Any, innovation: Any, lane: int, block: Any, sensors: NDArray[Any], model: Any) -> None:
+def _correct(kalman: Any, innovation: Any, lane: int, block: Any, sensors: Records, model: Any) -> None:
     """Correct one predicted filter of a lane by all that is measured, and update its log-likelihood."""
     state = (
         kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane],
@@ -256,11 +247,10 @@ def _correct(kalman: Any, innovation: Any, lane: int, block: Any, sensors: NDArr
 
 @internal
 def sense_hypothesis(
-    kalman: Any, innovation: Any, first: int, last: int, block: Any, sensors: NDArray[Any], model: Any
+    kalman: Any, innovation: Any, first: int, last: int, block: Any, sensors: Records, model: Any
 ) -> None:
-    """Advance one filter by one tick of any kind: without a measurement, or with those of sensors.
-
-    block: with the fields of `records.MEASURED`; without sensors all lanes or none are NaN.
+    """Advance one filter by one tick of any kind: without a measurement, or with those of sensors. block: with the
+    fields of `records.MEASURED`; without sensors all lanes or none are NaN.
     """
     if sensors.size == 0 and not math.isnan(block.measurement[0, first]):
         step_hypothesis(kalman, innovation, first, last, block.measurement, model)

@@ -6,17 +6,10 @@ Hypothesis 0 is straight, 1 .. n are left turns, n + 1 .. 2n are right turns.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hybrid_env.core.arrays import allocate, declared
+from hybrid_env.core.arrays import FloatArray, Records, allocate, declared
 from hybrid_env.core.compilation import inlined, internal
-from hybrid_env.core.records import lanes_of
-
-FloatArray = NDArray[np.float64]
-Records = NDArray[Any]
-State = tuple[float, float, float, float]
-Triangle4 = tuple[float, float, float, float, float, float, float, float, float, float]
-"""Covariance of [x, vx, y, vy], upper triangle row by row."""
+from hybrid_env.core.records import State, Triangle4, lanes_of
 
 INNOVATION = lanes_of(
     *((name, np.float64, ()) for name in ("white_x", "white_y")),  # innovation / standard deviation
@@ -52,10 +45,8 @@ IDENTITY: Triangle4 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 
 
 def bank_arrays(bank: Any, radii_count: int, axes: int = 1, blocks: int | None = None) -> Any:
-    """Return a bank of zeros for n radii and 1 or 2 distinct axes.
-
-    blocks: number of blocks of tracks, the first axis of the arrays that they do not share; None is a single
-    block without this axis.
+    """Return a bank of zeros for n radii and 1 or 2 distinct axes. blocks: number of blocks of tracks, the first axis
+    of the arrays that they do not share; None is a single block without this axis.
     """
     sizes = {"modes": 2 * radii_count + 1, "columns": radii_count + 1, "axes": axes}
     sizes["blocks_count"] = 1 if blocks is None else blocks
@@ -63,28 +54,6 @@ def bank_arrays(bank: Any, radii_count: int, axes: int = 1, blocks: int | None =
     if blocks is None:
         arrays |= {name: arrays[name][0] for name in declared(bank, "tracks")}
     return bank(**arrays)
-
-
-@inlined
-def state_of(array: FloatArray, lane: int) -> State:
-    """Return the values of a lane of an array, (4, LANES)."""
-    return array[0, lane], array[1, lane], array[2, lane], array[3, lane]
-
-
-@inlined
-def triangle_of(p: FloatArray, lane: int) -> Triangle4:
-    """Return the values of a lane of an array, (10, LANES)."""
-    return (
-        p[0, lane], p[1, lane], p[2, lane], p[3, lane], p[4, lane],
-        p[5, lane], p[6, lane], p[7, lane], p[8, lane], p[9, lane],
-    )  # fmt: skip
-
-
-@inlined
-def write_lane(array: FloatArray, lane: int, values: tuple[float, ...]) -> None:
-    """Write k values to a lane of an array, (k, LANES)."""
-    for k, value in enumerate(values):
-        array[k, lane] = value
 
 
 @internal
@@ -114,7 +83,7 @@ def set_estimate(kalman: Any, lane: int, estimate: State) -> None:
 
 
 @internal
-def likeliest(hypotheses: NDArray[Any], lane: int) -> int:
+def likeliest(hypotheses: Records, lane: int) -> int:
     """Return the hypothesis with the maximum log-likelihood, the first one if several are equal."""
     best = 0
     for h in range(1, hypotheses.size):
@@ -124,7 +93,7 @@ def likeliest(hypotheses: NDArray[Any], lane: int) -> int:
 
 
 @internal
-def likeliest_of_type(hypotheses: NDArray[Any], lane: int, mode: int) -> int:
+def likeliest_of_type(hypotheses: Records, lane: int, mode: int) -> int:
     """Return the most likely hypothesis of the same type (straight, left or right) as a mode."""
     n = hypotheses.size // 2
     best = mode
@@ -136,7 +105,7 @@ def likeliest_of_type(hypotheses: NDArray[Any], lane: int, mode: int) -> int:
 
 
 @internal
-def estimate_of(hypotheses: NDArray[Any], hypothesis: int, lane: int) -> State:
+def estimate_of(hypotheses: Records, hypothesis: int, lane: int) -> State:
     """Return the estimate [x, vx, y, vy] of one hypothesis [m, m/s]."""
     kalman = hypotheses[hypothesis]
     return kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]

@@ -1,18 +1,17 @@
 """The extended Kalman filter of a turn with uncertain centre and turn rate, as scalar functions.
 
-The state is [x, vx, y, vy, centre_x, centre_y, turn_rate], with the suffixes x, u, y, v, cx, cy, r below. The
-motion is that of Golubkov 2018, eq. (1). A covariance is its upper triangle row by row, 28 numbers.
+The state is [x, vx, y, vy, centre_x, centre_y, turn_rate], with the suffixes x, u, y, v, cx, cy, r below. The motion is
+that of Golubkov 2018, eq. (1). A covariance is its upper triangle row by row, 28 numbers.
 """
 
-from hybrid_env.core.banks.bank import Triangle4
 from hybrid_env.core.compilation import inlined
 from hybrid_env.core.elementary import sine_cosine
+from hybrid_env.core.records import Triangle4
 
 SERIES = 0.02  # [rad]; below this angle quotients of small numbers are computed by series
 
 Vector7 = tuple[float, float, float, float, float, float, float]
-Triangle7 = tuple[float, ...]
-"""Covariance of the seven states, upper triangle row by row: 28 numbers."""
+Triangle7 = tuple[float, ...]  # covariance of the seven states, upper triangle row by row: 28 numbers
 
 
 @inlined
@@ -55,10 +54,8 @@ def anchor_covariance(
 
 @inlined
 def turn_coefficients(rate: float, tau: float) -> Vector7:
-    """Return (C, S, W, D, dC, dS, dW) of a tick at a turn rate [rad/s].
-
-    C = cos a, S = sin a / rate, W = rate sin a and D = 1 - cos a for a = rate * tau; dC, dS and dW are the
-    derivatives of C, S and W by the rate.
+    """Return (C, S, W, D, dC, dS, dW) of a tick at a turn rate [rad/s]. C = cos a, S = sin a / rate, W = rate sin a and
+    D = 1 - cos a for a = rate * tau; dC, dS and dW are the derivatives of C, S and W by the rate.
     """
     angle = rate * tau
     sine, C = sine_cosine(angle)
@@ -76,9 +73,8 @@ def turn_coefficients(rate: float, tau: float) -> Vector7:
 def predict_covariance(
     p: Triangle7, turn: Vector7, by_rate: tuple[float, float, float, float], process_variance: float
 ) -> Triangle7:
-    """Return the predicted covariance F P F' + G Q G', where F is the Jacobian of the motion.
-
-    turn: from `turn_coefficients`; by_rate: derivatives of x, vx, y and vy by the turn rate.
+    """Return the predicted covariance F P F' + G Q G', where F is the Jacobian of the motion. turn: from
+    `turn_coefficients`; by_rate: derivatives of x, vx, y and vy by the turn rate.
     """
     C, S, W, D = turn[0], turn[1], turn[2], turn[3]
     g_x, h_x, g_y, h_y = by_rate
@@ -121,9 +117,8 @@ def predict_covariance(
 
 @inlined
 def condition(p: Triangle7, k: Vector7, inverse: float) -> Triangle7:
-    """Return the corrected covariance P - K H P after the measurement of one coordinate.
-
-    k: covariance of the states with the coordinate; inverse: 1 / innovation variance.
+    """Return the corrected covariance P - K H P after the measurement of one coordinate. k: covariance of the states
+    with the coordinate; inverse: 1 / innovation variance.
     """
     a, b, c, d, e, f, g = (
         k[0] * inverse, k[1] * inverse, k[2] * inverse, k[3] * inverse,

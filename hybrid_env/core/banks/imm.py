@@ -1,8 +1,8 @@
 """The interacting multiple model (IMM) bank: filters that run on over switches at unknown moments.
 
-Blom & Bar-Shalom 1988, "The interacting multiple model algorithm for systems with Markovian switching
-coefficients". Each of M hypotheses has a Kalman filter of a coordinated turn and a probability. The mode is a
-Markov chain with the transition matrix
+Blom & Bar-Shalom 1988, "The interacting multiple model algorithm for systems with Markovian switching coefficients".
+Each of M hypotheses has a Kalman filter of a coordinated turn and a probability. The mode is a Markov chain with the
+transition matrix
 
     1 - hazard          on the diagonal,
     hazard / (M - 1)    elsewhere,
@@ -10,18 +10,18 @@ Markov chain with the transition matrix
 whose rows sum to 1. A tick has three steps:
 
 1. Mixing. The mode before the tick, given the mode h in the tick, is h with the probability w and otherwise
-   distributed as without this knowledge. The initial condition of filter h is therefore a mixture of two
-   terms: its own estimate, with weight w, and the merged estimate of all filters, with weight 1 - w. It is
-   replaced by a normal distribution with the same mean and covariance.
+   distributed as without this knowledge. The initial condition of filter h is therefore a mixture of two terms: its own
+   estimate, with weight w, and the merged estimate of all filters, with weight 1 - w. It is replaced by a normal
+   distribution with the same mean and covariance.
 2. Every filter predicts, is corrected by the measurement, and gives its log-likelihood, which updates the log
    probability. Logarithms of probabilities are stored, so that none of them is lost in an outlier.
 3. Output. Mean and covariance of the mixture of all filters are the merged estimate.
 
-In every tick of a coordinated turn the object turns by the angle a = speed * tau / radius about the centre that
-follows from its velocity: Golubkov 2018, eq. (1), with the switch at the present tick. Its filter therefore runs
-on over switches and needs no anchor. The angle follows from the estimated velocity and is then treated as known,
-because the turn rate of the object does not change with the process noise of a segment. The state is [x, vx, y,
-vy], with the suffixes x, u, y and v below; a covariance is its upper triangle row by row, 10 numbers.
+In every tick of a coordinated turn the object turns by the angle a = speed * tau / radius about the centre that follows
+from its velocity: Golubkov 2018, eq. (1), with the switch at the present tick. Its filter therefore runs on over
+switches and needs no anchor. The angle follows from the estimated velocity and is then treated as known, because the
+turn rate of the object does not change with the process noise of a segment. The state is [x, vx, y, vy], with the
+suffixes x, u, y and v below; a covariance is its upper triangle row by row, 10 numbers.
 
 A filter that diverges keeps its initial condition and becomes unlikely, so that no NaN occurs.
 """
@@ -30,28 +30,16 @@ import math
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hybrid_env.core.arrays import Array, block_reader, reader
-from hybrid_env.core.banks.bank import (
-    INNOVATION,
-    Records,
-    State,
-    Triangle4,
-    filter_model,
-    set_estimate,
-    signed_radius,
-    state_of,
-    triangle_of,
-    write_lane,
-)
+from hybrid_env.core.arrays import Array, FloatArray, Records, block_reader, reader
+from hybrid_env.core.banks.bank import INNOVATION, filter_model, set_estimate, signed_radius
 from hybrid_env.core.banks.kalman import weigh
 from hybrid_env.core.banks.mixture import NEGLIGIBLE, SUMS, merge, mixture_of_two, normalize
 from hybrid_env.core.banks.sensing import LARGEST, correct_by_sensors
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import exp, log, sine_cosine
 from hybrid_env.core.motion import LARGEST_ANGLE
-from hybrid_env.core.records import lanes_of
+from hybrid_env.core.records import State, Triangle4, lanes_of, state_of, triangle_of, write_lane
 
 IMM_HYPOTHESIS = lanes_of(
     *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),  # estimate [m, m/s]
@@ -77,18 +65,11 @@ imm_of_block = block_reader(ImmBank)
 
 
 @inlined
-def turn_angle(u: float, v: float, curvature: float, tau: float) -> float:
-    """Return the angle of a turn in one tick [rad], positive to the left, bounded; curvature: 1 / radius [1/m]."""
-    angle = curvature * math.sqrt(u * u + v * v) * tau
-    return max(min(angle, LARGEST_ANGLE), -LARGEST_ANGLE)
-
-
-@inlined
 def turn_coefficients(angle: float, tau: float) -> State:
     """Return (C, S, along, across) of a turn by an angle a in a tick of length tau.
 
-    The new velocity is (C u - S v, S u + C v), with C = cos a and S = sin a; the position changes by
-    (along u - across v, across u + along v), with along = tau sin(a) / a, across = tau (1 - cos a) / a [s].
+    The new velocity is (C u - S v, S u + C v), with C = cos a and S = sin a; the position changes by (along u - across
+    v, across u + along v), with along = tau sin(a) / a, across = tau (1 - cos a) / a [s].
     """
     half = 0.5 * angle
     sine, cosine = sine_cosine(half)
@@ -125,9 +106,8 @@ def predict_covariance(p: Triangle4, turn: State, process_variance: float) -> Tr
 
 @inlined
 def condition_x(p: Triangle4, inverse: float, variance: float) -> Triangle4:
-    """Return the corrected covariance P - K H P after a measurement of x with variance R.
-
-    inverse: 1 / innovation variance [1/m^2].
+    """Return the corrected covariance P - K H P after a measurement of x with variance R. inverse: 1 / innovation
+    variance [1/m^2].
     """
     xx, xu, xy, xv, uu, uy, uv, yy, yv, vv = p
     left = variance * inverse  # the row of the measured coordinate is K R, which avoids cancellation
@@ -150,9 +130,8 @@ def exchange_axes(p: Triangle4) -> Triangle4:
 
 @internal
 def begin_imm(bank: ImmBank, block: Any, lane: int, known: int) -> None:
-    """Start every filter of a lane from the merged estimate of the block.
-
-    known: the mode before the first tick; -1 if it is not known, all equally probable.
+    """Start every filter of a lane from the merged estimate of the block. known: the mode before the first tick; -1 if
+    it is not known, all equally probable.
     """
     for h in range(bank.hypotheses.size):
         kalman = bank.hypotheses[h]
@@ -187,9 +166,10 @@ def mix(kalman: Any, block: Any, lane: int, model: Any) -> tuple[float, State, T
 
 @inlined
 def predict(mean: State, mixed: Triangle4, curvature: float, model: Any) -> tuple[State, Triangle4]:
-    """Return the predicted estimate of a filter and its covariance."""
+    """Return the predicted estimate of a filter and its covariance; curvature: 1 / radius, positive to the left."""
     x, u, y, v = mean
-    turn = turn_coefficients(turn_angle(u, v, curvature, model.tau), model.tau)
+    angle = curvature * math.sqrt(u * u + v * v) * model.tau
+    turn = turn_coefficients(max(min(angle, LARGEST_ANGLE), -LARGEST_ANGLE), model.tau)
     C, S, along, across = turn
     predicted = predict_covariance(mixed, turn, model.process_variance)
     new_x, new_y = x + along * u - across * v, y + across * u + along * v
@@ -234,16 +214,8 @@ def _step_hypothesis(
         kalman.vx[lane] = new_u + predicted[1] * gain_x + after_x[3] * gain_y if valid else u
         kalman.y[lane] = new_y + predicted[2] * gain_x + after_x[0] * gain_y if valid else y
         kalman.vy[lane] = new_v + predicted[3] * gain_x + after_x[1] * gain_y if valid else v
-        P[0, lane] = corrected[0] if valid else mixed[0]
-        P[1, lane] = corrected[1] if valid else mixed[1]
-        P[2, lane] = corrected[2] if valid else mixed[2]
-        P[3, lane] = corrected[3] if valid else mixed[3]
-        P[4, lane] = corrected[4] if valid else mixed[4]
-        P[5, lane] = corrected[5] if valid else mixed[5]
-        P[6, lane] = corrected[6] if valid else mixed[6]
-        P[7, lane] = corrected[7] if valid else mixed[7]
-        P[8, lane] = corrected[8] if valid else mixed[8]
-        P[9, lane] = corrected[9] if valid else mixed[9]
+        for k in range(10):
+            P[k, lane] = corrected[k] if valid else mixed[k]
         likelihood = likelihood if valid else DIVERGED
         innovation.white_x[lane] = white_x if valid else 0.0
         innovation.white_y[lane] = white_y if valid else 0.0
@@ -253,17 +225,16 @@ def _step_hypothesis(
 
 
 @inlined
-def _curvature(hypothesis: int, radii: NDArray[np.float64]) -> float:
+def _curvature(hypothesis: int, radii: FloatArray) -> float:
     """Return the curvature of a hypothesis [1/m], positive to the left."""
     radius = signed_radius(hypothesis, radii)
     return 0.0 if radius == 0.0 else 1.0 / radius
 
 
 @internal
-def step_imm(bank: ImmBank, block: Any, first: int, last: int, radii: NDArray[np.float64], model: Any) -> None:
-    """Advance every filter, its probability and the merged estimate of lanes first .. last - 1 by one tick.
-
-    block: with `measurement`, (2, LANES), and `estimate` and `covariance` of the merged estimate.
+def step_imm(bank: ImmBank, block: Any, first: int, last: int, radii: FloatArray, model: Any) -> None:
+    """Advance every filter, its probability and the merged estimate of lanes first .. last - 1 by one tick. block: with
+    `measurement`, (2, LANES), and `estimate` and `covariance` of the merged estimate.
     """
     for h in range(bank.hypotheses.size):
         kalman, innovation, curvature = bank.hypotheses[h], bank.innovations[h], _curvature(h, radii)
@@ -276,30 +247,23 @@ def step_imm(bank: ImmBank, block: Any, first: int, last: int, radii: NDArray[np
 
 
 @internal
-def _predict_imm_hypothesis(kalman: Any, innovation: Any, block: Any, lane: int, curvature: float, model: Any) -> None:
-    """Mix and predict one filter of a lane in a tick without a measurement."""
-    prior, mean, mixed = mix(kalman, block, lane, model)
-    moved, predicted = predict(mean, mixed, curvature, model)
-    finite = (predicted[0] + predicted[7] < LARGEST * LARGEST) & (predicted[4] + predicted[9] < LARGEST * LARGEST)
-    finite &= abs(moved[1]) + abs(moved[3]) < LARGEST  # also False for NaN
-    set_estimate(kalman, lane, moved if finite else mean)
-    write_lane(kalman.covariance, lane, predicted if finite else mixed)
-    sigma_x, sigma_y = kalman.covariance[0, lane] + model.variance_x, kalman.covariance[7, lane] + model.variance_y
-    innovation.white_x[lane] = innovation.white_y[lane] = 0.0
-    innovation.log_variance[lane] = 0.5 * (log(sigma_x) + log(sigma_y))
-    kalman.log_likelihood[lane] = 0.0
-    kalman.log_probability[lane] = log(prior)
-
-
-@internal
-def predict_imm(bank: ImmBank, block: Any, lane: int, radii: NDArray[np.float64], model: Any) -> None:
-    """Advance every filter of a lane by one tick without a measurement: mixing, prediction and output.
-
-    The probabilities follow the Markov chain; innovations are zero, with the variance of a measurement.
+def predict_imm(bank: ImmBank, block: Any, lane: int, radii: FloatArray, model: Any) -> None:
+    """Advance every filter of a lane by one tick without a measurement: mixing, prediction and output. The
+    probabilities follow the Markov chain; innovations are zero, with the variance of a measurement.
     """
     for h in range(bank.hypotheses.size):
-        curvature = _curvature(h, radii)
-        _predict_imm_hypothesis(bank.hypotheses[h], bank.innovations[h], block, lane, curvature, model)
+        kalman, innovation = bank.hypotheses[h], bank.innovations[h]
+        prior, mean, mixed = mix(kalman, block, lane, model)
+        moved, predicted = predict(mean, mixed, _curvature(h, radii), model)
+        finite = (predicted[0] + predicted[7] < LARGEST * LARGEST) & (predicted[4] + predicted[9] < LARGEST * LARGEST)
+        finite &= abs(moved[1]) + abs(moved[3]) < LARGEST  # also False for NaN
+        set_estimate(kalman, lane, moved if finite else mean)
+        write_lane(kalman.covariance, lane, predicted if finite else mixed)
+        sigma_x, sigma_y = kalman.covariance[0, lane] + model.variance_x, kalman.covariance[7, lane] + model.variance_y
+        innovation.white_x[lane] = innovation.white_y[lane] = 0.0
+        innovation.log_variance[lane] = 0.5 * (log(sigma_x) + log(sigma_y))
+        kalman.log_likelihood[lane] = 0.0
+        kalman.log_probability[lane] = log(prior)
     normalize(bank, np.uint64(lane), np.uint64(lane + 1))
     merge(bank, block, np.uint64(lane), np.uint64(lane + 1))
 

@@ -1,8 +1,7 @@
 """The Kalman filter of one axis, as scalar functions. Golubkov 2018, eq. (2) and (4).
 
-The process and measurement noise covariances are diagonal, so the filter of the paper with four states
-separates into two filters of (position, velocity), one per axis. A covariance is the tuple (xx, xv, vv)
-[m^2, m^2/s, m^2/s^2].
+The process and measurement noise covariances are diagonal, so the filter of the paper with four states separates into
+two filters of (position, velocity), one per axis. A covariance is the tuple (xx, xv, vv) [m^2, m^2/s, m^2/s^2].
 """
 
 import math
@@ -19,9 +18,8 @@ Covariance = tuple[float, float, float]
 def predict_covariance(
     covariance: Covariance, cosine: float, sine_velocity: float, sine_position: float, process_variance: float
 ) -> Covariance:
-    """Return the predicted covariance Phi P Phi' + G Q G' of one axis. Golubkov 2018, eq. (2).
-
-    cosine, sine_velocity, sine_position: from `motion.motion_coefficients`.
+    """Return the predicted covariance Phi P Phi' + G Q G' of one axis. Golubkov 2018, eq. (2). cosine, sine_velocity,
+    sine_position: from `motion.motion_coefficients`.
     """
     xx, xv, vv = covariance
     row_x_x = cosine * xx + sine_velocity * xv  # first row of Phi P
@@ -78,10 +76,10 @@ def student_weight(white_x: float, white_y: float, freedom: float) -> float:
 def weigh(white_x: float, white_y: float, log_variance: float, freedom: float | None) -> tuple[float, float]:
     """Return the weight of the correction by a measurement, and the log-likelihood of its innovation.
 
-    With the robust likelihood the innovations have a Student t distribution whose scale matrix is the
-    innovation variance, and the correction of the estimate is weighted, as in Agamennoni, Nieto & Nebot 2012,
-    "Approximate inference in state-space models with heavy-tailed noise", with one iteration. An approximation:
-    the covariances are those of the Kalman filter. freedom: degrees of freedom; None, a type of its own, is normal.
+    With the robust likelihood innovations have a Student t distribution whose scale matrix is the innovation variance,
+    and the correction is weighted as in Agamennoni, Nieto & Nebot 2012, "Approximate inference in state-space models
+    with heavy-tailed noise", with one iteration; the covariances stay those of the Kalman filter. A freedom of None is
+    normal.
     """
     if freedom is None:
         return 1.0, log_likelihood(white_x, white_y, log_variance)

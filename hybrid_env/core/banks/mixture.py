@@ -1,20 +1,20 @@
 """Mixtures of the estimates of a bank: probabilities, and the first two moments.
 
-The weights are the likelihoods with announced switches, whose priors are equal, and the probabilities of the
-IMM bank with unknown ones. Blom & Bar-Shalom 1988, output step.
+The weights are the likelihoods with announced switches, whose priors are equal, and the probabilities of the IMM bank
+with unknown ones. Blom & Bar-Shalom 1988, output step.
 """
 
 import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hybrid_env.core.arrays import FloatArray, Records
 from hybrid_env.core.banks import operations
-from hybrid_env.core.banks.bank import State, Triangle4, estimate_of, likeliest
+from hybrid_env.core.banks.bank import estimate_of, likeliest
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import exp, log
-from hybrid_env.core.records import lanes_of
+from hybrid_env.core.records import State, Triangle4, lanes_of
 
 SUMS = lanes_of(("largest", np.float64, ()), ("total", np.float64, ()))
 """Maximum log probability of the hypotheses before normalization, and the sum relative to it."""
@@ -70,16 +70,9 @@ def merge(bank: Any, block: Any, first: int, last: int) -> None:
             weight = exp(max(kalman.log_probability[lane], NEGLIGIBLE))
             a, b = kalman.x[lane] - estimate[0, lane], kalman.vx[lane] - estimate[1, lane]
             c, d = kalman.y[lane] - estimate[2, lane], kalman.vy[lane] - estimate[3, lane]
-            covariance[0, lane] += weight * (P[0, lane] + a * a)
-            covariance[1, lane] += weight * (P[1, lane] + a * b)
-            covariance[2, lane] += weight * (P[2, lane] + a * c)
-            covariance[3, lane] += weight * (P[3, lane] + a * d)
-            covariance[4, lane] += weight * (P[4, lane] + b * b)
-            covariance[5, lane] += weight * (P[5, lane] + b * c)
-            covariance[6, lane] += weight * (P[6, lane] + b * d)
-            covariance[7, lane] += weight * (P[7, lane] + c * c)
-            covariance[8, lane] += weight * (P[8, lane] + c * d)
-            covariance[9, lane] += weight * (P[9, lane] + d * d)
+            products = a * a, a * b, a * c, a * d, b * b, b * c, b * d, c * c, c * d, d * d
+            for k in range(10):
+                covariance[k, lane] += weight * (P[k, lane] + products[k])
 
 
 @inlined
@@ -103,7 +96,7 @@ def mixture_of_two(own: float, mine: Triangle4, merged: Triangle4, difference: S
 
 
 @internal
-def merged_estimate(hypotheses: NDArray[Any], lane: int) -> State:
+def merged_estimate(hypotheses: Records, lane: int) -> State:
     """Return the posterior mean [x, vx, y, vy] of a lane [m, m/s]."""
     largest = hypotheses[likeliest(hypotheses, lane)].log_likelihood[lane]
     total, x, vx, y, vy = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -119,7 +112,7 @@ def merged_estimate(hypotheses: NDArray[Any], lane: int) -> State:
 
 
 @internal
-def write_merged_covariance(bank: Any, lane: int, mean: State, covariance: NDArray[np.float64]) -> None:
+def write_merged_covariance(bank: Any, lane: int, mean: State, covariance: FloatArray) -> None:
     """Write the posterior covariance of a lane into (10, LANES); mean: from `merged_estimate`."""
     hypotheses = bank.hypotheses
     largest = hypotheses[likeliest(hypotheses, lane)].log_likelihood[lane]

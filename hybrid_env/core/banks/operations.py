@@ -1,7 +1,7 @@
 """The operations of a bank that the kernel calls, selected by the type of the bank when a kernel is compiled.
 
-A compiled kernel therefore contains a single bank. numba has no public name for the class of a named tuple in
-compiled code: `instance_class`, an attribute of its type, is used here and nowhere else.
+A compiled kernel therefore contains a single bank. numba has no public name for the class of a named tuple in compiled
+code: `instance_class`, an attribute of its type, is used here and nowhere else.
 
     bank_of_block(banks, block)                          the bank of one block
     begin(bank, lane, anchor, covariance, radii, model)  start every filter of a lane from the anchor

@@ -1,8 +1,8 @@
 """The published bank of Kalman filters, one per hypothesis: straight, left turns, right turns.
 
-Golubkov 2018, eq. (2) and (4), with the scalar formulas of `kalman`. The covariances depend on the turn rate
-but not on the data, also with the robust likelihood. The left and the right turn of a radius therefore share
-them, and so do both axes if their measurement variances are equal.
+Golubkov 2018, eq. (2) and (4), with the scalar formulas of `kalman`. The covariances depend on the turn rate but not on
+the data, also with the robust likelihood. The left and the right turn of a radius therefore share them, and so do both
+axes if their measurement variances are equal.
 """
 
 import math
@@ -10,29 +10,13 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from hybrid_env.core.arrays import Array, block_reader, reader
-from hybrid_env.core.banks.bank import (
-    INNOVATION,
-    FloatArray,
-    Records,
-    State,
-    Triangle4,
-    radius_column,
-    set_estimate,
-    signed_radius,
-)
-from hybrid_env.core.banks.kalman import (
-    Covariance,
-    correct_covariance,
-    kalman_gain,
-    predict_covariance,
-    student_weight,
-    weigh,
-)
+from hybrid_env.core.arrays import Array, FloatArray, Records, block_reader, reader
+from hybrid_env.core.banks.bank import INNOVATION, radius_column, set_estimate, signed_radius
+from hybrid_env.core.banks.kalman import correct_covariance, kalman_gain, predict_covariance, student_weight, weigh
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import log
 from hybrid_env.core.motion import bank_turn_rate, heading_vector, motion_coefficients, propagate, turn_centre
-from hybrid_env.core.records import lanes_of
+from hybrid_env.core.records import State, Triangle4, lanes_of
 
 HYPOTHESIS = lanes_of(
     *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),  # estimate [m, m/s]
@@ -56,10 +40,8 @@ GAIN = lanes_of(
 
 
 class PublishedBank(NamedTuple):
-    """The bank of a block of tracks, for n radii, M = 2n + 1 hypotheses and A = 1 or 2 distinct axes.
-
-    Column 0 of covariances and gains is straight, column c uses radius c - 1. The blocks of a thread share
-    innovations and gains.
+    """The bank of a block of tracks, for n radii, M = 2n + 1 hypotheses and A = 1 or 2 distinct axes. Column 0 of
+    covariances and gains is straight, column c uses radius c - 1. The blocks of a thread share innovations and gains.
     """
 
     hypotheses: Annotated[Records, Array(HYPOTHESIS, ("blocks_count", "modes"))]
@@ -101,7 +83,7 @@ def begin_published(
 
 
 @inlined
-def _predicted(shared: Any, lane: int, process_variance: float) -> Covariance:
+def _predicted(shared: Any, lane: int, process_variance: float) -> tuple[float, float, float]:
     """Return the predicted covariance of one radius and axis."""
     return predict_covariance(
         (shared.xx[lane], shared.xv[lane], shared.vv[lane]),
@@ -165,8 +147,8 @@ def _step_estimates(bank: PublishedBank, first: int, last: int, measurement: Flo
 
 @internal
 def step_published(bank: PublishedBank, first: int, last: int, measurement: FloatArray, model: Any) -> None:
-    """Advance every filter and its log-likelihood of lanes first .. last - 1 by one tick with a measurement,
-    (2, LANES) [m]. Golubkov 2018, eq. (2) and (4).
+    """Advance every filter and its log-likelihood of lanes first .. last - 1 by one tick with a measurement, (2, LANES)
+    [m]. Golubkov 2018, eq. (2) and (4).
     """
     axes, columns = bank.covariances.shape
     for axis in range(axes):

@@ -1,23 +1,22 @@
 """The correction of a filter by what the sensors measure: a position with any covariance, and range rates.
 
-The filter is corrected by the coordinates along the principal axes of the position's covariance, whose errors
-are independent, and then by one range rate after the other, linearised at the estimate corrected so far. A
-filter has the seven states of `extended_kalman`; one of four states is embedded in it.
+The filter is corrected by the coordinates along the principal axes of the position's covariance, whose errors are
+independent, and then by one range rate after the other, linearised at the estimate corrected so far. A filter has the
+seven states of `extended_kalman`; one of four states is embedded in it.
 """
 
 import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hybrid_env.core.banks.bank import State
+from hybrid_env.core.arrays import FloatArray, Records
 from hybrid_env.core.banks.extended_kalman import Triangle7, Vector7, condition
 from hybrid_env.core.banks.kalman import LOG_TWO_PI
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import log
 from hybrid_env.core.polar import range_rate
-from hybrid_env.core.records import MOST_RATES
+from hybrid_env.core.records import MOST_RATES, State
 
 Scalar = tuple[float, float, bool]
 """Whitened innovation, logarithm of its variance, and False if the filter has diverged."""
@@ -27,10 +26,9 @@ ROUNDING = 1e-6  # tolerance of a negative variance, relative to the predicted v
 
 
 @internal
-def write_measured(block: Any, lane: int, measured: NDArray[np.float64]) -> None:
-    """Write what is measured to a lane of a record with the fields of `records.MEASURED`.
-
-    measured: (2,) position of variance R, or (9,) with covariance xx, xy, yy over R and range rates.
+def write_measured(block: Any, lane: int, measured: FloatArray) -> None:
+    """Write what is measured to a lane of a record with the fields of `records.MEASURED`. measured: (2,) position of
+    variance R, or (9,) with covariance xx, xy, yy over R and range rates.
     """
     block.measurement[0, lane], block.measurement[1, lane] = measured[0], measured[1]
     for k in range(3):
@@ -95,9 +93,8 @@ def correct_scalar(
 
 @inlined
 def _rate_model(state: Vector7, p: Triangle7, rate: float, sensor: Any) -> tuple[State, float, float]:
-    """Return the derivatives of a range rate by [x, vx, y, vy], its innovation, and its variance.
-
-    Near the radar the bearing is uncertain: what this adds in second order adds to the variance.
+    """Return the derivatives of a range rate by [x, vx, y, vy], its innovation, and its variance. Near the radar the
+    bearing is uncertain: what this adds in second order adds to the variance.
     """
     x, u, y, v = state[0] - sensor.x, state[1], state[2] - sensor.y, state[3]
     distance = max(math.hypot(x, y), 1e-150)
@@ -112,13 +109,13 @@ def _rate_model(state: Vector7, p: Triangle7, rate: float, sensor: Any) -> tuple
 
 @internal
 def correct_by_sensors(
-    state: Vector7, p: Triangle7, block: Any, lane: int, sensors: NDArray[Any], model: Any
+    state: Vector7, p: Triangle7, block: Any, lane: int, sensors: Records, model: Any
 ) -> tuple[Vector7, Triangle7, State, bool]:
     """Correct a predicted filter by all that is measured in a tick: a position, and range rates of the sensors.
 
     Returns:
-        State, covariance, (whitened innovation x and y, mean logarithm of its variance, log-likelihood), and
-        False if the filter has diverged: then state and covariance are the predicted ones.
+        State, covariance, (whitened innovation x and y, mean logarithm of its variance, log-likelihood), and False if
+        the filter has diverged: then state and covariance are the predicted ones.
     """
     noise, R = block.noise, model.variance_x
     cosine, sine, first, second = principal_axes(R * noise[0, lane], R * noise[1, lane], R * noise[2, lane])

@@ -88,7 +88,7 @@ def test_what_does_not_fit_a_radar_is_refused(polar, tmp_path):
         read_recordings(without, radar=RADAR)
     wrong = write(tmp_path / "c.csv", polar, "time,range,bearing,range_rate")
     wrong.write_text(wrong.read_text().replace("\n10.0,", "\n10.0,far", 1))
-    with pytest.raises(ArgumentError, match=r"far.*a number, or an empty cell"):
+    with pytest.raises(ArgumentError, match=r"far.*a finite number .* or an empty cell"):
         read_recordings(wrong, radar=RADAR)
     with pytest.raises(ArgumentError, match=r"measurement_variance=1.0.*none with radar"):
         track_recording(TIMES, polar, radar=RADAR, measurement_variance=1.0)

@@ -8,7 +8,8 @@ import pytest
 from baselines import FixedTimeDecider, SPRTDecider, sprt_thresholds
 from baselines.rules.sprt import sprt_test
 from hybrid_env.checks import ArgumentError
-from hybrid_env.observation import LOG_SCALE, TICK_SCALE, Layout
+from hybrid_env.core.observation_row import LOG_SCALE, TICK_SCALE
+from hybrid_env.observation import Layout
 
 A, B = sprt_thresholds(0.01, 0.02)
 

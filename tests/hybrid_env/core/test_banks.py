@@ -90,7 +90,7 @@ def filters_at_switch(env, i):
     if options.parameters()["reset_covariance"][0]:
         P = np.eye(4)
     modes = [("S", 0.0), *(("L", r) for r in options.radii), *(("R", r) for r in options.radii)]
-    freedom = FREEDOM if options.robust else 0
+    freedom = FREEDOM * (str(options.likelihood) != "gaussian")
     return [MatrixKalmanFilter(anchor, P, mode, radius, *model, freedom) for mode, radius in modes]
 
 
@@ -135,7 +135,7 @@ def test_the_imm_bank_equals_the_literal_one(options):
     np.testing.assert_allclose(chosen.transition_matrix, matrix)
     start = [0.0, 2.0 * math.cos(0.3), 0.0, 2.0 * math.sin(0.3)]
     curvatures = [0.0, 0.5, 1 / 9, -0.5, -1 / 9]
-    model = matrix, chosen.tau, chosen.process_variance, [1.0, 1.0], FREEDOM if chosen.robust else 0
+    model = (matrix, chosen.tau, chosen.process_variance, [1.0, 1.0], FREEDOM * (str(chosen.likelihood) != "gaussian"))
     literal = [LiteralImm(start, np.zeros((4, 4)), curvatures, *model) for _ in range(LANES)]
     rows, info = env.reset(seed=5)
     for _ in range(ticks):
