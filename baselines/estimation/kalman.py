@@ -20,8 +20,8 @@ class KalmanFilter(TrackFilter):
         model: motion and process noise.
         noise: covariance of a measurement [m^2]: a variance, (d,) variances, or a matrix (d, d) or (B, d, d). With a
             robust update it is the covariance (of a Student-t the scale matrix) of good measurements.
-        start_deviations: (m - 1,) standard deviations of the derivatives at the start of a track: velocity [m/s], then
-            acceleration [m/s^2], then jerk [m/s^3]. None if tracks begin with `begin_from`.
+        start_deviations: (m - 1,) standard deviations of velocity [m/s], acceleration [m/s^2] and jerk [m/s^3] at the
+            start of a track. None if tracks begin with `begin_from`.
         robust: how measurements far from the prediction are used; None is the plain filter.
 
     >>> cv = KalmanFilter(MotionModel("CV", axes=2, noise=0.1), noise=25.0, start_deviations=(30.0,))
@@ -36,12 +36,9 @@ class KalmanFilter(TrackFilter):
     covariance: FloatArray
 
     def __init__(
-        self,
-        model: MotionModel,
-        noise: float | ArrayLike,
-        start_deviations: ArrayLike | None = None,
+        self, model: MotionModel, noise: float | ArrayLike, start_deviations: ArrayLike | None = None,
         robust: Robust | None = None,
-    ):
+    ):  # fmt: skip
         if not isinstance(model, MotionModel):
             raise reject("model", model, "a MotionModel")
         if robust is not None and not isinstance(robust, Robust):
@@ -79,10 +76,8 @@ class KalmanFilter(TrackFilter):
         return self.model.transition(dt), self.model.step_noise(dt)
 
     def _predict(self, dt: float | FloatArray) -> None:
-        transition, noise = self._matrices(dt)
-        self.state, self.covariance = propagate(
-            self.state, self.covariance, transition, noise, np.asarray(self.model.noise)
-        )
+        matrices = *self._matrices(dt), np.asarray(self.model.noise)
+        self.state, self.covariance = propagate(self.state, self.covariance, *matrices)
 
     def _start(self, chosen: IntArray, measurement: FloatArray, noise: FloatArray) -> None:
         """Begin some tracks with their first measurements."""

@@ -1,12 +1,10 @@
 """Multiple model estimators of straight motion and turns of known radii: static, GPB1, IMM and GPB2.
 
-Each mode has a Kalman filter of [x, vx, y, vy], whose turn rate follows from its estimated speed. It starts
-from the following in a step in which the mode may change (Bar-Shalom, Li & Kirubarajan 2001, section 11.6):
-
-- "static": its own estimate, because the mode never changes;
-- "gpb1", generalized pseudo-Bayesian of first order: the estimate merged over all modes, in every step;
-- "imm": the mixture of the estimates of all modes before, given its mode;
-- "gpb2": the estimate of each mode before, in M^2 filters. They are merged over it after the measurement.
+Each mode has a Kalman filter of [x, vx, y, vy], whose turn rate follows from its estimated speed. In a step in which
+the mode may change it starts (Bar-Shalom, Li & Kirubarajan 2001, section 11.6) with "static" from its own estimate,
+because the mode never changes; with "gpb1", generalized pseudo-Bayesian of first order, from the estimate merged over
+all modes; with "imm" from the mixture of the estimates of all modes before, given its mode; with "gpb2" from the
+estimate of each mode before, in M^2 filters, which are merged over it after the measurement.
 """
 
 import math
@@ -36,23 +34,16 @@ class MultipleModelFilter(TrackFilter):
         noise: covariance of a measurement [m^2], see `track_filter.measurement_covariance`.
         transition: (M, M) probabilities of the modes in a step given the mode before (row). None: the mode
             does not change. The attribute may be set before any step, so for switches at known moments.
-
-    Attributes:
-        probabilities: (B, M) of the modes.
-        filters: number of Kalman filters that ran in the last step.
     """
 
     axes, order = 2, 2
     covariance: FloatArray
+    filters: int  # number of Kalman filters that ran in the last step
 
     def __init__(
-        self,
-        method: Method,
-        radii: ArrayLike,
-        process_variance: float,
-        noise: float | ArrayLike,
+        self, method: Method, radii: ArrayLike, process_variance: float, noise: float | ArrayLike,
         transition: ArrayLike | None = None,
-    ):
+    ):  # fmt: skip
         self.method = check_choice("method", method, get_args(Method))
         curvatures = 1.0 / np.array(distinct_radii("radii", radii))
         self._curvatures = np.concatenate([[0.0], curvatures, -curvatures])[:, None]

@@ -21,14 +21,9 @@ class ParticleFilter(TrackFilter):
     covariance: FloatArray
 
     def __init__(
-        self,
-        model: MotionModel,
-        deviation: float | ArrayLike,
-        start_deviations: ArrayLike,
-        degrees_of_freedom: float | None = None,
-        particles: int = 1000,
-        seed: int = 0,
-    ):
+        self, model: MotionModel, deviation: float | ArrayLike, start_deviations: ArrayLike,
+        degrees_of_freedom: float | None = None, particles: int = 1000, seed: int = 0,
+    ):  # fmt: skip
         if not isinstance(model, MotionModel):
             raise reject("model", model, "a MotionModel")
         self.model, self.axes, self.order = model, model.axes, model.order
@@ -96,8 +91,7 @@ class ParticleFilter(TrackFilter):
         total = logsumexp(logs, axis=-1)
         self.log_likelihood[used] = total.sum(-1)
         self.log_weights[used] = logs - total[..., None]
-        poor = np.argwhere(np.exp(2.0 * (logs - total[..., None])).sum(-1) > 2.0 / self.particles)
-        for k, axis in poor:
+        for k, axis in np.argwhere(np.exp(2.0 * (logs - total[..., None])).sum(-1) > 2.0 / self.particles):
             track = used[k]
             sums = np.exp(self.log_weights[track, axis]).cumsum()
             points = (self.generator.random() + np.arange(self.particles)) / self.particles

@@ -54,13 +54,11 @@ class Huber(Robust):
     The estimate is the maximum of the posterior with a Gaussian prediction and this loss of the residual. The residual
     grows by the innovation where it exceeds the threshold; the weight of the measurement, by which the covariance is
     corrected, is threshold / residual.
-
-    Attributes:
-        threshold: in standard deviations of a measurement, > 0. At 1.345 the mean of a sample has 95 % of the
-            efficiency with Gaussian noise.
     """
 
-    threshold: float = 1.345
+    threshold: float = (
+        1.345  # standard deviations, > 0; with Gaussian noise a mean has 95 % of the efficiency
+    )
 
     def __post_init__(self) -> None:
         check_positive("threshold", self.threshold)
@@ -75,31 +73,22 @@ class Huber(Robust):
         precision = 1.0 / (predicted + weighted)
         white = size / np.sqrt(total)
         loss = np.where(white <= k, 0.5 * white**2, k * white - 0.5 * k * k)
-        log_likelihood = -loss - 0.5 * np.log(total) - self.log_integral
-        return Factors(precision, precision, log_likelihood)
-
-    @property
-    def log_integral(self) -> float:
-        """Logarithm of the integral of exp(-loss) over all numbers."""
-        k = self.threshold
         inside = np.sqrt(2.0 * np.pi) * (2.0 * ndtr(k) - 1.0)
-        return float(np.log(inside + 2.0 / k * np.exp(-0.5 * k * k)))
+        integral = inside + 2.0 / k * np.exp(-0.5 * k * k)  # of exp(-loss) over all numbers
+        log_likelihood = -loss - 0.5 * np.log(total) - np.log(integral)
+        return Factors(precision, precision, log_likelihood)
 
 
 @dataclass(frozen=True)
 class StudentT(Robust):
     """Measurement noise with a Student-t distribution.
 
-    Student-t noise is Gaussian with the variance r / w, and w has a gamma distribution. The posterior is a
-    mixture over w; mean, covariance and likelihood of it are computed by quadrature and are exact for a
-    Gaussian prediction (assumed density filtering; Masreliez 1975). Sums over w are at equal steps of ln w.
-
-    Attributes:
-        degrees_of_freedom: nu, from 0.1 to 1000; 1 is Cauchy noise, 1000 practically Gaussian. The variance
-            of a measurement is its squared scale r; that of the noise is nu / (nu - 2) times as large.
+    Student-t noise is Gaussian with the variance r / w, and w has a gamma distribution; the variance of the noise is nu
+    / (nu - 2) times the squared scale r. The posterior is a mixture over w; mean, covariance and likelihood of it are
+    computed by quadrature at equal steps of ln w, exact for a Gaussian prediction (Masreliez 1975).
     """
 
-    degrees_of_freedom: float = 4.0
+    degrees_of_freedom: float = 4.0  # nu, from 0.1 to 1000; 1 is Cauchy noise, 1000 practically Gaussian
 
     def __post_init__(self) -> None:
         check_between("degrees_of_freedom", self.degrees_of_freedom, 0.0999, 1000.1)
@@ -167,10 +156,7 @@ class WholeStudentT:
     freedom: float  # degrees of freedom nu
 
     def weigh(self, innovation: FloatArray, spread: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return weights, by which variances are divided, log-likelihoods and squared innovations, (...) each.
-
-        The innovations are (..., 2), and their scale matrices, the spread, (..., 2, 2).
-        """
+        """Return weights, by which variances are divided, log-likelihoods and squared innovations, (...) each."""
         a, b, c = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
         x, y = innovation[..., 0], innovation[..., 1]
         determinant = a * c - b * b

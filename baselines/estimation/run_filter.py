@@ -52,15 +52,10 @@ class Filtered(Estimates):
 
 
 def run_filter(
-    track_filter: TrackFilter,
-    measurements: ArrayLike,
-    times: ArrayLike,
-    *,
-    noises: ArrayLike | None = None,
-    start: tuple[ArrayLike, ArrayLike, float] | None = None,
-    keep_covariances: bool = True,
+    track_filter: TrackFilter, measurements: ArrayLike, times: ArrayLike, *, noises: ArrayLike | None = None,
+    start: tuple[ArrayLike, ArrayLike, float] | None = None, keep_covariances: bool = True,
     horizons: Sequence[float] = (),
-) -> Filtered:
+) -> Filtered:  # fmt: skip
     """Run a filter over recorded positions.
 
     Args:
@@ -72,13 +67,6 @@ def run_filter(
             begins each track with its first measurement.
         keep_covariances: False leaves the covariances out, which take the most memory.
         horizons: times ahead of each tick for which the state is forecast [s].
-
-    >>> from baselines.estimation.kalman import KalmanFilter
-    >>> from baselines.estimation.motion_models import MotionModel
-    >>> ca = KalmanFilter(MotionModel("CA", axes=3, noise=0.1), noise=25.0, start_deviations=(50.0, 5.0))
-    >>> flights = np.random.default_rng(0).normal(0.0, 5.0, (60, 93, 3))
-    >>> run_filter(ca, flights, times=np.arange(60.0)).velocities.shape
-    (60, 93, 3)
     """
     if not isinstance(track_filter, TrackFilter):
         raise reject("track_filter", track_filter, "a TrackFilter")
@@ -95,7 +83,6 @@ def run_filter(
         first = moments[0]
     else:
         first = _begin_from(track_filter, start, tracks, moments)
-    steps = np.diff(moments, axis=0, prepend=first[None])
     size, kept = track_filter.state.shape[1], keep and track_filter.has_covariance
     found, *ahead = (
         Estimates(
@@ -104,8 +91,7 @@ def run_filter(
         for _ in range(1 + len(horizons))
     )
     log_likelihoods, nis = np.empty((total, tracks)), np.empty((total, tracks))
-    for k in range(total):
-        step = steps[k]
+    for k, step in enumerate(np.diff(moments, axis=0, prepend=first[None])):
         equal = step.ndim == 0 or (step == step[0]).all()  # one product of matrices for all tracks
         track_filter._predict(float(step.flat[0]) if equal else step)
         track_filter._update(values[k], None if covariances is None else covariances[k])

@@ -15,24 +15,17 @@ class TrackFilter(ABC):
 
     A track begins with its first measurement, or for all tracks with `begin_from`. Until then its state is NaN. A
     missing measurement is NaN: that track only predicts.
-
-    Attributes:
-        axes: number of dimensions d.
-        order: number of values per axis of the state, m.
-        state: (B, n) estimates, position and derivatives axis by axis, [x, vx, y, vy] for m = 2 and d = 2.
-        covariance: (B, n, n) of the state; None if the filter has none.
-        log_likelihood: (B,) of the last measurement given those before. 0 without a measurement and for the one that
-            begins a track; NaN if the filter has no likelihood.
-        nis: (B,) normalized innovation squared, chi-square with d degrees of freedom if the model holds; or NaN.
     """
 
     has_covariance: ClassVar[bool] = True
-    axes: int
-    order: int
-    state: FloatArray
-    covariance: FloatArray | None
+    axes: int  # number of dimensions d
+    order: int  # number of values per axis of the state, m
+    state: FloatArray  # (B, n) estimates, position and derivatives axis by axis, [x, vx, y, vy] for m = 2 and d = 2
+    covariance: FloatArray | None  # (B, n, n) of the state; None if the filter has none
+    # (B,) of the last measurement given those before; 0 without a measurement and for the one that begins a track; NaN
+    # if the filter has no likelihood
     log_likelihood: FloatArray
-    nis: FloatArray
+    nis: FloatArray  # (B,) normalized innovation squared, chi-square with d degrees of freedom if the model holds; NaN
 
     @property
     def tracks(self) -> int:
@@ -54,12 +47,7 @@ class TrackFilter(ABC):
         self._begin(check_integer("tracks", tracks))
 
     def begin_from(self, state: ArrayLike, covariance: ArrayLike | None = None) -> None:
-        """Forget everything and begin all tracks with estimates.
-
-        Args:
-            state: (B, n).
-            covariance: (n, n) or (B, n, n); None for a filter that has none.
-        """
+        """Forget everything and begin all tracks with estimates (B, n), and their covariances (n, n) or (B, n, n)."""
         size = self.axes * self.order
         means = check_array("state", state, (None, size))
         if (covariance is None) == self.has_covariance:
@@ -81,12 +69,9 @@ class TrackFilter(ABC):
             self._predict(check_per_item("dt", dt, self.tracks))
 
     def update(self, measurement: ArrayLike, noise: ArrayLike | None = None) -> None:
-        """Correct by the measurements of one moment.
+        """Correct by the measurements of one moment, (B, d) positions [m], NaN where there is none.
 
-        Args:
-            measurement: (B, d) positions [m], NaN where there is none.
-            noise: covariance of this measurement in the place of that of the filter [m^2]: a number, (d,), (d, d) or
-                (B, d, d).
+        `noise` is their covariance in the place of that of the filter [m^2]: a number, (d,), (d, d) or (B, d, d).
         """
         values = check_measurements("measurement", measurement, (self.tracks, self.axes))
         covariance = None if noise is None else measurement_covariance("noise", noise, self.axes, self.tracks)
@@ -120,10 +105,7 @@ def check_measurements(name: str, value: ArrayLike, shape: tuple[int | None, ...
 
 
 def measurement_covariance(name: str, value: ArrayLike, axes: int, tracks: int | None = None) -> FloatArray:
-    """Return the positive definite covariance of a measurement, (d, d) or (B, d, d).
-
-    It is given as a variance of every axis [m^2], (d,) of each axis, or a matrix; without `tracks` B is any number.
-    """
+    """Return the covariance of a measurement, (d, d) or (B, d, d), of a variance of all axes [m^2], (d,), or itself."""
     ndim = dimensions(value)
     if ndim < 2:
         return check_covariance(name, np.diag(check_per_item(name, value, axes)))

@@ -1,28 +1,23 @@
-"""Filters with gains: the g-h filter, and the adaptive one of Zimchuk & Kankin 2006.
+"""Filters with gains: the g-h filter, and the adaptive one of Zimchuk & Kankin 2006, as published and corrected.
 
-The g-h (alpha-beta) filter has constant gains (Sklansky 1957; Benedict & Bordner 1962). The adaptive filter
-is here as published and corrected.
-
-It has the constant-velocity prediction of a Kalman filter, but no model of its noises: the gain
-K = P_e C' (C P_e C' + R)^-1, eq. (5), is identified from the innovations nu and the N-th backward differences
-D^N of the predictions x_e. With N = 3 and H_i = M[nu_(n-i) nu_n'], where M is a mean over time (the paper
-prints nu_n nu_(n-i)', which is the same for one axis):
+The g-h (alpha-beta) filter has constant gains (Sklansky 1957; Benedict & Bordner 1962). The adaptive filter has the
+constant-velocity prediction of a Kalman filter, but no model of its noises: the gain K = P_e C' (C P_e C' + R)^-1,
+eq. (5), is identified from the innovations nu and the N-th backward differences D^N of the predictions x_e. With N = 3
+and H_i = M[nu_(n-i) nu_n'], where M is a mean over time (the paper prints nu_n nu_(n-i)', the same for one axis):
 
     C P_e C'        = -M[D^3 x_e nu'] + 3 H_1 - 3 H_2 + H_3                      eq. (17), positions
     F P_e C'        = -M[D^3 v_e nu'] + (3 H_1 - 6 H_2 + 4 H_3 - H_4) / T        eq. (17), velocities
     R               =  M[(D^3 nu + D^3 x_e) nu']                                 eq. (19)
 
-Added up, C P_e C' + R = H_0, so that the gain of the positions is I - R H_0^-1 (`published_gain`).
+Added up, C P_e C' + R = H_0, so that the gain of the positions is I - R H_0^-1 (`published_gain`). The paper does not
+say what M, the start and the limits of the gain are. Here: each axis is filtered by itself, M is the mean over all
+ticks so far, the first gains are those of a line fit, and the gains are limited to those of a stable filter. Eq. (17)
+takes the covariance of successive prediction errors for that of successive innovations, and eq. (19) is biased, because
+the innovation contains earlier noise too (`noise_bias`).
 
-The paper does not say what M, the start and the limits of the gain are. Here: each axis is filtered by itself, M is
-the mean over all ticks so far, the first gains are those of a line fit, and the gains are limited to those of a
-stable filter. Eq. (17) takes the covariance of successive prediction errors for that of successive innovations, and
-eq. (19) is biased, because the innovation contains earlier noise too (`noise_bias`).
-
-The corrected filter keeps the identity and takes both of its terms from means that are not biased: the third
-difference of the measurements has the variance (1 + 9 + 9 + 1) R if the motion is smooth, and H_0 is the
-mean square of the last innovations. The gain of the velocities follows from that of the positions by the
-relation of Benedict & Bordner 1962, h = g^2 / (2 - g).
+The corrected filter keeps the identity and takes both of its terms from means that are not biased: the third difference
+of the measurements has the variance (1 + 9 + 9 + 1) R if the motion is smooth, and H_0 is the mean square of the last
+innovations. The gain of the velocities is h = g^2 / (2 - g) of that of the positions (Benedict & Bordner 1962).
 """
 
 from abc import abstractmethod
@@ -36,9 +31,8 @@ from hybrid_env.checks import FloatArray, check_between, check_flag, check_integ
 class GainFilter(TrackFilter):
     """A filter of [x, v] per axis with gains, (2, B, d) or (2, B, 1), of positions [-] and velocities [1/s].
 
-    It has no covariance and no likelihood. Two-point start: a track has the position of its first measurement and no
-    velocity; the second gives the position z_2 and the velocity (z_2 - z_1) / t. It starts anew after `longest_gap`
-    without a measurement [s].
+    Two-point start: a track has the position of its first measurement and no velocity; the second gives the position
+    z_2 and the velocity (z_2 - z_1) / t. It starts anew after `longest_gap` without a measurement [s].
     """
 
     has_covariance = False
@@ -93,9 +87,6 @@ class GHFilter(GainFilter):
         g, h: gains, with 0 < g and 0 <= h, and h < 4 - 2 g, so that the filter is stable.
         longest_gap: time between two measurements [s] after which a track starts anew; None never.
 
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
-
     >>> gh = GHFilter(axes=1, g=0.5, h=0.2)
     >>> gh.begin(tracks=1)
     >>> for k in range(4):
@@ -119,6 +110,8 @@ class GHFilter(GainFilter):
 
 DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0])  # coefficients of the third backward difference D^3, newest value first
 LAGS = 5  # of H_0 to H_4
+PRODUCTS = 10  # before the filter adapts
+LARGEST_GAIN = 0.9  # of the positions in the corrected filter
 
 
 def third_difference(values: FloatArray) -> FloatArray:
@@ -136,10 +129,7 @@ def products(position: FloatArray, velocity: FloatArray, innovation: FloatArray)
 
 
 def published_gain(means: FloatArray, tau: float) -> tuple[FloatArray, FloatArray]:
-    """Gains of positions [-] and velocities [1/s] without limits, for one axis, each (...).
-
-    Zimchuk & Kankin 2006, eq. (5), (17) and (19) for N = 3. means: (8, ...) of `products`; tau: tick [s].
-    """
+    """Gains of positions [-] and velocities [1/s] without limits, eq. (5), (17) and (19), of means (8, ...)."""
     _, h1, h2, h3, h4, position, velocity, innovation = means
     position_spread = -position + 3.0 * h1 - 3.0 * h2 + h3
     velocity_spread = -velocity + (3.0 * h1 - 6.0 * h2 + 4.0 * h3 - h4) / tau
@@ -153,13 +143,11 @@ def noise_bias(gain: float) -> float:
 
     The prediction is sum_i c_i z_(n-i), and D^3 of the motion is 0, so that M[D^3 z nu'] = R (1 + 3 c_1 - 3 c_2 + c_3).
     """
-    position, velocity = gain, gain**2 / (2.0 - gain)  # after a measurement of 1, in units of a tick
-    g, h = position, velocity
+    g, h = position, velocity = gain, gain**2 / (2.0 - gain)  # after a measurement of 1, in units of a tick
     response = []
     for _ in range(3):
-        predicted = position + velocity
-        response.append(predicted)
-        position, velocity = predicted - g * predicted, velocity - h * predicted
+        response.append(position + velocity)
+        position, velocity = response[-1] - g * response[-1], velocity - h * response[-1]
     return float(1.0 - DIFFERENCE[1:] @ response)
 
 
@@ -201,7 +189,7 @@ class ConstantStepFilter(GainFilter):
         """Gains (2, B, d), NaN where the filter does not adapt yet."""
 
 
-def _shifted(history: FloatArray, newest: FloatArray) -> FloatArray:
+def shifted(history: FloatArray, newest: FloatArray) -> FloatArray:
     """The history, newest first, with one more value in the place of the oldest."""
     return np.concatenate([newest[None], history[:-1]])
 
@@ -216,15 +204,11 @@ class AdaptiveFilter(ConstantStepFilter):
         tau: length of a tick [s].
         limited: limits the gains to 0 <= K_1 <= 1 and 0 <= K_2 <= K_1^2 / ((2 - K_1) T), which the paper does
             not state. Without limits its estimates are worse than the measurements.
-        start: number of products before the filter adapts.
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed; in `predict`, a time step is not `tau`.
     """
 
-    def __init__(self, axes: int, tau: float, *, limited: bool = True, start: int = 10):
+    def __init__(self, axes: int, tau: float, *, limited: bool = True):
         super().__init__(axes, tau)
-        self.limited, self.start = check_flag("limited", limited), check_integer("start", start)
+        self.limited = check_flag("limited", limited)
 
     def _begin(self, tracks: int) -> None:
         super()._begin(tracks)
@@ -234,7 +218,7 @@ class AdaptiveFilter(ConstantStepFilter):
 
     def _remember(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> None:
         values = (position, velocity, measurement - position)
-        self._history = np.stack([_shifted(*pair) for pair in zip(self._history, values, strict=True)])
+        self._history = np.stack([shifted(*pair) for pair in zip(self._history, values, strict=True)])
         new = products(*self._history)
         known = np.logical_not(np.isnan(new).any(axis=0))
         self._products += known
@@ -242,7 +226,7 @@ class AdaptiveFilter(ConstantStepFilter):
         self._means = self._means + np.where(np.isnan(change), 0.0, change)
 
     def _adapted(self) -> FloatArray:
-        ready = self._products > self.start
+        ready = self._products > PRODUCTS
         means = self._means[:, ready]
         gains = np.full((2, *ready.shape), np.nan)
         means = np.where(np.equal(means[0], 0.0), np.nan, means)  # innovations of exactly 0 identify nothing
@@ -260,16 +244,13 @@ class CorrectedAdaptiveFilter(ConstantStepFilter):
         axes, tau: see `AdaptiveFilter`.
         window: number of innovations in H_0. A short window follows a manoeuvre quickly, a long one has
             a steadier gain. The filter adapts after two windows.
-        smallest_gain, largest_gain: limits of K_1 = 1 - R / H_0.
+        smallest_gain: limit of K_1 = 1 - R / H_0.
     """
 
-    def __init__(
-        self, axes: int, tau: float, *, window: int = 15, smallest_gain: float = 0.12, largest_gain: float = 0.9
-    ):
+    def __init__(self, axes: int, tau: float, *, window: int = 15, smallest_gain: float = 0.12):
         super().__init__(axes, tau)
         self.window = check_integer("window", window)
-        self.largest_gain = check_between("largest_gain", largest_gain, 0.0, 1.0)
-        self.smallest_gain = check_between("smallest_gain", smallest_gain, 0.0, self.largest_gain)
+        self.smallest_gain = check_between("smallest_gain", smallest_gain, 0.0, LARGEST_GAIN)
 
     def _begin(self, tracks: int) -> None:
         super()._begin(tracks)
@@ -279,19 +260,18 @@ class CorrectedAdaptiveFilter(ConstantStepFilter):
 
     def _remember(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> None:
         innovation = measurement - position
-        self._measurements = _shifted(self._measurements, measurement)
+        self._measurements = shifted(self._measurements, measurement)
         new = (third_difference(self._measurements) ** 2).mean(-1) / (DIFFERENCE**2).sum()
         known = ~np.isnan(new)
         self._differences += known
         self._noise += np.where(known, new - self._noise, 0.0) / np.maximum(self._differences, 1.0)
-        measured = ~np.isnan(innovation[:, 0])
-        shifted = _shifted(self._squares, (innovation**2).mean(-1))
-        self._squares = np.where(measured, shifted, self._squares)
+        later = shifted(self._squares, (innovation**2).mean(-1))
+        self._squares = np.where(np.isnan(innovation[:, 0]), self._squares, later)
 
     def _adapted(self) -> FloatArray:
         mean = self._squares.mean(0)  # NaN until the window is full
         ready = (self._count > 2 * self.window) & (mean > 0.0)
         ratio = self._noise / np.where(ready, mean, 1.0)
-        gain = np.clip(1.0 - ratio, self.smallest_gain, self.largest_gain)
+        gain = np.clip(1.0 - ratio, self.smallest_gain, LARGEST_GAIN)
         gains = np.stack([gain, gain**2 / ((2.0 - gain) * self.tau)])
         return np.where(ready, gains, np.nan)[..., None].repeat(self.axes, axis=-1)

@@ -1,11 +1,10 @@
 """Golubkov 2018: settings and reproduction of tables 2, 3, 4 and of the percentages of correct modes, and the
 Kalman filter with known modes of table 2.
 
-The paper does not state the following settings; with them the tables are reproduced. tau = 0.1 s;
-alpha = beta = 0.001; natural logarithms; the filter starts at the exact x0; P := I at the start of every
-segment for tables 3 and 4, but P is carried over, from P = I at the beginning, for table 2. If several ratios
-exceed A, the largest wins. A segment without a decision counts its whole length and keeps q_A. A mode is
-correct if its type is correct (straight, left or right); the radius does not count.
+The paper does not state the following settings; with them the tables are reproduced. tau = 0.1 s; alpha = beta = 0.001;
+natural logarithms; the filter starts at the exact x0; P := I at the start of every segment for tables 3 and 4, but P is
+carried over, from P = I at the beginning, for table 2. If several ratios exceed A, the largest wins. A segment without
+a decision counts its whole length and keeps q_A. A mode is correct if its type is (straight, left or right).
 
 Deviations from the published text: Sigma = H P H' + R (published as H' P H + R); the turns after eq. (3) run to 2 n;
 rule (5) tests i only against q_A, as the algorithm does, not against any other hypothesis ("any lambda_ij").
@@ -87,10 +86,8 @@ def _filter_run(
 ) -> None:
     """Filter one run."""
     bank, _, model = filters
-    estimate, covariance = start.copy(), np.empty((2, 3))
+    estimate, covariance, measurement, k = start.copy(), np.empty((2, 3)), np.zeros((2, LANES)), 0
     covariance[:] = known.covariance
-    measurement = np.zeros((2, LANES))
-    k = 0
     for length, signed_radius in zip(known.lengths, known.signed_radii):  # noqa: B905, numba does not support `strict`
         radius = np.array([abs(signed_radius) if signed_radius != 0.0 else 1.0])
         mode = 0 if signed_radius == 0.0 else (1 if signed_radius > 0.0 else 2)
@@ -98,10 +95,8 @@ def _filter_run(
         if not known.carry:
             covariance[:] = known.covariance
         first, second = covariance
-        anchor_covariance = (
-            first[0], first[1], 0.0, 0.0, first[2], 0.0, 0.0, second[0], second[1], second[2],
-        )  # fmt: skip
-        begin_published(bank, 0, (x, vx, y, vy), anchor_covariance, radius, model)
+        of_anchor = first[0], first[1], 0.0, 0.0, first[2], 0.0, 0.0, second[0], second[1], second[2]
+        begin_published(bank, 0, (x, vx, y, vy), of_anchor, radius, model)
         for _ in range(length):
             measurement[:, 0] = measurements[k]
             follow_published(bank, 0, mode, measurement, model)
@@ -111,30 +106,20 @@ def _filter_run(
 
 
 def filter_known_modes(
-    measurements: ArrayLike,
-    lengths: Sequence[int] | IntArray,
-    signed_radii: ArrayLike,
-    start: ArrayLike | None = None,
-    *,
-    tau: float = 0.1,
-    process_variance: float = 0.001,
-    measurement_variance: float | ArrayLike = 0.1,
-    start_covariance: ArrayLike = (1.0, 0.0, 1.0),
+    measurements: ArrayLike, lengths: Sequence[int] | IntArray, signed_radii: ArrayLike,
+    start: ArrayLike | None = None, *, tau: float = 0.1, process_variance: float = 0.001,
+    measurement_variance: float | ArrayLike = 0.1, start_covariance: ArrayLike = (1.0, 0.0, 1.0),
     carry_covariance: bool = True,
-) -> Estimates:
+) -> Estimates:  # fmt: skip
     """Estimate the trajectory of recorded positions with known modes and switch times. Table 2 ("optimal").
 
-    One filter of the bank runs in each segment. It starts from the last estimate and its covariance; with
-    P := I at every switch the published table is not reproduced.
+    One filter of the bank runs in each segment, from the last estimate and its covariance.
 
     Args:
         measurements, lengths, start, tau, process_variance, measurement_variance: see `baselines.track_ate`.
         signed_radii: (K,) turn radii [m], positive to the left, negative to the right, 0 if straight.
         start_covariance: (3,) initial xx, xv, vv of (position, velocity) on each axis.
         carry_covariance: False resets the covariance to `start_covariance` at every switch.
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
     """
     tau = check_within("tau", tau)
     values, segment_lengths, starts = check_recording(measurements, lengths, start, tau)
@@ -174,9 +159,6 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     Args:
         runs: number of runs per measurement variance, at least 2.
         seed: seed of the simulated recordings.
-
-    Raises:
-        ArgumentError: `runs` or `seed` is out of range.
     """
     runs = check_integer("runs", runs, minimum=2)
     cells: list[Cell] = []

@@ -61,27 +61,16 @@ class Finding:
 
 @dataclass(frozen=True)
 class Reproduction:
-    """All results of the reproduction of a paper.
+    """All results of the reproduction of a paper."""
 
-    Attributes:
-        paper: citation key.
-        runs: number of runs.
-        seed: seed of the simulated recordings.
-        cells: values of the published tables.
-        findings: results beyond the published tables.
-        examples: recording and result for each figure, by the name of the setting.
-        recommended_runs: with fewer runs, the centre of the interval is itself too uncertain.
-        size: what the paper states on its number of runs.
-    """
-
-    paper: str
+    paper: str  # citation key
     runs: int
-    seed: int
-    cells: tuple[Cell, ...]
-    findings: tuple[Finding, ...]
-    examples: dict[str, Any]
-    recommended_runs: int = 500
-    size: str = f"{PAPER_RUNS} runs"
+    seed: int  # of the simulated recordings
+    cells: tuple[Cell, ...]  # values of the published tables
+    findings: tuple[Finding, ...]  # results beyond the published tables
+    examples: dict[str, Any]  # recording and result for each figure, by the name of the setting
+    recommended_runs: int = 500  # with fewer, the centre of the interval is itself too uncertain
+    size: str = f"{PAPER_RUNS} runs"  # what the paper states on its number of runs
 
     @property
     def tables(self) -> dict[str, list[Cell]]:

@@ -11,10 +11,10 @@ import functools
 import numpy as np
 
 from baselines.rules.decider import Decider, DeciderFamily
-from baselines.rules.msprt import By, PosteriorRule
+from baselines.rules.msprt import PosteriorRule
 from baselines.rules.posterior_paths import PosteriorPaths, simulate_posterior_paths
 from baselines.rules.seeds import FITTING
-from hybrid_env.checks import FloatArray, check_array, check_positive, reject
+from hybrid_env.checks import FloatArray, check_positive, reject
 from hybrid_env.observation import LOG_FLOOR
 from hybrid_env.options import WorldOptions
 
@@ -83,17 +83,13 @@ class BayesRiskDecider(PosteriorRule):
     """Declares when the log error probability falls to the stopping boundary of the tick.
 
     Args:
-        boundary: (T,) log error probability by tick, from `stopping_boundary`; the last value holds for all later
+        limits: (T,) log error probability by tick, from `stopping_boundary`; the last value holds for all later
             ticks.
         by: what has to be correct, as in the paths that the boundary was fitted to.
     """
 
     name, title, symbol = "bayes", "Bayes risk", "cost"
     colour, marker = "#780f3c", "h"
-
-    def __init__(self, boundary: FloatArray, by: By = "hypothesis"):
-        super().__init__(by)
-        self.boundary = check_array("boundary", boundary, (None,))
 
     @classmethod
     def family(cls, options: WorldOptions) -> DeciderFamily:
@@ -111,7 +107,3 @@ class BayesRiskDecider(PosteriorRule):
         cost = options.delay_cost or 0.01
         thresholds = tuple(factor * cost for factor in reversed(COST_FACTORS))
         return DeciderFamily(cls.title, cls.symbol, thresholds, cost, make)
-
-    def log_limits(self) -> FloatArray:
-        """Return the boundary."""
-        return self.boundary

@@ -46,15 +46,15 @@ LAWS = NoiseLaw(0.0, 1.0, 25.0, -3.5, 14.0), NoiseLaw(-3.0, 2.0, 40.0, -2.3, 12.
 
 
 class _Assumption(NamedTuple):
-    """Filters that assume a law of the noise and an orientation of the heading frame; see `_filter_tick`."""
+    """Filters that assume a law of the noise and an orientation of the heading frame."""
 
-    banks: Any
+    banks: Any  # C N lanes: the tracks of one component after the other
     model: FilterModel
     outlier_model: FilterModel
     log_outlier_odds: float
     distance: float
-    log_likelihood: FloatArray
-    innovations: FloatArray
+    log_likelihood: FloatArray  # (C, N, M)
+    innovations: FloatArray  # (C, N, M, 3)
 
 
 @internal
@@ -86,22 +86,19 @@ def _any_outlier(bank: Any, lanes: int, distance: float, outlier: BoolArray) -> 
 
 @compiled
 def _filter_tick(
-    banks: Any, begins: BoolArray, anchors: FloatArray, measurements: FloatArray, radii: FloatArray,
-    sensors: NDArray[Any], model: FilterModel, outlier_model: FilterModel, log_outlier_odds: float, distance: float,
-    log_likelihood: FloatArray, innovations: FloatArray,
-    saved: NDArray[Any], measured: NDArray[Any], outlier: BoolArray,
+    own: _Assumption, begins: BoolArray, anchors: FloatArray, measurements: FloatArray, radii: FloatArray,
+    sensors: NDArray[Any], saved: NDArray[Any], measured: NDArray[Any], outlier: BoolArray,
 ) -> None:  # fmt: skip
     """Start the filters of some tracks, (N,), at anchors (C, N, 14), then advance all by one tick.
 
-    The C N lanes of the banks have the tracks of one component after the other. Measurements, (N, 2) or with sensors
-    (N, 9), see `sensing.write_measured`, are NaN if a tick has none. `log_likelihood`, (C, N, M), and `innovations`,
-    (C, N, M, 3), are written. `saved`, (M,) hypotheses, or (0,) if outliers do not have a model of their own,
-    `measured`, (1,) record, and `outlier`, (LANES,), are memory.
+    Measurements, (N, 2) or with sensors (N, 9), see `sensing.write_measured`, are NaN if a tick has none. `saved`, (M,)
+    hypotheses, or (0,) if outliers do not have a model of their own, `measured`, (1,), and `outlier`, (LANES,), are
+    memory.
     """
     tracks = begins.size
-    lanes_total = log_likelihood.shape[0] * tracks
-    for b in range(banks.hypotheses.shape[0]):
-        bank = operations.bank_of_block(banks, b)
+    lanes_total = own.log_likelihood.shape[0] * tracks
+    for b in range(own.banks.hypotheses.shape[0]):
+        bank = operations.bank_of_block(own.banks, b)
         lanes = min(LANES, lanes_total - b * LANES)
         separate = sensors.size > 0
         for lane in range(lanes):
@@ -110,31 +107,30 @@ def _filter_tick(
                 a = anchors[c, i]
                 anchor = (a[0], a[1], a[2], a[3])
                 covariance = (a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13])
-                operations.begin(bank, lane, anchor, covariance, radii, model)
+                operations.begin(bank, lane, anchor, covariance, radii, own.model)
             write_measured(measured[0], lane, measurements[i])
             separate = separate or math.isnan(measurements[i, 0])
         for h in range(saved.size):
             saved[h] = bank.hypotheses[h]
         if separate:
             for lane in range(lanes):
-                _step_lane(bank, lane, measured[0], sensors, model)
+                _step_lane(bank, lane, measured[0], sensors, own.model)
         else:
-            operations.step(bank, 0, lanes, measured[0].measurement, model)
-        if saved.size > 0 and _any_outlier(bank, lanes, distance, outlier):
+            operations.step(bank, 0, lanes, measured[0].measurement, own.model)
+        if saved.size > 0 and _any_outlier(bank, lanes, own.distance, outlier):
             for h in range(saved.size):
                 bank.hypotheses[h] = saved[h]
             for lane in range(lanes):
-                _step_lane(bank, lane, measured[0], sensors, outlier_model if outlier[lane] else model)
+                _step_lane(bank, lane, measured[0], sensors, own.outlier_model if outlier[lane] else own.model)
                 for h in range(saved.size if outlier[lane] else 0):
-                    bank.hypotheses[h].log_likelihood[lane] += log_outlier_odds
+                    bank.hypotheses[h].log_likelihood[lane] += own.log_outlier_odds
         for lane in range(lanes):
             c, i = divmod(b * LANES + lane, tracks)
             for h in range(bank.hypotheses.size):
-                innovation = bank.innovations[h]
-                log_likelihood[c, i, h] = bank.hypotheses[h].log_likelihood[lane]
-                innovations[c, i, h, 0] = innovation.white_x[lane]
-                innovations[c, i, h, 1] = innovation.white_y[lane]
-                innovations[c, i, h, 2] = innovation.log_variance[lane]
+                innovation, target = bank.innovations[h], own.innovations[c, i, h]
+                own.log_likelihood[c, i, h] = bank.hypotheses[h].log_likelihood[lane]
+                target[0], target[1] = innovation.white_x[lane], innovation.white_y[lane]
+                target[2] = innovation.log_variance[lane]
 
 
 class ComponentFilters:
@@ -162,6 +158,8 @@ class ComponentFilters:
             variances = [(x, y), (y, x), ((x + y) / 2, (x + y) / 2)]
         shape, blocks = (components, tracks, world.hypotheses), -(-components * tracks // LANES)
         laws = LAWS if robust else LAWS[:1]
+        self._joint = np.zeros((len(laws), len(variances), *shape))  # log-likelihoods (laws, orientations, C, N, M)
+        self._innovations = np.zeros((*self._joint.shape, 3))
         kind = AnchorAwareBank if world.sensors else BANKS[bank]
         fields = {"tau": world.tau, "process_variance": world.process_variance}
         fields["exact_anchor"] = float(bank == "published")
@@ -170,10 +168,10 @@ class ComponentFilters:
                 bank_arrays(kind, self.radii.size, 1 if x == y else 2, blocks),
                 FilterModel(variance_x=law.variance * x, variance_y=law.variance * y, **fields),
                 FilterModel(variance_x=law.outlier_variance * x, variance_y=law.outlier_variance * y, **fields),
-                law.log_outlier_odds, law.distance, np.zeros(shape), np.zeros((*shape, 3)),
+                law.log_outlier_odds, law.distance, self._joint[k, o], self._innovations[k, o],
             )
-            for law in laws
-            for x, y in variances
+            for k, law in enumerate(laws)
+            for o, (x, y) in enumerate(variances)
         ]  # fmt: skip
         self.prior = np.array([[law.log_prior] for law in laws])
         self.log_laws = np.tile(self.prior, (1, tracks))
@@ -182,18 +180,12 @@ class ComponentFilters:
         self.sensors = sensors_of(world)
         self.log_likelihood, self.innovations = np.zeros(shape), np.zeros((*shape, 3))
         none = np.zeros(0, np.bool_), np.zeros((components, 0, ANCHOR_COLUMNS)), np.zeros((0, 2))
-        banks, *rest = self.assumptions[0]
-        prepare(_filter_tick, banks, *none, self.radii, self.sensors, *rest, *self.memory)
+        prepare(_filter_tick, self.assumptions[0], *none, self.radii, self.sensors, *self.memory)
 
     def advance(
-        self,
-        rows: Observations,
-        begins: BoolArray,
-        anchors: FloatArray,
-        log_weights: FloatArray,
-        first: BoolArray,
+        self, rows: Observations, begins: BoolArray, anchors: FloatArray, log_weights: FloatArray, first: BoolArray,
         sensed: FloatArray | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Start the filters of tracks that begin, (N,), at anchors (C, N, 14), then advance all by the measurements of
         rows.
 
@@ -206,8 +198,8 @@ class ComponentFilters:
             measurements, anchors, heading = in_world(sensed, anchors)
         else:
             measurements = in_rows(self.layout, rows, self.world.missed > 0.0)
-        for banks, *rest in self.assumptions:
-            _filter_tick(banks, begins, anchors, measurements, self.radii, self.sensors, *rest, *self.memory)
+        for one in self.assumptions:
+            _filter_tick(one, begins, anchors, measurements, self.radii, self.sensors, *self.memory)
         self._combine()
         if self.world.sensors:
             self.innovations = in_heading_frame(self.innovations, heading)
@@ -215,28 +207,18 @@ class ComponentFilters:
     def _combine(self) -> None:
         """Write likelihoods and innovations, weighted over laws and orientations."""
         if len(self.assumptions) == 1:
-            self.log_likelihood, self.innovations = self.assumptions[0][5:]
+            self.log_likelihood, self.innovations = self._joint[0, 0], self._innovations[0, 0]
             return
-        joint = self._joint() + (self.log_laws - np.log(self._orientations))[:, None, None, :, None]
+        joint = self._joint + (self.log_laws - np.log(self._joint.shape[1]))[:, None, None, :, None]
         largest = joint.max((0, 1))
         share = np.exp(joint - largest)
         total = share.sum((0, 1))
         self.log_likelihood = largest + np.log(total)
-        each = np.stack([one.innovations for one in self.assumptions]).reshape(*joint.shape, 3)
-        self.innovations = ((share / total)[..., None] * each).sum((0, 1))
-
-    @property
-    def _orientations(self) -> int:
-        return len(self.assumptions) // len(self.log_laws)
-
-    def _joint(self) -> FloatArray:
-        """Return the log-likelihoods (laws, orientations, C, N, M)."""
-        each = np.stack([one.log_likelihood for one in self.assumptions])
-        return each.reshape(len(self.log_laws), self._orientations, *each.shape[1:])
+        self.innovations = ((share / total)[..., None] * self._innovations).sum((0, 1))
 
     def _weigh_laws(self, begins: BoolArray, log_weights: FloatArray, first: BoolArray) -> None:
         """Multiply the weights of the laws by the likelihood of the segment that has ended."""
-        joint = self._joint()[:, :, :, begins] + log_weights[begins].T[..., None]
+        joint = self._joint[:, :, :, begins] + log_weights[begins].T[..., None]
         laws = self.log_laws[:, begins] + logsumexp(joint, axis=(1, 2, 4))
         laws = np.where(first[begins], self.prior, laws - laws.max(0))
         self.log_laws[:, begins] = laws - logsumexp(laws, axis=0)
@@ -258,9 +240,8 @@ class ComponentFilters:
         selected = ComponentFilters(self.bank, components, int(tracks.sum()), self.world, self.robust)
         lanes = np.flatnonzero(np.tile(tracks, components))
         blocks, lane = np.divmod(np.arange(lanes.size), LANES)
-        selected.log_laws[:] = self.log_laws[:, tracks]
+        selected.log_laws[:], selected._joint[:] = self.log_laws[:, tracks], self._joint[:, :, :, tracks]
         for mine, others in zip(self.assumptions, selected.assumptions, strict=True):
-            others.log_likelihood[:] = mine.log_likelihood[:, tracks]
             for old, new in zip(mine.banks, others.banks, strict=True):
                 if old.ndim > 1 and len(old) == len(mine.banks.hypotheses):  # the others are temporary memory
                     for name in old.dtype.names:

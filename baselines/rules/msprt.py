@@ -6,15 +6,23 @@ multihypothesis testing"), the gap rule when its likelihood ratio to every other
 the type of motion is rewarded, the test should use the posterior of the type: neighbouring radii share it.
 """
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from baselines.rules.decider import Actions, Decider, Observations, RowRule
-from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_choice, check_number, check_positive, reject
+from hybrid_env.checks import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    check_array,
+    check_choice,
+    check_number,
+    check_positive,
+    reject,
+)
 from hybrid_env.observation import LOG_FLOOR, Layout
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering.evidence import EvidencePanel, Threshold, posterior_panel, ratio_limits
@@ -100,28 +108,30 @@ def read_error_probability(observation: Observations, by: By) -> tuple[FloatArra
     return log_error_probability, _likeliest_of_type(posterior, log_ratio)
 
 
-class PosteriorRule(RowRule, ABC):
-    """Declares the best hypothesis when its posterior error probability falls to the limit of the tick."""
+class PosteriorRule(RowRule):
+    """Declares the best hypothesis when its log posterior error probability falls to the limit of the tick.
 
-    def __init__(self, by: By):
+    Args:
+        limits: (T,) by tick; the last one holds for all later ticks.
+        by: "hypothesis" counts every other hypothesis as an error. "type" declares the most likely
+            hypothesis of the most likely type and counts only other types as errors.
+    """
+
+    def __init__(self, limits: ArrayLike, by: By = "hypothesis"):
+        self.limits = check_array("limits", limits, (None,))
         check_choice("by", by, ("hypothesis", "type"))
         self.by: By = by
-
-    @abstractmethod
-    def log_limits(self) -> FloatArray:
-        """Return the logarithms of the limits by tick, (T,); the last one holds for all later ticks."""
 
     def act(self, rows: Observations) -> Actions:
         """See `RowRule.act`."""
         ticks = np.rint(Layout.of_rows(rows).read(rows, "ticks")).astype(np.int64)
         log_error_probability, best = read_error_probability(rows, self.by)
-        limits = self.log_limits()
-        limit = limits[np.clip(ticks - 1, 0, limits.size - 1)]
+        limit = self.limits[np.clip(ticks - 1, 0, self.limits.size - 1)]
         return np.where(log_error_probability <= limit, best + 1, 0)
 
     def panel(self) -> EvidencePanel:
         """Return the panel of `evidence`."""
-        return posterior_panel("Kalman filters", self.by == "type", np.exp(self.log_limits()))
+        return posterior_panel("Kalman filters", self.by == "type", np.exp(self.limits))
 
     def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
         """Return the posterior of each hypothesis or of its type, (N, M)."""
@@ -134,8 +144,7 @@ class MSPRTDecider(PosteriorRule):
 
     Args:
         alpha: threshold of the error probability, above 1e-13 (the resolution of the observation), at most 1.
-        by: "hypothesis" counts every other hypothesis as an error. "type" declares the most likely
-            hypothesis of the most likely type and counts only other types as errors.
+        by: see `PosteriorRule`.
     """
 
     name, title, symbol, thresholds, default = "msprt", "MSPRT", "alpha", ALPHAS, 0.02
@@ -145,11 +154,7 @@ class MSPRTDecider(PosteriorRule):
         self.alpha = check_number("alpha", alpha, "a number from 1e-13 to 1")
         if not np.exp(LOG_FLOOR) < alpha <= 1.0:
             raise reject("alpha", alpha, "a number from 1e-13 to 1")
-        super().__init__(by)
-
-    def log_limits(self) -> FloatArray:
-        """Return the logarithm of alpha."""
-        return np.log([self.alpha])
+        super().__init__([np.log(self.alpha)], by)
 
 
 class TypeMSPRTDecider(MSPRTDecider):

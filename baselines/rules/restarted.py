@@ -30,7 +30,6 @@ from hybrid_env.core.records import LANES, MEASURED, SENSOR
 from hybrid_env.quickest_options import QuickestOptions
 
 LONGEST_WINDOW = 10_000  # ticks
-Bank = Literal["published", "anchor_aware"]
 
 
 class RestartedFilters(NamedTuple):
@@ -64,16 +63,12 @@ class RestartModel(NamedTuple):
 
 def restart_arrays(tracks: int, modes: int, window: int) -> RestartedFilters:
     """Return filters of zeros."""
-    groups = -(-window // LANES)
+    stated, started = (tracks,), (tracks, modes, -(-window // LANES))
     return RestartedFilters(
-        aligned_zeros((tracks,), AWARE_HYPOTHESIS),
-        aligned_zeros((tracks, modes, groups), AWARE_HYPOTHESIS),
-        np.zeros(tracks, np.int64),
-        np.zeros(tracks, np.int64),
-        np.zeros((tracks, modes)),
-        aligned_zeros((1,), INNOVATION),
-        aligned_zeros((1,), MEASURED),
-    )
+        aligned_zeros(stated, AWARE_HYPOTHESIS), aligned_zeros(started, AWARE_HYPOTHESIS),
+        np.zeros(tracks, np.int64), np.zeros(tracks, np.int64), np.zeros((tracks, modes)),
+        aligned_zeros((1,), INNOVATION), aligned_zeros((1,), MEASURED),
+    )  # fmt: skip
 
 
 @internal
@@ -184,19 +179,14 @@ class RestartDecider(MeasurementDecider[RestartedFilters]):
 
     thresholds, default = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0), 5.0  # few: a filter for every start is slow
     mean: ClassVar[bool]
-    own_window: ClassVar[int]
-    own_bank: ClassVar[Bank]
+    usual: ClassVar[tuple[int, str]]  # window and bank
 
     def __init__(
-        self,
-        options: QuickestOptions,
-        threshold: float = 5.0,
-        margin: float = 2.0,
-        window: int | None = None,
-        bank: Bank | None = None,
-    ):
-        chosen = check_choice("bank", self.own_bank if bank is None else bank, ("published", "anchor_aware"))
-        window = check_integer("window", self.own_window if window is None else window, maximum=LONGEST_WINDOW)
+        self, options: QuickestOptions, threshold: float = 5.0, margin: float = 2.0, window: int | None = None,
+        bank: Literal["published", "anchor_aware"] | None = None,
+    ):  # fmt: skip
+        window = check_integer("window", self.usual[0] if window is None else window, maximum=LONGEST_WINDOW)
+        chosen = check_choice("bank", self.usual[1] if bank is None else bank, ("published", "anchor_aware"))
         threshold, margin = check_positive("threshold", threshold), check_positive("margin", margin, allow_zero=True)
         self.hypotheses = options.hypotheses
         self.model = RestartModel(
@@ -235,22 +225,20 @@ class GLRDecider(RestartDecider):
 
     name, title, symbol = "glr", "GLR", "ln GLR"
     colour, marker = "#0000b4", ">"
-    mean, own_window, own_bank = False, 60, "anchor_aware"
+    mean, usual = False, (60, "anchor_aware")
 
 
 class MeanRatioDecider(RestartDecider):
     """The detector of Golubkov 2020, for M modes and any number of switches.
 
-    The statistic of a mode is the mean of the likelihood ratios of all start ticks, lambda_k of eq. (6). It
-    is the likelihood ratio of a switch at a uniformly distributed moment. The paper tests one turn against
-    straight motion, once; `baselines.papers.golubkov2020.detect_switch` does that on recordings, with
-    the same filters and the same corrections of eq. (5) and (7). Here every mode is tested against the stated
-    one, and after a change of the statement the test begins anew from the most likely filter of the new mode.
+    The statistic of a mode is the mean of the likelihood ratios of all start ticks, lambda_k of eq. (6): the likelihood
+    ratio of a switch at a uniformly distributed moment. The paper tests one turn against straight motion, once, as
+    `baselines.papers.golubkov2020.detect_switch` on recordings. Here every mode is tested against the stated one, and
+    after a change of the statement the test begins anew from the most likely filter of the new mode.
 
-    The rule of the paper is `margin=0`, a window that is not shorter than the episode, and the threshold
-    ln A = ln((1 - beta) / alpha), 2.2 for alpha = beta = 0.1. The margin is that of `detect_switch`; the
-    paper has no second alternative. The lower threshold B, at which the paper ends the test in favour of the
-    stated mode, is not used: here the test would begin anew, and forget switches that have just begun.
+    The rule of the paper is `margin=0`, a window that is not shorter than the episode, and the threshold ln A = ln((1 -
+    beta) / alpha), 2.2 for alpha = beta = 0.1. Its lower threshold B, at which the test ends in favour of the stated
+    mode, is not used: here the test would begin anew, and forget switches that have just begun.
 
     Args:
         options, threshold, margin, window, bank: see `RestartDecider`; by default 40 ticks and "published".
@@ -258,4 +246,4 @@ class MeanRatioDecider(RestartDecider):
 
     name, title, symbol = "detector-2020", "detector 2020", "ln lambda"
     colour, marker = "#695a00", "P"
-    mean, own_window, own_bank = True, 40, "published"
+    mean, usual = True, (40, "published")

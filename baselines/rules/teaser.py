@@ -16,7 +16,7 @@ from baselines.rules.decider import Actions, Decider, DeciderFamily, Observation
 from baselines.rules.msprt import By, PosteriorRule
 from baselines.rules.posterior_paths import PosteriorPaths, simulate_posterior_paths
 from baselines.rules.seeds import FITTING
-from hybrid_env.checks import BoolArray, FloatArray, check_array, check_integer, reject
+from hybrid_env.checks import BoolArray, FloatArray, check_integer, reject
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
@@ -51,8 +51,7 @@ class TeaserDecider(PosteriorRule):
     thresholds: ClassVar[tuple[float, ...]] = (1, 2, 3, 5, 7, 9, 10, 11, 12, 13, 15, 20, 25)
 
     def __init__(self, limits: FloatArray, predictions: int = 12, by: By = "hypothesis"):
-        super().__init__(by)
-        self.limits = check_array("limits", limits, (None,))
+        super().__init__(limits, by)
         self.predictions = check_integer("predictions", predictions)
 
     @classmethod
@@ -69,10 +68,6 @@ class TeaserDecider(PosteriorRule):
             return cls(limits, int(predictions), by)
 
         return DeciderFamily(cls.title, cls.symbol, cls.thresholds, cls.default, make)
-
-    def log_limits(self) -> FloatArray:
-        """Return the limits of the tests."""
-        return self.limits
 
     def decide(self, observation: Observations, state: Any, episode_start: Any) -> tuple[Actions, Any]:
         """See `Decider.decide`. The state is the last accepted action (N,), 0 for none, and how often in a row."""

@@ -14,15 +14,10 @@ RESAMPLES = 2000  # of the bootstrap
 
 @dataclass(frozen=True)
 class Estimate:
-    """A point estimate with its 95 % confidence interval.
+    """A point estimate with its 95 % confidence interval."""
 
-    Attributes:
-        value: point estimate; infinite where a level is not reached, NaN where nothing was counted.
-        low, high: bounds of the confidence interval.
-    """
-
-    value: float
-    low: float
+    value: float  # infinite where a level is not reached, NaN where nothing was counted
+    low: float  # bounds of the confidence interval
     high: float
 
     def as_json(self) -> dict[str, float | None]:
@@ -36,16 +31,10 @@ def confidence_interval(
     seed: int = 0,
     of_means: Callable[[FloatArray], Any] = lambda means: means,
 ) -> tuple[float, float]:
-    """Return the percentile bootstrap confidence interval of a function of means over episodes.
+    """Return the percentile bootstrap confidence interval of a function of means over episodes, from (E, ...) figures.
 
-    Whole episodes are resampled (Efron 1979), because the decisions within an episode are dependent.
-
-    Args:
-        episodes: (E, ...) figures of each episode.
-        confidence: level of the interval.
-        seed: of the bootstrap.
-        of_means: the statistic (...), from means of shape (..., *episodes.shape[1:]). Resamples where it is NaN do not
-            count.
+    Whole episodes are resampled (Efron 1979), because the decisions within an episode are dependent. `of_means` maps
+    means (..., *episodes.shape[1:]) to the statistic (...); resamples where it is NaN do not count.
     """
     from scipy import stats  # it loads slowly
 
@@ -71,8 +60,8 @@ def confidence_interval(
 def share_interval(shares: FloatArray, confidence: float = 0.95, seed: int = 0) -> tuple[float, float]:
     """Return the confidence interval of a mean of shares (E,), as `confidence_interval`, also if no episode differs.
 
-    If all shares are 1, every resample is equal. The interval is then Wilson's (1927) for the probability that an
-    episode has the share 1; the mean share is at least this probability. The same holds for 0.
+    If all shares are 1 (or 0), it is Wilson's (1927) for the probability that an episode has the share 1; the mean
+    share is at least this probability.
     """
     from scipy import stats
 

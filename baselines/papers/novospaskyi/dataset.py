@@ -1,7 +1,8 @@
-"""The data set of the study: flights, radars and measurements with both noises, as Parquet files."""
+"""The data set of the study, flights, radars and measurements with both noises, and the errors of filters on it."""
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from itertools import pairwise
@@ -9,16 +10,37 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import chi2
 
+from baselines.estimation.run_filter import Estimates, Filtered
 from baselines.papers.novospaskyi import radars
 from baselines.papers.novospaskyi.flights import FLIGHTS, RECORD_STEP, Flight, point_mass_flights
-from baselines.papers.novospaskyi.radars import NOISES, Noise, Tracks, measure, padded_tracks, scan_flight
+from baselines.papers.novospaskyi.radars import (
+    NOISES,
+    Noise,
+    Tracks,
+    flight_errors,
+    measure,
+    padded_tracks,
+    scan_flight,
+)
+from baselines.scoring.scores import Scores, mean
 from hybrid_env.checks import ArgumentError, FloatArray, check_integer
 from hybrid_env.extras import explained
 
 FORMAT = 1
 TABLES = ("flights", "radars", "measurements")
 SPLITS = ("training", "test")
+HORIZONS = (1.0, 2.0, 5.0)  # times ahead [s]
+FEWEST = 3  # measurements of a track before its forecasts count
+REGION = 0.95  # probability of the stated region of a forecast
+
+# Figures of a flight: RMSE of position [m] and velocity [m/s], RMSE of the forecast positions [m], share of true
+# positions within the stated regions; the RMSE are means over the axes, see `flight_errors`.
+COLUMNS = (
+    "position", "velocity", *(f"ahead {h:g}" for h in HORIZONS), *(f"covered {h:g}" for h in HORIZONS),
+)  # fmt: skip
+STATISTICS = {name: mean(name) for name in COLUMNS}
 
 CARD = """# Radar tracks of flights
 
@@ -61,27 +83,16 @@ class RadarData:
 
 
 def write_radar_data(folder: Path, seed: int = 0, flights: int = FLIGHTS) -> None:
-    """Write the data set of at least 4 flights into an existing, empty folder.
-
-    Raises:
-        ArgumentError: an argument is out of range.
-        MissingExtraError: pyarrow is not installed.
-    """
+    """Write the data set of at least 4 flights into an existing, empty folder."""
     seed, flights = check_integer("seed", seed, minimum=0), check_integer("flights", flights, 4, 10_000)
     flown = point_mass_flights(flights, seed)
     scans = [scan_flight(flight, np.random.default_rng((seed, 1, k))) for k, flight in enumerate(flown)]
     training = round(radars.TRAINING_SHARE * flights)
-    states = [
-        _of_flight(k, one.times, {"time": one.times, **_axes("", one.positions), **_axes("v", one.velocities)})
-        for k, one in enumerate(flown)
-    ]
-    places = [
-        _of_flight(k, one.radars, {"radar": np.arange(len(one.radars)), **_axes("", one.radars)})
-        for k, one in enumerate(scans)
-    ]
-    _write(folder / "flights.parquet", states)
-    _write(folder / "radars.parquet", places)
-    parts = []
+    parts: dict[str, list[dict[str, Any]]] = {name: [] for name in TABLES}
+    for k, (one, scan) in enumerate(zip(flown, scans, strict=True)):
+        columns = {"time": one.times, **_axes("", one.positions), **_axes("v", one.velocities)}
+        parts["flights"].append(_of_flight(k, columns))
+        parts["radars"].append(_of_flight(k, {"radar": np.arange(len(scan.radars)), **_axes("", scan.radars)}))
     streams = (seed, radars.TRAINING_NOISE), (seed, radars.TEST_NOISE, 0)
     for split, some, stream in zip(SPLITS, (slice(training), slice(training, None)), streams, strict=True):
         measured = {noise: measure(scans[some], noise, stream).measurements for noise in NOISES}
@@ -90,8 +101,9 @@ def write_radar_data(folder: Path, seed: int = 0, flights: int = FLIGHTS) -> Non
             columns = {"split": np.full(count, split), "radar": scan.radar, "time": scan.times}
             for noise, values in measured.items():
                 columns |= _axes(f"{noise}_", values[k, :count])
-            parts.append(_of_flight(k + (some.start or 0), scan.times, columns))
-    _write(folder / "measurements.parquet", parts)
+            parts["measurements"].append(_of_flight(k + (some.start or 0), columns))
+    for name, rows in parts.items():
+        _write(folder / f"{name}.parquet", rows)
     card = CARD.format(
         flights=flights, version=version("hybrid-track"), seed=seed, step=RECORD_STEP, training=training,
         period=radars.PERIOD, range=radars.RANGE, sigma=radars.SIGMA, stability=radars.STABILITY,
@@ -104,10 +116,7 @@ def write_radar_data(folder: Path, seed: int = 0, flights: int = FLIGHTS) -> Non
 
 
 def load_radar_data(folder: str | Path) -> RadarData:
-    """Load the data set that `hybridtrack dataset radar` has written.
-
-    Args:
-        folder: of the files.
+    """Load the data set that `hybridtrack dataset radar` has written into a folder.
 
     Raises:
         ArgumentError: the folder has no such data set, or a file is damaged.
@@ -144,8 +153,8 @@ def _joined(columns: dict[str, Any], prefix: str) -> FloatArray:
     return np.stack([columns[f"{prefix}{axis}"] for axis in "xyz"], axis=-1)
 
 
-def _of_flight(k: int, rows: FloatArray, columns: dict[str, Any]) -> dict[str, Any]:
-    return {"flight": np.full(len(rows), k)} | columns
+def _of_flight(k: int, columns: dict[str, Any]) -> dict[str, Any]:
+    return {"flight": np.full(len(next(iter(columns.values()))), k)} | columns
 
 
 def _groups(columns: dict[str, Any]) -> list[dict[str, Any]]:
@@ -173,3 +182,42 @@ def _read(file: Path) -> dict[str, Any]:
 
 def _digest(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def truth_ahead(flights: Sequence[Flight], tracks: Tracks, horizon: float) -> FloatArray:
+    """Return the true positions some time after every measurement, (N, K, 3) [m]; NaN where none counts."""
+    found = np.full_like(tracks.positions, np.nan)
+    for k, (flight, positions) in enumerate(zip(flights, tracks.positions, strict=True)):
+        times = tracks.times[k] + horizon
+        counts = np.flatnonzero(~np.isnan(positions[:, 0]) & (times <= flight.times[-1]))
+        counts = counts[counts >= FEWEST - 1]
+        found[k, counts] = flight.states_at(times[counts])[0]
+    return found
+
+
+def score_estimates(name: str, filtered: Filtered, data: RadarData, noise: Noise) -> Scores:
+    """Return the figures of the test flights, of estimates (K, N, n) with forecasts at `HORIZONS`."""
+    tracks, flights = data.tracks["test"][noise], data.flights_of("test")
+    errors = tracks.errors(*(np.swapaxes(one, 0, 1) for one in (filtered.positions, filtered.velocities)))
+    ahead = [
+        _forecast_figures(one, truth_ahead(flights, tracks, horizon))
+        for horizon, one in zip(HORIZONS, filtered.forecasts, strict=True)
+    ]
+    rmse, covered = zip(*ahead, strict=True)
+    figures = np.stack([errors[:, 0], errors[:, 2], *rmse, *covered], axis=1)
+    return Scores(name, "", (0.0,), COLUMNS, figures[..., None])
+
+
+def _forecast_figures(forecast: Estimates, truth: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the RMSE [m] and the share of true positions in the stated region, (N,) each."""
+    positions = np.swapaxes(forecast.positions, 0, 1)
+    rmse = flight_errors(positions, truth)[0]
+    if forecast.covariances is None:
+        return rmse, np.full(len(rmse), np.nan)
+    spread = np.swapaxes(forecast.covariances[..., :: forecast.order, :: forecast.order], 0, 1)
+    counts = ~np.isnan(truth[..., 0])
+    error = np.where(counts[..., None], truth - positions, 0.0)
+    spread = np.where(counts[..., None, None], spread, np.eye(3))
+    squares = (error * np.linalg.solve(spread, error[..., None])[..., 0]).sum(-1)
+    inside = counts & (squares <= chi2.ppf(REGION, 3))
+    return rmse, inside.sum(1) / counts.sum(1)

@@ -49,9 +49,6 @@ def moving_average(measurements: ArrayLike, window: int, ratio: float = 1.0) -> 
         window: number of ticks, >= 1.
         ratio: of the weight of a measurement to that of the next one, above 0, at most 1.
 
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
-
     >>> moving_average([[0.0], [1.0], [2.0], [3.0]], window=2).T
     array([[0. , 0.5, 1.5, 2.5]])
     """
@@ -82,12 +79,6 @@ class Contender:
     trials: int | None = None  # most trials of a tuning
 
 
-def run_contender(contender: Contender, parameters: Parameters, tracks: Tracks) -> tuple[FloatArray, FloatArray]:
-    """Estimated positions [m] and velocities [m/s] after every measurement, each (N, K, 3)."""
-    filtered = filter_tracks(contender, parameters, tracks)
-    return np.swapaxes(filtered.positions, 0, 1), np.swapaxes(filtered.velocities, 0, 1)
-
-
 def filter_tracks(
     contender: Contender, parameters: Parameters, tracks: Tracks, horizons: Sequence[float] = ()
 ) -> Filtered:
@@ -97,6 +88,12 @@ def filter_tracks(
         measurements = moving_average(measurements, parameters["window"], parameters["ratio"])
     built, kept = contender.build(parameters), bool(horizons)
     return run_filter(built, measurements, tracks.times.T, keep_covariances=kept, horizons=horizons)
+
+
+def run_contender(contender: Contender, parameters: Parameters, tracks: Tracks) -> tuple[FloatArray, FloatArray]:
+    """Estimated positions [m] and velocities [m/s] after every measurement, each (N, K, 3)."""
+    filtered = filter_tracks(contender, parameters, tracks)
+    return np.swapaxes(filtered.positions, 0, 1), np.swapaxes(filtered.velocities, 0, 1)
 
 
 class ThesisKalmanFilter(KalmanFilter):
@@ -110,9 +107,8 @@ class ThesisKalmanFilter(KalmanFilter):
 def _thesis_filter(name: Any, parameters: Parameters) -> TrackFilter:
     """KF CV, CA or CJ of the thesis: discrete white noise, P0 = 10000 I.
 
-    The thesis tunes R as well. After the start only Q / R matters, so that here R is that of the Gaussian noise,
-    except with the published parameters. Its "sigma_q" is taken for the variance that the function of Labbe 2020
-    wants; as a variance it gives the velocity errors of the published order for KF CV.
+    After the start only Q / R matters, so that R is that of the Gaussian noise, except with the published parameters.
+    "sigma_q" is taken for a variance: as such it gives the velocity errors of the published order for KF CV.
     """
     model = MotionModel(name, axes=3, noise=parameters["q"], discretization="discrete")
     deviations = [math.sqrt(START_VARIANCE)] * (model.order - 1)

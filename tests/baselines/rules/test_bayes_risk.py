@@ -117,7 +117,7 @@ def test_invalid_arguments_raise():
     with pytest.raises(ArgumentError, match="seed=-1"):
         simulate_posterior_paths(3, -1)
     for bad in ([], [np.nan], 3.0, "low"):
-        with pytest.raises(ArgumentError, match="boundary"):
+        with pytest.raises(ArgumentError, match="limits"):
             BayesRiskDecider(bad)
     with pytest.raises(ArgumentError, match="by="):
         BayesRiskDecider([0.0], by="types")
