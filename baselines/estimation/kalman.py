@@ -53,7 +53,7 @@ class KalmanFilter(TrackFilter):
             if (deviations < 0.0).any():
                 raise reject("start_deviations", start_deviations, "numbers >= 0")
             self.start_variances = deviations**2
-        self._step: tuple[float, FloatArray, FloatArray] | None = None  # matrices of the last time step
+        self._step = np.nan, np.empty(0), np.empty(0)  # matrices of the last time step, if it was equal for all tracks
 
     def _begin(self, tracks: int) -> None:
         if self.noise.ndim == 3 and len(self.noise) != tracks:
@@ -67,16 +67,11 @@ class KalmanFilter(TrackFilter):
         assert covariance is not None
         self.state, self.covariance = state, covariance
 
-    def _matrices(self, dt: float | FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Transition and process noise of one axis; those of equal steps are computed once."""
-        if isinstance(dt, float):
-            if self._step is None or self._step[0] != dt:
-                self._step = dt, self.model.transition(dt), self.model.step_noise(dt)
-            return self._step[1:]
-        return self.model.transition(dt), self.model.step_noise(dt)
-
     def _predict(self, dt: float | FloatArray) -> None:
-        matrices = *self._matrices(dt), np.asarray(self.model.noise)
+        step = dt if isinstance(dt, float) else np.nan
+        if self._step[0] != step:
+            self._step = step, self.model.transition(dt), self.model.step_noise(dt)
+        matrices = *self._step[1:], np.asarray(self.model.noise)
         self.state, self.covariance = propagate(self.state, self.covariance, *matrices)
 
     def _start(self, chosen: IntArray, measurement: FloatArray, noise: FloatArray) -> None:

@@ -56,9 +56,7 @@ class Huber(Robust):
     corrected, is threshold / residual.
     """
 
-    threshold: float = (
-        1.345  # standard deviations, > 0; with Gaussian noise a mean has 95 % of the efficiency
-    )
+    threshold: float = 1.345  # standard deviations, > 0; with Gaussian noise a mean has 95 % of the efficiency
 
     def __post_init__(self) -> None:
         check_positive("threshold", self.threshold)

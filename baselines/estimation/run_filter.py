@@ -81,8 +81,15 @@ def run_filter(
     if start is None:
         track_filter.begin(tracks)
         first = moments[0]
+    elif isinstance(start, tuple) and len(start) == 3:
+        track_filter.begin_from(start[0] if dimensions(start[0]) == 2 else [start[0]], start[1])
+        first = np.full(moments.shape[1:], check_scalar("start time", start[2]))
+        if track_filter.tracks != tracks:
+            raise reject("start estimates", track_filter.tracks, f"{tracks}, one for each track")
+        if (first > moments[0]).any():
+            raise reject("start time", start[2], "a time not after the first measurement")
     else:
-        first = _begin_from(track_filter, start, tracks, moments)
+        raise reject("start", start, "(estimates, covariances, time) or None")
     size, kept = track_filter.state.shape[1], keep and track_filter.has_covariance
     found, *ahead = (
         Estimates(
@@ -122,20 +129,3 @@ def _check_noises(noises: ArrayLike, total: int, tracks: int, axes: int) -> Floa
         return measurement_covariance("noises", check_array("noises", noises, (total, axes, axes)), axes)
     values = check_array("noises", noises, (total, tracks, axes, axes))
     return measurement_covariance("noises", values.reshape(-1, axes, axes), axes).reshape(values.shape)
-
-
-def _begin_from(
-    track_filter: TrackFilter, start: tuple[ArrayLike, ArrayLike, float], tracks: int, moments: FloatArray
-) -> FloatArray:
-    """Begin a filter from a start, see `run_filter`; return its time for each track."""
-    if not isinstance(start, tuple) or len(start) != 3:
-        raise reject("start", start, "(estimates, covariances, time) or None")
-    estimates, covariances, time = start
-    size = track_filter.axes * track_filter.order
-    one = dimensions(estimates) == 1 and tracks == 1
-    means = check_array("start estimates", estimates, (size,) if one else (tracks, size)).reshape(tracks, size)
-    track_filter.begin_from(means, covariances)
-    first = check_scalar("start time", time)
-    if (np.asarray(first) > moments[0]).any():
-        raise reject("start time", time, "a time not after the first measurement")
-    return np.broadcast_to(first, moments[0].shape)

@@ -71,31 +71,23 @@ class Estimates(NamedTuple):
     covariances: FloatArray  # (n, T, 2, 3) P_XX, P_XV, P_VV of (position, velocity) on each axis
 
 
-class _Known(NamedTuple):
-    """What the filter knows of every run; see `filter_known_modes`."""
-
-    lengths: IntArray
-    signed_radii: FloatArray
-    covariance: FloatArray
-    carry: bool
-
-
 @compiled
 def _filter_run(
-    measurements: FloatArray, start: FloatArray, known: _Known, filters: Filters, output: Estimates
-) -> None:
-    """Filter one run."""
+    measurements: FloatArray, start: FloatArray, lengths: IntArray, signed_radii: FloatArray,
+    first: FloatArray, carry: bool, filters: Filters, output: Estimates,
+) -> None:  # fmt: skip
+    """Filter one run; see `filter_known_modes`."""
     bank, _, model = filters
     estimate, covariance, measurement, k = start.copy(), np.empty((2, 3)), np.zeros((2, LANES)), 0
-    covariance[:] = known.covariance
-    for length, signed_radius in zip(known.lengths, known.signed_radii):  # noqa: B905, numba does not support `strict`
+    covariance[:] = first
+    for length, signed_radius in zip(lengths, signed_radii):  # noqa: B905, numba does not support `strict`
         radius = np.array([abs(signed_radius) if signed_radius != 0.0 else 1.0])
         mode = 0 if signed_radius == 0.0 else (1 if signed_radius > 0.0 else 2)
         x, vx, y, vy = estimate
-        if not known.carry:
-            covariance[:] = known.covariance
-        first, second = covariance
-        of_anchor = first[0], first[1], 0.0, 0.0, first[2], 0.0, 0.0, second[0], second[1], second[2]
+        if not carry:
+            covariance[:] = first
+        of_x, of_y = covariance
+        of_anchor = of_x[0], of_x[1], 0.0, 0.0, of_x[2], 0.0, 0.0, of_y[0], of_y[1], of_y[2]
         begin_published(bank, 0, (x, vx, y, vy), of_anchor, radius, model)
         for _ in range(length):
             measurement[:, 0] = measurements[k]
@@ -128,12 +120,12 @@ def filter_known_modes(
         raise reject("signed_radii", signed_radii, f"one radius for each of the {segment_lengths.size} segments")
     filters = make_filters(np.ones(1), tau, process_variance, measurement_variance)
     first = check_array("start_covariance", start_covariance, (3,))
-    known = _Known(segment_lengths, radii, first, check_flag("carry_covariance", carry_covariance))
+    known = segment_lengths, radii, first, check_flag("carry_covariance", carry_covariance)
     runs, total = values.shape[:2]
     found = Estimates(np.empty((runs, total, 4)), np.empty((runs, total, 2, 3)))
     for run in range(runs):
         of_run = Estimates(*(array[run] for array in found))
-        run_compiled(_filter_run, values[run], starts[run], known, filters, of_run)
+        run_compiled(_filter_run, values[run], starts[run], *known, filters, of_run)
     return Estimates(*(array[0] for array in found)) if np.ndim(measurements) == 2 else found
 
 
@@ -168,8 +160,7 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
         recording = simulate(SCHEME, runs, seed + index, start=START, measurement_variance=variance)
         tracks = run_ate(recording, variance)
         cells += _known_modes_cells(name, recording, seed) + _ate_cells(name, recording, tracks, seed)
-        refined = run_ate(recording, variance, refine_radius=True)
-        findings += [_refinement_finding(name, recording, tracks, refined), *_spread(name, recording, tracks)]
+        findings += _findings(name, recording, tracks, run_ate(recording, variance, refine_radius=True))
         examples[name] = (recording, tracks)
     findings += _scans(seed)
     return Reproduction(PAPER, runs, seed, tuple(cells), tuple(findings), examples)
@@ -196,29 +187,32 @@ def _ate_cells(name: str, recording: Simulation, tracks: Tracks, seed: int) -> l
     ]
 
 
-def _spread(name: str, recording: Simulation, tracks: Tracks) -> list[Finding]:
-    """How much of the squared error few runs carry, and the nRMSE of studies of the paper's size."""
+def _findings(name: str, recording: Simulation, tracks: Tracks, refined: Tracks) -> list[Finding]:
+    """Effect of taking the most likely turn in the decided direction afterwards, and how few runs carry the error."""
+    figures = []
+    for one in (tracks, refined):
+        squares = (one.estimates - recording.truth) ** 2
+        radius = 100.0 * (decided_radii(one) == recording.signed_radii).mean()
+        figures.append((radius, 100.0 * correct_types(one, recording).mean(), np.sqrt(squares.mean((0, 1)).sum())))
+    text = "correct radius {:.1f} -> {:.1f} %, correct type {:.1f} -> {:.1f} %, nRMSE {:.3f} -> {:.3f}"
+    change = text.format(*itertools.chain(*zip(*figures, strict=True)))
     squares = ((tracks.estimates - recording.truth) ** 2).mean(1).sum(-1)
     worst = np.sort(squares)[-max(round(0.01 * squares.size), 1) :]
     blocks = [np.sqrt(block.mean()) for block in np.array_split(squares, max(squares.size // PAPER_RUNS, 1))]
-    radius = 100.0 * (decided_radii(tracks) == recording.signed_radii).mean()
     spread = (
         f"nRMSE {min(blocks):.2f} to {max(blocks):.2f}; the worst 1 % of all runs carry "
         f"{100.0 * worst.sum() / squares.sum():.0f} % of the squared error"
     )
-    claim = f"{CORRECT_MODES[name]} %, what counts not stated"
+    by_radius, claim = f"{figures[0][0]:.1f} %", f"{CORRECT_MODES[name]} %, what counts not stated"
     return [
+        Finding(f"{name}: radius refined after the decision", change, "named as future work"),
         Finding(f"{name}: table 3 in {len(blocks)} studies of {PAPER_RUNS} runs", spread),
-        Finding(f"{name}: modes that are correct if the radius counts too", f"{radius:.1f} %", claim),
+        Finding(f"{name}: modes that are correct if the radius counts too", by_radius, claim),
     ]
 
 
 def _scans(seed: int) -> list[Finding]:
     """Number of published values inside, for the settings that were tried."""
-
-    def inside(cells: list[Cell]) -> str:
-        return f"{sum(cell.verdict == 'inside' for cell in cells)} of {len(cells)} inside"
-
     found: dict[str, list[Cell]] = {}
     for index, (name, variance) in enumerate(MEASUREMENT_VARIANCES.items()):
         for tau in SCANNED_TAU:
@@ -232,20 +226,8 @@ def _scans(seed: int) -> list[Finding]:
         found.setdefault(label, []).extend(_ate_cells(name, one, run_ate(one, variance, start=None), seed))
         for setting, options in KNOWN_MODES_SETTINGS.items():
             found.setdefault(f"table 2, {setting}", []).extend(_known_modes_cells(name, one, seed, **options))
-    return [
-        Finding(f"tried, {SCANNED_RUNS} runs: {label}", inside(cells), "not stated") for label, cells in found.items()
-    ]
-
-
-def _refinement_finding(name: str, recording: Simulation, before: Tracks, after: Tracks) -> Finding:
-    """Effect of taking the most likely turn in the decided direction after the decision."""
-
-    def percentages_and_error(tracks: Tracks) -> tuple[float, float, float]:
-        squares = ((tracks.estimates - recording.truth) ** 2).mean((0, 1)).sum()
-        hypotheses = (decided_radii(tracks) == recording.signed_radii).mean()
-        return 100 * hypotheses, 100 * correct_types(tracks, recording).mean(), float(np.sqrt(squares))
-
-    pairs = zip(percentages_and_error(before), percentages_and_error(after), strict=True)
-    text = "correct radius {:.1f} -> {:.1f} %, correct type {:.1f} -> {:.1f} %, nRMSE {:.3f} -> {:.3f}"
-    change = text.format(*itertools.chain(*pairs))
-    return Finding(f"{name}: radius refined after the decision", change, "named as future work")
+    findings = []
+    for label, cells in found.items():
+        inside = f"{sum(cell.verdict == 'inside' for cell in cells)} of {len(cells)} inside"
+        findings.append(Finding(f"tried, {SCANNED_RUNS} runs: {label}", inside, "not stated"))
+    return findings

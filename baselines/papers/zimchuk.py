@@ -153,20 +153,18 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     published = {adaptive: PUBLISHED_ADAPTIVE, slow: PUBLISHED_KALMAN}
     cells: list[Cell] = []
     for name, positions in rows.items():
-        table, theirs = (TABLE, published[name]) if name in published else (SOUND, NOT_PUBLISHED)
+        table, given = (TABLE, published[name]) if name in published else (SOUND, NOT_PUBLISHED)
         values = both_intervals(mean_squares(flights, positions), np.sqrt, seed, study_runs=1)
-        cells += table_row(table, name, LEGS, theirs, values, 2, RUN_INTERVAL, FITTED if name == slow else None)
+        cells += table_row(table, name, LEGS, given, values, 2, RUN_INTERVAL, FITTED if name == slow else None)
     cells += matrix_ratios(min(runs, MATRIX_RUNS), seed)
-    pattern = _pattern(rmse(flights, rows[adaptive]), rmse(flights, rows[slow]))
-    findings = (*pattern, *_doubtful_points(flights, seed))
-    return Reproduction(PAPER, runs, seed, tuple(cells), findings, {"flights": flights, **rows}, size="runs not stated")
-
-
-def _pattern(adaptive: FloatArray, kalman: FloatArray) -> list[Finding]:
-    """Errors of the adaptive filter relative to those of the Kalman filter."""
-    name = "RMSE of the adaptive filter over that of the Kalman filter"
-    ratios = zip(LEGS, adaptive / kalman, np.divide(PUBLISHED_ADAPTIVE, PUBLISHED_KALMAN), strict=True)
-    return [Finding(f"{name}, {leg}", f"{ours:.2f}", f"{published:.2f}") for leg, ours, published in ratios]
+    ratios = rmse(flights, rows[adaptive]) / rmse(flights, rows[slow])
+    theirs = np.divide(PUBLISHED_ADAPTIVE, PUBLISHED_KALMAN)
+    findings = [
+        Finding(f"RMSE of the adaptive filter over that of the Kalman filter, {leg}", f"{ours:.2f}", f"{one:.2f}")
+        for leg, ours, one in zip(LEGS, ratios, theirs, strict=True)
+    ] + _doubtful_points(flights, seed)
+    examples = {"flights": flights, **rows}
+    return Reproduction(PAPER, runs, seed, tuple(cells), tuple(findings), examples, size="runs not stated")
 
 
 def _doubtful_points(flights: Flights, seed: int) -> list[Finding]:

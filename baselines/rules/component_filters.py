@@ -1,9 +1,9 @@
-"""Filters that run on the measurements of an observation, one bank for each component of the anchor.
+"""Filters of the measurements in an observation, one bank for each component of the anchor.
 
-The environment reports the measurement relative to the anchor, in the heading frame of the anchor. In this frame the
-anchor is at the origin and its velocity is (speed, 0), so that the observation determines everything that a filter
-needs except the model, which is that of the world. With several sensors it does not contain the covariance of the
-measurement: then the filters also read what the sensors measured.
+The environment reports the measurement relative to the anchor, in the heading frame of the anchor, in which its
+velocity is (speed, 0). So the observation determines everything that a filter needs except the model, which is that of
+the world. With several sensors it lacks the covariance of the measurement: then the filters also read what these
+measured.
 """
 
 import math
@@ -140,13 +140,11 @@ class ComponentFilters:
     filters for every law of `LAWS`, weighted by the likelihood of all measurements of the episode, and for three
     orientations of the heading frame if the axes have different variances. Otherwise the filters have one measurement
     variance, the geometric mean of the axes, because the orientation of the heading frame is unknown.
-
-    Attributes:
-        log_likelihood: (C, N, M) of all measurements since the start of the filters.
-        innovations: (C, N, M, 3) of the last tick: whitened, along and across the heading, and the logarithm of its
-            variance [m^2].
-        log_laws: (laws, N) logarithms of the weights of the laws before the present segment.
     """
+
+    log_likelihood: FloatArray  # (C, N, M) of all measurements since the start of the filters
+    innovations: FloatArray  # (C, N, M, 3) whitened, along and across the heading, and logarithm of the variance [m^2]
+    log_laws: FloatArray  # (laws, N) logarithms of the weights of the laws before the present segment
 
     def __init__(self, bank: str, components: int, tracks: int, world: WorldOptions, robust: bool = False):
         self.bank, self.world, self.robust = bank, world, robust

@@ -84,8 +84,8 @@ def _other_types_sum(types: FloatArray, chosen: IntArray) -> FloatArray:
 def error_and_best(posterior: NDArray[np.floating], by_type: bool | BoolArray) -> tuple[FloatArray, IntArray]:
     """Return the posterior error probability of the best declaration, and the hypothesis to declare, each (N,).
 
-    `by_type` counts only hypotheses of other types as errors, and the best one is the most likely one of the most
-    likely type; one value for all tracks, or (N,). The posterior is (N, M).
+    `by_type`, one value or (N,), counts only hypotheses of other types as errors, and the best one is the most likely
+    one of the most likely type.
     """
     types = type_sums(posterior)
     best = np.where(by_type, _likeliest_of_type(types, posterior), posterior.argmax(-1))
@@ -94,10 +94,7 @@ def error_and_best(posterior: NDArray[np.floating], by_type: bool | BoolArray) -
 
 
 def read_error_probability(observation: Observations, by: By) -> tuple[FloatArray, IntArray]:
-    """Return the log error probability of the best declaration, at least `LOG_FLOOR`, and its hypothesis, each (N,).
-
-    By "hypothesis" every other hypothesis is an error, by "type" only those of other types.
-    """
+    """Return the log error probability of the best declaration, at least `LOG_FLOOR`, and its hypothesis, each (N,)."""
     layout = Layout.of_rows(observation)
     log_ratio = layout.read(observation, "log_ratio")
     if by == "hypothesis":
@@ -205,9 +202,8 @@ class GapDecider(RowRule):
 
     name, title, symbol, default = "gap", "gap rule", "gap", 4.6
     thresholds = (
-        *(0.2, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.6, 5.0, 5.5, 6.0, 7.0, 8.0, 10.0, 13.0, 17.0),
-        *(22.0, 28.0),
-    )
+        0.2, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.6, 5.0, 5.5, 6.0, 7.0, 8.0, 10.0, 13.0, 17.0, 22.0, 28.0,
+    )  # fmt: skip
     colour, marker = "#695a00", "P"
 
     def __init__(self, gap: float = 4.6):

@@ -1,11 +1,10 @@
 """Classical tests for a switch with filters that start at every possible moment of the switch; compiled.
 
 Every track has the filter of its stated mode. At every tick one new filter of every other mode starts from the estimate
-and covariance that the filter of the stated mode has before the measurement of the tick: the hypothesis that the object
-switches to that mode here. Its likelihood ratio compares all measurements since its start with the filter of the stated
-mode, which runs on (Willsky & Jones 1976; Golubkov 2020, eq. (7)). When the statement changes, the most likely filter
-of the new mode becomes the filter of the stated mode, and all others are dropped. So after a wrong statement the
-filters start from the estimate of a wrong mode.
+and covariance that this filter has before the measurement: the hypothesis that the object switches to that mode here.
+Its likelihood ratio compares all measurements since its start with the filter of the stated mode, which runs on
+(Willsky & Jones 1976; Golubkov 2020, eq. (7)). When the statement changes, the most likely filter of the new mode
+becomes the filter of the stated mode, and all others are dropped; after a wrong statement they start from a wrong mode.
 
 The filters are those of `hybrid_env.core.banks.anchor_aware`. With an exact anchor their centre and turn rate have no
 variance, so that they are the Kalman filters of `hybrid_env.core.banks.published`.
@@ -35,8 +34,8 @@ LONGEST_WINDOW = 10_000  # ticks
 class RestartedFilters(NamedTuple):
     """The filters of N tracks with M modes, and W start ticks of each mode in G = W / LANES groups.
 
-    Start k = 0, 1, ... since the last change of the statement is number k % W: lane k % W % LANES of group k % W //
-    LANES. The log-likelihood of its filter is that of all measurements since the change, with the stated mode before.
+    Start k since the last change of the statement is number k % W: lane k % W % LANES of group k % W // LANES. The
+    log-likelihood of its filter is that of all measurements since the change, with the stated mode before.
     """
 
     stated_filters: NDArray[Any]  # (N,) records `AWARE_HYPOTHESIS`, of which lane 0 is used: filter of the stated mode
@@ -115,19 +114,16 @@ def _log_ratio(started: NDArray[Any], live: int, reference: float, mean: bool) -
 @internal
 def _change(filters: RestartedFilters, track: int, live: int, model: RestartModel) -> None:
     """Change the statement of a track, if one mode reaches the threshold and exceeds all others."""
-    best, second = -1, -1
-    for mode in range(filters.log_ratios.shape[1]):
+    best, second, ratios = -1, -1, filters.log_ratios[track]
+    for mode in range(ratios.size):
         if mode != filters.stated[track]:
-            value = filters.log_ratios[track, mode]
-            if best < 0 or value > filters.log_ratios[track, best]:
+            if best < 0 or ratios[mode] > ratios[best]:
                 best, second = mode, best
-            elif second < 0 or value > filters.log_ratios[track, second]:
+            elif second < 0 or ratios[mode] > ratios[second]:
                 second = mode
-    largest = filters.log_ratios[track, best]
-    if largest < model.threshold or largest - filters.log_ratios[track, second] < model.margin:
+    if ratios[best] < model.threshold or ratios[best] - ratios[second] < model.margin:
         return
-    start = _likeliest_start(filters.started[track, best], live)
-    stated_filter = filters.stated_filters[track]
+    start, stated_filter = _likeliest_start(filters.started[track, best], live), filters.stated_filters[track]
     copy_filter(filters.started[track, best, start // LANES], start % LANES, stated_filter, 0)
     stated_filter.log_likelihood[0] = 0.0
     filters.stated[track] = best

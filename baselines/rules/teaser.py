@@ -8,12 +8,13 @@ vector machine, as published, would also refuse predictions that are surer than 
 """
 
 import functools
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
 
-from baselines.rules.decider import Actions, Decider, DeciderFamily, Observations
-from baselines.rules.msprt import By, PosteriorRule
+from baselines.rules.decider import Actions, Decider, Observations
+from baselines.rules.msprt import By, PosteriorRule, rewarded
 from baselines.rules.posterior_paths import PosteriorPaths, simulate_posterior_paths
 from baselines.rules.seeds import FITTING
 from hybrid_env.checks import BoolArray, FloatArray, check_integer, reject
@@ -42,7 +43,7 @@ class TeaserDecider(PosteriorRule):
     """Declares after some equal predictions in a row that resemble right ones.
 
     Args:
-        limits: (T,) from `accepted_errors`. The last value holds for all later ticks.
+        limits: (T,) from `accepted_errors`.
         predictions: v, number of equal accepted predictions.
         by: what has to be correct, as in the paths of the limits.
     """
@@ -55,19 +56,14 @@ class TeaserDecider(PosteriorRule):
         self.predictions = check_integer("predictions", predictions)
 
     @classmethod
-    def family(cls, options: WorldOptions) -> DeciderFamily:
+    def maker(cls, options: WorldOptions) -> Callable[[float], Decider]:
         """Return the rule fitted to an environment; its threshold is v."""
 
         @functools.cache
-        def fitted() -> tuple[FloatArray, By]:
-            paths = simulate_posterior_paths(FITTING_EPISODES, FITTING, **vars(options))
-            return accepted_errors(paths), paths.by
+        def limits() -> FloatArray:
+            return accepted_errors(simulate_posterior_paths(FITTING_EPISODES, FITTING, **vars(options)))
 
-        def make(predictions: float) -> Decider:
-            limits, by = fitted()
-            return cls(limits, int(predictions), by)
-
-        return DeciderFamily(cls.title, cls.symbol, cls.thresholds, cls.default, make)
+        return lambda predictions: cls(limits(), int(predictions), rewarded(options))
 
     def decide(self, observation: Observations, state: Any, episode_start: Any) -> tuple[Actions, Any]:
         """See `Decider.decide`. The state is the last accepted action (N,), 0 for none, and how often in a row."""

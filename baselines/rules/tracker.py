@@ -32,8 +32,7 @@ class OnlineEstimate(NamedTuple):
             declaration of its mode; then `mode` is the one before.
         probabilities: (M,) of the modes.
         estimate: (4,) [x, vx, y, vy] [m, m/s]; NaN before the first measurement.
-        covariance: (4, 4) of the estimate. After a single measurement the variances of the velocity are infinite, as
-            all are before the first measurement of a track that begins again.
+        covariance: (4, 4) of the estimate; variances that nothing is known of are infinite.
         agrees: False if no motion of the track explains the measurement, see `OnlineTracker`; it is not used then.
         recalculated: with the option `recalculation`, at a declaration: estimates (k, 4) and covariances (k, 4, 4) of
             the k ticks since the switch by the filter of the declared mode; otherwise None.
@@ -81,9 +80,6 @@ class OnlineTracker:
         gate: distance from the nearest predicted position above which a measurement is not used, in standard
             deviations; None uses all.
 
-    Raises:
-        ArgumentError: an argument has a value that is not allowed, or the decider does not read these rows.
-
     >>> from baselines import ThresholdDecider
     >>> tracker = OnlineTracker(QuickestOptions(measurement_variance=0.01), ThresholdDecider(0.6))
     >>> for k in range(30):
@@ -113,9 +109,9 @@ class OnlineTracker:
     ) -> None:
         """Begin a track, and forget the last one.
 
-        Without an estimate the first measurements are collected, 3 with unknown and up to 10 with announced switches,
-        and a straight line is fitted to them. The bank begins after the last of them; until then the estimate is that
-        of the line, and all modes are equally probable.
+        Without an estimate a straight line is fitted to the first measurements, 3 with unknown and up to 10 with
+        announced switches. The bank begins after the last of them; until then the estimate is that of the line, and all
+        modes are equally probable.
 
         Args:
             estimate: (4,) [x, vx, y, vy] one tick before the first measurement [m, m/s]; None collects.
@@ -142,11 +138,7 @@ class OnlineTracker:
     def switch(self, ticks: int | None = None) -> None:
         """Announce that the next update is the first one after a switch, also `update(None)`.
 
-        Args:
-            ticks: until the next switch, which some learned deciders read; None assumes the longest segment.
-
-        Raises:
-            ArgumentError: the options have unknown switch moments, or `ticks` is out of range.
+        Some learned deciders read the number of ticks until the next switch; None assumes the longest segment.
         """
         if not self.world.announced:
             raise reject("switch", "an announced switch", "none with QuickestOptions")

@@ -130,10 +130,6 @@ def findings(results: Results, seed: int, flights: int, training: int) -> tuple[
     return tuple(made)
 
 
-def _means(errors: dict[str, FloatArray], metric: int) -> dict[str, float]:
-    return {name: float(values[..., metric].mean()) for name, values in errors.items()}
-
-
 def _unfiltered(results: Results, noise: Noise) -> Finding:
     ours = results.errors[noise][UNFILTERED].mean((0, 1))
     deviations = 100.0 * (ours / np.array(TEST_ERRORS[noise][UNFILTERED]) - 1.0)
@@ -142,23 +138,22 @@ def _unfiltered(results: Results, noise: Noise) -> Finding:
 
 
 def _ascending(values: dict[str, float], unit: str) -> str:
-    names = sorted(values, key=lambda name: values[name])
-    return ", ".join(f"{name} {values[name]:.2f} {unit}" for name in names)
+    return ", ".join(f"{name} {values[name]:.2f} {unit}" for name in sorted(values, key=values.__getitem__))
 
 
 def _orders(results: Results, noise: Noise) -> list[Finding]:
     """Filters of the thesis in the order of their errors, and the published order."""
     made = []
     for metric, unit in ((POSITION, "m"), (VELOCITY, "m/s")):
-        ours = _means({name: results.errors[noise][name] for name in THESIS}, metric)
+        errors = {name: results.errors[noise][name][..., metric] for name in THESIS}
         theirs = {name: TEST_ERRORS[noise][name][metric] for name in THESIS}
         label = f"order by {METRICS[metric].partition(',')[0]}, {NOISE_NAMES[noise]}"
+        ours = {name: float(values.mean()) for name, values in errors.items()}
         made.append(Finding(label, _ascending(ours, unit), _ascending(theirs, unit)))
-        runs = {name: results.errors[noise][name][..., metric].mean(1) for name in THESIS}
-        names = sorted(theirs, key=lambda name: theirs[name])
+        runs = {name: values.mean(1) for name, values in errors.items()}
         shares = [
             f"{first} before {second} {np.sum(runs[first] < runs[second])} of {len(runs[first])}"
-            for first, second in itertools.pairwise(names)
+            for first, second in itertools.pairwise(sorted(theirs, key=theirs.__getitem__))
         ]
         made.append(Finding(f"{label}: noise seeds with each published pair", ", ".join(shares)))
     return made
@@ -197,7 +192,7 @@ def _sound(results: Results, seed: int) -> list[Finding]:
 
     errors = results.errors["gaussian"]
     start = ", ".join(f"{name} {errors[name][..., VELOCITY].mean():.2f} m/s" for name in ("KF CA", "CA", "g-h"))
-    order = _ascending(_means({name: errors[name] for name in ORDERED}, POSITION), "m")
+    order = _ascending({name: float(errors[name][..., POSITION].mean()) for name in ORDERED}, "m")
     made = [
         Finding("sound CV: position RMSE as a share of no filter, Gaussian noise", share("gaussian", "CV", UNFILTERED)),
         Finding("sound settings: order by position RMSE, Gaussian noise", order),
