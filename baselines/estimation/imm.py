@@ -104,17 +104,15 @@ class IMMFilter(TrackFilter):
         known = isinstance(filters, Sequence) and all(isinstance(one, KalmanFilter) for one in filters)
         if not known or len(filters) < 2 or len({one.axes for one in filters}) > 1:
             raise reject("filters", filters, "two or more KalmanFilters with the same number of axes")
-        self.filters = list(filters)
-        smallest = min(one.order for one in filters)
+        orders = [one.order for one in filters]
         for one in filters:
-            if one.order > smallest and one.start_variances is None:
+            if one.order > min(orders) and one.start_variances is None:
                 raise reject("filters", one.model.name, "start_deviations of the larger models")
-        self.axes, self.order = filters[0].axes, max(one.order for one in filters)
-        count = len(filters)
+        self.filters, self.axes, self.order, count = list(filters), filters[0].axes, max(orders), len(filters)
         times = check_per_item("sojourns", sojourns, count, smallest=1e-30)
         self._stationary = times / times.sum()
         others = (np.ones((count, count)) - count * np.eye(count)) / (count - 1)
-        self._chain = ModelChain(others / times[:, None])
+        self.chain = ModelChain(others / times[:, None])
 
     @property
     def probabilities(self) -> FloatArray:
@@ -150,10 +148,6 @@ class IMMFilter(TrackFilter):
             one._set(*resized(means[:, j], matrices[:, j], self.axes, one.order, None))
         self._merge()
 
-    def transition(self, dt: float | FloatArray) -> FloatArray:
-        """Transition matrix of the models, (M, M) or (B, M, M), in a time step [s]."""
-        return self._chain.transition(dt)
-
     def _begin(self, tracks: int) -> None:
         for one in self.filters:
             one._begin(tracks)
@@ -168,7 +162,7 @@ class IMMFilter(TrackFilter):
         self._merge()
 
     def _predict(self, dt: float | FloatArray) -> None:
-        after, weights = mix_models(self._log_probabilities, self.transition(dt), SMALLEST)
+        after, weights = mix_models(self._log_probabilities, self.chain.transition(dt), SMALLEST)
         mixed = [
             mixture(*self._estimates_with(one.order, one.start_variances), weights[:, j, None])
             for j, one in enumerate(self.filters)

@@ -25,7 +25,7 @@ from abc import abstractmethod
 import numpy as np
 
 from baselines.estimation.track_filter import TrackFilter
-from hybrid_env.checks import FloatArray, check_between, check_flag, check_integer, check_number, check_positive, reject
+from hybrid_env.checks import FloatArray, check_flag, check_integer, check_number, check_positive, reject
 
 
 class GainFilter(TrackFilter):
@@ -111,7 +111,8 @@ class GHFilter(GainFilter):
 DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0])  # coefficients of the third backward difference D^3, newest value first
 LAGS = 5  # of H_0 to H_4
 PRODUCTS = 10  # before the filter adapts
-LARGEST_GAIN = 0.9  # of the positions in the corrected filter
+WINDOW = 15  # number of innovations in H_0 of the corrected filter
+LIMITS = 0.12, 0.9  # of its gain K_1 = 1 - R / H_0
 
 
 def third_difference(values: FloatArray) -> FloatArray:
@@ -240,22 +241,13 @@ class AdaptiveFilter(ConstantStepFilter):
 class CorrectedAdaptiveFilter(ConstantStepFilter):
     """The adaptive filter with estimates of R and H_0 that are not biased, and one gain for all axes, from their means.
 
-    Args:
-        axes, tau: see `AdaptiveFilter`.
-        window: number of innovations in H_0. A short window follows a manoeuvre quickly, a long one has
-            a steadier gain. The filter adapts after two windows.
-        smallest_gain: limit of K_1 = 1 - R / H_0.
+    It adapts after two windows of H_0. A short window would follow a manoeuvre faster, a long one have a steadier gain.
     """
-
-    def __init__(self, axes: int, tau: float, *, window: int = 15, smallest_gain: float = 0.12):
-        super().__init__(axes, tau)
-        self.window = check_integer("window", window)
-        self.smallest_gain = check_between("smallest_gain", smallest_gain, 0.0, LARGEST_GAIN)
 
     def _begin(self, tracks: int) -> None:
         super()._begin(tracks)
         self._measurements = np.full((4, tracks, self.axes), np.nan)
-        self._squares = np.full((self.window, tracks), np.nan)  # of innovations, mean over the axes
+        self._squares = np.full((WINDOW, tracks), np.nan)  # of innovations, mean over the axes
         self._noise, self._differences = np.zeros(tracks), np.zeros(tracks)
 
     def _remember(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> None:
@@ -270,8 +262,8 @@ class CorrectedAdaptiveFilter(ConstantStepFilter):
 
     def _adapted(self) -> FloatArray:
         mean = self._squares.mean(0)  # NaN until the window is full
-        ready = (self._count > 2 * self.window) & (mean > 0.0)
+        ready = (self._count > 2 * WINDOW) & (mean > 0.0)
         ratio = self._noise / np.where(ready, mean, 1.0)
-        gain = np.clip(1.0 - ratio, self.smallest_gain, LARGEST_GAIN)
+        gain = np.clip(1.0 - ratio, *LIMITS)
         gains = np.stack([gain, gain**2 / ((2.0 - gain) * self.tau)])
         return np.where(ready, gains, np.nan)[..., None].repeat(self.axes, axis=-1)

@@ -53,23 +53,15 @@ BOOTSTRAP_INTERVAL = "The interval is the 95 % bootstrap confidence interval ove
 
 
 class Detection(NamedTuple):
-    """Results of the detector for n runs of T ticks and M hypotheses. A single run has no first axis.
+    """Results of the detector for n runs of T ticks and M hypotheses. A single run has no first axis."""
 
-    Attributes:
-        ticks: (n,) first tick at which a tested hypothesis is declared, counted from 1; 0 without a detection.
-        modes: (n,) the hypothesis with the largest ratio at this tick; -1 without a detection.
-        log_ratios: (n, T, M) ln lambda_k of each turn, NaN in the column of the straight line.
-        upper: ln A.
-        lower: ln B.
-        accepted: (n,) first tick at which every tested ratio is <= B, the published decision that there is
-            no change, which does not stop the detection; 0 without one.
-    """
-
-    ticks: IntArray
-    modes: IntArray
-    log_ratios: FloatArray
-    upper: float
-    lower: float
+    ticks: IntArray  # (n,) first tick at which a tested hypothesis is declared, counted from 1; 0 without a detection
+    modes: IntArray  # (n,) the hypothesis with the largest ratio at this tick; -1 without a detection
+    log_ratios: FloatArray  # (n, T, M) ln lambda_k of each turn, NaN in the column of the straight line
+    upper: float  # ln A
+    lower: float  # ln B
+    # (n,) first tick at which every tested ratio is <= B, the published decision that there is no change, which does
+    # not stop the detection; 0 without one
     accepted: IntArray
 
 

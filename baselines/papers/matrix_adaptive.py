@@ -13,13 +13,13 @@ where nu_i is the innovation i ticks ago. With diagonal matrices these are the g
 import numpy as np
 
 from baselines.papers.adaptive import LAGS, PRODUCTS, ConstantStepFilter, shifted, third_difference
-from hybrid_env.checks import FloatArray, check_flag, check_integer, reject
+from hybrid_env.checks import FloatArray, check_integer, reject
 
 # Coefficients of the innovations in eq. (17) with N = 3, newest first, for positions and velocities.
 LAGS_OF = np.array([[0.0, 3.0, -3.0, 1.0, 0.0], [0.0, 3.0, -6.0, 4.0, -1.0]])
 
 
-def matrix_gain(covariances: FloatArray, spread: FloatArray, tau: float, limited: bool = True) -> FloatArray:
+def matrix_gain(covariances: FloatArray, spread: FloatArray, tau: float) -> FloatArray:
     """Gains of positions [-] and velocities [1/s], (2, ..., d, m), of the values of m = n d measured axes.
 
     From H_0 (..., m, m) [m^2], invertible, and the rows of P_e C', (2, ..., d, m) [m^2, m^2/s]. The limits are those of
@@ -28,8 +28,6 @@ def matrix_gain(covariances: FloatArray, spread: FloatArray, tau: float, limited
     position.
     """
     inverse = np.linalg.inv(covariances)
-    if not limited:
-        return spread @ inverse
     d, m = spread.shape[-2:]
     sensors = np.tile(np.eye(d), (m // d, 1))  # C without the columns of the velocities
     of_position = sensors.T @ inverse  # C' H_0^-1
@@ -39,23 +37,22 @@ def matrix_gain(covariances: FloatArray, spread: FloatArray, tau: float, limited
     gains = np.clip(gains, 0.0, 1.0)
     rates = np.einsum("...ik,...ij,...jk->...k", directions, velocity, directions)
     rates = np.clip(rates, 0.0, gains**2 / ((2.0 - gains) * tau))
-    limited_gains = (directions * np.stack([gains, rates])[..., None, :]) @ np.swapaxes(directions, -1, -2)
+    limited = (directions * np.stack([gains, rates])[..., None, :]) @ np.swapaxes(directions, -1, -2)
     unfactor = np.linalg.inv(factor)
-    return np.asarray(np.swapaxes(unfactor, -1, -2) @ limited_gains @ unfactor @ of_position)
+    return np.asarray(np.swapaxes(unfactor, -1, -2) @ limited @ unfactor @ of_position)
 
 
 class MatrixAdaptiveFilter(ConstantStepFilter):
     """The adaptive filter with one gain matrix for the d axes of the state and all n sensors.
 
     A measurement has the n d positions of one sensor after another, its `axes`; it is missing where a sensor has none,
-    and products around it are left out of the means. The gains (2, B, d, n d) may be limited, see `matrix_gain`.
+    and products around it are left out of the means. The gains (2, B, d, n d) are those of `matrix_gain`.
     """
 
-    def __init__(self, dimensions: int, tau: float, *, sensors: int = 1, limited: bool = True):
+    def __init__(self, dimensions: int, tau: float, *, sensors: int = 1):
         self.dimensions = check_integer("dimensions", dimensions)
         self.sensors = check_integer("sensors", sensors)
         super().__init__(self.dimensions * self.sensors, tau)
-        self.limited = check_flag("limited", limited)
 
     def _begin(self, tracks: int) -> None:
         super()._begin(tracks)
@@ -111,5 +108,5 @@ class MatrixAdaptiveFilter(ConstantStepFilter):
         covariances, *spread = np.split(self._means, (m, m + d), axis=1)
         ready = self._products > PRODUCTS * m
         ready &= np.linalg.matrix_rank(covariances, hermitian=True) == m  # exact values identify nothing
-        gains[:, ready] = matrix_gain(covariances[ready], np.stack(spread)[:, ready], self.tau, self.limited)
+        gains[:, ready] = matrix_gain(covariances[ready], np.stack(spread)[:, ready], self.tau)
         return gains

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.scoring.estimates import Estimate, confidence_interval, share_interval
+from baselines.scoring.estimates import Estimate, confidence_interval, wilson_interval
 from hybrid_env.checks import FloatArray
 
 NOT_REACHED = 1e9  # finite, because a difference of infinities would be NaN
@@ -119,7 +119,7 @@ class Scores:
         rows = self._rows(statistic, index)
         found = _estimate(rows, lambda means: _number(statistic, means))
         if statistic.share and found.low == found.high and found.value in (0.0, 1.0):
-            return Estimate(found.value, *share_interval(np.full(len(rows), found.value)))
+            return Estimate(found.value, *wilson_interval(found.value, len(rows)))
         return found
 
     def difference(

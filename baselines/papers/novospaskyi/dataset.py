@@ -88,22 +88,20 @@ def write_radar_data(folder: Path, seed: int = 0, flights: int = FLIGHTS) -> Non
     flown = point_mass_flights(flights, seed)
     scans = [scan_flight(flight, np.random.default_rng((seed, 1, k))) for k, flight in enumerate(flown)]
     training = round(radars.TRAINING_SHARE * flights)
-    parts: dict[str, list[dict[str, Any]]] = {name: [] for name in TABLES}
-    for k, (one, scan) in enumerate(zip(flown, scans, strict=True)):
-        columns = {"time": one.times, **_axes("", one.positions), **_axes("v", one.velocities)}
-        parts["flights"].append(_of_flight(k, columns))
-        parts["radars"].append(_of_flight(k, {"radar": np.arange(len(scan.radars)), **_axes("", scan.radars)}))
-    streams = (seed, radars.TRAINING_NOISE), (seed, radars.TEST_NOISE, 0)
-    for split, some, stream in zip(SPLITS, (slice(training), slice(training, None)), streams, strict=True):
-        measured = {noise: measure(scans[some], noise, stream).measurements for noise in NOISES}
-        for k, scan in enumerate(scans[some]):
-            count = len(scan.times)
-            columns = {"split": np.full(count, split), "radar": scan.radar, "time": scan.times}
-            for noise, values in measured.items():
-                columns |= _axes(f"{noise}_", values[k, :count])
-            parts["measurements"].append(_of_flight(k + (some.start or 0), columns))
-    for name, rows in parts.items():
-        _write(folder / f"{name}.parquet", rows)
+    numbers, join = np.arange(flights), np.concatenate
+    states = {"flight": np.repeat(numbers, [len(one.times) for one in flown]), "time": join([one.times for one in flown])}
+    states |= _axes("", join([one.positions for one in flown])) | _axes("v", join([one.velocities for one in flown]))
+    _write(folder / "flights.parquet", states)
+    places = {"flight": np.repeat(numbers, radars.RADARS), "radar": np.tile(np.arange(radars.RADARS), flights)}
+    _write(folder / "radars.parquet", places | _axes("", join([one.radars for one in scans])))
+    flight = np.repeat(numbers, [len(one.times) for one in scans])
+    seen = {"flight": flight, "split": np.where(flight < training, *SPLITS)}
+    seen |= {"radar": join([one.radar for one in scans]), "time": join([one.times for one in scans])}
+    for noise in NOISES:
+        first = measure(scans[:training], noise, (seed, radars.TRAINING_NOISE)).measurements
+        later = measure(scans[training:], noise, (seed, radars.TEST_NOISE, 0)).measurements
+        seen |= _axes(f"{noise}_", join([values[~np.isnan(values[..., 0])] for values in (first, later)]))
+    _write(folder / "measurements.parquet", seen)
     card = CARD.format(
         flights=flights, version=version("hybrid-track"), seed=seed, step=RECORD_STEP, training=training,
         period=radars.PERIOD, range=radars.RANGE, sigma=radars.SIGMA, stability=radars.STABILITY,
@@ -153,10 +151,6 @@ def _joined(columns: dict[str, Any], prefix: str) -> FloatArray:
     return np.stack([columns[f"{prefix}{axis}"] for axis in "xyz"], axis=-1)
 
 
-def _of_flight(k: int, columns: dict[str, Any]) -> dict[str, Any]:
-    return {"flight": np.full(len(next(iter(columns.values()))), k)} | columns
-
-
 def _groups(columns: dict[str, Any]) -> list[dict[str, Any]]:
     """Return the rows of each flight, which lie together."""
     starts = np.flatnonzero(np.diff(columns["flight"], prepend=-1))
@@ -164,12 +158,10 @@ def _groups(columns: dict[str, Any]) -> list[dict[str, Any]]:
     return [{name: values[begin:end] for name, values in columns.items()} for begin, end in pairwise(bounds)]
 
 
-def _write(file: Path, parts: list[dict[str, Any]]) -> None:
-    """Write the columns of all flights, one after the other."""
+def _write(file: Path, columns: dict[str, Any]) -> None:
     with explained():
         import pyarrow as pa
         import pyarrow.parquet as pq
-    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     pq.write_table(pa.table(columns), file, compression="zstd")
 
 
