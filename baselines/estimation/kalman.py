@@ -23,14 +23,6 @@ class KalmanFilter(TrackFilter):
         start_deviations: (m - 1,) standard deviations of velocity [m/s], acceleration [m/s^2] and jerk [m/s^3] at the
             start of a track. None if tracks begin with `begin_from`.
         robust: how measurements far from the prediction are used; None is the plain filter.
-
-    >>> cv = KalmanFilter(MotionModel("CV", axes=2, noise=0.1), noise=25.0, start_deviations=(30.0,))
-    >>> cv.begin(tracks=1)
-    >>> for k in range(30):
-    ...     cv.predict(1.0)
-    ...     cv.update([[10.0 * k, 0.0]])
-    >>> cv.velocity.round(1)
-    array([[10.,  0.]])
     """
 
     covariance: FloatArray

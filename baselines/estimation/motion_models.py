@@ -9,31 +9,19 @@ Kirubarajan 2001, "Estimation with Applications to Tracking and Navigation", sec
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from math import factorial
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_env import checks
-from hybrid_env.checks import LARGEST_NUMBER, FloatArray, check_array, check_choice, check_number, dimensions, reject
+from hybrid_env.checks import FloatArray, check_array, check_choice, check_integer, dimensions, reject
 
 ORDERS = {"CV": 2, "CA": 3, "CJ": 4}  # number of values per axis, m, of each model
 
 
-def check_scalar(name: str, value: Any) -> float:
-    """Return a checked float of a size whose square does not overflow."""
-    number = check_number(name, value)
-    if abs(number) > LARGEST_NUMBER:
-        raise reject(name, value, f"a number up to {LARGEST_NUMBER:g}")
-    return number
-
-
 def check_per_item(name: str, value: float | ArrayLike, count: int, smallest: float = 0.0) -> FloatArray:
     """Return checked values >= `smallest`, (count,), of one number for all or of an array with one for each."""
-    if dimensions(value) == 0:
-        values = np.full(count, check_scalar(name, value))
-    else:
-        values = check_array(name, value, (count,))
+    values = check_array(name, np.full(count, value) if dimensions(value) == 0 else value, (count,))
     if (values < smallest).any():
         raise reject(name, float(values.min()), f"numbers >= {smallest:g}")
     return values
@@ -56,7 +44,7 @@ class MotionModel:
 
     def __post_init__(self) -> None:
         check_choice("name", self.name, ORDERS)
-        checks.check_integer("axes", self.axes)
+        check_integer("axes", self.axes)
         check_choice("discretization", self.discretization, ("continuous", "discrete"))
         object.__setattr__(self, "noise", check_per_item("noise", self.noise, self.axes))
 

@@ -12,10 +12,9 @@ from hybrid_env.checks import FloatArray, check_array, check_between, check_inte
 class ParticleFilter(TrackFilter):
     """Particles that move as the model does, weighted by the likelihood of the measurements.
 
-    Motion and errors of the axes are independent, so that each axis has P particles of its own, (B, d, P, m). They are
-    resampled systematically (Kitagawa 1996) where their effective number falls below half of them. Errors have a scale
-    `deviation` on each axis [m] and Student's t, or without degrees of freedom the normal distribution. `begin` starts
-    the random numbers anew.
+    Each axis has P particles of its own, (B, d, P, m), which are resampled systematically (Kitagawa 1996) where their
+    effective number falls below half of them. Errors have a scale `deviation` on each axis [m] and Student's t, or
+    without degrees of freedom the normal distribution. `begin` starts the random numbers anew.
     """
 
     covariance: FloatArray

@@ -3,11 +3,9 @@
 The components of a measurement along the principal axes of its covariance are processed one after the other. Let y be
 the innovation of a component, m the variance of its prediction, r the variance of its error, and c the column of the
 covariance P of the state that belongs to it. Every method adds c y a to the state and subtracts c c' b from P; the
-methods differ in the factors a and b. For the Kalman filter a = b = 1 / (m + r). A `Robust` method assumes that
-outliers of different components are independent; `WholeStudentT` has one weight for all components.
-
-Each method also gives the log-likelihood of the innovation. For Student-t it is exact; for Huber it is that of the
-density that belongs to the loss, with the scale of the innovation.
+methods differ in a and b. For the Kalman filter a = b = 1 / (m + r). A `Robust` method assumes that outliers of
+different components are independent. Each method also gives the log-likelihood of the innovation. For Student-t it is
+exact; for Huber it is that of the density that belongs to the loss, with the scale of the innovation.
 """
 
 from abc import ABC, abstractmethod

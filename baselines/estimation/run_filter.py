@@ -7,9 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baselines.estimation.motion_models import check_scalar
 from baselines.estimation.track_filter import TrackFilter, check_measurements, measurement_covariance
-from hybrid_env.checks import ArgumentError, FloatArray, check_array, check_flag, dimensions, reject
+from hybrid_env.checks import (
+    LARGEST_NUMBER,
+    ArgumentError,
+    FloatArray,
+    check_array,
+    check_flag,
+    check_number,
+    dimensions,
+    reject,
+)
 
 
 @dataclass(frozen=True)
@@ -83,11 +91,10 @@ def run_filter(
         first = moments[0]
     elif isinstance(start, tuple) and len(start) == 3:
         track_filter.begin_from(start[0] if dimensions(start[0]) == 2 else [start[0]], start[1])
-        first = np.full(moments.shape[1:], check_scalar("start time", start[2]))
+        allowed, last = "a time not after the first measurement", float(moments[0].min())
+        first = np.full(moments.shape[1:], check_number("start time", start[2], allowed, -LARGEST_NUMBER, last))
         if track_filter.tracks != tracks:
             raise reject("start estimates", track_filter.tracks, f"{tracks}, one for each track")
-        if (first > moments[0]).any():
-            raise reject("start time", start[2], "a time not after the first measurement")
     else:
         raise reject("start", start, "(estimates, covariances, time) or None")
     size, kept = track_filter.state.shape[1], keep and track_filter.has_covariance

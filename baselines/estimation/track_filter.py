@@ -6,8 +6,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baselines.estimation.motion_models import check_per_item, check_scalar
-from hybrid_env.checks import FloatArray, check_array, check_integer, check_positive, dimensions, reject
+from baselines.estimation.motion_models import check_per_item
+from hybrid_env.checks import LARGEST_NUMBER, FloatArray, check_array, check_integer, check_number, dimensions, reject
 
 
 class TrackFilter(ABC):
@@ -64,7 +64,7 @@ class TrackFilter(ABC):
     def predict(self, dt: float | ArrayLike) -> None:
         """Advance by a time step [s], >= 0, one number or (B,)."""
         if dimensions(dt) == 0:
-            self._predict(check_positive("dt", check_scalar("dt", dt), allow_zero=True))
+            self._predict(check_number("dt", dt, f"a number from 0 to {LARGEST_NUMBER:g}", 0.0, LARGEST_NUMBER))
         else:
             self._predict(check_per_item("dt", dt, self.tracks))
 

@@ -20,6 +20,7 @@ of the measurements has the variance (1 + 9 + 9 + 1) R if the motion is smooth, 
 innovations. The gain of the velocities is h = g^2 / (2 - g) of that of the positions (Benedict & Bordner 1962).
 """
 
+import math
 from abc import abstractmethod
 
 import numpy as np
@@ -77,30 +78,17 @@ class GainFilter(TrackFilter):
 
 
 class GHFilter(GainFilter):
-    """The g-h filter of positions in d dimensions.
+    """The g-h filter of positions in d dimensions; for its start see `GainFilter`.
 
-    With x, v the prediction at a measurement z and t the time since the last one:
-    x' = x + g (z - x), v' = v + h / t (z - x). For its start see `GainFilter`.
-
-    Args:
-        axes: number of dimensions d.
-        g, h: gains, with 0 < g and 0 <= h, and h < 4 - 2 g, so that the filter is stable.
-        longest_gap: time between two measurements [s] after which a track starts anew; None never.
-
-    >>> gh = GHFilter(axes=1, g=0.5, h=0.2)
-    >>> gh.begin(tracks=1)
-    >>> for k in range(4):
-    ...     gh.predict(2.0)
-    ...     gh.update([[6.0 * k]])
-    >>> gh.state
-    array([[18.,  3.]])
+    With x, v the prediction at a measurement z and t the time since the last one: x' = x + g (z - x),
+    v' = v + h / t (z - x). The gains have 0 < g and 0 <= h < 4 - 2 g, so that the filter is stable. After `longest_gap`
+    between two measurements [s] a track starts anew; None never.
     """
 
     def __init__(self, axes: int, g: float, h: float, longest_gap: float | None = None):
         self.axes = check_integer("axes", axes)
-        self.g, self.h = check_positive("g", g), check_number("h", h)
-        if not 0.0 <= self.h < 4.0 - 2.0 * self.g:
-            raise reject("h", h, f"a number from 0, below 4 - 2 g = {4.0 - 2.0 * self.g:g}")
+        self.g, bound = check_positive("g", g), 4.0 - 2.0 * g
+        self.h = check_number("h", h, f"a number from 0, below 4 - 2 g = {bound:g}", 0.0, math.nextafter(bound, -1.0))
         self.longest_gap = np.inf if longest_gap is None else check_positive("longest_gap", longest_gap)
 
     def _find_gains(self, measurement: FloatArray) -> FloatArray:

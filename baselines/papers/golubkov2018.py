@@ -12,7 +12,7 @@ rule (5) tests i only against q_A, as the algorithm does, not against any other 
 
 import itertools
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -64,17 +64,10 @@ KNOWN_MODES_SETTINGS: dict[str, dict[str, Any]] = {
 }
 
 
-class Estimates(NamedTuple):
-    """Output of a filter for n runs of T ticks. A single run has no first axis."""
-
-    estimates: FloatArray  # (n, T, 4) [x, vx, y, vy] [m, m/s]
-    covariances: FloatArray  # (n, T, 2, 3) P_XX, P_XV, P_VV of (position, velocity) on each axis
-
-
 @compiled
 def _filter_run(
     measurements: FloatArray, start: FloatArray, lengths: IntArray, signed_radii: FloatArray,
-    first: FloatArray, carry: bool, filters: Filters, output: Estimates,
+    first: FloatArray, carry: bool, filters: Filters, estimates: FloatArray,
 ) -> None:  # fmt: skip
     """Filter one run; see `filter_known_modes`."""
     bank, _, model = filters
@@ -92,9 +85,9 @@ def _filter_run(
         for _ in range(length):
             measurement[:, 0] = measurements[k]
             follow_published(bank, 0, mode, measurement, model)
-            write_estimate(bank, mode, output.estimates[k], output.covariances[k])
+            write_estimate(bank, mode, estimate, covariance)
+            estimates[k] = estimate
             k += 1
-        write_estimate(bank, mode, estimate, covariance)
 
 
 def filter_known_modes(
@@ -102,10 +95,11 @@ def filter_known_modes(
     start: ArrayLike | None = None, *, tau: float = 0.1, process_variance: float = 0.001,
     measurement_variance: float | ArrayLike = 0.1, start_covariance: ArrayLike = (1.0, 0.0, 1.0),
     carry_covariance: bool = True,
-) -> Estimates:  # fmt: skip
-    """Estimate the trajectory of recorded positions with known modes and switch times. Table 2 ("optimal").
+) -> FloatArray:  # fmt: skip
+    """Estimate the trajectory, (n, T, 4) [m, m/s], with known modes and switch times. Table 2 ("optimal").
 
-    One filter of the bank runs in each segment, from the last estimate and its covariance.
+    One filter of the bank runs in each segment, from the last estimate and its covariance. A single run has no first
+    axis.
 
     Args:
         measurements, lengths, start, tau, process_variance, measurement_variance: see `baselines.track_ate`.
@@ -121,12 +115,10 @@ def filter_known_modes(
     filters = make_filters(np.ones(1), tau, process_variance, measurement_variance)
     first = check_array("start_covariance", start_covariance, (3,))
     known = segment_lengths, radii, first, check_flag("carry_covariance", carry_covariance)
-    runs, total = values.shape[:2]
-    found = Estimates(np.empty((runs, total, 4)), np.empty((runs, total, 2, 3)))
-    for run in range(runs):
-        of_run = Estimates(*(array[run] for array in found))
-        run_compiled(_filter_run, values[run], starts[run], *known, filters, of_run)
-    return Estimates(*(array[0] for array in found)) if np.ndim(measurements) == 2 else found
+    found = np.empty((*values.shape[:2], 4))
+    for run, estimates in enumerate(found):
+        run_compiled(_filter_run, values[run], starts[run], *known, filters, estimates)
+    return np.asarray(found[0] if np.ndim(measurements) == 2 else found)
 
 
 def run_ate(recording: Simulation, variance: float, **options: Any) -> Tracks:
@@ -171,7 +163,7 @@ def _known_modes_cells(name: str, recording: Simulation, seed: int, **options: A
     estimates = filter_known_modes(
         recording.measurements, recording.lengths, recording.signed_radii,
         measurement_variance=MEASUREMENT_VARIANCES[name], **{"start": START} | options,
-    ).estimates  # fmt: skip
+    )  # fmt: skip
     return rmse_row("Table 2, RMSE with known modes", name, TABLE_2[name], estimates, recording.truth, seed)
 
 

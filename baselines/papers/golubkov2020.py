@@ -60,9 +60,6 @@ class Detection(NamedTuple):
     log_ratios: FloatArray  # (n, T, M) ln lambda_k of each turn, NaN in the column of the straight line
     upper: float  # ln A
     lower: float  # ln B
-    # (n,) first tick at which every tested ratio is <= B, the published decision that there is no change, which does
-    # not stop the detection; 0 without one
-    accepted: IntArray
 
 
 def detect_switch(
@@ -103,17 +100,16 @@ def detect_switch(
         log_ratios[part, :, 1:] = _log_ratios(values[part], starts[part], bank_radii, model, root)
     ranked = np.sort(log_ratios[:, :, chosen], axis=-1)
     largest = ranked[:, :, -1]
-    passed, below = largest >= upper, largest <= lower
+    passed = largest >= upper
     if chosen.size > 1:
         passed &= largest - ranked[:, :, -2] >= margin
     detected, first_tick = passed.any(1), passed.argmax(1)
     at = log_ratios[np.arange(len(values)), first_tick][:, chosen]
     ticks = np.where(detected, first_tick + 1, 0)
     found = np.where(detected, chosen[at.argmax(1)], -1)
-    accepted = np.where(below.any(1), below.argmax(1) + 1, 0)
     if np.ndim(measurements) == 2:
-        return Detection(ticks[0], found[0], log_ratios[0], upper, lower, accepted[0])
-    return Detection(ticks, found, log_ratios, upper, lower, accepted)
+        return Detection(ticks[0], found[0], log_ratios[0], upper, lower)
+    return Detection(ticks, found, log_ratios, upper, lower)
 
 
 def _log_ratios(

@@ -6,6 +6,7 @@ multihypothesis testing"), the gap rule when its likelihood ratio to every other
 the type of motion is rewarded, the test should use the posterior of the type: neighbouring radii share it.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Literal
 
@@ -13,16 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baselines.rules.decider import Actions, Decider, Observations, RowRule
-from hybrid_env.checks import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    check_array,
-    check_choice,
-    check_number,
-    check_positive,
-    reject,
-)
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_array, check_between, check_choice, check_number
 from hybrid_env.observation import LOG_FLOOR, Layout
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering.evidence import EvidencePanel, Threshold, posterior_panel, ratio_limits
@@ -70,15 +62,11 @@ def type_posteriors(log_ratio: FloatArray) -> FloatArray:
     return np.asarray(types / types.sum(-1, keepdims=True))
 
 
-def _likeliest_of_type(types: FloatArray, values: NDArray[Any]) -> IntArray:
-    """Hypothesis with the largest value (N, M) within the type with the largest sum (N, 3), (N,)."""
-    of_type = mode_types(values.shape[-1]) == types.argmax(-1)[:, None]
-    return np.where(of_type, values, -np.inf).argmax(-1)
-
-
-def _other_types_sum(types: FloatArray, chosen: IntArray) -> FloatArray:
-    """Posterior of all types (N, 3) but the chosen one, (N,); accurate where 1 - p would cancel."""
-    return np.asarray(np.where(np.arange(3) == chosen[:, None], 0.0, types).sum(-1))
+def _by_type(types: FloatArray, values: NDArray[Any]) -> tuple[FloatArray, IntArray]:
+    """Return the sum of all types (N, 3) but the largest one, and the place of the largest value (N, M) within it."""
+    chosen = types.argmax(-1)[:, None]
+    best = np.where(mode_types(values.shape[-1]) == chosen, values, -np.inf).argmax(-1)
+    return np.where(np.arange(3) == chosen, 0.0, types).sum(-1), best  # accurate where 1 - p would cancel
 
 
 def error_and_best(posterior: NDArray[np.floating], by_type: bool | BoolArray) -> tuple[FloatArray, IntArray]:
@@ -87,10 +75,10 @@ def error_and_best(posterior: NDArray[np.floating], by_type: bool | BoolArray) -
     `by_type`, one value or (N,), counts only hypotheses of other types as errors, and the best one is the most likely
     one of the most likely type.
     """
-    types = type_sums(posterior)
-    best = np.where(by_type, _likeliest_of_type(types, posterior), posterior.argmax(-1))
+    of_type, best_of_type = _by_type(type_sums(posterior), posterior)
+    best = np.where(by_type, best_of_type, posterior.argmax(-1))
     others = np.where(np.arange(posterior.shape[1]) == best[:, None], 0.0, posterior).sum(-1, dtype=np.float64)
-    return np.where(by_type, _other_types_sum(types, types.argmax(-1)), others), best
+    return np.where(by_type, of_type, others), best
 
 
 def read_error_probability(observation: Observations, by: By) -> tuple[FloatArray, IntArray]:
@@ -99,10 +87,8 @@ def read_error_probability(observation: Observations, by: By) -> tuple[FloatArra
     log_ratio = layout.read(observation, "log_ratio")
     if by == "hypothesis":
         return layout.read(observation, "log_error_probability"), log_ratio.argmax(-1)
-    posterior = type_posteriors(log_ratio)
-    error_probability = _other_types_sum(posterior, posterior.argmax(-1))
-    log_error_probability = np.log(np.maximum(error_probability, np.exp(LOG_FLOOR)))
-    return log_error_probability, _likeliest_of_type(posterior, log_ratio)
+    error_probability, best = _by_type(type_posteriors(log_ratio), log_ratio)
+    return np.log(np.maximum(error_probability, np.exp(LOG_FLOOR))), best
 
 
 class PosteriorRule(RowRule):
@@ -148,9 +134,8 @@ class MSPRTDecider(PosteriorRule):
     colour, marker = "#c80f82", "D"
 
     def __init__(self, alpha: float = 0.02, by: By = "hypothesis"):
-        self.alpha = check_number("alpha", alpha, "a number from 1e-13 to 1")
-        if not np.exp(LOG_FLOOR) < alpha <= 1.0:
-            raise reject("alpha", alpha, "a number from 1e-13 to 1")
+        smallest = math.nextafter(math.exp(LOG_FLOOR), 1.0)
+        self.alpha = check_number("alpha", alpha, "a number from 1e-13 to 1", smallest, 1.0)
         super().__init__([np.log(self.alpha)], by)
 
 
@@ -207,9 +192,7 @@ class GapDecider(RowRule):
     colour, marker = "#695a00", "P"
 
     def __init__(self, gap: float = 4.6):
-        self.gap = check_positive("gap", gap)
-        if gap >= -LOG_FLOOR:
-            raise reject("gap", gap, f"a number between 0 and {-LOG_FLOOR:g}")
+        self.gap = check_between("gap", gap, 0.0, -LOG_FLOOR)
 
     def act(self, rows: Observations) -> Actions:
         """See `RowRule.act`."""

@@ -6,6 +6,7 @@ The other starts extended Kalman filters, which include the uncertainty of the a
 """
 
 import functools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -20,7 +21,7 @@ from baselines.rules.measurements import observe_sensed, split_sensed
 from baselines.rules.msprt import ALPHAS, error_and_best, mode_types
 from baselines.rules.rollout import rollout
 from baselines.rules.seeds import FITTING
-from hybrid_env.checks import BoolArray, FloatArray, check_number, reject
+from hybrid_env.checks import BoolArray, FloatArray, check_number
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 from hybrid_env.vector_env import HybridTrackVectorEnv
@@ -55,9 +56,7 @@ class KeptCovarianceDecider(Decider):
 
     def __init__(self, world: WorldOptions, alpha: float = 0.02, robust: bool = False):
         self.world, self.robust = world, robust
-        self.alpha = check_number("alpha", alpha)
-        if not 0.0 < self.alpha <= 1.0:
-            raise reject("alpha", alpha, "a number > 0 and <= 1")
+        self.alpha = check_number("alpha", alpha, "a number > 0 and <= 1", math.ulp(0.0), 1.0)
         self.by_type = world.correctness == "type"
         self.layout = Layout(world.hypotheses)
         self.observes = "tracks" if world.sensors else "rows"

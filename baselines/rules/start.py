@@ -63,8 +63,8 @@ class FirstMeasurements:
     """Collects measurements until more of them would not make the estimate of the velocity better.
 
     The line is fitted to the last of them, as many as give the smallest variance of the velocity: few if the object
-    turns by a large angle in a tick, many, up to `most`, if the measurements are noisy. `estimate` and `covariance` are
-    NaN and infinite before the first measurement; `complete` tells whether a track can begin with them.
+    turns by a large angle in a tick, many, up to `most`, if the measurements are noisy. `complete` tells whether a
+    track can begin with the estimate.
     """
 
     def __init__(self, options: ModelOptions, most: int):

@@ -1,10 +1,10 @@
 """TEASER, a rule of early classification of time series, on the posterior of the bank.
 
 Schaefer & Leser (2020), "TEASER: early and accurate time series classification", Data Mining and Knowledge Discovery
-34. A classifier predicts at each of some checkpoints, a one-class test of the checkpoint accepts what resembles right
-predictions, and v equal accepted predictions in a row are declared. Here every tick is a checkpoint, the bank is the
-classifier, and the one-class test of its error probability is a quantile of right predictions. A one-class support
-vector machine, as published, would also refuse predictions that are surer than most.
+34. At some checkpoints a classifier predicts, a one-class test accepts what resembles right predictions, and v equal
+accepted predictions in a row are declared. Here every tick is a checkpoint, the bank is the classifier, and the test of
+its error probability is a quantile of right predictions; a one-class support vector machine, as published, would also
+refuse predictions that are surer than most.
 """
 
 import functools

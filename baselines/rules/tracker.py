@@ -57,11 +57,10 @@ class OnlineTracker:
     Probabilities, estimate and covariance are those of the bank, the interacting multiple model.
 
     With `WorldOptions` the caller announces a switch by `switch`. Until the decider declares the mode of the segment,
-    the estimate is that of the filter of the last decided mode. From the declaration on, the filter of the declared
-    mode follows the object to the next switch and gives its anchor; the decider is not asked and the probabilities do
-    not change. A segment that ends undecided is decided as in the options. With `follow="bank"` all filters run on, and
-    the estimate is merged over them; with `refine_radius` mode and estimate are those of the likeliest hypothesis of
-    the declared type.
+    the estimate is that of the filter of the last decided mode. From then on the filter of the declared mode follows
+    the object to the next switch and gives its anchor; the decider is not asked and the probabilities do not change. A
+    segment that ends undecided is decided as in the options. With `follow="bank"` the estimate is merged over all
+    filters; with `refine_radius` mode and estimate are those of the likeliest hypothesis of the declared type.
 
     Measurements come at multiples of the tick `tau` of the options. After a jump of k ticks the bank predicts k - 1
     ticks without a measurement, in which only deciders with filters of their own, whose `every_tick` is True, are
@@ -123,10 +122,8 @@ class OnlineTracker:
             raise reject("covariance", covariance, "None without an estimate")
         first = None if estimate is None else self._checked_estimate(estimate, covariance)
         self._mode = known
-        self._collected: FirstMeasurements | None = None
-        if first is None:
-            self._collected = FirstMeasurements(self.options, MANY if self.world.announced else FEW)
-        else:
+        self._collected = FirstMeasurements(self.options, MANY if self.world.announced else FEW) if not first else None
+        if first is not None:
             self.world.begin_track(*first, known)
         self._last_time: float | None = None
         self._refused = self._agreed = 0

@@ -84,12 +84,6 @@ class StatementMetrics:
         counts = np.bincount(np.minimum(self.delays, longest + 1), minlength=longest + 2)[:-1]
         return np.append(counts.cumsum(), self.delays.size + self.missed.sum())
 
-    def delay_quantiles(self, *levels: float) -> FloatArray:
-        """Return quantiles of the delays of detected switches [ticks], NaN without one."""
-        if not self.delays.size:
-            return np.full(len(levels), np.nan)
-        return np.asarray(np.quantile(self.delays, levels))
-
 
 def measure_statements(statements: Statements, change_cost: float = 5.0) -> StatementMetrics:
     """Measure recorded statements.

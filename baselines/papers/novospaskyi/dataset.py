@@ -89,7 +89,10 @@ def write_radar_data(folder: Path, seed: int = 0, flights: int = FLIGHTS) -> Non
     scans = [scan_flight(flight, np.random.default_rng((seed, 1, k))) for k, flight in enumerate(flown)]
     training = round(radars.TRAINING_SHARE * flights)
     numbers, join = np.arange(flights), np.concatenate
-    states = {"flight": np.repeat(numbers, [len(one.times) for one in flown]), "time": join([one.times for one in flown])}
+    states = {
+        "flight": np.repeat(numbers, [len(one.times) for one in flown]),
+        "time": join([one.times for one in flown]),
+    }
     states |= _axes("", join([one.positions for one in flown])) | _axes("v", join([one.velocities for one in flown]))
     _write(folder / "flights.parquet", states)
     places = {"flight": np.repeat(numbers, radars.RADARS), "radar": np.tile(np.arange(radars.RADARS), flights)}

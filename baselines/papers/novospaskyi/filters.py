@@ -23,7 +23,7 @@ from baselines.estimation.track_filter import TrackFilter, check_measurements
 from baselines.papers.adaptive import GHFilter
 from baselines.papers.novospaskyi.flights import SPEED
 from baselines.papers.novospaskyi.radars import SIGMA, Tracks
-from hybrid_env.checks import FloatArray, IntArray, check_integer, check_number, dimensions, reject
+from hybrid_env.checks import FloatArray, IntArray, check_integer, check_number, dimensions
 
 Parameters = Mapping[str, Any]
 
@@ -48,16 +48,11 @@ def moving_average(measurements: ArrayLike, window: int, ratio: float = 1.0) -> 
         measurements: (T, B, d) or (T, d) [m], NaN where there is none.
         window: number of ticks, >= 1.
         ratio: of the weight of a measurement to that of the next one, above 0, at most 1.
-
-    >>> moving_average([[0.0], [1.0], [2.0], [3.0]], window=2).T
-    array([[0. , 0.5, 1.5, 2.5]])
     """
     shape = (None, None) if dimensions(measurements) == 2 else (None, None, None)
     values = check_measurements("measurements", measurements, shape)
     window = check_integer("window", window)
-    ratio = check_number("ratio", ratio)
-    if not 0.0 < ratio <= 1.0:
-        raise reject("ratio", ratio, "a number above 0, at most 1")
+    ratio = check_number("ratio", ratio, "a number above 0, at most 1", math.ulp(0.0), 1.0)
     present = ~np.isnan(values)
     sums, weights = np.zeros_like(values), np.zeros_like(values)
     known = np.where(present, values, 0.0)
