@@ -44,12 +44,9 @@ def principal_noise(covariance: FloatArray) -> PrincipalNoise:
 
 
 def correct(
-    state: FloatArray,
-    covariance: FloatArray,
-    measurement: FloatArray,
-    noise: PrincipalNoise,
+    state: FloatArray, covariance: FloatArray, measurement: FloatArray, noise: PrincipalNoise,
     robust: Robust | WholeStudentT | None = None,
-) -> Corrected:
+) -> Corrected:  # fmt: skip
     """Correct predicted estimates, (..., n) and (..., n, n), by measured positions (..., d) [m].
 
     `robust` says how components far from the prediction are used, or whole measurements; None is the Kalman filter.

@@ -112,7 +112,7 @@ class IMMFilter(TrackFilter):
         times = check_per_item("sojourns", sojourns, count, smallest=1e-30)
         self._stationary = times / times.sum()
         others = (np.ones((count, count)) - count * np.eye(count)) / (count - 1)
-        self.chain = ModelChain(others / times[:, None])
+        self._chain = ModelChain(others / times[:, None])
 
     @property
     def probabilities(self) -> FloatArray:
@@ -148,6 +148,10 @@ class IMMFilter(TrackFilter):
             one._set(*resized(means[:, j], matrices[:, j], self.axes, one.order, None))
         self._merge()
 
+    def transition(self, dt: float | FloatArray) -> FloatArray:
+        """Transition matrix of the models, (M, M) or (B, M, M), in a time step [s]."""
+        return self._chain.transition(dt)
+
     def _begin(self, tracks: int) -> None:
         for one in self.filters:
             one._begin(tracks)
@@ -162,7 +166,7 @@ class IMMFilter(TrackFilter):
         self._merge()
 
     def _predict(self, dt: float | FloatArray) -> None:
-        after, weights = mix_models(self._log_probabilities, self.chain.transition(dt), SMALLEST)
+        after, weights = mix_models(self._log_probabilities, self.transition(dt), SMALLEST)
         mixed = [
             mixture(*self._estimates_with(one.order, one.start_variances), weights[:, j, None])
             for j, one in enumerate(self.filters)

@@ -92,13 +92,6 @@ def _filtered(measured: FloatArray, times: FloatArray, deviation: float) -> Filt
     return run_filter(kalman, measured, times, keep_covariances=False)
 
 
-def adaptive_positions(flights: Flights, version: str) -> FloatArray:
-    """Positions (T, n, 3) by the adaptive filter "as published", "without limits" or "corrected"."""
-    corrected, limited = version == "corrected", version == "as published"
-    adaptive = CorrectedAdaptiveFilter(AXES, TAU) if corrected else AdaptiveFilter(AXES, TAU, limited=limited)
-    return run_filter(adaptive, flights.measurements, flights.times).positions
-
-
 def matrix_ratios(runs: int, seed: int) -> list[Cell]:
     """Error of the adaptive filter in matrix form over that of each axis by itself, on the same flights."""
     flights, cells = simulate_flights(1, seed), []
@@ -141,12 +134,14 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     runs = check_integer("runs", runs, minimum=2)
     flights = simulate_flights(runs, seed)
     adaptive, slow = "adaptive, as published", f"Kalman, sigma_w = {SLOW:g}"
+    versions = AdaptiveFilter(AXES, TAU), AdaptiveFilter(AXES, TAU, limited=False), CorrectedAdaptiveFilter(AXES, TAU)
+    plain, free, corrected = (run_filter(one, flights.measurements, flights.times).positions for one in versions)
     rows = {
-        adaptive: adaptive_positions(flights, "as published"),
+        adaptive: plain,
         slow: kalman_positions(flights, SLOW),
         "measurements": flights.measurements,
-        "adaptive, without limits": adaptive_positions(flights, "without limits"),
-        "adaptive, corrected": adaptive_positions(flights, "corrected"),
+        "adaptive, without limits": free,
+        "adaptive, corrected": corrected,
         f"Kalman, sigma_w = {MEDIUM:g}": kalman_positions(flights, MEDIUM),
         f"Kalman, sigma_w = {FAST:g}": kalman_positions(flights, FAST),
     }
@@ -181,24 +176,18 @@ def _doubtful_points(flights: Flights, seed: int) -> list[Finding]:
             levels.append(np.exp(np.interp(0.0, *np.transpose(points))))
         needed.append(f"{leg}: {' or '.join(f'{level:.3g}' for level in levels) or 'none'}")
     error, innovation = _lag_products(flights)
-    found = {
-        "sigma_w with which the Kalman filter has the published RMSE, m/s^2": (
-            "; ".join(needed), "one Kalman filter, its process noise not stated",
-        ),
-        "R of eq. (19) over the true one, in uniform motion": (bias, "1: eq. (19) gives R"),
-        "eq. (18) minus eq. (19), largest difference in a run [m^2]": (
-            f"{_equation_difference(flights):.1e}", "two methods; they are the same one",
-        ),
-        f"Kalman, sigma_w = {MEDIUM:g}, 30-50 s: M[e_n e_(n-1)] of prediction errors and "
-        "M[nu_n nu_(n-1)] of innovations [m^2]": (
-            f"{error:.2f} and {innovation:.2f}", "equal, before eq. (17)",
-        ),
-        "settings that the paper does not state": (
-            "mean over all ticks, axes by themselves, line fit for the first 10 products, "
-            "0 <= K_1 <= 1, 0 <= K_2 <= K_1^2 / ((2 - K_1) T)",
-        ),
-    }  # fmt: skip
-    return [Finding(name, *texts) for name, texts in found.items()]
+    scanned = "sigma_w with which the Kalman filter has the published RMSE, m/s^2"
+    means = "M[e_n e_(n-1)] of prediction errors and M[nu_n nu_(n-1)] of innovations [m^2]"
+    lagged = f"Kalman, sigma_w = {MEDIUM:g}, 30-50 s: {means}"
+    gains = "line fit for the first 10 products, 0 <= K_1 <= 1, 0 <= K_2 <= K_1^2 / ((2 - K_1) T)"
+    difference = f"{_equation_difference(flights):.1e}", "two methods; they are the same one"
+    return [
+        Finding(scanned, "; ".join(needed), "one Kalman filter, its process noise not stated"),
+        Finding("R of eq. (19) over the true one, in uniform motion", bias, "1: eq. (19) gives R"),
+        Finding("eq. (18) minus eq. (19), largest difference in a run [m^2]", *difference),
+        Finding(lagged, f"{error:.2f} and {innovation:.2f}", "equal, before eq. (17)"),
+        Finding("settings that the paper does not state", f"mean over all ticks, axes by themselves, {gains}"),
+    ]
 
 
 def _lag_products(flights: Flights) -> tuple[float, float]:

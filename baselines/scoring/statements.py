@@ -102,18 +102,12 @@ def measure_statements(statements: Statements, change_cost: float = 5.0) -> Stat
     found = find_switches(switched, right)
     detected = found.stated < found.end
     waited = np.minimum(found.stated, found.end) - found.begin
-    missed = found.track[~detected & (found.end < len(true))]
+    missed = np.bincount(found.track[~detected & (found.end < len(true))], minlength=tracks)
     return StatementMetrics(
-        right=right.mean(0),
-        reward=(right - change_cost * wrong).mean(0),
-        wrong_changes=1000.0 * wrong.mean(0),
-        stated_changes=changed.sum(0),
-        switches=switched.sum(0),
-        delays=waited[detected],
-        delay_tracks=found.track[detected],
-        missed=np.bincount(missed, minlength=tracks),
-        undetected=np.bincount(found.track, waited, tracks).astype(np.int64),
-    )
+        right.mean(0), (right - change_cost * wrong).mean(0), 1000.0 * wrong.mean(0), changed.sum(0), switched.sum(0),
+        waited[detected], found.track[detected], missed,
+        np.bincount(found.track, waited, tracks).astype(np.int64),
+    )  # fmt: skip
 
 
 class Switches(NamedTuple):

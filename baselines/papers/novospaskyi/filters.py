@@ -33,6 +33,10 @@ LONGEST_GAP = 4.0
 VERTICAL = "vertical q"
 START_VARIANCE = 1e4  # P0 = 10000 I of the thesis, for every component of the state
 PARTICLES = 500  # of the particle filter
+# Robust update that a parameter belongs to.
+UPDATES: dict[str, Callable[[float], Robust]] = {
+    "threshold": Huber, "degrees of freedom": StudentT, "width": Correntropy,
+}  # fmt: skip
 # Standard deviations of velocity [m/s], acceleration [m/s^2] and jerk [m/s^3] at the start.
 START_DEVIATIONS = (SPEED / math.sqrt(3.0), 5.0, 2.0)
 
@@ -114,34 +118,24 @@ def _gh_filter(parameters: Parameters) -> TrackFilter:
     return GHFilter(axes=3, g=parameters["g"], h=parameters["h"], longest_gap=LONGEST_GAP)
 
 
-def _robust(parameters: Parameters) -> Robust | None:
-    if "threshold" in parameters:
-        return Huber(parameters["threshold"])
-    if "degrees of freedom" in parameters:
-        return StudentT(parameters["degrees of freedom"])
-    return Correntropy(parameters["width"]) if "width" in parameters else None
-
-
 def _sound_filter(names: Sequence[Any], parameters: Parameters) -> TrackFilter:
     """Kalman filters of some models, with several of them their IMM.
 
     Continuous white noise with the intensity "q CV" or so on all axes, R known up to the parameter "scale", a prior
     of the start, and a robust update if the parameters have one.
     """
-    filters = []
+    filters, robust = [], next((update(parameters[key]) for key, update in UPDATES.items() if key in parameters), None)
     for name in names:
         intensity = parameters[f"q {name}"]
         model = MotionModel(name, axes=3, noise=(intensity, intensity, parameters.get(VERTICAL, intensity)))
         variance, start = parameters.get("scale", 1.0) * SIGMA**2, START_DEVIATIONS[: model.order - 1]
-        filters.append(KalmanFilter(model, variance, start, _robust(parameters)))
+        filters.append(KalmanFilter(model, variance, start, robust))
     return filters[0] if len(filters) == 1 else IMMFilter(filters, [parameters[f"sojourn {name}"] for name in names])
 
 
 def _particle_filter(parameters: Parameters) -> TrackFilter:
-    deviation = math.sqrt(parameters["scale"]) * SIGMA
-    model = MotionModel("CV", axes=3, noise=parameters["q CV"])
-    freedom = parameters["degrees of freedom"]
-    return ParticleFilter(model, deviation, START_DEVIATIONS[:1], freedom, PARTICLES)
+    model, deviation = MotionModel("CV", axes=3, noise=parameters["q CV"]), math.sqrt(parameters["scale"]) * SIGMA
+    return ParticleFilter(model, deviation, START_DEVIATIONS[:1], parameters["degrees of freedom"], PARTICLES)
 
 
 def _log(low: float, high: float) -> FloatDistribution:

@@ -37,6 +37,10 @@ class Example:
     estimates: dict[Noise, dict[str, tuple[FloatArray, FloatArray]]]  # positions and velocities
 
 
+def silent(stage: str, done: int, total: int) -> None:
+    """Show no progress."""
+
+
 def one_by_one(calls: Calls, on_done: Callable[[Any], None]) -> Iterator[tuple[Any, Any]]:
     """A `Run` in this process."""
     for name, call in calls.items():
@@ -46,16 +50,9 @@ def one_by_one(calls: Calls, on_done: Callable[[Any], None]) -> Iterator[tuple[A
 
 
 def reproduce(
-    runs: int = RUNS,
-    seed: int = 0,
-    *,
-    folder: Path,
-    flights: int = FLIGHTS,
-    trials: int = TRIALS,
-    fly: Callable[[int, int], list[Flight]] = point_mass_flights,
-    run: Run = one_by_one,
-    progress: Progress = lambda stage, done, total: None,
-) -> Reproduction:
+    runs: int = RUNS, seed: int = 0, *, folder: Path, flights: int = FLIGHTS, trials: int = TRIALS,
+    fly: Callable[[int, int], list[Flight]] = point_mass_flights, run: Run = one_by_one, progress: Progress = silent,
+) -> Reproduction:  # fmt: skip
     """Reproduce tables 3.5 and 3.6, and compare them with sound settings and robust filters.
 
     Args:
@@ -103,14 +100,9 @@ def _run_stage(
 
 
 def tune_filters(
-    training: dict[Noise, Tracks],
-    seed: int,
-    folder: Path,
-    trials: int = TRIALS,
-    run: Run = one_by_one,
-    progress: Progress = lambda stage, done, total: None,
-    robust: Sequence[str] = tuple(ROBUST),
-) -> dict[Noise, dict[str, dict[str, Any]]]:
+    training: dict[Noise, Tracks], seed: int, folder: Path, trials: int = TRIALS, run: Run = one_by_one,
+    progress: Progress = silent, robust: Sequence[str] = tuple(ROBUST),
+) -> dict[Noise, dict[str, dict[str, Any]]]:  # fmt: skip
     """Parameters of all filters by noise and name, tuned on the training flights; arguments as of `reproduce`.
 
     The robust ones are tuned after the plain CV filter, with which they are compared.

@@ -27,7 +27,7 @@ def test_imm_equals_filterpy_on_100_random_problems():
             peer.F, peer.Q = matrices(model, dt)
             peers.append(peer)
         imm.begin_from(mean[None], start)
-        peer = IMMEstimator(peers, imm.probabilities[0], imm.chain.transition(dt))
+        peer = IMMEstimator(peers, imm.probabilities[0], imm.transition(dt))
         for measured in measurements:
             imm.predict(dt)
             imm.update(measured[None])
@@ -59,12 +59,10 @@ def test_probabilities_follow_the_chain_without_measurements():
         ],
         (30.0, 10.0),
     )
-    np.testing.assert_allclose(imm.chain.transition(2.0).sum(-1), 1.0)
-    np.testing.assert_allclose(imm.chain.transition(1e6), [[0.75, 0.25]] * 2, rtol=1e-9)
-    np.testing.assert_allclose(
-        imm.chain.transition(1.2) @ imm.chain.transition(0.8), imm.chain.transition(2.0), rtol=1e-12
-    )
-    np.testing.assert_array_equal(imm.chain.transition(0.0), np.eye(2))
+    np.testing.assert_allclose(imm.transition(2.0).sum(-1), 1.0)
+    np.testing.assert_allclose(imm.transition(1e6), [[0.75, 0.25]] * 2, rtol=1e-9)
+    np.testing.assert_allclose(imm.transition(1.2) @ imm.transition(0.8), imm.transition(2.0), rtol=1e-12)
+    np.testing.assert_array_equal(imm.transition(0.0), np.eye(2))
     imm.begin_from(np.zeros((2, 3)), np.eye(3))
     imm.predict(np.array([0.5, 3.0]))
     imm.update(np.full((2, 1), np.nan))
@@ -79,7 +77,7 @@ def switching_world(rng, imm, times, tracks, deviation):
     state[mode == 0, :, 2] = 0.0
     states, last = [], 0.0
     for time in times:
-        new = (rng.random(tracks) > imm.chain.transition(time - last)[mode, 0]).astype(int)
+        new = (rng.random(tracks) > imm.transition(time - last)[mode, 0]).astype(int)
         enters = (new == 1) & (mode == 0)
         state[enters, :, 2] = deviation * rng.normal(size=(enters.sum(), 2))
         state[new == 0, :, 2] = 0.0
