@@ -49,9 +49,8 @@ class Robust(ABC):
 class Huber(Robust):
     """Huber's loss: quadratic up to a threshold, then linear. Huber 1964; Durovic & Kovacevic 1999.
 
-    The estimate is the maximum of the posterior with a Gaussian prediction and this loss of the residual. The residual
-    grows by the innovation where it exceeds the threshold; the weight of the measurement, by which the covariance is
-    corrected, is threshold / residual.
+    The estimate is the maximum of the posterior with a Gaussian prediction and this loss of the residual. The weight of
+    a measurement beyond the threshold, by which the covariance is corrected, is threshold / residual.
     """
 
     threshold: float = 1.345  # standard deviations, > 0; with Gaussian noise a mean has 95 % of the efficiency
@@ -116,9 +115,8 @@ class StudentT(Robust):
 class Correntropy(Robust):
     """Maximum of the correntropy of prediction and measurement. Chen, Liu, Zhao & Principe 2017, algorithm 1.
 
-    Residuals of prediction and measurement, in their standard deviations, have weights exp(-residual^2 / (2 width^2)),
-    found by fixed-point iterations. The covariance is that of the resulting gain with the assumed variances, and the
-    likelihood the Gaussian one with the weighted variance of the measurement. A large width gives the Kalman filter.
+    Residuals of both, in their standard deviations, have weights exp(-residual^2 / (2 width^2)), by fixed-point
+    iterations. The covariance is that of the gain with the assumed variances; a large width gives the Kalman filter.
     """
 
     width: float = 3.0
@@ -145,8 +143,7 @@ class Correntropy(Robust):
 class WholeStudentT:
     """Innovations with a Student t distribution in the plane, one weight for all components of a measurement.
 
-    The weight is the expected precision of the measurement, relative to the assumed one, given the innovation, and at
-    most 1: Lange, Little & Taylor 1989, eq. (4).
+    It is the expected relative precision given the innovation, at most 1: Lange, Little & Taylor 1989, eq. (4).
     """
 
     freedom: float  # degrees of freedom nu

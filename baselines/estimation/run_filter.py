@@ -3,6 +3,7 @@
 import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -90,7 +91,8 @@ def run_filter(
         track_filter.begin(tracks)
         first = moments[0]
     elif isinstance(start, tuple) and len(start) == 3:
-        track_filter.begin_from(start[0] if dimensions(start[0]) == 2 else [start[0]], start[1])
+        means: Any = start[0]
+        track_filter.begin_from(means if dimensions(means) == 2 else [means], start[1])
         allowed, last = "a time not after the first measurement", float(moments[0].min())
         first = np.full(moments.shape[1:], check_number("start time", start[2], allowed, -LARGEST_NUMBER, last))
         if track_filter.tracks != tracks:

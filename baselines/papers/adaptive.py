@@ -159,10 +159,9 @@ class ConstantStepFilter(GainFilter):
 
     def _find_gains(self, measurement: FloatArray) -> FloatArray:
         position, velocity = self.state[:, ::2].copy(), self.state[:, 1::2].copy()
-        self._remember(measurement, position, velocity)
         n = np.maximum(self._count, 2)[:, None]
         line = np.stack([2.0 * (2 * n - 1) / (n * (n + 1)), 6.0 / (n * (n + 1) * self.tau)])
-        adapted = self._adapted()
+        adapted = self._adapted(measurement, position, velocity)
         return np.where(np.isnan(adapted), self._line_gains(line), adapted)
 
     def _line_gains(self, line: FloatArray) -> FloatArray:
@@ -170,12 +169,8 @@ class ConstantStepFilter(GainFilter):
         return line
 
     @abstractmethod
-    def _remember(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> None:
-        """Take measurement and prediction of a tick, (B, d) each, NaN where there is none."""
-
-    @abstractmethod
-    def _adapted(self) -> FloatArray:
-        """Gains (2, B, d), NaN where the filter does not adapt yet."""
+    def _adapted(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> FloatArray:
+        """Gains (2, B, d) after measurement and prediction of a tick, (B, d) each; NaN where it does not adapt yet."""
 
 
 def shifted(history: FloatArray, newest: FloatArray) -> FloatArray:
@@ -205,7 +200,7 @@ class AdaptiveFilter(ConstantStepFilter):
         self._means = np.zeros((8, tracks, self.axes))
         self._products = np.zeros((tracks, self.axes))
 
-    def _remember(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> None:
+    def _adapted(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> FloatArray:
         values = (position, velocity, measurement - position)
         self._history = np.stack([shifted(*pair) for pair in zip(self._history, values, strict=True)])
         new = products(*self._history)
@@ -213,8 +208,6 @@ class AdaptiveFilter(ConstantStepFilter):
         self._products += known
         change = known / np.maximum(self._products, 1.0) * (new - self._means)
         self._means = self._means + np.where(np.isnan(change), 0.0, change)
-
-    def _adapted(self) -> FloatArray:
         ready = self._products > PRODUCTS
         means = self._means[:, ready]
         gains = np.full((2, *ready.shape), np.nan)
@@ -238,7 +231,7 @@ class CorrectedAdaptiveFilter(ConstantStepFilter):
         self._squares = np.full((WINDOW, tracks), np.nan)  # of innovations, mean over the axes
         self._noise, self._differences = np.zeros(tracks), np.zeros(tracks)
 
-    def _remember(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> None:
+    def _adapted(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> FloatArray:
         innovation = measurement - position
         self._measurements = shifted(self._measurements, measurement)
         new = (third_difference(self._measurements) ** 2).mean(-1) / (DIFFERENCE**2).sum()
@@ -247,8 +240,6 @@ class CorrectedAdaptiveFilter(ConstantStepFilter):
         self._noise += np.where(known, new - self._noise, 0.0) / np.maximum(self._differences, 1.0)
         later = shifted(self._squares, (innovation**2).mean(-1))
         self._squares = np.where(np.isnan(innovation[:, 0]), self._squares, later)
-
-    def _adapted(self) -> FloatArray:
         mean = self._squares.mean(0)  # NaN until the window is full
         ready = (self._count > 2 * WINDOW) & (mean > 0.0)
         ratio = self._noise / np.where(ready, mean, 1.0)

@@ -6,12 +6,9 @@ start times so far, eq. (6); a switch is declared when lambda_k >= A. k lambda_k
 alpha and beta determine the thresholds, but are no error probabilities, as the false-alarm rates without a turn show.
 
 The paper shows one realisation, with a delay of 12 ticks, and states neither alpha nor beta; here is the distribution
-of the delay, from tick 20, after which the turn begins, at four values of alpha. A run that does not detect the turn
-within its 20 ticks, also after a false alarm, has missed it.
-
-Deviations from the published text: the root in eq. (7) is |Sigma_0| / |Sigma_1| (published inverted;
-`published_root=True` uses the published ratio), Sigma = H P H' + R, and the tested turn is the right one, p = 2, as in
-the experiment, not p = 1 as in the algorithm. All computations are in logarithms.
+of the delay, from tick 20 on. A run that does not detect the turn within its 20 ticks, also after a false alarm, has
+missed it. Deviations from the text: the root in eq. (7) is |Sigma_0| / |Sigma_1| (published inverted, as with
+`published_root=True`), Sigma = H P H' + R, and the tested turn is p = 2, as in the experiment, not p = 1.
 """
 
 import math

@@ -1,13 +1,11 @@
 """The adaptive filter of Zimchuk & Kankin 2006 in matrix form, for n sensors with correlated errors.
 
-`adaptive.AdaptiveFilter` filters every axis by itself. Here the state is that of all d axes, [x, vx, y, vy]
-in the plane, and the measurement g = C x + f holds the positions of n sensors. With the pseudo-inverse C+ of
-C, which for one sensor is the C' of eq. (17), and F+ in the rows of the velocities:
+The state is that of all d axes, [x, vx, y, vy] in the plane, and the measurement g = C x + f holds the positions of n
+sensors. With the pseudo-inverse C+ of C, which for one sensor is the C' of eq. (17), and F+ in the rows of the
+velocities, where nu_i is the innovation i ticks ago:
 
     P_e C' = M[(-D^3 x_e + C+ (3 nu_1 - 3 nu_2 + nu_3) + F+ (3 nu_1 - 6 nu_2 + 4 nu_3 - nu_4) / T) nu']
     K      = P_e C' H_0^-1                                       eq. (5), with C P_e C' + R = H_0 = M[nu nu']
-
-where nu_i is the innovation i ticks ago. With diagonal matrices these are the gains of the axes.
 """
 
 import numpy as np
@@ -22,10 +20,9 @@ LAGS_OF = np.array([[0.0, 3.0, -3.0, 1.0, 0.0], [0.0, 3.0, -6.0, 4.0, -1.0]])
 def matrix_gain(covariances: FloatArray, spread: FloatArray, tau: float) -> FloatArray:
     """Gains of positions [-] and velocities [1/s], (2, ..., d, m), of the values of m = n d measured axes.
 
-    From H_0 (..., m, m) [m^2], invertible, and the rows of P_e C', (2, ..., d, m) [m^2, m^2/s]. The limits are those of
-    `adaptive.AdaptiveFilter`, in the directions in which the gain of a common position is diagonal: with L L' =
-    C' H_0^-1 C the eigenvectors of L' P L, where P is the symmetric part of the identified covariance of the predicted
-    position.
+    From H_0 (..., m, m) [m^2], invertible, and the rows of P_e C', (2, ..., d, m). The limits are those of
+    `adaptive.AdaptiveFilter`, in the directions in which the gain of a common position is diagonal: with
+    L L' = C' H_0^-1 C the eigenvectors of L' P L, P the symmetric part of the covariance of the predicted position.
     """
     inverse = np.linalg.inv(covariances)
     d, m = spread.shape[-2:]
@@ -86,7 +83,7 @@ class MatrixAdaptiveFilter(ConstantStepFilter):
     def _line_gains(self, line: FloatArray) -> FloatArray:
         return line[..., None] * np.tile(np.eye(self.dimensions), self.sensors) / self.sensors
 
-    def _remember(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> None:
+    def _adapted(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> FloatArray:
         innovation = measurement - np.tile(position, self.sensors)
         newest = np.stack([position, velocity])[:, None]
         self._predictions = np.concatenate([newest, self._predictions[:, :-1]], axis=1)
@@ -101,8 +98,6 @@ class MatrixAdaptiveFilter(ConstantStepFilter):
         self._products += known
         weight = (known / np.maximum(self._products, 1.0))[:, None, None]
         self._means += np.where(known[:, None, None], weight * (new - self._means), 0.0)
-
-    def _adapted(self) -> FloatArray:
         d, m = self.dimensions, self.axes
         gains = np.full((2, self.tracks, d, m), np.nan)
         covariances, *spread = np.split(self._means, (m, m + d), axis=1)

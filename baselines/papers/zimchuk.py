@@ -1,13 +1,11 @@
 """Zimchuk & Kankin 2006: settings and reproduction of table 1, and what its filters are compared with.
 
-Scenario: an object is measured every 0.1 s with R = 25 m^2. It moves uniformly from 0 to 20 s and from 30 to 50 s, with
-an acceleration of 20 m/s^2 from 20 to 30 s, and with one that grows by 2 m/s^3 from 50 to 70 s. Here all three axes
-move like this, and a run is one of them.
-
-The paper does not state the mean M of its estimates, the start, limits of the gains (see `adaptive`), the process noise
-of its Kalman filter, or the number of runs; it has the standard deviation 4.64 m/s^2 of the acceleration,
-with which its first manoeuvre comes out. The pattern of the table is reproduced, its numbers are not: the adaptive
-filter follows a manoeuvre about three times better than a slow Kalman filter. A faster one is better than both.
+An object is measured every 0.1 s with R = 25 m^2. It moves uniformly from 0 to 20 s and from 30 to 50 s, with an
+acceleration of 20 m/s^2 from 20 to 30 s, and with one that grows by 2 m/s^3 from 50 to 70 s. Here all three axes move
+like this, and a run is one of them. The paper does not state the mean M of its estimates, the start, limits of the
+gains (see `adaptive`), the number of runs, or the process noise of its Kalman filter; 4.64 m/s^2 is that with which its
+first manoeuvre comes out. The pattern of the table is reproduced, its numbers are not: the adaptive filter follows a
+manoeuvre about three times better than a slow Kalman filter. A faster one is better than both.
 """
 
 from typing import NamedTuple

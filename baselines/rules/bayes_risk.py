@@ -2,8 +2,8 @@
 
 The state of the problem is the tick and the posterior error probability of the best declaration. The stopping boundary
 comes from simulated segments by backward induction: the values of declaring and of waiting are regressed on the error
-probability (least-squares Monte Carlo; Longstaff & Schwartz 2001, "Valuing American options by simulation"). Each
-segment is considered separately: that a wrong decision spoils the anchor of the next one is ignored.
+probability (Longstaff & Schwartz 2001, "Valuing American options by simulation"). That a wrong decision spoils the
+anchor of the next segment is ignored.
 """
 
 import functools

@@ -1,10 +1,9 @@
 """The posterior of the mode some ticks ago, by fixed-lag smoothing on the beam of switch histories.
 
-A branch of the beam is a pair of mode and age, so its history before its last switch is a mixture. Here every branch
-also carries the probabilities of the modes at the last ticks, given that the branch is right. A branch that continues
-keeps them; one that begins has the mean of its parents, weighted by the probabilities with which they switched. Later
-measurements change the weights of the branches and nothing else, so by Bayes' rule the mean over the branches is the
-posterior of the mode at an earlier tick, given all measurements so far.
+Every branch of the beam also carries the probabilities of the modes at the last ticks, given that the branch is right.
+A branch that continues keeps them; one that begins has the mean of its parents, weighted by the probabilities with
+which they switched. Later measurements change the weights of the branches and nothing else, so by Bayes' rule the mean
+over the branches is the posterior of the mode at an earlier tick, given all measurements so far.
 """
 
 import math

@@ -1,9 +1,8 @@
 """Filters of the measurements in an observation, one bank for each component of the anchor.
 
-The environment reports the measurement relative to the anchor, in the heading frame of the anchor, in which its
-velocity is (speed, 0). So the observation determines everything that a filter needs except the model, which is that of
-the world. With several sensors it lacks the covariance of the measurement: then the filters also read what these
-measured.
+The environment reports the measurement relative to the anchor, in its heading frame, in which its velocity is (speed,
+0). So the observation determines everything that a filter needs except the model, which is that of the world. With
+several sensors it lacks the covariance of the measurement: then the filters also read what these measured.
 """
 
 import math
@@ -91,9 +90,8 @@ def _filter_tick(
 ) -> None:  # fmt: skip
     """Start the filters of some tracks, (N,), at anchors (C, N, 14), then advance all by one tick.
 
-    Measurements, (N, 2) or with sensors (N, 9), see `sensing.write_measured`, are NaN if a tick has none. `saved`, (M,)
-    hypotheses, or (0,) if outliers do not have a model of their own, `measured`, (1,), and `outlier`, (LANES,), are
-    memory.
+    Measurements, (N, 2) or with sensors (N, 9), see `sensing.write_measured`, are NaN if a tick has none. The others
+    are memory; `saved`, (M,) hypotheses, is (0,) if outliers do not have a model of their own.
     """
     tracks = begins.size
     lanes_total = own.log_likelihood.shape[0] * tracks
@@ -184,8 +182,7 @@ class ComponentFilters:
         self, rows: Observations, begins: BoolArray, anchors: FloatArray, log_weights: FloatArray, first: BoolArray,
         sensed: FloatArray | None = None,
     ) -> None:  # fmt: skip
-        """Start the filters of tracks that begin, (N,), at anchors (C, N, 14), then advance all by the measurements of
-        rows.
+        """Start the filters of tracks that begin, (N,), at anchors (C, N, 14), then advance all by a tick of rows.
 
         `log_weights`, (N, C), are of the components of the last segment; `first`, (N,), is True where an episode
         starts; `sensed` is from `sensed_of`.

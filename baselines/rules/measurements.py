@@ -66,10 +66,9 @@ class MeasurementDecider(Decider, Generic[State]):
         raise NotImplementedError
 
     def begin_track(self, state: State, track: int, start: FloatArray) -> None:
-        """Begin an episode of a track.
+        """Begin an episode of a track from `start`, (14 + M,), after its first measurement.
 
-        `start`, (14 + M,), has the estimate [x, vx, y, vy] after the first measurement, its covariance, upper triangle
-        row by row, and the logarithms of the mode probabilities.
+        It has the estimate, the upper triangle of its covariance and the logarithms of the mode probabilities.
         """
         raise NotImplementedError
 
@@ -82,10 +81,7 @@ class MeasurementDecider(Decider, Generic[State]):
         raise NotImplementedError
 
     def observe(self, tracks: World) -> FloatArray:
-        """Return measurement, merged estimate, covariance, and log probabilities of the modes, (N, 16 + M).
-
-        With sensors the covariance of the measurement and the range rates follow, (N, 23 + M).
-        """
+        """Return measurement, merged estimate, covariance, log probabilities of the modes, and what sensors add."""
         parts = [tracks.field(name) for name in ("measurement", "estimate", "covariance")]
         sensed = [tracks.field(name) for name in ("noise", "rates")] if tracks.options.sensors else []
         return np.hstack([*parts, tracks.copy_tick()()["log_probability"], *sensed])

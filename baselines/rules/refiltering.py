@@ -1,8 +1,7 @@
 """Deciders that run filters of their own on the measurements, see `component_filters`.
 
-One starts the filters of the published bank from the covariance of the estimate at the switch, not from the identity.
-The other starts extended Kalman filters, which include the uncertainty of the anchor in the state (see
-`hybrid_env.core.banks.anchor_aware`), from the distribution of the anchor error in simulated episodes.
+One starts the filters of the published bank from the covariance of the estimate at the switch, not from the identity;
+the other extended Kalman filters (`hybrid_env.core.banks.anchor_aware`) from the distribution of the anchor error.
 """
 
 import functools
@@ -104,10 +103,8 @@ class KeptCovarianceDecider(Decider):
 class CalibratedAnchorDecider(KeptCovarianceDecider):
     """MSPRT of extended Kalman filters, one bank per component of the distribution of the anchor error.
 
-    Args:
-        world, alpha, robust: see `KeptCovarianceDecider`.
-        prior: distribution of the anchor error after correct and after wrong declarations; None uses the covariance
-            that the bank states.
+    Arguments as of `KeptCovarianceDecider`, and the distribution after correct and after wrong declarations, `prior`;
+    None uses the covariance that the bank states.
     """
 
     name, title = "calibrated", "calibrated anchor"
@@ -156,8 +153,7 @@ class RobustCalibratedAnchorDecider(CalibratedAnchorDecider):
 def fit_calibrated_anchor(world: WorldOptions, episodes: int, seed: int, robust: bool = False) -> AnchorPrior:
     """Fit the distribution of the anchor error to simulated episodes, in which the decider itself declares.
 
-    The first of two rounds of episodes, from a seed on, declares with the stated covariance, the second with the first
-    fit. With `robust` see `CalibratedAnchorDecider`.
+    The first of two rounds of episodes declares with the stated covariance, the second with the first fit.
     """
     prior: AnchorPrior | None = None
     rows = world.longest_segment + 1  # a segment decided at once, and the first tick of the next

@@ -5,9 +5,7 @@ and covariance that this filter has before the measurement: the hypothesis that 
 Its likelihood ratio compares all measurements since its start with the filter of the stated mode, which runs on
 (Willsky & Jones 1976; Golubkov 2020, eq. (7)). When the statement changes, the most likely filter of the new mode
 becomes the filter of the stated mode, and all others are dropped; after a wrong statement they start from a wrong mode.
-
-The filters are those of `hybrid_env.core.banks.anchor_aware`. With an exact anchor their centre and turn rate have no
-variance, so that they are the Kalman filters of `hybrid_env.core.banks.published`.
+The filters are those of `hybrid_env.core.banks.anchor_aware`, with an exact anchor those of `published`.
 """
 
 import math

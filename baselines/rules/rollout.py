@@ -124,15 +124,13 @@ def evaluate(
 ) -> Decisions:
     """Run a decider on the episodes with seeds seed, seed + 1, ..., each exactly once.
 
-    All deciders face the same episodes: trajectories and noise do not depend on the decisions. A warning says if a
-    model of Stable-Baselines3 was trained in an environment of another id.
+    All deciders face the same episodes: trajectories and noise do not depend on the decisions. They run in parallel,
+    one per track, in batches that need less than a gigabyte.
 
     Args:
         decider: a decider, any object with its `predict`, or a function of the observations.
-        env_id: registered id.
-        episodes: E; they run in parallel, one per track, in batches that need less than a gigabyte.
-        seed: of the first episode.
-        options: environment options that override those of the id.
+        env_id, options: registered id, and environment options that override its own.
+        episodes, seed: number E, and seed of the first one.
     """
     get_env = getattr(decider, "get_env", None)
     with suppress(AttributeError, NotImplementedError):

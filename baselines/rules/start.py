@@ -30,9 +30,8 @@ def line_estimate(
 ) -> tuple[FloatArray, FloatArray]:
     """Fit a straight line to m measurements (m, 2) [m]. Return estimate and covariance (4, 4) at the last one.
 
-    The covariance has three parts: the noise of the measurements, xx, xy, yy [m^2] in `noises`, (m, 3); the process
-    noise; and the turns of the bank. The acceleration of a turn is across the velocity and constant, and all modes are
-    equally probable. A single measurement tells nothing about the velocity: it is 0, with an infinite variance.
+    The covariance is of the noise of the measurements, xx, xy, yy [m^2] in `noises`, (m, 3), of the process noise, and
+    of the turns of the bank, all equally probable. Of a single measurement the velocity is 0, with infinite variance.
     """
     matrices = noises[:, [[0, 1], [1, 2]]]
     if len(ticks) == 1:
@@ -62,9 +61,8 @@ def line_estimate(
 class FirstMeasurements:
     """Collects measurements until more of them would not make the estimate of the velocity better.
 
-    The line is fitted to the last of them, as many as give the smallest variance of the velocity: few if the object
-    turns by a large angle in a tick, many, up to `most`, if the measurements are noisy. `complete` tells whether a
-    track can begin with the estimate.
+    The line is fitted to as many of the last ones as give the smallest variance of the velocity: few if the object
+    turns by a large angle in a tick, up to `most` if they are noisy. A track can begin when it is `complete`.
     """
 
     def __init__(self, options: ModelOptions, most: int):
@@ -121,10 +119,9 @@ def gate_distance(
 ) -> float:  # fmt: skip
     """Return the distance of a measurement (2,) from the nearest predicted position, in standard deviations.
 
-    Predicted are straight motion and the turns of the bank, but no turn by a large angle in a tick, from an estimate
-    (4,) one tick before and its covariance (4, 4). `noise` is the covariance xx, xy, yy of the measurement [m^2]. What
-    turns in the ticks since the estimate was right for certain, before the last one, can have added to the distance
-    from a straight line does not count, unless they would be as large.
+    Predicted are straight motion and the turns of the bank by no large angle, from an estimate (4,) one tick before,
+    its covariance (4, 4) and that of the measurement, `noise`, xx, xy, yy [m^2]. What turns in the ticks since the
+    estimate was right for certain can have added to the distance from a straight line does not count.
     """
     P = covariance
     xx = P[0, 0] + 2.0 * tau * P[0, 1] + tau * tau * P[1, 1] + noise[0]

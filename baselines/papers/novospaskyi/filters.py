@@ -44,14 +44,9 @@ START_DEVIATIONS = (SPEED / math.sqrt(3.0), 5.0, 2.0)
 def moving_average(measurements: ArrayLike, window: int, ratio: float = 1.0) -> FloatArray:
     """Average each measurement with those of the ticks before it. Novospaskyi 2025, section 2.3.4.
 
-    The weight of a measurement i ticks old is ratio^i, for i = 0 .. window - 1; missing ones have none, and remain
-    missing. With ratio 1 the average is (window - 1) / 2 ticks late. The errors of the averages are smaller than
-    those of the measurements but correlated in time, which no filter here assumes.
-
-    Args:
-        measurements: (T, B, d) or (T, d) [m], NaN where there is none.
-        window: number of ticks, >= 1.
-        ratio: of the weight of a measurement to that of the next one, above 0, at most 1.
+    Of measurements (T, B, d) or (T, d) [m], NaN where there is none, one that is i ticks old has the weight ratio^i, 0
+    < ratio <= 1, for i = 0 .. window - 1; missing ones have none, and remain missing. With ratio 1 the average is
+    (window - 1) / 2 ticks late. Its errors are correlated in time, which no filter here assumes.
     """
     shape = (None, None) if dimensions(measurements) == 2 else (None, None, None)
     values = check_measurements("measurements", measurements, shape)

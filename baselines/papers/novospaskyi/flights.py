@@ -80,9 +80,7 @@ def thrust_command(position: FloatArray, velocity: FloatArray, target: FloatArra
 class Guidance:
     """Progress of N vehicles along their waypoints, (W, 3) [m] each with its own W; the first one is the start.
 
-    Attributes:
-        flying: (N,) vehicles still on the way.
-        succeeded: (N,) vehicles that have passed their last waypoint.
+    `flying` and `succeeded`, (N,), are those still on the way, and those that have passed their last waypoint.
     """
 
     def __init__(self, waypoints: list[FloatArray]):

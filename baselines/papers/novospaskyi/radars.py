@@ -1,9 +1,8 @@
-"""Radars near a flight, their measurements merged in time, and the errors of estimates.
+"""Radars near a flight, their measurements merged in time, and the errors of estimates. Sections 2.1.3 and 3.1.
 
-Novospaskyi 2025, sections 2.1.3 and 3.1. The thesis does not state the limits of the distances and heights, nor whether
-the radars scan at the same moments. Here they scan in turn, half a period apart, so that the time between merged
-measurements is half a period, a whole one, or a gap. Independent phases are excluded by the published row of the g-h
-filter: its velocity gain h / t has no bound if two measurements may follow each other at once.
+The thesis does not state the limits of the distances and heights, nor whether the radars scan at the same moments. Here
+they scan in turn, half a period apart. Independent phases are excluded by the published row of the g-h filter: its
+velocity gain h / t has no bound if two measurements may follow each other at once.
 """
 
 import math
@@ -127,9 +126,9 @@ def measure(scans: Sequence[Scan], noise: Noise, seed: tuple[int, ...]) -> Track
 def flight_errors(estimates: FloatArray, truth: FloatArray) -> tuple[FloatArray, FloatArray]:
     """RMSE and MAE (...) of estimates (..., K, 3) of each flight, means over the axes; a missing truth is NaN.
 
-    Novospaskyi 2025, eq. (1.25) and (1.26), sum over the axes, but its tables do not: they would list 21.7 and 29.9 m
-    for the measurements, and they list 12.5 and 9.9 m. All eight unfiltered values come out as means over flights and
-    axes of the error within a flight; the root of the mean of all squares would be 28.9 m/s, and not 24.0 m/s.
+    Novospaskyi 2025, eq. (1.25) and (1.26), sum over the axes, but its tables do not: all eight unfiltered values come
+    out as means over flights and axes of the error within a flight. They would list 21.7 and 29.9 m, not 12.5 and 9.9
+    m.
     """
     error = estimates - truth
     rmse = np.sqrt(np.nanmean(error**2, axis=-2)).mean(-1)
