@@ -86,10 +86,10 @@ class FirstMeasurements:
         self._tick += 1
         self._measured.append([self._tick, x, y, *(unit_noise(self.options) if noise is None else noise)])
         rows = np.array(self._measured)
-        parts = rows[:, 0], rows[:, 1:3], rows[:, 3:]
-        fits = [line_estimate(*(part[-m:] for part in parts), self.options) for m in range(2, len(rows) + 1)]
+        ticks, points, noises = rows[:, 0], rows[:, 1:3], rows[:, 3:]
+        fits = [line_estimate(ticks[-m:], points[-m:], noises[-m:], self.options) for m in range(2, len(rows) + 1)]
         if not fits:
-            self.estimate, self.covariance = line_estimate(*parts, self.options)
+            self.estimate, self.covariance = line_estimate(ticks, points, noises, self.options)
             return
         variances = [covariance[1, 1] + covariance[3, 3] for _, covariance in fits]
         best = int(np.argmin(variances))
