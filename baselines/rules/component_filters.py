@@ -52,8 +52,6 @@ class _Assumption(NamedTuple):
     outlier_model: FilterModel
     log_outlier_odds: float
     distance: float
-    log_likelihood: FloatArray  # (C, N, M)
-    innovations: FloatArray  # (C, N, M, 3)
 
 
 @internal
@@ -85,16 +83,18 @@ def _any_outlier(bank: Any, lanes: int, distance: float, outlier: BoolArray) -> 
 
 @compiled
 def _filter_tick(
-    own: _Assumption, begins: BoolArray, anchors: FloatArray, measurements: FloatArray, radii: FloatArray,
-    sensors: NDArray[Any], saved: NDArray[Any], measured: NDArray[Any], outlier: BoolArray,
+    own: _Assumption, log_likelihood: FloatArray, innovations: FloatArray, begins: BoolArray, anchors: FloatArray,
+    measurements: FloatArray, radii: FloatArray, sensors: NDArray[Any],
+    saved: NDArray[Any], measured: NDArray[Any], outlier: BoolArray,
 ) -> None:  # fmt: skip
     """Start the filters of some tracks, (N,), at anchors (C, N, 14), then advance all by one tick.
 
-    Measurements, (N, 2) or with sensors (N, 9), see `sensing.write_measured`, are NaN if a tick has none. The others
-    are memory; `saved`, (M,) hypotheses, is (0,) if outliers do not have a model of their own.
+    Likelihoods (C, N, M) and innovations (C, N, M, 3) are written. Measurements, (N, 2) or with sensors (N, 9), see
+    `sensing.write_measured`, are NaN if a tick has none. The others are memory; `saved`, (M,) hypotheses, is (0,) if
+    outliers do not have a model of their own.
     """
     tracks = begins.size
-    lanes_total = own.log_likelihood.shape[0] * tracks
+    lanes_total = log_likelihood.shape[0] * tracks
     for b in range(own.banks.hypotheses.shape[0]):
         bank = operations.bank_of_block(own.banks, b)
         lanes = min(LANES, lanes_total - b * LANES)
@@ -125,8 +125,8 @@ def _filter_tick(
         for lane in range(lanes):
             c, i = divmod(b * LANES + lane, tracks)
             for h in range(bank.hypotheses.size):
-                innovation, target = bank.innovations[h], own.innovations[c, i, h]
-                own.log_likelihood[c, i, h] = bank.hypotheses[h].log_likelihood[lane]
+                innovation, target = bank.innovations[h], innovations[c, i, h]
+                log_likelihood[c, i, h] = bank.hypotheses[h].log_likelihood[lane]
                 target[0], target[1] = innovation.white_x[lane], innovation.white_y[lane]
                 target[2] = innovation.log_variance[lane]
 
@@ -164,10 +164,10 @@ class ComponentFilters:
                 bank_arrays(kind, self.radii.size, 1 if x == y else 2, blocks),
                 FilterModel(variance_x=law.variance * x, variance_y=law.variance * y, **fields),
                 FilterModel(variance_x=law.outlier_variance * x, variance_y=law.outlier_variance * y, **fields),
-                law.log_outlier_odds, law.distance, self._joint[k, o], self._innovations[k, o],
+                law.log_outlier_odds, law.distance,
             )
-            for k, law in enumerate(laws)
-            for o, (x, y) in enumerate(variances)
+            for law in laws
+            for x, y in variances
         ]  # fmt: skip
         self.prior = np.array([[law.log_prior] for law in laws])
         self.log_laws = np.tile(self.prior, (1, tracks))
@@ -176,7 +176,8 @@ class ComponentFilters:
         self.sensors = sensors_of(world)
         self.log_likelihood, self.innovations = np.zeros(shape), np.zeros((*shape, 3))
         none = np.zeros(0, np.bool_), np.zeros((components, 0, ANCHOR_COLUMNS)), np.zeros((0, 2))
-        prepare(_filter_tick, self.assumptions[0], *none, self.radii, self.sensors, *self.memory)
+        written = self._joint[0, 0], self._innovations[0, 0]
+        prepare(_filter_tick, self.assumptions[0], *written, *none, self.radii, self.sensors, *self.memory)
 
     def advance(
         self, rows: Observations, begins: BoolArray, anchors: FloatArray, log_weights: FloatArray, first: BoolArray,
@@ -193,8 +194,10 @@ class ComponentFilters:
             measurements, anchors, heading = in_world(sensed, anchors)
         else:
             measurements = in_rows(self.layout, rows, self.world.missed > 0.0)
-        for one in self.assumptions:
-            _filter_tick(one, begins, anchors, measurements, self.radii, self.sensors, *self.memory)
+        shape = len(self.assumptions), *self.log_likelihood.shape
+        written = zip(self.assumptions, self._joint.reshape(shape), self._innovations.reshape(*shape, 3), strict=True)
+        for one in written:
+            _filter_tick(*one, begins, anchors, measurements, self.radii, self.sensors, *self.memory)
         self._combine()
         if self.world.sensors:
             self.innovations = in_heading_frame(self.innovations, heading)
@@ -226,7 +229,8 @@ class ComponentFilters:
             for name, records in one.banks._asdict().items()
             for field in records.dtype.names
         }
-        likelihoods = {f"{k}.log_likelihood": one.log_likelihood for k, one in enumerate(self.assumptions)}
+        each = self._joint.reshape(len(self.assumptions), *self.log_likelihood.shape)
+        likelihoods = {f"{k}.log_likelihood": one for k, one in enumerate(each)}
         return banks | likelihoods | {"log_laws": self.log_laws}
 
     def select_tracks(self, tracks: BoolArray) -> "ComponentFilters":
