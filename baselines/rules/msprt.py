@@ -55,12 +55,6 @@ def posterior_of(values: NDArray[np.floating], by_type: bool = False) -> FloatAr
     return np.asarray(sums / values.sum(-1, dtype=np.float64, keepdims=True))
 
 
-def type_posteriors(log_ratio: FloatArray) -> FloatArray:
-    """Return the posterior of each type, (..., 3), from log-likelihood ratios (..., M) and equal priors."""
-    types = type_sums(np.where(log_ratio <= CLIPPED_RATIO, 0.0, np.exp(log_ratio)))
-    return np.asarray(types / types.sum(-1, keepdims=True))
-
-
 def _by_type(types: FloatArray, values: NDArray[Any]) -> tuple[FloatArray, IntArray]:
     """Return the sum of all types (N, 3) but the largest one, and the place of the largest value (N, M) within it."""
     chosen = types.argmax(-1)[:, None]
@@ -85,7 +79,8 @@ def read_error_probability(observation: Observations, by: By) -> tuple[FloatArra
     log_ratio = layout.read(observation, "log_ratio")
     if by == "hypothesis":
         return layout.read(observation, "log_error_probability"), log_ratio.argmax(-1)
-    error_probability, best = _by_type(type_posteriors(log_ratio), log_ratio)
+    types = type_sums(np.where(log_ratio <= CLIPPED_RATIO, 0.0, np.exp(log_ratio)))
+    error_probability, best = _by_type(np.asarray(types / types.sum(-1, keepdims=True)), log_ratio)
     return np.log(np.maximum(error_probability, np.exp(LOG_FLOOR))), best
 
 

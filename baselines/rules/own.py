@@ -95,11 +95,8 @@ class Asked:
         if self._told or self._seconds < SLOW_TOTAL or self._seconds < SLOW_CALL * self._calls:
             return
         self._told = True
-        mean = self._seconds / self._calls
-        warnings.warn(
-            f"{where_defined(self.decider)} is slow: {mean:.2g} s a call for {tracks} tracks; rules on whole "
-            "arrays take milliseconds", stacklevel=4,
-        )  # fmt: skip
+        slow = f"{where_defined(self.decider)} is slow: {self._seconds / self._calls:.2g} s a call for {tracks} tracks"
+        warnings.warn(f"{slow}; rules on whole arrays take milliseconds", stacklevel=4)
 
 
 def find_own(name: str) -> Any:
