@@ -16,10 +16,9 @@ from agents.figures.canvas import new_canvas, plain_axes
 from agents.figures.curves import error_bars
 from agents.interface.parallel import Workers
 from agents.training.radar_net import filter_with, radar_net
-from baselines.papers.novospaskyi.dataset import RadarData
+from baselines.papers.novospaskyi.dataset import COLUMNS, HORIZONS, STATISTICS, RadarData, score_estimates
 from baselines.papers.novospaskyi.filters import COMBINED, CONTENDERS, ROBUST, SLOW, THESIS, filter_tracks
 from baselines.papers.novospaskyi.radars import NOISES, Noise
-from baselines.papers.novospaskyi.scores import COLUMNS, HORIZONS, STATISTICS, score_estimates
 from baselines.papers.novospaskyi.study import tune_filters
 from baselines.papers.novospaskyi.tables import NOISE_NAMES
 from baselines.scoring.estimates import Estimate

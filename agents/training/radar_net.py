@@ -16,9 +16,8 @@ from torch import Tensor, nn
 
 from agents.interface.output_files import atomic_file
 from baselines.estimation.run_filter import Estimates, Filtered
-from baselines.papers.novospaskyi.dataset import RadarData
+from baselines.papers.novospaskyi.dataset import HORIZONS, REGION, RadarData, truth_ahead
 from baselines.papers.novospaskyi.radars import NOISES, SIGMA, draw_noise
-from baselines.papers.novospaskyi.scores import HORIZONS, REGION, truth_ahead
 from hybrid_env.checks import ArgumentError, FloatArray
 
 UPDATES = 600

@@ -24,16 +24,13 @@ THRESHOLD = 0.8  # of the default decider: fewer changes than at its own default
 class ModeDetector(BaseChangeDetector):
     """Changes between straight motion, left and right turns in the positions of one object.
 
-    `fit` finds noise, radii and durations by maximum likelihood; `predict` states a mode at every position,
+    `fit` finds noise, radii and durations by maximum likelihood, `model_`; `predict` states a mode at every position,
     each from the positions up to it, and returns where it changes.
 
     Args:
         decider: a decider for unknown switch moments; None is `ThresholdDecider(0.8)`.
         radii: turn radii in the unit of the positions; None finds one to three.
         columns: of x and y among those of the data.
-
-    Attributes:
-        model_: `baselines.recordings.model_fit.TrackModel`, after `fit`.
 
     >>> import numpy as np
     >>> from hybrid_env.simulation import simulate

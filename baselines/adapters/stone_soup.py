@@ -37,9 +37,8 @@ class IMMPrediction(Prediction, GaussianMixture):
 class IMMPredictor(Predictor):
     """The prediction of an IMM filter.
 
-    A state that is no mixture begins the models from its mean and covariance, with their stationary
-    probabilities: that of an initiator, and one for which a tracker with probabilistic association found no
-    measurement. After one for which it found some, each model has the mixture of its hypotheses.
+    A state that is no mixture, as that of an initiator, begins the models from its mean and covariance, with their
+    stationary probabilities. After probabilistic association each model has the mixture of its hypotheses.
     """
 
     imm: IMMFilter = Property(doc="Filter; its models, not its estimates, are used")
@@ -49,11 +48,7 @@ class IMMPredictor(Predictor):
     transition_model: Any = Property(default=None, doc="Not used: the filter has its own models")
 
     def predict(self, prior: Any, timestamp: datetime.datetime | None = None, **kwargs: Any) -> IMMPrediction:
-        """Return the prediction of a track or state to a time; None predicts to its own.
-
-        Raises:
-            ArgumentError: the time is before that of the state, or the state has another size.
-        """
+        """Return the prediction of a track or state to a time; None predicts to its own."""
         state = prior[-1] if isinstance(prior, StateMutableSequence) else prior
         imm = _filter_of(self.imm, state, self.measurement_model)
         if timestamp is not None and state.timestamp is not None:
@@ -70,30 +65,23 @@ class IMMUpdater(Updater):
     )
 
     def predict_measurement(
-        self,
-        predicted_state: GaussianState,
-        measurement_model: LinearGaussian | None = None,
-        measurement_noise: bool = True,
-        **kwargs: Any,
-    ) -> GaussianMeasurementPrediction:
+        self, predicted_state: GaussianState, measurement_model: LinearGaussian | None = None,
+        measurement_noise: bool = True, **kwargs: Any,
+    ) -> GaussianMeasurementPrediction:  # fmt: skip
         """Return the predicted position, and its covariance of the merged models."""
-        model = self._check_measurement_model(measurement_model)
-        cross = predicted_state.covar[:, :: self.imm.order]
-        noise = _noise(self.imm, model) if measurement_noise else 0.0
-        return GaussianMeasurementPrediction(
-            predicted_state.mean[:: self.imm.order], cross[:: self.imm.order] + noise,
-            timestamp=predicted_state.timestamp, cross_covar=cross,
-        )  # fmt: skip
+        model, order = self._check_measurement_model(measurement_model), self.imm.order
+        cross = predicted_state.covar[:, ::order]
+        spread = cross[::order] + (_noise(self.imm, model) if measurement_noise else 0.0)
+        known = {"timestamp": predicted_state.timestamp, "cross_covar": cross}
+        return GaussianMeasurementPrediction(predicted_state.mean[::order], spread, **known)
 
     def update(self, hypothesis: SingleHypothesis, **kwargs: Any) -> GaussianMixtureUpdate:
         """Return the prediction of a hypothesis, corrected by its measurement."""
         model = self._check_measurement_model(hypothesis.measurement.measurement_model)
         if hypothesis.measurement_prediction is None:
             hypothesis.measurement_prediction = self.predict_measurement(hypothesis.prediction, model)
-        imm = _corrected(self.imm, hypothesis, model)
-        return GaussianMixtureUpdate(
-            hypothesis=hypothesis, components=_components(imm, hypothesis.measurement.timestamp)
-        )
+        components = _components(_corrected(self.imm, hypothesis, model), hypothesis.measurement.timestamp)
+        return GaussianMixtureUpdate(hypothesis=hypothesis, components=components)
 
 
 def measured_position(state: Any) -> FloatArray | None:
@@ -107,15 +95,7 @@ def measured_position(state: Any) -> FloatArray | None:
 
 
 def decide_track(track: Track, tracker: OnlineTracker) -> list[OnlineEstimate]:
-    """Return what a live tracker knows after each state of a track of Stone Soup.
-
-    Args:
-        track: whose states are at multiples of the tick of the tracker.
-        tracker: begins a new track.
-
-    Raises:
-        ArgumentError: the times do not fit the ticks, or a measurement is missing and the decider cannot do without it.
-    """
+    """Return what a live tracker, which begins anew, knows after each state of a track, at multiples of its tick."""
     tracker.begin()
     start = track[0].timestamp
     return [tracker.update(measured_position(state), (state.timestamp - start).total_seconds()) for state in track]
@@ -124,10 +104,9 @@ def decide_track(track: Track, tracker: OnlineTracker) -> list[OnlineEstimate]:
 def _noise(imm: IMMFilter, model: LinearGaussian) -> FloatArray:
     """Return the covariance of a measurement, (d, d), of a model that measures the positions of a state."""
     positions = tuple(range(0, imm.axes * imm.order, imm.order))
-    if not isinstance(model, LinearGaussian) or tuple(model.mapping) != positions:
-        raise reject(
-            "measurement_model", getattr(model, "mapping", model), f"LinearGaussian with the mapping {positions}"
-        )
+    mapping = getattr(model, "mapping", model)
+    if not isinstance(model, LinearGaussian) or tuple(mapping) != positions:
+        raise reject("measurement_model", mapping, f"LinearGaussian with the mapping {positions}")
     return np.asarray(model.covar(), np.float64)
 
 

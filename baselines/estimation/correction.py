@@ -44,12 +44,9 @@ def principal_noise(covariance: FloatArray) -> PrincipalNoise:
 
 
 def correct(
-    state: FloatArray,
-    covariance: FloatArray,
-    measurement: FloatArray,
-    noise: PrincipalNoise,
+    state: FloatArray, covariance: FloatArray, measurement: FloatArray, noise: PrincipalNoise,
     robust: Robust | WholeStudentT | None = None,
-) -> Corrected:
+) -> Corrected:  # fmt: skip
     """Correct predicted estimates, (..., n) and (..., n, n), by measured positions (..., d) [m].
 
     `robust` says how components far from the prediction are used, or whole measurements; None is the Kalman filter.
@@ -60,7 +57,12 @@ def correct(
     variances = np.broadcast_to(noise.variances, (*lead, d))
     whole = isinstance(robust, WholeStudentT)
     if isinstance(robust, WholeStudentT):
-        weight, of_whole, nis_of_whole = robust.weigh(*_innovation(state, covariance, measurement, noise, m))
+        difference, spread = measurement - state[..., ::m], covariance[..., ::m, ::m]
+        if noise.axes is not None:  # along the principal axes
+            difference = (difference[..., None, :] @ noise.axes)[..., 0, :]
+            spread = noise.axes.swapaxes(-1, -2) @ spread @ noise.axes
+        spread = spread + noise.variances[..., None] * np.eye(d)
+        weight, of_whole, nis_of_whole = robust.weigh(difference, spread)
         variances, robust = variances / weight[..., None], None
     log_likelihood, nis = np.zeros(lead), np.zeros(lead)
     for i in range(d):
@@ -89,14 +91,3 @@ def correct(
     if whole:
         log_likelihood, nis = of_whole, nis_of_whole
     return Corrected(state, covariance, log_likelihood, nis)
-
-
-def _innovation(
-    state: FloatArray, covariance: FloatArray, measurement: FloatArray, noise: PrincipalNoise, m: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return the innovations (..., d) along the principal axes of the noise, and their covariances."""
-    innovation, spread = measurement - state[..., ::m], covariance[..., ::m, ::m]
-    if noise.axes is not None:
-        innovation = (innovation[..., None, :] @ noise.axes)[..., 0, :]
-        spread = noise.axes.swapaxes(-1, -2) @ spread @ noise.axes
-    return innovation, spread + noise.variances[..., None] * np.eye(innovation.shape[-1])

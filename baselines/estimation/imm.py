@@ -31,10 +31,9 @@ class ModelChain:
 
 
 def mix_models(log_probability: FloatArray, transition: FloatArray, smallest: float) -> tuple[FloatArray, FloatArray]:
-    """Return the log probabilities of the models after a step of their chain, (B, M), and weights of mixtures, (B, M,
-    M).
+    """Return log probabilities (B, M) after a step of the chain, at least `smallest`, and weights (B, M, M).
 
-    Row j of the weights mixes the filters before the step for model j. Smaller probabilities count as the smallest.
+    Row j of the weights mixes the filters before the step for model j.
     """
     with np.errstate(divide="ignore"):
         joint = np.log(transition) + log_probability[:, :, None]  # before, after
@@ -43,13 +42,9 @@ def mix_models(log_probability: FloatArray, transition: FloatArray, smallest: fl
     return np.maximum(after, np.log(smallest)), weights.swapaxes(1, 2)
 
 
-def weigh_models(
-    log_probability: FloatArray, log_likelihood: FloatArray, smallest: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return the log posterior of the models, (B, M), and the log-likelihood of all, (B,), from log prior and
-    likelihoods.
-    """
-    joint = log_probability + log_likelihood
+def weigh_models(log_prior: FloatArray, log_likelihood: FloatArray, smallest: float) -> tuple[FloatArray, FloatArray]:
+    """Return the log posterior of the models, (B, M), at least `smallest`, and the log-likelihood of all, (B,)."""
+    joint = log_prior + log_likelihood
     total = log_sum(joint, 1)
     return np.maximum(joint - total[:, None], np.log(smallest)), total
 
@@ -101,9 +96,6 @@ class IMMFilter(TrackFilter):
             another one needs `start_deviations`.
         sojourns: mean time in each model [s], one number or one per model, > 0. The next model is any of the others
             with equal probability.
-
-    Attributes:
-        probabilities: (B, M) of the models.
     """
 
     covariance: FloatArray
@@ -112,13 +104,11 @@ class IMMFilter(TrackFilter):
         known = isinstance(filters, Sequence) and all(isinstance(one, KalmanFilter) for one in filters)
         if not known or len(filters) < 2 or len({one.axes for one in filters}) > 1:
             raise reject("filters", filters, "two or more KalmanFilters with the same number of axes")
-        self.filters = list(filters)
-        smallest = min(one.order for one in filters)
+        orders = [one.order for one in filters]
         for one in filters:
-            if one.order > smallest and one.start_variances is None:
+            if one.order > min(orders) and one.start_variances is None:
                 raise reject("filters", one.model.name, "start_deviations of the larger models")
-        self.axes, self.order = filters[0].axes, max(one.order for one in filters)
-        count = len(filters)
+        self.filters, self.axes, self.order, count = list(filters), filters[0].axes, max(orders), len(filters)
         times = check_per_item("sojourns", sojourns, count, smallest=1e-30)
         self._stationary = times / times.sum()
         others = (np.ones((count, count)) - count * np.eye(count)) / (count - 1)
@@ -141,12 +131,9 @@ class IMMFilter(TrackFilter):
         return state, covariance
 
     def begin_from_models(self, probabilities: ArrayLike, states: ArrayLike, covariances: ArrayLike) -> None:
-        """Forget everything and begin all tracks with an estimate of each model, such as `estimates`.
+        """Forget everything and begin all tracks with probabilities (B, M) and `estimates` of the models.
 
-        Args:
-            probabilities: (B, M) of the models.
-            states: (B, M, n). Derivatives that a model lacks are not used.
-            covariances: (B, M, n, n).
+        Derivatives that a model lacks are not used.
         """
         count, size = len(self.filters), self.axes * self.order
         weights = check_array("probabilities", probabilities, (None, count))
@@ -197,9 +184,8 @@ class IMMFilter(TrackFilter):
         self.nis = squared_innovation(measurement - self.position, spread)
         for one in self.filters:
             one._update(measurement, noise)
-        self._log_probabilities, self.log_likelihood = weigh_models(
-            self._log_probabilities, np.stack([one.log_likelihood for one in self.filters], axis=-1), SMALLEST
-        )
+        each = np.stack([one.log_likelihood for one in self.filters], axis=-1)
+        self._log_probabilities, self.log_likelihood = weigh_models(self._log_probabilities, each, SMALLEST)
         self._merge()
 
     def _merge(self) -> None:

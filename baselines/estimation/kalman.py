@@ -20,28 +20,17 @@ class KalmanFilter(TrackFilter):
         model: motion and process noise.
         noise: covariance of a measurement [m^2]: a variance, (d,) variances, or a matrix (d, d) or (B, d, d). With a
             robust update it is the covariance (of a Student-t the scale matrix) of good measurements.
-        start_deviations: (m - 1,) standard deviations of the derivatives at the start of a track: velocity [m/s], then
-            acceleration [m/s^2], then jerk [m/s^3]. None if tracks begin with `begin_from`.
+        start_deviations: (m - 1,) standard deviations of velocity [m/s], acceleration [m/s^2] and jerk [m/s^3] at the
+            start of a track. None if tracks begin with `begin_from`.
         robust: how measurements far from the prediction are used; None is the plain filter.
-
-    >>> cv = KalmanFilter(MotionModel("CV", axes=2, noise=0.1), noise=25.0, start_deviations=(30.0,))
-    >>> cv.begin(tracks=1)
-    >>> for k in range(30):
-    ...     cv.predict(1.0)
-    ...     cv.update([[10.0 * k, 0.0]])
-    >>> cv.velocity.round(1)
-    array([[10.,  0.]])
     """
 
     covariance: FloatArray
 
     def __init__(
-        self,
-        model: MotionModel,
-        noise: float | ArrayLike,
-        start_deviations: ArrayLike | None = None,
+        self, model: MotionModel, noise: float | ArrayLike, start_deviations: ArrayLike | None = None,
         robust: Robust | None = None,
-    ):
+    ):  # fmt: skip
         if not isinstance(model, MotionModel):
             raise reject("model", model, "a MotionModel")
         if robust is not None and not isinstance(robust, Robust):
@@ -56,7 +45,7 @@ class KalmanFilter(TrackFilter):
             if (deviations < 0.0).any():
                 raise reject("start_deviations", start_deviations, "numbers >= 0")
             self.start_variances = deviations**2
-        self._step: tuple[float, FloatArray, FloatArray] | None = None  # matrices of the last time step
+        self._step = np.nan, np.empty(0), np.empty(0)  # matrices of the last time step, if it was equal for all tracks
 
     def _begin(self, tracks: int) -> None:
         if self.noise.ndim == 3 and len(self.noise) != tracks:
@@ -70,19 +59,12 @@ class KalmanFilter(TrackFilter):
         assert covariance is not None
         self.state, self.covariance = state, covariance
 
-    def _matrices(self, dt: float | FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Transition and process noise of one axis; those of equal steps are computed once."""
-        if isinstance(dt, float):
-            if self._step is None or self._step[0] != dt:
-                self._step = dt, self.model.transition(dt), self.model.step_noise(dt)
-            return self._step[1:]
-        return self.model.transition(dt), self.model.step_noise(dt)
-
     def _predict(self, dt: float | FloatArray) -> None:
-        transition, noise = self._matrices(dt)
-        self.state, self.covariance = propagate(
-            self.state, self.covariance, transition, noise, np.asarray(self.model.noise)
-        )
+        step = dt if isinstance(dt, float) else np.nan
+        if self._step[0] != step:
+            self._step = step, self.model.transition(dt), self.model.step_noise(dt)
+        matrices = *self._step[1:], np.asarray(self.model.noise)
+        self.state, self.covariance = propagate(self.state, self.covariance, *matrices)
 
     def _start(self, chosen: IntArray, measurement: FloatArray, noise: FloatArray) -> None:
         """Begin some tracks with their first measurements."""

@@ -7,40 +7,21 @@ Kirubarajan 2001, "Estimation with Applications to Tracking and Navigation", sec
 """
 
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 from math import factorial
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_env.checks import (
-    LARGEST_NUMBER,
-    FloatArray,
-    check_array,
-    check_choice,
-    check_integer,
-    check_number,
-    dimensions,
-    reject,
-)
+from hybrid_env.checks import FloatArray, check_array, check_choice, check_integer, dimensions, reject
 
 ORDERS = {"CV": 2, "CA": 3, "CJ": 4}  # number of values per axis, m, of each model
 
 
-def check_scalar(name: str, value: Any) -> float:
-    """Return a checked float of a size whose square does not overflow."""
-    number = check_number(name, value)
-    if abs(number) > LARGEST_NUMBER:
-        raise reject(name, value, f"a number up to {LARGEST_NUMBER:g}")
-    return number
-
-
 def check_per_item(name: str, value: float | ArrayLike, count: int, smallest: float = 0.0) -> FloatArray:
     """Return checked values >= `smallest`, (count,), of one number for all or of an array with one for each."""
-    if dimensions(value) == 0:
-        values = np.full(count, check_scalar(name, value))
-    else:
-        values = check_array(name, value, (count,))
+    values = check_array(name, np.full(count, value) if dimensions(value) == 0 else value, (count,))
     if (values < smallest).any():
         raise reject(name, float(values.min()), f"numbers >= {smallest:g}")
     return values
@@ -48,16 +29,12 @@ def check_per_item(name: str, value: float | ArrayLike, count: int, smallest: fl
 
 @dataclass(frozen=True)
 class MotionModel:
-    """A kinematic model and its process noise.
+    """A kinematic model of d axes and its process noise.
 
-    Attributes:
-        name: "CV", "CA" or "CJ".
-        axes: number of dimensions d.
-        noise: intensity of the process noise, one number or (d,). With continuous noise it is the spectral density of
-            the white noise that drives the highest derivative: [m^2/s^3] for CV, [m^2/s^5] for CA, [m^2/s^7] for CJ.
-            With discrete noise it is the variance of the acceleration that is constant in a time step for CV [m^2/s^4],
-            and of the increment of the highest derivative in a time step for CA [m^2/s^4] and CJ [m^2/s^6].
-        discretization: "continuous" noise does not depend on how a time is divided into steps; "discrete" noise does.
+    The intensity of the noise is one number or (d,). Continuous noise, which does not depend on how a time is divided
+    into steps, has the spectral density of the white noise that drives the highest derivative: [m^2/s^3] for CV,
+    [m^2/s^5] for CA, [m^2/s^7] for CJ. Discrete noise has the variance of the acceleration that is constant in a time
+    step for CV [m^2/s^4], and of the increment of the highest derivative in it for CA [m^2/s^4] and CJ [m^2/s^6].
     """
 
     name: Literal["CV", "CA", "CJ"]
@@ -85,9 +62,8 @@ class MotionModel:
         """Transition matrix of one axis, (m, m) or (B, m, m), for a time step [s] or (B,) of them."""
         steps = np.asarray(dt, np.float64)
         matrix = np.zeros((*steps.shape, self.order, self.order))
-        for row in range(self.order):
-            for column in range(row, self.order):
-                matrix[..., row, column] = steps ** (column - row) / factorial(column - row)
+        for row, column in combinations_with_replacement(range(self.order), 2):
+            matrix[..., row, column] = steps ** (column - row) / factorial(column - row)
         return matrix
 
     def step_noise(self, dt: float | FloatArray) -> FloatArray:
@@ -100,11 +76,9 @@ class MotionModel:
             moved = (steps > 0.0)[..., None, None]  # no time, no noise
             return np.asarray(effect[..., :, None] * effect[..., None, :] * moved)
         matrix = np.zeros((*steps.shape, m, m))
-        for row in range(m):
-            for column in range(m):
-                power = 2 * m - 1 - row - column
-                scale = power * factorial(m - 1 - row) * factorial(m - 1 - column)
-                matrix[..., row, column] = steps**power / scale
+        for row, column in np.ndindex(m, m):
+            power = 2 * m - 1 - row - column
+            matrix[..., row, column] = steps**power / (power * factorial(m - 1 - row) * factorial(m - 1 - column))
         return matrix
 
 

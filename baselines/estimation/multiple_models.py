@@ -1,12 +1,10 @@
 """Multiple model estimators of straight motion and turns of known radii: static, GPB1, IMM and GPB2.
 
-Each mode has a Kalman filter of [x, vx, y, vy], whose turn rate follows from its estimated speed. It starts
-from the following in a step in which the mode may change (Bar-Shalom, Li & Kirubarajan 2001, section 11.6):
-
-- "static": its own estimate, because the mode never changes;
-- "gpb1", generalized pseudo-Bayesian of first order: the estimate merged over all modes, in every step;
-- "imm": the mixture of the estimates of all modes before, given its mode;
-- "gpb2": the estimate of each mode before, in M^2 filters. They are merged over it after the measurement.
+Each mode has a Kalman filter of [x, vx, y, vy], whose turn rate follows from its estimated speed. In a step in which
+the mode may change it starts (Bar-Shalom, Li & Kirubarajan 2001, section 11.6) with "static" from its own estimate,
+because the mode never changes; with "gpb1", generalized pseudo-Bayesian of first order, from the estimate merged over
+all modes; with "imm" from the mixture of the estimates of all modes before, given its mode; with "gpb2" from the
+estimate of each mode before, in M^2 filters, which are merged over it after the measurement.
 """
 
 import math
@@ -20,7 +18,7 @@ from baselines.estimation.correction import correct, principal_noise
 from baselines.estimation.kalman import propagate
 from baselines.estimation.motion_models import turn_transition
 from baselines.estimation.track_filter import TrackFilter, measurement_covariance
-from hybrid_env.checks import FloatArray, check_array, check_choice, check_positive, reject
+from hybrid_env.checks import FloatArray, check_choice, check_positive, reject
 from hybrid_env.limits import distinct_radii
 
 Method = Literal["static", "gpb1", "imm", "gpb2"]
@@ -34,35 +32,22 @@ class MultipleModelFilter(TrackFilter):
         radii: (n,) turn radii [m]; mode 0 is straight, 1 .. n are left turns, n + 1 .. 2n right turns.
         process_variance: Q, variance of the noise added to each velocity in a step [m^2/s^2].
         noise: covariance of a measurement [m^2], see `track_filter.measurement_covariance`.
-        transition: (M, M) probabilities of the modes in a step given the mode before (row). None: the mode
-            does not change. The attribute may be set before any step, so for switches at known moments.
-
-    Attributes:
-        probabilities: (B, M) of the modes.
-        filters: number of Kalman filters that ran in the last step.
     """
 
     axes, order = 2, 2
     covariance: FloatArray
+    filters: int  # number of Kalman filters that ran in the last step
+    # (M, M) probabilities of the modes in a step given the mode before (row), to be set before any step; None: the mode
+    # does not change
+    transition: FloatArray | None = None
 
-    def __init__(
-        self,
-        method: Method,
-        radii: ArrayLike,
-        process_variance: float,
-        noise: float | ArrayLike,
-        transition: ArrayLike | None = None,
-    ):
+    def __init__(self, method: Method, radii: ArrayLike, process_variance: float, noise: float | ArrayLike):
         self.method = check_choice("method", method, get_args(Method))
         curvatures = 1.0 / np.array(distinct_radii("radii", radii))
         self._curvatures = np.concatenate([[0.0], curvatures, -curvatures])[:, None]
         process_variance = check_positive("process_variance", process_variance, allow_zero=True)
         self._process = np.diag([0.0, process_variance] * 2)
         self.noise = measurement_covariance("noise", noise, self.axes)
-        shape = (self._curvatures.size,) * 2
-        self.transition = None if transition is None else check_array("transition", transition, shape)
-        if self.transition is not None and not np.allclose(self.transition.sum(1), 1.0):
-            raise reject("transition", transition, "rows that sum to 1")
 
     @property
     def probabilities(self) -> FloatArray:

@@ -6,29 +6,23 @@ from scipy.special import gammaln, logsumexp
 
 from baselines.estimation.motion_models import MotionModel, check_per_item
 from baselines.estimation.track_filter import TrackFilter
-from hybrid_env.checks import FloatArray, IntArray, check_array, check_between, check_integer, reject
+from hybrid_env.checks import FloatArray, check_array, check_between, check_integer, reject
 
 
 class ParticleFilter(TrackFilter):
     """Particles that move as the model does, weighted by the likelihood of the measurements.
 
-    Motion and errors of the axes are independent, so that each axis has P particles of its own, (B, d, P, m). They are
-    resampled systematically (Kitagawa 1996) where their effective number falls below half of them. Errors have a scale
-    `deviation` on each axis [m] and Student's t, or without degrees of freedom the normal distribution. `begin` starts
-    the random numbers anew.
+    Each axis has P particles of its own, (B, d, P, m), which are resampled systematically (Kitagawa 1996) where their
+    effective number falls below half of them. Errors have a scale `deviation` on each axis [m] and Student's t, or
+    without degrees of freedom the normal distribution. `begin` starts the random numbers anew.
     """
 
     covariance: FloatArray
 
     def __init__(
-        self,
-        model: MotionModel,
-        deviation: float | ArrayLike,
-        start_deviations: ArrayLike,
-        degrees_of_freedom: float | None = None,
-        particles: int = 1000,
-        seed: int = 0,
-    ):
+        self, model: MotionModel, deviation: float | ArrayLike, start_deviations: ArrayLike,
+        degrees_of_freedom: float | None = None, particles: int = 1000, seed: int = 0,
+    ):  # fmt: skip
         if not isinstance(model, MotionModel):
             raise reject("model", model, "a MotionModel")
         self.model, self.axes, self.order = model, model.axes, model.order
@@ -83,27 +77,23 @@ class ParticleFilter(TrackFilter):
             started[..., 0] += measurement[..., None]
             self.particle_states[first] = started[first]
         if used.size:
-            self._weigh(used, measurement[used])
+            z = measurement[used]
+            spread = np.diagonal(self.covariance[used], axis1=1, axis2=2)[:, :: self.order] + self.deviation**2
+            self.nis[used] = ((z - self.state[used, :: self.order]) ** 2 / spread).sum(1)
+            deviation = self.deviation[:, None]
+            white = (z[..., None] - self.particle_states[used, ..., 0]) / deviation
+            logs = self.log_weights[used] + log_density(white, self.degrees_of_freedom) - np.log(deviation)
+            total = logsumexp(logs, axis=-1)
+            self.log_likelihood[used] = total.sum(-1)
+            self.log_weights[used] = logs - total[..., None]
+            for k, axis in np.argwhere(np.exp(2.0 * (logs - total[..., None])).sum(-1) > 2.0 / self.particles):
+                track = used[k]
+                sums = np.exp(self.log_weights[track, axis]).cumsum()
+                points = (self.generator.random() + np.arange(self.particles)) / self.particles
+                chosen = np.minimum(np.searchsorted(sums, points * sums[-1]), self.particles - 1)
+                self.particle_states[track, axis] = self.particle_states[track, axis, chosen]
+                self.log_weights[track, axis] = -np.log(self.particles)
         self._summarise()
-
-    def _weigh(self, used: IntArray, measurement: FloatArray) -> None:
-        """Weigh the particles of some tracks by their measurements, and resample where needed."""
-        spread = np.diagonal(self.covariance[used], axis1=1, axis2=2)[:, :: self.order] + self.deviation**2
-        self.nis[used] = ((measurement - self.state[used, :: self.order]) ** 2 / spread).sum(1)
-        deviation = self.deviation[:, None]
-        white = (measurement[..., None] - self.particle_states[used, ..., 0]) / deviation
-        logs = self.log_weights[used] + log_density(white, self.degrees_of_freedom) - np.log(deviation)
-        total = logsumexp(logs, axis=-1)
-        self.log_likelihood[used] = total.sum(-1)
-        self.log_weights[used] = logs - total[..., None]
-        poor = np.argwhere(np.exp(2.0 * (logs - total[..., None])).sum(-1) > 2.0 / self.particles)
-        for k, axis in poor:
-            track = used[k]
-            sums = np.exp(self.log_weights[track, axis]).cumsum()
-            points = (self.generator.random() + np.arange(self.particles)) / self.particles
-            chosen = np.minimum(np.searchsorted(sums, points * sums[-1]), self.particles - 1)
-            self.particle_states[track, axis] = self.particle_states[track, axis, chosen]
-            self.log_weights[track, axis] = -np.log(self.particles)
 
     def _summarise(self) -> None:
         """Set state and covariance to those of the weighted particles."""

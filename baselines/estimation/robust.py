@@ -3,11 +3,9 @@
 The components of a measurement along the principal axes of its covariance are processed one after the other. Let y be
 the innovation of a component, m the variance of its prediction, r the variance of its error, and c the column of the
 covariance P of the state that belongs to it. Every method adds c y a to the state and subtracts c c' b from P; the
-methods differ in the factors a and b. For the Kalman filter a = b = 1 / (m + r). A `Robust` method assumes that
-outliers of different components are independent; `WholeStudentT` has one weight for all components.
-
-Each method also gives the log-likelihood of the innovation. For Student-t it is exact; for Huber it is that of the
-density that belongs to the loss, with the scale of the innovation.
+methods differ in a and b. For the Kalman filter a = b = 1 / (m + r). A `Robust` method assumes that outliers of
+different components are independent. Each method also gives the log-likelihood of the innovation. For Student-t it is
+exact; for Huber it is that of the density that belongs to the loss, with the scale of the innovation.
 """
 
 from abc import ABC, abstractmethod
@@ -51,16 +49,11 @@ class Robust(ABC):
 class Huber(Robust):
     """Huber's loss: quadratic up to a threshold, then linear. Huber 1964; Durovic & Kovacevic 1999.
 
-    The estimate is the maximum of the posterior with a Gaussian prediction and this loss of the residual. The residual
-    grows by the innovation where it exceeds the threshold; the weight of the measurement, by which the covariance is
-    corrected, is threshold / residual.
-
-    Attributes:
-        threshold: in standard deviations of a measurement, > 0. At 1.345 the mean of a sample has 95 % of the
-            efficiency with Gaussian noise.
+    The estimate is the maximum of the posterior with a Gaussian prediction and this loss of the residual. The weight of
+    a measurement beyond the threshold, by which the covariance is corrected, is threshold / residual.
     """
 
-    threshold: float = 1.345
+    threshold: float = 1.345  # standard deviations, > 0; with Gaussian noise a mean has 95 % of the efficiency
 
     def __post_init__(self) -> None:
         check_positive("threshold", self.threshold)
@@ -75,31 +68,22 @@ class Huber(Robust):
         precision = 1.0 / (predicted + weighted)
         white = size / np.sqrt(total)
         loss = np.where(white <= k, 0.5 * white**2, k * white - 0.5 * k * k)
-        log_likelihood = -loss - 0.5 * np.log(total) - self.log_integral
-        return Factors(precision, precision, log_likelihood)
-
-    @property
-    def log_integral(self) -> float:
-        """Logarithm of the integral of exp(-loss) over all numbers."""
-        k = self.threshold
         inside = np.sqrt(2.0 * np.pi) * (2.0 * ndtr(k) - 1.0)
-        return float(np.log(inside + 2.0 / k * np.exp(-0.5 * k * k)))
+        integral = inside + 2.0 / k * np.exp(-0.5 * k * k)  # of exp(-loss) over all numbers
+        log_likelihood = -loss - 0.5 * np.log(total) - np.log(integral)
+        return Factors(precision, precision, log_likelihood)
 
 
 @dataclass(frozen=True)
 class StudentT(Robust):
     """Measurement noise with a Student-t distribution.
 
-    Student-t noise is Gaussian with the variance r / w, and w has a gamma distribution. The posterior is a
-    mixture over w; mean, covariance and likelihood of it are computed by quadrature and are exact for a
-    Gaussian prediction (assumed density filtering; Masreliez 1975). Sums over w are at equal steps of ln w.
-
-    Attributes:
-        degrees_of_freedom: nu, from 0.1 to 1000; 1 is Cauchy noise, 1000 practically Gaussian. The variance
-            of a measurement is its squared scale r; that of the noise is nu / (nu - 2) times as large.
+    Student-t noise is Gaussian with the variance r / w, and w has a gamma distribution; the variance of the noise is nu
+    / (nu - 2) times the squared scale r. The posterior is a mixture over w; mean, covariance and likelihood of it are
+    computed by quadrature at equal steps of ln w, exact for a Gaussian prediction (Masreliez 1975).
     """
 
-    degrees_of_freedom: float = 4.0
+    degrees_of_freedom: float = 4.0  # nu, from 0.1 to 1000; 1 is Cauchy noise, 1000 practically Gaussian
 
     def __post_init__(self) -> None:
         check_between("degrees_of_freedom", self.degrees_of_freedom, 0.0999, 1000.1)
@@ -131,9 +115,8 @@ class StudentT(Robust):
 class Correntropy(Robust):
     """Maximum of the correntropy of prediction and measurement. Chen, Liu, Zhao & Principe 2017, algorithm 1.
 
-    Residuals of prediction and measurement, in their standard deviations, have weights exp(-residual^2 / (2 width^2)),
-    found by fixed-point iterations. The covariance is that of the resulting gain with the assumed variances, and the
-    likelihood the Gaussian one with the weighted variance of the measurement. A large width gives the Kalman filter.
+    Residuals of both, in their standard deviations, have weights exp(-residual^2 / (2 width^2)), by fixed-point
+    iterations. The covariance is that of the gain with the assumed variances; a large width gives the Kalman filter.
     """
 
     width: float = 3.0
@@ -160,17 +143,13 @@ class Correntropy(Robust):
 class WholeStudentT:
     """Innovations with a Student t distribution in the plane, one weight for all components of a measurement.
 
-    The weight is the expected precision of the measurement, relative to the assumed one, given the innovation, and at
-    most 1: Lange, Little & Taylor 1989, eq. (4).
+    It is the expected relative precision given the innovation, at most 1: Lange, Little & Taylor 1989, eq. (4).
     """
 
     freedom: float  # degrees of freedom nu
 
     def weigh(self, innovation: FloatArray, spread: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return weights, by which variances are divided, log-likelihoods and squared innovations, (...) each.
-
-        The innovations are (..., 2), and their scale matrices, the spread, (..., 2, 2).
-        """
+        """Return weights, by which variances are divided, log-likelihoods and squared innovations, (...) each."""
         a, b, c = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
         x, y = innovation[..., 0], innovation[..., 1]
         determinant = a * c - b * b

@@ -3,13 +3,22 @@
 import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baselines.estimation.motion_models import check_scalar
 from baselines.estimation.track_filter import TrackFilter, check_measurements, measurement_covariance
-from hybrid_env.checks import ArgumentError, FloatArray, check_array, check_flag, dimensions, reject
+from hybrid_env.checks import (
+    LARGEST_NUMBER,
+    ArgumentError,
+    FloatArray,
+    check_array,
+    check_flag,
+    check_number,
+    dimensions,
+    reject,
+)
 
 
 @dataclass(frozen=True)
@@ -52,15 +61,10 @@ class Filtered(Estimates):
 
 
 def run_filter(
-    track_filter: TrackFilter,
-    measurements: ArrayLike,
-    times: ArrayLike,
-    *,
-    noises: ArrayLike | None = None,
-    start: tuple[ArrayLike, ArrayLike, float] | None = None,
-    keep_covariances: bool = True,
+    track_filter: TrackFilter, measurements: ArrayLike, times: ArrayLike, *, noises: ArrayLike | None = None,
+    start: tuple[ArrayLike, ArrayLike, float] | None = None, keep_covariances: bool = True,
     horizons: Sequence[float] = (),
-) -> Filtered:
+) -> Filtered:  # fmt: skip
     """Run a filter over recorded positions.
 
     Args:
@@ -72,13 +76,6 @@ def run_filter(
             begins each track with its first measurement.
         keep_covariances: False leaves the covariances out, which take the most memory.
         horizons: times ahead of each tick for which the state is forecast [s].
-
-    >>> from baselines.estimation.kalman import KalmanFilter
-    >>> from baselines.estimation.motion_models import MotionModel
-    >>> ca = KalmanFilter(MotionModel("CA", axes=3, noise=0.1), noise=25.0, start_deviations=(50.0, 5.0))
-    >>> flights = np.random.default_rng(0).normal(0.0, 5.0, (60, 93, 3))
-    >>> run_filter(ca, flights, times=np.arange(60.0)).velocities.shape
-    (60, 93, 3)
     """
     if not isinstance(track_filter, TrackFilter):
         raise reject("track_filter", track_filter, "a TrackFilter")
@@ -93,9 +90,15 @@ def run_filter(
     if start is None:
         track_filter.begin(tracks)
         first = moments[0]
+    elif isinstance(start, tuple) and len(start) == 3:
+        means: Any = start[0]
+        track_filter.begin_from(means if dimensions(means) == 2 else [means], start[1])
+        allowed, last = "a time not after the first measurement", float(moments[0].min())
+        first = np.full(moments.shape[1:], check_number("start time", start[2], allowed, -LARGEST_NUMBER, last))
+        if track_filter.tracks != tracks:
+            raise reject("start estimates", track_filter.tracks, f"{tracks}, one for each track")
     else:
-        first = _begin_from(track_filter, start, tracks, moments)
-    steps = np.diff(moments, axis=0, prepend=first[None])
+        raise reject("start", start, "(estimates, covariances, time) or None")
     size, kept = track_filter.state.shape[1], keep and track_filter.has_covariance
     found, *ahead = (
         Estimates(
@@ -104,8 +107,7 @@ def run_filter(
         for _ in range(1 + len(horizons))
     )
     log_likelihoods, nis = np.empty((total, tracks)), np.empty((total, tracks))
-    for k in range(total):
-        step = steps[k]
+    for k, step in enumerate(np.diff(moments, axis=0, prepend=first[None])):
         equal = step.ndim == 0 or (step == step[0]).all()  # one product of matrices for all tracks
         track_filter._predict(float(step.flat[0]) if equal else step)
         track_filter._update(values[k], None if covariances is None else covariances[k])
@@ -136,20 +138,3 @@ def _check_noises(noises: ArrayLike, total: int, tracks: int, axes: int) -> Floa
         return measurement_covariance("noises", check_array("noises", noises, (total, axes, axes)), axes)
     values = check_array("noises", noises, (total, tracks, axes, axes))
     return measurement_covariance("noises", values.reshape(-1, axes, axes), axes).reshape(values.shape)
-
-
-def _begin_from(
-    track_filter: TrackFilter, start: tuple[ArrayLike, ArrayLike, float], tracks: int, moments: FloatArray
-) -> FloatArray:
-    """Begin a filter from a start, see `run_filter`; return its time for each track."""
-    if not isinstance(start, tuple) or len(start) != 3:
-        raise reject("start", start, "(estimates, covariances, time) or None")
-    estimates, covariances, time = start
-    size = track_filter.axes * track_filter.order
-    one = dimensions(estimates) == 1 and tracks == 1
-    means = check_array("start estimates", estimates, (size,) if one else (tracks, size)).reshape(tracks, size)
-    track_filter.begin_from(means, covariances)
-    first = check_scalar("start time", time)
-    if (np.asarray(first) > moments[0]).any():
-        raise reject("start time", time, "a time not after the first measurement")
-    return np.broadcast_to(first, moments[0].shape)

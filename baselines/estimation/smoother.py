@@ -6,21 +6,14 @@ from numpy.typing import ArrayLike
 from baselines.estimation.kalman import propagate, times_transition
 from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.run_filter import Estimates, Filtered, check_times
-from hybrid_env.checks import BoolArray, FloatArray, reject
+from hybrid_env.checks import FloatArray, reject
 
 
 def smooth(model: MotionModel, filtered: Filtered, times: ArrayLike) -> Estimates:
-    """Return the estimates of a Kalman filter, plain or robust, given all measurements.
+    """Return the estimates of a Kalman filter given all measurements, from its output with covariances.
 
-    After a robust filter the result is approximate: the weights of the measurements are those of the filter.
-
-    Args:
-        model: of the filter.
-        filtered: its output, with covariances.
-        times: (T,) or (T, B) [s], as given to the filter.
-
-    Raises:
-        ArgumentError: the output is of another model or has no covariances, or the times do not fit it.
+    `times`, (T,) or (T, B) [s], are those of the filter. After a robust one the result is approximate: the weights of
+    the measurements are those of the filter.
     """
     if not isinstance(model, MotionModel) or not isinstance(filtered, Filtered):
         raise reject("model", model, "the MotionModel of the filter and its output")
@@ -35,25 +28,19 @@ def smooth(model: MotionModel, filtered: Filtered, times: ArrayLike) -> Estimate
     steps = np.diff(check_times(times, total, tracks), axis=0)
     for k in range(total - 2, -1, -1):
         begun = ~np.isnan(states[k, :, 0])
-        if begun.any():
-            step = steps[k] if steps.ndim == 1 else steps[k][begun]
-            _step_back(model, step, states, covariances, k, begun)
+        if not begun.any():
+            continue
+        step = steps[k] if steps.ndim == 1 else steps[k][begun]
+        state, covariance, transition = states[k, begun], covariances[k, begun], model.transition(step)
+        noise = model.step_noise(step), np.asarray(model.noise)
+        predicted, spread = propagate(state, covariance, transition, *noise)
+        gain = _divide(times_transition(covariance, transition), spread)
+        states[k, begun] = state + (gain @ (states[k + 1, begun] - predicted)[..., None])[..., 0]
+        change = gain @ (covariances[k + 1, begun] - spread) @ gain.swapaxes(1, 2)
+        covariances[k, begun] = covariance + 0.5 * (change + change.swapaxes(1, 2))
     if single:
         states, covariances = states[:, 0], covariances[:, 0]
     return Estimates(states, covariances, model.order)
-
-
-def _step_back(
-    model: MotionModel, step: FloatArray, states: FloatArray, covariances: FloatArray, k: int, chosen: BoolArray
-) -> None:
-    """Smooth the estimates of tick k of some tracks, in place, by those of tick k + 1."""
-    state, covariance = states[k, chosen], covariances[k, chosen]
-    transition, noise = model.transition(step), model.step_noise(step)
-    predicted, spread = propagate(state, covariance, transition, noise, np.asarray(model.noise))
-    gain = _divide(times_transition(covariance, transition), spread)
-    states[k, chosen] = state + (gain @ (states[k + 1, chosen] - predicted)[..., None])[..., 0]
-    change = gain @ (covariances[k + 1, chosen] - spread) @ gain.swapaxes(1, 2)
-    covariances[k, chosen] = covariance + 0.5 * (change + change.swapaxes(1, 2))
 
 
 def _divide(cross: FloatArray, spread: FloatArray) -> FloatArray:

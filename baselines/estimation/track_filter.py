@@ -6,8 +6,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baselines.estimation.motion_models import check_per_item, check_scalar
-from hybrid_env.checks import FloatArray, check_array, check_integer, check_positive, dimensions, reject
+from baselines.estimation.motion_models import check_per_item
+from hybrid_env.checks import LARGEST_NUMBER, FloatArray, check_array, check_integer, check_number, dimensions, reject
 
 
 class TrackFilter(ABC):
@@ -15,24 +15,17 @@ class TrackFilter(ABC):
 
     A track begins with its first measurement, or for all tracks with `begin_from`. Until then its state is NaN. A
     missing measurement is NaN: that track only predicts.
-
-    Attributes:
-        axes: number of dimensions d.
-        order: number of values per axis of the state, m.
-        state: (B, n) estimates, position and derivatives axis by axis, [x, vx, y, vy] for m = 2 and d = 2.
-        covariance: (B, n, n) of the state; None if the filter has none.
-        log_likelihood: (B,) of the last measurement given those before. 0 without a measurement and for the one that
-            begins a track; NaN if the filter has no likelihood.
-        nis: (B,) normalized innovation squared, chi-square with d degrees of freedom if the model holds; or NaN.
     """
 
     has_covariance: ClassVar[bool] = True
-    axes: int
-    order: int
-    state: FloatArray
-    covariance: FloatArray | None
+    axes: int  # number of dimensions d
+    order: int  # number of values per axis of the state, m
+    state: FloatArray  # (B, n) estimates, position and derivatives axis by axis, [x, vx, y, vy] for m = 2 and d = 2
+    covariance: FloatArray | None  # (B, n, n) of the state; None if the filter has none
+    # (B,) of the last measurement given those before; 0 without a measurement and for the one that begins a track; NaN
+    # if the filter has no likelihood
     log_likelihood: FloatArray
-    nis: FloatArray
+    nis: FloatArray  # (B,) normalized innovation squared, chi-square with d degrees of freedom if the model holds; NaN
 
     @property
     def tracks(self) -> int:
@@ -54,12 +47,7 @@ class TrackFilter(ABC):
         self._begin(check_integer("tracks", tracks))
 
     def begin_from(self, state: ArrayLike, covariance: ArrayLike | None = None) -> None:
-        """Forget everything and begin all tracks with estimates.
-
-        Args:
-            state: (B, n).
-            covariance: (n, n) or (B, n, n); None for a filter that has none.
-        """
+        """Forget everything and begin all tracks with estimates (B, n), and their covariances (n, n) or (B, n, n)."""
         size = self.axes * self.order
         means = check_array("state", state, (None, size))
         if (covariance is None) == self.has_covariance:
@@ -76,17 +64,14 @@ class TrackFilter(ABC):
     def predict(self, dt: float | ArrayLike) -> None:
         """Advance by a time step [s], >= 0, one number or (B,)."""
         if dimensions(dt) == 0:
-            self._predict(check_positive("dt", check_scalar("dt", dt), allow_zero=True))
+            self._predict(check_number("dt", dt, f"a number from 0 to {LARGEST_NUMBER:g}", 0.0, LARGEST_NUMBER))
         else:
             self._predict(check_per_item("dt", dt, self.tracks))
 
     def update(self, measurement: ArrayLike, noise: ArrayLike | None = None) -> None:
-        """Correct by the measurements of one moment.
+        """Correct by the measurements of one moment, (B, d) positions [m], NaN where there is none.
 
-        Args:
-            measurement: (B, d) positions [m], NaN where there is none.
-            noise: covariance of this measurement in the place of that of the filter [m^2]: a number, (d,), (d, d) or
-                (B, d, d).
+        `noise` is their covariance in the place of that of the filter [m^2]: a number, (d,), (d, d) or (B, d, d).
         """
         values = check_measurements("measurement", measurement, (self.tracks, self.axes))
         covariance = None if noise is None else measurement_covariance("noise", noise, self.axes, self.tracks)
@@ -120,10 +105,7 @@ def check_measurements(name: str, value: ArrayLike, shape: tuple[int | None, ...
 
 
 def measurement_covariance(name: str, value: ArrayLike, axes: int, tracks: int | None = None) -> FloatArray:
-    """Return the positive definite covariance of a measurement, (d, d) or (B, d, d).
-
-    It is given as a variance of every axis [m^2], (d,) of each axis, or a matrix; without `tracks` B is any number.
-    """
+    """Return the covariance of a measurement, (d, d) or (B, d, d), of a variance of all axes [m^2], (d,), or itself."""
     ndim = dimensions(value)
     if ndim < 2:
         return check_covariance(name, np.diag(check_per_item(name, value, axes)))

@@ -49,9 +49,7 @@ class Batch(NamedTuple):
         return np.diff(self.times, axis=0, prepend=self.times[:1])
 
     def unstack(self, values: NDArray[Any], lengths: Sequence[int]) -> list[NDArray[Any]]:
-        """Return values (T, B, ...) as those of each flight, (n, ...), from their numbers n of positions; 0 outside of
-        the pieces.
-        """
+        """Return values (T, B, ...) as those of each flight, (n, ...), 0 outside of the pieces; lengths: numbers n."""
         flights = [np.zeros((length, *values.shape[2:]), values.dtype) for length in lengths]
         for column, (k, first, end) in enumerate(self.pieces):
             begin, stop = (first, end) if self.own is None else self.own[column]
@@ -59,9 +57,7 @@ class Batch(NamedTuple):
         return flights
 
     def noise(self, velocities: FloatArray) -> FloatArray:
-        """Return the covariances across^2 I + timing^2 v v' of positions, (..., B, 2, 2) [m^2], of velocities (..., B,
-        2).
-        """
+        """Return the covariances across^2 I + timing^2 v v' of positions, (..., B, 2, 2) [m^2], at velocities v."""
         along = (self.timing**2)[:, None, None] * velocities[..., :, None] * velocities[..., None, :]
         return np.asarray((self.across**2)[:, None, None] * np.eye(2) + along)
 
@@ -169,16 +165,13 @@ def with_wind(
     transition: FloatArray, noise: FloatArray, dt: FloatArray, density: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return transition matrices and covariances (..., 6, 6) of turns in a wind, from those without."""
-    air, wind = np.array([0, 1, 3, 4]), np.array([2, 5])
-    found = []
-    for values in (transition, noise):
-        larger = np.zeros((*values.shape[:-2], 6, 6))
-        larger[..., air[:, None], air] = values
-        found.append(larger)
-    for position, k in zip((0, 3), wind, strict=True):
-        found[0][..., position, k], found[0][..., k, k] = dt, 1.0
-        found[1][..., k, k] = density * dt
-    return found[0], found[1]
+    air = np.array([0, 1, 3, 4])
+    moved, spread = (np.zeros((*values.shape[:-2], 6, 6)) for values in (transition, noise))
+    moved[..., air[:, None], air], spread[..., air[:, None], air] = transition, noise
+    for position, wind in ((0, 2), (3, 5)):
+        moved[..., position, wind], moved[..., wind, wind] = dt, 1.0
+        spread[..., wind, wind] = density * dt
+    return moved, spread
 
 
 def ground_velocity(state: FloatArray) -> FloatArray:

@@ -1,44 +1,39 @@
-"""Filters with gains: the g-h filter, and the adaptive one of Zimchuk & Kankin 2006.
+"""Filters with gains: the g-h filter, and the adaptive one of Zimchuk & Kankin 2006, as published and corrected.
 
-The g-h (alpha-beta) filter has constant gains (Sklansky 1957; Benedict & Bordner 1962). The adaptive filter
-is here as published and corrected.
-
-It has the constant-velocity prediction of a Kalman filter, but no model of its noises: the gain
-K = P_e C' (C P_e C' + R)^-1, eq. (5), is identified from the innovations nu and the N-th backward differences
-D^N of the predictions x_e. With N = 3 and H_i = M[nu_(n-i) nu_n'], where M is a mean over time (the paper
-prints nu_n nu_(n-i)', which is the same for one axis):
+The g-h (alpha-beta) filter has constant gains (Sklansky 1957; Benedict & Bordner 1962). The adaptive filter has the
+constant-velocity prediction of a Kalman filter, but no model of its noises: the gain K = P_e C' (C P_e C' + R)^-1,
+eq. (5), is identified from the innovations nu and the N-th backward differences D^N of the predictions x_e. With N = 3
+and H_i = M[nu_(n-i) nu_n'], where M is a mean over time (the paper prints nu_n nu_(n-i)', the same for one axis):
 
     C P_e C'        = -M[D^3 x_e nu'] + 3 H_1 - 3 H_2 + H_3                      eq. (17), positions
     F P_e C'        = -M[D^3 v_e nu'] + (3 H_1 - 6 H_2 + 4 H_3 - H_4) / T        eq. (17), velocities
     R               =  M[(D^3 nu + D^3 x_e) nu']                                 eq. (19)
 
-Added up, C P_e C' + R = H_0, so that the gain of the positions is I - R H_0^-1 (`published_gain`).
+Added up, C P_e C' + R = H_0, so that the gain of the positions is I - R H_0^-1 (`published_gain`). The paper does not
+say what M, the start and the limits of the gain are. Here: each axis is filtered by itself, M is the mean over all
+ticks so far, the first gains are those of a line fit, and the gains are limited to those of a stable filter. Eq. (17)
+takes the covariance of successive prediction errors for that of successive innovations, and eq. (19) is biased, because
+the innovation contains earlier noise too (`noise_bias`).
 
-The paper does not say what M, the start and the limits of the gain are. Here: each axis is filtered by itself, M is
-the mean over all ticks so far, the first gains are those of a line fit, and the gains are limited to those of a
-stable filter. Eq. (17) takes the covariance of successive prediction errors for that of successive innovations, and
-eq. (19) is biased, because the innovation contains earlier noise too (`noise_bias`).
-
-The corrected filter keeps the identity and takes both of its terms from means that are not biased: the third
-difference of the measurements has the variance (1 + 9 + 9 + 1) R if the motion is smooth, and H_0 is the
-mean square of the last innovations. The gain of the velocities follows from that of the positions by the
-relation of Benedict & Bordner 1962, h = g^2 / (2 - g).
+The corrected filter keeps the identity and takes both of its terms from means that are not biased: the third difference
+of the measurements has the variance (1 + 9 + 9 + 1) R if the motion is smooth, and H_0 is the mean square of the last
+innovations. The gain of the velocities is h = g^2 / (2 - g) of that of the positions (Benedict & Bordner 1962).
 """
 
+import math
 from abc import abstractmethod
 
 import numpy as np
 
 from baselines.estimation.track_filter import TrackFilter
-from hybrid_env.checks import FloatArray, check_between, check_flag, check_integer, check_number, check_positive, reject
+from hybrid_env.checks import FloatArray, check_flag, check_integer, check_number, check_positive, reject
 
 
 class GainFilter(TrackFilter):
     """A filter of [x, v] per axis with gains, (2, B, d) or (2, B, 1), of positions [-] and velocities [1/s].
 
-    It has no covariance and no likelihood. Two-point start: a track has the position of its first measurement and no
-    velocity; the second gives the position z_2 and the velocity (z_2 - z_1) / t. It starts anew after `longest_gap`
-    without a measurement [s].
+    Two-point start: a track has the position of its first measurement and no velocity; the second gives the position
+    z_2 and the velocity (z_2 - z_1) / t. It starts anew after `longest_gap` without a measurement [s].
     """
 
     has_covariance = False
@@ -83,33 +78,17 @@ class GainFilter(TrackFilter):
 
 
 class GHFilter(GainFilter):
-    """The g-h filter of positions in d dimensions.
+    """The g-h filter of positions in d dimensions; for its start see `GainFilter`.
 
-    With x, v the prediction at a measurement z and t the time since the last one:
-    x' = x + g (z - x), v' = v + h / t (z - x). For its start see `GainFilter`.
-
-    Args:
-        axes: number of dimensions d.
-        g, h: gains, with 0 < g and 0 <= h, and h < 4 - 2 g, so that the filter is stable.
-        longest_gap: time between two measurements [s] after which a track starts anew; None never.
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
-
-    >>> gh = GHFilter(axes=1, g=0.5, h=0.2)
-    >>> gh.begin(tracks=1)
-    >>> for k in range(4):
-    ...     gh.predict(2.0)
-    ...     gh.update([[6.0 * k]])
-    >>> gh.state
-    array([[18.,  3.]])
+    With x, v the prediction at a measurement z and t the time since the last one: x' = x + g (z - x),
+    v' = v + h / t (z - x). The gains have 0 < g and 0 <= h < 4 - 2 g, so that the filter is stable. After `longest_gap`
+    between two measurements [s] a track starts anew; None never.
     """
 
     def __init__(self, axes: int, g: float, h: float, longest_gap: float | None = None):
         self.axes = check_integer("axes", axes)
-        self.g, self.h = check_positive("g", g), check_number("h", h)
-        if not 0.0 <= self.h < 4.0 - 2.0 * self.g:
-            raise reject("h", h, f"a number from 0, below 4 - 2 g = {4.0 - 2.0 * self.g:g}")
+        self.g, bound = check_positive("g", g), 4.0 - 2.0 * g
+        self.h = check_number("h", h, f"a number from 0, below 4 - 2 g = {bound:g}", 0.0, math.nextafter(bound, -1.0))
         self.longest_gap = np.inf if longest_gap is None else check_positive("longest_gap", longest_gap)
 
     def _find_gains(self, measurement: FloatArray) -> FloatArray:
@@ -119,6 +98,9 @@ class GHFilter(GainFilter):
 
 DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0])  # coefficients of the third backward difference D^3, newest value first
 LAGS = 5  # of H_0 to H_4
+PRODUCTS = 10  # before the filter adapts
+WINDOW = 15  # number of innovations in H_0 of the corrected filter
+LIMITS = 0.12, 0.9  # of its gain K_1 = 1 - R / H_0
 
 
 def third_difference(values: FloatArray) -> FloatArray:
@@ -136,10 +118,7 @@ def products(position: FloatArray, velocity: FloatArray, innovation: FloatArray)
 
 
 def published_gain(means: FloatArray, tau: float) -> tuple[FloatArray, FloatArray]:
-    """Gains of positions [-] and velocities [1/s] without limits, for one axis, each (...).
-
-    Zimchuk & Kankin 2006, eq. (5), (17) and (19) for N = 3. means: (8, ...) of `products`; tau: tick [s].
-    """
+    """Gains of positions [-] and velocities [1/s] without limits, eq. (5), (17) and (19), of means (8, ...)."""
     _, h1, h2, h3, h4, position, velocity, innovation = means
     position_spread = -position + 3.0 * h1 - 3.0 * h2 + h3
     velocity_spread = -velocity + (3.0 * h1 - 6.0 * h2 + 4.0 * h3 - h4) / tau
@@ -153,13 +132,11 @@ def noise_bias(gain: float) -> float:
 
     The prediction is sum_i c_i z_(n-i), and D^3 of the motion is 0, so that M[D^3 z nu'] = R (1 + 3 c_1 - 3 c_2 + c_3).
     """
-    position, velocity = gain, gain**2 / (2.0 - gain)  # after a measurement of 1, in units of a tick
-    g, h = position, velocity
+    g, h = position, velocity = gain, gain**2 / (2.0 - gain)  # after a measurement of 1, in units of a tick
     response = []
     for _ in range(3):
-        predicted = position + velocity
-        response.append(predicted)
-        position, velocity = predicted - g * predicted, velocity - h * predicted
+        response.append(position + velocity)
+        position, velocity = response[-1] - g * response[-1], velocity - h * response[-1]
     return float(1.0 - DIFFERENCE[1:] @ response)
 
 
@@ -182,10 +159,9 @@ class ConstantStepFilter(GainFilter):
 
     def _find_gains(self, measurement: FloatArray) -> FloatArray:
         position, velocity = self.state[:, ::2].copy(), self.state[:, 1::2].copy()
-        self._remember(measurement, position, velocity)
         n = np.maximum(self._count, 2)[:, None]
         line = np.stack([2.0 * (2 * n - 1) / (n * (n + 1)), 6.0 / (n * (n + 1) * self.tau)])
-        adapted = self._adapted()
+        adapted = self._adapted(measurement, position, velocity)
         return np.where(np.isnan(adapted), self._line_gains(line), adapted)
 
     def _line_gains(self, line: FloatArray) -> FloatArray:
@@ -193,15 +169,11 @@ class ConstantStepFilter(GainFilter):
         return line
 
     @abstractmethod
-    def _remember(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> None:
-        """Take measurement and prediction of a tick, (B, d) each, NaN where there is none."""
-
-    @abstractmethod
-    def _adapted(self) -> FloatArray:
-        """Gains (2, B, d), NaN where the filter does not adapt yet."""
+    def _adapted(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> FloatArray:
+        """Gains (2, B, d) after measurement and prediction of a tick, (B, d) each; NaN where it does not adapt yet."""
 
 
-def _shifted(history: FloatArray, newest: FloatArray) -> FloatArray:
+def shifted(history: FloatArray, newest: FloatArray) -> FloatArray:
     """The history, newest first, with one more value in the place of the oldest."""
     return np.concatenate([newest[None], history[:-1]])
 
@@ -216,15 +188,11 @@ class AdaptiveFilter(ConstantStepFilter):
         tau: length of a tick [s].
         limited: limits the gains to 0 <= K_1 <= 1 and 0 <= K_2 <= K_1^2 / ((2 - K_1) T), which the paper does
             not state. Without limits its estimates are worse than the measurements.
-        start: number of products before the filter adapts.
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed; in `predict`, a time step is not `tau`.
     """
 
-    def __init__(self, axes: int, tau: float, *, limited: bool = True, start: int = 10):
+    def __init__(self, axes: int, tau: float, *, limited: bool = True):
         super().__init__(axes, tau)
-        self.limited, self.start = check_flag("limited", limited), check_integer("start", start)
+        self.limited = check_flag("limited", limited)
 
     def _begin(self, tracks: int) -> None:
         super()._begin(tracks)
@@ -232,17 +200,15 @@ class AdaptiveFilter(ConstantStepFilter):
         self._means = np.zeros((8, tracks, self.axes))
         self._products = np.zeros((tracks, self.axes))
 
-    def _remember(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> None:
+    def _adapted(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> FloatArray:
         values = (position, velocity, measurement - position)
-        self._history = np.stack([_shifted(*pair) for pair in zip(self._history, values, strict=True)])
+        self._history = np.stack([shifted(*pair) for pair in zip(self._history, values, strict=True)])
         new = products(*self._history)
         known = np.logical_not(np.isnan(new).any(axis=0))
         self._products += known
         change = known / np.maximum(self._products, 1.0) * (new - self._means)
         self._means = self._means + np.where(np.isnan(change), 0.0, change)
-
-    def _adapted(self) -> FloatArray:
-        ready = self._products > self.start
+        ready = self._products > PRODUCTS
         means = self._means[:, ready]
         gains = np.full((2, *ready.shape), np.nan)
         means = np.where(np.equal(means[0], 0.0), np.nan, means)  # innovations of exactly 0 identify nothing
@@ -256,42 +222,27 @@ class AdaptiveFilter(ConstantStepFilter):
 class CorrectedAdaptiveFilter(ConstantStepFilter):
     """The adaptive filter with estimates of R and H_0 that are not biased, and one gain for all axes, from their means.
 
-    Args:
-        axes, tau: see `AdaptiveFilter`.
-        window: number of innovations in H_0. A short window follows a manoeuvre quickly, a long one has
-            a steadier gain. The filter adapts after two windows.
-        smallest_gain, largest_gain: limits of K_1 = 1 - R / H_0.
+    It adapts after two windows of H_0. A short window would follow a manoeuvre faster, a long one have a steadier gain.
     """
-
-    def __init__(
-        self, axes: int, tau: float, *, window: int = 15, smallest_gain: float = 0.12, largest_gain: float = 0.9
-    ):
-        super().__init__(axes, tau)
-        self.window = check_integer("window", window)
-        self.largest_gain = check_between("largest_gain", largest_gain, 0.0, 1.0)
-        self.smallest_gain = check_between("smallest_gain", smallest_gain, 0.0, self.largest_gain)
 
     def _begin(self, tracks: int) -> None:
         super()._begin(tracks)
         self._measurements = np.full((4, tracks, self.axes), np.nan)
-        self._squares = np.full((self.window, tracks), np.nan)  # of innovations, mean over the axes
+        self._squares = np.full((WINDOW, tracks), np.nan)  # of innovations, mean over the axes
         self._noise, self._differences = np.zeros(tracks), np.zeros(tracks)
 
-    def _remember(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> None:
+    def _adapted(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> FloatArray:
         innovation = measurement - position
-        self._measurements = _shifted(self._measurements, measurement)
+        self._measurements = shifted(self._measurements, measurement)
         new = (third_difference(self._measurements) ** 2).mean(-1) / (DIFFERENCE**2).sum()
         known = ~np.isnan(new)
         self._differences += known
         self._noise += np.where(known, new - self._noise, 0.0) / np.maximum(self._differences, 1.0)
-        measured = ~np.isnan(innovation[:, 0])
-        shifted = _shifted(self._squares, (innovation**2).mean(-1))
-        self._squares = np.where(measured, shifted, self._squares)
-
-    def _adapted(self) -> FloatArray:
+        later = shifted(self._squares, (innovation**2).mean(-1))
+        self._squares = np.where(np.isnan(innovation[:, 0]), self._squares, later)
         mean = self._squares.mean(0)  # NaN until the window is full
-        ready = (self._count > 2 * self.window) & (mean > 0.0)
+        ready = (self._count > 2 * WINDOW) & (mean > 0.0)
         ratio = self._noise / np.where(ready, mean, 1.0)
-        gain = np.clip(1.0 - ratio, self.smallest_gain, self.largest_gain)
+        gain = np.clip(1.0 - ratio, *LIMITS)
         gains = np.stack([gain, gain**2 / ((2.0 - gain) * self.tau)])
         return np.where(ready, gains, np.nan)[..., None].repeat(self.axes, axis=-1)

@@ -1,11 +1,10 @@
 """Golubkov 2018: settings and reproduction of tables 2, 3, 4 and of the percentages of correct modes, and the
 Kalman filter with known modes of table 2.
 
-The paper does not state the following settings; with them the tables are reproduced. tau = 0.1 s;
-alpha = beta = 0.001; natural logarithms; the filter starts at the exact x0; P := I at the start of every
-segment for tables 3 and 4, but P is carried over, from P = I at the beginning, for table 2. If several ratios
-exceed A, the largest wins. A segment without a decision counts its whole length and keeps q_A. A mode is
-correct if its type is correct (straight, left or right); the radius does not count.
+The paper does not state the following settings; with them the tables are reproduced. tau = 0.1 s; alpha = beta = 0.001;
+natural logarithms; the filter starts at the exact x0; P := I at the start of every segment for tables 3 and 4, but P is
+carried over, from P = I at the beginning, for table 2. If several ratios exceed A, the largest wins. A segment without
+a decision counts its whole length and keeps q_A. A mode is correct if its type is (straight, left or right).
 
 Deviations from the published text: Sigma = H P H' + R (published as H' P H + R); the turns after eq. (3) run to 2 n;
 rule (5) tests i only against q_A, as the algorithm does, not against any other hypothesis ("any lambda_ij").
@@ -13,7 +12,7 @@ rule (5) tests i only against q_A, as the algorithm does, not against any other 
 
 import itertools
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -65,76 +64,48 @@ KNOWN_MODES_SETTINGS: dict[str, dict[str, Any]] = {
 }
 
 
-class Estimates(NamedTuple):
-    """Output of a filter for n runs of T ticks. A single run has no first axis."""
-
-    estimates: FloatArray  # (n, T, 4) [x, vx, y, vy] [m, m/s]
-    covariances: FloatArray  # (n, T, 2, 3) P_XX, P_XV, P_VV of (position, velocity) on each axis
-
-
-class _Known(NamedTuple):
-    """What the filter knows of every run; see `filter_known_modes`."""
-
-    lengths: IntArray
-    signed_radii: FloatArray
-    covariance: FloatArray
-    carry: bool
-
-
 @compiled
 def _filter_run(
-    measurements: FloatArray, start: FloatArray, known: _Known, filters: Filters, output: Estimates
-) -> None:
-    """Filter one run."""
+    measurements: FloatArray, start: FloatArray, lengths: IntArray, signed_radii: FloatArray,
+    first: FloatArray, carry: bool, filters: Filters, estimates: FloatArray,
+) -> None:  # fmt: skip
+    """Filter one run; see `filter_known_modes`."""
     bank, _, model = filters
-    estimate, covariance = start.copy(), np.empty((2, 3))
-    covariance[:] = known.covariance
-    measurement = np.zeros((2, LANES))
-    k = 0
-    for length, signed_radius in zip(known.lengths, known.signed_radii):  # noqa: B905, numba does not support `strict`
+    estimate, covariance, measurement, k = start.copy(), np.empty((2, 3)), np.zeros((2, LANES)), 0
+    covariance[:] = first
+    for length, signed_radius in zip(lengths, signed_radii):  # noqa: B905, numba does not support `strict`
         radius = np.array([abs(signed_radius) if signed_radius != 0.0 else 1.0])
         mode = 0 if signed_radius == 0.0 else (1 if signed_radius > 0.0 else 2)
         x, vx, y, vy = estimate
-        if not known.carry:
-            covariance[:] = known.covariance
-        first, second = covariance
-        anchor_covariance = (
-            first[0], first[1], 0.0, 0.0, first[2], 0.0, 0.0, second[0], second[1], second[2],
-        )  # fmt: skip
-        begin_published(bank, 0, (x, vx, y, vy), anchor_covariance, radius, model)
+        if not carry:
+            covariance[:] = first
+        of_x, of_y = covariance
+        of_anchor = of_x[0], of_x[1], 0.0, 0.0, of_x[2], 0.0, 0.0, of_y[0], of_y[1], of_y[2]
+        begin_published(bank, 0, (x, vx, y, vy), of_anchor, radius, model)
         for _ in range(length):
             measurement[:, 0] = measurements[k]
             follow_published(bank, 0, mode, measurement, model)
-            write_estimate(bank, mode, output.estimates[k], output.covariances[k])
+            write_estimate(bank, mode, estimate, covariance)
+            estimates[k] = estimate
             k += 1
-        write_estimate(bank, mode, estimate, covariance)
 
 
 def filter_known_modes(
-    measurements: ArrayLike,
-    lengths: Sequence[int] | IntArray,
-    signed_radii: ArrayLike,
-    start: ArrayLike | None = None,
-    *,
-    tau: float = 0.1,
-    process_variance: float = 0.001,
-    measurement_variance: float | ArrayLike = 0.1,
-    start_covariance: ArrayLike = (1.0, 0.0, 1.0),
+    measurements: ArrayLike, lengths: Sequence[int] | IntArray, signed_radii: ArrayLike,
+    start: ArrayLike | None = None, *, tau: float = 0.1, process_variance: float = 0.001,
+    measurement_variance: float | ArrayLike = 0.1, start_covariance: ArrayLike = (1.0, 0.0, 1.0),
     carry_covariance: bool = True,
-) -> Estimates:
-    """Estimate the trajectory of recorded positions with known modes and switch times. Table 2 ("optimal").
+) -> FloatArray:  # fmt: skip
+    """Estimate the trajectory, (n, T, 4) [m, m/s], with known modes and switch times. Table 2 ("optimal").
 
-    One filter of the bank runs in each segment. It starts from the last estimate and its covariance; with
-    P := I at every switch the published table is not reproduced.
+    One filter of the bank runs in each segment, from the last estimate and its covariance. A single run has no first
+    axis.
 
     Args:
         measurements, lengths, start, tau, process_variance, measurement_variance: see `baselines.track_ate`.
         signed_radii: (K,) turn radii [m], positive to the left, negative to the right, 0 if straight.
         start_covariance: (3,) initial xx, xv, vv of (position, velocity) on each axis.
         carry_covariance: False resets the covariance to `start_covariance` at every switch.
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
     """
     tau = check_within("tau", tau)
     values, segment_lengths, starts = check_recording(measurements, lengths, start, tau)
@@ -143,13 +114,11 @@ def filter_known_modes(
         raise reject("signed_radii", signed_radii, f"one radius for each of the {segment_lengths.size} segments")
     filters = make_filters(np.ones(1), tau, process_variance, measurement_variance)
     first = check_array("start_covariance", start_covariance, (3,))
-    known = _Known(segment_lengths, radii, first, check_flag("carry_covariance", carry_covariance))
-    runs, total = values.shape[:2]
-    found = Estimates(np.empty((runs, total, 4)), np.empty((runs, total, 2, 3)))
-    for run in range(runs):
-        of_run = Estimates(*(array[run] for array in found))
-        run_compiled(_filter_run, values[run], starts[run], known, filters, of_run)
-    return Estimates(*(array[0] for array in found)) if np.ndim(measurements) == 2 else found
+    known = segment_lengths, radii, first, check_flag("carry_covariance", carry_covariance)
+    found = np.empty((*values.shape[:2], 4))
+    for run, estimates in enumerate(found):
+        run_compiled(_filter_run, values[run], starts[run], *known, filters, estimates)
+    return np.asarray(found[0] if np.ndim(measurements) == 2 else found)
 
 
 def run_ate(recording: Simulation, variance: float, **options: Any) -> Tracks:
@@ -174,9 +143,6 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     Args:
         runs: number of runs per measurement variance, at least 2.
         seed: seed of the simulated recordings.
-
-    Raises:
-        ArgumentError: `runs` or `seed` is out of range.
     """
     runs = check_integer("runs", runs, minimum=2)
     cells: list[Cell] = []
@@ -186,8 +152,7 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
         recording = simulate(SCHEME, runs, seed + index, start=START, measurement_variance=variance)
         tracks = run_ate(recording, variance)
         cells += _known_modes_cells(name, recording, seed) + _ate_cells(name, recording, tracks, seed)
-        refined = run_ate(recording, variance, refine_radius=True)
-        findings += [_refinement_finding(name, recording, tracks, refined), *_spread(name, recording, tracks)]
+        findings += _findings(name, recording, tracks, run_ate(recording, variance, refine_radius=True))
         examples[name] = (recording, tracks)
     findings += _scans(seed)
     return Reproduction(PAPER, runs, seed, tuple(cells), tuple(findings), examples)
@@ -198,7 +163,7 @@ def _known_modes_cells(name: str, recording: Simulation, seed: int, **options: A
     estimates = filter_known_modes(
         recording.measurements, recording.lengths, recording.signed_radii,
         measurement_variance=MEASUREMENT_VARIANCES[name], **{"start": START} | options,
-    ).estimates  # fmt: skip
+    )  # fmt: skip
     return rmse_row("Table 2, RMSE with known modes", name, TABLE_2[name], estimates, recording.truth, seed)
 
 
@@ -214,29 +179,32 @@ def _ate_cells(name: str, recording: Simulation, tracks: Tracks, seed: int) -> l
     ]
 
 
-def _spread(name: str, recording: Simulation, tracks: Tracks) -> list[Finding]:
-    """How much of the squared error few runs carry, and the nRMSE of studies of the paper's size."""
+def _findings(name: str, recording: Simulation, tracks: Tracks, refined: Tracks) -> list[Finding]:
+    """Effect of taking the most likely turn in the decided direction afterwards, and how few runs carry the error."""
+    figures = []
+    for one in (tracks, refined):
+        squares = (one.estimates - recording.truth) ** 2
+        radius = 100.0 * (decided_radii(one) == recording.signed_radii).mean()
+        figures.append((radius, 100.0 * correct_types(one, recording).mean(), np.sqrt(squares.mean((0, 1)).sum())))
+    text = "correct radius {:.1f} -> {:.1f} %, correct type {:.1f} -> {:.1f} %, nRMSE {:.3f} -> {:.3f}"
+    change = text.format(*itertools.chain(*zip(*figures, strict=True)))
     squares = ((tracks.estimates - recording.truth) ** 2).mean(1).sum(-1)
     worst = np.sort(squares)[-max(round(0.01 * squares.size), 1) :]
     blocks = [np.sqrt(block.mean()) for block in np.array_split(squares, max(squares.size // PAPER_RUNS, 1))]
-    radius = 100.0 * (decided_radii(tracks) == recording.signed_radii).mean()
     spread = (
         f"nRMSE {min(blocks):.2f} to {max(blocks):.2f}; the worst 1 % of all runs carry "
         f"{100.0 * worst.sum() / squares.sum():.0f} % of the squared error"
     )
-    claim = f"{CORRECT_MODES[name]} %, what counts not stated"
+    by_radius, claim = f"{figures[0][0]:.1f} %", f"{CORRECT_MODES[name]} %, what counts not stated"
     return [
+        Finding(f"{name}: radius refined after the decision", change, "named as future work"),
         Finding(f"{name}: table 3 in {len(blocks)} studies of {PAPER_RUNS} runs", spread),
-        Finding(f"{name}: modes that are correct if the radius counts too", f"{radius:.1f} %", claim),
+        Finding(f"{name}: modes that are correct if the radius counts too", by_radius, claim),
     ]
 
 
 def _scans(seed: int) -> list[Finding]:
     """Number of published values inside, for the settings that were tried."""
-
-    def inside(cells: list[Cell]) -> str:
-        return f"{sum(cell.verdict == 'inside' for cell in cells)} of {len(cells)} inside"
-
     found: dict[str, list[Cell]] = {}
     for index, (name, variance) in enumerate(MEASUREMENT_VARIANCES.items()):
         for tau in SCANNED_TAU:
@@ -250,20 +218,8 @@ def _scans(seed: int) -> list[Finding]:
         found.setdefault(label, []).extend(_ate_cells(name, one, run_ate(one, variance, start=None), seed))
         for setting, options in KNOWN_MODES_SETTINGS.items():
             found.setdefault(f"table 2, {setting}", []).extend(_known_modes_cells(name, one, seed, **options))
-    return [
-        Finding(f"tried, {SCANNED_RUNS} runs: {label}", inside(cells), "not stated") for label, cells in found.items()
-    ]
-
-
-def _refinement_finding(name: str, recording: Simulation, before: Tracks, after: Tracks) -> Finding:
-    """Effect of taking the most likely turn in the decided direction after the decision."""
-
-    def percentages_and_error(tracks: Tracks) -> tuple[float, float, float]:
-        squares = ((tracks.estimates - recording.truth) ** 2).mean((0, 1)).sum()
-        hypotheses = (decided_radii(tracks) == recording.signed_radii).mean()
-        return 100 * hypotheses, 100 * correct_types(tracks, recording).mean(), float(np.sqrt(squares))
-
-    pairs = zip(percentages_and_error(before), percentages_and_error(after), strict=True)
-    text = "correct radius {:.1f} -> {:.1f} %, correct type {:.1f} -> {:.1f} %, nRMSE {:.3f} -> {:.3f}"
-    change = text.format(*itertools.chain(*pairs))
-    return Finding(f"{name}: radius refined after the decision", change, "named as future work")
+    findings = []
+    for label, cells in found.items():
+        inside = f"{sum(cell.verdict == 'inside' for cell in cells)} of {len(cells)} inside"
+        findings.append(Finding(f"tried, {SCANNED_RUNS} runs: {label}", inside, "not stated"))
+    return findings

@@ -1,18 +1,14 @@
 """Golubkov 2020: detection of a right turn at an unknown time; settings and reproduction.
 
-The nominal filter assumes straight motion. At every tick a new filter of each turn starts from the nominal
-estimate and covariance, for the hypothesis that the turn begins at this tick. lambda_k is the mean of the
-likelihood ratios of all start times so far, eq. (6); a switch is declared when lambda_k >= A. k lambda_k is
-the Shiryaev-Roberts statistic: alpha and beta determine the thresholds, but are no error probabilities, as
-the false-alarm rates without a turn show.
+The nominal filter assumes straight motion. At every tick a new filter of each turn starts from the nominal estimate and
+covariance, for the hypothesis that the turn begins at this tick. lambda_k is the mean of the likelihood ratios of all
+start times so far, eq. (6); a switch is declared when lambda_k >= A. k lambda_k is the Shiryaev-Roberts statistic:
+alpha and beta determine the thresholds, but are no error probabilities, as the false-alarm rates without a turn show.
 
-The paper shows one realisation, with a delay of 12 ticks, and states neither alpha nor beta; here is the
-distribution of the delay, from tick 20, after which the turn begins, at four values of alpha. A run that does
-not detect the turn within its 20 ticks, also after a false alarm, has missed it.
-
-Deviations from the published text: the root in eq. (7) is |Sigma_0| / |Sigma_1| (published inverted;
-`published_root=True` uses the published ratio), and Sigma = H P H' + R. The tested turn is the right one, p = 2, as
-in the experiment, not p = 1 as in the algorithm; here any turn can be tested. All computations are in logarithms.
+The paper shows one realisation, with a delay of 12 ticks, and states neither alpha nor beta; here is the distribution
+of the delay, from tick 20 on. A run that does not detect the turn within its 20 ticks, also after a false alarm, has
+missed it. Deviations from the text: the root in eq. (7) is |Sigma_0| / |Sigma_1| (published inverted, as with
+`published_root=True`), Sigma = H P H' + R, and the tested turn is p = 2, as in the experiment, not p = 1.
 """
 
 import math
@@ -54,40 +50,21 @@ BOOTSTRAP_INTERVAL = "The interval is the 95 % bootstrap confidence interval ove
 
 
 class Detection(NamedTuple):
-    """Results of the detector for n runs of T ticks and M hypotheses. A single run has no first axis.
+    """Results of the detector for n runs of T ticks and M hypotheses. A single run has no first axis."""
 
-    Attributes:
-        ticks: (n,) first tick at which a tested hypothesis is declared, counted from 1; 0 without a detection.
-        modes: (n,) the hypothesis with the largest ratio at this tick; -1 without a detection.
-        log_ratios: (n, T, M) ln lambda_k of each turn, NaN in the column of the straight line.
-        upper: ln A.
-        lower: ln B.
-        accepted: (n,) first tick at which every tested ratio is <= B, the published decision that there is
-            no change, which does not stop the detection; 0 without one.
-    """
-
-    ticks: IntArray
-    modes: IntArray
-    log_ratios: FloatArray
-    upper: float
-    lower: float
-    accepted: IntArray
+    ticks: IntArray  # (n,) first tick at which a tested hypothesis is declared, counted from 1; 0 without a detection
+    modes: IntArray  # (n,) the hypothesis with the largest ratio at this tick; -1 without a detection
+    log_ratios: FloatArray  # (n, T, M) ln lambda_k of each turn, NaN in the column of the straight line
+    upper: float  # ln A
+    lower: float  # ln B
 
 
 def detect_switch(
-    measurements: ArrayLike,
-    start: ArrayLike | None = None,
-    *,
-    radii: ArrayLike = (5.0,),
-    tested: ArrayLike | None = None,
-    tau: float = 0.1,
-    process_variance: float = 0.001,
-    measurement_variance: float | ArrayLike = 0.1,
-    alpha: float = 0.1,
-    beta: float | None = None,
-    margin: float = 0.0,
+    measurements: ArrayLike, start: ArrayLike | None = None, *, radii: ArrayLike = (5.0,),
+    tested: ArrayLike | None = None, tau: float = 0.1, process_variance: float = 0.001,
+    measurement_variance: float | ArrayLike = 0.1, alpha: float = 0.1, beta: float | None = None, margin: float = 0.0,
     published_root: bool = False,
-) -> Detection:
+) -> Detection:  # fmt: skip
     """Detect the switch from straight motion to a turn in recorded positions.
 
     Args:
@@ -99,9 +76,6 @@ def detect_switch(
         margin: minimum difference between the largest ln lambda and that of every other tested hypothesis at
             the detection; 0 is the published rule, larger values also identify the radius.
         published_root: True uses the published ratio of determinants in eq. (7).
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
     """
     tau = check_within("tau", tau)
     total = np.shape(measurements)[-2] if dimensions(measurements) in (2, 3) else 0
@@ -123,17 +97,16 @@ def detect_switch(
         log_ratios[part, :, 1:] = _log_ratios(values[part], starts[part], bank_radii, model, root)
     ranked = np.sort(log_ratios[:, :, chosen], axis=-1)
     largest = ranked[:, :, -1]
-    passed, below = largest >= upper, largest <= lower
+    passed = largest >= upper
     if chosen.size > 1:
         passed &= largest - ranked[:, :, -2] >= margin
     detected, first_tick = passed.any(1), passed.argmax(1)
     at = log_ratios[np.arange(len(values)), first_tick][:, chosen]
     ticks = np.where(detected, first_tick + 1, 0)
     found = np.where(detected, chosen[at.argmax(1)], -1)
-    accepted = np.where(below.any(1), below.argmax(1) + 1, 0)
     if np.ndim(measurements) == 2:
-        return Detection(ticks[0], found[0], log_ratios[0], upper, lower, accepted[0])
-    return Detection(ticks, found, log_ratios, upper, lower, accepted)
+        return Detection(ticks[0], found[0], log_ratios[0], upper, lower)
+    return Detection(ticks, found, log_ratios, upper, lower)
 
 
 def _log_ratios(
@@ -203,10 +176,9 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
         row = f"alpha = {alpha:g}"
         statistics = delay_statistics(detection.ticks)
         delays = detection.ticks[detection.ticks > SWITCH] - SWITCH
-        low, high = np.percentile(delays, [2.5, 97.5]) if delays.size else (math.nan, math.nan)
-        value, excuses = ([statistics[MEAN_DELAY]], [low], [high]), {MEAN_DELAY: ONE_RUN}
-        names, theirs = [MEAN_DELAY], [PUBLISHED_DELAY]
-        cells += table_row(PUBLISHED_TABLE, row, names, theirs, value, 1, DELAY_INTERVAL, excuses)
+        low, high = np.percentile(delays, [2.5, 97.5]).tolist() if delays.size else (math.nan, math.nan)
+        delay = statistics[MEAN_DELAY], low, high
+        cells.append(Cell(PUBLISHED_TABLE, row, MEAN_DELAY, PUBLISHED_DELAY, *delay, 1, DELAY_INTERVAL, excuse=ONE_RUN))
         draw = np.random.default_rng(seed).choice
         resampled = [[*delay_statistics(draw(detection.ticks, runs)).values()] for _ in range(200)]
         interval = ([*statistics.values()], *np.nanpercentile(resampled, [2.5, 97.5], axis=0))

@@ -1,36 +1,30 @@
 """The adaptive filter of Zimchuk & Kankin 2006 in matrix form, for n sensors with correlated errors.
 
-`adaptive.AdaptiveFilter` filters every axis by itself. Here the state is that of all d axes, [x, vx, y, vy]
-in the plane, and the measurement g = C x + f holds the positions of n sensors. With the pseudo-inverse C+ of
-C, which for one sensor is the C' of eq. (17), and F+ in the rows of the velocities:
+The state is that of all d axes, [x, vx, y, vy] in the plane, and the measurement g = C x + f holds the positions of n
+sensors. With the pseudo-inverse C+ of C, which for one sensor is the C' of eq. (17), and F+ in the rows of the
+velocities, where nu_i is the innovation i ticks ago:
 
     P_e C' = M[(-D^3 x_e + C+ (3 nu_1 - 3 nu_2 + nu_3) + F+ (3 nu_1 - 6 nu_2 + 4 nu_3 - nu_4) / T) nu']
     K      = P_e C' H_0^-1                                       eq. (5), with C P_e C' + R = H_0 = M[nu nu']
-
-where nu_i is the innovation i ticks ago. With diagonal matrices these are the gains of the axes.
 """
 
 import numpy as np
 
-from baselines.papers.adaptive import LAGS, ConstantStepFilter, third_difference
-from hybrid_env.checks import FloatArray, check_flag, check_integer, reject
+from baselines.papers.adaptive import LAGS, PRODUCTS, ConstantStepFilter, shifted, third_difference
+from hybrid_env.checks import FloatArray, check_integer, reject
 
-LAGS_OF_POSITION = np.array([0.0, 3.0, -3.0, 1.0, 0.0])
-# Coefficients of the innovations in eq. (17) with N = 3, newest first.
-LAGS_OF_VELOCITY = np.array([0.0, 3.0, -6.0, 4.0, -1.0])
+# Coefficients of the innovations in eq. (17) with N = 3, newest first, for positions and velocities.
+LAGS_OF = np.array([[0.0, 3.0, -3.0, 1.0, 0.0], [0.0, 3.0, -6.0, 4.0, -1.0]])
 
 
-def matrix_gain(covariances: FloatArray, spread: FloatArray, tau: float, limited: bool = True) -> FloatArray:
+def matrix_gain(covariances: FloatArray, spread: FloatArray, tau: float) -> FloatArray:
     """Gains of positions [-] and velocities [1/s], (2, ..., d, m), of the values of m = n d measured axes.
 
-    From H_0 (..., m, m) [m^2], invertible, and the rows of P_e C', (2, ..., d, m) [m^2, m^2/s]. The limits are those of
+    From H_0 (..., m, m) [m^2], invertible, and the rows of P_e C', (2, ..., d, m). The limits are those of
     `adaptive.AdaptiveFilter`, in the directions in which the gain of a common position is diagonal: with
-    L L' = C' H_0^-1 C the eigenvectors of L' P L, where P is the symmetric part of the identified covariance of the
-    predicted position. Without limits it is eq. (5) as it is.
+    L L' = C' H_0^-1 C the eigenvectors of L' P L, P the symmetric part of the covariance of the predicted position.
     """
     inverse = np.linalg.inv(covariances)
-    if not limited:
-        return spread @ inverse
     d, m = spread.shape[-2:]
     sensors = np.tile(np.eye(d), (m // d, 1))  # C without the columns of the velocities
     of_position = sensors.T @ inverse  # C' H_0^-1
@@ -40,24 +34,22 @@ def matrix_gain(covariances: FloatArray, spread: FloatArray, tau: float, limited
     gains = np.clip(gains, 0.0, 1.0)
     rates = np.einsum("...ik,...ij,...jk->...k", directions, velocity, directions)
     rates = np.clip(rates, 0.0, gains**2 / ((2.0 - gains) * tau))
-    limited_gains = (directions * np.stack([gains, rates])[..., None, :]) @ np.swapaxes(directions, -1, -2)
+    limited = (directions * np.stack([gains, rates])[..., None, :]) @ np.swapaxes(directions, -1, -2)
     unfactor = np.linalg.inv(factor)
-    return np.asarray(np.swapaxes(unfactor, -1, -2) @ limited_gains @ unfactor @ of_position)
+    return np.asarray(np.swapaxes(unfactor, -1, -2) @ limited @ unfactor @ of_position)
 
 
 class MatrixAdaptiveFilter(ConstantStepFilter):
     """The adaptive filter with one gain matrix for the d axes of the state and all n sensors.
 
     A measurement has the n d positions of one sensor after another, its `axes`; it is missing where a sensor has none,
-    and products around it are left out of the means. The gains (2, B, d, n d) may be limited, see `matrix_gain`. The
-    filter adapts after `start` products for each of the n d values.
+    and products around it are left out of the means. The gains (2, B, d, n d) are those of `matrix_gain`.
     """
 
-    def __init__(self, dimensions: int, tau: float, *, sensors: int = 1, limited: bool = True, start: int = 10):
+    def __init__(self, dimensions: int, tau: float, *, sensors: int = 1):
         self.dimensions = check_integer("dimensions", dimensions)
         self.sensors = check_integer("sensors", sensors)
         super().__init__(self.dimensions * self.sensors, tau)
-        self.limited, self.start = check_flag("limited", limited), check_integer("start", start)
 
     def _begin(self, tracks: int) -> None:
         super()._begin(tracks)
@@ -91,30 +83,25 @@ class MatrixAdaptiveFilter(ConstantStepFilter):
     def _line_gains(self, line: FloatArray) -> FloatArray:
         return line[..., None] * np.tile(np.eye(self.dimensions), self.sensors) / self.sensors
 
-    def _remember(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> None:
+    def _adapted(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> FloatArray:
         innovation = measurement - np.tile(position, self.sensors)
         newest = np.stack([position, velocity])[:, None]
         self._predictions = np.concatenate([newest, self._predictions[:, :-1]], axis=1)
-        self._innovations = np.concatenate([innovation[None], self._innovations[:-1]])
-        lags = self._mean_of_sensors(self._innovations)
+        self._innovations = shifted(self._innovations, innovation)
+        lags, units = self._mean_of_sensors(self._innovations), (1.0, self.tau)
         spread = [
             np.tensordot(coefficients, lags, axes=1) / unit - third_difference(predictions)
-            for coefficients, unit, predictions in zip(
-                (LAGS_OF_POSITION, LAGS_OF_VELOCITY), (1.0, self.tau), self._predictions, strict=True
-            )
+            for coefficients, unit, predictions in zip(LAGS_OF, units, self._predictions, strict=True)
         ]
         new = np.concatenate([innovation, *spread], axis=-1)[..., None] * innovation[:, None, :]
         known = np.logical_not(np.isnan(new).any(axis=(1, 2)))
         self._products += known
         weight = (known / np.maximum(self._products, 1.0))[:, None, None]
         self._means += np.where(known[:, None, None], weight * (new - self._means), 0.0)
-
-    def _adapted(self) -> FloatArray:
         d, m = self.dimensions, self.axes
         gains = np.full((2, self.tracks, d, m), np.nan)
-        covariances = self._means[:, :m]
-        ready = self._products > self.start * m
+        covariances, *spread = np.split(self._means, (m, m + d), axis=1)
+        ready = self._products > PRODUCTS * m
         ready &= np.linalg.matrix_rank(covariances, hermitian=True) == m  # exact values identify nothing
-        spread = np.stack([self._means[ready, m : m + d], self._means[ready, m + d :]])
-        gains[:, ready] = matrix_gain(covariances[ready], spread, self.tau, self.limited)
+        gains[:, ready] = matrix_gain(covariances[ready], np.stack(spread)[:, ready], self.tau)
         return gains

@@ -1,13 +1,10 @@
 """ATE against the multiple model estimators that Tsyganov 2019 names: static, GPB1, IMM and GPB2.
 
-All run on the same recordings of the schemes of Golubkov 2018 and Tsyganov 2019, from the exact start with
-P = I, and know radii, Q and R. At known moments of the switches, ATE is that of the paper of the scheme, with
-a better variant beside it. For the multiple models straight motion, left and right turns are equally probable
-at a switch, and the mode is constant until the next one, so that the IMM is the static estimator, restarted
-from its merged estimate. At unknown moments the detector of Golubkov 2020, with its published rule, takes the
-place of ATE, and the hazard of a switch is one over the mean length of a segment.
-
-At every tick the type (straight, left or right) of the active filter is stated, or the most probable type.
+All run on the recordings of Golubkov 2018 and Tsyganov 2019, from the exact start with P = I, and know radii, Q and R.
+At known moments of the switches, straight motion, left and right turns are equally probable at a switch, and the mode
+is constant until the next one, so that the IMM is the static estimator, restarted from its merged estimate. At unknown
+moments the detector of Golubkov 2020, with its published rule, takes the place of ATE, and the hazard of a switch is
+one over the mean length of a segment. At every tick the type of the active filter is stated, or the most probable type.
 The recalculated estimates of ATE use measurements up to the decision, all others only those up to their tick.
 """
 

@@ -45,9 +45,8 @@ class Cell:
     def as_json(self) -> dict[str, Any]:
         """Values for JSON, with None for NaN."""
         values = {key: value for key, value in vars(self).items() if key not in ("digits", "note")}
-        return {
-            key: None if isinstance(value, float) and math.isnan(value) else value for key, value in values.items()
-        } | {"verdict": self.verdict, "note": self.note}
+        plain = {key: None if isinstance(one, float) and math.isnan(one) else one for key, one in values.items()}
+        return plain | {"verdict": self.verdict, "note": self.note}
 
 
 @dataclass(frozen=True)
@@ -61,27 +60,16 @@ class Finding:
 
 @dataclass(frozen=True)
 class Reproduction:
-    """All results of the reproduction of a paper.
+    """All results of the reproduction of a paper."""
 
-    Attributes:
-        paper: citation key.
-        runs: number of runs.
-        seed: seed of the simulated recordings.
-        cells: values of the published tables.
-        findings: results beyond the published tables.
-        examples: recording and result for each figure, by the name of the setting.
-        recommended_runs: with fewer runs, the centre of the interval is itself too uncertain.
-        size: what the paper states on its number of runs.
-    """
-
-    paper: str
+    paper: str  # citation key
     runs: int
-    seed: int
-    cells: tuple[Cell, ...]
-    findings: tuple[Finding, ...]
-    examples: dict[str, Any]
-    recommended_runs: int = 500
-    size: str = f"{PAPER_RUNS} runs"
+    seed: int  # of the simulated recordings
+    cells: tuple[Cell, ...]  # values of the published tables
+    findings: tuple[Finding, ...]  # results beyond the published tables
+    examples: dict[str, Any]  # recording and result for each figure, by the name of the setting
+    recommended_runs: int = 500  # with fewer, the centre of the interval is itself too uncertain
+    size: str = f"{PAPER_RUNS} runs"  # what the paper states on its number of runs
 
     @property
     def tables(self) -> dict[str, list[Cell]]:
@@ -105,7 +93,7 @@ class Reproduction:
 def study_interval(
     per_run: FloatArray, statistics: Callable[[FloatArray], FloatArray], seed: int, study_runs: int = PAPER_RUNS
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Statistics of all runs, (C,), and the bounds of the 95 % bootstrap interval of a study with fewer runs, (C,).
+    """Statistics (C,) of all runs, and the bounds of the 95 % bootstrap interval of a study with fewer runs, (C,).
 
     `per_run` has (n, F) values; `statistics` makes (..., C) of means over runs, (..., F).
     """
@@ -140,10 +128,7 @@ def paired_ratio(errors: FloatArray, others: FloatArray, seed: int) -> tuple[flo
 def rmse_row(
     table: str, row: str, published: Iterable[float], estimates: FloatArray, truth: FloatArray, seed: int
 ) -> list[Cell]:
-    """Cells of one row of RMSE, in the columns `STATES`, with the interval of a study with `PAPER_RUNS` runs.
-
-    `estimates` and `truth` are (n, T, 4) of n runs.
-    """
+    """Cells of one row of RMSE in the columns `STATES`, of estimates and truth (n, T, 4)."""
 
     def rmse_and_norm(mean_squares: FloatArray) -> FloatArray:
         roots = np.sqrt(mean_squares)
@@ -154,15 +139,9 @@ def rmse_row(
 
 
 def table_row(
-    table: str,
-    row: str,
-    columns: Iterable[str],
-    published: Iterable[float],
-    interval: Iterable[Iterable[float]],
-    digits: int = 4,
-    note: str = STUDY_INTERVAL,
-    excuses: Mapping[str, str] | None = None,
-) -> list[Cell]:
+    table: str, row: str, columns: Iterable[str], published: Iterable[float], interval: Iterable[Iterable[float]],
+    digits: int = 4, note: str = STUDY_INTERVAL, excuses: Mapping[str, str] | None = None,
+) -> list[Cell]:  # fmt: skip
     """Cells of one row of a table with C columns; `published` is NaN where there is no value.
 
     `interval` has the results (C,) of `study_interval` or `both_intervals`; `excuses` are by column.

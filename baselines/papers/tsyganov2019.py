@@ -1,10 +1,9 @@
 """Tsyganov 2019: settings and reproduction of the RMSE table.
 
-The paper does not state the following settings; with them the table is reproduced. tau = 0.1 s;
-alpha = beta = 0.001; x0 = [0, 0, 0, 0.25] (published with a decimal comma). After a decision, the estimates
-of the segment are recalculated from its first state but with the covariance of the decision tick. The data
-are therefore used twice (`recalculation="as_published"`). Lines 17 to 20 of the published algorithm go back
-to neither ("literal"), with which the table does not come out; "rewind" goes back to both.
+Settings that the paper does not state: tau = 0.1 s; alpha = beta = 0.001; x0 = [0, 0, 0, 0.25] (published with a
+decimal comma). After a decision, the estimates of the segment are recalculated from its first state but with the
+covariance of the decision tick, so that the data are used twice ("as_published"). Lines 17 to 20 of the published
+algorithm go back to neither ("literal"), and the table does not come out; "rewind" goes back to both.
 """
 
 import math

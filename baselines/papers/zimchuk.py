@@ -1,14 +1,11 @@
 """Zimchuk & Kankin 2006: settings and reproduction of table 1, and what its filters are compared with.
 
-Scenario: an object is measured every 0.1 s with R = 25 m^2. It moves uniformly from 0 to 20 s and from 30 to
-50 s, with an acceleration of 20 m/s^2 from 20 to 30 s, and with one that grows by 2 m/s^3 from 50 to 70 s.
-Here all three axes move like this, and a run is one of them.
-
-The paper does not state the mean M of its estimates, the start, limits of the gains, the process noise of its
-Kalman filter, or the number of runs. The settings here are in `baselines.papers.adaptive`; the Kalman filter
-has the standard deviation 4.64 m/s^2 of the acceleration, with which its first manoeuvre comes out. The
-pattern of the table is reproduced, its numbers are not: the adaptive filter follows a manoeuvre about three
-times better than a slow Kalman filter. A faster Kalman filter is better than both.
+An object is measured every 0.1 s with R = 25 m^2. It moves uniformly from 0 to 20 s and from 30 to 50 s, with an
+acceleration of 20 m/s^2 from 20 to 30 s, and with one that grows by 2 m/s^3 from 50 to 70 s. Here all three axes move
+like this, and a run is one of them. The paper does not state the mean M of its estimates, the start, limits of the
+gains (see `adaptive`), the number of runs, or the process noise of its Kalman filter; 4.64 m/s^2 is that with which its
+first manoeuvre comes out. The pattern of the table is reproduced, its numbers are not: the adaptive filter follows a
+manoeuvre about three times better than a slow Kalman filter. A faster one is better than both.
 """
 
 from typing import NamedTuple
@@ -93,13 +90,6 @@ def _filtered(measured: FloatArray, times: FloatArray, deviation: float) -> Filt
     return run_filter(kalman, measured, times, keep_covariances=False)
 
 
-def adaptive_positions(flights: Flights, version: str) -> FloatArray:
-    """Positions (T, n, 3) by the adaptive filter "as published", "without limits" or "corrected"."""
-    corrected, limited = version == "corrected", version == "as published"
-    adaptive = CorrectedAdaptiveFilter(AXES, TAU) if corrected else AdaptiveFilter(AXES, TAU, limited=limited)
-    return run_filter(adaptive, flights.measurements, flights.times).positions
-
-
 def matrix_ratios(runs: int, seed: int) -> list[Cell]:
     """Error of the adaptive filter in matrix form over that of each axis by itself, on the same flights."""
     flights, cells = simulate_flights(1, seed), []
@@ -142,32 +132,32 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     runs = check_integer("runs", runs, minimum=2)
     flights = simulate_flights(runs, seed)
     adaptive, slow = "adaptive, as published", f"Kalman, sigma_w = {SLOW:g}"
+    versions = AdaptiveFilter(AXES, TAU), AdaptiveFilter(AXES, TAU, limited=False), CorrectedAdaptiveFilter(AXES, TAU)
+    plain, free, corrected = (run_filter(one, flights.measurements, flights.times).positions for one in versions)
     rows = {
-        adaptive: adaptive_positions(flights, "as published"),
+        adaptive: plain,
         slow: kalman_positions(flights, SLOW),
         "measurements": flights.measurements,
-        "adaptive, without limits": adaptive_positions(flights, "without limits"),
-        "adaptive, corrected": adaptive_positions(flights, "corrected"),
+        "adaptive, without limits": free,
+        "adaptive, corrected": corrected,
         f"Kalman, sigma_w = {MEDIUM:g}": kalman_positions(flights, MEDIUM),
         f"Kalman, sigma_w = {FAST:g}": kalman_positions(flights, FAST),
     }
     published = {adaptive: PUBLISHED_ADAPTIVE, slow: PUBLISHED_KALMAN}
     cells: list[Cell] = []
     for name, positions in rows.items():
-        table, theirs = (TABLE, published[name]) if name in published else (SOUND, NOT_PUBLISHED)
+        table, given = (TABLE, published[name]) if name in published else (SOUND, NOT_PUBLISHED)
         values = both_intervals(mean_squares(flights, positions), np.sqrt, seed, study_runs=1)
-        cells += table_row(table, name, LEGS, theirs, values, 2, RUN_INTERVAL, FITTED if name == slow else None)
+        cells += table_row(table, name, LEGS, given, values, 2, RUN_INTERVAL, FITTED if name == slow else None)
     cells += matrix_ratios(min(runs, MATRIX_RUNS), seed)
-    pattern = _pattern(rmse(flights, rows[adaptive]), rmse(flights, rows[slow]))
-    findings = (*pattern, *_doubtful_points(flights, seed))
-    return Reproduction(PAPER, runs, seed, tuple(cells), findings, {"flights": flights, **rows}, size="runs not stated")
-
-
-def _pattern(adaptive: FloatArray, kalman: FloatArray) -> list[Finding]:
-    """Errors of the adaptive filter relative to those of the Kalman filter."""
-    name = "RMSE of the adaptive filter over that of the Kalman filter"
-    ratios = zip(LEGS, adaptive / kalman, np.divide(PUBLISHED_ADAPTIVE, PUBLISHED_KALMAN), strict=True)
-    return [Finding(f"{name}, {leg}", f"{ours:.2f}", f"{published:.2f}") for leg, ours, published in ratios]
+    ratios = rmse(flights, rows[adaptive]) / rmse(flights, rows[slow])
+    theirs = np.divide(PUBLISHED_ADAPTIVE, PUBLISHED_KALMAN)
+    findings = [
+        Finding(f"RMSE of the adaptive filter over that of the Kalman filter, {leg}", f"{ours:.2f}", f"{one:.2f}")
+        for leg, ours, one in zip(LEGS, ratios, theirs, strict=True)
+    ] + _doubtful_points(flights, seed)
+    examples = {"flights": flights, **rows}
+    return Reproduction(PAPER, runs, seed, tuple(cells), tuple(findings), examples, size="runs not stated")
 
 
 def _doubtful_points(flights: Flights, seed: int) -> list[Finding]:
@@ -184,24 +174,18 @@ def _doubtful_points(flights: Flights, seed: int) -> list[Finding]:
             levels.append(np.exp(np.interp(0.0, *np.transpose(points))))
         needed.append(f"{leg}: {' or '.join(f'{level:.3g}' for level in levels) or 'none'}")
     error, innovation = _lag_products(flights)
-    found = {
-        "sigma_w with which the Kalman filter has the published RMSE, m/s^2": (
-            "; ".join(needed), "one Kalman filter, its process noise not stated",
-        ),
-        "R of eq. (19) over the true one, in uniform motion": (bias, "1: eq. (19) gives R"),
-        "eq. (18) minus eq. (19), largest difference in a run [m^2]": (
-            f"{_equation_difference(flights):.1e}", "two methods; they are the same one",
-        ),
-        f"Kalman, sigma_w = {MEDIUM:g}, 30-50 s: M[e_n e_(n-1)] of prediction errors and "
-        "M[nu_n nu_(n-1)] of innovations [m^2]": (
-            f"{error:.2f} and {innovation:.2f}", "equal, before eq. (17)",
-        ),
-        "settings that the paper does not state": (
-            "mean over all ticks, axes by themselves, line fit for the first 10 products, "
-            "0 <= K_1 <= 1, 0 <= K_2 <= K_1^2 / ((2 - K_1) T)",
-        ),
-    }  # fmt: skip
-    return [Finding(name, *texts) for name, texts in found.items()]
+    scanned = "sigma_w with which the Kalman filter has the published RMSE, m/s^2"
+    means = "M[e_n e_(n-1)] of prediction errors and M[nu_n nu_(n-1)] of innovations [m^2]"
+    lagged = f"Kalman, sigma_w = {MEDIUM:g}, 30-50 s: {means}"
+    gains = "line fit for the first 10 products, 0 <= K_1 <= 1, 0 <= K_2 <= K_1^2 / ((2 - K_1) T)"
+    difference = f"{_equation_difference(flights):.1e}", "two methods; they are the same one"
+    return [
+        Finding(scanned, "; ".join(needed), "one Kalman filter, its process noise not stated"),
+        Finding("R of eq. (19) over the true one, in uniform motion", bias, "1: eq. (19) gives R"),
+        Finding("eq. (18) minus eq. (19), largest difference in a run [m^2]", *difference),
+        Finding(lagged, f"{error:.2f} and {innovation:.2f}", "equal, before eq. (17)"),
+        Finding("settings that the paper does not state", f"mean over all ticks, axes by themselves, {gains}"),
+    ]
 
 
 def _lag_products(flights: Flights) -> tuple[float, float]:

@@ -5,6 +5,7 @@ accurate, but an error can last for several segments. The distributions are in t
 depend on the declared type of motion. Left and right turns are mirror images.
 """
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,10 +23,9 @@ RIDGE = 1e-6  # share of the pooled variances added to the variances of a compon
 
 @dataclass(frozen=True)
 class AnchorPrior:
-    """Mixtures of (true state - anchor) in the heading frame, [x, vx, y, vy] [m, m/s].
+    """Mixtures of (true state - anchor) in the heading frame, [x, vx, y, vy] [m, m/s]; after right turns mirrored.
 
     The axes are the declared type (straight, turn), the outcome of the declaration (correct, wrong) and the component.
-    Errors after right turns are mirrored.
     """
 
     weight: FloatArray  # (2, 2, 2), the sum over components is 1
@@ -59,15 +59,12 @@ def fit_anchor_prior(errors: FloatArray, types: IntArray, correct: BoolArray) ->
     """Fit the mixtures to errors (n, 4) in the heading frame, by declared types (n,) and their correctness (n,)."""
     mirrored = errors * np.where((types == 2)[:, None], MIRROR, 1.0)
     fits = []
-    for turn in (False, True):
-        for outcome in (True, False):
-            chosen = (correct == outcome) & ((types > 0) == turn)
-            for pooled in (correct == outcome, np.ones_like(correct)):
-                chosen = chosen if chosen.sum() >= FEWEST else pooled
-            values = mirrored[chosen]
-            if not turn:  # symmetric
-                values = np.concatenate([values, values * MIRROR])
-            fits.append(_fit_mixture(values))
+    for turn, outcome in itertools.product((False, True), (True, False)):
+        chosen = (correct == outcome) & ((types > 0) == turn)
+        for pooled in (correct == outcome, np.ones_like(correct)):
+            chosen = chosen if chosen.sum() >= FEWEST else pooled
+        values = mirrored[chosen]
+        fits.append(_fit_mixture(values if turn else np.concatenate([values, values * MIRROR])))  # straight: symmetric
     weight, mean, covariance = (np.array(part).reshape(2, 2, *np.shape(part)[1:]) for part in zip(*fits, strict=True))
     return AnchorPrior(weight, mean, covariance)
 
@@ -87,6 +84,5 @@ def _fit_mixture(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
         white = np.linalg.solve(np.linalg.cholesky(covariance), centred[..., None])[..., 0]
         log_density = np.log(weight) - 0.5 * (np.linalg.slogdet(covariance)[1] + (white**2).sum(-1))
         share = np.exp(log_density - log_density.max(-1, keepdims=True))
-        share /= share.sum(-1, keepdims=True)
-        share = np.maximum(share, 1e-12)
+        share = np.maximum(share / share.sum(-1, keepdims=True), 1e-12)
     return weight, mean, covariance

@@ -2,8 +2,8 @@
 
 The state of the problem is the tick and the posterior error probability of the best declaration. The stopping boundary
 comes from simulated segments by backward induction: the values of declaring and of waiting are regressed on the error
-probability (least-squares Monte Carlo; Longstaff & Schwartz 2001, "Valuing American options by simulation"). Each
-segment is considered separately: that a wrong decision spoils the anchor of the next one is ignored.
+probability (Longstaff & Schwartz 2001, "Valuing American options by simulation"). That a wrong decision spoils the
+anchor of the next segment is ignored.
 """
 
 import functools
@@ -11,10 +11,10 @@ import functools
 import numpy as np
 
 from baselines.rules.decider import Decider, DeciderFamily
-from baselines.rules.msprt import By, PosteriorRule
+from baselines.rules.msprt import PosteriorRule, rewarded
 from baselines.rules.posterior_paths import PosteriorPaths, simulate_posterior_paths
 from baselines.rules.seeds import FITTING
-from hybrid_env.checks import FloatArray, check_array, check_positive, reject
+from hybrid_env.checks import FloatArray, check_positive, reject
 from hybrid_env.core.observation_row import LOG_FLOOR
 from hybrid_env.options import WorldOptions
 
@@ -33,15 +33,12 @@ def stopping_boundary(paths: PosteriorPaths, delay_cost: float) -> FloatArray:
     a tick. Backward induction regresses the difference of the two values over all paths that reach the tick.
     """
     delay_cost = check_positive("delay_cost", delay_cost, allow_zero=True)
-    last = paths.log_error_probability.shape[1]
-    value = np.zeros(len(paths.length))
     if len(paths.length) < 5 * MIN_PATHS:
         raise reject("paths", len(paths.length), f"at least {5 * MIN_PATHS} segments to fit a boundary")
-    boundary = np.zeros(last)
+    value, boundary = np.zeros(len(paths.length)), np.zeros(paths.log_error_probability.shape[1])
     grid = np.linspace(LOG_FLOOR, 0.0, 601)
-    for k in range(last - 1, -1, -1):
-        alive = paths.length > k
-        ending = paths.length == k + 1
+    for k in reversed(range(boundary.size)):
+        alive, ending = paths.length > k, paths.length == k + 1
         declared = np.where(paths.correct[:, k], 1.0, -1.0)
         value[alive] -= delay_cost  # cost of the next tick
         value[ending] = declared[ending]
@@ -56,7 +53,9 @@ def stopping_boundary(paths: PosteriorPaths, delay_cost: float) -> FloatArray:
                 boundary[k] = inside[waits[0] - 1] if waits[0] else LOG_FLOOR
         declares = running & (paths.log_error_probability[:, k] <= boundary[k])
         value[declares] = declared[declares]
-    return _smooth(boundary)
+    # the running median removes the noise of single regressions
+    padded = np.pad(np.maximum(boundary, LOG_FLOOR), SMOOTHING // 2, mode="edge")
+    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, SMOOTHING), axis=-1))
 
 
 def _basis_functions(log_error_probability: FloatArray) -> FloatArray:
@@ -73,45 +72,22 @@ def _ridge_regression(design: FloatArray, target: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.solve(normal, scaled.T @ target) / scale)
 
 
-def _smooth(boundary: FloatArray) -> FloatArray:
-    """Return the running median of the boundary, which removes the noise of single regressions."""
-    padded = np.pad(np.maximum(boundary, LOG_FLOOR), SMOOTHING // 2, mode="edge")
-    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, SMOOTHING), axis=-1))
-
-
 class BayesRiskDecider(PosteriorRule):
-    """Declares when the log error probability falls to the stopping boundary of the tick.
-
-    Args:
-        boundary: (T,) log error probability by tick, from `stopping_boundary`; the last value holds for all later
-            ticks.
-        by: what has to be correct, as in the paths that the boundary was fitted to.
-    """
+    """Declares when the log error probability falls to the limit of the tick, from `stopping_boundary`."""
 
     name, title, symbol = "bayes", "Bayes risk", "cost"
     colour, marker = "#780f3c", "h"
 
-    def __init__(self, boundary: FloatArray, by: By = "hypothesis"):
-        super().__init__(by)
-        self.boundary = check_array("boundary", boundary, (None,))
-
     @classmethod
     def family(cls, options: WorldOptions) -> DeciderFamily:
         """Return the rule fitted to an environment; its threshold is the delay cost of the fit."""
-
-        @functools.cache
-        def paths() -> PosteriorPaths:
-            return simulate_posterior_paths(FITTING_EPISODES, FITTING, **vars(options))
+        paths = functools.cache(lambda: simulate_posterior_paths(FITTING_EPISODES, FITTING, **vars(options)))
 
         @functools.cache
         def make(cost: float) -> Decider:
             check_positive("cost", cost, allow_zero=True)
-            return cls(stopping_boundary(paths(), cost), paths().by)
+            return cls(stopping_boundary(paths(), cost), rewarded(options))
 
         cost = options.delay_cost or 0.01
         thresholds = tuple(factor * cost for factor in reversed(COST_FACTORS))
         return DeciderFamily(cls.title, cls.symbol, thresholds, cost, make)
-
-    def log_limits(self) -> FloatArray:
-        """Return the boundary."""
-        return self.boundary

@@ -1,10 +1,9 @@
 """The posterior of the mode some ticks ago, by fixed-lag smoothing on the beam of switch histories.
 
-A branch of the beam is a pair of mode and age, so its history before its last switch is a mixture. Here every branch
-also carries the probabilities of the modes at the last ticks, given that the branch is right. A branch that continues
-keeps them; one that begins has the mean of its parents, weighted by the probabilities with which they switched. Later
-measurements change the weights of the branches and nothing else, so by Bayes' rule the mean over the branches is the
-posterior of the mode at an earlier tick, given all measurements so far.
+Every branch of the beam also carries the probabilities of the modes at the last ticks, given that the branch is right.
+A branch that continues keeps them; one that begins has the mean of its parents, weighted by the probabilities with
+which they switched. Later measurements change the weights of the branches and nothing else, so by Bayes' rule the mean
+over the branches is the posterior of the mode at an earlier tick, given all measurements so far.
 """
 
 import math
@@ -36,7 +35,7 @@ class BranchTable(NamedTuple):
 class SmootherState(NamedTuple):
     """State of N tracks between two calls of `BeamSmoother.predict`."""
 
-    beam: BeamState  # of the beam
+    beam: BeamState
     table: BranchTable  # its branches
     past: FloatArray  # (N, B, K + 1, M) probability of each mode 0, ..., K ticks ago, given each branch
     spare: FloatArray  # memory of the same shape for the next tick
@@ -81,11 +80,9 @@ def carry_past(
 
 
 class BeamSmoother(Decider):
-    """A beam that also gives the posterior of the mode at each tick, given measurements of numbers of later ticks,
-    `lags`.
+    """A beam that also gives the posterior of the mode some ticks ago, `lags`: what a decider that waits could know.
 
-    It decides as the beam, on line. The posteriors are for afterwards: they tell what a decider that waits could know.
-    Every track has one episode, and all begin together.
+    It decides as the beam, on line. Every track has one episode, and all begin together.
     """
 
     task = UNKNOWN
@@ -99,7 +96,6 @@ class BeamSmoother(Decider):
         self.beam = beam
         self.lags = tuple(check_integer("lags", lag, 0, LONGEST_LAG) for lag in lags)
         self._found: dict[int, list[FloatArray]] = {}
-        self._state: SmootherState | None = None
 
     def observe(self, tracks: Any) -> FloatArray:
         """See `BeamDecider.observe`."""
@@ -110,35 +106,29 @@ class BeamSmoother(Decider):
     ) -> tuple[Actions, SmootherState]:
         """See `MeasurementDecider.decide`; without a state, a new recording begins."""
         actions, beam_state = self.beam.decide(observation, None if state is None else state.beam, None)
-        now = _table(beam_state)
+        branches = beam_state.branches
+        weights = branches.filters["log_likelihood"].reshape(len(branches.counts), -1).copy()
+        weights[np.arange(weights.shape[1]) >= branches.counts[:, None]] = -np.inf  # of branches that are not used
+        modes, ages, rows = (one.copy() for one in (branches.modes, branches.ages, branches.rows))
+        now = BranchTable(modes, ages, rows, weights, branches.counts.copy())
         if state is None:
             shape = *now.modes.shape, max(self.lags) + 1, self.beam.hypotheses
             state = SmootherState(beam_state, now, np.zeros(shape), np.zeros(shape))
             self._found = {lag: [] for lag in self.lags}
         model = self.beam.model
         run_compiled(carry_past, state.table, now, state.past, state.spare, model.hazards, model.order)
-        self._state = SmootherState(beam_state, now, state.spare, state.past)
+        state = SmootherState(beam_state, now, state.spare, state.past)
+        self._weights, self._past = np.exp(now.log_weights), state.past
         for lag, found in self._found.items():
             found.append(self._posterior(lag))  # without meaning before there are so many ticks
-        return actions, self._state
+        return actions, state
 
     def _posterior(self, lag: int) -> FloatArray:
         """Return the posterior of the mode some ticks ago, (N, M)."""
-        assert self._state is not None
-        weights = np.exp(self._state.table.log_weights)
-        return np.einsum("nb,nbm->nm", weights, self._state.past[:, :, lag])
+        return np.einsum("nb,nbm->nm", self._weights, self._past[:, :, lag])
 
     def posterior(self, lag: int) -> FloatArray:
         """Return the posteriors of all ticks so far, (T, N, M), one of the lags later; the last ones less later."""
         found = self._found[lag]
         last = [self._posterior(later) for later in reversed(range(min(lag, len(found))))]
         return np.array(found[lag:] + last)
-
-
-def _table(state: BeamState) -> BranchTable:
-    """Return a copy of the branches of a beam; branches that are not used have no weight."""
-    branches = state.branches
-    weights = branches.filters["log_likelihood"].reshape(len(branches.counts), -1).copy()
-    weights[np.arange(weights.shape[1]) >= branches.counts[:, None]] = -np.inf
-    modes, ages, rows = (one.copy() for one in (branches.modes, branches.ages, branches.rows))
-    return BranchTable(modes, ages, rows, weights, branches.counts.copy())

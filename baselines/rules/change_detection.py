@@ -17,9 +17,7 @@ from hybrid_env.observation import QuickestLayout
 
 
 class ChangeDecider(Decider, ABC):
-    """A rule that changes its statement when the statistic of another mode reaches a threshold, > 0, by default its
-    own.
-    """
+    """A rule that changes its statement when the statistic of another mode reaches a threshold, > 0."""
 
     task = UNKNOWN
     start: ClassVar[float]

@@ -1,9 +1,8 @@
-"""Filters that run on the measurements of an observation, one bank for each component of the anchor.
+"""Filters of the measurements in an observation, one bank for each component of the anchor.
 
-The environment reports the measurement relative to the anchor, in the heading frame of the anchor. In this frame the
-anchor is at the origin and its velocity is (speed, 0), so that the observation determines everything that a filter
-needs except the model, which is that of the world. With several sensors it does not contain the covariance of the
-measurement: then the filters also read what the sensors measured.
+The environment reports the measurement relative to the anchor, in its heading frame, in which its velocity is (speed,
+0). So the observation determines everything that a filter needs except the model, which is that of the world. With
+several sensors it lacks the covariance of the measurement: then the filters also read what these measured.
 """
 
 import math
@@ -46,15 +45,13 @@ LAWS = NoiseLaw(0.0, 1.0, 25.0, -3.5, 14.0), NoiseLaw(-3.0, 2.0, 40.0, -2.3, 12.
 
 
 class _Assumption(NamedTuple):
-    """Filters that assume a law of the noise and an orientation of the heading frame; see `_filter_tick`."""
+    """Filters that assume a law of the noise and an orientation of the heading frame."""
 
-    banks: Any
+    banks: Any  # C N lanes: the tracks of one component after the other
     model: FilterModel
     outlier_model: FilterModel
     log_outlier_odds: float
     distance: float
-    log_likelihood: FloatArray
-    innovations: FloatArray
 
 
 @internal
@@ -86,22 +83,20 @@ def _any_outlier(bank: Any, lanes: int, distance: float, outlier: BoolArray) -> 
 
 @compiled
 def _filter_tick(
-    banks: Any, begins: BoolArray, anchors: FloatArray, measurements: FloatArray, radii: FloatArray,
-    sensors: NDArray[Any], model: FilterModel, outlier_model: FilterModel, log_outlier_odds: float, distance: float,
-    log_likelihood: FloatArray, innovations: FloatArray,
+    own: _Assumption, log_likelihood: FloatArray, innovations: FloatArray, begins: BoolArray, anchors: FloatArray,
+    measurements: FloatArray, radii: FloatArray, sensors: NDArray[Any],
     saved: NDArray[Any], measured: NDArray[Any], outlier: BoolArray,
 ) -> None:  # fmt: skip
     """Start the filters of some tracks, (N,), at anchors (C, N, 14), then advance all by one tick.
 
-    The C N lanes of the banks have the tracks of one component after the other. Measurements, (N, 2) or with sensors
-    (N, 9), see `sensing.write_measured`, are NaN if a tick has none. `log_likelihood`, (C, N, M), and `innovations`,
-    (C, N, M, 3), are written. `saved`, (M,) hypotheses, or (0,) if outliers do not have a model of their own,
-    `measured`, (1,) record, and `outlier`, (LANES,), are memory.
+    Likelihoods (C, N, M) and innovations (C, N, M, 3) are written. Measurements, (N, 2) or with sensors (N, 9), see
+    `sensing.write_measured`, are NaN if a tick has none. The others are memory; `saved`, (M,) hypotheses, is (0,) if
+    outliers do not have a model of their own.
     """
     tracks = begins.size
     lanes_total = log_likelihood.shape[0] * tracks
-    for b in range(banks.hypotheses.shape[0]):
-        bank = operations.bank_of_block(banks, b)
+    for b in range(own.banks.hypotheses.shape[0]):
+        bank = operations.bank_of_block(own.banks, b)
         lanes = min(LANES, lanes_total - b * LANES)
         separate = sensors.size > 0
         for lane in range(lanes):
@@ -110,31 +105,30 @@ def _filter_tick(
                 a = anchors[c, i]
                 anchor = (a[0], a[1], a[2], a[3])
                 covariance = (a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13])
-                operations.begin(bank, lane, anchor, covariance, radii, model)
+                operations.begin(bank, lane, anchor, covariance, radii, own.model)
             write_measured(measured[0], lane, measurements[i])
             separate = separate or math.isnan(measurements[i, 0])
         for h in range(saved.size):
             saved[h] = bank.hypotheses[h]
         if separate:
             for lane in range(lanes):
-                _step_lane(bank, lane, measured[0], sensors, model)
+                _step_lane(bank, lane, measured[0], sensors, own.model)
         else:
-            operations.step(bank, 0, lanes, measured[0].measurement, model)
-        if saved.size > 0 and _any_outlier(bank, lanes, distance, outlier):
+            operations.step(bank, 0, lanes, measured[0].measurement, own.model)
+        if saved.size > 0 and _any_outlier(bank, lanes, own.distance, outlier):
             for h in range(saved.size):
                 bank.hypotheses[h] = saved[h]
             for lane in range(lanes):
-                _step_lane(bank, lane, measured[0], sensors, outlier_model if outlier[lane] else model)
+                _step_lane(bank, lane, measured[0], sensors, own.outlier_model if outlier[lane] else own.model)
                 for h in range(saved.size if outlier[lane] else 0):
-                    bank.hypotheses[h].log_likelihood[lane] += log_outlier_odds
+                    bank.hypotheses[h].log_likelihood[lane] += own.log_outlier_odds
         for lane in range(lanes):
             c, i = divmod(b * LANES + lane, tracks)
             for h in range(bank.hypotheses.size):
-                innovation = bank.innovations[h]
+                innovation, target = bank.innovations[h], innovations[c, i, h]
                 log_likelihood[c, i, h] = bank.hypotheses[h].log_likelihood[lane]
-                innovations[c, i, h, 0] = innovation.white_x[lane]
-                innovations[c, i, h, 1] = innovation.white_y[lane]
-                innovations[c, i, h, 2] = innovation.log_variance[lane]
+                target[0], target[1] = innovation.white_x[lane], innovation.white_y[lane]
+                target[2] = innovation.log_variance[lane]
 
 
 class ComponentFilters:
@@ -144,13 +138,11 @@ class ComponentFilters:
     filters for every law of `LAWS`, weighted by the likelihood of all measurements of the episode, and for three
     orientations of the heading frame if the axes have different variances. Otherwise the filters have one measurement
     variance, the geometric mean of the axes, because the orientation of the heading frame is unknown.
-
-    Attributes:
-        log_likelihood: (C, N, M) of all measurements since the start of the filters.
-        innovations: (C, N, M, 3) of the last tick: whitened, along and across the heading, and the logarithm of its
-            variance [m^2].
-        log_laws: (laws, N) logarithms of the weights of the laws before the present segment.
     """
+
+    log_likelihood: FloatArray  # (C, N, M) of all measurements since the start of the filters
+    innovations: FloatArray  # (C, N, M, 3) whitened, along and across the heading, and logarithm of the variance [m^2]
+    log_laws: FloatArray  # (laws, N) logarithms of the weights of the laws before the present segment
 
     def __init__(self, bank: str, components: int, tracks: int, world: WorldOptions, robust: bool = False):
         self.bank, self.world, self.robust = bank, world, robust
@@ -162,6 +154,8 @@ class ComponentFilters:
             variances = [(x, y), (y, x), ((x + y) / 2, (x + y) / 2)]
         shape, blocks = (components, tracks, world.hypotheses), -(-components * tracks // LANES)
         laws = LAWS if robust else LAWS[:1]
+        self._joint = np.zeros((len(laws), len(variances), *shape))  # log-likelihoods (laws, orientations, C, N, M)
+        self._innovations = np.zeros((*self._joint.shape, 3))
         kind = AnchorAwareBank if world.sensors else BANKS[bank]
         fields = {"tau": world.tau, "process_variance": world.process_variance}
         fields["exact_anchor"] = float(bank == "published")
@@ -170,7 +164,7 @@ class ComponentFilters:
                 bank_arrays(kind, self.radii.size, 1 if x == y else 2, blocks),
                 FilterModel(variance_x=law.variance * x, variance_y=law.variance * y, **fields),
                 FilterModel(variance_x=law.outlier_variance * x, variance_y=law.outlier_variance * y, **fields),
-                law.log_outlier_odds, law.distance, np.zeros(shape), np.zeros((*shape, 3)),
+                law.log_outlier_odds, law.distance,
             )
             for law in laws
             for x, y in variances
@@ -182,20 +176,14 @@ class ComponentFilters:
         self.sensors = sensors_of(world)
         self.log_likelihood, self.innovations = np.zeros(shape), np.zeros((*shape, 3))
         none = np.zeros(0, np.bool_), np.zeros((components, 0, ANCHOR_COLUMNS)), np.zeros((0, 2))
-        banks, *rest = self.assumptions[0]
-        prepare(_filter_tick, banks, *none, self.radii, self.sensors, *rest, *self.memory)
+        written = self._joint[0, 0], self._innovations[0, 0]
+        prepare(_filter_tick, self.assumptions[0], *written, *none, self.radii, self.sensors, *self.memory)
 
     def advance(
-        self,
-        rows: Observations,
-        begins: BoolArray,
-        anchors: FloatArray,
-        log_weights: FloatArray,
-        first: BoolArray,
+        self, rows: Observations, begins: BoolArray, anchors: FloatArray, log_weights: FloatArray, first: BoolArray,
         sensed: FloatArray | None = None,
-    ) -> None:
-        """Start the filters of tracks that begin, (N,), at anchors (C, N, 14), then advance all by the measurements of
-        rows.
+    ) -> None:  # fmt: skip
+        """Start the filters of tracks that begin, (N,), at anchors (C, N, 14), then advance all by a tick of rows.
 
         `log_weights`, (N, C), are of the components of the last segment; `first`, (N,), is True where an episode
         starts; `sensed` is from `sensed_of`.
@@ -206,8 +194,10 @@ class ComponentFilters:
             measurements, anchors, heading = in_world(sensed, anchors)
         else:
             measurements = in_rows(self.layout, rows, self.world.missed > 0.0)
-        for banks, *rest in self.assumptions:
-            _filter_tick(banks, begins, anchors, measurements, self.radii, self.sensors, *rest, *self.memory)
+        shape = len(self.assumptions), *self.log_likelihood.shape
+        written = zip(self.assumptions, self._joint.reshape(shape), self._innovations.reshape(*shape, 3), strict=True)
+        for one in written:
+            _filter_tick(*one, begins, anchors, measurements, self.radii, self.sensors, *self.memory)
         self._combine()
         if self.world.sensors:
             self.innovations = in_heading_frame(self.innovations, heading)
@@ -215,28 +205,18 @@ class ComponentFilters:
     def _combine(self) -> None:
         """Write likelihoods and innovations, weighted over laws and orientations."""
         if len(self.assumptions) == 1:
-            self.log_likelihood, self.innovations = self.assumptions[0][5:]
+            self.log_likelihood, self.innovations = self._joint[0, 0], self._innovations[0, 0]
             return
-        joint = self._joint() + (self.log_laws - np.log(self._orientations))[:, None, None, :, None]
+        joint = self._joint + (self.log_laws - np.log(self._joint.shape[1]))[:, None, None, :, None]
         largest = joint.max((0, 1))
         share = np.exp(joint - largest)
         total = share.sum((0, 1))
         self.log_likelihood = largest + np.log(total)
-        each = np.stack([one.innovations for one in self.assumptions]).reshape(*joint.shape, 3)
-        self.innovations = ((share / total)[..., None] * each).sum((0, 1))
-
-    @property
-    def _orientations(self) -> int:
-        return len(self.assumptions) // len(self.log_laws)
-
-    def _joint(self) -> FloatArray:
-        """Return the log-likelihoods (laws, orientations, C, N, M)."""
-        each = np.stack([one.log_likelihood for one in self.assumptions])
-        return each.reshape(len(self.log_laws), self._orientations, *each.shape[1:])
+        self.innovations = ((share / total)[..., None] * self._innovations).sum((0, 1))
 
     def _weigh_laws(self, begins: BoolArray, log_weights: FloatArray, first: BoolArray) -> None:
         """Multiply the weights of the laws by the likelihood of the segment that has ended."""
-        joint = self._joint()[:, :, :, begins] + log_weights[begins].T[..., None]
+        joint = self._joint[:, :, :, begins] + log_weights[begins].T[..., None]
         laws = self.log_laws[:, begins] + logsumexp(joint, axis=(1, 2, 4))
         laws = np.where(first[begins], self.prior, laws - laws.max(0))
         self.log_laws[:, begins] = laws - logsumexp(laws, axis=0)
@@ -249,7 +229,8 @@ class ComponentFilters:
             for name, records in one.banks._asdict().items()
             for field in records.dtype.names
         }
-        likelihoods = {f"{k}.log_likelihood": one.log_likelihood for k, one in enumerate(self.assumptions)}
+        each = self._joint.reshape(len(self.assumptions), *self.log_likelihood.shape)
+        likelihoods = {f"{k}.log_likelihood": one for k, one in enumerate(each)}
         return banks | likelihoods | {"log_laws": self.log_laws}
 
     def select_tracks(self, tracks: BoolArray) -> "ComponentFilters":
@@ -258,9 +239,8 @@ class ComponentFilters:
         selected = ComponentFilters(self.bank, components, int(tracks.sum()), self.world, self.robust)
         lanes = np.flatnonzero(np.tile(tracks, components))
         blocks, lane = np.divmod(np.arange(lanes.size), LANES)
-        selected.log_laws[:] = self.log_laws[:, tracks]
+        selected.log_laws[:], selected._joint[:] = self.log_laws[:, tracks], self._joint[:, :, :, tracks]
         for mine, others in zip(self.assumptions, selected.assumptions, strict=True):
-            others.log_likelihood[:] = mine.log_likelihood[:, tracks]
             for old, new in zip(mine.banks, others.banks, strict=True):
                 if old.ndim > 1 and len(old) == len(mine.banks.hypotheses):  # the others are temporary memory
                     for name in old.dtype.names:

@@ -29,12 +29,10 @@ class Decider:
     A subclass with a `name` is found by that name in commands, tables and figures; nothing else lists it.
 
     Attributes:
-        name: on the command line; empty for a decider that is not found by a name.
+        name, title: on the command line, empty for a decider that is not found by a name; in tables and figures.
         task: what it decides, `ANNOUNCED`, `UNKNOWN`, `FLIGHTS` or `GLIDERS`.
-        title: in tables and figures.
-        symbol: of its threshold.
-        thresholds: to sweep, in order of increasing decision time.
-        default: threshold used when none is given.
+        symbol, thresholds, default: of its threshold: those to sweep, in order of increasing decision time, and the one
+            used when none is given.
         options: of the environment that it needs, if they differ: another bank that follows the same object.
         colour, marker: in figures, "#rrggbb" and a Matplotlib marker; empty for any.
         observes: "rows" of the environment; "tracks" calls `observe` with the arrays of the environment.
@@ -103,10 +101,7 @@ class Decider:
         return np.exp(QuickestLayout.of_rows(observation).read(observation, "log_probability"))
 
     def select_tracks(self, state: Any, tracks: BoolArray) -> Any:
-        """Return the state of the tracks selected by a mask (N,), so that finished tracks can be dropped.
-
-        `NotImplemented`, the default, keeps all tracks.
-        """
+        """Return the state of the tracks selected by a mask (N,), or `NotImplemented` if none can be dropped."""
         return NotImplemented
 
     @classmethod
@@ -148,24 +143,14 @@ class SeveralThresholds(Decider):
 
 @dataclass(frozen=True)
 class DeciderFamily:
-    """A decider with one threshold that trades decision time against errors.
+    """A decider with one threshold that trades decision time against errors; see `Decider`."""
 
-    Attributes:
-        name: shown in tables.
-        symbol: of the threshold.
-        thresholds: to sweep, in order of increasing decision time.
-        default: threshold used when none is given.
-        make: creates the decider at a threshold.
-        hypotheses: number M of hypotheses that the decider requires; None applies to any.
-        options: see `Decider.options`.
-    """
-
-    name: str
+    name: str  # shown in tables
     symbol: str
     thresholds: tuple[float, ...]
     default: float
-    make: Callable[[float], Any]
-    hypotheses: int | None = None
+    make: Callable[[float], Any]  # creates the decider at a threshold
+    hypotheses: int | None = None  # number M that the decider requires; None applies to any
     options: dict[str, Any] = field(default_factory=dict)
 
 
@@ -175,6 +160,5 @@ def rules(task: str) -> dict[str, type[Decider]]:
     for module in pkgutil.iter_modules(package.__path__):
         importlib.import_module(f"{package.__name__}.{module.name}")
     found = [kind for kind in DEFINED if kind.task == task and "name" in vars(kind) and kind.name]
-    found = [kind for kind in found if kind.__module__.startswith("baselines.")]
-    found.sort(key=lambda kind: kind.__module__)
-    return {kind.name: kind for kind in found}
+    ours = [kind for kind in found if kind.__module__.startswith("baselines.")]
+    return {kind.name: kind for kind in sorted(ours, key=lambda kind: kind.__module__)}

@@ -13,16 +13,12 @@ NO_EARLY_DECISION = 10_000_000  # ticks; longer than any segment
 
 
 class FixedTimeDecider(RowRule):
-    """Declares the maximum-likelihood hypothesis at a fixed tick of each segment.
-
-    Args:
-        ticks: tick of the decision, at least 1. The environment decides shorter segments at their end.
-    """
+    """Declares the maximum-likelihood hypothesis at a fixed tick of each segment, or at the end of a shorter one."""
 
     name, title, symbol, default = "fixed", "fixed time", "ticks", 25
     thresholds: ClassVar[tuple[float, ...]] = (
-        *(5, 10, 15, 18, 20, 22, 24, 25, 26, 28, 30, 32, 34, 36, 40, 45, 50, 60, 80, 100),
-    )
+        5, 10, 15, 18, 20, 22, 24, 25, 26, 28, 30, 32, 34, 36, 40, 45, 50, 60, 80, 100,
+    )  # fmt: skip
     colour, marker = "#a0a0a0", "s"
 
     def __init__(self, ticks: int = 25):

@@ -43,9 +43,7 @@ _prepared: set[Any] = set()
 
 
 def run_compiled(function: Any, *arguments: Any) -> Any:
-    """Call a `compiled` function whose arguments always have the same types, prepared at its first call: that is
-    faster.
-    """
+    """Call a `compiled` function whose arguments always have the same types, prepared at its first call."""
     if function not in _prepared:
         prepare(function, *arguments)
         _prepared.add(function)
@@ -68,10 +66,9 @@ class MeasurementDecider(Decider, Generic[State]):
         raise NotImplementedError
 
     def begin_track(self, state: State, track: int, start: FloatArray) -> None:
-        """Begin an episode of a track.
+        """Begin an episode of a track from `start`, (14 + M,), after its first measurement.
 
-        `start`, (14 + M,), has the estimate [x, vx, y, vy] after the first measurement, its covariance, upper triangle
-        row by row, and the logarithms of the mode probabilities.
+        It has the estimate, the upper triangle of its covariance and the logarithms of the mode probabilities.
         """
         raise NotImplementedError
 
@@ -84,10 +81,7 @@ class MeasurementDecider(Decider, Generic[State]):
         raise NotImplementedError
 
     def observe(self, tracks: World) -> FloatArray:
-        """Return measurement, merged estimate, covariance, and log probabilities of the modes, (N, 16 + M).
-
-        With sensors the covariance of the measurement and the range rates follow, (N, 23 + M).
-        """
+        """Return measurement, merged estimate, covariance, log probabilities of the modes, and what sensors add."""
         parts = [tracks.field(name) for name in ("measurement", "estimate", "covariance")]
         sensed = [tracks.field(name) for name in ("noise", "rates")] if tracks.options.sensors else []
         return np.hstack([*parts, tracks.copy_tick()()["log_probability"], *sensed])
@@ -95,18 +89,12 @@ class MeasurementDecider(Decider, Generic[State]):
     def decide(
         self, observation: FloatArray, state: State | None, episode_start: BoolArray | None
     ) -> tuple[Actions, State]:
-        """See `Decider.decide`; action i states mode i. The state is changed in place.
-
-        `observation` is from `observe`. Its estimate and probabilities are used where an episode begins: without
-        `episode_start` nowhere, except without a state.
-        """
-        width = OBSERVED + self.hypotheses
+        """See `Decider.decide`; action i states mode i. Tracks begin where `episode_start` says, or without a state."""
+        width, tracks = OBSERVED + self.hypotheses, len(observation)
         if observation.ndim != 2 or observation.shape[1] not in (width, width + SENSED):
             raise reject("observation shape", observation.shape, f"(N, {width}), with sensors {width + SENSED}")
-        tracks = len(observation)
         if state is None:
-            state = self.begin(tracks)
-            episode_start = np.ones(tracks, np.bool_)
+            state, episode_start = self.begin(tracks), np.ones(tracks, np.bool_)
         starts = np.zeros(tracks, np.bool_) if episode_start is None else episode_start
         if not starts.all():
             self.step(state, np.hstack([observation[:, :2], observation[:, width:]]))
@@ -154,10 +142,9 @@ def in_world(sensed: FloatArray | None, anchors: FloatArray) -> tuple[FloatArray
         raise reject("observation", "a row of the environment", "what `observe` returns, with sensors")
     measurements, origin, heading = np.split(sensed, np.cumsum(OF_SENSORS[:2]), axis=1)
     c, s = heading.T
-    turn = np.zeros((len(heading), 4, 4))
+    turn, turned = np.zeros((len(heading), 4, 4)), np.empty_like(anchors)
     turn[:, range(4), range(4)] = c[:, None]
     turn[:, (0, 1), (2, 3)], turn[:, (2, 3), (0, 1)] = -s[:, None], s[:, None]
-    turned = np.empty_like(anchors)
     turned[..., :4] = (turn @ anchors[..., :4, None])[..., 0] + origin * [1.0, 0.0, 1.0, 0.0]
     P = turn @ anchors[..., 4:][..., SQUARE] @ turn.swapaxes(1, 2)
     turned[..., 4:] = P[..., TRIANGLE[0], TRIANGLE[1]]

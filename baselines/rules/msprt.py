@@ -1,20 +1,19 @@
 """Sequential tests between all hypotheses. ATE tests only against the hypothesis that is currently active.
 
-With equal priors, the posterior of a hypothesis is its likelihood divided by the sum of all likelihoods. The MSPRT
-declares a hypothesis when its posterior is large enough (Baum & Veeravalli 1994, "A sequential procedure for
+The MSPRT declares a hypothesis when its posterior is large enough (Baum & Veeravalli 1994, "A sequential procedure for
 multihypothesis testing"), the gap rule when its likelihood ratio to every other hypothesis is (Armitage 1950). If only
 the type of motion is rewarded, the test should use the posterior of the type: neighbouring radii share it.
 """
 
-from abc import ABC, abstractmethod
+import math
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from baselines.rules.decider import Actions, Decider, Observations, RowRule
-from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_choice, check_number, check_positive, reject
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_array, check_between, check_choice, check_number
 from hybrid_env.core.observation_row import LOG_FLOOR
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
@@ -57,72 +56,59 @@ def posterior_of(values: NDArray[np.floating], by_type: bool = False) -> FloatAr
     return np.asarray(sums / values.sum(-1, dtype=np.float64, keepdims=True))
 
 
-def type_posteriors(log_ratio: FloatArray) -> FloatArray:
-    """Return the posterior of each type, (..., 3), from log-likelihood ratios (..., M) and equal priors."""
-    types = type_sums(np.where(log_ratio <= CLIPPED_RATIO, 0.0, np.exp(log_ratio)))
-    return np.asarray(types / types.sum(-1, keepdims=True))
-
-
-def _likeliest_of_type(types: FloatArray, values: NDArray[Any]) -> IntArray:
-    """Hypothesis with the largest value (N, M) within the type with the largest sum (N, 3), (N,)."""
-    of_type = mode_types(values.shape[-1]) == types.argmax(-1)[:, None]
-    return np.where(of_type, values, -np.inf).argmax(-1)
-
-
-def _other_types_sum(types: FloatArray, chosen: IntArray) -> FloatArray:
-    """Posterior of all types (N, 3) but the chosen one, (N,); accurate where 1 - p would cancel."""
-    return np.asarray(np.where(np.arange(3) == chosen[:, None], 0.0, types).sum(-1))
+def _by_type(types: FloatArray, values: NDArray[Any]) -> tuple[FloatArray, IntArray]:
+    """Return the sum of all types (N, 3) but the largest one, and the place of the largest value (N, M) within it."""
+    chosen = types.argmax(-1)[:, None]
+    best = np.where(mode_types(values.shape[-1]) == chosen, values, -np.inf).argmax(-1)
+    return np.where(np.arange(3) == chosen, 0.0, types).sum(-1), best  # accurate where 1 - p would cancel
 
 
 def error_and_best(posterior: NDArray[np.floating], by_type: bool | BoolArray) -> tuple[FloatArray, IntArray]:
     """Return the posterior error probability of the best declaration, and the hypothesis to declare, each (N,).
 
-    `by_type` counts only hypotheses of other types as errors, and the best one is the most likely one of the most
-    likely type; one value for all tracks, or (N,). The posterior is (N, M).
+    `by_type`, one value or (N,), counts only other types as errors, and declares the likeliest of the likeliest type.
     """
-    types = type_sums(posterior)
-    best = np.where(by_type, _likeliest_of_type(types, posterior), posterior.argmax(-1))
+    of_type, best_of_type = _by_type(type_sums(posterior), posterior)
+    best = np.where(by_type, best_of_type, posterior.argmax(-1))
     others = np.where(np.arange(posterior.shape[1]) == best[:, None], 0.0, posterior).sum(-1, dtype=np.float64)
-    return np.where(by_type, _other_types_sum(types, types.argmax(-1)), others), best
+    return np.where(by_type, of_type, others), best
 
 
 def read_error_probability(observation: Observations, by: By) -> tuple[FloatArray, IntArray]:
-    """Return the log error probability of the best declaration, at least `LOG_FLOOR`, and its hypothesis, each (N,).
-
-    By "hypothesis" every other hypothesis is an error, by "type" only those of other types.
-    """
+    """Return the log error probability of the best declaration, at least `LOG_FLOOR`, and its hypothesis, each (N,)."""
     layout = Layout.of_rows(observation)
     log_ratio = layout.read(observation, "log_ratio")
     if by == "hypothesis":
         return layout.read(observation, "log_error_probability"), log_ratio.argmax(-1)
-    posterior = type_posteriors(log_ratio)
-    error_probability = _other_types_sum(posterior, posterior.argmax(-1))
-    log_error_probability = np.log(np.maximum(error_probability, np.exp(LOG_FLOOR)))
-    return log_error_probability, _likeliest_of_type(posterior, log_ratio)
+    types = type_sums(np.where(log_ratio <= CLIPPED_RATIO, 0.0, np.exp(log_ratio)))
+    error_probability, best = _by_type(np.asarray(types / types.sum(-1, keepdims=True)), log_ratio)
+    return np.log(np.maximum(error_probability, np.exp(LOG_FLOOR))), best
 
 
-class PosteriorRule(RowRule, ABC):
-    """Declares the best hypothesis when its posterior error probability falls to the limit of the tick."""
+class PosteriorRule(RowRule):
+    """Declares the best hypothesis when its log posterior error probability falls to the limit of the tick.
 
-    def __init__(self, by: By):
+    Args:
+        limits: (T,) by tick; the last one holds for all later ticks.
+        by: "hypothesis" counts every other hypothesis as an error. "type" declares the most likely
+            hypothesis of the most likely type and counts only other types as errors.
+    """
+
+    def __init__(self, limits: ArrayLike, by: By = "hypothesis"):
+        self.limits = check_array("limits", limits, (None,))
         check_choice("by", by, ("hypothesis", "type"))
         self.by: By = by
-
-    @abstractmethod
-    def log_limits(self) -> FloatArray:
-        """Return the logarithms of the limits by tick, (T,); the last one holds for all later ticks."""
 
     def act(self, rows: Observations) -> Actions:
         """See `RowRule.act`."""
         ticks = np.rint(Layout.of_rows(rows).read(rows, "ticks")).astype(np.int64)
         log_error_probability, best = read_error_probability(rows, self.by)
-        limits = self.log_limits()
-        limit = limits[np.clip(ticks - 1, 0, limits.size - 1)]
+        limit = self.limits[np.clip(ticks - 1, 0, self.limits.size - 1)]
         return np.where(log_error_probability <= limit, best + 1, 0)
 
     def panel(self) -> EvidencePanel:
         """Return the panel of `evidence`."""
-        return posterior_panel("Kalman filters", self.by == "type", np.exp(self.log_limits()))
+        return posterior_panel("Kalman filters", self.by == "type", np.exp(self.limits))
 
     def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
         """Return the posterior of each hypothesis or of its type, (N, M)."""
@@ -135,22 +121,16 @@ class MSPRTDecider(PosteriorRule):
 
     Args:
         alpha: threshold of the error probability, above 1e-13 (the resolution of the observation), at most 1.
-        by: "hypothesis" counts every other hypothesis as an error. "type" declares the most likely
-            hypothesis of the most likely type and counts only other types as errors.
+        by: see `PosteriorRule`.
     """
 
     name, title, symbol, thresholds, default = "msprt", "MSPRT", "alpha", ALPHAS, 0.02
     colour, marker = "#c80f82", "D"
 
     def __init__(self, alpha: float = 0.02, by: By = "hypothesis"):
-        self.alpha = check_number("alpha", alpha, "a number from 1e-13 to 1")
-        if not np.exp(LOG_FLOOR) < alpha <= 1.0:
-            raise reject("alpha", alpha, "a number from 1e-13 to 1")
-        super().__init__(by)
-
-    def log_limits(self) -> FloatArray:
-        """Return the logarithm of alpha."""
-        return np.log([self.alpha])
+        smallest = math.nextafter(math.exp(LOG_FLOOR), 1.0)
+        self.alpha = check_number("alpha", alpha, "a number from 1e-13 to 1", smallest, 1.0)
+        super().__init__([np.log(self.alpha)], by)
 
 
 class TypeMSPRTDecider(MSPRTDecider):
@@ -201,15 +181,12 @@ class GapDecider(RowRule):
 
     name, title, symbol, default = "gap", "gap rule", "gap", 4.6
     thresholds = (
-        *(0.2, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.6, 5.0, 5.5, 6.0, 7.0, 8.0, 10.0, 13.0, 17.0),
-        *(22.0, 28.0),
-    )
+        0.2, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.6, 5.0, 5.5, 6.0, 7.0, 8.0, 10.0, 13.0, 17.0, 22.0, 28.0,
+    )  # fmt: skip
     colour, marker = "#695a00", "P"
 
     def __init__(self, gap: float = 4.6):
-        self.gap = check_positive("gap", gap)
-        if gap >= -LOG_FLOOR:
-            raise reject("gap", gap, f"a number between 0 and {-LOG_FLOOR:g}")
+        self.gap = check_between("gap", gap, 0.0, -LOG_FLOOR)
 
     def act(self, rows: Observations) -> Actions:
         """See `RowRule.act`."""

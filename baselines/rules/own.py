@@ -80,28 +80,23 @@ class Asked:
         try:
             array = np.asarray(actions)
         except ValueError:  # ragged
-            raise self._refused(actions, tracks) from None
-        if array.shape != (tracks,) or array.dtype.kind not in "iu":
-            raise self._refused(f"{array.dtype} of shape {array.shape}", tracks)
-        wrong = (array < 0) | (array >= self.action_count)
-        if wrong.any():
-            raise self._refused(array[wrong], tracks)
-        return array
-
-    def _refused(self, actions: Any, tracks: int) -> ArgumentError:
+            shown = actions
+        else:
+            shown = f"{array.dtype} of shape {array.shape}"
+            if array.shape == (tracks,) and array.dtype.kind in "iu":
+                shown = array[(array < 0) | (array >= self.action_count)]
+                if not shown.size:
+                    return array
         place = where_defined(self.decider)
-        return reject("actions", actions, f"{tracks} integers from 0 to {self.action_count - 1} from {place}")
+        raise reject("actions", shown, f"{tracks} integers from 0 to {self.action_count - 1} from {place}")
 
     def _watch(self, seconds: float, tracks: int) -> None:
         self._seconds, self._calls = self._seconds + seconds, self._calls + 1
         if self._told or self._seconds < SLOW_TOTAL or self._seconds < SLOW_CALL * self._calls:
             return
         self._told = True
-        mean = self._seconds / self._calls
-        warnings.warn(
-            f"{where_defined(self.decider)} is slow: {mean:.2g} s a call for {tracks} tracks; rules on whole "
-            "arrays take milliseconds", stacklevel=4,
-        )  # fmt: skip
+        slow = f"{where_defined(self.decider)} is slow: {self._seconds / self._calls:.2g} s a call for {tracks} tracks"
+        warnings.warn(f"{slow}; rules on whole arrays take milliseconds", stacklevel=4)
 
 
 def find_own(name: str) -> Any:
@@ -131,10 +126,9 @@ def own_names() -> list[str]:
 def own_family(model: Any, name: str, options: Any) -> DeciderFamily:
     """Return a user's decider at any threshold, for the options of an environment.
 
-    The model is a function `observation -> actions`, an object with `predict`, or a class of one. With an attribute
-    `thresholds` it is swept: a class is created with a threshold, a function called with it as its second argument, and
-    an object gets it as its attribute `threshold`. `default`, `title`, `symbol`, `task` and `options` are read if they
-    exist, see `Decider`. The name is as it was given, for messages.
+    With an attribute `thresholds` it is swept: a class is created with a threshold, a function called with it as its
+    second argument, and an object gets it as its attribute `threshold`. `default`, `title`, `symbol`, `task` and
+    `options` are read if they exist, see `Decider`. The name is as it was given, for messages.
     """
     task = getattr(model, "task", options.switches)
     if task != options.switches:

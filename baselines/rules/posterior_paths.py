@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from baselines.rules.decider import Actions, Observations, RowRule
-from baselines.rules.msprt import By, mode_types, read_error_probability, rewarded
+from baselines.rules.msprt import mode_types, read_error_probability, rewarded
 from baselines.rules.rollout import rollout
 from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_integer, reject
 from hybrid_env.options import WorldOptions
@@ -23,7 +23,6 @@ class PosteriorPaths:
     log_error_probability: FloatArray  # (S, T) natural logarithms of the error probability of the best declaration
     correct: BoolArray  # (S, T) whether that declaration would have been correct
     length: IntArray  # (S,) number of recorded ticks; later entries are meaningless
-    by: By  # what has to be correct, the hypothesis or only its type
 
 
 class Never(RowRule):
@@ -35,10 +34,9 @@ class Never(RowRule):
 
 
 def simulate_posterior_paths(episodes: int, seed: int, ticks: int | None = None, **options: Any) -> PosteriorPaths:
-    """Simulate episodes in which every segment is decided at its end, so that most anchors are accurate.
+    """Simulate episodes with seeds seed, seed + 1, ..., in which every segment is decided at its end.
 
-    The episodes have seeds seed, seed + 1, ...; up to `ticks` of each segment are recorded. `options` are those of
-    `hybrid_env.WorldOptions`.
+    So most anchors are accurate. Up to `ticks` of each segment are recorded. Options as of `hybrid_env.WorldOptions`.
     """
     check_integer("seed", seed, minimum=0)
     world = WorldOptions.of(**options | {"undecided": "likeliest"})
@@ -62,16 +60,16 @@ def simulate_posterior_paths(episodes: int, seed: int, ticks: int | None = None,
         log_error_probability[rows, tick - 1] = value[recorded]
         correct[rows, tick - 1] = (kind[best] == kind[env.world.field("true_mode")])[recorded]
         length[rows] = tick
-    return PosteriorPaths(log_error_probability, correct, length, by)
+    return PosteriorPaths(log_error_probability, correct, length)
 
 
 @dataclass(frozen=True)
 class Calibration:
     """Stated probability and accuracy of the best declaration, in B bins of the stated probability."""
 
-    stated: FloatArray  # (B,) mean stated probability of each bin, 0 where the bin is empty
-    accuracy: FloatArray  # (B,) share of correct declarations in each bin, 0 where the bin is empty
-    count: IntArray  # (B,) number of segments in each bin
+    stated: FloatArray  # (B,) mean stated probability, 0 in an empty bin
+    accuracy: FloatArray  # (B,) share of correct declarations, 0 in an empty bin
+    count: IntArray  # (B,) number of segments
     mean_stated: float  # over all segments
     mean_accuracy: float
 

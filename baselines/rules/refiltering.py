@@ -1,32 +1,26 @@
 """Deciders that run filters of their own on the measurements, see `component_filters`.
 
-`KeptCovarianceDecider` starts the filters of the published bank from the covariance of the estimate at the switch, not
-from the identity. `CalibratedAnchorDecider` starts extended Kalman filters, which include the uncertainty of the anchor
-in the state (see `hybrid_env.core.banks.anchor_aware`), from the distribution of the anchor error in simulated
-episodes.
+One starts the filters of the published bank from the covariance of the estimate at the switch, not from the identity;
+the other extended Kalman filters (`hybrid_env.core.banks.anchor_aware`) from the distribution of the anchor error.
 """
 
 import functools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
+from baselines.rules import component_filters
 from baselines.rules.anchor_prior import AnchorPrior, anchor_errors, fit_anchor_prior
-from baselines.rules.component_filters import (
-    ANCHOR_COLUMNS,
-    ComponentFilters,
-    anchor_rows,
-    joint_posterior,
-    stated_covariance,
-)
+from baselines.rules.component_filters import ComponentFilters, anchor_rows, stated_covariance
 from baselines.rules.decider import Actions, Decider, Observations
 from baselines.rules.measurements import observe_sensed, split_sensed
 from baselines.rules.msprt import ALPHAS, error_and_best, mode_types
 from baselines.rules.rollout import rollout
 from baselines.rules.seeds import FITTING
-from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_number, reject
+from hybrid_env.checks import BoolArray, FloatArray, check_number
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 from hybrid_env.vector_env import HybridTrackVectorEnv
@@ -37,30 +31,31 @@ FITTED_ALPHA = 0.05  # error probability at which the decider declares in these 
 
 @dataclass
 class _State:
-    """Filters of N tracks, logarithms (N, C) of the weights of the components, last posterior (N, M)."""
+    """What is known of N tracks with C components each."""
 
     filters: ComponentFilters
-    log_weights: FloatArray
-    posterior: FloatArray
+    log_weights: FloatArray  # (N, C) logarithms of the weights of the components
+    posterior: FloatArray  # (N, M) of the last tick
 
 
-class RefilteringDecider(Decider):
-    """Base class: declares when the posterior error probability of the filters falls to alpha, above 0 and at most 1.
+class KeptCovarianceDecider(Decider):
+    """MSPRT of the published bank started from the covariance of the estimate at the switch.
 
-    Filters use the model of the world. With `robust` they reject outliers, learn whether tails are heavy and allow for
-    axes of different variances, see `ComponentFilters`.
+    Args:
+        world: options of the world, whose model the filters use.
+        alpha: threshold of the posterior error probability, above 0 and at most 1.
+        robust: the filters reject outliers, learn whether tails are heavy and allow for axes of different variances.
     """
 
-    symbol, thresholds, default = "alpha", ALPHAS, 0.02
+    name, title, symbol, thresholds, default = "msprt-kept", "MSPRT, kept P", "alpha", ALPHAS, 0.02
+    colour, marker = "#0000b4", ">"
     every_tick = reads_options = True
-    bank: ClassVar[str]
-    components: ClassVar[int]
+    bank: ClassVar[str] = "published"
+    components: ClassVar[int] = 1
 
     def __init__(self, world: WorldOptions, alpha: float = 0.02, robust: bool = False):
         self.world, self.robust = world, robust
-        self.alpha = check_number("alpha", alpha)
-        if not 0.0 < self.alpha <= 1.0:
-            raise reject("alpha", alpha, "a number > 0 and <= 1")
+        self.alpha = check_number("alpha", alpha, "a number > 0 and <= 1", math.ulp(0.0), 1.0)
         self.by_type = world.correctness == "type"
         self.layout = Layout(world.hypotheses)
         self.observes = "tracks" if world.sensors else "rows"
@@ -74,7 +69,7 @@ class RefilteringDecider(Decider):
 
         first: (N,) True for the first segment of an episode; correct: (N,) probability of a correct last declaration.
         """
-        raise NotImplementedError
+        return anchor_rows(self.layout, rows, 0.0, stated_covariance(self.layout, rows))[None], np.ones((len(rows), 1))
 
     def decide(self, observation: Observations, state: Any, episode_start: Any) -> tuple[Actions, Any]:
         """See `Decider.decide`. The state holds the filters and is changed in place."""
@@ -88,14 +83,15 @@ class RefilteringDecider(Decider):
             state = _State(filters, np.zeros((tracks, self.components)), np.full((tracks, M), 1.0 / M))
             begins[:] = True
         first = np.zeros(tracks, np.bool_) if episode_start is None else np.asarray(episode_start)
-        anchors, log_weights = np.zeros((self.components, tracks, ANCHOR_COLUMNS)), state.log_weights.copy()
+        anchors = np.zeros((self.components, tracks, component_filters.ANCHOR_COLUMNS))
+        log_weights = state.log_weights.copy()
         if begins.any():
             decided = layout.read(rows[begins], "previous").argmax(-1)
             correct = np.take_along_axis(state.posterior[begins], decided[:, None], 1)[:, 0]
             anchors[:, begins], weights = self.anchors(rows[begins], first[begins], correct)
             state.log_weights[begins] = np.log(np.maximum(weights, 1e-300))
         state.filters.advance(rows, begins, anchors, log_weights, first, sensed)
-        state.posterior = joint_posterior(state.filters.log_likelihood, state.log_weights).sum(0)
+        state.posterior = component_filters.joint_posterior(state.filters.log_likelihood, state.log_weights).sum(0)
         error, best = error_and_best(state.posterior, self.by_type)
         return np.where(error <= self.alpha, best + 1, 0), state
 
@@ -104,28 +100,11 @@ class RefilteringDecider(Decider):
         return _State(state.filters.select_tracks(tracks), state.log_weights[tracks], state.posterior[tracks])
 
 
-class KeptCovarianceDecider(RefilteringDecider):
-    """MSPRT of the published bank started from the covariance of the estimate at the switch."""
-
-    name, title = "msprt-kept", "MSPRT, kept P"
-    colour, marker = "#0000b4", ">"
-    bank = "published"
-    components = 1
-
-    def anchors(self, rows: Observations, first: BoolArray, correct: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """See `RefilteringDecider.anchors`."""
-        covariance = stated_covariance(self.layout, rows)
-        return anchor_rows(self.layout, rows, 0.0, covariance)[None], np.ones((len(rows), 1))
-
-
-class CalibratedAnchorDecider(RefilteringDecider):
+class CalibratedAnchorDecider(KeptCovarianceDecider):
     """MSPRT of extended Kalman filters, one bank per component of the distribution of the anchor error.
 
-    Args:
-        world, alpha: options of the world, whose model the filters use, and threshold of the error probability.
-        robust: the filters reject outliers, learn whether tails are heavy and allow for axes of different variances.
-        prior: distribution of the anchor error after correct and after wrong declarations; None uses the covariance
-            that the bank states.
+    Arguments as of `KeptCovarianceDecider`, and the distribution after correct and after wrong declarations, `prior`;
+    None uses the covariance that the bank states.
     """
 
     name, title = "calibrated", "calibrated anchor"
@@ -142,15 +121,11 @@ class CalibratedAnchorDecider(RefilteringDecider):
     def maker(cls, options: WorldOptions) -> Callable[[float], Decider]:
         """Return the rule with the distribution of the anchor fitted to simulated episodes."""
         robust = cls.rejects_outliers
-
-        @functools.cache
-        def prior() -> AnchorPrior:
-            return fit_calibrated_anchor(options, CALIBRATION_EPISODES, FITTING, robust)
-
+        prior = functools.cache(lambda: fit_calibrated_anchor(options, CALIBRATION_EPISODES, FITTING, robust))
         return lambda alpha: CalibratedAnchorDecider(options, prior(), alpha, robust)
 
     def anchors(self, rows: Observations, first: BoolArray, correct: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """See `RefilteringDecider.anchors`."""
+        """See `KeptCovarianceDecider.anchors`."""
         tracks = len(rows)
         weight = np.tile([1.0, 0.0, 0.0, 0.0], (tracks, 1))
         mean = np.zeros((tracks, 4, 4))
@@ -178,39 +153,27 @@ class RobustCalibratedAnchorDecider(CalibratedAnchorDecider):
 def fit_calibrated_anchor(world: WorldOptions, episodes: int, seed: int, robust: bool = False) -> AnchorPrior:
     """Fit the distribution of the anchor error to simulated episodes, in which the decider itself declares.
 
-    The first of two rounds declares with the stated covariance, the second with the first fit.
-
-    Args:
-        world: options of the world.
-        episodes, seed: number of episodes of each round, and seed of the first one.
-        robust: see `CalibratedAnchorDecider`.
+    The first of two rounds of episodes declares with the stated covariance, the second with the first fit.
     """
     prior: AnchorPrior | None = None
+    rows = world.longest_segment + 1  # a segment decided at once, and the first tick of the next
     for first in (seed, seed + episodes):
-        decider = CalibratedAnchorDecider(world, prior, FITTED_ALPHA, robust)
-        prior = fit_anchor_prior(*_anchor_errors(decider, episodes, first))
+        env = HybridTrackVectorEnv(episodes, tick_info=False, trace_rows=rows, **vars(world))
+        decider, running = CalibratedAnchorDecider(world, prior, FITTED_ALPHA, robust), np.ones(episodes, np.bool_)
+        errors, types, correct = [], [], []
+        truth = np.empty(0)
+        for now in rollout(env, decider, first):
+            if now.step:
+                running &= ~now.terminated
+                decided = np.flatnonzero(running & now.info.get("_decided_mode", False))
+                if decided.size:
+                    modes = now.info["decided_mode"][decided]
+                    errors.append(anchor_errors(env, decided, truth[decided]))
+                    types.append(mode_types(world.hypotheses)[modes])
+                    correct.append(modes == now.info["decided_true_mode"][decided])
+            if not running.any():
+                break
+            truth = env.world.field("truth")
+        prior = fit_anchor_prior(*(np.concatenate(found) for found in (errors, types, correct)))
     assert prior is not None
     return prior
-
-
-def _anchor_errors(decider: RefilteringDecider, episodes: int, seed: int) -> tuple[FloatArray, IntArray, BoolArray]:
-    """Return the errors at the switches of simulated episodes; see `fit_anchor_prior`."""
-    world = decider.world
-    rows = world.longest_segment + 1  # a segment decided at once, and the first tick of the next
-    env = HybridTrackVectorEnv(episodes, tick_info=False, trace_rows=rows, **vars(world))
-    running = np.ones(episodes, np.bool_)
-    errors, types, correct = [], [], []
-    truth = np.empty(0)
-    for now in rollout(env, decider, seed):
-        if now.step:
-            running &= ~now.terminated
-            decided = np.flatnonzero(running & now.info.get("_decided_mode", False))
-            if decided.size:
-                modes = now.info["decided_mode"][decided]
-                errors.append(anchor_errors(env, decided, truth[decided]))
-                types.append(mode_types(world.hypotheses)[modes])
-                correct.append(modes == now.info["decided_true_mode"][decided])
-        if not running.any():
-            break
-        truth = env.world.field("truth")
-    return np.concatenate(errors), np.concatenate(types), np.concatenate(correct)

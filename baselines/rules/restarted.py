@@ -1,14 +1,11 @@
 """Classical tests for a switch with filters that start at every possible moment of the switch; compiled.
 
 Every track has the filter of its stated mode. At every tick one new filter of every other mode starts from the estimate
-and covariance that the filter of the stated mode has before the measurement of the tick: the hypothesis that the object
-switches to that mode here. Its likelihood ratio compares all measurements since its start with the filter of the stated
-mode, which runs on (Willsky & Jones 1976; Golubkov 2020, eq. (7)). When the statement changes, the most likely filter
-of the new mode becomes the filter of the stated mode, and all others are dropped. So after a wrong statement the
-filters start from the estimate of a wrong mode.
-
-The filters are those of `hybrid_env.core.banks.anchor_aware`. With an exact anchor their centre and turn rate have no
-variance, so that they are the Kalman filters of `hybrid_env.core.banks.published`.
+and covariance that this filter has before the measurement: the hypothesis that the object switches to that mode here.
+Its likelihood ratio compares all measurements since its start with the filter of the stated mode, which runs on
+(Willsky & Jones 1976; Golubkov 2020, eq. (7)). When the statement changes, the most likely filter of the new mode
+becomes the filter of the stated mode, and all others are dropped; after a wrong statement they start from a wrong mode.
+The filters are those of `hybrid_env.core.banks.anchor_aware`, with an exact anchor those of `published`.
 """
 
 import math
@@ -30,14 +27,13 @@ from hybrid_env.core.records import LANES, MEASURED, SENSOR, State, Triangle4
 from hybrid_env.quickest_options import QuickestOptions
 
 LONGEST_WINDOW = 10_000  # ticks
-Bank = Literal["published", "anchor_aware"]
 
 
 class RestartedFilters(NamedTuple):
     """The filters of N tracks with M modes, and W start ticks of each mode in G = W / LANES groups.
 
-    Start k = 0, 1, ... since the last change of the statement is number k % W: lane k % W % LANES of group k % W //
-    LANES. The log-likelihood of its filter is that of all measurements since the change, with the stated mode before.
+    Start k since the last change of the statement is number k % W: lane k % W % LANES of group k % W // LANES. The
+    log-likelihood of its filter is that of all measurements since the change, with the stated mode before.
     """
 
     stated_filters: NDArray[Any]  # (N,) records `AWARE_HYPOTHESIS`, of which lane 0 is used: filter of the stated mode
@@ -64,16 +60,12 @@ class RestartModel(NamedTuple):
 
 def restart_arrays(tracks: int, modes: int, window: int) -> RestartedFilters:
     """Return filters of zeros."""
-    groups = -(-window // LANES)
+    stated, started = (tracks,), (tracks, modes, -(-window // LANES))
     return RestartedFilters(
-        aligned_zeros((tracks,), AWARE_HYPOTHESIS),
-        aligned_zeros((tracks, modes, groups), AWARE_HYPOTHESIS),
-        np.zeros(tracks, np.int64),
-        np.zeros(tracks, np.int64),
-        np.zeros((tracks, modes)),
-        aligned_zeros((1,), INNOVATION),
-        aligned_zeros((1,), MEASURED),
-    )
+        aligned_zeros(stated, AWARE_HYPOTHESIS), aligned_zeros(started, AWARE_HYPOTHESIS),
+        np.zeros(tracks, np.int64), np.zeros(tracks, np.int64), np.zeros((tracks, modes)),
+        aligned_zeros((1,), INNOVATION), aligned_zeros((1,), MEASURED),
+    )  # fmt: skip
 
 
 @internal
@@ -120,19 +112,16 @@ def _log_ratio(started: NDArray[Any], live: int, reference: float, mean: bool) -
 @internal
 def _change(filters: RestartedFilters, track: int, live: int, model: RestartModel) -> None:
     """Change the statement of a track, if one mode reaches the threshold and exceeds all others."""
-    best, second = -1, -1
-    for mode in range(filters.log_ratios.shape[1]):
+    best, second, ratios = -1, -1, filters.log_ratios[track]
+    for mode in range(ratios.size):
         if mode != filters.stated[track]:
-            value = filters.log_ratios[track, mode]
-            if best < 0 or value > filters.log_ratios[track, best]:
+            if best < 0 or ratios[mode] > ratios[best]:
                 best, second = mode, best
-            elif second < 0 or value > filters.log_ratios[track, second]:
+            elif second < 0 or ratios[mode] > ratios[second]:
                 second = mode
-    largest = filters.log_ratios[track, best]
-    if largest < model.threshold or largest - filters.log_ratios[track, second] < model.margin:
+    if ratios[best] < model.threshold or ratios[best] - ratios[second] < model.margin:
         return
-    start = _likeliest_start(filters.started[track, best], live)
-    stated_filter = filters.stated_filters[track]
+    start, stated_filter = _likeliest_start(filters.started[track, best], live), filters.stated_filters[track]
     copy_filter(filters.started[track, best, start // LANES], start % LANES, stated_filter, 0)
     stated_filter.log_likelihood[0] = 0.0
     filters.stated[track] = best
@@ -184,19 +173,14 @@ class RestartDecider(MeasurementDecider[RestartedFilters]):
 
     thresholds, default = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0), 5.0  # few: a filter for every start is slow
     mean: ClassVar[bool]
-    own_window: ClassVar[int]
-    own_bank: ClassVar[Bank]
+    usual: ClassVar[tuple[int, str]]  # window and bank
 
     def __init__(
-        self,
-        options: QuickestOptions,
-        threshold: float = 5.0,
-        margin: float = 2.0,
-        window: int | None = None,
-        bank: Bank | None = None,
-    ):
-        chosen = check_choice("bank", self.own_bank if bank is None else bank, ("published", "anchor_aware"))
-        window = check_integer("window", self.own_window if window is None else window, maximum=LONGEST_WINDOW)
+        self, options: QuickestOptions, threshold: float = 5.0, margin: float = 2.0, window: int | None = None,
+        bank: Literal["published", "anchor_aware"] | None = None,
+    ):  # fmt: skip
+        window = check_integer("window", self.usual[0] if window is None else window, maximum=LONGEST_WINDOW)
+        chosen = check_choice("bank", self.usual[1] if bank is None else bank, ("published", "anchor_aware"))
         threshold, margin = check_positive("threshold", threshold), check_positive("margin", margin, allow_zero=True)
         self.hypotheses = options.hypotheses
         self.model = RestartModel(
@@ -235,22 +219,20 @@ class GLRDecider(RestartDecider):
 
     name, title, symbol = "glr", "GLR", "ln GLR"
     colour, marker = "#0000b4", ">"
-    mean, own_window, own_bank = False, 60, "anchor_aware"
+    mean, usual = False, (60, "anchor_aware")
 
 
 class MeanRatioDecider(RestartDecider):
     """The detector of Golubkov 2020, for M modes and any number of switches.
 
-    The statistic of a mode is the mean of the likelihood ratios of all start ticks, lambda_k of eq. (6). It
-    is the likelihood ratio of a switch at a uniformly distributed moment. The paper tests one turn against
-    straight motion, once; `baselines.papers.golubkov2020.detect_switch` does that on recordings, with
-    the same filters and the same corrections of eq. (5) and (7). Here every mode is tested against the stated
-    one, and after a change of the statement the test begins anew from the most likely filter of the new mode.
+    The statistic of a mode is the mean of the likelihood ratios of all start ticks, lambda_k of eq. (6): the likelihood
+    ratio of a switch at a uniformly distributed moment. The paper tests one turn against straight motion, once, as
+    `baselines.papers.golubkov2020.detect_switch` on recordings. Here every mode is tested against the stated one, and
+    after a change of the statement the test begins anew from the most likely filter of the new mode.
 
-    The rule of the paper is `margin=0`, a window that is not shorter than the episode, and the threshold
-    ln A = ln((1 - beta) / alpha), 2.2 for alpha = beta = 0.1. The margin is that of `detect_switch`; the
-    paper has no second alternative. The lower threshold B, at which the paper ends the test in favour of the
-    stated mode, is not used: here the test would begin anew, and forget switches that have just begun.
+    The rule of the paper is `margin=0`, a window that is not shorter than the episode, and the threshold ln A = ln((1 -
+    beta) / alpha), 2.2 for alpha = beta = 0.1. Its lower threshold B, at which the test ends in favour of the stated
+    mode, is not used: here the test would begin anew, and forget switches that have just begun.
 
     Args:
         options, threshold, margin, window, bank: see `RestartDecider`; by default 40 ticks and "published".
@@ -258,4 +240,4 @@ class MeanRatioDecider(RestartDecider):
 
     name, title, symbol = "detector-2020", "detector 2020", "ln lambda"
     colour, marker = "#695a00", "P"
-    mean, own_window, own_bank = True, 40, "published"
+    mean, usual = True, (40, "published")

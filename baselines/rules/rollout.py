@@ -49,8 +49,7 @@ class Now:
 def rollout(env: Any, model: Any, seed: int, unfinished: BoolArray | None = None) -> Iterator[Now]:
     """Run a decider on an environment, without end: yield every tick before the decider is asked.
 
-    In the body of the loop the environment is at the tick that was yielded, with the results of the last step; the
-    decider is asked and the environment stepped when the loop goes on.
+    The decider is asked and the environment stepped when the loop goes on.
 
     Args:
         env: Gymnasium's `VectorEnv` of N tracks, with their arrays as `world`; its autoreset mode says what follows an
@@ -60,14 +59,12 @@ def rollout(env: Any, model: Any, seed: int, unfinished: BoolArray | None = None
         unfinished: (N,) tracks whose actions still count, written by the body of the loop. Others are no longer passed
             to deciders that can drop tracks. Without it all count.
     """
-    decider = as_decider(model)
-    ask = Asked(decider, int(env.single_action_space.n))
+    decider, tracks = as_decider(model), env.num_envs
+    ask, running = Asked(decider, int(env.single_action_space.n)), np.arange(tracks)  # tracks passed to the decider
     rows, info = env.reset(seed=seed)
-    running = np.arange(env.num_envs)  # tracks passed to the decider
-    drops = unfinished is not None
-    actions, rewards = np.zeros(env.num_envs, np.int64), np.zeros(env.num_envs)
-    starts, terminated = np.ones(env.num_envs, np.bool_), np.zeros(env.num_envs, np.bool_)
-    now = Now(0, rows, rows, None, starts, terminated, actions, rewards, info)
+    drops, actions = unfinished is not None, np.zeros(tracks, np.int64)
+    starts, terminated = np.ones(tracks, np.bool_), np.zeros(tracks, np.bool_)
+    now = Now(0, rows, rows, None, starts, terminated, actions, np.zeros(tracks), info)
     while True:
         now.seen = now.observation if decider.observes == "rows" else decider.observe(env.world)
         yield now
@@ -80,10 +77,9 @@ def rollout(env: Any, model: Any, seed: int, unfinished: BoolArray | None = None
                     now.state, running = kept, running[left]
                     actions[:] = 0
         seen, starts = now.seen, now.starts
-        if running.size < env.num_envs:
+        if running.size < tracks:
             seen, starts = seen[running], starts[running]
-        chosen, now.state = ask(seen, now.state, starts)
-        actions[running] = chosen
+        actions[running], now.state = ask(seen, now.state, starts)
         now.actions = actions.copy()
         now.observation, now.rewards, now.terminated, _, now.info = env.step(actions)
         now.starts = now.terminated
@@ -91,13 +87,11 @@ def rollout(env: Any, model: Any, seed: int, unfinished: BoolArray | None = None
 
 
 def record_statements(decider: Any, tracks: int, seed: int, **options: Any) -> Statements:
-    """Run a decider on one episode of every track.
+    """Run a decider, whose action i states mode i, on one episode of each of N tracks.
 
     Args:
-        decider: a rule or agent whose action i states mode i.
-        tracks: N, number of episodes.
+        decider, tracks, options: a rule or agent; N; see `hybrid_env.QuickestOptions`.
         seed: of the first track; track i has seed + i, so that deciders can be compared in pairs.
-        options: see `hybrid_env.QuickestOptions`.
     """
     return record_together([decider], tracks, seed, **options)[0]
 
@@ -109,10 +103,7 @@ def record_together(deciders: Sequence[Any], tracks: int, seed: int, **options: 
 
 
 def record_in(make: Callable[[], Any], deciders: Sequence[Any], seed: int) -> list[Statements]:
-    """Return the statements of deciders of one rule, together if they can be, on one episode of every track.
-
-    `make` returns the environment, whose world has the field `true_mode`; the first track has the seed.
-    """
+    """Return `record_together` in the environment that `make` returns, whose world has the field `true_mode`."""
     several = type(deciders[0]).together(deciders) if len(deciders) > 1 else None
     if several is None and len(deciders) > 1:
         return [one for decider in deciders for one in record_in(make, [decider], seed)]
@@ -129,69 +120,40 @@ def record_in(make: Callable[[], Any], deciders: Sequence[Any], seed: int) -> li
 
 
 def evaluate(
-    decider: Any,
-    env_id: str = "hybrid_env:HybridTrack-v0",
-    episodes: int = 1000,
-    seed: int = 0,
-    on_progress: Callable[[float], None] | None = None,
-    **options: Any,
+    decider: Any, env_id: str = "hybrid_env:HybridTrack-v0", episodes: int = 1000, seed: int = 0, **options: Any
 ) -> Decisions:
     """Run a decider on the episodes with seeds seed, seed + 1, ..., each exactly once.
 
-    All deciders face the same episodes: trajectories and noise do not depend on the decisions.
+    All deciders face the same episodes: trajectories and noise do not depend on the decisions. They run in parallel,
+    one per track, in batches that need less than a gigabyte.
 
     Args:
         decider: a decider, any object with its `predict`, or a function of the observations.
-        env_id: registered id.
-        episodes: E; they run in parallel, one per track, in batches that need less than a gigabyte.
-        seed: of the first episode.
-        on_progress: called repeatedly with the fraction of finished segments.
-        options: environment options that override those of the id.
-
-    Raises:
-        ArgumentError: the actions of the environment are not declarations of hypotheses, or the decider was trained on
-            observations of another shape.
-
-    Warns:
-        UserWarning: a model of Stable-Baselines3 was trained in an environment of another id.
+        env_id, options: registered id, and environment options that override its own.
+        episodes, seed: number E, and seed of the first one.
     """
-    _check_training(decider, env_id)
+    get_env = getattr(decider, "get_env", None)
+    with suppress(AttributeError, NotImplementedError):
+        trained = get_env().get_attr("spec")[0].id.rpartition(":")[2] if callable(get_env) else None
+        if trained not in (None, name := env_id.rpartition(":")[2]):
+            warnings.warn(f"the model was trained in {trained} and is evaluated in {name}", stacklevel=2)
     given = make_track_vector_env(env_id, 1, **options).options
     check_episodes("episodes", episodes, given)
-    size, batches = batch_size(given), []
-    for first in range(0, episodes, size):
-        count = min(size, episodes - first)
-
-        def show(share: float, finished: int = first, width: int = count) -> None:
-            if on_progress is not None:
-                on_progress((finished + width * share) / episodes)
-
-        batches.append(evaluate_batch(decider, env_id, count, seed + first, show, options))
+    size = batch_size(given)
+    batches = [
+        evaluate_batch(decider, env_id, min(size, episodes - first), seed + first, lambda share: None, options)
+        for first in range(0, episodes, size)
+    ]
     names = [name for name in vars(batches[0]) if name != "delay_cost"]
     arrays = {name: np.concatenate([getattr(batch, name) for batch in batches]) for name in names}
     return Decisions(**arrays, delay_cost=given.delay_cost)
 
 
-def _check_training(decider: Any, env_id: str) -> None:
-    """Compare an environment with the one that a model of Stable-Baselines3 knows, where it knows one."""
-    name = env_id.rpartition(":")[2]
-    get_env = getattr(decider, "get_env", None)
-    env = get_env() if callable(get_env) else None
-    with suppress(AttributeError, NotImplementedError):
-        trained = None if env is None else env.get_attr("spec")[0].id.rpartition(":")[2]
-        if trained not in (None, name):
-            warnings.warn(f"the model was trained in {trained} and is evaluated in {name}", stacklevel=3)
-
-
 def evaluate_batch(
-    decider: Any,
-    env_id: str,
-    episodes: int,
-    seed: int,
-    on_progress: Callable[[float], None],
+    decider: Any, env_id: str, episodes: int, seed: int, on_progress: Callable[[float], None],
     options: Mapping[str, Any],
-) -> Decisions:
-    """Run a decider on episodes that all run in parallel; see `evaluate`."""
+) -> Decisions:  # fmt: skip
+    """Run a decider on episodes that all run in parallel; see `evaluate`. Progress is the share of decided segments."""
     env = make_vector_env(env_id, episodes, tick_info=False, **options)
     width = getattr(getattr(decider, "observation_space", None), "shape", None)
     if width not in (None, env.single_observation_space.shape):
@@ -201,8 +163,7 @@ def evaluate_batch(
         raise reject("actions", env.options.actions, "'all': deciders declare hypotheses")
     segments = env.options.segments
     recorded: dict[str, NDArray[Any]] = {name: np.zeros((episodes, segments), kind) for name, kind in DECIDED.items()}
-    finished = np.zeros(episodes, np.int64)  # recorded decisions of each track
-    unfinished = np.ones(episodes, np.bool_)
+    finished, unfinished = np.zeros(episodes, np.int64), np.ones(episodes, np.bool_)  # decisions of each track so far
     for now in rollout(env, decider, seed, unfinished):
         decided = now.info.get("_decided_mode") if now.step else None
         if decided is None:
@@ -226,5 +187,4 @@ def check_episodes(name: str, episodes: int, options: WorldOptions) -> None:
 
 def batch_size(options: WorldOptions) -> int:
     """Return the largest number of episodes that are run in parallel."""
-    bytes_per_episode = 2500 + 2800 * options.hypotheses  # measured, with a network
-    return max(1, LARGEST_BATCH // bytes_per_episode)
+    return max(1, LARGEST_BATCH // (2500 + 2800 * options.hypotheses))  # bytes of an episode, with a network

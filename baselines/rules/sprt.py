@@ -6,6 +6,7 @@ lambda_ij; its algorithm, which is implemented here, uses only ratios to q_A.
 """
 
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -40,26 +41,20 @@ def sprt_thresholds(alpha: float, beta: float | None = None) -> tuple[float, flo
 def sprt_test(log_likelihood: FloatArray, running: BoolArray, reference: int, upper: float, lower: float) -> int:
     """Perform the test at one tick. Golubkov 2018, rule (5) and algorithm 1, lines 10 and 11.
 
+    Rejects hypotheses with a ratio <= the threshold B `lower` in place. Returns the one with the largest ratio >= the
+    threshold A `upper`, the `reference` q_A if all others are rejected, or -1 to continue the test.
+
     Args:
         log_likelihood: (M,) cumulative log-likelihoods since the switch, up to a common constant.
-        running: (M,) True for hypotheses not yet rejected; those with a ratio <= `lower` are rejected in place.
-        reference: the active hypothesis q_A.
-        upper: threshold A. If several ratios are >= A, the hypothesis with the largest is decided.
-        lower: threshold B.
-
-    Returns:
-        The decided hypothesis, which is q_A if all others are rejected, or -1 to continue the test.
+        running: (M,) True for hypotheses not yet rejected.
     """
-    winner = -1
-    largest = upper
-    left = 0
+    winner, largest, left = -1, upper, 0
     for h in range(log_likelihood.size):
         if h == reference or not running[h]:
             continue
         ratio = log_likelihood[h] - log_likelihood[reference]
         if ratio >= largest and (winner < 0 or ratio > largest):
-            winner = h
-            largest = ratio
+            winner, largest = h, ratio
         if ratio <= lower:
             running[h] = False
         else:
@@ -107,22 +102,20 @@ class SPRTDecider(Decider):
         If there is no state after the first tick of a segment, the test starts from the clipped ratios with all
         hypotheses.
         """
-        layout = Layout.of_rows(observation)
-        along, across = (layout.read(observation, f"innovation_{axis}") for axis in ("along", "across"))
-        increment = -layout.read(observation, "log_variance") - 0.5 * (along**2 + across**2)
-        ratios = layout.read(observation, "log_ratio")
+        read = partial(Layout.of_rows(observation).read, observation)
+        along, across, ratios = read("innovation_along"), read("innovation_across"), read("log_ratio")
+        increment = -read("log_variance") - 0.5 * (along**2 + across**2)
         log_likelihood, running = ratios, np.ones(ratios.shape, np.bool_)
         if state is not None:
             best = ratios.argmax(-1)[:, None]
             accumulated = state[0] + increment
             log_likelihood = np.take_along_axis(accumulated, best, -1) + ratios
-            clipped = ratios <= CLIPPED_RATIO
-            log_likelihood[clipped] = accumulated[clipped]
+            log_likelihood = np.where(ratios <= CLIPPED_RATIO, accumulated, log_likelihood)
             running = state[1].copy()
-        first = np.rint(layout.read(observation, "ticks")) <= 1
+        first = np.rint(read("ticks")) <= 1
         log_likelihood[first] = increment[first]
         running[first] = True
-        reference = layout.read(observation, "previous").argmax(-1)
+        reference = read("previous").argmax(-1)
         actions = np.empty(len(observation), np.int64)
         _test_tracks(log_likelihood, reference, running, self.upper, self.lower, actions)
         return actions, (log_likelihood, running)

@@ -6,10 +6,12 @@ by any distance, and its velocity with it. The filters of turns are linearised t
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from hybrid_env.checks import FloatArray, IntArray
+from hybrid_env.checks import FloatArray
 from hybrid_env.core.compilation import compiled, inlined
 from hybrid_env.options import ModelOptions
 
@@ -24,19 +26,13 @@ def unit_noise(options: ModelOptions) -> FloatArray:
 
 
 def line_estimate(
-    ticks: IntArray, points: FloatArray, options: ModelOptions, noises: FloatArray | None = None
+    ticks: NDArray[Any], points: FloatArray, noises: FloatArray, options: ModelOptions
 ) -> tuple[FloatArray, FloatArray]:
-    """Fit a straight line to m measurements (m, 2) [m] by least squares, and evaluate it at the last one.
+    """Fit a straight line to m measurements (m, 2) [m]. Return estimate and covariance (4, 4) at the last one.
 
-    The covariance has three parts: the noise of the measurements, xx, xy, yy [m^2] in `noises`, (m, 3), by default
-    variance R; the process noise; and the turns of the bank. The acceleration of a turn is across the velocity and
-    constant, and all modes are equally probable.
-
-    Returns:
-        Estimate [x, vx, y, vy] [m, m/s] and its covariance, (4, 4). A single measurement tells nothing about the
-        velocity: it is 0, with an infinite variance.
+    The covariance is of the noise of the measurements, xx, xy, yy [m^2] in `noises`, (m, 3), of the process noise, and
+    of the turns of the bank, all equally probable. Of a single measurement the velocity is 0, with infinite variance.
     """
-    noises = np.tile(unit_noise(options), (len(ticks), 1)) if noises is None else noises
     matrices = noises[:, [[0, 1], [1, 2]]]
     if len(ticks) == 1:
         x, y = points[0]
@@ -65,45 +61,40 @@ def line_estimate(
 class FirstMeasurements:
     """Collects measurements until more of them would not make the estimate of the velocity better.
 
-    The line is fitted to the last of them, as many as give the smallest variance of the velocity: few if the object
-    turns by a large angle in a tick, many, up to `most`, if the measurements are noisy. `estimate` and `covariance` are
-    NaN and infinite before the first measurement; `complete` tells whether a track can begin with them.
+    The line is fitted to as many of the last ones as give the smallest variance of the velocity: few if the object
+    turns by a large angle in a tick, up to `most` if they are noisy. A track can begin when it is `complete`.
     """
 
     def __init__(self, options: ModelOptions, most: int):
-        self.options, self.most = options, most
+        self.options, self.most, self.complete = options, most, False
         self.estimate: FloatArray = np.full(4, np.nan)
         self.covariance: FloatArray = np.diag(np.full(4, np.inf))
-        self.complete = False
         self._tick = 0
-        self._ticks: list[int] = []
-        self._points: list[tuple[float, float]] = []
-        self._noises: list[Sequence[float] | FloatArray] = []
+        self._measured: list[list[float]] = []  # tick, x, y, and the covariance xx, xy, yy
 
     def skip(self) -> None:
         """Advance by one tick without a measurement; the estimate moves on along the line."""
         self._tick += 1
         motion = np.kron(np.eye(2), [[1.0, self.options.tau], [0.0, 1.0]])
         self.estimate = motion @ self.estimate
-        if len(self._ticks) > 1:  # otherwise a variance is infinite
+        if len(self._measured) > 1:  # otherwise a variance is infinite
             process = np.diag([0.0, self.options.process_variance] * 2)
             self.covariance = motion @ self.covariance @ motion.T + process
 
     def add(self, x: float, y: float, noise: Sequence[float] | FloatArray | None = None) -> None:
         """Advance by one tick with a measurement [m], and its covariance xx, xy, yy [m^2]; None is R."""
         self._tick += 1
-        self._ticks.append(self._tick)
-        self._points.append((x, y))
-        self._noises.append(unit_noise(self.options) if noise is None else noise)
-        ticks, points, noises = np.array(self._ticks), np.array(self._points), np.array(self._noises)
-        fits = [line_estimate(ticks[-m:], points[-m:], self.options, noises[-m:]) for m in range(2, len(ticks) + 1)]
+        self._measured.append([self._tick, x, y, *(unit_noise(self.options) if noise is None else noise)])
+        rows = np.array(self._measured)
+        ticks, points, noises = rows[:, 0], rows[:, 1:3], rows[:, 3:]
+        fits = [line_estimate(ticks[-m:], points[-m:], noises[-m:], self.options) for m in range(2, len(rows) + 1)]
         if not fits:
-            self.estimate, self.covariance = line_estimate(ticks, points, self.options, noises)
+            self.estimate, self.covariance = line_estimate(ticks, points, noises, self.options)
             return
         variances = [covariance[1, 1] + covariance[3, 3] for _, covariance in fits]
         best = int(np.argmin(variances))
         self.estimate, self.covariance = fits[best]
-        self.complete = best + 1 < len(fits) or len(ticks) >= self.most
+        self.complete = best + 1 < len(fits) or len(rows) >= self.most
 
 
 DEVIATIONS = 10.0
@@ -128,10 +119,9 @@ def gate_distance(
 ) -> float:  # fmt: skip
     """Return the distance of a measurement (2,) from the nearest predicted position, in standard deviations.
 
-    Predicted are straight motion and the turns of the bank, but no turn by a large angle in a tick, from an estimate
-    (4,) one tick before and its covariance (4, 4). `noise` is the covariance xx, xy, yy of the measurement [m^2]. What
-    turns in the ticks since the estimate was right for certain, before the last one, can have added to the distance
-    from a straight line does not count, unless they would be as large.
+    Predicted are straight motion and the turns of the bank by no large angle, from an estimate (4,) one tick before,
+    its covariance (4, 4) and that of the measurement, `noise`, xx, xy, yy [m^2]. What turns in the ticks since the
+    estimate was right for certain can have added to the distance from a straight line does not count.
     """
     P = covariance
     xx = P[0, 0] + 2.0 * tau * P[0, 1] + tau * tau * P[1, 1] + noise[0]

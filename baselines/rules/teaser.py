@@ -1,22 +1,23 @@
 """TEASER, a rule of early classification of time series, on the posterior of the bank.
 
 Schaefer & Leser (2020), "TEASER: early and accurate time series classification", Data Mining and Knowledge Discovery
-34. A classifier predicts at each of some checkpoints, a one-class test of the checkpoint accepts what resembles right
-predictions, and v equal accepted predictions in a row are declared. Here every tick is a checkpoint, the bank is the
-classifier, and the one-class test of its error probability is a quantile of right predictions. A one-class support
-vector machine, as published, would also refuse predictions that are surer than most.
+34. At some checkpoints a classifier predicts, a one-class test accepts what resembles right predictions, and v equal
+accepted predictions in a row are declared. Here every tick is a checkpoint, the bank is the classifier, and the test of
+its error probability is a quantile of right predictions; a one-class support vector machine, as published, would also
+refuse predictions that are surer than most.
 """
 
 import functools
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
 
-from baselines.rules.decider import Actions, Decider, DeciderFamily, Observations
-from baselines.rules.msprt import By, PosteriorRule
+from baselines.rules.decider import Actions, Decider, Observations
+from baselines.rules.msprt import By, PosteriorRule, rewarded
 from baselines.rules.posterior_paths import PosteriorPaths, simulate_posterior_paths
 from baselines.rules.seeds import FITTING
-from hybrid_env.checks import BoolArray, FloatArray, check_array, check_integer, reject
+from hybrid_env.checks import BoolArray, FloatArray, check_integer, reject
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
@@ -42,7 +43,7 @@ class TeaserDecider(PosteriorRule):
     """Declares after some equal predictions in a row that resemble right ones.
 
     Args:
-        limits: (T,) from `accepted_errors`. The last value holds for all later ticks.
+        limits: (T,) from `accepted_errors`.
         predictions: v, number of equal accepted predictions.
         by: what has to be correct, as in the paths of the limits.
     """
@@ -51,28 +52,18 @@ class TeaserDecider(PosteriorRule):
     thresholds: ClassVar[tuple[float, ...]] = (1, 2, 3, 5, 7, 9, 10, 11, 12, 13, 15, 20, 25)
 
     def __init__(self, limits: FloatArray, predictions: int = 12, by: By = "hypothesis"):
-        super().__init__(by)
-        self.limits = check_array("limits", limits, (None,))
+        super().__init__(limits, by)
         self.predictions = check_integer("predictions", predictions)
 
     @classmethod
-    def family(cls, options: WorldOptions) -> DeciderFamily:
+    def maker(cls, options: WorldOptions) -> Callable[[float], Decider]:
         """Return the rule fitted to an environment; its threshold is v."""
 
         @functools.cache
-        def fitted() -> tuple[FloatArray, By]:
-            paths = simulate_posterior_paths(FITTING_EPISODES, FITTING, **vars(options))
-            return accepted_errors(paths), paths.by
+        def limits() -> FloatArray:
+            return accepted_errors(simulate_posterior_paths(FITTING_EPISODES, FITTING, **vars(options)))
 
-        def make(predictions: float) -> Decider:
-            limits, by = fitted()
-            return cls(limits, int(predictions), by)
-
-        return DeciderFamily(cls.title, cls.symbol, cls.thresholds, cls.default, make)
-
-    def log_limits(self) -> FloatArray:
-        """Return the limits of the tests."""
-        return self.limits
+        return lambda predictions: cls(limits(), int(predictions), rewarded(options))
 
     def decide(self, observation: Observations, state: Any, episode_start: Any) -> tuple[Actions, Any]:
         """See `Decider.decide`. The state is the last accepted action (N,), 0 for none, and how often in a row."""

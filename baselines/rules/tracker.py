@@ -11,16 +11,8 @@ from baselines.estimation.track_filter import check_covariance
 from baselines.rules.decider import Decider
 from baselines.rules.own import Asked, as_decider, name_of
 from baselines.rules.start import DEVIATIONS, FEW, MANY, PATIENCE, FirstMeasurements, gate_distance, unit_noise
-from hybrid_env.checks import (
-    LARGEST_NUMBER,
-    FloatArray,
-    check_array,
-    check_between,
-    check_integer,
-    check_number,
-    check_positive,
-    reject,
-)
+from hybrid_env import checks
+from hybrid_env.checks import FloatArray, check_array, check_integer, check_number, reject
 from hybrid_env.core.compilation import prepare
 from hybrid_env.limits import check_ticks
 from hybrid_env.live import OnlineTrack, live_track
@@ -40,8 +32,7 @@ class OnlineEstimate(NamedTuple):
             declaration of its mode; then `mode` is the one before.
         probabilities: (M,) of the modes.
         estimate: (4,) [x, vx, y, vy] [m, m/s]; NaN before the first measurement.
-        covariance: (4, 4) of the estimate. After a single measurement the variances of the velocity are infinite, as
-            all are before the first measurement of a track that begins again.
+        covariance: (4, 4) of the estimate; variances that nothing is known of are infinite.
         agrees: False if no motion of the track explains the measurement, see `OnlineTracker`; it is not used then.
         recalculated: with the option `recalculation`, at a declaration: estimates (k, 4) and covariances (k, 4, 4) of
             the k ticks since the switch by the filter of the declared mode; otherwise None.
@@ -62,16 +53,14 @@ class OnlineTracker:
     The same measurements, first estimate and switches give the same rows, modes and estimates as in the environment,
     bit for bit, as long as the gate refuses none.
 
-    With `QuickestOptions` the switch moments are unknown. The bank is the interacting multiple model; the decider
-    states a mode at every measurement. Probabilities, estimate and covariance are those of the bank, merged over all
-    modes.
+    With `QuickestOptions` the switch moments are unknown: the decider states a mode at every measurement.
+    Probabilities, estimate and covariance are those of the bank, the interacting multiple model.
 
     With `WorldOptions` the caller announces a switch by `switch`. Until the decider declares the mode of the segment,
-    the estimate is that of the filter of the last decided mode. From the declaration on, the filter of the declared
-    mode follows the object to the next switch and gives its anchor; the decider is not asked and the probabilities do
-    not change. A segment that ends undecided is decided as in the options. With `follow="bank"` all filters run on, and
-    the estimate is merged over them; with `refine_radius` mode and estimate are those of the likeliest hypothesis of
-    the declared type.
+    the estimate is that of the filter of the last decided mode. From then on the filter of the declared mode follows
+    the object to the next switch and gives its anchor; the decider is not asked and the probabilities do not change. A
+    segment that ends undecided is decided as in the options. With `follow="bank"` the estimate is merged over all
+    filters; with `refine_radius` mode and estimate are those of the likeliest hypothesis of the declared type.
 
     Measurements come at multiples of the tick `tau` of the options. After a jump of k ticks the bank predicts k - 1
     ticks without a measurement, in which only deciders with filters of their own, whose `every_tick` is True, are
@@ -79,10 +68,8 @@ class OnlineTracker:
 
     A measurement far from every predicted position is not used (`gate`): it counts as missing, and
     `OnlineEstimate.agrees` is False. After `start.PATIENCE` of them, without two used ones in a row between them, the
-    track begins again with the next measurements. So neither an error of the sensor nor a jump can lead the bank
-    astray. With announced switches the gate is wider, since the mode may be wrong or unknown.
-
-    A new object begins a track, see `begin`. Copies and pickled objects go on independently.
+    track begins again with the next measurements. With announced switches the gate is wider, since the mode may be
+    wrong or unknown. A new object begins a track, see `begin`. Copies and pickled objects go on independently.
 
     Args:
         options: of the environment whose model the bank uses. Those of its simulated object, such as speed, noise and
@@ -91,9 +78,6 @@ class OnlineTracker:
         tolerance: of the time between two measurements, as a fraction of a tick, above 0 and below 0.5.
         gate: distance from the nearest predicted position above which a measurement is not used, in standard
             deviations; None uses all.
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed, or the decider does not read these rows.
 
     >>> from baselines import ThresholdDecider
     >>> tracker = OnlineTracker(QuickestOptions(measurement_variance=0.01), ThresholdDecider(0.6))
@@ -104,16 +88,13 @@ class OnlineTracker:
     """
 
     def __init__(
-        self,
-        options: WorldOptions | QuickestOptions,
-        decider: Decider,
-        tolerance: float = 0.1,
+        self, options: WorldOptions | QuickestOptions, decider: Decider, tolerance: float = 0.1,
         gate: float | None = DEVIATIONS,
-    ):
+    ):  # fmt: skip
         self.world: OnlineTrack = live_track(options)
         self.options, self.decider = options, as_decider(decider)
-        self.tolerance = check_between("tolerance", tolerance, 0.0, 0.5)
-        self.gate = None if gate is None else check_positive("gate", gate)
+        self.tolerance = checks.check_between("tolerance", tolerance, 0.0, 0.5)
+        self.gate = None if gate is None else checks.check_positive("gate", gate)
         self._model = np.array(options.radii), options.tau
         self._noise = unit_noise(options)
         prepare(gate_distance, np.zeros(2), np.zeros(4), np.zeros((4, 4)), *self._model, self._noise, 1)
@@ -127,9 +108,9 @@ class OnlineTracker:
     ) -> None:
         """Begin a track, and forget the last one.
 
-        Without an estimate the first measurements are collected, 3 with unknown and up to 10 with announced switches,
-        and a straight line is fitted to them. The bank begins after the last of them; until then the estimate is that
-        of the line, and all modes are equally probable.
+        Without an estimate a straight line is fitted to the first measurements, 3 with unknown and up to 10 with
+        announced switches. The bank begins after the last of them; until then the estimate is that of the line, and all
+        modes are equally probable.
 
         Args:
             estimate: (4,) [x, vx, y, vy] one tick before the first measurement [m, m/s]; None collects.
@@ -141,11 +122,9 @@ class OnlineTracker:
             raise reject("covariance", covariance, "None without an estimate")
         first = None if estimate is None else self._checked_estimate(estimate, covariance)
         self._mode = known
-        self._collected: FirstMeasurements | None = None
-        if first is None:
-            self._collected = FirstMeasurements(self.options, MANY if self.world.announced else FEW)
-        else:
-            self.world.begin_track(*first, self._mode)
+        self._collected = FirstMeasurements(self.options, MANY if self.world.announced else FEW) if not first else None
+        if first is not None:
+            self.world.begin_track(*first, known)
         self._last_time: float | None = None
         self._refused = self._agreed = 0
         self._measured = False
@@ -156,11 +135,7 @@ class OnlineTracker:
     def switch(self, ticks: int | None = None) -> None:
         """Announce that the next update is the first one after a switch, also `update(None)`.
 
-        Args:
-            ticks: until the next switch, which some learned deciders read; None assumes the longest segment.
-
-        Raises:
-            ArgumentError: the options have unknown switch moments, or `ticks` is out of range.
+        Some learned deciders read the number of ticks until the next switch; None assumes the longest segment.
         """
         if not self.world.announced:
             raise reject("switch", "an announced switch", "none with QuickestOptions")
@@ -190,7 +165,9 @@ class OnlineTracker:
             self._last_time += self.options.tau
         if self._collected is not None:
             if not self._begins_after(self._collected, point, missing):
-                return self._line_so_far(self._collected)
+                equal = np.full(self.options.hypotheses, 1.0 / self.options.hypotheses)
+                line = self._collected.estimate.copy(), self._collected.covariance.copy()
+                return OnlineEstimate(max(self._mode, 0), False, equal, *line)
             missing = 0
         world = self.world
         world.recalculated = None
@@ -234,10 +211,9 @@ class OnlineTracker:
         """Return whether a motion of the track explains a measurement."""
         if self.gate is None:
             return True
-        known = self.world.estimate(), self.world.covariance()
-        noise = self._noise if point.covariance is None else np.array(point.covariance)
-        ticks = self.world.uncertain_ticks
-        return gate_distance(np.array(point.position), *known, *self._model, noise, ticks) <= self.gate
+        world, noise = self.world, self._noise if point.covariance is None else np.array(point.covariance)
+        seen = np.array(point.position), world.estimate(), world.covariance()
+        return gate_distance(*seen, *self._model, noise, world.uncertain_ticks) <= self.gate
 
     def _begin_announced(self) -> None:
         """Begin the segment that `switch` has announced, if there is one."""
@@ -256,11 +232,8 @@ class OnlineTracker:
         passed = (time - self._last_time) / tau
         ticks = round(passed) if abs(passed) < 2 * LONGEST_GAP else 0  # it may be infinite
         if not (1 <= ticks <= LONGEST_GAP and abs(passed - ticks) <= self.tolerance):
-            allowed = (
-                f"{self._last_time:.9g} and 1 to {LONGEST_GAP} ticks of {tau:g} s more, within "
-                f"{self.tolerance:g} of a tick; begin() begins a new track"
-            )
-            raise reject("time", time, allowed)
+            moments = f"{self._last_time:.9g} and 1 to {LONGEST_GAP} ticks of {tau:g} s more"
+            raise reject("time", time, f"{moments}, within {self.tolerance:g} of a tick; begin() begins a new track")
         return ticks - 1
 
     def _begins_after(self, collected: FirstMeasurements, point: Fused | None, missing: int) -> bool:
@@ -278,11 +251,6 @@ class OnlineTracker:
         if self._ticks is not None:
             self._ticks = max(self._ticks - 1, 1)
         return False
-
-    def _line_so_far(self, collected: FirstMeasurements) -> OnlineEstimate:
-        equal = np.full(self.options.hypotheses, 1.0 / self.options.hypotheses)
-        line = collected.estimate.copy(), collected.covariance.copy()
-        return OnlineEstimate(max(self._mode, 0), False, equal, *line)
 
     def _ask_decider(self) -> int:
         """Return the action of the decider on the present row."""
@@ -323,6 +291,6 @@ def _checked(measurement: Any, options: ModelOptions) -> Fused | None:
         return fuse(options.sensors, measurement)
     x, y = measurement if isinstance(measurement, tuple) and len(measurement) == 2 else (None, None)
     # a sum that is not too large is not NaN
-    if not (isinstance(x, float) and isinstance(y, float) and abs(x) + abs(y) <= LARGEST_NUMBER):
+    if not (isinstance(x, float) and isinstance(y, float) and abs(x) + abs(y) <= checks.LARGEST_NUMBER):
         x, y = check_array("measurement", measurement, (2,)).tolist()
     return Fused((x, y))

@@ -18,28 +18,17 @@ ERROR_AFTER = {
 
 @dataclass(frozen=True)
 class Decisions:
-    """All decisions in E episodes with K segments each, as arrays of shape (E, K).
+    """All decisions in E episodes with K segments each, as arrays of shape (E, K)."""
 
-    Attributes:
-        correct: the decision is correct as defined by the reward, exactly or by type.
-        type_correct: the type (straight, left or right) is correct.
-        ticks: decision time within the segment, in ticks.
-        forced: the segment ended without a declaration.
-        true_mode, decided_mode: indices into the bank.
-        length: of the segment, in ticks.
-        squared_error: of the estimated position, summed over the segment [m^2].
-        delay_cost: per tick.
-    """
-
-    correct: BoolArray
-    type_correct: BoolArray
-    ticks: IntArray
-    forced: BoolArray
-    true_mode: IntArray
+    correct: BoolArray  # as defined by the reward, exactly or by type
+    type_correct: BoolArray  # the type (straight, left or right) is correct
+    ticks: IntArray  # decision time within the segment
+    forced: BoolArray  # the segment ended without a declaration
+    true_mode: IntArray  # index into the bank
     decided_mode: IntArray
-    length: IntArray
-    squared_error: FloatArray
-    delay_cost: float
+    length: IntArray  # of the segment, in ticks
+    squared_error: FloatArray  # of the estimated position, summed over the segment [m^2]
+    delay_cost: float  # per tick
 
     @cached_property
     def reward(self) -> FloatArray:

@@ -9,20 +9,15 @@ import numpy as np
 
 from hybrid_env.checks import FloatArray, IntArray
 
-RESAMPLES = 2000  # of the bootstrap
+RESAMPLES, CONFIDENCE = 2000, 0.95  # of the bootstrap
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A point estimate with its 95 % confidence interval.
+    """A point estimate with its 95 % confidence interval."""
 
-    Attributes:
-        value: point estimate; infinite where a level is not reached, NaN where nothing was counted.
-        low, high: bounds of the confidence interval.
-    """
-
-    value: float
-    low: float
+    value: float  # infinite where a level is not reached, NaN where nothing was counted
+    low: float  # bounds of the confidence interval
     high: float
 
     def as_json(self) -> dict[str, float | None]:
@@ -31,21 +26,12 @@ class Estimate:
 
 
 def confidence_interval(
-    episodes: FloatArray,
-    confidence: float = 0.95,
-    seed: int = 0,
-    of_means: Callable[[FloatArray], Any] = lambda means: means,
+    episodes: FloatArray, of_means: Callable[[FloatArray], Any] = lambda means: means
 ) -> tuple[float, float]:
-    """Return the percentile bootstrap confidence interval of a function of means over episodes.
+    """Return the percentile bootstrap 95 % confidence interval of a function of means over episodes, from (E, ...).
 
-    Whole episodes are resampled (Efron 1979), because the decisions within an episode are dependent.
-
-    Args:
-        episodes: (E, ...) figures of each episode.
-        confidence: level of the interval.
-        seed: of the bootstrap.
-        of_means: the statistic (...), from means of shape (..., *episodes.shape[1:]). Resamples where it is NaN do not
-            count.
+    Whole episodes are resampled (Efron 1979), because the decisions within an episode are dependent. `of_means` maps
+    means (..., *episodes.shape[1:]) to the statistic (...); resamples where it is NaN do not count.
     """
     from scipy import stats  # it loads slowly
 
@@ -59,25 +45,20 @@ def confidence_interval(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", stats.DegenerateDataWarning)  # of resamples that do not count
         found = stats.bootstrap(
-            (np.arange(len(episodes)),), statistic, n_resamples=RESAMPLES, batch=100, method="percentile",
-            confidence_level=confidence, rng=seed,
-        ).bootstrap_distribution  # fmt: skip
+            (np.arange(len(episodes)),), statistic, n_resamples=RESAMPLES, batch=100, method="percentile", rng=0
+        ).bootstrap_distribution
     if np.isnan(found).all():
         return float("nan"), float("nan")
-    low, high = np.nanquantile(found, (0.5 - 0.5 * confidence, 0.5 + 0.5 * confidence))
+    low, high = np.nanquantile(found, (0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE))
     return float(low), float(high)
 
 
-def share_interval(shares: FloatArray, confidence: float = 0.95, seed: int = 0) -> tuple[float, float]:
-    """Return the confidence interval of a mean of shares (E,), as `confidence_interval`, also if no episode differs.
+def wilson_interval(share: float, episodes: int) -> tuple[float, float]:
+    """Return Wilson's (1927) interval for the probability of an episode whose share is 1, if all have the share 0 or 1.
 
-    If all shares are 1, every resample is equal. The interval is then Wilson's (1927) for the probability that an
-    episode has the share 1; the mean share is at least this probability. The same holds for 0.
+    The mean share is at least this probability.
     """
     from scipy import stats
 
-    if shares[0] in (0.0, 1.0) and (shares == shares[0]).all():
-        test = stats.binomtest(int(shares.sum()), len(shares))
-        interval = test.proportion_ci(confidence, method="wilson")
-        return float(interval.low), float(interval.high)
-    return confidence_interval(shares, confidence, seed)
+    interval = stats.binomtest(round(share * episodes), episodes).proportion_ci(CONFIDENCE, method="wilson")
+    return float(interval.low), float(interval.high)

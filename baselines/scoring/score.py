@@ -64,15 +64,15 @@ class TimelineScores:
 
     def as_json(self) -> dict[str, Any]:
         """Return figures and differences as plain values."""
-
-        def plain(found: dict[str, dict[str, Estimate]]) -> dict[str, Any]:
-            return {set_: {key: one.as_json() for key, one in figures.items()} for set_, figures in found.items()}
-
-        first = next(iter(self.scores.values()))
+        figures, less_first = (
+            {set_: {key: one.as_json() for key, one in found.items()} for set_, found in of.items()}
+            for of in (self.estimates, self.differences)
+        )
         return {
             "tracks": self.tracks, "intervals_over": self.unit or None, "period": self.period,
-            "modes": [str(mode) for mode in self.modes], "scored": float(first.of("scored", 0).sum()),
-            "figures": plain(self.estimates), "less_first": plain(self.differences),
+            "modes": [str(mode) for mode in self.modes],
+            "scored": float(next(iter(self.scores.values())).of("scored", 0).sum()),
+            "figures": figures, "less_first": less_first,
         }  # fmt: skip
 
     def _estimates(self, scores: Scores, other: Scores | None = None) -> dict[str, Estimate]:
@@ -88,6 +88,10 @@ class _Track(NamedTuple):
 
     times: NDArray[Any]
     modes: list[Any]
+
+    def coded(self, codes: dict[Any, int]) -> "_Track":
+        """Return the track with indices of its modes, for which `codes` grows; `NOTHING` for a missing one."""
+        return _Track(self.times, [_code(mode, codes) for mode in self.modes])
 
 
 def score(
@@ -115,7 +119,7 @@ def score(
     if not sets:
         raise reject("statements", statements, "at least one set")
     codes: dict[Any, int] = {}
-    moments = [_Track(track.times, [_code(mode, codes) for mode in track.modes]) for track in true]
+    moments = [track.coded(codes) for track in true]
     known = len(codes)
     if not known:
         raise ArgumentError("truth has no mode: expected at least one sample that is not None, NaN or ''")
@@ -128,7 +132,7 @@ def score(
         found = _tracks("times" if own is None else "statement_times", times if own is None else own, place, stated)
         if len(found) != len(true):
             raise ArgumentError(f"{place} has {len(found)} tracks: expected {len(true)}, as the truth")
-        coded = [_Track(track.times, [_code(mode, codes) for mode in track.modes]) for track in found]
+        coded = [track.coded(codes) for track in found]
         if not any(NOTHING < mode < known for track in coded for mode in track.modes):
             shown = sorted({str(mode) for track in found for mode in track.modes})[:5]
             modes = ", ".join(str(mode) for mode in list(codes)[:known][:5])
@@ -181,7 +185,6 @@ def _times(name: str, values: Any) -> NDArray[Any]:
 
 
 def _code(mode: Any, codes: dict[Any, int]) -> int:
-    """Return the index of a mode, a new one if need be; `NOTHING` for a missing one."""
     value = mode.item() if isinstance(mode, np.generic) else mode
     if value is None or type(value).__name__ in MISSING or value == "" or value != value:
         return NOTHING
@@ -194,10 +197,10 @@ def _merge(true: _Track, stated: _Track, name: str) -> Timeline:
     """Return truth and statements at the moments at which either has a sample, until the end of the truth."""
     if true.times.dtype.kind != stated.times.dtype.kind:
         raise reject(name, str(stated.times[0]), f"times as those of the truth, such as {true.times[0]}")
-    clock = np.union1d(true.times, stated.times)
-    clock = clock[(clock >= true.times[0]) & (clock <= true.times[-1])]
     if stated.times[0] > true.times[-1]:
         raise reject(name, str(stated.times[0]), f"a first time before the end of the truth, {true.times[-1]}")
+    clock = np.union1d(true.times, stated.times)
+    clock = clock[(clock >= true.times[0]) & (clock <= true.times[-1])]
     rows = np.searchsorted(true.times, clock, "right") - 1
     modes = np.array(true.modes)[rows]
     at = np.searchsorted(stated.times, clock, "right") - 1

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.scoring.estimates import Estimate, confidence_interval, share_interval
+from baselines.scoring.estimates import Estimate, confidence_interval, wilson_interval
 from hybrid_env.checks import FloatArray
 
 NOT_REACHED = 1e9  # finite, because a difference of infinities would be NaN
@@ -20,18 +20,13 @@ NOT_REACHED = 1e9  # finite, because a difference of infinities would be NaN
 
 @dataclass(frozen=True)
 class Statistic:
-    """A function of means over episodes.
+    """A function of means over episodes."""
 
-    Attributes:
-        columns: names of the figures that it needs, see `Scores`.
-        function: from the means of these figures, (..., K) each, to (..., K), or to (...) if it reads the
-            whole operating curve. `NOT_REACHED` stands for infinity, NaN for nothing counted.
-        share: it is a mean share, whose interval is Wilson's if all episodes have the share 0 or 1.
-    """
-
-    columns: tuple[str, ...]
+    columns: tuple[str, ...]  # names of the figures that it needs, see `Scores`
+    # from the means of these figures, (..., K) each, to (..., K), or to (...) if it reads the whole operating curve;
+    # `NOT_REACHED` stands for infinity, NaN for nothing counted
     function: Callable[..., FloatArray]
-    share: bool = False
+    share: bool = False  # it is a mean share, whose interval is Wilson's if all episodes have the share 0 or 1
 
 
 def mean(column: str, share: bool = False) -> Statistic:
@@ -87,23 +82,14 @@ def interpolated(measure: str, level: float, column: str) -> Statistic:
 
 @dataclass(frozen=True)
 class Scores:
-    """Figures of one decider on E episodes at K thresholds.
+    """Figures of one decider on E episodes at K thresholds."""
 
-    Attributes:
-        name: of the decider, in tables.
-        symbol: of its threshold.
-        thresholds: K thresholds.
-        columns: names of F figures.
-        values: (E, F, K) figures.
-        extra: arrays (K, ...) by name, of what is no mean over episodes, such as quantiles.
-    """
-
-    name: str
-    symbol: str
-    thresholds: tuple[float, ...]
-    columns: tuple[str, ...]
-    values: FloatArray
-    extra: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    name: str  # of the decider, in tables
+    symbol: str  # of its threshold
+    thresholds: tuple[float, ...]  # K thresholds
+    columns: tuple[str, ...]  # names of F figures
+    values: FloatArray  # (E, F, K) figures
+    extra: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # (K, ...) by name, what is no mean over episodes
 
     @property
     def episodes(self) -> int:
@@ -133,17 +119,13 @@ class Scores:
         rows = self._rows(statistic, index)
         found = _estimate(rows, lambda means: _number(statistic, means))
         if statistic.share and found.low == found.high and found.value in (0.0, 1.0):
-            return Estimate(found.value, *share_interval(np.full(len(rows), found.value)))
+            return Estimate(found.value, *wilson_interval(found.value, len(rows)))
         return found
 
     def difference(
-        self,
-        other: "Scores",
-        statistic: Statistic,
-        index: int | None = None,
-        of_other: int | None = None,
+        self, other: "Scores", statistic: Statistic, index: int | None = None, of_other: int | None = None,
         combine: Callable[[FloatArray, FloatArray], FloatArray] = np.subtract,
-    ) -> Estimate:
+    ) -> Estimate:  # fmt: skip
         """Return the difference self - other on the same episodes, or another function, with its paired interval.
 
         `index` and `of_other` are of the thresholds, see `estimate`.
@@ -158,10 +140,7 @@ class Scores:
         return _estimate(np.concatenate([mine, theirs], axis=-1), of_means)
 
     def ratio(self, other: "Scores", statistic: Statistic) -> Estimate:
-        """Return the quotient self / other of a statistic of the whole curve, with its paired interval.
-
-        It is infinite where one of the two does not reach the statistic.
-        """
+        """Return the quotient self / other of a statistic of the whole curve; infinite where one is not reached."""
 
         def divide(mine: FloatArray, theirs: FloatArray) -> FloatArray:
             return np.where(np.maximum(mine, theirs) < NOT_REACHED, quotient(mine, theirs), NOT_REACHED)

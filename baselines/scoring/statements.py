@@ -9,8 +9,8 @@ from baselines.scoring.scores import Statistic, mean, quotient, ratio
 from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_positive, reject
 
 COLUMNS = (
-    *("right", "reward", "wrong_changes", "stated_changes", "switches", "delay", "detected", "missed", "undetected"),
-)
+    "right", "reward", "wrong_changes", "stated_changes", "switches", "delay", "detected", "missed", "undetected",
+)  # fmt: skip
 """Figures of a track: means over ticks, changes to a wrong mode per 1,000 ticks, then sums, see `StatementMetrics`."""
 
 STATISTICS: dict[str, Statistic] = {
@@ -40,12 +40,7 @@ IDENTIFICATION = {"type": _identified("type_"), "mode": _identified("")}  # stat
 
 
 class Statements(NamedTuple):
-    """What was true and what was stated on N tracks of T ticks.
-
-    Attributes:
-        true_modes: (T, N).
-        stated_modes: (T, N).
-    """
+    """What was true and what was stated on N tracks of T ticks, (T, N) each."""
 
     true_modes: IntArray
     stated_modes: IntArray
@@ -53,32 +48,21 @@ class Statements(NamedTuple):
 
 @dataclass(frozen=True)
 class StatementMetrics:
-    """Metrics of N tracks of T ticks. Means over tracks are the figures; tracks are independent.
+    """Metrics of N tracks of T ticks.
 
-    Attributes:
-        right: (N,) share of ticks with a right statement.
-        reward: (N,) mean reward of a tick.
-        wrong_changes: (N,) changes of the statement to a wrong mode per 1,000 ticks.
-        stated_changes: (N,) number of changes of the statement.
-        switches: (N,) number of switches.
-        delays: (D,) ticks from each detected switch to the first right statement, 0 if that is at the first tick of the
-            new mode. A switch is detected if the new mode is stated before the next switch.
-        delay_tracks: (D,) track of each delay.
-        missed: (N,) number of switches that are followed by another one before they are detected; an undetected last
-            switch does not count.
-        undetected: (N,) number of ticks after a switch before the new mode is stated first, or the next switch or the
-            end of the track comes.
+    A switch is detected if the new mode is stated before the next switch, and missed if not; an undetected last switch
+    of a track is neither.
     """
 
-    right: FloatArray
-    reward: FloatArray
-    wrong_changes: FloatArray
-    stated_changes: IntArray
-    switches: IntArray
-    delays: IntArray
-    delay_tracks: IntArray
-    missed: IntArray
-    undetected: IntArray
+    right: FloatArray  # (N,) share of ticks with a right statement
+    reward: FloatArray  # (N,) mean reward of a tick
+    wrong_changes: FloatArray  # (N,) changes of the statement to a wrong mode per 1,000 ticks
+    stated_changes: IntArray  # (N,) number of changes of the statement
+    switches: IntArray  # (N,) number of switches
+    delays: IntArray  # (D,) ticks from each detected switch to the first right statement, 0 if at its first tick
+    delay_tracks: IntArray  # (D,) track of each delay
+    missed: IntArray  # (N,) number of missed switches
+    undetected: IntArray  # (N,) ticks after switches until the new mode is stated, the next switch or the end
 
     @property
     def figures(self) -> FloatArray:
@@ -96,18 +80,9 @@ class StatementMetrics:
         return float(statistic.function(*(means[COLUMNS.index(column)] for column in statistic.columns)))
 
     def named_within(self, longest: int) -> IntArray:
-        """Return how many new modes are stated within 0 .. longest ticks of the switch; last, how many switches count.
-
-        An undetected last switch of a track does not.
-        """
+        """Return how many new modes are stated within 0 .. longest ticks of the switch, and how many switches count."""
         counts = np.bincount(np.minimum(self.delays, longest + 1), minlength=longest + 2)[:-1]
         return np.append(counts.cumsum(), self.delays.size + self.missed.sum())
-
-    def delay_quantiles(self, *levels: float) -> FloatArray:
-        """Return quantiles of the delays of detected switches [ticks], NaN without one."""
-        if not self.delays.size:
-            return np.full(len(levels), np.nan)
-        return np.asarray(np.quantile(self.delays, levels))
 
 
 def measure_statements(statements: Statements, change_cost: float = 5.0) -> StatementMetrics:
@@ -116,33 +91,23 @@ def measure_statements(statements: Statements, change_cost: float = 5.0) -> Stat
     Args:
         statements: modes of T >= 1 ticks and N >= 1 tracks.
         change_cost: cost of a change to a wrong mode, as in the environment.
-
-    Raises:
-        ArgumentError: the arrays have no equal shape (T, N), or the cost is negative.
     """
     true, stated = (np.asarray(modes) for modes in statements)
     if true.ndim != 2 or true.shape != stated.shape or not true.size:
         raise reject("statements", (true.shape, stated.shape), "two arrays of the same shape (T, N)")
     change_cost = check_positive("change_cost", change_cost, allow_zero=True)
-    right = true == stated
+    right, tracks = true == stated, true.shape[1]
     changed, switched = (np.diff(modes, axis=0, prepend=modes[:1]) != 0 for modes in (stated, true))
     wrong = changed & ~right
-    tracks = true.shape[1]
     found = find_switches(switched, right)
     detected = found.stated < found.end
     waited = np.minimum(found.stated, found.end) - found.begin
-    missed = found.track[~detected & (found.end < len(true))]
+    missed = np.bincount(found.track[~detected & (found.end < len(true))], minlength=tracks)
     return StatementMetrics(
-        right=right.mean(0),
-        reward=(right - change_cost * wrong).mean(0),
-        wrong_changes=1000.0 * wrong.mean(0),
-        stated_changes=changed.sum(0),
-        switches=switched.sum(0),
-        delays=waited[detected],
-        delay_tracks=found.track[detected],
-        missed=np.bincount(missed, minlength=tracks),
-        undetected=np.bincount(found.track, waited, tracks).astype(np.int64),
-    )
+        right.mean(0), (right - change_cost * wrong).mean(0), 1000.0 * wrong.mean(0), changed.sum(0), switched.sum(0),
+        waited[detected], found.track[detected], missed,
+        np.bincount(found.track, waited, tracks).astype(np.int64),
+    )  # fmt: skip
 
 
 class Switches(NamedTuple):

@@ -69,7 +69,7 @@ def statistics(period: float) -> dict[str, Statistic]:
 
 
 def count_timeline(timeline: Timeline, normal: int | None = None, blocks: IntArray | None = None) -> FloatArray:
-    """Return the `TimelineCounts` of B blocks of a track, (B, 15). Events belong to the block they begin in.
+    """Return the `TimelineCounts` of B blocks of a track, (B, 15), to which events belong in which they begin.
 
     A false change away from the `normal` mode is a false alarm. `blocks`, (T,), has the block of each moment.
     """

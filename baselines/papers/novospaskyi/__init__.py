@@ -1,13 +1,8 @@
 """Novospaskyi 2025: g-h and Kalman filters on simulated radar tracks of flights, and better filters beside them.
 
-A. Novospaskyi, "Analysis of the efficiency of GH and Kalman filters for tracking moving objects under
-different noise models", master's thesis (in Ukrainian), National University of Kyiv-Mohyla Academy, 2025.
-What it does not state is inferred from its unfiltered rows and its tables 3.1 to 3.4; each constant says so.
-
-- `flights`: random curves, the aircraft, and a point mass that flies them. `radars`: placement, scans, noise.
-- `filters`: the compared filters. `tuning`: their parameters by Optuna, resumable.
-- `dataset`: flights and measurements as files. `scores`: errors and forecasts of filters on them.
-- `study`: `reproduce`. `tables`: the published values, the results, and why KF CV fails in the thesis.
+A. Novospaskyi, "Analysis of the efficiency of GH and Kalman filters for tracking moving objects under different noise
+models", master's thesis (in Ukrainian), National University of Kyiv-Mohyla Academy, 2025. What it does not state is
+inferred from its unfiltered rows and its tables 3.1 to 3.4; each constant says so.
 """
 
 from typing import Any

@@ -1,7 +1,8 @@
-"""The data set of the study: flights, radars and measurements with both noises, as Parquet files."""
+"""The data set of the study, flights, radars and measurements with both noises, and the errors of filters on it."""
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from itertools import pairwise
@@ -9,16 +10,37 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import chi2
 
+from baselines.estimation.run_filter import Estimates, Filtered
 from baselines.papers.novospaskyi import radars
 from baselines.papers.novospaskyi.flights import FLIGHTS, RECORD_STEP, Flight, point_mass_flights
-from baselines.papers.novospaskyi.radars import NOISES, Noise, Tracks, measure, padded_tracks, scan_flight
+from baselines.papers.novospaskyi.radars import (
+    NOISES,
+    Noise,
+    Tracks,
+    flight_errors,
+    measure,
+    padded_tracks,
+    scan_flight,
+)
+from baselines.scoring.scores import Scores, mean
 from hybrid_env.checks import ArgumentError, FloatArray, check_integer
 from hybrid_env.extras import explained
 
 FORMAT = 1
 TABLES = ("flights", "radars", "measurements")
 SPLITS = ("training", "test")
+HORIZONS = (1.0, 2.0, 5.0)  # times ahead [s]
+FEWEST = 3  # measurements of a track before its forecasts count
+REGION = 0.95  # probability of the stated region of a forecast
+
+# Figures of a flight: RMSE of position [m] and velocity [m/s], RMSE of the forecast positions [m], share of true
+# positions within the stated regions; the RMSE are means over the axes, see `flight_errors`.
+COLUMNS = (
+    "position", "velocity", *(f"ahead {h:g}" for h in HORIZONS), *(f"covered {h:g}" for h in HORIZONS),
+)  # fmt: skip
+STATISTICS = {name: mean(name) for name in COLUMNS}
 
 CARD = """# Radar tracks of flights
 
@@ -61,37 +83,28 @@ class RadarData:
 
 
 def write_radar_data(folder: Path, seed: int = 0, flights: int = FLIGHTS) -> None:
-    """Write the data set of at least 4 flights into an existing, empty folder.
-
-    Raises:
-        ArgumentError: an argument is out of range.
-        MissingExtraError: pyarrow is not installed.
-    """
+    """Write the data set of at least 4 flights into an existing, empty folder."""
     seed, flights = check_integer("seed", seed, minimum=0), check_integer("flights", flights, 4, 10_000)
     flown = point_mass_flights(flights, seed)
     scans = [scan_flight(flight, np.random.default_rng((seed, 1, k))) for k, flight in enumerate(flown)]
     training = round(radars.TRAINING_SHARE * flights)
-    states = [
-        _of_flight(k, one.times, {"time": one.times, **_axes("", one.positions), **_axes("v", one.velocities)})
-        for k, one in enumerate(flown)
-    ]
-    places = [
-        _of_flight(k, one.radars, {"radar": np.arange(len(one.radars)), **_axes("", one.radars)})
-        for k, one in enumerate(scans)
-    ]
+    numbers, join = np.arange(flights), np.concatenate
+    states = {
+        "flight": np.repeat(numbers, [len(one.times) for one in flown]),
+        "time": join([one.times for one in flown]),
+    }
+    states |= _axes("", join([one.positions for one in flown])) | _axes("v", join([one.velocities for one in flown]))
     _write(folder / "flights.parquet", states)
-    _write(folder / "radars.parquet", places)
-    parts = []
-    streams = (seed, radars.TRAINING_NOISE), (seed, radars.TEST_NOISE, 0)
-    for split, some, stream in zip(SPLITS, (slice(training), slice(training, None)), streams, strict=True):
-        measured = {noise: measure(scans[some], noise, stream).measurements for noise in NOISES}
-        for k, scan in enumerate(scans[some]):
-            count = len(scan.times)
-            columns = {"split": np.full(count, split), "radar": scan.radar, "time": scan.times}
-            for noise, values in measured.items():
-                columns |= _axes(f"{noise}_", values[k, :count])
-            parts.append(_of_flight(k + (some.start or 0), scan.times, columns))
-    _write(folder / "measurements.parquet", parts)
+    places = {"flight": np.repeat(numbers, radars.RADARS), "radar": np.tile(np.arange(radars.RADARS), flights)}
+    _write(folder / "radars.parquet", places | _axes("", join([one.radars for one in scans])))
+    flight = np.repeat(numbers, [len(one.times) for one in scans])
+    seen = {"flight": flight, "split": np.where(flight < training, *SPLITS)}
+    seen |= {"radar": join([one.radar for one in scans]), "time": join([one.times for one in scans])}
+    for noise in NOISES:
+        first = measure(scans[:training], noise, (seed, radars.TRAINING_NOISE)).measurements
+        later = measure(scans[training:], noise, (seed, radars.TEST_NOISE, 0)).measurements
+        seen |= _axes(f"{noise}_", join([values[~np.isnan(values[..., 0])] for values in (first, later)]))
+    _write(folder / "measurements.parquet", seen)
     card = CARD.format(
         flights=flights, version=version("hybrid-track"), seed=seed, step=RECORD_STEP, training=training,
         period=radars.PERIOD, range=radars.RANGE, sigma=radars.SIGMA, stability=radars.STABILITY,
@@ -104,10 +117,7 @@ def write_radar_data(folder: Path, seed: int = 0, flights: int = FLIGHTS) -> Non
 
 
 def load_radar_data(folder: str | Path) -> RadarData:
-    """Load the data set that `hybridtrack dataset radar` has written.
-
-    Args:
-        folder: of the files.
+    """Load the data set that `hybridtrack dataset radar` has written into a folder.
 
     Raises:
         ArgumentError: the folder has no such data set, or a file is damaged.
@@ -144,10 +154,6 @@ def _joined(columns: dict[str, Any], prefix: str) -> FloatArray:
     return np.stack([columns[f"{prefix}{axis}"] for axis in "xyz"], axis=-1)
 
 
-def _of_flight(k: int, rows: FloatArray, columns: dict[str, Any]) -> dict[str, Any]:
-    return {"flight": np.full(len(rows), k)} | columns
-
-
 def _groups(columns: dict[str, Any]) -> list[dict[str, Any]]:
     """Return the rows of each flight, which lie together."""
     starts = np.flatnonzero(np.diff(columns["flight"], prepend=-1))
@@ -155,12 +161,10 @@ def _groups(columns: dict[str, Any]) -> list[dict[str, Any]]:
     return [{name: values[begin:end] for name, values in columns.items()} for begin, end in pairwise(bounds)]
 
 
-def _write(file: Path, parts: list[dict[str, Any]]) -> None:
-    """Write the columns of all flights, one after the other."""
+def _write(file: Path, columns: dict[str, Any]) -> None:
     with explained():
         import pyarrow as pa
         import pyarrow.parquet as pq
-    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     pq.write_table(pa.table(columns), file, compression="zstd")
 
 
@@ -173,3 +177,42 @@ def _read(file: Path) -> dict[str, Any]:
 
 def _digest(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def truth_ahead(flights: Sequence[Flight], tracks: Tracks, horizon: float) -> FloatArray:
+    """Return the true positions some time after every measurement, (N, K, 3) [m]; NaN where none counts."""
+    found = np.full_like(tracks.positions, np.nan)
+    for k, (flight, positions) in enumerate(zip(flights, tracks.positions, strict=True)):
+        times = tracks.times[k] + horizon
+        counts = np.flatnonzero(~np.isnan(positions[:, 0]) & (times <= flight.times[-1]))
+        counts = counts[counts >= FEWEST - 1]
+        found[k, counts] = flight.states_at(times[counts])[0]
+    return found
+
+
+def score_estimates(name: str, filtered: Filtered, data: RadarData, noise: Noise) -> Scores:
+    """Return the figures of the test flights, of estimates (K, N, n) with forecasts at `HORIZONS`."""
+    tracks, flights = data.tracks["test"][noise], data.flights_of("test")
+    errors = tracks.errors(*(np.swapaxes(one, 0, 1) for one in (filtered.positions, filtered.velocities)))
+    ahead = [
+        _forecast_figures(one, truth_ahead(flights, tracks, horizon))
+        for horizon, one in zip(HORIZONS, filtered.forecasts, strict=True)
+    ]
+    rmse, covered = zip(*ahead, strict=True)
+    figures = np.stack([errors[:, 0], errors[:, 2], *rmse, *covered], axis=1)
+    return Scores(name, "", (0.0,), COLUMNS, figures[..., None])
+
+
+def _forecast_figures(forecast: Estimates, truth: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the RMSE [m] and the share of true positions in the stated region, (N,) each."""
+    positions = np.swapaxes(forecast.positions, 0, 1)
+    rmse = flight_errors(positions, truth)[0]
+    if forecast.covariances is None:
+        return rmse, np.full(len(rmse), np.nan)
+    spread = np.swapaxes(forecast.covariances[..., :: forecast.order, :: forecast.order], 0, 1)
+    counts = ~np.isnan(truth[..., 0])
+    error = np.where(counts[..., None], truth - positions, 0.0)
+    spread = np.where(counts[..., None, None], spread, np.eye(3))
+    squares = (error * np.linalg.solve(spread, error[..., None])[..., 0]).sum(-1)
+    inside = counts & (squares <= chi2.ppf(REGION, 3))
+    return rmse, inside.sum(1) / counts.sum(1)

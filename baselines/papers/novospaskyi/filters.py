@@ -23,7 +23,7 @@ from baselines.estimation.track_filter import TrackFilter, check_measurements
 from baselines.papers.adaptive import GHFilter
 from baselines.papers.novospaskyi.flights import SPEED
 from baselines.papers.novospaskyi.radars import SIGMA, Tracks
-from hybrid_env.checks import FloatArray, IntArray, check_integer, check_number, dimensions, reject
+from hybrid_env.checks import FloatArray, IntArray, check_integer, check_number, dimensions
 
 Parameters = Mapping[str, Any]
 
@@ -33,6 +33,10 @@ LONGEST_GAP = 4.0
 VERTICAL = "vertical q"
 START_VARIANCE = 1e4  # P0 = 10000 I of the thesis, for every component of the state
 PARTICLES = 500  # of the particle filter
+# Robust update that a parameter belongs to.
+UPDATES: dict[str, Callable[[float], Robust]] = {
+    "threshold": Huber, "degrees of freedom": StudentT, "width": Correntropy,
+}  # fmt: skip
 # Standard deviations of velocity [m/s], acceleration [m/s^2] and jerk [m/s^3] at the start.
 START_DEVIATIONS = (SPEED / math.sqrt(3.0), 5.0, 2.0)
 
@@ -40,27 +44,14 @@ START_DEVIATIONS = (SPEED / math.sqrt(3.0), 5.0, 2.0)
 def moving_average(measurements: ArrayLike, window: int, ratio: float = 1.0) -> FloatArray:
     """Average each measurement with those of the ticks before it. Novospaskyi 2025, section 2.3.4.
 
-    The weight of a measurement i ticks old is ratio^i, for i = 0 .. window - 1; missing ones have none, and remain
-    missing. With ratio 1 the average is (window - 1) / 2 ticks late. The errors of the averages are smaller than
-    those of the measurements but correlated in time, which no filter here assumes.
-
-    Args:
-        measurements: (T, B, d) or (T, d) [m], NaN where there is none.
-        window: number of ticks, >= 1.
-        ratio: of the weight of a measurement to that of the next one, above 0, at most 1.
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
-
-    >>> moving_average([[0.0], [1.0], [2.0], [3.0]], window=2).T
-    array([[0. , 0.5, 1.5, 2.5]])
+    Of measurements (T, B, d) or (T, d) [m], NaN where there is none, one that is i ticks old has the weight ratio^i, 0
+    < ratio <= 1, for i = 0 .. window - 1; missing ones have none, and remain missing. With ratio 1 the average is
+    (window - 1) / 2 ticks late. Its errors are correlated in time, which no filter here assumes.
     """
     shape = (None, None) if dimensions(measurements) == 2 else (None, None, None)
     values = check_measurements("measurements", measurements, shape)
     window = check_integer("window", window)
-    ratio = check_number("ratio", ratio)
-    if not 0.0 < ratio <= 1.0:
-        raise reject("ratio", ratio, "a number above 0, at most 1")
+    ratio = check_number("ratio", ratio, "a number above 0, at most 1", math.ulp(0.0), 1.0)
     present = ~np.isnan(values)
     sums, weights = np.zeros_like(values), np.zeros_like(values)
     known = np.where(present, values, 0.0)
@@ -82,12 +73,6 @@ class Contender:
     trials: int | None = None  # most trials of a tuning
 
 
-def run_contender(contender: Contender, parameters: Parameters, tracks: Tracks) -> tuple[FloatArray, FloatArray]:
-    """Estimated positions [m] and velocities [m/s] after every measurement, each (N, K, 3)."""
-    filtered = filter_tracks(contender, parameters, tracks)
-    return np.swapaxes(filtered.positions, 0, 1), np.swapaxes(filtered.velocities, 0, 1)
-
-
 def filter_tracks(
     contender: Contender, parameters: Parameters, tracks: Tracks, horizons: Sequence[float] = ()
 ) -> Filtered:
@@ -97,6 +82,12 @@ def filter_tracks(
         measurements = moving_average(measurements, parameters["window"], parameters["ratio"])
     built, kept = contender.build(parameters), bool(horizons)
     return run_filter(built, measurements, tracks.times.T, keep_covariances=kept, horizons=horizons)
+
+
+def run_contender(contender: Contender, parameters: Parameters, tracks: Tracks) -> tuple[FloatArray, FloatArray]:
+    """Estimated positions [m] and velocities [m/s] after every measurement, each (N, K, 3)."""
+    filtered = filter_tracks(contender, parameters, tracks)
+    return np.swapaxes(filtered.positions, 0, 1), np.swapaxes(filtered.velocities, 0, 1)
 
 
 class ThesisKalmanFilter(KalmanFilter):
@@ -110,9 +101,8 @@ class ThesisKalmanFilter(KalmanFilter):
 def _thesis_filter(name: Any, parameters: Parameters) -> TrackFilter:
     """KF CV, CA or CJ of the thesis: discrete white noise, P0 = 10000 I.
 
-    The thesis tunes R as well. After the start only Q / R matters, so that here R is that of the Gaussian noise,
-    except with the published parameters. Its "sigma_q" is taken for the variance that the function of Labbe 2020
-    wants; as a variance it gives the velocity errors of the published order for KF CV.
+    After the start only Q / R matters, so that R is that of the Gaussian noise, except with the published parameters.
+    "sigma_q" is taken for a variance: as such it gives the velocity errors of the published order for KF CV.
     """
     model = MotionModel(name, axes=3, noise=parameters["q"], discretization="discrete")
     deviations = [math.sqrt(START_VARIANCE)] * (model.order - 1)
@@ -123,34 +113,24 @@ def _gh_filter(parameters: Parameters) -> TrackFilter:
     return GHFilter(axes=3, g=parameters["g"], h=parameters["h"], longest_gap=LONGEST_GAP)
 
 
-def _robust(parameters: Parameters) -> Robust | None:
-    if "threshold" in parameters:
-        return Huber(parameters["threshold"])
-    if "degrees of freedom" in parameters:
-        return StudentT(parameters["degrees of freedom"])
-    return Correntropy(parameters["width"]) if "width" in parameters else None
-
-
 def _sound_filter(names: Sequence[Any], parameters: Parameters) -> TrackFilter:
     """Kalman filters of some models, with several of them their IMM.
 
     Continuous white noise with the intensity "q CV" or so on all axes, R known up to the parameter "scale", a prior
     of the start, and a robust update if the parameters have one.
     """
-    filters = []
+    filters, robust = [], next((update(parameters[key]) for key, update in UPDATES.items() if key in parameters), None)
     for name in names:
         intensity = parameters[f"q {name}"]
         model = MotionModel(name, axes=3, noise=(intensity, intensity, parameters.get(VERTICAL, intensity)))
         variance, start = parameters.get("scale", 1.0) * SIGMA**2, START_DEVIATIONS[: model.order - 1]
-        filters.append(KalmanFilter(model, variance, start, _robust(parameters)))
+        filters.append(KalmanFilter(model, variance, start, robust))
     return filters[0] if len(filters) == 1 else IMMFilter(filters, [parameters[f"sojourn {name}"] for name in names])
 
 
 def _particle_filter(parameters: Parameters) -> TrackFilter:
-    deviation = math.sqrt(parameters["scale"]) * SIGMA
-    model = MotionModel("CV", axes=3, noise=parameters["q CV"])
-    freedom = parameters["degrees of freedom"]
-    return ParticleFilter(model, deviation, START_DEVIATIONS[:1], freedom, PARTICLES)
+    model, deviation = MotionModel("CV", axes=3, noise=parameters["q CV"]), math.sqrt(parameters["scale"]) * SIGMA
+    return ParticleFilter(model, deviation, START_DEVIATIONS[:1], parameters["degrees of freedom"], PARTICLES)
 
 
 def _log(low: float, high: float) -> FloatDistribution:

@@ -1,9 +1,8 @@
 """Flights: random curves, the limits, drag and guidance of the aircraft, and a point mass that flies them.
 
-Novospaskyi 2025, section 2.1.1: a random Bezier curve through the air space, with waypoints evenly spaced on
-it. Section 2.1.2 flies a quadrotor through all waypoints and discards flights that fail. Its vehicle is not
-described; the values here are those of a fast quadrotor that can turn at 50 m/s. A point mass flies all
-routes at once; an example of the gallery flies a quadrotor with six degrees of freedom by the same guidance.
+Novospaskyi 2025, sections 2.1.1 (curves and waypoints) and 2.1.2 (a quadrotor flies through all waypoints, and failed
+flights are discarded). Its vehicle is not described; the values here are those of a fast quadrotor that can turn at 50
+m/s. A point mass flies all routes at once; an example of the gallery flies a quadrotor by the same guidance.
 """
 
 import math
@@ -38,10 +37,9 @@ _SAMPLES = 1001  # of a curve, for its length
 
 def bezier(control_points: FloatArray, parameters: FloatArray) -> FloatArray:
     """Points (S, 3) of a Bezier curve, from its control points (C, 3) and parameters in [0, 1], (S,)."""
-    degree = len(control_points) - 1
+    degree, shares = len(control_points) - 1, parameters[:, None]
     index = np.arange(degree + 1)
-    weights = np.array([math.comb(degree, k) for k in range(degree + 1)], dtype=np.float64)
-    shares = parameters[:, None]
+    weights = np.array([math.comb(degree, k) for k in index], dtype=np.float64)
     return (weights * shares**index * (1.0 - shares) ** (degree - index)) @ control_points
 
 
@@ -64,10 +62,9 @@ def drag(velocity: FloatArray) -> FloatArray:
 
 
 def thrust_command(position: FloatArray, velocity: FloatArray, target: FloatArray) -> FloatArray:
-    """Thrust per mass that flies from a position to a target at `SPEED`, within the limits, all (..., 3).
+    """Thrust per mass [m/s^2] that flies from a position to a target at `SPEED`, within the limits, all (..., 3).
 
-    In world axes [m/s^2], its vertical part positive. The height has priority: the vertical part is limited
-    first, then the horizontal part.
+    The height has priority: the vertical part is limited first, then the horizontal part.
     """
     way = target - position
     distance = np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-9)
@@ -83,9 +80,7 @@ def thrust_command(position: FloatArray, velocity: FloatArray, target: FloatArra
 class Guidance:
     """Progress of N vehicles along their waypoints, (W, 3) [m] each with its own W; the first one is the start.
 
-    Attributes:
-        flying: (N,) vehicles still on the way.
-        succeeded: (N,) vehicles that have passed their last waypoint.
+    `flying` and `succeeded`, (N,), are those still on the way, and those that have passed their last waypoint.
     """
 
     def __init__(self, waypoints: list[FloatArray]):
@@ -136,11 +131,7 @@ class Flight:
 
 
 def fly_point_masses(routes: list[FloatArray]) -> list[Flight | None]:
-    """Flights through the waypoints of every route, None where one failed.
-
-    The thrust vector approaches the command of `thrust_command` with the time constant `FORCE_LAG`. Each step of
-    `RECORD_STEP` is integrated by the midpoint rule.
-    """
+    """Flights through the waypoints of every route, None where one failed, by the midpoint rule."""
     guidance = Guidance(routes)
     position, velocity = guidance.start()
     step = RECORD_STEP

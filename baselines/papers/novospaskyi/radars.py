@@ -1,11 +1,8 @@
-"""Radars near a flight, their measurements merged in time, and the errors of estimates.
+"""Radars near a flight, their measurements merged in time, and the errors of estimates. Sections 2.1.3 and 3.1.
 
-Novospaskyi 2025, sections 2.1.3 and 3.1. A radar is placed at a random distance and azimuth from a random
-point of the flight; two radars keep a smallest distance; each measures the position once per second while the
-object is within 1 km. The thesis does not state the limits of the distances and heights, nor whether the
-radars scan at the same moments. Here they scan in turn, half a period apart, so that the time between merged
-measurements is half a period, a whole one, or a gap. Independent phases are excluded by the published row of
-the g-h filter: its velocity gain h / t has no bound if two measurements may follow each other at once.
+The thesis does not state the limits of the distances and heights, nor whether the radars scan at the same moments. Here
+they scan in turn, half a period apart. Independent phases are excluded by the published row of the g-h filter: its
+velocity gain h / t has no bound if two measurements may follow each other at once.
 """
 
 import math
@@ -38,7 +35,6 @@ CLIP = 1600.0
 PHASES = 1024  # possible phases of a pair of radars in a period
 TRAINING_SHARE = 0.3  # of the flights, the first ones
 TRAINING_NOISE, TEST_NOISE = 2, 3  # streams of random numbers of a seed; 0 draws the paths and 1 the radars
-_PLACEMENTS = 100  # attempts to keep the smallest distance
 
 
 @dataclass(frozen=True)
@@ -55,15 +51,13 @@ class Scan:
 def place_radars(flight: Flight, generator: np.random.Generator) -> FloatArray:
     """Positions of the radars of a flight, (`RADARS`, 3) [m]."""
     placed: list[FloatArray] = []
-    for _ in range(_PLACEMENTS * RADARS):
+    while len(placed) < RADARS:
         point = flight.positions[generator.integers(len(flight.positions))]
         distance, azimuth = generator.uniform(*OFFSETS), generator.uniform(0.0, 2.0 * math.pi)
         height = generator.uniform(*HEIGHTS)
         radar = np.array([point[0] + distance * math.cos(azimuth), point[1] + distance * math.sin(azimuth), height])
         if all(np.linalg.norm(radar - other) >= SEPARATION for other in placed):
             placed.append(radar)
-        if len(placed) == RADARS:
-            break
     return np.stack(placed)
 
 
@@ -130,13 +124,11 @@ def measure(scans: Sequence[Scan], noise: Noise, seed: tuple[int, ...]) -> Track
 
 
 def flight_errors(estimates: FloatArray, truth: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """RMSE and MAE (...) of estimates (..., K, 3) of each flight, means over the axes, as the thesis computes them.
+    """RMSE and MAE (...) of estimates (..., K, 3) of each flight, means over the axes; a missing truth is NaN.
 
-    The truth is NaN where a flight has no more measurements. The formulas of Novospaskyi 2025, eq. (1.25) and
-    (1.26), sum over the axes, but its tables do not: with noise of 12.5 m on each axis they would list 21.7 and
-    29.9 m for the measurements, and they list 12.5 and 9.9 m. All eight unfiltered values come out as means over
-    flights and axes of the error within a flight. The velocity identifies the mean over axes: with an estimate of
-    zero, the root of the mean of all squares is 28.9 m/s at 50 m/s, and the thesis lists 24.0 m/s.
+    Novospaskyi 2025, eq. (1.25) and (1.26), sum over the axes, but its tables do not: all eight unfiltered values come
+    out as means over flights and axes of the error within a flight. They would list 21.7 and 29.9 m, not 12.5 and 9.9
+    m.
     """
     error = estimates - truth
     rmse = np.sqrt(np.nanmean(error**2, axis=-2)).mean(-1)

@@ -1,7 +1,7 @@
 """The study: flights, tuning on 30 % of them, errors on the others, next to the published tables."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import count
 from pathlib import Path
@@ -13,7 +13,7 @@ from baselines.papers.novospaskyi import radars, tables
 from baselines.papers.novospaskyi.filters import COMBINED, CONTENDERS, ROBUST, SOUND, THESIS, run_contender
 from baselines.papers.novospaskyi.flights import FLIGHTS, Flight, point_mass_flights
 from baselines.papers.novospaskyi.radars import NOISES, Noise, Scan, Tracks, measure, scan_flight
-from baselines.papers.novospaskyi.tables import PAPER, PARAMETERS, UNFILTERED, without_noise
+from baselines.papers.novospaskyi.tables import PAPER, PARAMETERS, UNFILTERED
 from baselines.papers.novospaskyi.tuning import Tuning, errors
 from baselines.papers.reproduction import Reproduction
 from hybrid_env.checks import FloatArray, check_integer, reject
@@ -37,6 +37,10 @@ class Example:
     estimates: dict[Noise, dict[str, tuple[FloatArray, FloatArray]]]  # positions and velocities
 
 
+def silent(stage: str, done: int, total: int) -> None:
+    """Show no progress."""
+
+
 def one_by_one(calls: Calls, on_done: Callable[[Any], None]) -> Iterator[tuple[Any, Any]]:
     """A `Run` in this process."""
     for name, call in calls.items():
@@ -46,16 +50,9 @@ def one_by_one(calls: Calls, on_done: Callable[[Any], None]) -> Iterator[tuple[A
 
 
 def reproduce(
-    runs: int = RUNS,
-    seed: int = 0,
-    *,
-    folder: Path,
-    flights: int = FLIGHTS,
-    trials: int = TRIALS,
-    fly: Callable[[int, int], list[Flight]] = point_mass_flights,
-    run: Run = one_by_one,
-    progress: Progress = lambda stage, done, total: None,
-) -> Reproduction:
+    runs: int = RUNS, seed: int = 0, *, folder: Path, flights: int = FLIGHTS, trials: int = TRIALS,
+    fly: Callable[[int, int], list[Flight]] = point_mass_flights, run: Run = one_by_one, progress: Progress = silent,
+) -> Reproduction:  # fmt: skip
     """Reproduce tables 3.5 and 3.6, and compare them with sound settings and robust filters.
 
     Args:
@@ -67,9 +64,6 @@ def reproduce(
         fly: returns a number of flights for a seed.
         run: where tunings and evaluations run, for example in several processes; the results are the same.
         progress: called with the stage, the work done and the total.
-
-    Raises:
-        ArgumentError: an argument is out of range, or `folder` cannot be written.
     """
     runs, seed = check_integer("runs", runs), check_integer("seed", seed, minimum=0)
     flights, trials = check_integer("flights", flights, 4), check_integer("trials", trials)
@@ -87,10 +81,9 @@ def reproduce(
         for noise in NOISES
         for label, of in {UNFILTERED: (None, {}), **_rows(noise, parameters[noise])}.items()
     }
-    errors: dict[Noise, dict[str, FloatArray]] = {noise: {} for noise in NOISES}
-    for (noise, label), values in _run_stage(run, progress, "test flights", calls).items():
-        errors[noise][label] = values
-    results = tables.Results(errors, parameters)
+    found = _run_stage(run, progress, "test flights", calls)
+    by_noise = {noise: {label: values for (of, label), values in found.items() if of == noise} for noise in NOISES}
+    results = tables.Results(by_noise, parameters)
     return Reproduction(
         PAPER, runs, seed, tables.cells(results, seed), tables.findings(results, seed, flights, first),
         {"flight": _example(flown[first], scans[first], seed, parameters)}, RUNS, f"{FLIGHTS} flights",
@@ -107,14 +100,9 @@ def _run_stage(
 
 
 def tune_filters(
-    training: dict[Noise, Tracks],
-    seed: int,
-    folder: Path,
-    trials: int = TRIALS,
-    run: Run = one_by_one,
-    progress: Progress = lambda stage, done, total: None,
-    robust: Sequence[str] = tuple(ROBUST),
-) -> dict[Noise, dict[str, dict[str, Any]]]:
+    training: dict[Noise, Tracks], seed: int, folder: Path, trials: int = TRIALS, run: Run = one_by_one,
+    progress: Progress = silent, robust: Sequence[str] = tuple(ROBUST),
+) -> dict[Noise, dict[str, dict[str, Any]]]:  # fmt: skip
     """Parameters of all filters by noise and name, tuned on the training flights; arguments as of `reproduce`.
 
     The robust ones are tuned after the plain CV filter, with which they are compared.
@@ -143,32 +131,29 @@ def tune_filters(
     return {noise: parameters[noise] | found for noise in NOISES}
 
 
-def draw_test_tracks(scans: list[Scan], noise: Noise, runs: int, seed: int) -> Tracks:
-    """Measurements of the test flights with `runs` seeds of the noise, run by run: N = runs x flights."""
-    parts = [measure(scans, noise, (seed, radars.TEST_NOISE, run)) for run in range(runs)]
-    return Tracks(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Tracks)))
-
-
 def evaluate(
     name: str | None, parameters: dict[str, Any], scans: list[Scan], noise: Noise, runs: int, seed: int
 ) -> FloatArray:
     """`tuning.errors` of a filter, or of no filter, on the test flights, (runs, F, 4)."""
-    return errors(name, parameters, draw_test_tracks(scans, noise, runs, seed)).reshape(runs, len(scans), 4)
+    parts = [vars(measure(scans, noise, (seed, radars.TEST_NOISE, run))) for run in range(runs)]
+    together = Tracks(*(np.concatenate([part[key] for part in parts]) for key in parts[0]))
+    return errors(name, parameters, together).reshape(runs, len(scans), 4)
 
 
 def _rows(noise: Noise, tuned: dict[str, dict[str, Any]]) -> dict[str, tuple[str, dict[str, Any]]]:
     """Names and parameters of the filters by label: tuned, and those of the thesis as published."""
     published = PARAMETERS[noise]
+    limit = tuple(1e-6 * variance for variance in published["KF CV"]["variances"])  # of gains 1 and 2 / t
     return {
         **{name: (name, found) for name, found in tuned.items()},
         **{tables.as_published(name): (name, published[name]) for name in THESIS},
-        tables.LIMIT_CV: ("KF CV", without_noise(published["KF CV"])),
+        tables.LIMIT_CV: ("KF CV", published["KF CV"] | {"variances": limit}),
     }
 
 
 def _example(flight: Flight, scan: Scan, seed: int, parameters: dict[Noise, dict[str, dict[str, Any]]]) -> Example:
     """The first test flight with estimates of every filter."""
-    tracks = {noise: draw_test_tracks([scan], noise, 1, seed) for noise in NOISES}
+    tracks = {noise: measure([scan], noise, (seed, radars.TEST_NOISE, 0)) for noise in NOISES}
     estimates: dict[Noise, dict[str, tuple[FloatArray, FloatArray]]] = {noise: {} for noise in NOISES}
     for noise in NOISES:
         for label, (name, chosen) in _rows(noise, parameters[noise]).items():

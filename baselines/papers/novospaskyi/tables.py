@@ -1,10 +1,9 @@
 """The published values, tables 3.1 to 3.6 of Novospaskyi 2025, and the results as tables and findings.
 
-Why KF CV has velocity errors of hundreds of metres per second in the thesis: its tuned R is about 1e-9 m^2,
-where the noise has 156 m^2. With discrete process noise and R / Q towards 0, the gains of position and
-velocity approach 1 and 2 / t. The estimate then follows every measurement, and the velocity becomes
-v' = 2 (z_k - z_{k-1}) / t - v: its error changes sign at every measurement instead of decaying, and all the
-noise is summed. The position error, which alone was tuned, hardly shows it.
+Why KF CV has velocity errors of hundreds of metres per second in the thesis: its tuned R is about 1e-9 m^2, where the
+noise has 156 m^2. With discrete process noise and R / Q towards 0, the gains of position and velocity approach 1 and
+2 / t: v' = 2 (z_k - z_{k-1}) / t - v. The velocity error changes sign at every measurement instead of decaying, and all
+the noise is summed. The position error, which alone was tuned, hardly shows it.
 """
 
 import itertools
@@ -80,19 +79,13 @@ def as_published(name: str) -> str:
 
 
 def steady_gains(variance: float, process_variance: float, step: float) -> tuple[float, float]:
-    """Constant gains that a CV Kalman filter with discrete process noise reaches. Kalata 1984.
+    """Constant gains g and h that a CV Kalman filter with discrete process noise reaches. Kalata 1984.
 
-    R of one axis [m^2], variance [m^2/s^4] of the acceleration that is constant in a step [s]; position gain g, and
-    velocity gain times the step, h, as those of the g-h filter.
+    R of one axis [m^2], variance [m^2/s^4] of the acceleration that is constant in a step [s].
     """
     index = math.sqrt(process_variance / variance) * step**2
     root = 4.0 / (4.0 + index + math.sqrt(8.0 * index + index**2))
     return 1.0 - root**2, 2.0 * (1.0 - root) ** 2
-
-
-def without_noise(parameters: dict[str, Any]) -> dict[str, Any]:
-    """The parameters of a filter of the thesis, with R a millionth: the limit of gains 1 and 2 / t."""
-    return parameters | {"variances": tuple(1e-6 * variance for variance in parameters["variances"])}
 
 
 def memory(g: float, h: float) -> float:
@@ -109,18 +102,17 @@ def cells(results: Results, seed: int) -> tuple[Cell, ...]:
         "Sound settings, {noise}": {name: name for name in (*SOUND, *ROBUST, COMBINED)},
     }
     made: list[Cell] = []
-    for title, rows in tables.items():
-        for noise in NOISES:
-            table = title.format(table=TABLES[noise], noise=NOISE_NAMES[noise])
-            for row, name in rows.items():
-                errors = results.errors[noise][name]
-                flights = errors.shape[1]
-                of_study = study_interval(errors.reshape(-1, 4), lambda means: means, seed, flights)
-                own = both_intervals(errors.mean(0), lambda means: means, seed, flights)[3:]
-                published = TEST_ERRORS[noise].get(row, (np.nan,) * 4)
-                note = f"The interval contains 95 % of studies with {flights} test flights."
-                excuses = dict.fromkeys(METRICS, BY_CONSTRUCTION) if row == UNFILTERED else None
-                made += table_row(table, row, METRICS, published, (*of_study, *own), 2, note, excuses)
+    for (title, rows), noise in itertools.product(tables.items(), NOISES):
+        table = title.format(table=TABLES[noise], noise=NOISE_NAMES[noise])
+        for row, name in rows.items():
+            errors = results.errors[noise][name]
+            flights = errors.shape[1]
+            of_study = study_interval(errors.reshape(-1, 4), lambda means: means, seed, flights)
+            own = both_intervals(errors.mean(0), lambda means: means, seed, flights)[3:]
+            published = TEST_ERRORS[noise].get(row, (np.nan,) * 4)
+            note = f"The interval contains 95 % of studies with {flights} test flights."
+            excuses = dict.fromkeys(METRICS, BY_CONSTRUCTION) if row == UNFILTERED else None
+            made += table_row(table, row, METRICS, published, (*of_study, *own), 2, note, excuses)
     return tuple(made)
 
 
@@ -138,10 +130,6 @@ def findings(results: Results, seed: int, flights: int, training: int) -> tuple[
     return tuple(made)
 
 
-def _means(errors: dict[str, FloatArray], metric: int) -> dict[str, float]:
-    return {name: float(values[..., metric].mean()) for name, values in errors.items()}
-
-
 def _unfiltered(results: Results, noise: Noise) -> Finding:
     ours = results.errors[noise][UNFILTERED].mean((0, 1))
     deviations = 100.0 * (ours / np.array(TEST_ERRORS[noise][UNFILTERED]) - 1.0)
@@ -150,23 +138,22 @@ def _unfiltered(results: Results, noise: Noise) -> Finding:
 
 
 def _ascending(values: dict[str, float], unit: str) -> str:
-    names = sorted(values, key=lambda name: values[name])
-    return ", ".join(f"{name} {values[name]:.2f} {unit}" for name in names)
+    return ", ".join(f"{name} {values[name]:.2f} {unit}" for name in sorted(values, key=values.__getitem__))
 
 
 def _orders(results: Results, noise: Noise) -> list[Finding]:
     """Filters of the thesis in the order of their errors, and the published order."""
     made = []
     for metric, unit in ((POSITION, "m"), (VELOCITY, "m/s")):
-        ours = _means({name: results.errors[noise][name] for name in THESIS}, metric)
+        errors = {name: results.errors[noise][name][..., metric] for name in THESIS}
         theirs = {name: TEST_ERRORS[noise][name][metric] for name in THESIS}
         label = f"order by {METRICS[metric].partition(',')[0]}, {NOISE_NAMES[noise]}"
+        ours = {name: float(values.mean()) for name, values in errors.items()}
         made.append(Finding(label, _ascending(ours, unit), _ascending(theirs, unit)))
-        runs = {name: results.errors[noise][name][..., metric].mean(1) for name in THESIS}
-        names = sorted(theirs, key=lambda name: theirs[name])
+        runs = {name: values.mean(1) for name, values in errors.items()}
         shares = [
             f"{first} before {second} {np.sum(runs[first] < runs[second])} of {len(runs[first])}"
-            for first, second in itertools.pairwise(names)
+            for first, second in itertools.pairwise(sorted(theirs, key=theirs.__getitem__))
         ]
         made.append(Finding(f"{label}: noise seeds with each published pair", ", ".join(shares)))
     return made
@@ -196,25 +183,23 @@ def _anomaly(results: Results) -> list[Finding]:
     return made
 
 
-def _share(errors: FloatArray, others: FloatArray, seed: int) -> str:
-    ratio = paired_ratio(errors[..., POSITION], others[..., POSITION], seed)
-    return "{:.3f} [{:.3f}, {:.3f}]".format(*ratio)
-
-
 def _sound(results: Results, seed: int) -> list[Finding]:
     """Sound settings and robust filters, beside what they are compared with."""
+
+    def share(noise: Noise, name: str, other: str) -> str:
+        of, others = (results.errors[noise][one][..., POSITION] for one in (name, other))
+        return "{:.3f} [{:.3f}, {:.3f}]".format(*paired_ratio(of, others, seed))
+
     errors = results.errors["gaussian"]
     start = ", ".join(f"{name} {errors[name][..., VELOCITY].mean():.2f} m/s" for name in ("KF CA", "CA", "g-h"))
-    order = _ascending(_means({name: errors[name] for name in ORDERED}, POSITION), "m")
-    share = _share(errors["CV"], errors[UNFILTERED], seed)
+    order = _ascending({name: float(errors[name][..., POSITION].mean()) for name in ORDERED}, "m")
     made = [
-        Finding("sound CV: position RMSE as a share of no filter, Gaussian noise", share),
+        Finding("sound CV: position RMSE as a share of no filter, Gaussian noise", share("gaussian", "CV", UNFILTERED)),
         Finding("sound settings: order by position RMSE, Gaussian noise", order),
         Finding("the lead of g-h in velocity rests on P0 = 10000 I: CA with it, CA with a prior, g-h", start),
     ]
     plain = {**dict.fromkeys(ROBUST, "CV"), COMBINED: "IMM (CV, CA)"}
     for (name, other), noise in itertools.product(plain.items(), NOISES):
-        share = _share(results.errors[noise][name], results.errors[noise][other], seed)
         label = f"{name}: position RMSE as a share of the plain {other} tuned on {NOISE_NAMES[noise]}"
-        made.append(Finding(label, share))
+        made.append(Finding(label, share(noise, name, other)))
     return made

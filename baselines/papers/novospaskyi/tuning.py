@@ -1,13 +1,12 @@
 """Tuning of the filters with Optuna, which can be killed and resumed.
 
-Each tuning has a file with one line per finished trial, which is read back into an Optuna study at the start.
-Trial n depends on nothing but the seed and the trials before it. So a resumed tuning ends with the same
-parameters, bit for bit, and two processes may work on the same file.
+Trial n depends on nothing but the seed and the trials before it, which are read back from a file. So a resumed tuning
+ends with the same parameters, bit for bit, and two processes may work on the same file.
 """
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import count, takewhile
 from pathlib import Path
@@ -15,11 +14,10 @@ from typing import Any
 
 import numpy as np
 import optuna
-from optuna.distributions import BaseDistribution
 
 from baselines import estimation
-from baselines.papers.novospaskyi.filters import CONTENDERS, Parameters, run_contender
-from baselines.papers.novospaskyi.radars import NOISES, Noise, Tracks
+from baselines.papers.novospaskyi.filters import CONTENDERS, Contender, Parameters, run_contender
+from baselines.papers.novospaskyi.radars import Noise, Tracks
 from hybrid_env.checks import ArgumentError, FloatArray
 
 # Loss of the robust filters with Gaussian noise, as a share of the error of CV, that is not penalised.
@@ -50,10 +48,10 @@ class Tuning:
     @property
     def fingerprint(self) -> str:
         """Digest of everything that the cost depends on, also of the source code of the filters."""
-        space, start = CONTENDERS[self.name].space, CONTENDERS[self.name].start
-        settings = (self.name, space, start, self.seed, self.plain, self.reference)
+        contender = CONTENDERS[self.name]
+        settings = (self.name, contender.space, contender.start, self.seed, self.plain, self.reference)
         digest = hashlib.sha256(repr(settings).encode())
-        for tracks in self.training.values() if self.noise is None else [self.training[self.noise]]:
+        for tracks in self._flights.values():
             for array in (tracks.times, tracks.measurements, tracks.positions):
                 digest.update(array.tobytes())
         for folder in (Path(estimation.__file__).parent, Path(__file__).parent):
@@ -66,37 +64,32 @@ class Tuning:
 
         For a robust filter that with Levy noise, raised if the loss with Gaussian noise exceeds `LARGEST_LOSS`.
         """
-        found = {
-            noise: float(errors(self.name, {**self.plain, **parameters}, self.training[noise])[:, 0].mean())
-            for noise in ([self.noise] if self.noise else NOISES)
-        }
+        chosen = {**self.plain, **parameters}
+        error = {noise: float(errors(self.name, chosen, of)[:, 0].mean()) for noise, of in self._flights.items()}
         if self.noise is not None:
-            return found[self.noise]
-        loss = found["gaussian"] / self.reference - 1.0
-        return found["levy"] * (1.0 + PENALTY * max(loss - LARGEST_LOSS, 0.0))
+            return error[self.noise]
+        loss = error["gaussian"] / self.reference - 1.0
+        return error["levy"] * (1.0 + PENALTY * max(loss - LARGEST_LOSS, 0.0))
+
+    @property
+    def _flights(self) -> dict[Noise, Tracks]:
+        return self.training if self.noise is None else {self.noise: self.training[self.noise]}
 
     def run(self) -> dict[str, Any]:
         """The best parameters; finished trials are read from the file."""
-        space, start = CONTENDERS[self.name].space, CONTENDERS[self.name].start
-        trials = min(self.trials, CONTENDERS[self.name].trials or self.trials)
+        contender = CONTENDERS[self.name]
+        trials = min(self.trials, contender.trials or self.trials)
         file = self.folder / f"{self.name.replace(' ', '_')}-{self.noise or 'both'}.jsonl"
-        best = tune(space, start, self.cost, trials, self.seed, file, self.fingerprint)
-        return {**self.plain, **best}
+        return {**self.plain, **tune(contender, self.cost, trials, self.seed, file, self.fingerprint)}
 
 
 def tune(
-    space: Mapping[str, BaseDistribution],
-    start: Mapping[str, Any],
-    cost: Callable[[Mapping[str, Any]], float],
-    trials: int,
-    seed: int,
-    file: Path,
-    fingerprint: str,
+    contender: Contender, cost: Callable[[Parameters], float], trials: int, seed: int, file: Path, fingerprint: str
 ) -> dict[str, Any]:
-    """Best parameters by the tree-structured Parzen estimator of Bergstra et al. 2011, from a first trial at `start`.
+    """Best parameters by the tree-structured Parzen estimator of Bergstra et al. 2011, from a first trial at the start.
 
     Finished trials are appended to the file. Lines of it with another fingerprint, which stands for everything that the
-    cost depends on, are ignored. Raises `ArgumentError` if the file cannot be read or written.
+    cost depends on, are ignored.
     """
     verbosity = optuna.logging.get_verbosity()
     optuna.logging.set_verbosity(optuna.logging.WARNING)
@@ -106,12 +99,13 @@ def tune(
         for number in range(trials):
             known = finished[number] if number < len(finished) else None
             if known is not None or number == 0:
-                study.enqueue_trial(dict(start) if known is None else known[0])
+                study.enqueue_trial(dict(contender.start) if known is None else known[0])
             study.sampler = optuna.samplers.TPESampler(seed=(seed * 100_003 + number) % 2**32)
-            trial = study.ask(dict(space))
+            trial = study.ask(dict(contender.space))
             value = float(cost(trial.params)) if known is None else known[1]
             if known is None:
-                _append(file, fingerprint, number, trial.params, value)
+                entry = {"fingerprint": fingerprint, "trial": number, "parameters": trial.params, "value": value}
+                _append(file, entry)
             study.tell(trial, value)
         return dict(study.best_params)
     finally:
@@ -135,9 +129,8 @@ def finished_trials(file: Path, fingerprint: str) -> list[tuple[dict[str, Any], 
     return [found[number] for number in takewhile(found.__contains__, count())]
 
 
-def _append(file: Path, fingerprint: str, number: int, parameters: Mapping[str, Any], value: float) -> None:
+def _append(file: Path, entry: dict[str, Any]) -> None:
     """Append a trial as one line, in one write."""
-    entry = {"fingerprint": fingerprint, "trial": number, "parameters": dict(parameters), "value": value}
     line = f"\n{json.dumps(entry)}\n".encode()  # begins with a line break, as the last line may be cut off
     try:
         with file.open("ab", buffering=0) as stored:

@@ -6,8 +6,7 @@ import torch
 
 from agents.training.radar_net import RadarNet, filter_with, radar_net
 from baselines import load_radar_data
-from baselines.papers.novospaskyi.dataset import write_radar_data
-from baselines.papers.novospaskyi.scores import STATISTICS, score_estimates
+from baselines.papers.novospaskyi.dataset import STATISTICS, score_estimates, write_radar_data
 
 pytest.importorskip("pyarrow")
 

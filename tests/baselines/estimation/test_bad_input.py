@@ -12,7 +12,7 @@ from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.robust import Huber, StudentT
 from baselines.estimation.run_filter import run_filter
 from baselines.estimation.smoother import smooth
-from baselines.papers.adaptive import AdaptiveFilter, CorrectedAdaptiveFilter, GHFilter
+from baselines.papers.adaptive import AdaptiveFilter, GHFilter
 from baselines.papers.novospaskyi.filters import moving_average
 
 CV = MotionModel("CV", 2, 1.0)
@@ -62,8 +62,6 @@ CALLS = {
     "longest_gap": lambda: GHFilter(2, 0.5, 0.1, -1.0),
     "dt  ": lambda: run_filter(AdaptiveFilter(2, 1.0), POINTS, 2.0 * TIMES),
     "tau": lambda: AdaptiveFilter(2, 0.0),
-    "window": lambda: CorrectedAdaptiveFilter(2, 1.0, window=0),
-    "smallest_gain": lambda: CorrectedAdaptiveFilter(2, 1.0, smallest_gain=0.95),
     "window ": lambda: moving_average(POINTS, 0),
     "ratio": lambda: moving_average(POINTS, 2, 0.0),
     "model ": lambda: smooth(MotionModel("CA", 2, 1.0), run_filter(kalman(), POINTS, TIMES), TIMES),

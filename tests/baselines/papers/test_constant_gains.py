@@ -5,7 +5,7 @@ import pytest
 from filterpy.gh import GHFilter as PeerGH
 
 from baselines.estimation.run_filter import run_filter
-from baselines.papers.adaptive import AdaptiveFilter, CorrectedAdaptiveFilter, GHFilter, noise_bias
+from baselines.papers.adaptive import PRODUCTS, AdaptiveFilter, CorrectedAdaptiveFilter, GHFilter, noise_bias
 from baselines.papers.novospaskyi.filters import moving_average
 
 
@@ -92,7 +92,7 @@ def test_the_identity_holds_in_every_tick_of_the_published_filter():
         adaptive.update(rng.normal(size=(20, 3)))
         means = adaptive._means
         noise = means[7] + means[5]
-        if adaptive._products.min() > adaptive.start:
+        if adaptive._products.min() > PRODUCTS:
             expected = 1.0 - noise / means[0]
             scale = np.abs(expected).max()
             np.testing.assert_allclose(adaptive.gains[0], expected, rtol=0.0, atol=1e-12 * scale)

@@ -17,19 +17,16 @@ def flights():
     return zimchuk.simulate_flights(20, 0)
 
 
-@pytest.mark.parametrize("limited", [True, False])
-def test_one_axis_is_filtered_as_by_the_axis_wise_filter(limited, flights):
+def test_one_axis_is_filtered_as_by_the_axis_wise_filter(flights):
     measured = flights.measurements[..., :1].copy()
     measured[100:110, 3] = np.nan
     alone, matrix = (
-        run_filter(kind(1, TAU, limited=limited), measured, flights.times).states
-        for kind in (AdaptiveFilter, MatrixAdaptiveFilter)
+        run_filter(kind(1, TAU), measured, flights.times).states for kind in (AdaptiveFilter, MatrixAdaptiveFilter)
     )
     np.testing.assert_allclose(matrix, alone, rtol=1e-7)
 
 
-@pytest.mark.parametrize("limited", [True, False])
-def test_diagonal_matrices_have_the_gains_of_the_axes(limited):
+def test_diagonal_matrices_have_the_gains_of_the_axes():
     random = np.random.default_rng(3)
     means = random.normal(0.0, 2.0, (8, 500, 2))
     means[0] = random.uniform(5.0, 30.0, (500, 2))
@@ -37,11 +34,10 @@ def test_diagonal_matrices_have_the_gains_of_the_axes(limited):
     means[7] = zero - 3.0 * (h1 - h2) - h3  # D^3 nu nu belongs to the lags
     spread = np.stack([3.0 * (h1 - h2) + h3 - position, (3.0 * h1 - 6.0 * h2 + 4.0 * h3 - h4) / TAU - velocity])
     first, second = published_gain(means, TAU)
-    if limited:
-        first = np.clip(first, 0.0, 1.0)
-        second = np.clip(second, 0.0, first**2 / ((2.0 - first) * TAU))
+    first = np.clip(first, 0.0, 1.0)
+    second = np.clip(second, 0.0, first**2 / ((2.0 - first) * TAU))
     eye = np.eye(2)
-    gains = matrix_gain(zero[..., None] * eye, spread[..., None] * eye, TAU, limited)
+    gains = matrix_gain(zero[..., None] * eye, spread[..., None] * eye, TAU)
     np.testing.assert_allclose(gains, np.stack([first, second])[..., None] * eye, atol=1e-9)
 
 
@@ -53,7 +49,6 @@ def test_exact_covariances_of_a_kalman_filter_give_its_gain():
     H = C @ P @ C.T + R
     spread = (P @ C.T).reshape(2, 2, 6).swapaxes(0, 1)
     kalman = P @ C.T @ np.linalg.inv(H)
-    np.testing.assert_allclose(matrix_gain(H, spread, 1e-9, False)[0], kalman[::2], atol=1e-12)
     limited = matrix_gain(H, spread, 1e-9)
     np.testing.assert_allclose(limited[0], kalman[::2], atol=1e-12)  # within the limits
     common = limited[0] @ C[:, ::2]

@@ -6,10 +6,16 @@ import numpy as np
 import pytest
 
 from baselines import load_radar_data
-from baselines.papers.novospaskyi.dataset import write_radar_data
+from baselines.papers.novospaskyi.dataset import (
+    FEWEST,
+    HORIZONS,
+    STATISTICS,
+    score_estimates,
+    truth_ahead,
+    write_radar_data,
+)
 from baselines.papers.novospaskyi.filters import CONTENDERS, filter_tracks
 from baselines.papers.novospaskyi.radars import SIGMA
-from baselines.papers.novospaskyi.scores import FEWEST, HORIZONS, STATISTICS, score_estimates, truth_ahead
 from hybrid_env import ArgumentError
 
 pytest.importorskip("pyarrow")

@@ -16,7 +16,7 @@ from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
 from baselines.papers.adaptive import GHFilter
 from baselines.papers.novospaskyi import reproduce, tables
-from baselines.papers.novospaskyi.filters import CONTENDERS
+from baselines.papers.novospaskyi.filters import CONTENDERS, Contender
 from baselines.papers.novospaskyi.study import one_by_one
 from baselines.papers.novospaskyi.tables import METRICS, TABLES, TEST_ERRORS, UNFILTERED, memory, steady_gains
 from baselines.papers.novospaskyi.tuning import finished_trials, tune
@@ -24,6 +24,7 @@ from hybrid_env.checks import ArgumentError
 
 SPACE = {"q": FloatDistribution(1e-3, 1e3, log=True), "window": IntDistribution(1, 9)}
 START = {"q": 1.0, "window": 5}
+CONTENDER = Contender(GHFilter, SPACE, START)
 
 
 def cost(parameters):
@@ -49,36 +50,36 @@ def killed_after(evaluations):
 
 def test_a_tuning_killed_anywhere_ends_with_the_same_bytes(tmp_path):
     whole, parts = tmp_path / "whole.jsonl", tmp_path / "parts.jsonl"
-    best = tune(SPACE, START, cost, 25, 7, whole, "x")
+    best = tune(CONTENDER, cost, 25, 7, whole, "x")
     assert cost(best) < cost(START)
     for evaluations in (0, 1, 12):
         with pytest.raises(KilledError):
-            tune(SPACE, START, killed_after(evaluations), 25, 7, parts, "x")
-    assert tune(SPACE, START, cost, 25, 7, parts, "x") == best
+            tune(CONTENDER, killed_after(evaluations), 25, 7, parts, "x")
+    assert tune(CONTENDER, cost, 25, 7, parts, "x") == best
     assert parts.read_bytes() == whole.read_bytes()
-    assert tune(SPACE, START, killed_after(0), 25, 7, parts, "x") == best  # nothing is evaluated again
+    assert tune(CONTENDER, killed_after(0), 25, 7, parts, "x") == best  # nothing is evaluated again
 
 
 def test_torn_repeated_and_foreign_lines_do_no_harm(tmp_path):
     file = tmp_path / "trials.jsonl"
-    best = tune(SPACE, START, cost, 12, 7, file, "x")
+    best = tune(CONTENDER, cost, 12, 7, file, "x")
     lines = file.read_bytes()
     file.write_bytes(lines[: len(lines) // 2] + b"\xc3")  # cut off within a line and a character
-    assert tune(SPACE, START, cost, 12, 7, file, "x") == best
+    assert tune(CONTENDER, cost, 12, 7, file, "x") == best
     file.write_bytes(lines + lines)  # two processes did the same work
-    assert tune(SPACE, START, killed_after(0), 12, 7, file, "x") == best
+    assert tune(CONTENDER, killed_after(0), 12, 7, file, "x") == best
     assert finished_trials(file, "y") == []
     with pytest.raises(KilledError):
-        tune(SPACE, START, killed_after(0), 12, 7, file, "y")
+        tune(CONTENDER, killed_after(0), 12, 7, file, "y")
     file.write_bytes(lines + b'7\n{"fingerprint": "x"}\n[]\n')
     assert len(finished_trials(file, "x")) == 12
 
 
 def test_a_file_that_cannot_be_read_or_written_is_one_line(tmp_path):
     with pytest.raises(ArgumentError, match="cannot be read"):
-        tune(SPACE, START, cost, 2, 0, tmp_path, "x")
+        tune(CONTENDER, cost, 2, 0, tmp_path, "x")
     with pytest.raises(ArgumentError, match="cannot be written"):
-        tune(SPACE, START, cost, 2, 0, tmp_path / "missing" / "trials.jsonl", "x")
+        tune(CONTENDER, cost, 2, 0, tmp_path / "missing" / "trials.jsonl", "x")
 
 
 @pytest.mark.parametrize("name", [name for name, contender in CONTENDERS.items() if contender.space])

@@ -20,7 +20,7 @@ def gaussian_paths(count, seed):
     generator = np.random.default_rng(seed)
     ratio = 2 * DRIFT * np.cumsum(generator.normal(DRIFT, 1, (count, LAST)), axis=1)  # ln p(true) / p(other)
     log_error_probability = -np.logaddexp(0, np.abs(ratio))
-    return PosteriorPaths(log_error_probability, ratio > 0, np.full(count, LAST), "hypothesis")
+    return PosteriorPaths(log_error_probability, ratio > 0, np.full(count, LAST))
 
 
 def optimal_value():
@@ -68,7 +68,7 @@ def test_lower_delay_cost_gives_a_stricter_boundary():
 
 def test_bayes_risk_earns_at_least_as_much_as_constant_thresholds():
     paths = simulate_posterior_paths(1000, 10**9, bank="anchor_aware")
-    bayes_risk = BayesRiskDecider(stopping_boundary(paths, 0.02), paths.by)
+    bayes_risk = BayesRiskDecider(stopping_boundary(paths, 0.02))
     reward = evaluate(bayes_risk, episodes=1000, bank="anchor_aware").reward.mean(1)
     for alpha in (0.1, 0.03, 0.01):
         constant = evaluate(MSPRTDecider(alpha), episodes=1000, bank="anchor_aware").reward.mean(1)
@@ -117,7 +117,7 @@ def test_invalid_arguments_raise():
     with pytest.raises(ArgumentError, match="seed=-1"):
         simulate_posterior_paths(3, -1)
     for bad in ([], [np.nan], 3.0, "low"):
-        with pytest.raises(ArgumentError, match="boundary"):
+        with pytest.raises(ArgumentError, match="limits"):
             BayesRiskDecider(bad)
     with pytest.raises(ArgumentError, match="by="):
         BayesRiskDecider([0.0], by="types")

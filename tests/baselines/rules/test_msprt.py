@@ -7,7 +7,7 @@ import pytest
 from scipy.special import softmax
 
 from baselines import GapDecider, MSPRTDecider
-from baselines.rules.msprt import error_and_best, type_posteriors
+from baselines.rules.msprt import error_and_best
 from baselines.rules.rollout import evaluate
 from hybrid_env import HybridTrackVectorEnv
 
@@ -40,11 +40,6 @@ def test_rules_decide_as_posteriors_from_log_likelihoods(rule):
         declared += np.count_nonzero(actions)
         rows, _, _, _, info = env.step(actions)
     assert declared > 100
-
-
-def test_type_posteriors_sum_over_hypotheses():
-    posterior = type_posteriors(np.log([[0.2, 0.1, 0.3, 0.15, 0.25]]))
-    np.testing.assert_allclose(posterior, [[0.2, 0.4, 0.4]])
 
 
 @pytest.mark.parametrize("alpha", [0.2, 0.02])

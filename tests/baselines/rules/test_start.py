@@ -5,7 +5,7 @@ import pytest
 from online_episodes import COMMON
 
 from baselines import MSPRTDecider, OnlineTracker, ThresholdDecider
-from baselines.rules.start import FEW, MANY, FirstMeasurements, line_estimate
+from baselines.rules.start import FEW, MANY, FirstMeasurements, line_estimate, unit_noise
 from hybrid_env import (
     HybridTrackQuickestEnv,
     HybridTrackQuickestVectorEnv,
@@ -38,7 +38,8 @@ def test_the_covariance_is_that_of_the_errors_on_straight_tracks(ticks):
     options = QuickestOptions(radii=(1e6,), process_variance=0.3, measurement_variance=(0.02, 0.5), tau=0.4)
     ticks = np.array(ticks)
     points, truth = straight_measurements(options, ticks, np.random.default_rng(len(ticks)))
-    found = [line_estimate(ticks, one, options) for one in points]
+    noises = np.tile(unit_noise(options), (len(ticks), 1))
+    found = [line_estimate(ticks, one, noises, options) for one in points]
     errors = np.array([estimate for estimate, _ in found]) - truth
     covariance = found[0][1]
     # the quadratic form of normal errors with 4 components has mean 4 and variance 8
@@ -62,7 +63,9 @@ def test_the_part_of_the_turns_is_the_mean_square_error_of_a_line_fitted_to_turn
         angle = rate * times
         x = 2.0 * np.sin(angle) / rate if rate else 2.0 * times
         y = 2.0 * (1.0 - np.cos(angle)) / rate if rate else np.zeros(5)
-        estimate, covariance = line_estimate(ticks, np.stack([x, y], axis=1), options)
+        estimate, covariance = line_estimate(
+            ticks, np.stack([x, y], axis=1), np.tile(unit_noise(options), (len(ticks), 1)), options
+        )
         error = estimate - [0.0, 2.0, 0.0, 0.0]
         total += np.outer(error, error) / 5
     across = np.ix_([2, 3], [2, 3])

@@ -52,6 +52,6 @@ def test_bad_limits_are_refused():
         TeaserDecider(np.array([np.nan]))
     with pytest.raises(ArgumentError, match="predictions=0"):
         TeaserDecider(np.zeros(1), 0)
-    nothing = PosteriorPaths(np.zeros((9, 2)), np.zeros((9, 2), bool), np.full(9, 2), "hypothesis")
+    nothing = PosteriorPaths(np.zeros((9, 2)), np.zeros((9, 2), bool), np.full(9, 2))
     with pytest.raises(ArgumentError, match="paths=9"):
         accepted_errors(nothing)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from baselines.scoring.estimates import confidence_interval, share_interval
+from baselines.scoring.estimates import confidence_interval
 from baselines.scoring.scores import NOT_REACHED, Scores, at_level, interpolated, mean, ratio
 
 SHARE = mean("right", share=True)
@@ -93,7 +93,6 @@ def test_the_confidence_interval_of_a_quotient_has_its_nominal_coverage():
 
 def test_an_interval_of_equal_episodes_is_a_point():
     assert confidence_interval(np.full(20, 3.0)) == (3.0, 3.0)
-    assert share_interval(np.full(30, 0.5)) == (0.5, 0.5)
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0])
@@ -101,7 +100,6 @@ def test_the_interval_of_equal_shares_is_wilsons(share):
     episodes, z = 40, stats.norm.ppf(0.975)
     width = z**2 / (episodes + z**2)  # Wilson's interval of 0 of n is (0, z^2 / (n + z^2))
     expected = (0.0, width) if share == 0.0 else (1.0 - width, 1.0)
-    assert share_interval(np.full(episodes, share)) == pytest.approx(expected)
     found = scores([share], [1.0], episodes).estimate(SHARE)
     assert (found.value, found.low, found.high) == pytest.approx((share, *expected))
     ticks = scores([share], [1.0], episodes).estimate(mean("ticks"))
