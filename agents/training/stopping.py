@@ -151,10 +151,11 @@ class StoppingRun(WorldsRun):
         """See `Run.train_round`."""
         first = seeds.TRAINING + self.seed * 10**9 + self.rounds * 10**4
         generator = np.random.default_rng(first)
-        found = []
-        for k, (world, tracks) in enumerate(self._worlds(generator)):
+        found, seed = [], first
+        for world, tracks in self._worlds(generator):
             env = HybridTrackVectorEnv(tracks, tick_info=False, **vars(world))
-            found.append(Explorer(StoppingDecider(self.net, world), generator).paths(env, first + 100 * k))
+            found.append(Explorer(StoppingDecider(self.net, world), generator).paths(env, seed))
+            seed += tracks
         inputs, rewards, lengths = (np.concatenate(parts) for parts in zip(*found, strict=True))
         begins, totals = lengths.cumsum() - lengths, []
         self.set_learning_rate()
