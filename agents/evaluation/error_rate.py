@@ -19,8 +19,8 @@ class ErrorArguments:
         """Return the name of a decider with the rate that is asked for."""
         if self.error is None:
             return name
+        from agents.evaluation.chosen_threshold import RATES
         from agents.evaluation.registry import base_name  # loads slowly
-        from agents.evaluation.stopping import RATES
 
         if not self.error.endswith(tuple(RATES.values())):
             raise reject("error", self.error, "a rate such as '2%', or '2/1000' with unknown switches")

@@ -81,10 +81,10 @@ def split_threshold(name: Any) -> tuple[Any, float | None]:
 
 def base_name(name: Any) -> Any:
     """Return the name of a decider without a threshold and without one that it chooses, or the object itself."""
-    from agents.evaluation.stopping import stopping_rule
+    from agents.evaluation.chosen_threshold import chosen_rule
 
-    stopping = stopping_rule(name) if isinstance(name, str) else None
-    return split_threshold(name)[0] if stopping is None else stopping[0]
+    chosen = chosen_rule(name) if isinstance(name, str) else None
+    return split_threshold(name)[0] if chosen is None else chosen[0]
 
 
 def policy_folder(name: str, switches: str) -> Path:
@@ -112,16 +112,16 @@ def find_family(name: Any, options: Any) -> DeciderFamily:
     """Return a decider at any threshold, for the options of an environment.
 
     The name is that of a rule or of an agent of the package, a run folder, "mine.py:MyRule", "package.module:Rule" or
-    an entry point, without a threshold or with one that it chooses, see `stopping_rule`; or the object itself, see
+    an entry point, without a threshold or with one that it chooses, see `chosen_rule`; or the object itself, see
     `own_family`.
     """
     if not isinstance(name, str):
         return own_family(name, getattr(name, "__name__", type(name).__name__), options)
-    from agents.evaluation.stopping import stopping_family, stopping_rule
+    from agents.evaluation.chosen_threshold import chosen_family, chosen_rule
 
-    stopping = stopping_rule(name)
-    if stopping is not None:
-        return stopping_family(find_family(stopping[0], options), options, stopping[1])
+    chosen = chosen_rule(name)
+    if chosen is not None:
+        return chosen_family(find_family(chosen[0], options), options, chosen[1])
     known = rules(options.switches)
     if name in known:
         return known[name].family(options)

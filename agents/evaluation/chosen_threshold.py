@@ -27,14 +27,14 @@ RATES = {ANNOUNCED: "%", UNKNOWN: "/1000"}
 LARGEST_RATE = 50.0
 
 
-def stopping_rule(name: str) -> tuple[str, str] | None:
+def chosen_rule(name: str) -> tuple[str, str] | None:
     """Return the decider and the ending of "shipped:auto", "shipped:2%" or "beam:3/1000"; None for other names."""
     base, colon, ending = name.rpartition(":")
     return (base, ending) if colon and (ending == AUTO or ending.endswith(tuple(RATES.values()))) else None
 
 
-def stopping_family(family: DeciderFamily, options: ModelOptions, ending: str) -> DeciderFamily:
-    """Return a decider without a threshold, see `stopping_rule`; it is told all options but the law of the noise."""
+def chosen_family(family: DeciderFamily, options: ModelOptions, ending: str) -> DeciderFamily:
+    """Return a decider without a threshold, see `chosen_rule`; it is told all options but the law of the noise."""
     told = task_of(ENVIRONMENTS[options.switches], {**vars(options), "noise": "gaussian"})
     name, unit = f"{family.name}:{ending}", RATES[told.switches]
     if len(family.thresholds) == 1:
@@ -50,7 +50,7 @@ def stopping_family(family: DeciderFamily, options: ModelOptions, ending: str) -
 
     @functools.cache
     def chosen() -> float:
-        scores = sweep(told, family, EPISODES[told.switches], seeds.STOPPING)
+        scores = sweep(told, family, EPISODES[told.switches], seeds.CHOOSING)
         return float(family.thresholds[told.best(scores)]) if rate is None else _holding(told, family, scores, rate)
 
     return dataclasses.replace(

@@ -5,8 +5,8 @@ import warnings
 import numpy as np
 import pytest
 
+from agents.evaluation.chosen_threshold import chosen_rule
 from agents.evaluation.registry import find_decider, find_family
-from agents.evaluation.stopping import stopping_rule
 from agents.evaluation.task import sweep
 from agents.evaluation.tasks import task_of
 from baselines import MSPRTDecider
@@ -17,10 +17,10 @@ HOME = "HybridTrack-v0"
 
 @pytest.fixture(scope="module", autouse=True)
 def few_episodes():
-    from agents.evaluation import stopping
+    from agents.evaluation import chosen_threshold
 
     patch = pytest.MonkeyPatch()
-    patch.setattr(stopping, "EPISODES", {"announced": 150, "unknown": 4})
+    patch.setattr(chosen_threshold, "EPISODES", {"announced": 150, "unknown": 4})
     yield
     patch.undo()
 
@@ -31,7 +31,7 @@ def few_episodes():
      ("beam:3/1000", ("beam", "3/1000")), ("ate", None), ("ate:0.02", None), ("mine.py:auto_rule", None)],
 )  # fmt: skip
 def test_names(name, found):
-    assert stopping_rule(name) == found
+    assert chosen_rule(name) == found
 
 
 @pytest.mark.parametrize("name", ["ate:0%", "ate:50%", "ate:-1%", "ate:x%", "ate:nan%", "ate:2/1000", "fixed:auto:3"])
