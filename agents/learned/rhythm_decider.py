@@ -1,6 +1,7 @@
 """The statement network on a beam that learns an object's habits within the episode.
 
-The beam (`baselines.rules.adaptive_beam`) is smaller than that of the rule: fewer histories and laws. Its
+The beam (`baselines.rules.adaptive_beam`) is smaller than that of the rule: fewer laws, and fewer histories, which are
+joined (`baselines.rules.beam_joining`). Its
 probabilities of the modes are those that the network corrects, and what its histories say about age and end of
 the present segment are further inputs.
 """
@@ -22,6 +23,7 @@ from baselines.rules.measurements import run_compiled
 from hybrid_env.checks import FloatArray, reject
 from hybrid_env.core.compilation import compiled
 from hybrid_env.core.records import LANES
+from hybrid_env.durations import GeometricDurations, UniformDurations
 from hybrid_env.quickest_options import QuickestOptions
 
 HABIT_INPUTS = (
@@ -33,18 +35,20 @@ HABIT_INPUTS = (
 )
 """Of straight motion, of the turn, and of the other turns, in addition to `statement_net.HYPOTHESIS_INPUTS`."""
 
-BRANCHES, BRANCHES_PER_MODE = 40, 3
+BRANCHES, BRANCHES_PER_MODE = 16, 3
 SHORTEST, LONGEST = 14.0, 180.0  # ticks, of the shortest duration of a uniform law
 WIDTHS = {1.07: 0.07, 1.2: 0.13, 1.6: 0.25, 2.4: 0.4}
 OFFSETS, MEANS = (0, 10, 25, 50, 80), (10, 20, 40, 80)
+UNIFORM, GEOMETRIC = 0.42, 0.13  # probability of each kind
+KNOWN = {GeometricDurations(50.0, 25): 0.3, UniformDurations(50, 100): 0.15}  # laws of `statements`, likewise
+DIFFERENT, HABITUAL = 0.15, 0.4  # see `adaptive_beam.Prior`
 
 
 @functools.cache
 def prior() -> Prior:
     """Return the prior of the beam; see `adaptive_beam.default_prior`."""
-    return mixed_prior(
-        WIDTHS, (SHORTEST, LONGEST), OFFSETS, MEANS, shares=(0.55, 0.15, 0.3), different=0.15, habitual=0.4
-    )
+    shares = UNIFORM, GEOMETRIC
+    return mixed_prior(WIDTHS, (SHORTEST, LONGEST), OFFSETS, MEANS, shares, KNOWN, DIFFERENT, HABITUAL)
 
 
 class RhythmDecider(StatementDecider):
@@ -66,7 +70,7 @@ class RhythmDecider(StatementDecider):
     def __init__(self, net: StatementNet, world: QuickestOptions, margin: float = 0.0, branches: int = BRANCHES):
         super().__init__(net, world, margin)
         branches = max(branches, BRANCHES_PER_MODE * world.hypotheses)
-        self.beam = AdaptiveBeamDecider(world, branches=branches, prior=prior())
+        self.beam = AdaptiveBeamDecider(world, branches=branches, joined=True, prior=prior())
 
     def observe(self, tracks: Any) -> FloatArray:
         """Return rows, and what the beam observes, (N, width)."""

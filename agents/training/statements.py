@@ -192,7 +192,6 @@ class StatementRun(OwnNetworkRun):
         save_policy(folder, self.net.state_dict(), card, self.decider_class.task)
 
 
-TRAINING_BRANCHES = 16  # histories of the beam of `RhythmDecider`
 HAZARDS = 1 / 160, 1 / 30  # range of the bank's hazard where the law of the durations is drawn
 LARGEST_ROUND = 2**22  # tracks x ticks x turns, whose inputs take half a gigabyte
 
@@ -271,10 +270,6 @@ class RhythmRun(TrackRun):
     """A training run of the agent that learns habits within the episode."""
 
     decider_class = RhythmDecider
-
-    def make_decider(self, world: QuickestOptions) -> RhythmDecider:
-        """See `TrackRun.make_decider`; with fewer histories than the agent, which are faster to simulate."""
-        return RhythmDecider(self.net, world, branches=TRAINING_BRANCHES)
 
 
 def simulate(

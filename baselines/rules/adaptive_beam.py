@@ -1,7 +1,7 @@
 """The beam that learns the rhythm of an object: the law of its durations and the order of its modes."""
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from baselines.rules.beam import BeamDecider, hazards
 from baselines.rules.beam_habits import SMALLEST
-from hybrid_env.checks import FloatArray
 from hybrid_env.durations import (
     GeometricDurations,
     SimpleDurations,
@@ -23,7 +22,7 @@ SHORTEST, LONGEST = 10.2, 400.0  # ticks, of the shortest duration of a uniform 
 # longest over shortest duration of the uniform laws, and the distance of the logarithms of the shortest
 WIDTHS = {1.06: 0.04, 1.13: 0.07, 1.3: 0.15, 1.7: 0.3, 2.5: 0.5}
 OFFSETS, MEANS = (0, 5, 10, 20, 40, 80, 160), (10, 20, 40, 80, 160)  # of the geometric laws
-DEFAULT, GEOMETRIC, UNIFORM = 0.5, 0.1, 0.4  # probability of the environment's default law, and of each kind
+UNIFORM, GEOMETRIC, DEFAULT = 0.4, 0.1, 0.5  # probability of each kind, and of the environment's default law
 USUAL, SPREAD = 70.0, 0.6  # median mean duration [ticks] of both kinds, and deviation of its logarithm
 DIFFERENT = 0.05  # probability that straight motion and turns have laws of their own
 HABITUAL = 0.2  # probability that the next modes are not equally likely
@@ -47,18 +46,20 @@ def mixed_prior(
     shortest: tuple[float, float],
     offsets: Sequence[int],
     means: Sequence[int],
-    shares: tuple[float, float, float],
+    shares: tuple[float, float],
+    known: Mapping[SimpleDurations, float],
     different: float,
     habitual: float,
 ) -> Prior:
-    """Return uniform laws, geometric ones, and the default law of the environment.
+    """Return uniform laws, geometric ones, and some single ones.
 
     Args:
         widths: longest over shortest duration of the uniform laws, and the distance of the logarithms of the
             shortest.
         shortest: range of the shortest durations [ticks].
         offsets, means: of the geometric laws, in all combinations.
-        shares: probabilities of the uniform and the geometric laws and of the default law.
+        shares: probabilities of the uniform and of the geometric laws.
+        known: the single laws with their probabilities.
         different, habitual: see `Prior`.
     """
     laws: list[GeometricDurations | UniformDurations] = []
@@ -72,16 +73,16 @@ def mixed_prior(
     average = np.log([law.mean_duration for law in (*laws, *geometric)])
     usual = np.append(weights, np.ones(len(geometric))) * np.exp(-0.5 * ((average - np.log(USUAL)) / SPREAD) ** 2)
     kinds = np.split(usual, [len(laws)])
-    parts = [share * kind / kind.sum() for share, kind in zip(shares[:2], kinds, strict=True)]
-    everything = (*laws, *geometric, GeometricDurations(50.0, 25))
-    return Prior(everything, (*np.concatenate(parts).tolist(), shares[2]), different, habitual, FLOOR, CEILING)
+    parts = [share * kind / kind.sum() for share, kind in zip(shares, kinds, strict=True)]
+    everything = (*laws, *geometric, *known)
+    return Prior(everything, (*np.concatenate(parts).tolist(), *known.values()), different, habitual, FLOOR, CEILING)
 
 
 @functools.cache
 def default_prior() -> Prior:
     """Return uniform laws of five relative widths, geometric ones, and the default law of the environment."""
-    shares = (UNIFORM, GEOMETRIC, DEFAULT)
-    return mixed_prior(WIDTHS, (SHORTEST, LONGEST), OFFSETS, MEANS, shares, DIFFERENT, HABITUAL)
+    shares, known = (UNIFORM, GEOMETRIC), {GeometricDurations(50.0, 25): DEFAULT}
+    return mixed_prior(WIDTHS, (SHORTEST, LONGEST), OFFSETS, MEANS, shares, known, DIFFERENT, HABITUAL)
 
 
 class AdaptiveBeamDecider(BeamDecider):
@@ -116,10 +117,3 @@ def _tables(prior: Prior, ages: int, random_start: bool) -> NDArray[np.float32]:
         tables[row, :, 0] = np.cumprod(np.vstack([np.ones(len(laws)), 1.0 - ends[:-1]]), axis=0)
         tables[row, :, 1] = tables[row, :, 0] * ends
     return np.where(tables > SMALLEST, tables, 0.0).astype(np.float32)
-
-
-def _beliefs(prior: Prior) -> FloatArray:
-    """Return the prior of the three rows of `beam_habits.Habits`, (3, L)."""
-    shares = np.array([1.0 - prior.different, prior.different, prior.different])
-    weights = np.array(prior.weights)
-    return np.asarray(shares[:, None] * weights / weights.sum())

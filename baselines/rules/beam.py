@@ -51,6 +51,8 @@ class BeamDecider(MeasurementDecider[BeamState]):
         threshold, release: see `ThresholdDecider`.
         branches: largest number of histories.
         merged: whether histories that switch to the same mode at the same tick are merged into one.
+        joined: whether those of a full beam that switched to the same mode at nearly the same tick become one, and
+            none of their probability is lost.
         durations: law of the durations that the decider assumes; None is the true one of the options.
         order: law of the next mode that it assumes, likewise.
     """
@@ -65,6 +67,7 @@ class BeamDecider(MeasurementDecider[BeamState]):
         release: float = 1.0,
         branches: int = 64,
         merged: bool = True,
+        joined: bool = False,
         durations: str | Durations | None = None,
         order: Any = None,
     ):
@@ -76,6 +79,7 @@ class BeamDecider(MeasurementDecider[BeamState]):
         self.model = BeamModel(
             np.array(options.radii), hazards(options.duration_laws), options.order_matrix, check_flag("merged", merged),
             np.zeros((2, 1, 2, 0), np.float32), np.zeros((3, 0)), 0.0, filter_model(options), sensors_of(options),
+            check_flag("joined", joined),
         )  # fmt: skip
 
     @classmethod

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.rules.beam_habits import Habits, begin_habits, expected_hazard, free_slots, merge_habits, next_mode
+from baselines.rules.beam_joining import join_branches
 from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.core.arrays import aligned_zeros
 from hybrid_env.core.banks.anchor_aware import AWARE_HYPOTHESIS, begin_hypothesis, covariance_of, sense_hypothesis
@@ -62,6 +63,7 @@ class BeamModel(NamedTuple):
     habitual: float  # prior probability that the next modes are not equally likely, likewise
     filters: FilterModel  # model of the filters
     sensors: NDArray[Any]  # (k,) records `records.SENSOR`
+    joined: bool  # whether branches of a full beam become one, see `beam_joining`, or the least probable are omitted
 
 
 def branch_arrays(tracks: int, branches: int, modes: int = 0, laws: int = 0) -> Branches:
@@ -148,18 +150,18 @@ def triangle(entries: FloatArray) -> Triangle4:
 @internal
 def _switch(
     branches: Branches, track: int, weights: FloatArray, parents: tuple[int, int],
-    children: Branches, count: int, free: IntArray, model: BeamModel,
+    children: Branches, count: int, free: IntArray, all_shares: FloatArray, model: BeamModel,
 ) -> int:  # fmt: skip
     """Write one child for every mode, after `count` others: the mixture of parents in other modes. Return their number.
 
     parents: the first branch that switches, and the end of these branches; weights: (branches,) probability of a
-    branch and its end; free: (M,) slots for the habits of the children.
+    branch and its end; free: (M,) slots for the habits of the children; all_shares: (M, branches) is written:
+    probabilities of each child and its parent.
     """
     mean, difference, covariance = np.empty(4), np.empty(4), np.empty(10)
-    shares = np.zeros(weights.size)  # probability of each parent
     learns = model.prior.size > 0
     for mode in range(2 * model.radii.size + 1):
-        largest, total = 0.0, 0.0
+        largest, total, shares = 0.0, 0.0, all_shares[mode]
         for b in range(parents[0], parents[1]):
             before, probability = branches.modes[track, b], 0.0
             if before != mode and weights[b] > 0.0:
@@ -195,19 +197,17 @@ def _switch(
         anchor = (mean[0], mean[1], mean[2], mean[3])
         log_weight = math.log(total)
         _begin_branch(children, 0, count, mode, LATER, anchor, triangle(covariance), log_weight, model)
-        if learns:
-            children.slots[0, count] = free[mode]
-            merge_habits(
-                branches.habits, track, free[mode], mode, shares[: parents[1]], branches.slots[track],
-                branches.modes[track], branches.rows[track], branches.ages[track], model.tables,
-            )  # fmt: skip
+        children.slots[0, count] = free[mode] if learns else 0
         count += 1
     return count
 
 
 @internal
-def _extend(branches: Branches, track: int, children: Branches, model: BeamModel) -> int:
-    """Write the continuations of all branches of a track to `children`, (1, ...). Return their number."""
+def _extend(branches: Branches, track: int, children: Branches, model: BeamModel) -> tuple[int, FloatArray]:
+    """Write the continuations of all branches of a track to `children`, (1, ...), oldest first if theirs are.
+
+    Return their number, and the probabilities of each child that begins and its parent, (M, branches).
+    """
     count = 0
     learns = model.prior.size > 0
     switches = np.zeros(branches.counts[track])
@@ -228,15 +228,16 @@ def _extend(branches: Branches, track: int, children: Branches, model: BeamModel
             children.hazards[0, count] = hazard
             children.filters[0, count // LANES].log_likelihood[count % LANES] = weight + math.log1p(-hazard)
             count += 1
+    shares = np.zeros((2 * model.radii.size + 1, switches.size))
     free = switches.astype(np.int64)[:0]
     if learns:
         free = free_slots(branches.slots[track, : switches.size], branches.habits)
     if model.merged:
-        count = _switch(branches, track, switches, (0, switches.size), children, count, free, model)
+        count = _switch(branches, track, switches, (0, switches.size), children, count, free, shares, model)
     else:
         for b in range(switches.size):
-            count = _switch(branches, track, switches, (b, b + 1), children, count, free, model)
-    return count
+            count = _switch(branches, track, switches, (b, b + 1), children, count, free, shares, model)
+    return count, shares
 
 
 @compiled
@@ -253,21 +254,32 @@ def step_branches(
     for track in range(measurements.shape[0]):
         for lane in range(LANES):
             write_measured(measured[0], lane, measurements[track])
-        count = _extend(branches, track, children, model)
+        count, shares = _extend(branches, track, children, model)
         weights = np.empty(count)
         for group in range((count + LANES - 1) // LANES):
             kalman = children.filters[0, group]
             sense_hypothesis(kalman, innovations[0], 0, LANES, measured[0], model.sensors, model.filters)
             for c in range(group * LANES, min(count, (group + 1) * LANES)):
                 weights[c] = -kalman.log_likelihood[c % LANES]
-        order = np.argsort(weights, kind="mergesort")
-        kept = min(count, capacity)
-        smallest = weights[order[0]]  # of the most probable branch
+        if model.joined:
+            order = join_branches(children.modes[0], children.rows[0], children.ages[0], weights, capacity)
+        else:
+            order = np.argsort(weights, kind="mergesort")
+        kept = min(order.size, capacity)
+        smallest = weights[order[:kept]].min()  # of the most probable branch
         total = 0.0
         for k in range(kept):
             total += math.exp(smallest - weights[order[k]])
         shift = smallest - math.log(total)
         log_probability[track] = 0.0
+        for k in range(kept if model.prior.size > 0 else 0):  # before their parents are overwritten
+            c = order[k]
+            mode = children.modes[0, c]
+            if children.ages[0, c] == 1:
+                merge_habits(
+                    branches.habits, track, children.slots[0, c], mode, shares[mode], branches.slots[track],
+                    branches.modes[track], branches.rows[track], branches.ages[track], model.tables,
+                )  # fmt: skip
         for k in range(kept):
             c = order[k]
             _copy_branch(children, 0, c, branches, track, k)
