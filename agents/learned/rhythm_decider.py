@@ -1,9 +1,8 @@
 """The statement network on a beam that learns an object's habits within the episode.
 
-The beam (`baselines.rules.adaptive_beam`) is smaller than that of the rule: fewer laws, and fewer histories, which are
-joined (`baselines.rules.beam_joining`). Its
-probabilities of the modes are those that the network corrects, and what its histories say about age and end of
-the present segment are further inputs.
+The beam (`baselines.rules.adaptive_beam`) is smaller than that of the rule: fewer laws, and fewer histories, which
+are joined (`baselines.rules.beam_joining`). Its probabilities of the modes are those that the network corrects, and
+what its histories say about age and end of the present segment are further inputs.
 """
 
 import functools
@@ -39,8 +38,8 @@ BRANCHES, BRANCHES_PER_MODE = 16, 3
 SHORTEST, LONGEST = 14.0, 180.0  # ticks, of the shortest duration of a uniform law
 WIDTHS = {1.07: 0.07, 1.2: 0.13, 1.6: 0.25, 2.4: 0.4}
 OFFSETS, MEANS = (0, 10, 25, 50, 80), (10, 20, 40, 80)
-UNIFORM, GEOMETRIC = 0.42, 0.13  # probability of each kind
-KNOWN = {GeometricDurations(50.0, 25): 0.3, UniformDurations(50, 100): 0.15}  # laws of `statements`, likewise
+UNIFORM, GEOMETRIC = 0.32, 0.08  # probability of each kind
+KNOWN = {GeometricDurations(50.0, 25): 0.3, UniformDurations(50, 100): 0.3}  # laws of `statements`, likewise
 DIFFERENT, HABITUAL = 0.15, 0.4  # see `adaptive_beam.Prior`
 
 

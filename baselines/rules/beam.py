@@ -51,8 +51,8 @@ class BeamDecider(MeasurementDecider[BeamState]):
         threshold, release: see `ThresholdDecider`.
         branches: largest number of histories.
         merged: whether histories that switch to the same mode at the same tick are merged into one.
-        joined: whether those of a full beam that switched to the same mode at nearly the same tick become one, and
-            none of their probability is lost.
+        joined: whether histories of a full beam that switched to the same mode at nearly the same tick become one;
+            else the least probable are omitted. See `beam_joining`.
         durations: law of the durations that the decider assumes; None is the true one of the options.
         order: law of the next mode that it assumes, likewise.
     """
