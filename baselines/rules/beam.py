@@ -51,10 +51,10 @@ class BeamDecider(MeasurementDecider[BeamState]):
         threshold, release: see `ThresholdDecider`.
         branches: largest number of histories.
         merged: whether histories that switch to the same mode at the same tick are merged into one.
-        joined: whether histories of a full beam that switched to the same mode at nearly the same tick become one;
-            else the least probable are omitted. See `beam_joining`.
         durations: law of the durations that the decider assumes; None is the true one of the options.
         order: law of the next mode that it assumes, likewise.
+        joined: whether histories of a full beam that switched to the same mode at nearly the same tick become one;
+            else the least probable are omitted. See `beam_joining`.
     """
 
     name, title, symbol, default, informed = "beam", "beam", "probability", 0.6, True
@@ -67,9 +67,9 @@ class BeamDecider(MeasurementDecider[BeamState]):
         release: float = 1.0,
         branches: int = 64,
         merged: bool = True,
-        joined: bool = False,
         durations: str | Durations | None = None,
         order: Any = None,
+        joined: bool = False,
     ):
         self.rule = ThresholdDecider(threshold, release)
         self.hypotheses = options.hypotheses
