@@ -93,6 +93,8 @@ class BeamSmoother(Decider):
             raise reject("beam", type(beam).__name__, "a beam that does not learn the law")
         if not beam.model.merged:
             raise reject("merged", beam.model.merged, "True: branches are found by their mode and age")
+        if beam.model.joined:
+            raise reject("joined", beam.model.joined, "False: a joined branch stands for several ages")
         self.beam = beam
         self.lags = tuple(check_integer("lags", lag, 0, LONGEST_LAG) for lag in lags)
         self._found: dict[int, list[FloatArray]] = {}

@@ -124,5 +124,7 @@ def test_arguments_that_are_not_allowed_are_refused():
     options = QuickestOptions()
     with pytest.raises(ArgumentError, match="merged=False"):
         BeamSmoother(BeamDecider(options, merged=False), (5,))
+    with pytest.raises(ArgumentError, match="joined=True"):
+        BeamSmoother(BeamDecider(options, joined=True), (5,))
     with pytest.raises(ArgumentError, match="lags=-1"):
         BeamSmoother(BeamDecider(options), (0, -1))
