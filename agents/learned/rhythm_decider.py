@@ -22,7 +22,7 @@ from baselines.rules.measurements import run_compiled
 from hybrid_env.checks import FloatArray, reject
 from hybrid_env.core.compilation import compiled
 from hybrid_env.core.records import LANES
-from hybrid_env.durations import GeometricDurations, UniformDurations
+from hybrid_env.durations import GeometricDurations, SimpleDurations, UniformDurations
 from hybrid_env.quickest_options import QuickestOptions
 
 HABIT_INPUTS = (
@@ -39,7 +39,8 @@ SHORTEST, LONGEST = 14.0, 180.0  # ticks, of the shortest duration of a uniform 
 WIDTHS = {1.07: 0.07, 1.2: 0.13, 1.6: 0.25, 2.4: 0.4}
 OFFSETS, MEANS = (0, 10, 25, 50, 80), (10, 20, 40, 80)
 UNIFORM, GEOMETRIC = 0.32, 0.08  # probability of each kind
-KNOWN = {GeometricDurations(50.0, 25): 0.3, UniformDurations(50, 100): 0.3}  # laws of `statements`, likewise
+# laws of the recipe `statements`, likewise
+KNOWN: dict[SimpleDurations, float] = {GeometricDurations(50.0, 25): 0.3, UniformDurations(50, 100): 0.3}
 DIFFERENT, HABITUAL = 0.15, 0.4  # see `adaptive_beam.Prior`
 
 

@@ -81,7 +81,8 @@ def mixed_prior(
 @functools.cache
 def default_prior() -> Prior:
     """Return uniform laws of five relative widths, geometric ones, and the default law of the environment."""
-    shares, known = (UNIFORM, GEOMETRIC), {GeometricDurations(50.0, 25): DEFAULT}
+    known: dict[SimpleDurations, float] = {GeometricDurations(50.0, 25): DEFAULT}
+    shares = UNIFORM, GEOMETRIC
     return mixed_prior(WIDTHS, (SHORTEST, LONGEST), OFFSETS, MEANS, shares, known, DIFFERENT, HABITUAL)
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from agents.evaluation.worlds import RHYTHMS
 from agents.learned.rhythm_decider import HABIT_INPUTS, RhythmDecider, habit_inputs, prior
 from agents.training.statements import simulate
 from baselines import record_statements
@@ -114,7 +115,13 @@ def test_inputs_of_habits_are_sums_over_the_histories_of_the_beam():
             new = (of_mode * (branches.ages[track, alive] == 1)).sum()
             assert found[track, mode, 4] == pytest.approx(np.log(max(age, 1.0)) / 5.0, abs=1e-5)
             assert found[track, mode, 2] == pytest.approx(max(np.log(max(new, 1e-30)), -15.0) / 5.0, abs=1e-5)
-    assert len(prior().laws) < 100
+
+
+def test_no_reported_rhythm_is_in_the_prior():
+    laws = {str(law) for law in prior().laws}
+    assert not laws & {world.get("durations", "") for world in RHYTHMS.values()}
+    assert {"uniform 50-100", "25 + geometric 50"} < laws
+    assert len(laws) < 100
 
 
 def test_rows_alone_are_refused():
