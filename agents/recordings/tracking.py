@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from agents.evaluation.error_rate import ErrorArguments
-from agents.evaluation.registry import SHIPPED, base_name, is_brought, load_decider, needed_options
+from agents.evaluation.registry import NAMED, SHIPPED, base_name, is_brought, load_decider, needed_options
 from baselines.recordings.consistency import Consistency, check_consistency
 from baselines.recordings.decisions import ModelUnits, TickDecisions, check_lengths, decide_recording
 from baselines.recordings.model_fit import TrackModel, fit_model
@@ -157,9 +157,9 @@ class TrackingArguments(ErrorArguments):
             check_array("start", self.start, (4,))
         announced, unknown = rules(ANNOUNCED), rules(UNKNOWN)
         name = base_name(self._decider_name())
-        if name not in (*announced, *unknown, SHIPPED) and not is_brought(name):
-            known = ", ".join([*announced, *unknown, SHIPPED])
-            raise reject("decider", self.decider, f"{known}, a run folder, model.zip or mine.py:MyRule")
+        known = *announced, *unknown, SHIPPED, *NAMED
+        if name not in known and not is_brought(name):
+            raise reject("decider", self.decider, f"{', '.join(known)}, a run folder, model.zip or mine.py:MyRule")
         if not self.lengths and name in announced:
             raise reject("decider", self.decider, f"{', '.join(unknown)} or an agent, or give --lengths")
         if self.lengths and name in unknown:

@@ -14,7 +14,7 @@ import numpy as np
 import agents
 import baselines
 import hybrid_env
-from agents.evaluation.registry import SHIPPED, find_family, is_brought, is_own, policy_folder
+from agents.evaluation.registry import NAMED, SHIPPED, find_family, is_brought, is_own, policy_folder
 from agents.evaluation.task import Task
 from agents.interface.output_files import atomic_file, output_folder
 from agents.learned.policy_file import WEIGHTS, package_versions
@@ -57,9 +57,9 @@ class Plan:
 
         if name in self.agents:
             recipes = recipe_names()
-            if name in recipes or str(name).endswith(".yml"):
+            if (name in recipes and name not in NAMED) or str(name).endswith(".yml"):
                 return load_recipe(name, self.task.env_id)
-            if name != SHIPPED and not is_brought(name):
+            if name not in (SHIPPED, *NAMED) and not is_brought(name):
                 kinds = "'shipped', a run folder, model.zip, policy.onnx, a recipe as YAML"
                 raise reject("agents", name, f"{kinds}, or {', '.join(recipes)}")
         elif name not in rules(self.task.switches) and not is_own(name):
