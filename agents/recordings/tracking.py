@@ -152,7 +152,8 @@ class TrackingArguments(ErrorArguments):
         check_choice("undecided", self.undecided, ("keep", "likeliest"))
         for name in ("bank", "recalculation", "refine_radius"):
             if getattr(self, name) and not self.lengths:
-                raise reject(name, getattr(self, name), "no value without lengths: modes are then stated, by the IMM")
+                nothing = "none" if name == "bank" else "False"
+                raise reject(name, getattr(self, name), f"{nothing} without lengths: modes are then stated, by the IMM")
         if self.start is not None:
             check_array("start", self.start, (4,))
         announced, unknown = rules(ANNOUNCED), rules(UNKNOWN)

@@ -9,7 +9,6 @@ training, so that the anchors are those which follow its own declarations.
 A round is determined by its number: a checkpoint between two rounds needs no tracks.
 """
 
-import math
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -163,20 +162,20 @@ class StoppingRun(WorldsRun):
             order = generator.permutation(lengths.size)
             for start in range(0, lengths.size, self.settings.batch_size):
                 chosen = order[start : start + self.settings.batch_size]
-                chosen = chosen[np.argsort(-lengths[chosen])]
                 ticks = np.arange(lengths[chosen].max())
                 rows = begins[chosen][:, None] + np.minimum(ticks, lengths[chosen][:, None] - 1)
                 inside = torch.from_numpy(ticks < lengths[chosen][:, None] - 1)
-                reward = expected_reward(
-                    self.net.stopping(torch.from_numpy(inputs[rows])), torch.from_numpy(rewards[rows]), inside
-                )
+                logits = self.net.stopping(torch.from_numpy(inputs[rows]))
+                earned = expected_reward(logits, torch.from_numpy(rewards[rows]), inside)
+                decided = expected_reward(logits.detach(), torch.from_numpy(ticks + 1).expand(rows.shape), inside)
                 self.optimizer.zero_grad(set_to_none=False)
-                (-reward.mean()).backward()
+                (-earned.mean()).backward()
                 nn.utils.clip_grad_norm_(self.net.stopping.parameters(), LARGEST_GRADIENT)
                 self.optimizer.step()
-                totals.append(float(reward.detach().mean()))
+                totals.append((float(earned.detach().mean()), float(decided.mean())))
         self.rounds += 1
-        return len(inputs), float(np.mean(totals)), math.nan, {"expected_reward": float(np.mean(totals))}
+        reward, delay = np.mean(totals, axis=0).tolist()
+        return len(inputs), reward, delay, {"expected_reward": reward}
 
     def _worlds(self, generator: np.random.Generator) -> list[tuple[WorldOptions, int]]:
         """Return the environments of a round and their numbers of tracks; half of them with another delay cost."""

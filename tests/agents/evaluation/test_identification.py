@@ -23,7 +23,7 @@ def test_a_wrong_radius_names_the_type_only():
     np.testing.assert_allclose(figures["type"]["delay"], [0.0, 4.0])
     np.testing.assert_allclose(figures["mode"]["identified"], 2 / 3)
     np.testing.assert_allclose(scores.extra["named_within"][1, :, 3:5], [[0.0, 1.0], [0.0, 2 / 3]])
-    panels = task.panels({"x": [Selected(scores, 1)]}, True)
+    panels = task.panels({"x": [Selected(scores, 1)]})
     np.testing.assert_allclose(panels[3].curves[0].y[3:5], [0.0, 200 / 3])
     (table,) = task.further_tables([scores.at(1)], {})
     assert [column._cells[0].split("\n")[0] for column in table.columns] == ["x", "100.0", "4.0", "66.7", "4.0"]
