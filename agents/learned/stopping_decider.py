@@ -87,7 +87,7 @@ class StoppingDecider(AnchorDecider):
     def panel(self) -> EvidencePanel:
         """See `Decider.panel`."""
         return EvidencePanel(
-            label="log-odds of declaring against waiting", limits=(self.margin - 15.0, self.margin + 5.0),
+            label="log-odds of declaring against waiting", limits=(self.margin - 60.0, self.margin + 20.0),
             curves="single", thresholds=(Threshold(np.array([self.margin])),), legend=f"threshold {self.margin:g}",
         )  # fmt: skip
 
