@@ -3,7 +3,6 @@
 import copy
 import subprocess
 import sys
-import time
 
 import gymnasium as gym
 import numpy as np
@@ -191,16 +190,6 @@ def test_rendering_without_a_render_mode_warns():
     env.reset(seed=0)
     with pytest.warns(UserWarning, match="render_mode='rgb_array'"):
         assert env.render() is None
-
-
-def test_a_frame_is_drawn_faster_than_the_frame_rate():
-    env = make(radii=RADII, correctness="type")
-    play(env, seed=1)
-    env.render()
-    begin = time.perf_counter()
-    for _ in range(5):
-        env.render()
-    assert (time.perf_counter() - begin) / 5 < 0.1
 
 
 def test_matplotlib_is_imported_with_the_first_frame_only():
