@@ -81,6 +81,7 @@ class TrackFilters:
         posterior, components = np.full((total, M), 1 / M), np.full((total, COMPONENTS), 1 / COMPONENTS)
         self.last = LastRow(posterior, components, np.zeros((total, M, 2)), *(np.zeros(total) for _ in range(3)))
         self.anchor_samples: tuple[NDArray[np.float32], FloatArray, IntArray] | None = None
+        self.first = np.zeros(total, np.bool_)  # argument of the last `advance`
         self.innovations = np.zeros((total, M, 3))  # of each hypothesis in the last tick, see `ComponentFilters`
 
     def advance(
@@ -98,7 +99,7 @@ class TrackFilters:
         ticks = layout.read(rows, "ticks")
         begins = ticks < 1.5
         anchors = np.zeros((COMPONENTS, len(rows), ANCHOR_COLUMNS))
-        self.anchor_samples = None
+        self.anchor_samples, self.first = None, first
         log_weights = self.log_weights.copy()
         if begins.any():
             anchors[:, begins] = self._anchors(net, rows[begins], begins, first[begins])

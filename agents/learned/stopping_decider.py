@@ -54,16 +54,12 @@ class StoppingDecider(AnchorDecider):
         """Return inputs of the network (N, 30), log-odds of declaring (N,), posterior (N, M) and state after a tick."""
         rows = split_sensed(self.layout, np.asarray(observation))[0]
         anchor, memory = state or (None, Memory.new(len(rows)))
-        starts = np.ones(len(rows), np.bool_) if anchor is None else anchor.starting
-        if episode_start is not None:
-            starts = starts | episode_start
         posterior, anchor = self.posterior(observation, anchor, episode_start)
         filters, (error, best) = anchor.filters, error_and_best(posterior, self.by_type)
         white = filters.innovations[np.arange(len(rows)), best, :2]
-        first = starts & (self.layout.read(rows, "ticks") < 1.5)
         inputs, memory = stopping_inputs(
             rows, filters.scales, posterior, (error, best), self.by_type, 0.5 * (white**2).sum(-1), filters.heavy_tails,
-            self.world.delay_cost, memory, first,
+            self.world.delay_cost, memory, filters.first,
         )  # fmt: skip
         logits = self.net.stopping(torch.from_numpy(inputs)).double().numpy()
         return inputs, logits, posterior, StoppingState(anchor, memory)

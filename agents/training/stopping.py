@@ -67,11 +67,8 @@ class Explorer(Decider):
         drawn[self.generator.random(tracks) < 0.5] = np.inf
         margin = np.where(self.layout.read(rows, "ticks") < 1.5, drawn, margin)
         stops = (logits > margin) | (self.layout.read(rows, "ticks_left") < 0.5)
-        best, stopped, actions = (
-            error_and_best(posterior, self.agent.by_type)[1],
-            np.flatnonzero(stops),
-            np.zeros(tracks, np.int64),
-        )
+        best = error_and_best(posterior, self.agent.by_type)[1]
+        stopped, actions = np.flatnonzero(stops), np.zeros(tracks, np.int64)
         self.seen.append((inputs, rows, best, np.isinf(margin), stops))
         if stopped.size:
             actions[stopped] = self.agent.declared(observation[stopped], posterior[stopped], inner, stopped) + 1
@@ -126,15 +123,13 @@ class StoppingRun(WorldsRun):
         torch.manual_seed(self.seed)
         self.create_worlds()
         self.net = StoppingNetworks(self.settings.hidden)
-        folder = policy_folder(self.settings.agent, ANNOUNCED)
-        weights, _ = load_policy(folder)
+        weights, _ = load_policy(policy_folder(self.settings.agent, ANNOUNCED))
         own = {name: tensor for name, tensor in self.net.state_dict().items() if name.startswith("stopping.")}
         try:
             load_weights(self.net, weights | own)
         except ValueError as error:
-            raise reject(
-                "agent", self.settings.agent, f"an anchor agent of {self.settings.hidden} units ({error})"
-            ) from None
+            allowed = f"an anchor agent of {self.settings.hidden} units ({error})"
+            raise reject("agent", self.settings.agent, allowed) from None
         self.start(self.net, self.settings.learning_rate)
         self.rounds = 0
 
@@ -195,8 +190,8 @@ def expected_reward(logits: Tensor, rewards: Tensor, waits: Tensor) -> Tensor:
         rewards: (S, T) of a declaration at this tick.
         waits: (S, T) where the agent may wait: all ticks of the segment but the last, at which it must declare.
     """
-    stays = torch.where(waits, nn.functional.logsigmoid(-logits), 0.0).cumsum(-1)
-    before = torch.nn.functional.pad(stays, (1, 0))[:, :-1]
-    declares = torch.where(waits, nn.functional.logsigmoid(logits), 0.0)
-    first_end = torch.nn.functional.pad(waits, (1, 0), value=True)[:, :-1]  # up to the last tick of the segment
-    return ((before + declares).exp() * rewards * first_end).sum(-1)
+    pad, log_sigmoid = nn.functional.pad, nn.functional.logsigmoid
+    stays = torch.where(waits, log_sigmoid(-logits), 0.0).cumsum(-1)
+    declares = torch.where(waits, log_sigmoid(logits), 0.0)
+    inside = pad(waits, (1, 0), value=True)[:, :-1]  # up to the last tick of the segment
+    return ((pad(stays, (1, 0))[:, :-1] + declares).exp() * rewards * inside).sum(-1)
