@@ -17,11 +17,13 @@ from agents.evaluation.tasks import ENVIRONMENTS, task_of
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, DeciderFamily
 from baselines.scoring.scores import Scores
-from hybrid_env.checks import reject
+from hybrid_env.checks import FloatArray, reject
 from hybrid_env.options import ModelOptions
 
 AUTO = "auto"
-EPISODES = {ANNOUNCED: 400, UNKNOWN: 60}  # that are simulated
+EPISODES = {ANNOUNCED: 400, UNKNOWN: 60}  # that are simulated at every threshold
+NEARBY = 1.6  # factor between three thresholds at which more episodes are simulated for a rate
+MORE = 3  # as many of them, in units of EPISODES
 RATES = {ANNOUNCED: "%", UNKNOWN: "/1000"}
 """Units of the rates that can be asked for: wrong declarations, and wrong changes in ticks."""
 LARGEST_RATE = 50.0
@@ -58,22 +60,34 @@ def chosen_family(family: DeciderFamily, options: ModelOptions, ending: str) -> 
     )
 
 
+def _rates(told: Task, scores: Scores) -> FloatArray:
+    """Return the rate at every threshold, in the unit of `RATES`."""
+    if told.switches == UNKNOWN:
+        return scores.curve(told.statistic("wrong_changes"))
+    accuracy = "accuracy" if told.options.correctness == "exact" else "type_accuracy"
+    return 100.0 * (1.0 - scores.curve(told.statistic(accuracy)))
+
+
 def _holding(told: Task, family: DeciderFamily, scores: Scores, rate: float) -> float:
     """Return the threshold that holds a rate with the least delay; without one, warn and return the best one."""
-    if told.switches == ANNOUNCED:
-        accuracy = "accuracy" if told.options.correctness == "exact" else "type_accuracy"
-        rates, delays = 100.0 * (1.0 - scores.curve(told.statistic(accuracy))), scores.curve(told.statistic("ticks"))
-    else:
-        rates, delays = (scores.curve(told.statistic(name)) for name in ("wrong_changes", "full_delay"))
+    thresholds, rates = np.array(family.thresholds), _rates(told, scores)
+    delays = scores.curve(told.statistic("ticks" if told.switches == ANNOUNCED else "full_delay"))
     held = np.flatnonzero(rates <= rate)
     if not held.size:
         best, unit = int(rates.argmin()), RATES[told.switches]
-        at_best = f"{rates[best]:.3g}{unit} at best, with {family.symbol} {family.thresholds[best]:g}"
+        at_best = f"{rates[best]:.3g}{unit} at best, with {family.symbol} {thresholds[best]:g}"
         warnings.warn(f"{family.name} cannot hold a rate of {rate:g}{unit}: {at_best}", stacklevel=2)
-        return float(family.thresholds[best])
+        return float(thresholds[best])
     first = int(held[delays[held].argmin()])
-    if first == 0 or rates[first - 1] <= rate or min(family.thresholds) <= 0.0:
-        return float(family.thresholds[first])
-    ends = np.array([first, first - 1])  # between them the logarithm of the rate is nearly linear
-    logs = np.log(np.maximum(rates[ends], 0.1 * rate))
-    return float(np.exp(np.interp(np.log(rate), logs, np.log(np.array(family.thresholds)[ends]))))
+    if first == 0 or rates[first - 1] <= rate or thresholds.min() <= 0.0:
+        return float(thresholds[first])
+
+    def interpolated(at: FloatArray, found: FloatArray) -> float:  # the logarithm of the rate is nearly linear
+        slope, level = np.polyfit(np.log(at), np.log(np.maximum(found, 0.1 * rate)), 1)
+        return float(np.clip(np.exp((np.log(rate) - level) / slope), at.min(), at.max())) if slope else float(at[-1])
+
+    about = interpolated(thresholds[first - 1 : first + 1], rates[first - 1 : first + 1])
+    near = about * np.array([1.0 / NEARBY, 1.0, NEARBY])
+    episodes = EPISODES[told.switches]
+    again = sweep(told, family, MORE * episodes, seeds.CHOOSING + episodes, thresholds=tuple(near.tolist()))
+    return interpolated(near, _rates(told, again))
