@@ -84,7 +84,7 @@ def levels_table(result: Comparison) -> Table:
         cells = [metric_cell(metric, result.level(entry, keys)) for keys, metric in result.levels.items()]
         for key, name in pairs:
             paired = None if entry is reference else result.against(entry).get(key, {}).get(name)
-            cells.append("" if paired is None else bounds_cell(paired, 3))
+            cells.append("" if paired is None else bounds_cell(paired, 1 if name.startswith("ticks") else 3))
         lines.append((escape(entry.name), *cells))
     notes = f"Interpolated between thresholds. {HALF_WIDTH}\n{word[task.paired]} on the same episodes"
     return filled_table("On the operating curves", heads, lines, f"{notes}, with its 95 % interval.")

@@ -15,7 +15,8 @@ class Train(WorldArguments):
 
     recipe: str = "ppo"
     """'ppo' (half a minute), 'anchor' (two minutes), 'anchor-all' (one agent for all environments),
-    'reward' (from rewards alone, a minute), 'tandem' (MSPRT-TANDEM, two minutes), 'kalman' (KalmanNet, a minute),
+    'stopping' (the learned stop, 20 minutes), 'reward' (from rewards alone, a minute),
+    'tandem' (MSPRT-TANDEM, two minutes), 'kalman' (KalmanNet, a minute),
     'distilled' (the shipped agent in 9 kB, two minutes), 'transformer' (on measurements, five minutes),
     'recurrent-ppo', 'a2c', 'dqn', 'qrdqn', 'statements' and 'rhythm' (HybridTrackQuickest-v0, half an hour),
     'q-linear', 'q-deep' and 'jump-markov' (HybridTrackQuickest-v0, minutes), 'flights' and 'gliders' (for recorded
