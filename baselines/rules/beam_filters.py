@@ -258,7 +258,7 @@ def step_branches(
         weights = np.empty(count)
         for group in range((count + LANES - 1) // LANES):
             kalman = children.filters[0, group]
-            sense_hypothesis(kalman, innovations[0], 0, LANES, measured[0], model.sensors, model.filters)
+            sense_hypothesis(kalman, innovations[0], np.uint64(0), np.uint64(LANES), measured[0], model.sensors, model.filters)
             for c in range(group * LANES, min(count, (group + 1) * LANES)):
                 weights[c] = -kalman.log_likelihood[c % LANES]
         if model.joined:

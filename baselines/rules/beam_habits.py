@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.checks import FloatArray, IntArray
-from hybrid_env.core.compilation import internal
+from hybrid_env.core.compilation import internal, summing
 
 Laws = NDArray[np.float32]  # (L,) of one number for each law
 
@@ -54,7 +54,7 @@ def _set_beliefs(habits: Habits, track: int, slot: int, mode: int) -> None:
         beliefs[law] = same[law] + own[law]
 
 
-@internal
+@summing
 def expected_hazard(beliefs: Laws, lasted: Laws, ended: Laws) -> float:
     """Return the probability that a segment ends after its present tick, given (L,) beliefs when it began.
 
@@ -67,7 +67,7 @@ def expected_hazard(beliefs: Laws, lasted: Laws, ended: Laws) -> float:
     return min(float(ends / total), 1.0) if total > 0.0 else 1.0
 
 
-@internal
+@summing
 def _sums(
     same: NDArray[np.float32], own: NDArray[np.float32], ended: NDArray[np.float32]
 ) -> tuple[np.float32, np.float32, np.float32]:

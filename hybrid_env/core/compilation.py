@@ -39,6 +39,11 @@ inlined: Any = njit(**OPTIONS, inline="always")
 internal: Any = register_jitable(**OPTIONS)
 """Decorator of a function that is compiled when a compiled function calls it. Python runs it as it is."""
 
+summing: Any = register_jitable(**OPTIONS, fastmath={"reassoc"})
+"""The same for a function whose sums may be taken in any order, so that they compile to SIMD code. Their rounding
+depends on the processor.
+"""
+
 
 def compiled(function: Callable[..., Any]) -> Any:
     """Decorator of a function called from Python, after `prepare`. Its machine code is cached on disk."""
