@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rules.beam_habits import Habits, begin_habits, expected_hazard, free_slots, merge_habits, next_mode
+from baselines.rules.beam_habits import Habits, begin_habits, expected_hazard, free_slots, merge_habits
 from baselines.rules.beam_joining import join_branches
 from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.core.arrays import aligned_zeros
@@ -78,6 +78,7 @@ def branch_arrays(tracks: int, branches: int, modes: int = 0, laws: int = 0) -> 
         np.zeros((tracks, slots, 3, laws), np.float32),
         np.zeros((tracks, slots, laws), np.float32),
         np.zeros((tracks, slots, modes, modes), np.float32),
+        np.zeros((tracks, slots, modes)),
         np.zeros((tracks, slots), np.float32),
     )
     counts, evidence = np.zeros(tracks, np.int64), np.zeros(tracks)
@@ -167,8 +168,7 @@ def _switch(
             if before != mode and weights[b] > 0.0:
                 probability = model.order[before, mode]
                 if learns:
-                    slot = branches.slots[track, b]
-                    probability, _ = next_mode(branches.habits, track, slot, before, mode)
+                    probability = branches.habits.following[track, branches.slots[track, b], mode]
             shares[b] = weights[b] * probability
             largest = max(largest, shares[b])
         if largest == 0.0:
@@ -251,6 +251,7 @@ def step_branches(
     Measurements are (N, 2) or (N, 9), see `sensing.write_measured`.
     """
     capacity = branches.modes.shape[1]
+    first, last = np.uint64(0), np.uint64(LANES)  # with signed ones the loop over lanes is no SIMD code
     for track in range(measurements.shape[0]):
         for lane in range(LANES):
             write_measured(measured[0], lane, measurements[track])
@@ -258,7 +259,7 @@ def step_branches(
         weights = np.empty(count)
         for group in range((count + LANES - 1) // LANES):
             kalman = children.filters[0, group]
-            sense_hypothesis(kalman, innovations[0], np.uint64(0), np.uint64(LANES), measured[0], model.sensors, model.filters)
+            sense_hypothesis(kalman, innovations[0], first, last, measured[0], model.sensors, model.filters)
             for c in range(group * LANES, min(count, (group + 1) * LANES)):
                 weights[c] = -kalman.log_likelihood[c % LANES]
         if model.joined:

@@ -32,6 +32,7 @@ class Habits(NamedTuple):
     laws: NDArray[np.float32]  # (N, S, 3, L) joint probabilities of law and kind when the present segment began
     beliefs: NDArray[np.float32]  # (N, S, L) sum of the rows of `laws` that concern the present segment
     orders: NDArray[np.float32]  # (N, S, M, M) expected number of switches from a mode (row) to another
+    following: FloatArray  # (N, S, M) probability that each mode follows the present segment
     habitual: NDArray[np.float32]  # (N, S) probability that the next modes are not equally likely
 
 
@@ -40,18 +41,26 @@ def begin_habits(habits: Habits, track: int, slots: int, prior: FloatArray, habi
     """Give the first slots of a track, one for each mode, the prior of the laws, (3, L), and of habits."""
     for slot in range(slots):
         habits.laws[track, slot] = prior
-        _set_beliefs(habits, track, slot, slot)
         habits.orders[track, slot] = 0.0
         habits.habitual[track, slot] = habitual
+        _begin_segment(habits, track, slot, slot)
 
 
 @internal
-def _set_beliefs(habits: Habits, track: int, slot: int, mode: int) -> None:
-    """Write the beliefs that concern a segment of a mode."""
+def _begin_segment(habits: Habits, track: int, slot: int, mode: int) -> None:
+    """Write what concerns a segment of a mode: the beliefs, and the probabilities of the next modes."""
     laws, beliefs = habits.laws[track, slot], habits.beliefs[track, slot]
     same, own = laws[SAME], laws[2 if mode > 0 else 1]
     for law in range(beliefs.size):
         beliefs[law] = same[law] + own[law]
+    counts, habitual = habits.orders[track, slot, mode], habits.habitual[track, slot]
+    total, modes = 0.0, counts.size
+    for k in range(modes):
+        total += counts[k]
+    for k in range(modes):
+        counted = (counts[k] + PSEUDO_COUNT) / (total + PSEUDO_COUNT * (modes - 1))
+        probability = habitual * counted + (1.0 - habitual) / (modes - 1)
+        habits.following[track, slot, k] = 0.0 if k == mode else probability
 
 
 @summing
@@ -108,18 +117,6 @@ def _add_posterior(target: Laws, laws: Laws, weight: float, turns: int, ended: L
 
 
 @internal
-def next_mode(habits: Habits, track: int, slot: int, mode: int, other: int) -> tuple[float, float]:
-    """Return the probability that a mode is followed by another one, and the part of it that is a habit."""
-    orders = habits.orders[track, slot]
-    total, modes = 0.0, orders.shape[0]
-    for k in range(modes):
-        total += orders[mode, k]
-    counted = (orders[mode, other] + PSEUDO_COUNT) / (total + PSEUDO_COUNT * (modes - 1))
-    habit = habits.habitual[track, slot] * counted
-    return habit + (1.0 - habits.habitual[track, slot]) / (modes - 1), habit
-
-
-@internal
 def free_slots(used: IntArray, habits: Habits) -> IntArray:
     """Return M slots of a track that none of its branches uses. used: those of its branches."""
     taken = np.zeros(habits.laws.shape[1], np.bool_)
@@ -147,8 +144,8 @@ def merge_habits(
             ended = tables[rows[b], min(ages[b], tables.shape[1]) - 1, 1]
             turns = 1 if modes[b] > 0 else 0
             _add_posterior(laws, habits.laws[track, slots[b]], share, turns, ended)
-            probability, habit = next_mode(habits, track, slots[b], modes[b], mode)
-            habitual += share * habit / probability
+            by_chance = (1.0 - habits.habitual[track, slots[b]]) / (orders.shape[0] - 1)
+            habitual += share * (1.0 - by_chance / habits.following[track, slots[b], mode])
             counts = habits.orders[track, slots[b]]
             for row in range(counts.shape[0]):
                 for column in range(counts.shape[0]):
@@ -158,5 +155,5 @@ def merge_habits(
         values = laws[row]
         for law in range(values.size):
             values[law] = values[law] if values[law] > SMALLEST else np.float32(0.0)
-    _set_beliefs(habits, track, slot, mode)
     habits.habitual[track, slot] = habitual
+    _begin_segment(habits, track, slot, mode)

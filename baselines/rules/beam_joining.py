@@ -29,7 +29,7 @@ def join_branches(modes: IntArray, rows: IntArray, ages: IntArray, weights: Floa
         capacity: largest number that remains.
     """
     smallest = weights.min()
-    shares = np.exp(smallest - weights)
+    shares, reach = np.exp(smallest - weights), np.log(ages[: weights.size] + YOUNG)
     kept, left = np.arange(weights.size), weights.size
     last = np.empty(2 * modes.max() + 2, np.int64)  # place of the last branch of each mode and row
     while left > capacity:
@@ -45,8 +45,7 @@ def join_branches(modes: IntArray, rows: IntArray, ages: IntArray, weights: Floa
             if before >= 0:
                 older = kept[before]
                 both = shares[b] + shares[older]
-                gap = math.log((ages[older] + YOUNG) / (ages[b] + YOUNG))
-                cost = shares[b] * shares[older] / both * gap if both > 0.0 else 0.0
+                cost = shares[b] * shares[older] / both * (reach[older] - reach[b]) if both > 0.0 else 0.0
                 if cost < least:
                     least = cost
                     goes, takes = (before, k) if shares[b] >= shares[older] else (k, before)

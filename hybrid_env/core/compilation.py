@@ -40,8 +40,8 @@ internal: Any = register_jitable(**OPTIONS)
 """Decorator of a function that is compiled when a compiled function calls it. Python runs it as it is."""
 
 summing: Any = register_jitable(**OPTIONS, fastmath={"reassoc"})
-"""The same for a function whose sums may be taken in any order, so that they compile to SIMD code. Their rounding
-depends on the processor.
+"""The same for a function whose sums may be taken in any order, so that they become SIMD code. Their rounding depends
+on the processor: not for environments and banks.
 """
 
 
