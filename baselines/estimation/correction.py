@@ -1,7 +1,6 @@
-"""The correction of Kalman filters by measured positions, one component of a measurement after the other.
-
-Along the principal axes of its covariance the components of a measurement have independent errors, so that each is
-processed as a scalar, without an inverse. Bar-Shalom, Li & Kirubarajan 2001, section 7.4 (sequential processing).
+"""The correction of Kalman filters by measured positions, one component of a measurement after the other, without an
+inverse: along the principal axes of its covariance they have independent errors. Bar-Shalom, Li & Kirubarajan 2001,
+section 7.4 (sequential processing).
 """
 
 from typing import NamedTuple
@@ -47,9 +46,8 @@ def correct(
     state: FloatArray, covariance: FloatArray, measurement: FloatArray, noise: PrincipalNoise,
     robust: Robust | WholeStudentT | None = None,
 ) -> Corrected:  # fmt: skip
-    """Correct predicted estimates, (..., n) and (..., n, n), by measured positions (..., d) [m].
-
-    `robust` says how components far from the prediction are used, or whole measurements; None is the Kalman filter.
+    """Correct predicted estimates, (..., n) and (..., n, n), by measured positions (..., d) [m]. `robust` says how
+    components far from the prediction are used, or whole measurements; None is the Kalman filter.
     """
     state, covariance = state.copy(), covariance.copy()
     lead, d = state.shape[:-1], measurement.shape[-1]

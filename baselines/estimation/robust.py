@@ -1,11 +1,10 @@
 """Corrections by a measurement: that of the Kalman filter, and some that are robust against outliers.
 
-The components of a measurement along the principal axes of its covariance are processed one after the other. Let y be
-the innovation of a component, m the variance of its prediction, r the variance of its error, and c the column of the
-covariance P of the state that belongs to it. Every method adds c y a to the state and subtracts c c' b from P; the
-methods differ in a and b. For the Kalman filter a = b = 1 / (m + r). A `Robust` method assumes that outliers of
-different components are independent. Each method also gives the log-likelihood of the innovation. For Student-t it is
-exact; for Huber it is that of the density that belongs to the loss, with the scale of the innovation.
+Of a component of a measurement along a principal axis of its covariance let y be the innovation, m the variance of the
+prediction, r that of the error, and c its column of the covariance P of the state. Every method adds c y a to the state
+and subtracts c c' b from P, with its own a and b; for the Kalman filter a = b = 1 / (m + r). Outliers of different
+components are independent. The log-likelihood of the innovation is exact for Student-t; for Huber it is that of the
+density that belongs to the loss, with the scale of the innovation.
 """
 
 from abc import ABC, abstractmethod
@@ -113,10 +112,9 @@ class StudentT(Robust):
 
 @dataclass(frozen=True)
 class Correntropy(Robust):
-    """Maximum of the correntropy of prediction and measurement. Chen, Liu, Zhao & Principe 2017, algorithm 1.
-
-    Residuals of both, in their standard deviations, have weights exp(-residual^2 / (2 width^2)), by fixed-point
-    iterations. The covariance is that of the gain with the assumed variances; a large width gives the Kalman filter.
+    """Maximum of the correntropy of prediction and measurement. Chen, Liu, Zhao & Principe 2017, algorithm 1: residuals
+    of both, in their standard deviations, have weights exp(-residual^2 / (2 width^2)), by fixed-point iterations. The
+    covariance is that of the gain with the assumed variances; a large width gives the Kalman filter.
     """
 
     width: float = 3.0
@@ -141,9 +139,8 @@ class Correntropy(Robust):
 
 @dataclass(frozen=True)
 class WholeStudentT:
-    """Innovations with a Student t distribution in the plane, one weight for all components of a measurement.
-
-    It is the expected relative precision given the innovation, at most 1: Lange, Little & Taylor 1989, eq. (4).
+    """Innovations with a Student t distribution in the plane, one weight for all components of a measurement: the
+    expected relative precision given the innovation, at most 1. Lange, Little & Taylor 1989, eq. (4).
     """
 
     freedom: float  # degrees of freedom nu

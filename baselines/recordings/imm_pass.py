@@ -1,6 +1,5 @@
-"""The interacting multiple model bank over recorded measurements: likelihood and normalised innovations.
-
-The likelihood, ln p(z_k | z_1 .. z_k-1) of the mixture over the modes, summed over the ticks, is what `model_fit`
+"""The interacting multiple model bank over recorded measurements: likelihood and normalised innovations. The
+likelihood, ln p(z_k | z_1 .. z_k-1) of the mixture over the modes, summed over the ticks, is what `model_fit`
 maximises. Chunks of a recording of about equal length run side by side in the lanes of a block.
 """
 
@@ -130,9 +129,8 @@ def _record(bank: ImmBank, lane: int, measured: bool, white: FloatArray, probabi
 def imm_pass(
     chunks: Chunks, bank: ImmBank, radii: FloatArray, model: FilterModel, output: PassOutput
 ) -> tuple[float, int]:
-    """Run the bank over all chunks; return the logarithm of the likelihood, and the number of measurements in it.
-
-    Two measurements start a chunk, with equally probable modes; these and `BURN_IN` more do not count. The bank, of one
+    """Run the bank over all chunks; return the logarithm of the likelihood, and the number of measurements in it. Two
+    measurements start a chunk, with equally probable modes; these and `BURN_IN` more do not count. The bank, of one
     block, and the output are overwritten; no radii (n,) is a bank of straight motion.
     """
     total, count = 0.0, 0

@@ -1,7 +1,6 @@
-"""The kernel: object, measurement, bank, reward, fast-forward and autoreset of many tracks in one loop.
-
-The operations of every tick are loops over the lanes of a block (see `records`). Decisions and new segments occur in
-few tracks and are computed for single lanes. Threads step different blocks.
+"""The kernel: object, measurement, bank, reward, fast-forward and autoreset of many tracks in one loop. The operations
+of every tick are loops over the lanes of a block (see `records`). Decisions and new segments occur in few tracks and
+are computed for single lanes. Threads step different blocks.
 """
 
 import math

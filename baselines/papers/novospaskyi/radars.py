@@ -125,10 +125,8 @@ def measure(scans: Sequence[Scan], noise: Noise, seed: tuple[int, ...]) -> Track
 
 def flight_errors(estimates: FloatArray, truth: FloatArray) -> tuple[FloatArray, FloatArray]:
     """RMSE and MAE (...) of estimates (..., K, 3) of each flight, means over the axes; a missing truth is NaN.
-
     Novospaskyi 2025, eq. (1.25) and (1.26), sum over the axes, but its tables do not: all eight unfiltered values come
-    out as means over flights and axes of the error within a flight. They would list 21.7 and 29.9 m, not 12.5 and 9.9
-    m.
+    out as means over flights and axes of the error within a flight, and not the 21.7 and 29.9 m of a sum.
     """
     error = estimates - truth
     rmse = np.sqrt(np.nanmean(error**2, axis=-2)).mean(-1)

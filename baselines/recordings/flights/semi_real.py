@@ -28,11 +28,9 @@ WORLD = QuickestOptions(start="random")
 def semi_real_flights(
     flights: Sequence[Flight], labels: Sequence[Labels], generator: np.random.Generator
 ) -> tuple[list[Flight], list[Labels]]:
-    """Return flights at ticks of 1 s with white noise, and their labels.
-
-    Their speed v is the median over the ticks at speeds that are scored. The tier has sigma as `across`, and no error
-    of the time. A tick has the label of the nearest position; it is not scored if that is not, or is 1.5 median steps
-    away.
+    """Return flights at ticks of 1 s with white noise, and their labels. The speed v is the median over the ticks at
+    speeds that are scored. The tier has sigma as `across`, and no error of the time. A tick has the label of the
+    nearest position; it is not scored if that is not, or is 1.5 median steps away.
     """
     batch = stack_flights(flights)
     states = smoothed_states(batch, LabelRules().jerk)
