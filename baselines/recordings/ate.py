@@ -71,14 +71,9 @@ def _write_tick(bank: PublishedBank, mode: int, k: int, output: Tracks) -> None:
 
 @internal
 def _recalculate(
-    measurements: FloatArray,
-    ticks: tuple[int, int],
-    anchor: State,
-    mode: int,
-    filters: Filters,
-    recalculation: int,
+    measurements: FloatArray, ticks: tuple[int, int], anchor: State, mode: int, filters: Filters, recalculation: int,
     output: Tracks,
-) -> None:
+) -> None:  # fmt: skip
     """Recompute the estimates up to the decision with the decided filter. Tsyganov 2019, lines 17 to 20."""
     bank, radii, model = filters
     measurement = np.zeros((2, LANES))

@@ -66,13 +66,9 @@ class TickDecisions:
 
 
 def decide_recording(
-    grid: TickGrid,
-    model: TrackModel,
-    tracker: OnlineTracker,
-    *,
-    lengths: Sequence[int] = (),
+    grid: TickGrid, model: TrackModel, tracker: OnlineTracker, *, lengths: Sequence[int] = (),
     start: FloatArray | None = None,
-) -> list[TickDecisions]:
+) -> list[TickDecisions]:  # fmt: skip
     """Run a decider over the pieces of a recording, whose tracker has the options of `ModelUnits.options`. Lengths are
     ticks between the known switches, see `check_lengths`; `start` is the exact state (4,) [x, vx, y, vy] one tick
     before the first measurement, None starts from the first measurements.
@@ -91,13 +87,9 @@ def check_lengths(grid: TickGrid, lengths: Sequence[int]) -> None:
 
 
 def _decide_piece(
-    piece: Piece,
-    radar: Radar | None,
-    model: TrackModel,
-    tracker: OnlineTracker,
-    lengths: Sequence[int],
+    piece: Piece, radar: Radar | None, model: TrackModel, tracker: OnlineTracker, lengths: Sequence[int],
     start: FloatArray | None,
-) -> TickDecisions:
+) -> TickDecisions:  # fmt: skip
     units = ModelUnits.of(model)
     scales, origin = np.array([*units, *units]), np.zeros(4)
     measured = ~np.isnan(piece.measurements[:, 0])

@@ -53,11 +53,9 @@ NO_OUTPUT = PassOutput(np.empty((0, 0, 2, LANES)), np.empty((0, 0, 0, LANES)))
 
 
 def make_chunks(
-    parts: list[FloatArray],
-    switches: list[BoolArray] | None = None,
-    rates: list[FloatArray] | None = None,
+    parts: list[FloatArray], switches: list[BoolArray] | None = None, rates: list[FloatArray] | None = None,
     radar: Radar | None = None,
-) -> Chunks:
+) -> Chunks:  # fmt: skip
     """Put parts of a recording into lanes: measurements (T_i, 2), by option whether a known switch precedes each tick,
     and range rates, (T_i,), of a radar at the origin. Parts of equal length waste no time.
     """

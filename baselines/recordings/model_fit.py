@@ -81,13 +81,9 @@ def imm_model(variance: float, process: float, duration: float, radii: int) -> F
 
 
 def fit_model(
-    grid: TickGrid,
-    radii: Sequence[float] | None = None,
-    measurement_variance: float | None = None,
-    process_variance: float | None = None,
-    duration: float | None = None,
-    lengths: Sequence[int] = (),
-) -> TrackModel:
+    grid: TickGrid, radii: Sequence[float] | None = None, measurement_variance: float | None = None,
+    process_variance: float | None = None, duration: float | None = None, lengths: Sequence[int] = (),
+) -> TrackModel:  # fmt: skip
     """Find what is not given of a model by maximum likelihood; a recording that does not move is refused. Without radii
     [unit of length], one to three are proposed, as many as the Bayesian information criterion allows. With a radar R is
     its `nominal_variance`. With lengths, the ticks between known switches, the mean duration has no effect.

@@ -43,15 +43,9 @@ class Recording:
 
 
 def make_recording(
-    times: ArrayLike | None,
-    positions: ArrayLike,
-    *,
-    name: str = "object",
-    gap: float | None = None,
-    breaks: ArrayLike = (),
-    time_unit: str | None = None,
-    **further: Any,
-) -> Recording:
+    times: ArrayLike | None, positions: ArrayLike, *, name: str = "object", gap: float | None = None,
+    breaks: ArrayLike = (), time_unit: str | None = None, **further: Any,
+) -> Recording:  # fmt: skip
     """Make a recording of arrays, or raise `ArgumentError` with the reason.
 
     Args:

@@ -57,11 +57,8 @@ class TeaserDecider(PosteriorRule):
     @classmethod
     def maker(cls, options: WorldOptions) -> Callable[[float], Decider]:
         """Return the rule fitted to an environment; its threshold is v."""
-
-        @functools.cache
-        def limits() -> FloatArray:
-            return accepted_errors(simulate_posterior_paths(FITTING_EPISODES, FITTING, **vars(options)))
-
+        paths = functools.cache(lambda: simulate_posterior_paths(FITTING_EPISODES, FITTING, **vars(options)))
+        limits = functools.cache(lambda: accepted_errors(paths()))
         return lambda predictions: cls(limits(), int(predictions), rewarded(options))
 
     def decide(self, observation: Observations, state: Any, episode_start: Any) -> tuple[Actions, Any]:
