@@ -1,7 +1,6 @@
-"""The interacting multiple model (IMM) filter, and its steps for filters of any kind.
-
-Blom & Bar-Shalom 1988, "The interacting multiple model algorithm for systems with Markovian switching coefficients".
-Logarithms of probabilities are stored, so that none is lost in an outlier. Rows of a transition matrix sum to 1.
+"""The interacting multiple model (IMM) filter, and its steps for filters of any kind. Blom & Bar-Shalom 1988, "The
+interacting multiple model algorithm for systems with Markovian switching coefficients". Logarithms of probabilities are
+stored, so that none is lost in an outlier. Rows of a transition matrix sum to 1.
 """
 
 from collections.abc import Sequence

@@ -3,9 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baselines.estimation.correction import correct, principal_noise
+from baselines.estimation.correction import Robust, correct, principal_noise
 from baselines.estimation.motion_models import MotionModel
-from baselines.estimation.robust import Robust
 from baselines.estimation.track_filter import TrackFilter, measurement_covariance
 from hybrid_env.checks import FloatArray, IntArray, check_array, reject
 

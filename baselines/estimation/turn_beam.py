@@ -1,8 +1,6 @@
-"""A beam of switch histories over turn rates: the semi-Markov posterior, in which short turns are unlikely.
-
-A history is the present turn rate, the age of its mode and a filter (`turns`). At every position it goes on or changes
-by a law of the durations. Those that change to one turn rate at one position are merged, and the most probable ones
-kept.
+"""A beam of switch histories over turn rates: the semi-Markov posterior, in which short turns are unlikely. A history
+is the present turn rate, the age of its mode and a filter (`turns`). At every position it goes on or changes by a law
+of the durations. Those that change to one turn rate at one position are merged, and the most probable ones kept.
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,7 @@
-"""Filters of coordinated turns with known turn rates, and the interacting multiple model of them.
-
-The states are [x, vx, y, vy]; with wind [x, vx, wx, y, vy, wy]: the velocity v in the air turns, and the wind w, a
-random walk, carries the object along. The covariance of a measurement is across^2 I + timing^2 v v' with the predicted
-velocity v, and its distribution a Student t. Pieces of several flights are columns of arrays.
+"""Filters of coordinated turns with known turn rates, and the interacting multiple model of them. The states are [x,
+vx, y, vy]; with wind [x, vx, wx, y, vy, wy]: the velocity v in the air turns, and the wind w, a random walk, carries
+the object along. The covariance of a measurement is across^2 I + timing^2 v v' with the predicted velocity v, and its
+distribution a Student t. Pieces of several flights are columns of arrays.
 """
 
 from collections.abc import Sequence
@@ -12,11 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.estimation.correction import correct, principal_noise
+from baselines.estimation.correction import WholeStudentT, correct, principal_noise
 from baselines.estimation.imm import ModelChain, log_sum, mix_models, mixture, weigh_models
 from baselines.estimation.kalman import propagate
 from baselines.estimation.motion_models import turn_noise, turn_transition
-from baselines.estimation.robust import WholeStudentT
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 
 STRAIGHT, LEFT, RIGHT = 0, 1, 2

@@ -1,8 +1,7 @@
-"""Distribution of the error of the anchor, the estimate at a switch, as found in simulated episodes.
-
-After a correct and after a wrong declaration it is a mixture of two normal distributions each, because most anchors are
-accurate, but an error can last for several segments. It is in the heading frame of the anchor, by the declared type of
-motion; left and right turns are mirror images.
+"""Distribution of the error of the anchor, the estimate at a switch, as found in simulated episodes. After a correct
+and after a wrong declaration it is a mixture of two normal distributions each, because most anchors are accurate, but
+an error can last for several segments. It is in the heading frame of the anchor, by the declared type of motion; left
+and right turns are mirror images.
 """
 
 import itertools

@@ -1,8 +1,7 @@
-"""Classical tests for a change of the stated mode, CUSUM and Shiryaev-Roberts, and the rules on flights.
-
-Each mode is compared with the stated one by the log-likelihood ratios of single ticks, l = ln p(z | mode) - ln p(z |
-stated mode), of the running bank. When a statistic reaches the threshold, the statement changes to its mode and all
-statistics of the track begin anew.
+"""Classical tests for a change of the stated mode, CUSUM and Shiryaev-Roberts, and the rules on flights. Each mode is
+compared with the stated one by the log-likelihood ratios of single ticks, l = ln p(z | mode) - ln p(z | stated mode),
+of the running bank. When a statistic reaches the threshold, the statement changes to its mode and all statistics of the
+track begin anew.
 """
 
 from abc import ABC, abstractmethod

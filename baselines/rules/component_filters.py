@@ -1,8 +1,7 @@
-"""Filters of the measurements in an observation, one bank for each component of the anchor.
-
-An observation has the measurement relative to the anchor, in its heading frame, in which its velocity is (speed, 0):
-all that a filter needs except the model, which is that of the world. With several sensors it lacks the covariance of
-the measurement: then the filters also read what these measured.
+"""Filters of the measurements in an observation, one bank for each component of the anchor. An observation has the
+measurement relative to the anchor, in its heading frame, in which its velocity is (speed, 0): all that a filter needs
+except the model, which is that of the world. With several sensors it lacks the covariance of the measurement: then the
+filters also read what these measured.
 """
 
 import math

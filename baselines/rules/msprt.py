@@ -1,6 +1,5 @@
-"""Sequential tests between all hypotheses. ATE tests only against the hypothesis that is currently active.
-
-The MSPRT declares a hypothesis when its posterior is large enough (Baum & Veeravalli 1994, "A sequential procedure for
+"""Sequential tests between all hypotheses. ATE tests only against the hypothesis that is currently active. The MSPRT
+declares a hypothesis when its posterior is large enough (Baum & Veeravalli 1994, "A sequential procedure for
 multihypothesis testing"), the gap rule when its likelihood ratio to every other one is (Armitage 1950). If only the
 type of motion is rewarded, the posterior should be that of the type, which neighbouring radii share.
 """

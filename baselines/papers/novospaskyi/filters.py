@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from optuna.distributions import BaseDistribution, FloatDistribution, IntDistribution
 
+from baselines.estimation.correction import Correntropy, Huber, Robust, StudentT
 from baselines.estimation.imm import IMMFilter
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import ORDERS, MotionModel
 from baselines.estimation.particles import ParticleFilter
-from baselines.estimation.robust import Correntropy, Huber, Robust, StudentT
 from baselines.estimation.run_filter import Filtered, run_filter
 from baselines.estimation.track_filter import TrackFilter, check_measurements
 from baselines.papers.adaptive import GHFilter

@@ -1,7 +1,6 @@
-"""Flights: random curves, the limits, drag and guidance of the aircraft, and a point mass that flies them.
-
-Novospaskyi 2025, sections 2.1.1 (curves and waypoints) and 2.1.2 (a quadrotor flies through all waypoints, and failed
-flights are discarded). The vehicle is not described; the values are those of a fast quadrotor that can turn at 50 m/s.
+"""Flights: random curves, the limits, drag and guidance of the aircraft, and a point mass that flies them. Novospaskyi
+2025, sections 2.1.1 (curves and waypoints) and 2.1.2 (a quadrotor flies through all waypoints, and failed flights are
+discarded). The vehicle is not described; the values are those of a fast quadrotor that can turn at 50 m/s.
 """
 
 import math

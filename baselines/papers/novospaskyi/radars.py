@@ -1,6 +1,5 @@
-"""Radars near a flight, their measurements merged in time, and the errors of estimates. Sections 2.1.3 and 3.1.
-
-The thesis does not state the limits of the distances and heights, nor whether the radars scan at the same moments. Here
+"""Radars near a flight, their measurements merged in time, and the errors of estimates. Sections 2.1.3 and 3.1. The
+thesis does not state the limits of the distances and heights, nor whether the radars scan at the same moments. Here
 they scan in turn, half a period apart. Independent phases are excluded by the published row of the g-h filter: its
 velocity gain h / t has no bound if two measurements may follow each other at once.
 """

@@ -1,7 +1,6 @@
-"""The extended Kalman filter of a turn with uncertain centre and turn rate, as scalar functions.
-
-The state is [x, vx, y, vy, centre_x, centre_y, turn_rate], with the suffixes x, u, y, v, cx, cy, r below. The motion is
-that of Golubkov 2018, eq. (1). A covariance is its upper triangle row by row, 28 numbers.
+"""The extended Kalman filter of a turn with uncertain centre and turn rate, as scalar functions. The state is [x, vx,
+y, vy, centre_x, centre_y, turn_rate], with the suffixes x, u, y, v, cx, cy, r below. The motion is that of Golubkov
+2018, eq. (1). A covariance is its upper triangle row by row, 28 numbers.
 """
 
 from hybrid_env.core.compilation import inlined

@@ -1,7 +1,6 @@
-"""The Kalman filter of one axis, as scalar functions. Golubkov 2018, eq. (2) and (4).
-
-The process and measurement noise covariances are diagonal, so the filter of the paper with four states separates into
-two filters of (position, velocity), one per axis. A covariance is the tuple (xx, xv, vv) [m^2, m^2/s, m^2/s^2].
+"""The Kalman filter of one axis, as scalar functions. Golubkov 2018, eq. (2) and (4). The process and measurement noise
+covariances are diagonal, so the filter of the paper with four states separates into two filters of (position,
+velocity), one per axis. A covariance is the tuple (xx, xv, vv) [m^2, m^2/s, m^2/s^2].
 """
 
 import math
