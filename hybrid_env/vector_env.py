@@ -75,14 +75,9 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
     read_only = frozenset(("num_envs", "options", "world"))
 
     def __init__(
-        self,
-        num_envs: int = 1,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        tick_info: bool = True,
-        trace_rows: int = 0,
-        threads: int = 1,
-        **options: Any,
-    ):
+        self, num_envs: int = 1, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, tick_info: bool = True,
+        trace_rows: int = 0, threads: int = 1, **options: Any,
+    ):  # fmt: skip
         for name in ("render_mode", "max_episode_steps"):
             if (value := options.pop(name, None)) is not None:
                 allowed = "None for all tracks in one array, or vectorization_mode='sync' of gym.make_vec"

@@ -150,21 +150,13 @@ def _track_run(
 
 
 def track_ate(
-    measurements: ArrayLike,
-    lengths: Sequence[int] | IntArray,
-    start: ArrayLike | None = None,
-    *,
-    radii: ArrayLike = (5.0,),
-    tau: float = 0.1,
-    process_variance: float = 0.001,
-    measurement_variance: float | ArrayLike = 0.1,
-    alpha: float = 1e-3,
-    beta: float | None = None,
+    measurements: ArrayLike, lengths: Sequence[int] | IntArray, start: ArrayLike | None = None, *,
+    radii: ArrayLike = (5.0,), tau: float = 0.1, process_variance: float = 0.001,
+    measurement_variance: float | ArrayLike = 0.1, alpha: float = 1e-3, beta: float | None = None,
     undecided: Literal["keep", "likeliest"] = "keep",
     recalculation: Literal["none", "as_published", "rewind", "literal"] = "none",
-    reference: Literal["active", "straight"] = "active",
-    refine_radius: bool = False,
-) -> Tracks:
+    reference: Literal["active", "straight"] = "active", refine_radius: bool = False,
+) -> Tracks:  # fmt: skip
     """Estimate the trajectory of recorded positions with unknown modes and known switch times.
 
     Args:

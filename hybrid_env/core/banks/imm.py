@@ -13,9 +13,10 @@ none is lost in an outlier. The mode is a Markov chain whose transition matrix h
 
 In every tick of a coordinated turn the object turns by the angle a = speed * tau / radius about the centre that follows
 from its velocity: Golubkov 2018, eq. (1), with the switch at the present tick. Its filter therefore needs no anchor.
-The angle follows from the estimated velocity and is then treated as known. The state is [x, vx, y, vy], with the
-suffixes x, u, y and v below; a covariance is its upper triangle row by row, 10 numbers. A filter that diverges keeps
-its initial condition and becomes unlikely, so that no NaN occurs.
+The angle follows from the estimated velocity and is then treated as known, because the turn rate of the object does not
+change with the process noise of a segment. The state is [x, vx, y, vy], with the suffixes x, u, y and v below; a
+covariance is its upper triangle row by row, 10 numbers. A filter that diverges keeps its initial condition and becomes
+unlikely, so that no NaN occurs.
 """
 
 import math
