@@ -1,7 +1,5 @@
-"""Allowed ranges of the options.
-
-Inside them every observation is finite and inside the observation space; `make study` tests this with 10^9 ticks of
-random options. They are so wide that neither the object nor the units matter.
+"""Allowed ranges of the options. Inside them every observation is finite and inside the observation space; `make study`
+tests this with 10^9 ticks of random options. They are so wide that neither the object nor the units matter.
 """
 
 from collections.abc import Sequence

@@ -45,12 +45,9 @@ class KalmanBank(ReadOnlyAttributes):
     read_only = frozenset(("radii", "tau", "process_variance", "variances"))
 
     def __init__(
-        self,
-        radii: ArrayLike = (5.0,),
-        tau: float = 0.1,
-        process_variance: float = 0.001,
+        self, radii: ArrayLike = (5.0,), tau: float = 0.1, process_variance: float = 0.001,
         measurement_variance: float | ArrayLike = 0.1,
-    ):
+    ):  # fmt: skip
         self.radii = frozen(np.array(distinct_radii("radii", radii)))
         self.tau = check_within("tau", tau)
         self.process_variance = check_within("process_variance", process_variance)

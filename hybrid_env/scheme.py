@@ -1,7 +1,6 @@
-"""Schemes: the mode, length and radius of every segment of a trajectory.
-
-A scheme is written as in the papers, one word per segment: "L50r3 R75r5 S50" is a left turn of 50 ticks with a radius
-of 3 m, a right turn of 75 ticks with a radius of 5 m, and a straight line of 50 ticks.
+"""Schemes: the mode, length and radius of every segment of a trajectory. A scheme is written as in the papers, one word
+per segment: "L50r3 R75r5 S50" is a left turn of 50 ticks with a radius of 3 m, a right turn of 75 ticks with a radius
+of 5 m, and a straight line of 50 ticks.
 """
 
 import re

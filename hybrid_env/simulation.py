@@ -58,16 +58,10 @@ def _simulate(
 
 
 def simulate(
-    scheme: str | FixedScheme,
-    runs: int = 1,
-    seed: int = 0,
-    *,
-    start: ArrayLike = (0.0, 0.0, 0.0, 2.0),
-    tau: float = 0.1,
-    process_variance: float = 0.001,
-    measurement_variance: float | ArrayLike = 0.1,
+    scheme: str | FixedScheme, runs: int = 1, seed: int = 0, *, start: ArrayLike = (0.0, 0.0, 0.0, 2.0),
+    tau: float = 0.1, process_variance: float = 0.001, measurement_variance: float | ArrayLike = 0.1,
     noise: str | Noise = "gaussian",
-) -> Simulation:
+) -> Simulation:  # fmt: skip
     """Simulate runs of a fixed scheme. Golubkov 2018, eq. (1); the default start is that of the papers.
 
     Args:

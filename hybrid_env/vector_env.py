@@ -29,11 +29,10 @@ _DICT_METHODS = (
 
 
 class LazyInfo(dict[str, Any]):
-    """A dictionary of arrays of N tracks and their masks `_key`, all one array of True, that is made on first access.
-
-    Most callers of `step` never read `info`, and creating its arrays takes as long as a step of eight tracks. The state
-    is copied in the step. Code in C that reads the size of a dictionary directly, such as `json.dumps`, sees an empty
-    one until the first use: pass it `dict(info)`. `make` is called at most once; `made` are further entries.
+    """A dictionary of arrays of N tracks and their masks `_key`, all one array of True, made at its first use: most
+    callers of `step` never read `info`, and its arrays take as long as a step of eight tracks. The state is copied in
+    the step. Code in C that reads the size of a dictionary directly, such as `json.dumps`, sees an empty one until
+    then: pass it `dict(info)`. `make` is called at most once; `made` are further entries.
     """
 
     __slots__ = ("_made", "_make")
@@ -76,14 +75,9 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
     read_only = frozenset(("num_envs", "options", "world"))
 
     def __init__(
-        self,
-        num_envs: int = 1,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        tick_info: bool = True,
-        trace_rows: int = 0,
-        threads: int = 1,
-        **options: Any,
-    ):
+        self, num_envs: int = 1, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, tick_info: bool = True,
+        trace_rows: int = 0, threads: int = 1, **options: Any,
+    ):  # fmt: skip
         for name in ("render_mode", "max_episode_steps"):
             if (value := options.pop(name, None)) is not None:
                 allowed = "None for all tracks in one array, or vectorization_mode='sync' of gym.make_vec"

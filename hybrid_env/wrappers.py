@@ -16,9 +16,8 @@ NO_DECISION: dict[str, Any] = {
 
 
 class CompleteInfo(gym.Wrapper[Any, Any, Any, Any]):
-    """Adds `NO_DECISION` to the `info` of `HybridTrackEnv` in steps without a decision.
-
-    Recorders such as Minari's `DataCollector(env, record_infos=True)` need the same structure at every step.
+    """Adds `NO_DECISION` to the `info` of `HybridTrackEnv` in steps without a decision: recorders such as Minari's
+    `DataCollector(env, record_infos=True)` need the same structure at every step.
     """
 
     def __init__(self, env: gym.Env[Any, Any]):

@@ -35,10 +35,9 @@ class IMMPrediction(Prediction, GaussianMixture):
 
 
 class IMMPredictor(Predictor):
-    """The prediction of an IMM filter.
-
-    A state that is no mixture, as that of an initiator, begins the models from its mean and covariance, with their
-    stationary probabilities. After probabilistic association each model has the mixture of its hypotheses.
+    """The prediction of an IMM filter. A state that is no mixture, as that of an initiator, begins the models from its
+    mean and covariance, with their stationary probabilities. After probabilistic association each model has the mixture
+    of its hypotheses.
     """
 
     imm: IMMFilter = Property(doc="Filter; its models, not its estimates, are used")

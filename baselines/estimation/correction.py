@@ -1,15 +1,161 @@
-"""The correction of Kalman filters by measured positions, one component of a measurement after the other.
+"""The correction of Kalman filters by measured positions, plain and robust against outliers.
 
-Along the principal axes of its covariance the components of a measurement have independent errors, so that each is
-processed as a scalar, without an inverse. Bar-Shalom, Li & Kirubarajan 2001, section 7.4 (sequential processing).
+The components of a measurement along the principal axes of its covariance, which have independent errors, are processed
+one after the other, without an inverse. Bar-Shalom, Li & Kirubarajan 2001, section 7.4 (sequential processing). Of a
+component let y be the innovation, m the variance of the prediction, r that of the error, and c its column of the
+covariance P of the state. Every method adds c y a to the state and subtracts c c' b from P, with its own a and b; for
+the Kalman filter a = b = 1 / (m + r). The log-likelihood of the innovation is exact for Student-t; for Huber it is that
+of the density that belongs to the loss, with the scale of the innovation.
 """
 
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import gammaln, ndtr
 
-from baselines.estimation.robust import Robust, WholeStudentT, gaussian_factors
-from hybrid_env.checks import BoolArray, FloatArray
+from hybrid_env.checks import BoolArray, FloatArray, check_between, check_positive
+
+ITERATIONS = 10  # of the correntropy
+LOG_TWO_PI = float(np.log(2.0 * np.pi))
+
+
+class Factors(NamedTuple):
+    """Correction by one component of a measurement, (B,) each."""
+
+    state: FloatArray  # a, of the state [1/m^2]
+    covariance: FloatArray  # b, of its covariance [1/m^2]
+    log_likelihood: FloatArray  # of the innovation
+
+
+def gaussian_factors(innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
+    """Return the factors of the Kalman filter, see `Robust.factors`."""
+    total = predicted + variance
+    precision = 1.0 / total
+    log_likelihood = -0.5 * (innovation**2 * precision + np.log(total) + LOG_TWO_PI)
+    return Factors(precision, precision, log_likelihood)
+
+
+class Robust(ABC):
+    """A robust correction."""
+
+    @abstractmethod
+    def factors(self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
+        """Return the factors for innovations y (B,) [m] of variances predicted m and measured r, (B,) [m^2]."""
+
+
+@dataclass(frozen=True)
+class Huber(Robust):
+    """Huber's loss: quadratic up to a threshold, then linear. Huber 1964; Durovic & Kovacevic 1999.
+
+    The estimate is the maximum of the posterior with a Gaussian prediction and this loss of the residual. The weight of
+    a measurement beyond the threshold, by which the covariance is corrected, is threshold / residual.
+    """
+
+    threshold: float = 1.345  # standard deviations, > 0; with Gaussian noise a mean has 95 % of the efficiency
+
+    def __post_init__(self) -> None:
+        check_positive("threshold", self.threshold)
+
+    def factors(self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
+        """See `Robust.factors`."""
+        total, size, deviation = predicted + variance, np.abs(innovation), np.sqrt(variance)
+        k = self.threshold
+        linear = size * deviation > k * total  # the residual y r / (m + r) exceeds the threshold
+        residual = np.where(linear, size - k * predicted / deviation, k * deviation)
+        weighted = np.where(linear, deviation * residual / k, variance)
+        precision = 1.0 / (predicted + weighted)
+        white = size / np.sqrt(total)
+        loss = np.where(white <= k, 0.5 * white**2, k * white - 0.5 * k * k)
+        inside = np.sqrt(2.0 * np.pi) * (2.0 * ndtr(k) - 1.0)
+        integral = inside + 2.0 / k * np.exp(-0.5 * k * k)  # of exp(-loss) over all numbers
+        log_likelihood = -loss - 0.5 * np.log(total) - np.log(integral)
+        return Factors(precision, precision, log_likelihood)
+
+
+@dataclass(frozen=True)
+class StudentT(Robust):
+    """Measurement noise with a Student-t distribution.
+
+    Student-t noise is Gaussian with the variance r / w, and w has a gamma distribution; the variance of the noise is nu
+    / (nu - 2) times the squared scale r. The posterior is a mixture over w; mean, covariance and likelihood of it are
+    computed by quadrature at equal steps of ln w, exact for a Gaussian prediction (Masreliez 1975).
+    """
+
+    degrees_of_freedom: float = 4.0  # nu, from 0.1 to 1000; 1 is Cauchy noise, 1000 practically Gaussian
+
+    def __post_init__(self) -> None:
+        check_between("degrees_of_freedom", self.degrees_of_freedom, 0.0999, 1000.1)
+        nu = self.degrees_of_freedom
+        step = min(0.5, np.sqrt(2.0 / nu))  # the integrand is analytic: errors of about 1e-8
+        farthest = 1e6  # standard deviations; the weights of farther measurements do not fall any more
+        lowest = min(np.log((nu + 1.0) / (nu + farthest**2)), -40.0 / nu)
+        logs = np.arange(max(lowest, np.log(1e-16)), np.log(2.0 + 80.0 / nu), step)
+        density = 0.5 * nu * (logs - np.exp(logs)) + 0.5 * nu * np.log(0.5 * nu) - gammaln(0.5 * nu)
+        object.__setattr__(self, "_inverse_weights", np.exp(-logs))
+        object.__setattr__(self, "_log_shares", density + np.log(step) - 0.5 * LOG_TWO_PI)
+
+    def factors(self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
+        """See `Robust.factors`."""
+        inverse_weights: FloatArray = self._inverse_weights  # type: ignore[attr-defined]
+        total = variance[:, None] * inverse_weights + predicted[:, None]
+        precision = 1.0 / total
+        squares = innovation**2
+        logs = 0.5 * (np.log(precision) - squares[:, None] * precision) + self._log_shares  # type: ignore[attr-defined]
+        largest = logs.max(-1)
+        share = np.exp(logs - largest[:, None])
+        norm = share.sum(-1)
+        mean = (share * precision).sum(-1) / norm
+        spread = (share * (precision - mean[:, None]) ** 2).sum(-1) / norm
+        return Factors(mean, mean - squares * spread, largest + np.log(norm))
+
+
+@dataclass(frozen=True)
+class Correntropy(Robust):
+    """Maximum of the correntropy of prediction and measurement. Chen, Liu, Zhao & Principe 2017, algorithm 1: residuals
+    of both, in their standard deviations, have weights exp(-residual^2 / (2 width^2)), by fixed-point iterations. The
+    covariance is that of the gain with the assumed variances; a large width gives the Kalman filter.
+    """
+
+    width: float = 3.0
+
+    def __post_init__(self) -> None:
+        check_positive("width", self.width)
+
+    def factors(self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
+        """See `Robust.factors`."""
+        gain, squares, least = np.zeros_like(predicted), innovation**2, 1e-12  # from the prediction on
+        scale = 2.0 * self.width**2
+        for _ in range(ITERATIONS):
+            of_prediction = np.exp(-squares * gain**2 / (scale * predicted))
+            of_measurement = np.exp(-squares * (1.0 - gain) ** 2 / (scale * variance))
+            ratio = np.maximum(of_measurement, least) / np.maximum(of_prediction, least)
+            gain = predicted * ratio / (predicted * ratio + variance)
+        state = gain / predicted
+        total = predicted + variance / np.maximum(ratio, least)
+        log_likelihood = -0.5 * (squares / total + np.log(total) + LOG_TWO_PI)
+        return Factors(state, state * (2.0 - state * (predicted + variance)), log_likelihood)
+
+
+@dataclass(frozen=True)
+class WholeStudentT:
+    """Innovations with a Student t distribution in the plane, one weight for all components of a measurement: the
+    expected relative precision given the innovation, at most 1. Lange, Little & Taylor 1989, eq. (4).
+    """
+
+    freedom: float  # degrees of freedom nu
+
+    def weigh(self, innovation: FloatArray, spread: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return weights, by which variances are divided, log-likelihoods and squared innovations, (...) each."""
+        a, b, c = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
+        x, y = innovation[..., 0], innovation[..., 1]
+        determinant = a * c - b * b
+        nis = (c * x * x - 2.0 * b * x * y + a * y * y) / determinant
+        shape = np.log1p(nis / self.freedom) * (0.5 * self.freedom + 1.0)
+        log_likelihood = -LOG_TWO_PI - 0.5 * np.log(determinant) - shape
+        weight = np.minimum((self.freedom + 2.0) / (self.freedom + nis), 1.0)
+        return weight, log_likelihood, nis
 
 
 class PrincipalNoise(NamedTuple):
@@ -47,9 +193,8 @@ def correct(
     state: FloatArray, covariance: FloatArray, measurement: FloatArray, noise: PrincipalNoise,
     robust: Robust | WholeStudentT | None = None,
 ) -> Corrected:  # fmt: skip
-    """Correct predicted estimates, (..., n) and (..., n, n), by measured positions (..., d) [m].
-
-    `robust` says how components far from the prediction are used, or whole measurements; None is the Kalman filter.
+    """Correct predicted estimates, (..., n) and (..., n, n), by measured positions (..., d) [m]. `robust` says how
+    components far from the prediction are used, or whole measurements; None is the Kalman filter.
     """
     state, covariance = state.copy(), covariance.copy()
     lead, d = state.shape[:-1], measurement.shape[-1]

@@ -1,7 +1,6 @@
-"""The interacting multiple model (IMM) filter, and its steps for filters of any kind.
-
-Blom & Bar-Shalom 1988, "The interacting multiple model algorithm for systems with Markovian switching coefficients".
-Logarithms of probabilities are stored, so that none is lost in an outlier. Rows of a transition matrix sum to 1.
+"""The interacting multiple model (IMM) filter, and its steps for filters of any kind. Blom & Bar-Shalom 1988, "The
+interacting multiple model algorithm for systems with Markovian switching coefficients". Logarithms of probabilities are
+stored, so that none is lost in an outlier. Rows of a transition matrix sum to 1.
 """
 
 from collections.abc import Sequence
@@ -31,9 +30,8 @@ class ModelChain:
 
 
 def mix_models(log_probability: FloatArray, transition: FloatArray, smallest: float) -> tuple[FloatArray, FloatArray]:
-    """Return log probabilities (B, M) after a step of the chain, at least `smallest`, and weights (B, M, M).
-
-    Row j of the weights mixes the filters before the step for model j.
+    """Return log probabilities (B, M) after a step of the chain, at least `smallest`, and weights (B, M, M), whose row
+    j mixes the filters before the step for model j.
     """
     with np.errstate(divide="ignore"):
         joint = np.log(transition) + log_probability[:, :, None]  # before, after
@@ -50,9 +48,8 @@ def weigh_models(log_prior: FloatArray, log_likelihood: FloatArray, smallest: fl
 
 
 def mixture(state: FloatArray, covariance: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return mean and covariance of C mixtures of the same K normal distributions, (B, C, n) and (B, C, n, n).
-
-    The distributions are (B, K, n) and (B, K, n, n), the weights (B, C, K).
+    """Return mean and covariance of C mixtures, (B, C, n) and (B, C, n, n), of the same K normal distributions, (B, K,
+    n) and (B, K, n, n), with weights (B, C, K).
     """
     mean = weights @ state
     # sum of w (P + x x') less m m', with states relative to one of them, because positions are large

@@ -3,9 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baselines.estimation.correction import correct, principal_noise
+from baselines.estimation.correction import Robust, correct, principal_noise
 from baselines.estimation.motion_models import MotionModel
-from baselines.estimation.robust import Robust
 from baselines.estimation.track_filter import TrackFilter, measurement_covariance
 from hybrid_env.checks import FloatArray, IntArray, check_array, reject
 
@@ -97,9 +96,8 @@ class KalmanFilter(TrackFilter):
 def resized(
     state: FloatArray, covariance: FloatArray, axes: int, order: int, variances: FloatArray | None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return estimates (B, d m) and covariances with another number of values per axis, `order`.
-
-    Derivatives that are left out are marginalized; new ones have the variances (order - 1,), velocity first, or are 0.
+    """Return estimates (B, d m) and covariances with another number of values per axis, `order`. Derivatives that are
+    left out are marginalized; new ones have the variances (order - 1,), velocity first, or are 0.
     """
     tracks, size = state.shape
     m = size // axes
@@ -120,10 +118,9 @@ def resized(
 def propagate(
     state: FloatArray, covariance: FloatArray, transition: FloatArray, step_noise: FloatArray, intensity: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return predicted estimates (..., n) and covariances F P F' + Q, (..., n, n).
-
-    F and Q consist of d equal blocks of m values, one for each axis of CV, CA and CJ, given as (m, m) or (..., m, m),
-    and Q has an intensity (d,) for each. A coordinated turn, whose axes depend on each other, has one block, and m = n.
+    """Return predicted estimates (..., n) and covariances F P F' + Q, (..., n, n). F and Q consist of d equal blocks of
+    m values, one for each axis of CV, CA and CJ, given as (m, m) or (..., m, m), and Q has an intensity (d,) for each.
+    A coordinated turn, whose axes depend on each other, has one block, and m = n.
     """
     size, m = state.shape[-1], transition.shape[-1]
     lead, d = state.shape[:-1], size // m

@@ -83,9 +83,8 @@ class MotionModel:
 
 
 def turn_transition(rates: FloatArray, dt: FloatArray) -> FloatArray:
-    """Return the transition matrices (..., 4, 4) of coordinated turns, of a state [x, vx, y, vy].
-
-    Turn rates [rad/s], anticlockwise positive, 0 is straight motion, and time steps [s] have shapes that broadcast.
+    """Return the transition matrices (..., 4, 4) of coordinated turns, of a state [x, vx, y, vy]. Turn rates [rad/s],
+    anticlockwise positive, 0 is straight motion, and time steps [s] have shapes that broadcast.
     """
     angle = rates * dt
     safe = np.where(rates == 0.0, 1.0, rates)

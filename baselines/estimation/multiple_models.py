@@ -1,10 +1,9 @@
 """Multiple model estimators of straight motion and turns of known radii: static, GPB1, IMM and GPB2.
 
-Each mode has a Kalman filter of [x, vx, y, vy], whose turn rate follows from its estimated speed. In a step in which
-the mode may change it starts (Bar-Shalom, Li & Kirubarajan 2001, section 11.6) with "static" from its own estimate,
-because the mode never changes; with "gpb1", generalized pseudo-Bayesian of first order, from the estimate merged over
-all modes; with "imm" from the mixture of the estimates of all modes before, given its mode; with "gpb2" from the
-estimate of each mode before, in M^2 filters, which are merged over it after the measurement.
+Each mode has a Kalman filter of [x, vx, y, vy], whose turn rate follows from its estimated speed. Where the mode may
+change, it starts (Bar-Shalom, Li & Kirubarajan 2001, section 11.6) with "static" from its own estimate; with "gpb1",
+generalized pseudo-Bayesian of first order, from the estimate merged over all modes; with "imm" from the mixture of all
+estimates before, given its mode; with "gpb2" from each estimate before, in M^2 filters, merged over it afterwards.
 """
 
 import math

@@ -10,11 +10,10 @@ from hybrid_env.checks import FloatArray, check_array, check_between, check_inte
 
 
 class ParticleFilter(TrackFilter):
-    """Particles that move as the model does, weighted by the likelihood of the measurements.
-
-    Each axis has P particles of its own, (B, d, P, m), which are resampled systematically (Kitagawa 1996) where their
-    effective number falls below half of them. Errors have a scale `deviation` on each axis [m] and Student's t, or
-    without degrees of freedom the normal distribution. `begin` starts the random numbers anew.
+    """Particles that move as the model does, weighted by the likelihood of the measurements: P for each axis, (B, d, P,
+    m), resampled systematically (Kitagawa 1996) where their effective number falls below half of them. Errors have a
+    scale `deviation` on each axis [m] and Student's t, or without degrees of freedom the normal distribution. `begin`
+    starts the random numbers anew.
     """
 
     covariance: FloatArray

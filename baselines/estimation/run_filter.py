@@ -85,7 +85,11 @@ def run_filter(
     values = values[:, None] if single else values
     total, tracks = values.shape[:2]
     moments = check_times(times, total, tracks)
-    covariances = None if noises is None else _check_noises(noises, total, tracks, axes)
+    covariances = None
+    if noises is not None:
+        each = (total, axes, axes) if dimensions(noises) == 3 else (total, tracks, axes, axes)
+        flat = check_array("noises", noises, each).reshape(-1, axes, axes)
+        covariances = measurement_covariance("noises", flat, axes).reshape(each)
     keep = check_flag("keep_covariances", keep_covariances)
     if start is None:
         track_filter.begin(tracks)
@@ -130,11 +134,3 @@ def check_times(times: ArrayLike, total: int, tracks: int) -> FloatArray:
         k = int(np.argwhere(np.diff(moments, axis=0) < 0.0)[0][0]) + 1
         raise ArgumentError(f"times[{k}] is not allowed: expected times that do not decrease")
     return moments
-
-
-def _check_noises(noises: ArrayLike, total: int, tracks: int, axes: int) -> FloatArray:
-    """Return checked covariances of all measurements, (T, d, d) or (T, B, d, d)."""
-    if dimensions(noises) == 3:
-        return measurement_covariance("noises", check_array("noises", noises, (total, axes, axes)), axes)
-    values = check_array("noises", noises, (total, tracks, axes, axes))
-    return measurement_covariance("noises", values.reshape(-1, axes, axes), axes).reshape(values.shape)

@@ -1,8 +1,6 @@
-"""A beam of switch histories over turn rates: the semi-Markov posterior, in which short turns are unlikely.
-
-A history is the present turn rate, the age of its mode and a filter (`turns`). At every position it goes on or changes,
-with probabilities by a law of the durations. Histories that change to the same turn rate at the same position are
-merged, and the most probable ones are kept, as in `beam_filters`.
+"""A beam of switch histories over turn rates: the semi-Markov posterior, in which short turns are unlikely. A history
+is the present turn rate, the age of its mode and a filter (`turns`). At every position it goes on or changes by a law
+of the durations. Those that change to one turn rate at one position are merged, and the most probable ones kept.
 """
 
 from dataclasses import dataclass
@@ -17,9 +15,8 @@ from hybrid_env.checks import FloatArray, IntArray
 
 @dataclass(frozen=True, kw_only=True)
 class TurnHistories:
-    """Settings of the beam; chosen on simulated flights.
-
-    The duration of a mode is its shortest one and an exponential time, with the mean of `TurnModel`.
+    """Settings of the beam; chosen on simulated flights. The duration of a mode is its shortest one and an exponential
+    time, with the mean of `TurnModel`.
     """
 
     shortest: tuple[float, float] = (0.0, 6.0)  # duration of straight motion and of a turn [s]

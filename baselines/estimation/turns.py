@@ -1,9 +1,7 @@
-"""Filters of coordinated turns with known turn rates, and the interacting multiple model of them.
-
-The states are [x, vx, y, vy]; see `motion_models.turn_transition`. With wind they are [x, vx, wx, y, vy, wy]: the
-velocity v in the air turns, and the wind w, a random walk, carries the object along. The covariance of a measurement is
-across^2 I + timing^2 v v' with the predicted velocity v, and its distribution a Student t. The pieces of several
-flights, between gaps, are columns of arrays, so that filters run over all of them at once.
+"""Filters of coordinated turns with known turn rates, and the interacting multiple model of them. The states are [x,
+vx, y, vy]; with wind [x, vx, wx, y, vy, wy]: the velocity v in the air turns, and the wind w, a random walk, carries
+the object along. The covariance of a measurement is across^2 I + timing^2 v v' with the predicted velocity v, and its
+distribution a Student t. Pieces of several flights are columns of arrays.
 """
 
 from collections.abc import Sequence
@@ -13,11 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.estimation.correction import correct, principal_noise
+from baselines.estimation.correction import WholeStudentT, correct, principal_noise
 from baselines.estimation.imm import ModelChain, log_sum, mix_models, mixture, weigh_models
 from baselines.estimation.kalman import propagate
 from baselines.estimation.motion_models import turn_noise, turn_transition
-from baselines.estimation.robust import WholeStudentT
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 
 STRAIGHT, LEFT, RIGHT = 0, 1, 2
@@ -139,9 +136,8 @@ def step_turns(
     batch: Batch, position: FloatArray, dt: FloatArray, state: FloatArray, covariance: FloatArray,
     rates: FloatArray, weights: FloatArray, model: TurnModel,
 ) -> TurnStep:  # fmt: skip
-    """Predict the K filters of each piece by time steps (B,) and correct them by positions (B, 2), NaN without one.
-
-    The filters have turn rates (K,) or (B, K) [rad/s] and probabilities `weights`, (B, K).
+    """Predict the K filters of each piece by time steps (B,) and correct them by positions (B, 2), NaN without one. The
+    filters have turn rates (K,) or (B, K) [rad/s] and probabilities `weights`, (B, K).
     """
     step, m = dt[:, None], model.values
     transition, process = turn_transition(rates, step), turn_noise(model.acceleration, step)

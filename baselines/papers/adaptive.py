@@ -30,10 +30,9 @@ from hybrid_env.checks import FloatArray, check_flag, check_integer, check_numbe
 
 
 class GainFilter(TrackFilter):
-    """A filter of [x, v] per axis with gains, (2, B, d) or (2, B, 1), of positions [-] and velocities [1/s].
-
-    Two-point start: a track has the position of its first measurement and no velocity; the second gives the position
-    z_2 and the velocity (z_2 - z_1) / t. It starts anew after `longest_gap` without a measurement [s].
+    """A filter of [x, v] per axis with gains, (2, B, d) or (2, B, 1), of positions [-] and velocities [1/s]. Two-point
+    start: a track has the position of its first measurement and no velocity; the second gives the position z_2 and the
+    velocity (z_2 - z_1) / t. It starts anew after `longest_gap` without a measurement [s].
     """
 
     has_covariance = False
@@ -109,9 +108,8 @@ def third_difference(values: FloatArray) -> FloatArray:
 
 
 def products(position: FloatArray, velocity: FloatArray, innovation: FloatArray) -> FloatArray:
-    """Products whose means identify the gain, (8, ...): H_0 to H_4, then D^3 x_e nu, D^3 v_e nu and D^3 nu nu.
-
-    Of the last four predictions [m, m/s] and five innovations [m], newest first.
+    """Products whose means identify the gain, (8, ...): H_0 to H_4, then D^3 x_e nu, D^3 v_e nu and D^3 nu nu, of the
+    last four predictions [m, m/s] and five innovations [m], newest first.
     """
     differences = [third_difference(values) for values in (position, velocity, innovation)]
     return np.stack([*innovation[:LAGS], *differences]) * innovation[0]
@@ -128,9 +126,8 @@ def published_gain(means: FloatArray, tau: float) -> tuple[FloatArray, FloatArra
 
 
 def noise_bias(gain: float) -> float:
-    """Ratio of the R of eq. (19) to the true one, in uniform motion with constant gains g and h = g^2 / (2 - g).
-
-    The prediction is sum_i c_i z_(n-i), and D^3 of the motion is 0, so that M[D^3 z nu'] = R (1 + 3 c_1 - 3 c_2 + c_3).
+    """Ratio of the R of eq. (19) to the true one, in uniform motion with constant gains g and h = g^2 / (2 - g). The
+    prediction is sum_i c_i z_(n-i), and D^3 of the motion is 0, so that M[D^3 z nu'] = R (1 + 3 c_1 - 3 c_2 + c_3).
     """
     g, h = position, velocity = gain, gain**2 / (2.0 - gain)  # after a measurement of 1, in units of a tick
     response = []
@@ -141,10 +138,8 @@ def noise_bias(gain: float) -> float:
 
 
 class ConstantStepFilter(GainFilter):
-    """A filter with gains that depend on past innovations, for d axes and equal time steps of tau [s].
-
-    After the start it has the gains of a line fitted to all measurements, with n measurements
-    K_1 = 2 (2 n - 1) / (n (n + 1)) and K_2 = 6 / (n (n + 1) T), until it adapts.
+    """A filter with gains that depend on past innovations, for d axes and equal time steps of tau [s]. Until it adapts
+    it has the gains of a line fitted to n measurements, K_1 = 2 (2 n - 1) / (n (n + 1)) and K_2 = 6 / (n (n + 1) T).
     """
 
     def __init__(self, axes: int, tau: float):

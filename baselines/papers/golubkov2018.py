@@ -18,14 +18,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baselines.papers.reproduction import PAPER_RUNS, Cell, Finding, Reproduction, both_intervals, rmse_row, table_row
-from baselines.recordings.arrays import Filters, check_recording, make_filters, write_estimate
-from baselines.recordings.ate import Tracks, track_ate
-from baselines.rules.measurements import run_compiled
+from baselines.recordings.arrays import check_recording, make_filters
+from baselines.recordings.ate import Rule, Tracks, run_rule, track_ate
 from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_array, check_flag, check_integer, reject
-from hybrid_env.core.banks.published import begin_published, follow_published
-from hybrid_env.core.compilation import compiled
-from hybrid_env.core.records import LANES
 from hybrid_env.limits import check_within
+from hybrid_env.scheme import nearest_mode
 from hybrid_env.simulation import Simulation, simulate
 
 PAPER = "Golubkov 2018"
@@ -64,32 +61,6 @@ KNOWN_MODES_SETTINGS: dict[str, dict[str, Any]] = {
 }
 
 
-@compiled
-def _filter_run(
-    measurements: FloatArray, start: FloatArray, lengths: IntArray, signed_radii: FloatArray,
-    first: FloatArray, carry: bool, filters: Filters, estimates: FloatArray,
-) -> None:  # fmt: skip
-    """Filter one run; see `filter_known_modes`."""
-    bank, _, model = filters
-    estimate, covariance, measurement, k = start.copy(), np.empty((2, 3)), np.zeros((2, LANES)), 0
-    covariance[:] = first
-    for length, signed_radius in zip(lengths, signed_radii):  # noqa: B905, numba does not support `strict`
-        radius = np.array([abs(signed_radius) if signed_radius != 0.0 else 1.0])
-        mode = 0 if signed_radius == 0.0 else (1 if signed_radius > 0.0 else 2)
-        x, vx, y, vy = estimate
-        if not carry:
-            covariance[:] = first
-        of_x, of_y = covariance
-        of_anchor = of_x[0], of_x[1], 0.0, 0.0, of_x[2], 0.0, 0.0, of_y[0], of_y[1], of_y[2]
-        begin_published(bank, 0, (x, vx, y, vy), of_anchor, radius, model)
-        for _ in range(length):
-            measurement[:, 0] = measurements[k]
-            follow_published(bank, 0, mode, measurement, model)
-            write_estimate(bank, mode, estimate, covariance)
-            estimates[k] = estimate
-            k += 1
-
-
 def filter_known_modes(
     measurements: ArrayLike, lengths: Sequence[int] | IntArray, signed_radii: ArrayLike,
     start: ArrayLike | None = None, *, tau: float = 0.1, process_variance: float = 0.001,
@@ -98,8 +69,7 @@ def filter_known_modes(
 ) -> FloatArray:  # fmt: skip
     """Estimate the trajectory, (n, T, 4) [m, m/s], with known modes and switch times. Table 2 ("optimal").
 
-    One filter of the bank runs in each segment, from the last estimate and its covariance. A single run has no first
-    axis.
+    One filter runs in each segment, from the last estimate and its covariance. A single run has no first axis.
 
     Args:
         measurements, lengths, start, tau, process_variance, measurement_variance: see `baselines.track_ate`.
@@ -112,12 +82,13 @@ def filter_known_modes(
     radii = check_array("signed_radii", signed_radii, (None,))
     if radii.size != segment_lengths.size:
         raise reject("signed_radii", signed_radii, f"one radius for each of the {segment_lengths.size} segments")
-    filters = make_filters(np.ones(1), tau, process_variance, measurement_variance)
+    bank = np.unique(np.abs(radii[radii != 0.0])) if radii.any() else np.ones(1)
+    modes = np.array([nearest_mode(radius, bank) for radius in radii])
     first = check_array("start_covariance", start_covariance, (3,))
-    known = segment_lengths, radii, first, check_flag("carry_covariance", carry_covariance)
-    found = np.empty((*values.shape[:2], 4))
-    for run, estimates in enumerate(found):
-        run_compiled(_filter_run, values[run], starts[run], *known, filters, estimates)
+    carry = check_flag("carry_covariance", carry_covariance)
+    filters = make_filters(bank, tau, process_variance, measurement_variance)
+    rule = Rule(known=modes, covariance=first, carry=carry)
+    found = run_rule(values, segment_lengths, starts, filters, rule).estimates
     return np.asarray(found[0] if np.ndim(measurements) == 2 else found)
 
 

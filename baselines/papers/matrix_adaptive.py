@@ -18,11 +18,10 @@ LAGS_OF = np.array([[0.0, 3.0, -3.0, 1.0, 0.0], [0.0, 3.0, -6.0, 4.0, -1.0]])
 
 
 def matrix_gain(covariances: FloatArray, spread: FloatArray, tau: float) -> FloatArray:
-    """Gains of positions [-] and velocities [1/s], (2, ..., d, m), of the values of m = n d measured axes.
-
-    From H_0 (..., m, m) [m^2], invertible, and the rows of P_e C', (2, ..., d, m). The limits are those of
-    `adaptive.AdaptiveFilter`, in the directions in which the gain of a common position is diagonal: with
-    L L' = C' H_0^-1 C the eigenvectors of L' P L, P the symmetric part of the covariance of the predicted position.
+    """Gains of positions [-] and velocities [1/s], (2, ..., d, m), of the values of m = n d measured axes. From H_0
+    (..., m, m) [m^2], invertible, and the rows of P_e C', (2, ..., d, m). The limits are those of
+    `adaptive.AdaptiveFilter`, in the directions in which the gain of a common position is diagonal: with L L' = C'
+    H_0^-1 C the eigenvectors of L' P L, P the symmetric part of the covariance of the predicted position.
     """
     inverse = np.linalg.inv(covariances)
     d, m = spread.shape[-2:]
@@ -40,10 +39,9 @@ def matrix_gain(covariances: FloatArray, spread: FloatArray, tau: float) -> Floa
 
 
 class MatrixAdaptiveFilter(ConstantStepFilter):
-    """The adaptive filter with one gain matrix for the d axes of the state and all n sensors.
-
-    A measurement has the n d positions of one sensor after another, its `axes`; it is missing where a sensor has none,
-    and products around it are left out of the means. The gains (2, B, d, n d) are those of `matrix_gain`.
+    """The adaptive filter with one gain matrix (2, B, d, n d), see `matrix_gain`, for the d axes of the state and all n
+    sensors. A measurement has the n d positions of one sensor after another, its `axes`; it is missing where a sensor
+    has none, and products around it are left out of the means.
     """
 
     def __init__(self, dimensions: int, tau: float, *, sensors: int = 1):

@@ -94,7 +94,6 @@ def study_interval(
     per_run: FloatArray, statistics: Callable[[FloatArray], FloatArray], seed: int, study_runs: int = PAPER_RUNS
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Statistics (C,) of all runs, and the bounds of the 95 % bootstrap interval of a study with fewer runs, (C,).
-
     `per_run` has (n, F) values; `statistics` makes (..., C) of means over runs, (..., F).
     """
     resampled = statistics(_draws(seed, study_runs, len(per_run)) @ per_run / study_runs)
@@ -142,9 +141,8 @@ def table_row(
     table: str, row: str, columns: Iterable[str], published: Iterable[float], interval: Iterable[Iterable[float]],
     digits: int = 4, note: str = STUDY_INTERVAL, excuses: Mapping[str, str] | None = None,
 ) -> list[Cell]:  # fmt: skip
-    """Cells of one row of a table with C columns; `published` is NaN where there is no value.
-
-    `interval` has the results (C,) of `study_interval` or `both_intervals`; `excuses` are by column.
+    """Cells of one row of a table with C columns; `published` is NaN where there is no value, `interval` the results
+    (C,) of `study_interval` or `both_intervals`; `excuses` are by column.
     """
     found = np.array([*interval], np.float64).T.tolist()
     cells = []

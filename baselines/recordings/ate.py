@@ -2,7 +2,8 @@
 
 At every switch the bank starts from the current estimate with P := I. Until the decision, the output is the estimate of
 the last decided mode; after it, only the chosen filter runs on. Tsyganov 2019 adds a recalculation of the estimates
-since the switch by the chosen filter. `sprt.SPRTDecider` is the same test in the environment.
+since the switch by the chosen filter. `sprt.SPRTDecider` is the same test in the environment. With known modes the
+filter of each segment follows the object from its first tick.
 """
 
 from collections.abc import Sequence
@@ -48,15 +49,18 @@ class Tracks(NamedTuple):
     ratios: FloatArray
 
 
-class _Rule(NamedTuple):
-    """Thresholds and options of the algorithm; see `track_ate`."""
+class Rule(NamedTuple):
+    """Thresholds and options of the algorithm, see `track_ate`, and what is known of the modes."""
 
-    upper: float
-    lower: float
-    straight_reference: bool
-    keep: bool
-    recalculation: int
-    refine: bool
+    upper: float = 0.0
+    lower: float = 0.0
+    straight_reference: bool = False
+    keep: bool = True
+    recalculation: int = NO_RECALCULATION
+    refine: bool = False
+    known: IntArray = np.zeros(0, np.int64)  # (K,) mode of each segment, none if they are decided
+    covariance: FloatArray = np.array([1.0, 0.0, 1.0])  # (3,) xx, xv, vv of the anchor on each axis
+    carry: bool = False  # whether only the first anchor has this covariance, and others that of the estimate
 
 
 @internal
@@ -67,14 +71,9 @@ def _write_tick(bank: PublishedBank, mode: int, k: int, output: Tracks) -> None:
 
 @internal
 def _recalculate(
-    measurements: FloatArray,
-    ticks: tuple[int, int],
-    anchor: State,
-    mode: int,
-    filters: Filters,
-    recalculation: int,
+    measurements: FloatArray, ticks: tuple[int, int], anchor: State, mode: int, filters: Filters, recalculation: int,
     output: Tracks,
-) -> None:
+) -> None:  # fmt: skip
     """Recompute the estimates up to the decision with the decided filter. Tsyganov 2019, lines 17 to 20."""
     bank, radii, model = filters
     measurement = np.zeros((2, LANES))
@@ -93,11 +92,12 @@ def _recalculate(
 
 @compiled
 def _track_run(
-    measurements: FloatArray, lengths: IntArray, start: FloatArray, filters: Filters, rule: _Rule, output: Tracks
+    measurements: FloatArray, lengths: IntArray, start: FloatArray, filters: Filters, rule: Rule, output: Tracks
 ) -> None:
     """Apply ATE to one run. Golubkov 2018, algorithm 1."""
     bank, radii, model = filters
     estimate, covariance = start.copy(), np.empty((2, 3))
+    covariance[:] = rule.covariance
     measurement = np.zeros((2, LANES))
     log_likelihood = np.empty(bank.hypotheses.size)
     output.ratios[:] = np.nan
@@ -108,12 +108,17 @@ def _track_run(
             active = 0
         x, vx, y, vy = estimate
         anchor = (x, vx, y, vy)
-        begin_published(bank, 0, anchor, IDENTITY, radii, model)
+        if not rule.carry:
+            covariance[:] = rule.covariance
+        (xx, xv, vv), (yy, yv, ww) = covariance
+        begin_published(bank, 0, anchor, (xx, xv, 0.0, 0.0, vv, 0.0, 0.0, yy, yv, ww), radii, model)
         running = np.ones(log_likelihood.size, np.bool_)
         begin = k
         end = k + lengths[segment]
         output.ticks[segment] = lengths[segment]
-        output.undecided[segment] = True
+        output.undecided[segment] = rule.known.size == 0
+        if rule.known.size > 0:
+            active = rule.known[segment]
         while k < end and output.undecided[segment]:
             measurement[:, 0] = measurements[k]
             step_published(bank, 0, 1, measurement, model)
@@ -145,21 +150,13 @@ def _track_run(
 
 
 def track_ate(
-    measurements: ArrayLike,
-    lengths: Sequence[int] | IntArray,
-    start: ArrayLike | None = None,
-    *,
-    radii: ArrayLike = (5.0,),
-    tau: float = 0.1,
-    process_variance: float = 0.001,
-    measurement_variance: float | ArrayLike = 0.1,
-    alpha: float = 1e-3,
-    beta: float | None = None,
+    measurements: ArrayLike, lengths: Sequence[int] | IntArray, start: ArrayLike | None = None, *,
+    radii: ArrayLike = (5.0,), tau: float = 0.1, process_variance: float = 0.001,
+    measurement_variance: float | ArrayLike = 0.1, alpha: float = 1e-3, beta: float | None = None,
     undecided: Literal["keep", "likeliest"] = "keep",
     recalculation: Literal["none", "as_published", "rewind", "literal"] = "none",
-    reference: Literal["active", "straight"] = "active",
-    refine_radius: bool = False,
-) -> Tracks:
+    reference: Literal["active", "straight"] = "active", refine_radius: bool = False,
+) -> Tracks:  # fmt: skip
     """Estimate the trajectory of recorded positions with unknown modes and known switch times.
 
     Args:
@@ -186,15 +183,21 @@ def track_ate(
     """
     tau = check_within("tau", tau)
     values, segment_lengths, starts = check_recording(measurements, lengths, start, tau)
-    runs, total = values.shape[:2]
     bank_radii = np.array(distinct_radii("radii", radii))
     filters = make_filters(bank_radii, tau, process_variance, measurement_variance)
     upper, lower = sprt_thresholds(alpha, beta)
     keep = check_choice("undecided", undecided, ("keep", "likeliest")) == "keep"
     straight = check_choice("reference", reference, ("active", "straight")) == "straight"
     method = RECALCULATIONS[check_choice("recalculation", recalculation, RECALCULATIONS)]
-    rule = _Rule(upper, lower, straight, keep, method, check_flag("refine_radius", refine_radius))
-    segments = (runs, segment_lengths.size)
+    rule = Rule(upper, lower, straight, keep, method, check_flag("refine_radius", refine_radius))
+    found = run_rule(values, segment_lengths, starts, filters, rule)
+    return Tracks(*(array[0] for array in found)) if np.ndim(measurements) == 2 else found
+
+
+def run_rule(values: FloatArray, lengths: IntArray, starts: FloatArray, filters: Filters, rule: Rule) -> Tracks:
+    """Apply a rule to the runs of `arrays.check_recording`."""
+    runs, total = values.shape[:2]
+    segments = (runs, lengths.size)
     found = Tracks(
         np.empty((runs, total, 4)), np.empty((runs, total, 2, 3)), np.empty((runs, total), np.int64),
         np.empty(segments, np.int64), np.empty(segments, np.int64), np.empty(segments, np.bool_),
@@ -202,5 +205,5 @@ def track_ate(
     )  # fmt: skip
     for run in range(runs):
         of_run = Tracks(*(array[run] for array in found))
-        run_compiled(_track_run, values[run], segment_lengths, starts[run], filters, rule, of_run)
-    return Tracks(*(array[0] for array in found)) if np.ndim(measurements) == 2 else found
+        run_compiled(_track_run, values[run], lengths, starts[run], filters, rule, of_run)
+    return found

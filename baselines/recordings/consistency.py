@@ -1,7 +1,6 @@
-"""Whether the model fits a recording: normalised innovations of the interacting multiple model bank.
-
-If the model holds, innovations divided by their standard deviations are white, with a variance of 1; Bar-Shalom, Li and
-Kirubarajan 2001, "Estimation with applications to tracking and navigation", section 5.4.
+"""Whether the model fits a recording: if it does, innovations of the interacting multiple model bank divided by their
+standard deviations are white, with a variance of 1. Bar-Shalom, Li and Kirubarajan 2001, "Estimation with applications
+to tracking and navigation", section 5.4.
 """
 
 import math

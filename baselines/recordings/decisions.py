@@ -1,7 +1,6 @@
-"""A decider on a recording: mode, probabilities, estimate and covariance at every tick.
-
-The recording is converted to units in which measurement variance and tick are 0.1, those of the default environment, so
-that what a decider reads, and the results, do not depend on the units of the recording.
+"""A decider on a recording: mode, probabilities, estimate and covariance at every tick. The recording is converted to
+units in which measurement variance and tick are 0.1, those of the default environment, so that what a decider reads,
+and the results, do not depend on its units.
 """
 
 import math
@@ -67,13 +66,9 @@ class TickDecisions:
 
 
 def decide_recording(
-    grid: TickGrid,
-    model: TrackModel,
-    tracker: OnlineTracker,
-    *,
-    lengths: Sequence[int] = (),
+    grid: TickGrid, model: TrackModel, tracker: OnlineTracker, *, lengths: Sequence[int] = (),
     start: FloatArray | None = None,
-) -> list[TickDecisions]:
+) -> list[TickDecisions]:  # fmt: skip
     """Run a decider over the pieces of a recording, whose tracker has the options of `ModelUnits.options`. Lengths are
     ticks between the known switches, see `check_lengths`; `start` is the exact state (4,) [x, vx, y, vy] one tick
     before the first measurement, None starts from the first measurements.
@@ -92,13 +87,9 @@ def check_lengths(grid: TickGrid, lengths: Sequence[int]) -> None:
 
 
 def _decide_piece(
-    piece: Piece,
-    radar: Radar | None,
-    model: TrackModel,
-    tracker: OnlineTracker,
-    lengths: Sequence[int],
+    piece: Piece, radar: Radar | None, model: TrackModel, tracker: OnlineTracker, lengths: Sequence[int],
     start: FloatArray | None,
-) -> TickDecisions:
+) -> TickDecisions:  # fmt: skip
     units = ModelUnits.of(model)
     scales, origin = np.array([*units, *units]), np.zeros(4)
     measured = ~np.isnan(piece.measurements[:, 0])
@@ -161,16 +152,12 @@ def _decide_piece(
 def first_state(
     measurements: FloatArray, options: WorldOptions | QuickestOptions, hazard: float, rates: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray, int | None] | None:
-    """Return the state one tick before the first measurement, seen backwards; None with too few measurements.
-
-    A bank for known switches takes its first estimate as exact, and an error there passes on from piece to piece. A
-    straight line is not good enough if the object turns by much in a tick. So the interacting multiple model bank runs
-    backwards over the first ticks; its mean is the first estimate, its most probable mode the first one. These
-    measurements are used twice, which a recording allows and a live sensor does not.
-
-    Of the measurements (T, 2) [m], NaN without one but the first, and range rates (T,) of a radar, at most 50 are used;
-    the hazard is the probability of a switch in a tick. Returns the estimate (4,) [x, vx, y, vy], its covariance (4,
-    4), and the mode, None if none is probable enough.
+    """Return the state one tick before the first measurement, seen backwards; None with too few measurements. A bank
+    for known switches takes its first estimate as exact, and an error there passes on from piece to piece; a straight
+    line is not good enough if the object turns by much in a tick. So the interacting multiple model bank runs backwards
+    over at most 50 ticks of the measurements (T, 2) [m], NaN without one but the first, and range rates (T,) of a
+    radar; the hazard is the probability of a switch in a tick. They are used twice, which a live sensor does not allow.
+    Returns the estimate (4,) [x, vx, y, vy], its covariance (4, 4), and the mode, None if none is probable enough.
     """
     used = measurements[:MOST_TICKS]
     if (~np.isnan(used[:, 0])).sum() < FEWEST:

@@ -1,6 +1,5 @@
-"""The interacting multiple model bank over recorded measurements: likelihood and normalised innovations.
-
-The likelihood, ln p(z_k | z_1 .. z_k-1) of the mixture over the modes, summed over the ticks, is what `model_fit`
+"""The interacting multiple model bank over recorded measurements: likelihood and normalised innovations. The
+likelihood, ln p(z_k | z_1 .. z_k-1) of the mixture over the modes, summed over the ticks, is what `model_fit`
 maximises. Chunks of a recording of about equal length run side by side in the lanes of a block.
 """
 
@@ -54,11 +53,9 @@ NO_OUTPUT = PassOutput(np.empty((0, 0, 2, LANES)), np.empty((0, 0, 0, LANES)))
 
 
 def make_chunks(
-    parts: list[FloatArray],
-    switches: list[BoolArray] | None = None,
-    rates: list[FloatArray] | None = None,
+    parts: list[FloatArray], switches: list[BoolArray] | None = None, rates: list[FloatArray] | None = None,
     radar: Radar | None = None,
-) -> Chunks:
+) -> Chunks:  # fmt: skip
     """Put parts of a recording into lanes: measurements (T_i, 2), by option whether a known switch precedes each tick,
     and range rates, (T_i,), of a radar at the origin. Parts of equal length waste no time.
     """
@@ -130,9 +127,8 @@ def _record(bank: ImmBank, lane: int, measured: bool, white: FloatArray, probabi
 def imm_pass(
     chunks: Chunks, bank: ImmBank, radii: FloatArray, model: FilterModel, output: PassOutput
 ) -> tuple[float, int]:
-    """Run the bank over all chunks; return the logarithm of the likelihood, and the number of measurements in it.
-
-    Two measurements start a chunk, with equally probable modes; these and `BURN_IN` more do not count. The bank, of one
+    """Run the bank over all chunks; return the logarithm of the likelihood, and the number of measurements in it. Two
+    measurements start a chunk, with equally probable modes; these and `BURN_IN` more do not count. The bank, of one
     block, and the output are overwritten; no radii (n,) is a bank of straight motion.
     """
     total, count = 0.0, 0

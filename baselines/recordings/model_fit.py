@@ -1,7 +1,6 @@
-"""Measurement noise, process noise, turn radii and durations by maximum likelihood of the innovations.
-
-What is not given is found first on a coarse grid, then by the simplex method. Lengths are in standard deviations of the
-measurement and times in ticks, so that units do not matter. The bank is that of `imm_pass`.
+"""Measurement noise, process noise, turn radii and durations by maximum likelihood of the innovations. What is not
+given is found first on a coarse grid, then by the simplex method. Lengths are in standard deviations of the measurement
+and times in ticks, so that units do not matter. The bank is that of `imm_pass`.
 """
 
 import functools
@@ -82,18 +81,12 @@ def imm_model(variance: float, process: float, duration: float, radii: int) -> F
 
 
 def fit_model(
-    grid: TickGrid,
-    radii: Sequence[float] | None = None,
-    measurement_variance: float | None = None,
-    process_variance: float | None = None,
-    duration: float | None = None,
-    lengths: Sequence[int] = (),
-) -> TrackModel:
-    """Find what is not given of a model by maximum likelihood; a recording that does not move is refused.
-
-    Without radii [unit of length], one to three are proposed, as many as the Bayesian information criterion allows.
-    With a radar R is its `nominal_variance`. With lengths, the ticks between known switches, the mean duration has no
-    effect.
+    grid: TickGrid, radii: Sequence[float] | None = None, measurement_variance: float | None = None,
+    process_variance: float | None = None, duration: float | None = None, lengths: Sequence[int] = (),
+) -> TrackModel:  # fmt: skip
+    """Find what is not given of a model by maximum likelihood; a recording that does not move is refused. Without radii
+    [unit of length], one to three are proposed, as many as the Bayesian information criterion allows. With a radar R is
+    its `nominal_variance`. With lengths, the ticks between known switches, the mean duration has no effect.
     """
     tau = grid.tau
     if grid.radar is not None:

@@ -12,10 +12,8 @@ from hybrid_env.checks import FloatArray
 @dataclass(frozen=True)
 class Projection:
     """Azimuthal equidistant projection of the WGS 84 ellipsoid; x points east and y north at its centre. Snyder 1987,
-    "Map projections: a working manual", pages 191 to 202.
-
-    Distances from the centre are exact, others too long by at most (r / 6371 km)^2 / 6 at the distance r from it: 0.4 %
-    at 1,000 km.
+    "Map projections: a working manual", pages 191 to 202. Distances from the centre are exact, others too long by at
+    most (r / 6371 km)^2 / 6 at the distance r from it: 0.4 % at 1,000 km.
     """
 
     latitude: float  # of the centre [deg]

@@ -19,10 +19,9 @@ UNKNOWN_UNIT = "units"  # unit of a length that the file does not name
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Measured positions of one object. `make_recording` checks arrays and makes one.
-
-    A piece begins and ends with a measurement, may consist of a single row, and holds no two successive measurements
-    that are further apart than the gap. Rows outside of all pieces have no measurement.
+    """Measured positions of one object. `make_recording` checks arrays and makes one. A piece begins and ends with a
+    measurement, may consist of a single row, and holds no two successive measurements that are further apart than the
+    gap. Rows outside of all pieces have no measurement.
     """
 
     name: str  # of the object
@@ -44,29 +43,19 @@ class Recording:
 
 
 def make_recording(
-    times: ArrayLike | None,
-    positions: ArrayLike,
-    *,
-    name: str = "object",
-    gap: float | None = None,
-    breaks: ArrayLike = (),
-    time_unit: str | None = None,
-    **further: Any,
-) -> Recording:
-    """Make a recording of arrays.
+    times: ArrayLike | None, positions: ArrayLike, *, name: str = "object", gap: float | None = None,
+    breaks: ArrayLike = (), time_unit: str | None = None, **further: Any,
+) -> Recording:  # fmt: skip
+    """Make a recording of arrays, or raise `ArgumentError` with the reason.
 
     Args:
         times: (n,) strictly increasing times [`time_unit`]; None for rows at uniform ticks.
         positions: (n, 2) x and y [`unit`]; NaN in either coordinate marks a missing measurement.
-        name: name of the object.
+        name: of the object.
         gap: longest time between two measurements of one piece [`time_unit`]; None is 20 nominal ticks.
         breaks: rows at which a piece begins whatever the times are.
         time_unit: unit of time; None is `s`, and `ticks` without times.
         further: `unit`, `epoch`, `projection`, `radar` and `rates` of `Recording`.
-
-    Raises:
-        ArgumentError: an array has the wrong shape, times do not increase, a position is infinite, or there are fewer
-            than two measurements.
     """
     values = np.array(positions, np.float64)
     if values.ndim != 2 or values.shape[1] != 2:

@@ -21,14 +21,10 @@ MOST_OUTLIERS = 0.1  # with a larger share far from their neighbours, the noise 
 def noise_estimate(grid: TickGrid) -> float | None:
     """Estimate the measurement variance R [unit of length squared]; None with too few measurements.
 
-    The third difference of four measurements, with weights of squared sum 1, cancels motion that is quadratic in time;
-    of successive ticks it is d_k = (z_{k+3} - 3 z_{k+2} + 3 z_{k+1} - z_k) / sqrt(20). Its noise has the variance R.
-    The median is robust against outliers and switches:
-
-        R = (median |d_k| / 0.6745)^2, averaged over x and y.
-
-    A turn adds about r (omega tau)^3 / 4.5 to |d|, and process noise adds Q tau^2 / 10 to R. The relative standard
-    error is about 2.4 / sqrt(T).
+    The third difference of four measurements, of successive ticks d_k = (z_{k+3} - 3 z_{k+2} + 3 z_{k+1} - z_k) /
+    sqrt(20), cancels motion that is quadratic in time, and its noise has the variance R. R is (median |d_k| /
+    0.6745)^2, averaged over x and y, robust against outliers and switches. A turn adds about r (omega tau)^3 / 4.5 to
+    |d|, and process noise Q tau^2 / 10 to R. The relative standard error is about 2.4 / sqrt(T).
     """
     differences = np.concatenate([_differences(piece, 4)[1] for piece in grid.pieces])
     if len(differences) < FEWEST:
@@ -38,10 +34,9 @@ def noise_estimate(grid: TickGrid) -> float | None:
 
 
 def without_outliers(grid: TickGrid) -> tuple[TickGrid, int]:
-    """Return the grid without measurements that are far from their neighbours, and their number.
-
-    An outlier is farther than `FAR` standard deviations, in either coordinate, from the cubic through the two
-    measurements before and the two after it, and farther than those next to it are from theirs, which it has spoilt.
+    """Return the grid without measurements that are far from their neighbours, and their number: farther than `FAR`
+    standard deviations, in either coordinate, from the cubic through the two measurements before and the two after, and
+    farther than those next to it are from theirs, which it has spoilt.
     """
     noise = noise_estimate(grid)
     if not noise:
@@ -64,10 +59,9 @@ def without_outliers(grid: TickGrid) -> tuple[TickGrid, int]:
 
 
 def without_jumps(grid: TickGrid) -> tuple[TickGrid, int]:
-    """Return the grid without short runs of measurements elsewhere, and the number of these measurements.
-
-    A jump is a step far longer than others, which neither the step before nor the one after resembles. At most
-    `LONGEST_BURST` measurements between two jumps are errors of the sensor. Where a jump remains, a new piece begins.
+    """Return the grid without short runs of measurements elsewhere, and the number of these measurements. A jump is a
+    step far longer than others, which neither the step before nor the one after resembles. At most `LONGEST_BURST`
+    measurements between two jumps are errors of the sensor. Where a jump remains, a new piece begins.
     """
     noise = noise_estimate(grid) or 0.0
     steps = np.concatenate([_steps(piece)[1] for piece in grid.pieces])

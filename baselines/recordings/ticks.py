@@ -1,10 +1,10 @@
-"""The rows of a recording on a grid of uniform ticks, as the filters of the banks need them.
+"""The rows of a recording on a grid of uniform ticks, as the filters of the banks need them; one without a measurement
+is only predicted.
 
-A clock that jitters keeps one tick per row: a measurement that was made by e after its tick is moved back by e times
-the local velocity, which a line through five measurements gives. For a turn of `a` rad per tick this leaves an error of
-speed * tau * a * (e / tau)^2 / 2 at most, and its noise is larger by at most 3 %. A tick without a row, or with a row
-without a measurement, is one without a measurement: filters predict. If the steps are irregular, the grid is finer than
-the median step, so that few rows fall on the same tick; those that do are replaced by their mean.
+A clock that jitters keeps one tick per row: a measurement made by e after its tick is moved back by e times the local
+velocity, which a line through five measurements gives. For a turn of `a` rad per tick this leaves an error of speed *
+tau * a * (e / tau)^2 / 2 at most, and its noise is larger by at most 3 %. If the steps are irregular, the grid is finer
+than the median step, so that few rows fall on the same tick; those that do are replaced by their mean.
 """
 
 from typing import NamedTuple

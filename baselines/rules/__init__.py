@@ -4,7 +4,6 @@
 the loop around environment and decider. For announced switches `bayes_risk` and `teaser` are fitted to
 `posterior_paths`, and `refiltering` has filters of its own (`component_filters`), whose anchors have the distribution
 of `anchor_prior`. For unknown switches `restarted` and `beam` filter the `measurements` themselves. `tracker` puts a
-rule behind a live sensor, `start` begins its track and has the gate of its measurements.
-
-May import: `hybrid_env`, and `estimation` and `scoring` of `baselines`. Never `agents`.
+rule behind a live sensor, `start` begins its track and has the gate of its measurements. May import: `hybrid_env`, and
+`estimation` and `scoring` of `baselines`. Never `agents`.
 """

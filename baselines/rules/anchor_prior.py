@@ -1,8 +1,7 @@
-"""Distribution of the error of the anchor, the estimate at a switch, as found in simulated episodes.
-
-The error after a correct and after a wrong declaration is a mixture of two normal distributions each: most anchors are
-accurate, but an error can last for several segments. The distributions are in the heading frame of the anchor and
-depend on the declared type of motion. Left and right turns are mirror images.
+"""Distribution of the error of the anchor, the estimate at a switch, as found in simulated episodes. After a correct
+and after a wrong declaration it is a mixture of two normal distributions each, because most anchors are accurate, but
+an error can last for several segments. It is in the heading frame of the anchor, by the declared type of motion; left
+and right turns are mirror images.
 """
 
 import itertools
@@ -24,8 +23,7 @@ RIDGE = 1e-6  # share of the pooled variances added to the variances of a compon
 @dataclass(frozen=True)
 class AnchorPrior:
     """Mixtures of (true state - anchor) in the heading frame, [x, vx, y, vy] [m, m/s]; after right turns mirrored.
-
-    The axes are the declared type (straight, turn), the outcome of the declaration (correct, wrong) and the component.
+    Axes: declared type (straight, turn), outcome of the declaration (correct, wrong), component.
     """
 
     weight: FloatArray  # (2, 2, 2), the sum over components is 1
@@ -41,9 +39,8 @@ class AnchorPrior:
 
 
 def anchor_errors(env: HybridTrackVectorEnv, tracks: IntArray, before: FloatArray) -> FloatArray:
-    """Return (true state - anchor) of tracks that have just been switched, (n, 4), in the heading frame.
-
-    `env` has a trace longer than the longest segment; `before` are the true states before the step, (n, 4).
+    """Return (true state - anchor) of tracks that have just been switched, (n, 4), in the heading frame. `env` has a
+    trace longer than the longest segment; `before` are the true states before the step, (n, 4).
     """
     last = env.world.field("trace_length")[tracks] - 2  # the last tick of the segment
     anchor = env.world.field("anchor")[tracks]

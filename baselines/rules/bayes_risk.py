@@ -1,9 +1,9 @@
 """Optimal stopping of the posterior: declare when one more observation is not worth its cost.
 
-The state of the problem is the tick and the posterior error probability of the best declaration. The stopping boundary
-comes from simulated segments by backward induction: the values of declaring and of waiting are regressed on the error
-probability (Longstaff & Schwartz 2001, "Valuing American options by simulation"). That a wrong decision spoils the
-anchor of the next segment is ignored.
+The state is the tick and the posterior error probability of the best declaration. The stopping boundary comes from
+simulated segments by backward induction: the values of declaring and of waiting are regressed on the error probability
+(Longstaff & Schwartz 2001, "Valuing American options by simulation"). That a wrong decision spoils the next anchor is
+ignored.
 """
 
 import functools
@@ -27,10 +27,9 @@ COST_FACTORS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)  
 
 
 def stopping_boundary(paths: PosteriorPaths, delay_cost: float) -> FloatArray:
-    """Return the largest log error probability at which to declare, (T,) by tick.
-
-    A correct declaration is worth +1, a wrong one -1; waiting is worth the best value of the next tick less the cost of
-    a tick. Backward induction regresses the difference of the two values over all paths that reach the tick.
+    """Return the largest log error probability at which to declare, (T,) by tick. A correct declaration is worth +1, a
+    wrong one -1; waiting is worth the best value of the next tick less the cost of a tick. The difference of the two is
+    regressed over all paths that reach the tick.
     """
     delay_cost = check_positive("delay_cost", delay_cost, allow_zero=True)
     if len(paths.length) < 5 * MIN_PATHS:

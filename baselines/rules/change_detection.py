@@ -1,8 +1,7 @@
-"""Classical tests for a change of the stated mode, CUSUM and Shiryaev-Roberts, and the rules on flights.
-
-Every rule compares each mode with the stated one by the log-likelihood ratios of single ticks, l = ln p(z | mode) - ln
-p(z | stated mode), which the running bank gives. When a statistic reaches the threshold, the statement changes to its
-mode and all statistics of the track begin anew.
+"""Classical tests for a change of the stated mode, CUSUM and Shiryaev-Roberts, and the rules on flights. Each mode is
+compared with the stated one by the log-likelihood ratios of single ticks, l = ln p(z | mode) - ln p(z | stated mode),
+of the running bank. When a statistic reaches the threshold, the statement changes to its mode and all statistics of the
+track begin anew.
 """
 
 from abc import ABC, abstractmethod
@@ -32,9 +31,8 @@ class ChangeDecider(Decider, ABC):
     def decide(
         self, observation: Observations, state: FloatArray | None, episode_start: Any
     ) -> tuple[Actions, FloatArray]:
-        """See `Decider.decide`; action i states mode i. The state are the statistics, (N, M).
-
-        The first statement of an episode is the most probable mode; rows tell where an episode begins.
+        """See `Decider.decide`; action i states mode i. The state are the statistics, (N, M). The first statement of an
+        episode is the most probable mode; rows tell where an episode begins.
         """
         layout = QuickestLayout.of_rows(observation)
         stated, started = read_statement(observation)

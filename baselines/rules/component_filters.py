@@ -1,8 +1,7 @@
-"""Filters of the measurements in an observation, one bank for each component of the anchor.
-
-The environment reports the measurement relative to the anchor, in its heading frame, in which its velocity is (speed,
-0). So the observation determines everything that a filter needs except the model, which is that of the world. With
-several sensors it lacks the covariance of the measurement: then the filters also read what these measured.
+"""Filters of the measurements in an observation, one bank for each component of the anchor. An observation has the
+measurement relative to the anchor, in its heading frame, in which its velocity is (speed, 0): all that a filter needs
+except the model, which is that of the world. With several sensors it lacks the covariance of the measurement: then the
+filters also read what these measured.
 """
 
 import math
@@ -87,11 +86,9 @@ def _filter_tick(
     measurements: FloatArray, radii: FloatArray, sensors: NDArray[Any],
     saved: NDArray[Any], measured: NDArray[Any], outlier: BoolArray,
 ) -> None:  # fmt: skip
-    """Start the filters of some tracks, (N,), at anchors (C, N, 14), then advance all by one tick.
-
-    Likelihoods (C, N, M) and innovations (C, N, M, 3) are written. Measurements, (N, 2) or with sensors (N, 9), see
-    `sensing.write_measured`, are NaN if a tick has none. The others are memory; `saved`, (M,) hypotheses, is (0,) if
-    outliers do not have a model of their own.
+    """Start the filters of some tracks, (N,), at anchors (C, N, 14), then advance all by one tick. Likelihoods (C, N,
+    M) and innovations (C, N, M, 3) are written. Measurements, see `sensing.write_measured`, are NaN if a tick has none.
+    The others are memory; `saved`, (M,) hypotheses, is (0,) if outliers do not have a model of their own.
     """
     tracks = begins.size
     lanes_total = log_likelihood.shape[0] * tracks
@@ -132,12 +129,10 @@ def _filter_tick(
 
 
 class ComponentFilters:
-    """One bank for each of N tracks and of C components of the distribution of its anchor.
-
-    With `robust` a measurement that no hypothesis explains is treated as an outlier, with a larger variance. There are
-    filters for every law of `LAWS`, weighted by the likelihood of all measurements of the episode, and for three
-    orientations of the heading frame if the axes have different variances. Otherwise the filters have one measurement
-    variance, the geometric mean of the axes, because the orientation of the heading frame is unknown.
+    """One bank for each of N tracks and of C components of the distribution of its anchor. With `robust` a measurement
+    that no hypothesis explains is an outlier, with a larger variance. There are filters for every law of `LAWS`,
+    weighted by the likelihood of all measurements of the episode, and for three orientations of the heading frame if
+    the axes have different variances. Otherwise these have their geometric mean.
     """
 
     log_likelihood: FloatArray  # (C, N, M) of all measurements since the start of the filters
@@ -184,7 +179,6 @@ class ComponentFilters:
         sensed: FloatArray | None = None,
     ) -> None:  # fmt: skip
         """Start the filters of tracks that begin, (N,), at anchors (C, N, 14), then advance all by a tick of rows.
-
         `log_weights`, (N, C), are of the components of the last segment; `first`, (N,), is True where an episode
         starts; `sensed` is from `sensed_of`.
         """

@@ -1,6 +1,5 @@
-"""What deciders observe that filter the measurements of the environment themselves, instead of reading its rows.
-
-With announced switches a row has the measurement, but with sensors not its covariance. Then these deciders also observe
+"""What deciders observe that filter the measurements of the environment themselves, instead of reading its rows. With
+announced switches a row has the measurement, but with sensors not its covariance. Then these deciders also observe
 covariance, range rates, and the anchor, so that their filters run in the frame of the world.
 """
 
@@ -51,9 +50,8 @@ def run_compiled(function: Any, *arguments: Any) -> Any:
 
 
 class MeasurementDecider(Decider, Generic[State]):
-    """A decider for M modes that observes the measurements, and the first estimate and probabilities of the bank.
-
-    Its state describes N tracks and is changed in place.
+    """A decider for M modes that observes the measurements, and the first estimate and probabilities of the bank. Its
+    state describes N tracks and is changed in place.
     """
 
     task = UNKNOWN
@@ -66,9 +64,8 @@ class MeasurementDecider(Decider, Generic[State]):
         raise NotImplementedError
 
     def begin_track(self, state: State, track: int, start: FloatArray) -> None:
-        """Begin an episode of a track from `start`, (14 + M,), after its first measurement.
-
-        It has the estimate, the upper triangle of its covariance and the logarithms of the mode probabilities.
+        """Begin an episode of a track from `start`, (14 + M,), after its first measurement: the estimate, the upper
+        triangle of its covariance and the logarithms of the mode probabilities.
         """
         raise NotImplementedError
 

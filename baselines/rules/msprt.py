@@ -1,8 +1,7 @@
-"""Sequential tests between all hypotheses. ATE tests only against the hypothesis that is currently active.
-
-The MSPRT declares a hypothesis when its posterior is large enough (Baum & Veeravalli 1994, "A sequential procedure for
-multihypothesis testing"), the gap rule when its likelihood ratio to every other hypothesis is (Armitage 1950). If only
-the type of motion is rewarded, the test should use the posterior of the type: neighbouring radii share it.
+"""Sequential tests between all hypotheses. ATE tests only against the hypothesis that is currently active. The MSPRT
+declares a hypothesis when its posterior is large enough (Baum & Veeravalli 1994, "A sequential procedure for
+multihypothesis testing"), the gap rule when its likelihood ratio to every other one is (Armitage 1950). If only the
+type of motion is rewarded, the posterior should be that of the type, which neighbouring radii share.
 """
 
 import math
@@ -65,7 +64,6 @@ def _by_type(types: FloatArray, values: NDArray[Any]) -> tuple[FloatArray, IntAr
 
 def error_and_best(posterior: NDArray[np.floating], by_type: bool | BoolArray) -> tuple[FloatArray, IntArray]:
     """Return the posterior error probability of the best declaration, and the hypothesis to declare, each (N,).
-
     `by_type`, one value or (N,), counts only other types as errors, and declares the likeliest of the likeliest type.
     """
     of_type, best_of_type = _by_type(type_sums(posterior), posterior)

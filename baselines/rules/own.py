@@ -124,11 +124,10 @@ def own_names() -> list[str]:
 
 
 def own_family(model: Any, name: str, options: Any) -> DeciderFamily:
-    """Return a user's decider at any threshold, for the options of an environment.
-
-    With an attribute `thresholds` it is swept: a class is created with a threshold, a function called with it as its
-    second argument, and an object gets it as its attribute `threshold`. `default`, `title`, `symbol`, `task` and
-    `options` are read if they exist, see `Decider`. The name is as it was given, for messages.
+    """Return a user's decider at any threshold, for the options of an environment. With an attribute `thresholds` it is
+    swept: a class is created with a threshold, a function called with it as its second argument, and an object gets it
+    as `threshold`. `default`, `title`, `symbol`, `task` and `options` are read if they exist, see `Decider`; the name
+    is for messages.
     """
     task = getattr(model, "task", options.switches)
     if task != options.switches:

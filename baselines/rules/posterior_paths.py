@@ -34,9 +34,8 @@ class Never(RowRule):
 
 
 def simulate_posterior_paths(episodes: int, seed: int, ticks: int | None = None, **options: Any) -> PosteriorPaths:
-    """Simulate episodes with seeds seed, seed + 1, ..., in which every segment is decided at its end.
-
-    So most anchors are accurate. Up to `ticks` of each segment are recorded. Options as of `hybrid_env.WorldOptions`.
+    """Simulate episodes with seeds seed, seed + 1, ..., in which every segment is decided at its end, so that most
+    anchors are accurate; options as of `hybrid_env.WorldOptions`. Up to `ticks` of each segment are recorded.
     """
     check_integer("seed", seed, minimum=0)
     world = WorldOptions.of(**options | {"undecided": "likeliest"})

@@ -1,7 +1,6 @@
-"""Deciders that run filters of their own on the measurements, see `component_filters`.
-
-One starts the filters of the published bank from the covariance of the estimate at the switch, not from the identity;
-the other extended Kalman filters (`hybrid_env.core.banks.anchor_aware`) from the distribution of the anchor error.
+"""Deciders that run filters of their own on the measurements, see `component_filters`: one starts the filters of the
+published bank from the covariance of the estimate at the switch, not from the identity; the other extended Kalman
+filters (`hybrid_env.core.banks.anchor_aware`) from the distribution of the anchor error.
 """
 
 import functools
@@ -66,7 +65,6 @@ class KeptCovarianceDecider(Decider):
 
     def anchors(self, rows: Observations, first: BoolArray, correct: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return initial estimates with covariances, (C, N, 14), and weights, (N, C), from first rows of a segment.
-
         first: (N,) True for the first segment of an episode; correct: (N,) probability of a correct last declaration.
         """
         return anchor_rows(self.layout, rows, 0.0, stated_covariance(self.layout, rows))[None], np.ones((len(rows), 1))

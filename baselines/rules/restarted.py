@@ -1,11 +1,10 @@
 """Classical tests for a switch with filters that start at every possible moment of the switch; compiled.
 
-Every track has the filter of its stated mode. At every tick one new filter of every other mode starts from the estimate
-and covariance that this filter has before the measurement: the hypothesis that the object switches to that mode here.
-Its likelihood ratio compares all measurements since its start with the filter of the stated mode, which runs on
-(Willsky & Jones 1976; Golubkov 2020, eq. (7)). When the statement changes, the most likely filter of the new mode
-becomes the filter of the stated mode, and all others are dropped; after a wrong statement they start from a wrong mode.
-The filters are those of `hybrid_env.core.banks.anchor_aware`, with an exact anchor those of `published`.
+Every track has the filter of its stated mode. At every tick a new filter of every other mode starts from the estimate
+and covariance that it has before the measurement: the hypothesis of a switch to that mode here. Its likelihood ratio
+compares all measurements since its start with the filter of the stated mode, which runs on (Willsky & Jones 1976;
+Golubkov 2020, eq. (7)). When the statement changes, the most likely filter of the new mode becomes that of the stated
+mode, and all others are dropped. The filters are those of `anchor_aware`, with an exact anchor those of `published`.
 """
 
 import math
@@ -30,10 +29,9 @@ LONGEST_WINDOW = 10_000  # ticks
 
 
 class RestartedFilters(NamedTuple):
-    """The filters of N tracks with M modes, and W start ticks of each mode in G = W / LANES groups.
-
-    Start k since the last change of the statement is number k % W: lane k % W % LANES of group k % W // LANES. The
-    log-likelihood of its filter is that of all measurements since the change, with the stated mode before.
+    """The filters of N tracks with M modes, and W start ticks of each mode in G = W / LANES groups. Start k since the
+    last change of the statement has lane k % W % LANES of group k % W // LANES. The log-likelihood of its filter is
+    that of all measurements since the change, with the stated mode before.
     """
 
     stated_filters: NDArray[Any]  # (N,) records `AWARE_HYPOTHESIS`, of which lane 0 is used: filter of the stated mode

@@ -18,17 +18,11 @@ from hybrid_env.checks import BoolArray, FloatArray, check_integer, reject
 from hybrid_env.options import WorldOptions
 from hybrid_env.registration import make_track_vector_env, make_vector_env
 from hybrid_env.vector_env import HybridTrackQuickestVectorEnv
+from hybrid_env.wrappers import NO_DECISION
 
 DROPPED_BELOW = 0.8  # finished tracks are no longer passed to the decider once fewer than this fraction are unfinished
 LARGEST_BATCH = 700_000_000  # bytes
 LARGEST_RESULT = 10_000_000  # segments, which need half a gigabyte
-
-DECIDED = {
-    "correct": np.bool_, "type_correct": np.bool_, "ticks": np.int64, "forced": np.bool_,
-    "decided_true_mode": np.int64, "decided_mode": np.int64, "decided_length": np.int64,
-    "decided_squared_error": np.float64,
-}  # fmt: skip
-"""What `info` tells of a decision."""
 
 
 @dataclass
@@ -162,7 +156,7 @@ def evaluate_batch(
     if env.options.actions != "all":
         raise reject("actions", env.options.actions, "'all': deciders declare hypotheses")
     segments = env.options.segments
-    recorded: dict[str, NDArray[Any]] = {name: np.zeros((episodes, segments), kind) for name, kind in DECIDED.items()}
+    recorded = {name: np.full((episodes, segments), one) for name, one in NO_DECISION.items()}
     finished, unfinished = np.zeros(episodes, np.int64), np.ones(episodes, np.bool_)  # decisions of each track so far
     for now in rollout(env, decider, seed, unfinished):
         decided = now.info.get("_decided_mode") if now.step else None

@@ -1,8 +1,7 @@
-"""Wald's sequential probability ratio test (SPRT) over a bank of hypotheses. Golubkov 2018, rule (5).
-
-Every hypothesis i is tested against the active hypothesis q_A, the last decided mode, with the log-likelihood
-ratio lambda_i = ln p(innovations | H_i) - ln p(innovations | H_qA). Rule (5) of the paper uses all pairs
-lambda_ij; its algorithm, which is implemented here, uses only ratios to q_A.
+"""Wald's sequential probability ratio test (SPRT) over a bank of hypotheses. Golubkov 2018, rule (5): every hypothesis
+i is tested against the active hypothesis q_A, the last decided mode, with the log-likelihood ratio lambda_i = ln
+p(innovations | H_i) - ln p(innovations | H_qA). Rule (5) uses all pairs lambda_ij; the algorithm of the paper only
+these.
 """
 
 import math

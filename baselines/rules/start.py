@@ -1,7 +1,6 @@
-"""The first estimate of a live track, from its first measurements, and the gate of the later ones.
-
-A measurement that no motion of a track explains is an error of the sensor, or a new track: it would move the estimate
-by any distance, and its velocity with it. The filters of turns are linearised there, and need not come back.
+"""The first estimate of a live track, from its first measurements, and the gate of the later ones. A measurement that
+no motion explains is an error of the sensor, or a new track: it would move the estimate by any distance, and its
+velocity with it. The filters of turns are linearised there, and need not come back.
 """
 
 import math
@@ -28,10 +27,9 @@ def unit_noise(options: ModelOptions) -> FloatArray:
 def line_estimate(
     ticks: NDArray[Any], points: FloatArray, noises: FloatArray, options: ModelOptions
 ) -> tuple[FloatArray, FloatArray]:
-    """Fit a straight line to m measurements (m, 2) [m]. Return estimate and covariance (4, 4) at the last one.
-
-    The covariance is of the noise of the measurements, xx, xy, yy [m^2] in `noises`, (m, 3), of the process noise, and
-    of the turns of the bank, all equally probable. Of a single measurement the velocity is 0, with infinite variance.
+    """Fit a straight line to m measurements (m, 2) [m]. Return estimate and covariance (4, 4) at the last one: of the
+    noise of the measurements, xx, xy, yy [m^2] in `noises`, (m, 3), of the process noise, and of the turns of the bank,
+    all equally probable. Of a single measurement the velocity is 0, with infinite variance.
     """
     matrices = noises[:, [[0, 1], [1, 2]]]
     if len(ticks) == 1:
@@ -59,10 +57,9 @@ def line_estimate(
 
 
 class FirstMeasurements:
-    """Collects measurements until more of them would not make the estimate of the velocity better.
-
-    The line is fitted to as many of the last ones as give the smallest variance of the velocity: few if the object
-    turns by a large angle in a tick, up to `most` if they are noisy. A track can begin when it is `complete`.
+    """Collects measurements until more of them would not make the estimate of the velocity better. The line is fitted
+    to as many of the last ones as give the smallest variance of the velocity: few if the object turns by a large angle
+    in a tick, up to `most` if they are noisy. A track can begin when it is `complete`.
     """
 
     def __init__(self, options: ModelOptions, most: int):
@@ -117,11 +114,10 @@ def gate_distance(
     measurement: FloatArray, estimate: FloatArray, covariance: FloatArray,
     radii: FloatArray, tau: float, noise: FloatArray, ticks: int,
 ) -> float:  # fmt: skip
-    """Return the distance of a measurement (2,) from the nearest predicted position, in standard deviations.
-
-    Predicted are straight motion and the turns of the bank by no large angle, from an estimate (4,) one tick before,
-    its covariance (4, 4) and that of the measurement, `noise`, xx, xy, yy [m^2]. What turns in the ticks since the
-    estimate was right for certain can have added to the distance from a straight line does not count.
+    """Return the distance of a measurement (2,) from the nearest predicted position, in standard deviations. Predicted
+    are straight motion and the turns of the bank by no large angle, from an estimate (4,) one tick before, its
+    covariance (4, 4) and that of the measurement, `noise`, xx, xy, yy [m^2]. What turns in the `ticks` since the
+    estimate was certainly right can have added to the distance from a straight line does not count.
     """
     P = covariance
     xx = P[0, 0] + 2.0 * tau * P[0, 1] + tau * tau * P[1, 1] + noise[0]

@@ -1,10 +1,9 @@
 """TEASER, a rule of early classification of time series, on the posterior of the bank.
 
-Schaefer & Leser (2020), "TEASER: early and accurate time series classification", Data Mining and Knowledge Discovery
-34. At some checkpoints a classifier predicts, a one-class test accepts what resembles right predictions, and v equal
-accepted predictions in a row are declared. Here every tick is a checkpoint, the bank is the classifier, and the test of
-its error probability is a quantile of right predictions; a one-class support vector machine, as published, would also
-refuse predictions that are surer than most.
+Schaefer & Leser 2020, "TEASER: early and accurate time series classification". At some checkpoints a classifier
+predicts, a one-class test accepts what resembles right predictions, and v equal accepted predictions in a row are
+declared. Here every tick is a checkpoint, the bank is the classifier, and the test is a quantile of the error
+probability of right predictions; the published support vector machine would also refuse those that are surer than most.
 """
 
 import functools
@@ -58,11 +57,8 @@ class TeaserDecider(PosteriorRule):
     @classmethod
     def maker(cls, options: WorldOptions) -> Callable[[float], Decider]:
         """Return the rule fitted to an environment; its threshold is v."""
-
-        @functools.cache
-        def limits() -> FloatArray:
-            return accepted_errors(simulate_posterior_paths(FITTING_EPISODES, FITTING, **vars(options)))
-
+        paths = functools.cache(lambda: simulate_posterior_paths(FITTING_EPISODES, FITTING, **vars(options)))
+        limits = functools.cache(lambda: accepted_errors(paths()))
         return lambda predictions: cls(limits(), int(predictions), rewarded(options))
 
     def decide(self, observation: Observations, state: Any, episode_start: Any) -> tuple[Actions, Any]:

@@ -29,9 +29,8 @@ def confidence_interval(
     episodes: FloatArray, of_means: Callable[[FloatArray], Any] = lambda means: means
 ) -> tuple[float, float]:
     """Return the percentile bootstrap 95 % confidence interval of a function of means over episodes, from (E, ...).
-
-    Whole episodes are resampled (Efron 1979), because the decisions within an episode are dependent. `of_means` maps
-    means (..., *episodes.shape[1:]) to the statistic (...); resamples where it is NaN do not count.
+    Whole episodes are resampled (Efron 1979), because the decisions within one are dependent. `of_means` maps means
+    (..., *episodes.shape[1:]) to the statistic (...); resamples where it is NaN do not count.
     """
     from scipy import stats  # it loads slowly
 
@@ -54,9 +53,8 @@ def confidence_interval(
 
 
 def wilson_interval(share: float, episodes: int) -> tuple[float, float]:
-    """Return Wilson's (1927) interval for the probability of an episode whose share is 1, if all have the share 0 or 1.
-
-    The mean share is at least this probability.
+    """Return Wilson's (1927) interval for the probability of an episode whose share is 1, if all have the share 0 or 1;
+    the mean share is at least this probability.
     """
     from scipy import stats
 

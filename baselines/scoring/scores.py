@@ -1,7 +1,6 @@
-"""The scores of a decider: figures of every episode at every threshold, and what follows from them.
-
-Every result is a function of means over episodes, a `Statistic`. One bootstrap over episodes gives its confidence
-interval, and the paired interval of a difference between two deciders on the same episodes.
+"""The scores of a decider: figures of every episode at every threshold, and what follows from them. Every result is a
+function of means over episodes, a `Statistic`. One bootstrap over episodes gives its confidence interval, and the
+paired interval of a difference between two deciders on the same episodes.
 """
 
 import math
@@ -46,9 +45,8 @@ def quotient(numerator: FloatArray, denominator: FloatArray) -> FloatArray:
 
 
 def at_level(measure: str, level: float, statistic: Statistic, falling: bool = False) -> Statistic:
-    """Return a statistic where the operating curve first reaches a level of a figure, or falls to it if `falling`.
-
-    The curve is interpolated linearly between thresholds. The value is `NOT_REACHED` beyond the level.
+    """Return a statistic where the operating curve first reaches a level of a figure, or falls to it if `falling`, by
+    linear interpolation between thresholds; `NOT_REACHED` beyond the level.
     """
     sign = -1.0 if falling else 1.0
 
@@ -68,9 +66,8 @@ def at_level(measure: str, level: float, statistic: Statistic, falling: bool = F
 
 
 def interpolated(measure: str, level: float, column: str) -> Statistic:
-    """Return the mean of a figure where the mean of another, which rises with the thresholds, has a level.
-
-    The curve is interpolated linearly between thresholds and extrapolated with its first and last values.
+    """Return the mean of a figure where the mean of another, which rises with the thresholds, has a level: linear
+    between thresholds, and constant beyond them.
     """
 
     def function(means: FloatArray, values: FloatArray) -> FloatArray:
@@ -126,8 +123,7 @@ class Scores:
         self, other: "Scores", statistic: Statistic, index: int | None = None, of_other: int | None = None,
         combine: Callable[[FloatArray, FloatArray], FloatArray] = np.subtract,
     ) -> Estimate:  # fmt: skip
-        """Return the difference self - other on the same episodes, or another function, with its paired interval.
-
+        """Return the difference self - other on the same episodes, or another function, with its paired interval;
         `index` and `of_other` are of the thresholds, see `estimate`.
         """
         mine, theirs = self._rows(statistic, index), other._rows(statistic, of_other)

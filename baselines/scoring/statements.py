@@ -48,10 +48,8 @@ class Statements(NamedTuple):
 
 @dataclass(frozen=True)
 class StatementMetrics:
-    """Metrics of N tracks of T ticks.
-
-    A switch is detected if the new mode is stated before the next switch, and missed if not; an undetected last switch
-    of a track is neither.
+    """Metrics of N tracks of T ticks. A switch is detected if the new mode is stated before the next switch, and missed
+    if not; an undetected last switch of a track is neither.
     """
 
     right: FloatArray  # (N,) share of ticks with a right statement

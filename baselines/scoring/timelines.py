@@ -24,9 +24,8 @@ class Timeline(NamedTuple):
 
 
 class TimelineCounts(NamedTuple):
-    """Sums over a track or a part of it, from which the figures of any set of tracks follow.
-
-    Switches count if at least half of the moments until the next one are scored, changes if more than half are.
+    """Sums over a track or a part of it, from which the figures of any set of tracks follow. Switches count if at least
+    half of the moments until the next one are scored, changes if more than half are.
     """
 
     scored: float  # time that is scored
@@ -69,9 +68,8 @@ def statistics(period: float) -> dict[str, Statistic]:
 
 
 def count_timeline(timeline: Timeline, normal: int | None = None, blocks: IntArray | None = None) -> FloatArray:
-    """Return the `TimelineCounts` of B blocks of a track, (B, 15), to which events belong in which they begin.
-
-    A false change away from the `normal` mode is a false alarm. `blocks`, (T,), has the block of each moment.
+    """Return the `TimelineCounts` of B blocks of a track, (B, 15), to which events belong in which they begin;
+    `blocks`, (T,), has that of each moment. A false change away from the `normal` mode is a false alarm.
     """
     times, modes, stated, scored, weights, samples = timeline
     places = np.zeros(len(times), np.int64) if blocks is None else blocks

@@ -1,7 +1,6 @@
-"""Arrays that are declared once: allocated from Python, and found by their addresses in compiled code.
-
-A named tuple of arrays declares each of them by `Annotated[NDArray[...], Array(dtype, sizes)]`. A size is a number or a
-field of the parameter record; the address is in the field with the name of the array.
+"""Arrays that are declared once: allocated from Python, and found by their addresses in compiled code. A named tuple of
+arrays declares each of them by `Annotated[NDArray[...], Array(dtype, sizes)]`. A size is a number or a field of the
+parameter record; the address is in the field with the name of the array.
 """
 
 import math
@@ -43,10 +42,9 @@ def declared(arrays: type, *owners: Owner) -> dict[str, Array]:
 
 
 def aligned_zeros(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
-    """Return an array of zeros aligned to a cache line, so that the eight lanes of a field fill one line.
-
-    A step accesses the state of all tracks once. With pages of 4 kB the address cache misses every few tracks, which
-    takes longer than the computation: large arrays request huge pages.
+    """Return an array of zeros aligned to a cache line, so that the eight lanes of a field fill one line. Large arrays
+    request huge pages: with pages of 4 kB the address cache misses every few tracks, which takes longer than the
+    computation.
     """
     kind = np.dtype(dtype)
     size = math.prod(shape) * kind.itemsize

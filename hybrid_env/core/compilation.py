@@ -1,13 +1,11 @@
 """Compilation: numba's `njit` with common options, and a cache that may be missing, outdated or damaged.
 
-With NumPy's error model a division has no branch that raises, so that loops over lanes compile to SIMD code. The GIL is
-released, so that threads can step different tracks in parallel. With NUMBA_BOUNDSCHECK=1 every index is checked; the
-code is then only cached in the folder NUMBA_CACHE_DIR, because numba does not tell it from code without checks.
-
-numba compares a cached function with the file that defines it, but not with the files of its callees, and it has no
-checksums: outdated or damaged machine code would be executed. Its public interface has no hook for either, therefore
-this file knows the names of its cache files, `<file>.<function>-*.nbi` and `.nbc` in the folder `stats.cache_path` of a
-function. If these names change, nothing is found, and nothing is removed.
+With NumPy's error model a division has no branch that raises, so that loops over lanes compile to SIMD code. Without
+the GIL threads step different tracks in parallel. With NUMBA_BOUNDSCHECK=1 every index is checked; the code is then
+only cached in the folder NUMBA_CACHE_DIR, because numba does not tell it from code without checks. numba compares a
+cached function with the file that defines it, but not with those of its callees, and has no checksums. Its public
+interface has no hook for either: this file knows the names of its cache files, `<file>.<function>-*.nbi` and `.nbc` in
+the folder `stats.cache_path` of a function. If these names change, nothing is found, and nothing is removed.
 """
 
 import functools
@@ -71,10 +69,9 @@ def drop_stale_files(cache: str | None, package: str) -> None:
 
 
 def prepare(dispatcher: Any, *arguments: Any) -> None:
-    """Compile a `compiled` function for the types of these arguments, or load it from the cache.
-
-    One line on stderr announces each compilation. Of several processes one compiles, and the others load its files.
-    Damaged files are removed; if that is not allowed, or with NUMBA_DISABLE_JIT, `RuntimeError` is raised.
+    """Compile a `compiled` function for the types of these arguments, or load it from the cache. One line on stderr
+    announces each compilation. Of several processes one compiles, and the others load its files. Damaged files are
+    removed; if that is not allowed, or with NUMBA_DISABLE_JIT, `RuntimeError` is raised.
     """
     if config.DISABLE_JIT:
         raise RuntimeError("NUMBA_DISABLE_JIT is set: only the scalar formulas run without compilation")

@@ -1,6 +1,5 @@
-"""Logarithm, exponential, sine and cosine without branches, so that a loop over lanes compiles to SIMD code.
-
-The polynomials are those of fdlibm (Sun Microsystems 1993), accurate to two units in the last place.
+"""Logarithm, exponential, sine and cosine without branches, so that a loop over lanes compiles to SIMD code. The
+polynomials are those of fdlibm (Sun Microsystems 1993), accurate to two units in the last place.
 """
 
 import math

@@ -2,11 +2,11 @@
 
 A law is the mixture of two humps with equal probability. A duration of a hump is offset + U + G ticks, where U = 0,
 ..., span - 1 is uniform and G = 1, 2, ... geometric with a given mean; with a mean of 1, G is 1. One law in five each
-is narrow (uniform, the longest duration 1 to 1.2 times the shortest), wide (uniform, 1.2 to 3 times), geometric (an
-offset of up to 80 ticks, which a third has not, and a mean of 10 to 100), of two narrow humps, or different for
-straight motion and turns, each of one of these kinds. The shortest uniform duration is 20 to 150 ticks. Ranges are
-uniform in the logarithm, offsets uniform. A third of the drawn orders has equally likely next modes; the others one
-preferred next mode after each mode, with a probability of 0.5 to 1 above its equal share of the rest.
+is narrow (uniform, the longest duration 1 to 1.2 times the shortest), wide (1.2 to 3 times), geometric (an offset of up
+to 80 ticks, which a third has not, and a mean of 10 to 100), of two narrow humps, or different for straight motion and
+turns, each of one of these kinds. The shortest uniform duration is 20 to 150 ticks. Ranges are uniform in the
+logarithm, offsets uniform. A third of the orders has equally likely next modes; the others one preferred next mode
+after each mode, with a probability of 0.5 to 1 above its equal share of the rest.
 """
 
 import math

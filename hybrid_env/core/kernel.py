@@ -1,7 +1,6 @@
-"""The kernel: object, measurement, bank, reward, fast-forward and autoreset of many tracks in one loop.
-
-The operations of every tick are loops over the lanes of a block (see `records`). Decisions and new segments occur in
-few tracks and are computed for single lanes. Threads step different blocks.
+"""The kernel: object, measurement, bank, reward, fast-forward and autoreset of many tracks in one loop. The operations
+of every tick are loops over the lanes of a block (see `records`). Decisions and new segments occur in few tracks and
+are computed for single lanes. Threads step different blocks.
 """
 
 import math
@@ -17,16 +16,7 @@ from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.motion import heading_vector
 from hybrid_env.core.noise import draw_noise_ahead, integer_below
 from hybrid_env.core.observation_row import compare_hypotheses, write_segment, write_tick
-from hybrid_env.core.records import (
-    DECISION,
-    DECISION_FLAGS,
-    LANES,
-    SEGMENT_COLUMNS,
-    State,
-    state_of,
-    triangle_of,
-    write_lane,
-)
+from hybrid_env.core.records import DECISION, DECISION_FLAGS, LANES, SEGMENT_COLUMNS, state_of, triangle_of, write_lane
 from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move, move_lane, sum_errors
 
 NO_COVARIANCE = (0.0,) * 10  # of the oracle bank, whose anchor is exact
@@ -37,8 +27,9 @@ DECIDED, TERMINATED = 1, 2  # events of a step, combined as bits
 
 
 @inlined
-def _record(block: Any, lane: int, estimate: State, trace: FloatArray) -> None:
-    """Record an estimate, its squared error, and a row of the trace if stored."""
+def _record_estimate(block: Any, lane: int, hypotheses: Records, trace: FloatArray, merged: bool) -> None:
+    """Record the estimate of the active filter or the merged one, its squared error, and a row of a stored trace."""
+    estimate = merged_estimate(hypotheses, lane) if merged else estimate_of(hypotheses, block.active_mode[lane], lane)
     write_lane(block.estimate, lane, estimate)
     x, _, y, _ = estimate
     error_x, error_y = x - block.truth[0, lane], y - block.truth[2, lane]
@@ -52,13 +43,6 @@ def _record(block: Any, lane: int, estimate: State, trace: FloatArray) -> None:
         row[8] = block.active_mode[lane]
         row[9] = block.segment[lane]
         block.trace_length[lane] += 1
-
-
-@inlined
-def _record_estimate(block: Any, lane: int, hypotheses: Records, trace: FloatArray, merged: bool) -> None:
-    """Record the estimate of the active filter, or the merged one."""
-    estimate = merged_estimate(hypotheses, lane) if merged else estimate_of(hypotheses, block.active_mode[lane], lane)
-    _record(block, lane, estimate, trace)
 
 
 @inlined

@@ -1,7 +1,6 @@
-"""The compiled entry points of the kernel, two for each bank. All other options are read at run time.
-
-On a live sensor the measurement comes from the caller. All else is computed by the same functions, so that the same
-measurements give the same rows; `irregular` is True in the parameters, because any measurement may be missing.
+"""The compiled entry points of the kernel, two for each bank. All other options are read at run time. On a live sensor
+the measurement comes from the caller; all else is computed by the same functions, so that the same measurements give
+the same rows; `irregular` is True in the parameters, because any measurement may be missing.
 """
 
 from typing import Any
@@ -29,12 +28,10 @@ FIRST, LAST = np.uint64(0), np.uint64(1)  # range of lanes; unsigned as in the o
 
 @internal
 def advance_live(begins: bool, banks: Any, arrays: Any, setting: Any) -> int:
-    """Begin a segment, process a measurement, or declare a mode, on the first lane of the first block.
-
-    With `begins` the last segment ends, and the bank starts from its estimate; the first one, whose `segment` is -1,
-    from that of the block. Otherwise action 0 advances the bank by the `measurement`, and writes the observation until
-    a mode is declared; action i + 1 declares mode i and advances nothing. Then `estimate` and `covariance` of the block
-    are those of the last decided mode, or merged over the bank.
+    """Begin a segment, process a measurement, or declare a mode, on the first lane of the first block. With `begins`
+    the last segment ends, and the bank starts from its estimate; the first one, whose `segment` is -1, from that of the
+    block. Action 0 advances the bank by the `measurement`, and writes the observation until a mode is declared; i + 1
+    declares mode i. Then `estimate` and `covariance` are those of the last decided mode, or merged.
     """
     block, bank = arrays.blocks[0], operations.bank_of_block(banks, 0)
     if begins:
@@ -99,12 +96,10 @@ def advance_live_quickest(begins: bool, banks: Any, arrays: Any, setting: Any) -
 
 @compiled
 def advance_published(address: int, command: int) -> int:
-    """Step every track, or with `RESET` begin a new episode on every track whose action is not 0.
-
-    In a step, a terminated track begins its next episode; the observation of a track that terminates stays the one on
-    which the last decision was made. The address is that of a record `PARAMETERS`, whose arrays must exist during the
-    call. Returns `DECIDED` if any track made a decision, plus `TERMINATED` if any terminated; or, if the action of
-    track i is outside the space, -1 - i, and no track is stepped.
+    """Step every track, or with `RESET` begin a new episode on every track whose action is not 0. A terminated track
+    begins its next episode; its last observation is the one on which the last decision was made. The address is that of
+    a record `PARAMETERS`, whose arrays must exist during the call. Returns `DECIDED` if any track made a decision, plus
+    `TERMINATED` if any terminated; or, if the action of track i is outside the space, -1 - i, and no track is stepped.
     """
     setting = array_at(address, (1,), PARAMETERS)[0]
     return kernel.advance(command == RESET, published_banks(setting), arrays_of(setting), setting)

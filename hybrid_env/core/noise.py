@@ -1,9 +1,7 @@
-"""Random numbers of the kernel: one xoshiro256++ generator per track, and the noise of the object from it.
-
-Every track has a separate generator, so that a track of a vector environment has the same random stream as a single
-environment with the same seed. Blackman & Vigna 2021 (xoshiro256++); Box & Muller 1958 (normals); Chambers, Mallows &
-Stuck 1976 (stable distributions); Bailey 1994 (Student's t). None of these methods has a rejection step, so that
-several tracks, or several ticks of one track, can be drawn with SIMD code.
+"""Random numbers of the kernel: one xoshiro256++ generator per track, and the noise of the object from it. A track of a
+vector environment has the same stream as a single environment with the same seed. Blackman & Vigna 2021 (xoshiro256++);
+Box & Muller 1958 (normals); Chambers, Mallows & Stuck 1976 (stable distributions); Bailey 1994 (Student's t). None has
+a rejection step, so that several tracks, or ticks of one track, are drawn with SIMD code.
 """
 
 import math

@@ -1,6 +1,5 @@
-"""The observations as written by the kernel. `hybrid_env.observation.Layout` reads them by name.
-
-A row is a float32 array of six blocks of M values, one per hypothesis, followed by scalars of the track.
+"""The observations as written by the kernel: float32 rows of six blocks of M values, one per hypothesis, followed by
+scalars of the track. `hybrid_env.observation.Layout` reads them by name.
 """
 
 import math

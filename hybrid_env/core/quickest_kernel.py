@@ -1,6 +1,5 @@
-"""The kernel with unknown switch moments: object, measurement, IMM bank, statements and autoreset.
-
-A statement changes nothing but its reward, so that every sequence of statements sees the same measurements.
+"""The kernel with unknown switch moments: object, measurement, IMM bank, statements and autoreset. A statement changes
+nothing but its reward, so that every sequence of statements sees the same measurements.
 """
 
 from typing import Any

@@ -1,7 +1,6 @@
-"""The records of the kernel: the state of the tracks, a sensor, and the columns of segments and trace.
-
-Tracks are stored in blocks of `LANES`. Every field of a block holds one number per track, so that a loop over lanes has
-a constant stride and compiles to SIMD code.
+"""The records of the kernel: the state of the tracks, a sensor, and the columns of segments and trace. Tracks are
+stored in blocks of `LANES`. Every field of a block holds one number per track, so that a loop over lanes has a constant
+stride and compiles to SIMD code.
 """
 
 from typing import Any

@@ -1,6 +1,5 @@
-"""The state of N tracks, declared once: the arrays of the kernel, and the parameters with their addresses.
-
-Allocation, addresses, saved states and their checks follow from these declarations and those of the banks.
+"""The state of N tracks, declared once: the arrays of the kernel, and the parameters with their addresses. Allocation,
+addresses, saved states and their checks follow from these declarations and those of the banks.
 """
 
 from typing import Annotated, NamedTuple

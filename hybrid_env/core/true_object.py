@@ -1,6 +1,5 @@
-"""The true object: its start, motion with process noise on the velocity, and measurements of its position.
-
-Golubkov 2018, eq. (1). Without a measurement a tick has NaN; those of several sensors are fused.
+"""The true object: its start, motion with process noise on the velocity, and measurements of its position. Golubkov
+2018, eq. (1). Without a measurement a tick has NaN; those of several sensors are fused.
 """
 
 import math

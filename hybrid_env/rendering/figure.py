@@ -1,7 +1,6 @@
-"""Frames of an episode: the track in the plane on the left, the evidence over time on the right.
-
-Each frame sets new data on the artists that change; all others are in a background image. A decision has the same
-marker in both panels: a circle if correct, a cross if wrong.
+"""Frames of an episode: the track in the plane on the left, the evidence over time on the right. Each frame sets new
+data on the artists that change; all others are in a background image. A decision has the same marker in both panels: a
+circle if correct, a cross if wrong.
 """
 
 import math

@@ -1,6 +1,5 @@
-"""Every tick of the running episode, for figures and recordings: a timeline of true modes beside one of stated modes.
-
-A declaration is a statement that begins at its tick and holds until the next switch.
+"""Every tick of the running episode, for figures and recordings: a timeline of true modes beside one of stated modes. A
+declaration is a statement that begins at its tick and holds until the next switch.
 """
 
 from collections.abc import Sequence

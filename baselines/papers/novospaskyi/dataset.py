@@ -15,15 +15,7 @@ from scipy.stats import chi2
 from baselines.estimation.run_filter import Estimates, Filtered
 from baselines.papers.novospaskyi import radars
 from baselines.papers.novospaskyi.flights import FLIGHTS, RECORD_STEP, Flight, point_mass_flights
-from baselines.papers.novospaskyi.radars import (
-    NOISES,
-    Noise,
-    Tracks,
-    flight_errors,
-    measure,
-    padded_tracks,
-    scan_flight,
-)
+from baselines.papers.novospaskyi.radars import NOISES, Noise, Tracks, measure, scan_flight
 from baselines.scoring.scores import Scores, mean
 from hybrid_env.checks import ArgumentError, FloatArray, check_integer
 from hybrid_env.extras import explained
@@ -140,7 +132,7 @@ def load_radar_data(folder: str | Path) -> RadarData:
         truth = flights[part["flight"][0]].states_at(part["time"])
         for noise in NOISES:
             parts[part["split"][0]][noise].append((part["time"], _joined(part, f"{noise}_"), *truth))
-    tracks = {split: {noise: padded_tracks(one) for noise, one in of.items()} for split, of in parts.items()}
+    tracks = {split: {noise: radars.padded_tracks(one) for noise, one in of.items()} for split, of in parts.items()}
     return RadarData(about["seed"], flights, tracks)
 
 
@@ -206,7 +198,7 @@ def score_estimates(name: str, filtered: Filtered, data: RadarData, noise: Noise
 def _forecast_figures(forecast: Estimates, truth: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the RMSE [m] and the share of true positions in the stated region, (N,) each."""
     positions = np.swapaxes(forecast.positions, 0, 1)
-    rmse = flight_errors(positions, truth)[0]
+    rmse = radars.flight_errors(positions, truth)[0]
     if forecast.covariances is None:
         return rmse, np.full(len(rmse), np.nan)
     spread = np.swapaxes(forecast.covariances[..., :: forecast.order, :: forecast.order], 0, 1)

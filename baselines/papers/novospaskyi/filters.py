@@ -1,6 +1,5 @@
-"""The compared filters: those of the thesis, sound settings of the same filters, and robust ones.
-
-Novospaskyi 2025, section 2.2. Each has a function of its parameters and the space in which these are tuned.
+"""The compared filters: those of the thesis, sound settings of the same filters, and robust ones. Novospaskyi 2025,
+section 2.2. Each has a function of its parameters and the space in which these are tuned.
 """
 
 import math
@@ -13,11 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from optuna.distributions import BaseDistribution, FloatDistribution, IntDistribution
 
+from baselines.estimation.correction import Correntropy, Huber, Robust, StudentT
 from baselines.estimation.imm import IMMFilter
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import ORDERS, MotionModel
 from baselines.estimation.particles import ParticleFilter
-from baselines.estimation.robust import Correntropy, Huber, Robust, StudentT
 from baselines.estimation.run_filter import Filtered, run_filter
 from baselines.estimation.track_filter import TrackFilter, check_measurements
 from baselines.papers.adaptive import GHFilter
@@ -99,10 +98,9 @@ class ThesisKalmanFilter(KalmanFilter):
 
 
 def _thesis_filter(name: Any, parameters: Parameters) -> TrackFilter:
-    """KF CV, CA or CJ of the thesis: discrete white noise, P0 = 10000 I.
-
-    After the start only Q / R matters, so that R is that of the Gaussian noise, except with the published parameters.
-    "sigma_q" is taken for a variance: as such it gives the velocity errors of the published order for KF CV.
+    """KF CV, CA or CJ of the thesis: discrete white noise, P0 = 10000 I. After the start only Q / R matters, so that R
+    is that of the Gaussian noise, except with the published parameters. "sigma_q" is taken for a variance: as such it
+    gives the velocity errors of the published order for KF CV.
     """
     model = MotionModel(name, axes=3, noise=parameters["q"], discretization="discrete")
     deviations = [math.sqrt(START_VARIANCE)] * (model.order - 1)
@@ -114,10 +112,9 @@ def _gh_filter(parameters: Parameters) -> TrackFilter:
 
 
 def _sound_filter(names: Sequence[Any], parameters: Parameters) -> TrackFilter:
-    """Kalman filters of some models, with several of them their IMM.
-
-    Continuous white noise with the intensity "q CV" or so on all axes, R known up to the parameter "scale", a prior
-    of the start, and a robust update if the parameters have one.
+    """Kalman filters of some models, with several of them their IMM: continuous white noise with the intensity "q CV"
+    or so on all axes, R known up to the parameter "scale", a prior of the start, and a robust update if the parameters
+    have one.
     """
     filters, robust = [], next((update(parameters[key]) for key, update in UPDATES.items() if key in parameters), None)
     for name in names:

@@ -1,8 +1,6 @@
-"""Flights: random curves, the limits, drag and guidance of the aircraft, and a point mass that flies them.
-
-Novospaskyi 2025, sections 2.1.1 (curves and waypoints) and 2.1.2 (a quadrotor flies through all waypoints, and failed
-flights are discarded). Its vehicle is not described; the values here are those of a fast quadrotor that can turn at 50
-m/s. A point mass flies all routes at once; an example of the gallery flies a quadrotor by the same guidance.
+"""Flights: random curves, the limits, drag and guidance of the aircraft, and a point mass that flies them. Novospaskyi
+2025, sections 2.1.1 (curves and waypoints) and 2.1.2 (a quadrotor flies through all waypoints, and failed flights are
+discarded). The vehicle is not described; the values are those of a fast quadrotor that can turn at 50 m/s.
 """
 
 import math
@@ -62,9 +60,8 @@ def drag(velocity: FloatArray) -> FloatArray:
 
 
 def thrust_command(position: FloatArray, velocity: FloatArray, target: FloatArray) -> FloatArray:
-    """Thrust per mass [m/s^2] that flies from a position to a target at `SPEED`, within the limits, all (..., 3).
-
-    The height has priority: the vertical part is limited first, then the horizontal part.
+    """Thrust per mass [m/s^2] that flies from a position to a target at `SPEED`, within the limits, all (..., 3): the
+    vertical part is limited first, then the horizontal one.
     """
     way = target - position
     distance = np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-9)
@@ -79,7 +76,6 @@ def thrust_command(position: FloatArray, velocity: FloatArray, target: FloatArra
 
 class Guidance:
     """Progress of N vehicles along their waypoints, (W, 3) [m] each with its own W; the first one is the start.
-
     `flying` and `succeeded`, (N,), are those still on the way, and those that have passed their last waypoint.
     """
 

@@ -1,6 +1,5 @@
-"""Radars near a flight, their measurements merged in time, and the errors of estimates. Sections 2.1.3 and 3.1.
-
-The thesis does not state the limits of the distances and heights, nor whether the radars scan at the same moments. Here
+"""Radars near a flight, their measurements merged in time, and the errors of estimates. Sections 2.1.3 and 3.1. The
+thesis does not state the limits of the distances and heights, nor whether the radars scan at the same moments. Here
 they scan in turn, half a period apart. Independent phases are excluded by the published row of the g-h filter: its
 velocity gain h / t has no bound if two measurements may follow each other at once.
 """
@@ -125,10 +124,8 @@ def measure(scans: Sequence[Scan], noise: Noise, seed: tuple[int, ...]) -> Track
 
 def flight_errors(estimates: FloatArray, truth: FloatArray) -> tuple[FloatArray, FloatArray]:
     """RMSE and MAE (...) of estimates (..., K, 3) of each flight, means over the axes; a missing truth is NaN.
-
     Novospaskyi 2025, eq. (1.25) and (1.26), sum over the axes, but its tables do not: all eight unfiltered values come
-    out as means over flights and axes of the error within a flight. They would list 21.7 and 29.9 m, not 12.5 and 9.9
-    m.
+    out as means over flights and axes of the error within a flight, and not the 21.7 and 29.9 m of a sum.
     """
     error = estimates - truth
     rmse = np.sqrt(np.nanmean(error**2, axis=-2)).mean(-1)

@@ -103,9 +103,8 @@ def tune_filters(
     training: dict[Noise, Tracks], seed: int, folder: Path, trials: int = TRIALS, run: Run = one_by_one,
     progress: Progress = silent, robust: Sequence[str] = tuple(ROBUST),
 ) -> dict[Noise, dict[str, dict[str, Any]]]:  # fmt: skip
-    """Parameters of all filters by noise and name, tuned on the training flights; arguments as of `reproduce`.
-
-    The robust ones are tuned after the plain CV filter, with which they are compared.
+    """Parameters of all filters by noise and name, tuned on the training flights, the robust ones after the plain CV
+    filter, with which they are compared; arguments as of `reproduce`.
     """
     names = sorted(THESIS | SOUND, key=lambda name: "IMM" not in name)  # the longest first
     parts, filters = range(0, trials, PART), len(names) * len(NOISES) + len(robust)

@@ -79,9 +79,8 @@ def as_published(name: str) -> str:
 
 
 def steady_gains(variance: float, process_variance: float, step: float) -> tuple[float, float]:
-    """Constant gains g and h that a CV Kalman filter with discrete process noise reaches. Kalata 1984.
-
-    R of one axis [m^2], variance [m^2/s^4] of the acceleration that is constant in a step [s].
+    """Constant gains g and h that a CV Kalman filter with discrete process noise reaches, Kalata 1984, with R of one
+    axis [m^2] and the variance [m^2/s^4] of the acceleration that is constant in a step [s].
     """
     index = math.sqrt(process_variance / variance) * step**2
     root = 4.0 / (4.0 + index + math.sqrt(8.0 * index + index**2))

@@ -1,7 +1,6 @@
-"""Tuning of the filters with Optuna, which can be killed and resumed.
-
-Trial n depends on nothing but the seed and the trials before it, which are read back from a file. So a resumed tuning
-ends with the same parameters, bit for bit, and two processes may work on the same file.
+"""Tuning of the filters with Optuna, which can be killed and resumed: trial n depends on nothing but the seed and the
+trials before it, which are read back from a file. So a resumed tuning ends with the same parameters, bit for bit, and
+two processes may work on the same file.
 """
 
 import hashlib
@@ -60,9 +59,8 @@ class Tuning:
         return digest.hexdigest()[:16]
 
     def cost(self, parameters: Parameters) -> float:
-        """Mean position RMSE of the training flights [m] (section 2.3.3).
-
-        For a robust filter that with Levy noise, raised if the loss with Gaussian noise exceeds `LARGEST_LOSS`.
+        """Mean position RMSE of the training flights [m] (section 2.3.3); for a robust filter that with Levy noise,
+        raised if the loss with Gaussian noise exceeds `LARGEST_LOSS`.
         """
         chosen = {**self.plain, **parameters}
         error = {noise: float(errors(self.name, chosen, of)[:, 0].mean()) for noise, of in self._flights.items()}
@@ -87,9 +85,7 @@ def tune(
     contender: Contender, cost: Callable[[Parameters], float], trials: int, seed: int, file: Path, fingerprint: str
 ) -> dict[str, Any]:
     """Best parameters by the tree-structured Parzen estimator of Bergstra et al. 2011, from a first trial at the start.
-
-    Finished trials are appended to the file. Lines of it with another fingerprint, which stands for everything that the
-    cost depends on, are ignored.
+    Finished trials are appended to the file; its lines with another fingerprint, see `Tuning.fingerprint`, are ignored.
     """
     verbosity = optuna.logging.get_verbosity()
     optuna.logging.set_verbosity(optuna.logging.WARNING)

@@ -4,7 +4,5 @@
 finds the turns with a smoother that sees the whole flight. `tracks` are flights as an environment with unknown
 switches; `metrics` compares statements with the labels. `simulated` makes flights that look like the recorded ones, and
 twins of these. Flights of gliders are read by `gliders`, labelled by `circling` and simulated by `simulated_gliders`.
-`semi_real` puts any of them into the setting of `HybridTrackQuickest-v0`.
-
-May import: `hybrid_env`, and `estimation`, `scoring`, `rules` and `recordings` of `baselines`. Never `agents`.
+`semi_real` puts any of them into the setting of `HybridTrackQuickest-v0`. May import what `recordings` may.
 """

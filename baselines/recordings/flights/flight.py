@@ -1,7 +1,6 @@
-"""A recorded flight: measured positions in metres, the aircraft's own track angle, and its tier of quality.
-
-The error of an ADS-B position is small, that of its time is not: with a time that is wrong by e, the position is wrong
-by v e along the velocity v. The covariance of a measured position is therefore R = across^2 I + timing^2 v v'.
+"""A recorded flight: measured positions in metres, the aircraft's own track angle, and its tier of quality. The error
+of an ADS-B position is small, that of its time is not: with a time that is wrong by e, the position is wrong by v e
+along the velocity v. The covariance of a measured position is therefore R = across^2 I + timing^2 v v'.
 """
 
 from collections.abc import Sequence

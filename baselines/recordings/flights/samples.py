@@ -1,5 +1,4 @@
 """The recorded flights in the samples of the package `traffic`, read without importing it, where the user has them.
-
 ADS-B reports, most of them from the OpenSky Network. Olive 2019, "traffic, a toolbox for processing and analysing air
 traffic data", doi 10.21105/joss.01518.
 """

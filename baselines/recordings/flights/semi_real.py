@@ -28,11 +28,9 @@ WORLD = QuickestOptions(start="random")
 def semi_real_flights(
     flights: Sequence[Flight], labels: Sequence[Labels], generator: np.random.Generator
 ) -> tuple[list[Flight], list[Labels]]:
-    """Return flights at ticks of 1 s with white noise, and their labels.
-
-    Their speed v is the median over the ticks at speeds that are scored. The tier has sigma as `across`, and no error
-    of the time. A tick has the label of the nearest position; it is not scored if that is not, or is 1.5 median steps
-    away.
+    """Return flights at ticks of 1 s with white noise, and their labels. The speed v is the median over the ticks at
+    speeds that are scored. The tier has sigma as `across`, and no error of the time. A tick has the label of the
+    nearest position; it is not scored if that is not, or is 1.5 median steps away.
     """
     batch = stack_flights(flights)
     states = smoothed_states(batch, LabelRules().jerk)
@@ -43,28 +41,21 @@ def semi_real_flights(
         path = smooth_path(times, states[: end - first, column], ticks)
         nearest = first + np.searchsorted(0.5 * (times[1:] + times[:-1]), ticks)
         parts[k].append((ticks, path, nearest))
-    results = []
+    made, kept = [], []
     for flight, label, part in zip(flights, labels, parts, strict=True):
         ticks, path, rows = (np.concatenate(one) for one in zip(*part, strict=True))
-        results.append(_semi_real(flight, label, ticks, path, rows, generator))
-    return [one for one, _ in results], [one for _, one in results]
-
-
-def _semi_real(
-    flight: Flight, labels: Labels, ticks: FloatArray, path: FloatArray, rows: IntArray,
-    generator: np.random.Generator,
-) -> tuple[Flight, Labels]:  # fmt: skip
-    """Return one flight, from its path (T, 4) [x, vx, y, vy] and the nearest recorded positions (T,)."""
-    speeds = np.hypot(path[:, 1], path[:, 3])
-    moving = speeds >= LabelRules().speed
-    sigma = noise_deviation(float(np.median(speeds[moving] if moving.any() else speeds)))
-    positions = path[:, ::2] + sigma * generator.standard_normal((len(path), 2))
-    far = np.abs(labels.times[rows] - ticks) > 0.5 * LONGEST_WEIGHT * float(np.median(np.diff(labels.times)))
-    scored = labels.scored[rows] & ~far
-    tier, tracks = flight.tier._replace(across=sigma, timing=0.0), flight.tracks[rows]
-    made = replace(flight, tier=tier, times=ticks, positions=positions, tracks=tracks)
-    weights = np.where(scored, TICK, 0.0)
-    return made, Labels(ticks, labels.modes[rows], scored, weights, labels.rates[rows], speeds, labels.own[rows])
+        speeds = np.hypot(path[:, 1], path[:, 3])
+        moving = speeds >= LabelRules().speed
+        sigma = noise_deviation(float(np.median(speeds[moving] if moving.any() else speeds)))
+        positions = path[:, ::2] + sigma * generator.standard_normal((len(path), 2))
+        far = np.abs(label.times[rows] - ticks) > 0.5 * LONGEST_WEIGHT * float(np.median(np.diff(label.times)))
+        scored = label.scored[rows] & ~far
+        tier, tracks = flight.tier._replace(across=sigma, timing=0.0), flight.tracks[rows]
+        made.append(replace(flight, tier=tier, times=ticks, positions=positions, tracks=tracks))
+        weights = np.where(scored, TICK, 0.0)
+        of_ticks = label.modes[rows], scored, weights, label.rates[rows], speeds, label.own[rows]
+        kept.append(Labels(ticks, *of_ticks))
+    return made, kept
 
 
 def smooth_path(times: FloatArray, states: FloatArray, ticks: FloatArray) -> FloatArray:

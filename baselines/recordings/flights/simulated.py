@@ -2,8 +2,8 @@
 
 In a turn the aircraft rolls in within some seconds and keeps a turn rate that jitters; in straight motion the heading
 wanders slowly. Time and position have errors with a Student t distribution, by the tier. The default settings are those
-of the recorded flights as a whole; none is chosen by the score of a decider. Agents are trained on flights with
-settings of their own.
+of the recorded flights as a whole, none chosen by the score of a decider; agents are trained with settings of their
+own.
 """
 
 from collections.abc import Sequence

@@ -1,9 +1,7 @@
-"""Simulated flights of gliders, in a moving air that rises where they circle.
-
-Straight flight with wiggles and partial turns, and circles in thermals, in a wind that changes slowly, and gusts.
-Rolling in and out takes seconds; in circles the turn rate jitters, changes with the heading, and falls for moments. The
-lift begins before the circles and ends about with them; it also comes without. Positions are rounded as in logs, and
-some are missing. Settings are drawn from wide ranges.
+"""Simulated flights of gliders, in a moving air that rises where they circle: straight flight with wiggles and partial
+turns, and circles in thermals, in a wind that changes slowly, and gusts. Rolling in and out takes seconds; in circles
+the turn rate jitters, changes with the heading, and falls for moments. The lift begins before the circles and ends
+about with them; it also comes without. Positions are rounded as in logs, and some are missing. Settings are drawn.
 """
 
 from collections.abc import Sequence

@@ -20,9 +20,9 @@ SMALLEST = 1e-300  # probability
 
 
 class FlightTracks:
-    """B pieces of flights, each an episode, at positions `tick`. Of their rows, as of
-    `hybrid_env.HybridTrackQuickestEnv`, the probabilities of the modes (T, B, 3), by default of the IMM filter, its
-    likelihood ratios and the last statement are filled.
+    """B pieces of flights, each an episode, at positions `tick`. Of the rows of `hybrid_env.HybridTrackQuickestEnv`,
+    the probabilities of the modes (T, B, 3), by default of the IMM filter, its likelihood ratios and the last statement
+    are filled.
     """
 
     def __init__(self, batch: Batch, estimates: TurnEstimates, probabilities: FloatArray | None = None):

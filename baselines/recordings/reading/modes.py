@@ -42,17 +42,12 @@ class ModeFile(NamedTuple):
 
 
 def read_modes(
-    path: str | os.PathLike[str],
-    *,
-    columns: Mapping[str, str] | None = None,
-    object_column: str | None = None,
+    path: str | os.PathLike[str], *, columns: Mapping[str, str] | None = None, object_column: str | None = None,
     time_unit: str | None = None,
-) -> ModeFile:
-    """Read the modes of a file; what is not clear raises `ArgumentError`.
-
-    Columns are the name or number (from 1) of the columns `time` and `mode`; None finds them by their names. The only
-    column that is neither time nor object is that of the modes, whatever its name is. The others are as in
-    `read_recordings`.
+) -> ModeFile:  # fmt: skip
+    """Read the modes of a file; what is not clear raises `ArgumentError`. Columns are the name or number (from 1) of
+    the columns `time` and `mode`; None finds them by their names. The only column that is neither time nor object is
+    that of the modes, whatever its name is. The others are as in `read_recordings`.
     """
     table = read_table(path)
     given = {role: numbered_column(table, "columns", name) for role, name in (columns or {}).items()}

@@ -39,16 +39,10 @@ class RecordingFile:
 
 
 def read_recordings(
-    path: str | os.PathLike[str],
-    *,
-    columns: Mapping[str, str] | None = None,
-    object_column: str | None = None,
-    unit: str | None = None,
-    time_unit: str | None = None,
-    tau: float | None = None,
-    gap: float | None = None,
+    path: str | os.PathLike[str], *, columns: Mapping[str, str] | None = None, object_column: str | None = None,
+    unit: str | None = None, time_unit: str | None = None, tau: float | None = None, gap: float | None = None,
     radar: Radar | None = None,
-) -> RecordingFile:
+) -> RecordingFile:  # fmt: skip
     """Read the recordings of a file.
 
     Args:

@@ -1,6 +1,5 @@
-"""What all banks share: types, the innovations, the model, and the order of the hypotheses.
-
-Hypothesis 0 is straight, 1 .. n are left turns, n + 1 .. 2n are right turns.
+"""What all banks share: types, the innovations, the model, and the order of the hypotheses: 0 is straight, 1 .. n are
+left turns, n + 1 .. 2n are right turns.
 """
 
 from typing import Any, NamedTuple

@@ -1,7 +1,6 @@
-"""The extended Kalman filter of a turn with uncertain centre and turn rate, as scalar functions.
-
-The state is [x, vx, y, vy, centre_x, centre_y, turn_rate], with the suffixes x, u, y, v, cx, cy, r below. The motion is
-that of Golubkov 2018, eq. (1). A covariance is its upper triangle row by row, 28 numbers.
+"""The extended Kalman filter of a turn with uncertain centre and turn rate, as scalar functions. The state is [x, vx,
+y, vy, centre_x, centre_y, turn_rate], with the suffixes x, u, y, v, cx, cy, r below. The motion is that of Golubkov
+2018, eq. (1). A covariance is its upper triangle row by row, 28 numbers.
 """
 
 from hybrid_env.core.compilation import inlined
@@ -18,10 +17,9 @@ Triangle7 = tuple[float, ...]  # covariance of the seven states, upper triangle 
 def anchor_covariance(
     covariance: Triangle4, heading_x: float, heading_y: float, inverse_speed: float, radius: float
 ) -> Triangle7:
-    """Return J P J', the covariance of the seven states at the switch, from the covariance P of the anchor.
-
-    J is their Jacobian by the anchor. heading: unit vector; inverse_speed: 1 / speed [s/m], bounded; radius: signed
-    [m], 0 is straight, without centre and rate.
+    """Return J P J', the covariance of the seven states at the switch, from the covariance P of the anchor; J is their
+    Jacobian by the anchor. heading: unit vector; inverse_speed: 1 / speed [s/m], bounded; radius: signed [m], 0 is
+    straight, without centre and rate.
     """
     xx, xu, xy, xv, uu, uy, uv, yy, yv, vv = covariance
     turns = 0.0 if radius == 0.0 else 1.0

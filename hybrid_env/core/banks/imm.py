@@ -1,29 +1,22 @@
-"""The interacting multiple model (IMM) bank: filters that run on over switches at unknown moments.
+"""The interacting multiple model (IMM) bank: filters that run on over switches at unknown moments. Blom & Bar-Shalom
+1988, "The interacting multiple model algorithm for systems with Markovian switching coefficients".
 
-Blom & Bar-Shalom 1988, "The interacting multiple model algorithm for systems with Markovian switching coefficients".
-Each of M hypotheses has a Kalman filter of a coordinated turn and a probability. The mode is a Markov chain with the
-transition matrix
-
-    1 - hazard          on the diagonal,
-    hazard / (M - 1)    elsewhere,
-
-whose rows sum to 1. A tick has three steps:
+Each of M hypotheses has a Kalman filter of a coordinated turn and a probability, whose logarithm is stored, so that
+none is lost in an outlier. The mode is a Markov chain whose transition matrix has 1 - hazard on the diagonal and hazard
+/ (M - 1) elsewhere. A tick has three steps:
 
 1. Mixing. The mode before the tick, given the mode h in the tick, is h with the probability w and otherwise
-   distributed as without this knowledge. The initial condition of filter h is therefore a mixture of two terms: its own
-   estimate, with weight w, and the merged estimate of all filters, with weight 1 - w. It is replaced by a normal
-   distribution with the same mean and covariance.
-2. Every filter predicts, is corrected by the measurement, and gives its log-likelihood, which updates the log
-   probability. Logarithms of probabilities are stored, so that none of them is lost in an outlier.
-3. Output. Mean and covariance of the mixture of all filters are the merged estimate.
+   distributed as without this knowledge. Filter h therefore starts from a normal distribution with mean and covariance
+   of a mixture of two terms: its own estimate, with weight w, and the merged estimate of all filters.
+2. Every filter predicts, is corrected by the measurement, and gives its log-likelihood.
+3. Mean and covariance of the mixture of all filters are the merged estimate.
 
 In every tick of a coordinated turn the object turns by the angle a = speed * tau / radius about the centre that follows
-from its velocity: Golubkov 2018, eq. (1), with the switch at the present tick. Its filter therefore runs on over
-switches and needs no anchor. The angle follows from the estimated velocity and is then treated as known, because the
-turn rate of the object does not change with the process noise of a segment. The state is [x, vx, y, vy], with the
-suffixes x, u, y and v below; a covariance is its upper triangle row by row, 10 numbers.
-
-A filter that diverges keeps its initial condition and becomes unlikely, so that no NaN occurs.
+from its velocity: Golubkov 2018, eq. (1), with the switch at the present tick. Its filter therefore needs no anchor.
+The angle follows from the estimated velocity and is then treated as known, because the turn rate of the object does not
+change with the process noise of a segment. The state is [x, vx, y, vy], with the suffixes x, u, y and v below; a
+covariance is its upper triangle row by row, 10 numbers. A filter that diverges keeps its initial condition and becomes
+unlikely, so that no NaN occurs.
 """
 
 import math
@@ -66,10 +59,9 @@ imm_of_block = block_reader(ImmBank)
 
 @inlined
 def turn_coefficients(angle: float, tau: float) -> State:
-    """Return (C, S, along, across) of a turn by an angle a in a tick of length tau.
-
-    The new velocity is (C u - S v, S u + C v), with C = cos a and S = sin a; the position changes by (along u - across
-    v, across u + along v), with along = tau sin(a) / a, across = tau (1 - cos a) / a [s].
+    """Return (C, S, along, across) of a turn by an angle a in a tick of length tau: the new velocity is (C u - S v, S u
+    + C v), with C = cos a and S = sin a; the position changes by (along u - across v, across u + along v), with along =
+    tau sin(a) / a, across = tau (1 - cos a) / a [s].
     """
     half = 0.5 * angle
     sine, cosine = sine_cosine(half)

@@ -1,7 +1,6 @@
-"""The Kalman filter of one axis, as scalar functions. Golubkov 2018, eq. (2) and (4).
-
-The process and measurement noise covariances are diagonal, so the filter of the paper with four states separates into
-two filters of (position, velocity), one per axis. A covariance is the tuple (xx, xv, vv) [m^2, m^2/s, m^2/s^2].
+"""The Kalman filter of one axis, as scalar functions. Golubkov 2018, eq. (2) and (4). The process and measurement noise
+covariances are diagonal, so the filter of the paper with four states separates into two filters of (position,
+velocity), one per axis. A covariance is the tuple (xx, xv, vv) [m^2, m^2/s, m^2/s^2].
 """
 
 import math
@@ -74,12 +73,10 @@ def student_weight(white_x: float, white_y: float, freedom: float) -> float:
 
 @inlined
 def weigh(white_x: float, white_y: float, log_variance: float, freedom: float | None) -> tuple[float, float]:
-    """Return the weight of the correction by a measurement, and the log-likelihood of its innovation.
-
-    With the robust likelihood innovations have a Student t distribution whose scale matrix is the innovation variance,
-    and the correction is weighted as in Agamennoni, Nieto & Nebot 2012, "Approximate inference in state-space models
-    with heavy-tailed noise", with one iteration; the covariances stay those of the Kalman filter. A freedom of None is
-    normal.
+    """Return the weight of the correction by a measurement, and the log-likelihood of its innovation. With a freedom,
+    None is normal, innovations have a Student t distribution whose scale matrix is the innovation variance, and the
+    correction is weighted as in Agamennoni, Nieto & Nebot 2012, "Approximate inference in state-space models with
+    heavy-tailed noise", with one iteration; the covariances stay those of the Kalman filter.
     """
     if freedom is None:
         return 1.0, log_likelihood(white_x, white_y, log_variance)

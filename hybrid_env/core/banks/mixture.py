@@ -1,7 +1,6 @@
-"""Mixtures of the estimates of a bank: probabilities, and the first two moments.
-
-The weights are the likelihoods with announced switches, whose priors are equal, and the probabilities of the IMM bank
-with unknown ones. Blom & Bar-Shalom 1988, output step.
+"""Mixtures of the estimates of a bank: probabilities, and the first two moments. The weights are the likelihoods with
+announced switches, whose priors are equal, and the probabilities of the IMM bank with unknown ones. Blom & Bar-Shalom
+1988, output step.
 """
 
 import math

@@ -1,8 +1,5 @@
 """The operations of a bank that the kernel calls, selected by the type of the bank when a kernel is compiled.
 
-A compiled kernel therefore contains a single bank. numba has no public name for the class of a named tuple in compiled
-code: `instance_class`, an attribute of its type, is used here and nowhere else.
-
     bank_of_block(banks, block)                          the bank of one block
     begin(bank, lane, anchor, covariance, radii, model)  start every filter of a lane from the anchor
     step(bank, first, last, measurement, model)          advance every filter of lanes first .. last - 1
@@ -11,7 +8,8 @@ code: `instance_class`, an attribute of its type, is used here and nowhere else.
     covariance(bank, hypothesis, lane)                   of [x, vx, y, vy], upper triangle row by row
     correct(bank, lane, hypothesis, block, sensors, model)   correct a predicted filter, with a radar
 
-Calls with the same types share one compiled function: the kernel gives unsigned indices and a `FilterModel`.
+Calls with the same types share one compiled function: the kernel gives unsigned indices and a `FilterModel`. numba has
+no public name for the class of a named tuple in compiled code: `instance_class` of its type is used here alone.
 """
 
 from collections.abc import Callable

@@ -1,8 +1,7 @@
-"""The published bank of Kalman filters, one per hypothesis: straight, left turns, right turns.
-
-Golubkov 2018, eq. (2) and (4), with the scalar formulas of `kalman`. The covariances depend on the turn rate but not on
-the data, also with the robust likelihood. The left and the right turn of a radius therefore share them, and so do both
-axes if their measurement variances are equal.
+"""The published bank of Kalman filters, one per hypothesis: straight, left turns, right turns. Golubkov 2018, eq. (2)
+and (4), with the scalar formulas of `kalman`. The covariances depend on the turn rate but not on the data, also with
+the robust likelihood: the left and the right turn of a radius share them, and so do both axes if their measurement
+variances are equal.
 """
 
 import math
@@ -58,10 +57,9 @@ published_of_block = block_reader(PublishedBank)
 def begin_published(
     bank: PublishedBank, lane: int, anchor: State, covariance: Triangle4, radii: FloatArray, model: Any
 ) -> None:
-    """Start every filter of a lane from the anchor, which also determines turn rates and centres.
-
-    anchor: estimate [x, vx, y, vy] at the switch [m, m/s]; covariance: of it, whose entries between the axes are
-    ignored; radii: (n,) of the bank [m]; model: a `FilterModel`, or a record with its fields.
+    """Start every filter of a lane from the anchor, which also determines turn rates and centres. anchor: estimate [x,
+    vx, y, vy] at the switch [m, m/s]; covariance: of it, whose entries between the axes are ignored; radii: (n,) of the
+    bank [m]; model: a `FilterModel`, or a record with its fields.
     """
     x, vx, y, vy = anchor
     speed, heading_x, heading_y = heading_vector(vx, vy)

@@ -1,8 +1,7 @@
-"""The correction of a filter by what the sensors measure: a position with any covariance, and range rates.
-
-The filter is corrected by the coordinates along the principal axes of the position's covariance, whose errors are
-independent, and then by one range rate after the other, linearised at the estimate corrected so far. A filter has the
-seven states of `extended_kalman`; one of four states is embedded in it.
+"""The correction of a filter by what the sensors measure: a position with any covariance, and range rates. It is
+corrected by the coordinates along the principal axes of the position's covariance, whose errors are independent, and
+then by one range rate after the other, linearised at the estimate corrected so far. A filter has the seven states of
+`extended_kalman`; one of four states is embedded in it.
 """
 
 import math
@@ -111,11 +110,9 @@ def _rate_model(state: Vector7, p: Triangle7, rate: float, sensor: Any) -> tuple
 def correct_by_sensors(
     state: Vector7, p: Triangle7, block: Any, lane: int, sensors: Records, model: Any
 ) -> tuple[Vector7, Triangle7, State, bool]:
-    """Correct a predicted filter by all that is measured in a tick: a position, and range rates of the sensors.
-
-    Returns:
-        State, covariance, (whitened innovation x and y, mean logarithm of its variance, log-likelihood), and False if
-        the filter has diverged: then state and covariance are the predicted ones.
+    """Correct a predicted filter by all that is measured in a tick: a position, and range rates of the sensors. Returns
+    state, covariance, (whitened innovation x and y, mean logarithm of its variance, log-likelihood), and False if the
+    filter has diverged: then state and covariance are the predicted ones.
     """
     noise, R = block.noise, model.variance_x
     cosine, sine, first, second = principal_axes(R * noise[0, lane], R * noise[1, lane], R * noise[2, lane])

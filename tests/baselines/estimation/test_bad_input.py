@@ -6,10 +6,10 @@ from hostile_input import VALUES, accepted, profile, refused
 from hypothesis import given
 from hypothesis import strategies as st
 
+from baselines.estimation.correction import Huber, StudentT
 from baselines.estimation.imm import IMMFilter
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
-from baselines.estimation.robust import Huber, StudentT
 from baselines.estimation.run_filter import run_filter
 from baselines.estimation.smoother import smooth
 from baselines.papers.adaptive import AdaptiveFilter, GHFilter

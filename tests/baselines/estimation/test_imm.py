@@ -5,10 +5,10 @@ from filterpy.kalman import IMMEstimator
 from filterpy.kalman import KalmanFilter as PeerKalman
 from kinematic_worlds import draw, matrices, mean_bounds, positions_of, random_covariance
 
+from baselines.estimation.correction import StudentT
 from baselines.estimation.imm import IMMFilter
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
-from baselines.estimation.robust import StudentT
 from baselines.estimation.run_filter import run_filter
 
 

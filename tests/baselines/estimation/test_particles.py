@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from baselines.estimation.correction import Correntropy, gaussian_factors
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.particles import ParticleFilter, log_density
-from baselines.estimation.robust import Correntropy, gaussian_factors
 from baselines.estimation.run_filter import run_filter
 from hybrid_env import ArgumentError
 

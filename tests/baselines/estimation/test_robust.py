@@ -5,10 +5,9 @@ import pytest
 from kinematic_worlds import mean_bounds, random_covariance, simulate
 from scipy import integrate, optimize, stats
 
-from baselines.estimation.correction import correct, principal_noise
+from baselines.estimation.correction import Huber, StudentT, correct, gaussian_factors, principal_noise
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
-from baselines.estimation.robust import Huber, StudentT, gaussian_factors
 from baselines.estimation.run_filter import run_filter
 
 ALL = [Huber(), StudentT()]
