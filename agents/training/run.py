@@ -18,8 +18,8 @@ from agents.learned.policy_file import package_versions, save_policy
 from agents.learned.posterior_decider import PosteriorDecider
 from agents.training import checkpoint, run_folder
 from agents.training.learning_curve import LearningCurve, environment_curve
-from agents.training.learning_rate import learning_rate_schedule
 from agents.training.recipe import Recipe
+from agents.training.stable_baselines_settings import learning_rate_schedule
 from baselines.rules.decider import DeciderFamily
 from hybrid_env.checks import ArgumentError, reject
 

@@ -33,9 +33,8 @@ from agents.training.checkpoint import (
     restore_generator,
     set_random_state,
 )
-from agents.training.learning_rate import learning_rate_schedule
 from agents.training.run import Run, TrainingProgress
-from agents.training.stable_baselines_settings import LibrarySettings
+from agents.training.stable_baselines_settings import LibrarySettings, learning_rate_schedule
 from agents.training.vec_env import HybridTrackVecEnv
 from baselines.rules import seeds
 from baselines.rules.decider import DeciderFamily
