@@ -48,10 +48,10 @@ OWN_NETWORKS = {
     "anchor": ("anchor_decider", "AnchorDecider"), "statements": ("statement_decider", "StatementDecider"),
     "rhythm": ("rhythm_decider", "RhythmDecider"), "stopping": ("stopping_decider", "StoppingDecider"),
     "flights": ("flight_decider", "FlightAgent"), "gliders": ("glider_decider", "GliderAgent"),
-    "reward": ("reward_decider", "RewardDecider"), "tandem": ("tandem_net", "TandemDecider"),
+    "reward": ("reward_net", "RewardDecider"), "tandem": ("tandem_net", "TandemDecider"),
     "kalman": ("kalman_net", "KalmanDecider"),
-    "distilled": ("distilled", "DistilledDecider"), "transformer": ("transformer_net", "TransformerDecider"),
-    "jump_markov": ("jump_markov_decider", "JumpMarkovDecider"),
+    "distilled": ("reward_net", "DistilledDecider"), "transformer": ("transformer_net", "TransformerDecider"),
+    "jump_markov": ("jump_markov_net", "JumpMarkovDecider"),
 }  # fmt: skip
 """File and class of the deciders whose networks are of this package, by training algorithm."""
 

@@ -14,8 +14,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.learned.reward_decider import RewardDecider
-from agents.learned.reward_net import zero_layer
+from agents.learned.reward_net import RewardDecider, zero_layer
 from agents.learned.statement_net import sides
 from baselines.rules.decider import Observations
 from hybrid_env.checks import BoolArray, FloatArray

@@ -1,18 +1,22 @@
-"""The network that predicts which declaration is rewarded, and its inputs without units.
+"""The networks that predict which declaration is rewarded, their inputs without units, and their deciders.
 
 As `statement_net` it sees a row once for each turn hypothesis, from the side of this turn. Its memory is a sum
 over the rows of the segment, as in Deep Sets (Zaheer et al. 2017): the tick is among the inputs, so that the
 order of the rows is not lost, and a whole segment is processed at once in training.
 """
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from agents.learned.posterior_decider import PosteriorDecider
 from agents.learned.statement_net import GAIN, LARGEST_INNOVATION, LOWEST_LOG, sides, turn_views
+from baselines.rules.decider import Observations
+from baselines.rules.msprt import posterior_of
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, reject
 from hybrid_env.observation import Layout
 
 HYPOTHESIS_INPUTS = 8
@@ -102,3 +106,72 @@ class RewardNet(nn.Module):
         """
         outputs = GAIN * self.output(self.layers(torch.cat([inputs, memory], -1)))
         return torch.log_softmax(self.scale * logs + with_straight(outputs), -1)
+
+
+class RewardDecider(PosteriorDecider):
+    """Declares the likeliest hypothesis once the probability of a negative reward is at most alpha.
+
+    The state is the memory of the network (N, M - 1, hidden), which begins anew at every switch.
+    """
+
+    default = 0.03
+    network: ClassVar[Any] = RewardNet
+    label = "learned from rewards"
+
+    @torch.no_grad()
+    def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, Any]:
+        """See `PosteriorDecider.posterior`."""
+        rows, ticks = self.read(observation)
+        inputs, logs = map(torch.from_numpy, reward_inputs(rows, self.world.tau))
+        memory = self.net.features(inputs)
+        if state is not None:
+            memory = memory + torch.where((ticks > 1)[:, None, None], state, 0.0)
+        return self.net(inputs, memory, logs).double().exp().numpy(), memory
+
+    def read(self, observation: Observations) -> tuple[Observations, Tensor]:
+        """Return the rows (N, width), checked, and the ticks (N,) since the switch, from 1."""
+        rows = np.asarray(observation, np.float32)
+        if rows.ndim != 2 or rows.shape[1] != self.layout.width:
+            raise reject("observation shape", rows.shape, f"(N, {self.layout.width})")
+        ticks = self.layout.read(rows, "ticks").round().astype(np.int64)
+        return rows, torch.from_numpy(ticks).clamp(min=1)
+
+    def errors(self, observation: Observations, posterior: FloatArray, state: Any) -> tuple[FloatArray, IntArray]:
+        """See `PosteriorDecider.errors`."""
+        values = posterior_of(posterior, self.by_type)
+        largest = values.max(-1, keepdims=True)
+        return 1.0 - largest[:, 0], np.where(values == largest, posterior, -1.0).argmax(-1)
+
+    def select_tracks(self, state: Any, tracks: BoolArray) -> Any:
+        """See `Decider.select_tracks`; the state is one tensor (N, ...) or a named tuple of them."""
+        if state is None:
+            return None
+        kept = torch.from_numpy(tracks)
+        return state[kept] if isinstance(state, Tensor) else type(state)(*(part[kept] for part in state))
+
+
+class DistilledNet(nn.Module):
+    """As `RewardNet`, from the present row alone; it imitates the shipped agent."""
+
+    def __init__(self, hidden: int):
+        super().__init__()
+        self.layers = nn.Sequential(nn.Linear(INPUTS, hidden), nn.SiLU(), nn.Linear(hidden, hidden), nn.SiLU())
+        self.output = zero_layer(hidden, 2)
+        self.scale = nn.Parameter(torch.ones(1))
+
+    def forward(self, inputs: Tensor, logs: Tensor) -> Tensor:
+        """Return the logarithms of the posterior (N, M) of rows, see `reward_inputs`."""
+        return torch.log_softmax(self.scale * logs + with_straight(GAIN * self.output(self.layers(inputs))), -1)
+
+
+class DistilledDecider(RewardDecider):
+    """Declares the likeliest hypothesis once the error probability is at most alpha. It has no state."""
+
+    network = DistilledNet
+    label = "distilled agent"
+
+    @torch.no_grad()
+    def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, None]:
+        """See `PosteriorDecider.posterior`."""
+        parts = reward_inputs(self.read(observation)[0], self.world.tau)
+        return self.net(*map(torch.from_numpy, parts)).double().exp().numpy(), None

@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor, nn
 
-from agents.learned.reward_decider import RewardDecider
-from agents.learned.reward_net import INPUTS, reward_inputs, with_straight, zero_layer
+from agents.learned.reward_net import INPUTS, RewardDecider, reward_inputs, with_straight, zero_layer
 from agents.learned.statement_net import GAIN
 from baselines.rules.decider import Observations
 from hybrid_env.checks import FloatArray

@@ -12,8 +12,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.learned.reward_decider import RewardDecider
-from agents.learned.reward_net import LIMIT, SMALLEST, with_straight, zero_layer
+from agents.learned.reward_net import LIMIT, SMALLEST, RewardDecider, with_straight, zero_layer
 from agents.learned.statement_net import GAIN, sides
 from baselines.rules.decider import Observations
 from hybrid_env.checks import FloatArray

@@ -18,8 +18,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.learned.reward_decider import RewardDecider
-from agents.learned.reward_net import reward_inputs
+from agents.learned.reward_net import RewardDecider, reward_inputs
 from agents.training.run import OwnNetworkRun, Round
 from agents.training.settings import LARGEST_ALPHA, RewardSettings, SegmentSettings
 from baselines.rules import seeds

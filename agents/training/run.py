@@ -15,7 +15,6 @@ from torch.optim import Optimizer
 
 from agents.interface.output_files import output_folder, write_json
 from agents.learned.policy_file import package_versions, save_policy
-from agents.learned.posterior_decider import PosteriorDecider
 from agents.training import checkpoint, run_folder
 from agents.training.learning_curve import LearningCurve, environment_curve
 from agents.training.recipe import Recipe
@@ -233,7 +232,8 @@ class OwnNetworkRun(Run):
 
     smallest_factor: ClassVar[float]
     """Lower bound of the learning rate, as a factor of the first one, while it decays linearly."""
-    decider: ClassVar[type[PosteriorDecider]]
+    decider: ClassVar[Any]
+    """Class of the agent, a `PosteriorDecider` or a `UtilityDecider`."""
     world: Any
     """Options of the environment of the agent."""
 

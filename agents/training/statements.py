@@ -15,7 +15,6 @@ import math
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -24,14 +23,14 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from agents.evaluation.tasks import task_of
-from agents.learned.policy_file import save_policy
+from agents.learned.jump_markov_net import JumpMarkovDecider, track_inputs
 from agents.learned.rhythm_decider import RhythmDecider
 from agents.learned.statement_decider import StatementDecider, UtilityDecider
 from agents.learned.statement_net import StatementOutputs, count_ages, statement_inputs
 from agents.training.run import OwnNetworkRun, Round
 from agents.training.settings import ExpectedRewardSettings, StatementSettings
 from baselines.rules import seeds
-from baselines.rules.decider import DeciderFamily
+from baselines.rules.measurements import OBSERVED
 from hybrid_env.checks import reject
 from hybrid_env.durations import DRAWN
 from hybrid_env.quickest_options import QuickestOptions
@@ -41,21 +40,13 @@ LARGEST_GRADIENT = 0.5  # norm
 
 
 class Batch(NamedTuple):
-    """T ticks of N tracks, of which an agent states the mode.
+    """T ticks of N tracks, of which an agent states the mode."""
 
-    Attributes:
-        inputs: (T, N, M - 1, inputs) of the network.
-        log_probability: (T, N, M) of the modes in the filters.
-        true_modes: (T, N).
-        change_cost: (T, N) cost of a change to a wrong mode.
-        weight: (T, N) of the reward of each tick.
-    """
-
-    inputs: Tensor
-    log_probability: Tensor
-    true_modes: Tensor
-    change_cost: Tensor
-    weight: Tensor
+    inputs: Tensor  # (T, N, M - 1, inputs) of the network
+    log_probability: Tensor  # (T, N, M) of the modes in the filters
+    true_modes: Tensor  # (T, N)
+    change_cost: Tensor  # (T, N) cost of a change to a wrong mode
+    weight: Tensor  # (T, N) of the reward of each tick
 
     def split(self, ticks: int) -> Iterator["Batch"]:
         """Divide it into parts of `ticks` ticks; the last one may be shorter."""
@@ -112,24 +103,18 @@ class StatementRun(OwnNetworkRun):
     """A training run on the expected reward; see `agents.training.runs.make_run` for the arguments.
 
     Base class; the subclasses simulate what it trains on. Between two rounds no tracks have to be saved.
-
-    Attributes:
-        updates: steps of the optimizer so far.
-        round_steps: steps of a round.
-        world: options of the environment of the agent, None if it has none.
     """
 
-    decider_class: ClassVar[type[UtilityDecider]]
-    """Class of the agent."""
-    round_steps: int
-    world: QuickestOptions | None = None
+    decider: ClassVar[type[UtilityDecider]]
+    round_steps: int  # steps of a round
+    world: QuickestOptions | None = None  # options of the environment of the agent, None if it has none
 
     def build(self) -> None:
         """Create network and optimizer."""
-        self.updates = 0
+        self.updates = 0  # steps of the optimizer so far
         self.prepare()
         torch.manual_seed(self.seed)
-        self.net = self.decider_class.network(self.statements.hidden)
+        self.net = self.decider.network(self.statements.hidden)
         self.start(self.net, self.statements.learning_rate)
 
     @property
@@ -183,14 +168,6 @@ class StatementRun(OwnNetworkRun):
         """Return what is added to the loss of a part."""
         return 0.0
 
-    def family(self, name: str) -> DeciderFamily:
-        """Return the current agent as a family of deciders."""
-        return self.decider_class.trained(name, self.net, self.world)
-
-    def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
-        """Write weights and card of the current agent."""
-        save_policy(folder, self.net.state_dict(), card, self.decider_class.task)
-
 
 HAZARDS = 1 / 160, 1 / 30  # range of the bank's hazard where the law of the durations is drawn
 LARGEST_ROUND = 2**22  # tracks x ticks x turns, whose inputs take half a gigabyte
@@ -203,25 +180,20 @@ class TrackRun(StatementRun):
         ArgumentError: an environment in which modes are not stated, or a damaged checkpoint.
     """
 
-    decider_class: ClassVar[type[UtilityDecider]] = StatementDecider
+    decider: ClassVar[type[UtilityDecider]] = StatementDecider
     smallest_factor: ClassVar[float] = 0.01
 
     def simulate(self, world: QuickestOptions, tracks: int, seed: int) -> tuple[NDArray[Any], ...]:
         """Return inputs, log-probabilities and true modes of one episode of each track; see `simulate`."""
-        return simulate(world, tracks, seed, self.make_decider(world))
-
-    def make_decider(self, world: QuickestOptions) -> StatementDecider:
-        """Return the decider whose inputs are trained on, in a world."""
-        kind = self.decider_class
-        assert issubclass(kind, StatementDecider)
-        return kind(self.net, world)
+        assert issubclass(self.decider, StatementDecider)
+        return simulate(world, tracks, seed, self.decider(self.net, world))
 
     def prepare(self) -> None:
         """See `StatementRun.prepare`."""
         assert isinstance(self.recipe.settings, StatementSettings)
         self.settings = self.recipe.settings
         task = task_of(self.env_id, self.options)
-        if task.switches != self.decider_class.task:
+        if task.switches != self.decider.task:
             raise reject("env", self.env_id, "an environment in which a mode is stated at every tick")
         self.world: QuickestOptions = task.options
         world = self.world
@@ -269,7 +241,31 @@ class TrackRun(StatementRun):
 class RhythmRun(TrackRun):
     """A training run of the agent that learns habits within the episode."""
 
-    decider_class = RhythmDecider
+    decider = RhythmDecider
+
+
+class JumpMarkovRun(TrackRun):
+    """A training run of the jump-Markov net on the tracks of `TrackRun`, without their true states."""
+
+    decider = JumpMarkovDecider
+
+    def simulate(self, world: QuickestOptions, tracks: int, seed: int) -> tuple[NDArray[Any], ...]:
+        """See `TrackRun.simulate`; the inputs are (T, N, 6 + M - 1), see `track_inputs`."""
+        env = HybridTrackQuickestVectorEnv(tracks, autoreset_mode="Disabled", tick_info=False, **vars(world))
+        env.reset(seed=seed)
+        decider = JumpMarkovDecider(self.net, world)
+        seen, modes = [], []
+        for _ in range(world.ticks):
+            seen.append(decider.observe(env.world))
+            modes.append(env.world.field("true_mode").astype(np.int64))
+            env.step(np.zeros(tracks, np.int64))
+        logs = np.array(seen, np.float32)[..., OBSERVED : OBSERVED + world.hypotheses]
+        return np.array([track_inputs(world, one) for one in seen]), logs, np.array(modes)
+
+    def further_loss(self, outputs: StatementOutputs, batch: Batch) -> Tensor | float:
+        """Return the mean negative log-likelihood of a measurement by the filter of the true mode."""
+        assert outputs.logs is not None
+        return -outputs.logs.gather(-1, batch.true_modes[..., None]).mean()
 
 
 def simulate(
