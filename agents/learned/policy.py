@@ -1,6 +1,7 @@
 """A trained actor of Stable-Baselines3 as a decider, and its file."""
 
 import functools
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,10 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from scipy.special import softmax
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.dqn.policies import DQNPolicy
 from torch import Tensor
 
-from agents.learned.features import policy_kwargs_with_features
 from agents.learned.policy_file import (
     LAYOUTS,
     VALUE_ALGORITHMS,
@@ -30,26 +31,55 @@ from hybrid_env.observation import Layout
 from hybrid_env.rendering.evidence import EvidencePanel, Threshold, probability_panel
 
 LARGEST_WIDTH = 2000  # of an observation row
+POSTERIOR = "posterior"  # in place of a quantity that is observed
 VALUE_THRESHOLDS = (-1.0, -0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01, 0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 """On the differences of action values, in units of the reward."""
 
 
-def make_policy(
-    observation_space: spaces.Space[Any],
-    action_space: spaces.Space[Any],
-    policy_kwargs: dict[str, Any],
-    observe: tuple[str, ...] = (),
-    algo: str = "ppo",
-    layout: type[Layout] = Layout,
-) -> BasePolicy:
-    """Create an untrained policy of Stable-Baselines3 or sb3-contrib.
+class ObservationFeatures(BaseFeaturesExtractor):
+    """Features extractor that selects quantities of an observation row by name.
 
-    Args:
-        observation_space, action_space: of one track.
-        policy_kwargs: keyword arguments of the policy, such as net_arch.
-        observe: names of the quantities that the policy observes; all if empty.
-        algo: of its training, a key of `policy_file.POLICY_SETTINGS`; `ImportError` if sb3-contrib is not installed.
-        layout: of the observation.
+    `observe` has keys of the layout, or "posterior": the posterior of each hypothesis, under equal priors where the
+    observation has no probabilities.
+    """
+
+    def __init__(self, observation_space: spaces.Box, observe: tuple[str, ...], layout: type[Layout] = Layout):
+        rows = layout.of_width(observation_space.shape[0])
+        known = (*rows.slices, POSTERIOR)
+        for name in observe:
+            if name not in known:
+                raise reject("observe", name, ", ".join(known))
+        columns = [k for name in observe if name != POSTERIOR for k in range(rows.width)[rows.slices[name]]]
+        hypotheses = rows.hypotheses if POSTERIOR in observe else 0
+        super().__init__(observation_space, len(columns) + hypotheses)
+        self.columns = torch.tensor(columns, dtype=torch.int64)
+        logarithms = "log_probability" if "log_probability" in rows.slices else "log_ratio"
+        first = rows.slices[logarithms].start
+        self.logarithms, self.log_scale = slice(first, first + hypotheses), rows.scales[logarithms]
+
+    def forward(self, rows: Tensor) -> Tensor:
+        """Return features (N, features) of observation rows (N, width)."""
+        posterior = torch.softmax(rows[:, self.logarithms] / self.log_scale, dim=-1)
+        return torch.cat([posterior, rows[:, self.columns]], dim=-1)
+
+
+def policy_kwargs_with_features(
+    policy_kwargs: Mapping[str, Any], observe: tuple[str, ...], layout: type[Layout]
+) -> dict[str, Any]:
+    """Return `policy_kwargs` with the features extractor added; unchanged if `observe` is empty."""
+    if not observe:
+        return dict(policy_kwargs)
+    keywords = {"observe": observe, "layout": layout}
+    return {**policy_kwargs, "features_extractor_class": ObservationFeatures, "features_extractor_kwargs": keywords}
+
+
+def make_policy(
+    observation_space: spaces.Space[Any], action_space: spaces.Space[Any], policy_kwargs: dict[str, Any],
+    observe: tuple[str, ...] = (), algo: str = "ppo", layout: type[Layout] = Layout,
+) -> BasePolicy:  # fmt: skip
+    """Create an untrained policy for one track, which observes some quantities of the layout, or all if there are none.
+
+    `algo` is a key of `policy_file.POLICY_SETTINGS`; `ImportError` if it needs sb3-contrib, which is not installed.
     """
     keywords = policy_kwargs_with_features(policy_kwargs, observe, layout)
     policy: BasePolicy = _policy_class(algo)(observation_space, action_space, lambda _: 0.0, **keywords)

@@ -13,8 +13,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from agents.evaluation.error_rate import ErrorArguments
-from agents.evaluation.registry import load_decider
+from agents.evaluation.registry import ErrorArguments, load_decider
 from agents.evaluation.task import Task
 from agents.evaluation.tasks import task_of
 from agents.figures.tracks import TrackRecord

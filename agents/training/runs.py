@@ -6,7 +6,6 @@ from typing import Any
 from agents.training import run_folder
 from agents.training.anchor import AnchorRun
 from agents.training.checkpoint import has_checkpoint
-from agents.training.supervised import DistilledRun
 from agents.training.recipe import Recipe, recipe_of
 from agents.training.reward import RewardRun
 from agents.training.run import Run
@@ -14,7 +13,7 @@ from agents.training.simulated_flights import FlightRun, GliderRun
 from agents.training.stable_baselines import CLASSES, LibraryRun
 from agents.training.statements import JumpMarkovRun, RhythmRun, TrackRun
 from agents.training.stopping import StoppingRun
-from agents.training.supervised import KalmanRun, TandemRun, TransformerRun
+from agents.training.supervised import DistilledRun, KalmanRun, TandemRun, TransformerRun
 from hybrid_env.checks import check_integer, reject
 
 RUNS: dict[str, type[Run]] = dict.fromkeys(CLASSES, LibraryRun) | {

@@ -21,8 +21,7 @@ from torch import Tensor, nn
 from torch.utils.tensorboard import SummaryWriter
 
 from agents.evaluation.tasks import task_of
-from agents.learned.features import policy_kwargs_with_features
-from agents.learned.policy import ACTORS, save_actor, value_network
+from agents.learned.policy import ACTORS, policy_kwargs_with_features, save_actor, value_network
 from agents.learned.policy_file import first_line
 from agents.training import run_folder
 from agents.training.checkpoint import (

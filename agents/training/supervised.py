@@ -6,7 +6,7 @@ follow its own declarations, and the teacher is asked on every row.
 """
 
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import torch

@@ -6,10 +6,10 @@ import torch
 
 from agents.evaluation.registry import find_family
 from agents.learned.reward_net import DistilledDecider, reward_inputs
-from agents.training.supervised import taught
 from agents.training.recipe import load_recipe
 from agents.training.reward import Explorer
 from agents.training.runs import make_run
+from agents.training.supervised import taught
 
 ENV = "hybrid_env:HybridTrack-v0"
 
