@@ -48,12 +48,7 @@ def exchanged_family(path: Path, options: Any) -> DeciderFamily:
 
     An actor has thresholds on its log-odds, a network of action values on their differences; an ONNX file
     that returns actions has none. Nothing is unpickled but tensors, unless the environment variable `TRUST`
-    is 1.
-
-    Args:
-        path: "model.zip", as `model.save` writes it, or "policy.onnx" with rows (N, width) as input and
-            logits (N, A) or actions (N,) as its first output.
-        options: of the environment to decide in.
+    is 1. The input of "policy.onnx" are rows (N, width), its first output logits (N, A) or actions (N,).
     """
     if not path.is_file() or path.stat().st_size > LARGEST_FILE:
         raise reject("decider", str(path), f"a file of at most {LARGEST_FILE:,} bytes")

@@ -66,26 +66,13 @@ class KalmanNet(nn.Module):
         return KalmanState(state, memory, measurement, nothing, nothing)
 
     def step(
-        self,
-        last: KalmanState,
-        motion: Tensor,
-        sensor: Tensor,
-        measurement: Tensor,
-        scale: Tensor,
+        self, last: KalmanState, motion: Tensor, sensor: Tensor, measurement: Tensor, scale: Tensor,
         context: Tensor | None = None,
-    ) -> tuple[KalmanState, Tensor]:
-        """Process one measurement of every filter.
+    ) -> tuple[KalmanState, Tensor]:  # fmt: skip
+        """Return the filters after a measurement (N, n), and its log-likelihood given those before, (N,).
 
-        Args:
-            last: of the last tick.
-            motion: (m, m) or (N, m, m) matrix from the last state to the next one.
-            sensor: (n, m) matrix from the state to the measurement.
-            measurement: (N, n).
-            scale: (N, 1) typical deviation of an innovation, in the unit of state and measurement.
-            context: (N, context) further inputs; None for a network without.
-
-        Returns:
-            The state of the filters, and the log-likelihood of each measurement given those before, (N,).
+        Matrices from state to state are (m, m) or (N, m, m), from state to measurement (n, m); the scale (N, 1) is a
+        typical deviation of an innovation, in the unit of state and measurement; the context (N, context) is read too.
         """
         predicted = (motion @ last.state[..., None])[..., 0]
         innovation = measurement - predicted @ sensor.T

@@ -106,12 +106,8 @@ def value_network(policy: Any) -> Any:
 class ActorDecider(Decider):
     """Base class of the deciders of a trained actor; the subclasses choose actions from its logits.
 
-    Action values of DQN and QR-DQN take the place of logits, and their differences that of log-odds.
-
-    Args:
-        policy: actor with or without an LSTM, policy of action values, or a network from rows to one number for
-            each action.
-        threshold: see the subclass.
+    Action values of DQN and QR-DQN take the place of logits, and their differences that of log-odds. A network from
+    rows to one number for each action may take the place of the policy.
     """
 
     symbol = "log-odds"
@@ -256,11 +252,7 @@ def save_actor(folder: Path, policy: BasePolicy, card: dict[str, Any], task: str
 
 
 def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -> BasePolicy:
-    """Return the policy for the weights and card that `policy_file.load_policy` read from a folder.
-
-    Raises:
-        ArgumentError: weights and card do not match, or sb3-contrib is missing.
-    """
+    """Return the policy for the weights and card that `policy_file.load_policy` read; refuse them if they differ."""
     try:
         entry, task = card["recipe"]["entry"], card_task(card)
         algo, keywords = entry["algo"], entry["policy_kwargs"]

@@ -33,9 +33,7 @@ INNOVATIONS = "innovation_along", "innovation_across"
 def reward_inputs(rows: NDArray[np.float32], tau: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return the inputs of each turn hypothesis (N, M - 1, 33), and the logarithm of the bank's posterior (N, M).
 
-    Args:
-        rows: (N, width) of the environment.
-        tau: length of a tick [s].
+    The rows are (N, width), and a tick has the length tau [s].
     """
     layout = Layout.of_rows(rows)
     read = {name: layout.read(rows, name).astype(np.float32) for name in layout.slices}
@@ -100,9 +98,7 @@ class RewardNet(nn.Module):
     def forward(self, inputs: Tensor, memory: Tensor, logs: Tensor) -> Tensor:
         """Return the log-probability that the reward of declaring a hypothesis is positive, (N, M).
 
-        Args:
-            inputs, logs: see `reward_inputs`.
-            memory: (N, M - 1, hidden) sum of `features` up to the present row.
+        Inputs and logarithms are of `reward_inputs`, the memory (N, M - 1, hidden) is the sum of `features` so far.
         """
         outputs = GAIN * self.output(self.layers(torch.cat([inputs, memory], -1)))
         return torch.log_softmax(self.scale * logs + with_straight(outputs), -1)

@@ -52,16 +52,10 @@ class TandemNet(WindowNet):
 
 
 def windows_of(inputs: Tensor, ticks: Tensor, order: int) -> tuple[Tensor, Tensor]:
-    """Return the windows of N + 1 rows that end at each row, and the same without the row itself.
+    """Return the windows of N + 1 rows that end at each row, and the same without the row itself, N = `order`.
 
-    Args:
-        inputs: (n, ..., inputs) of the rows of all segments, one after the other.
-        ticks: (n,) of each row since the beginning of its segment, from 1.
-        order: N.
-
-    Returns:
-        Two arrays (n, ..., (N + 1) (inputs + 1)). Rows before the segment are zeros; the last number of each row is 1
-        where there is one.
+    The inputs are (n, ..., inputs) of the rows of all segments, one after the other, and the ticks (n,) count from 1 in
+    each. Windows are (n, ..., (N + 1) (inputs + 1)): the last number of a row is 1 where there is one, else all are 0.
     """
     marked = torch.cat([inputs, torch.ones_like(inputs[..., :1])], -1)
     rows = torch.arange(len(ticks))
@@ -73,10 +67,7 @@ def windows_of(inputs: Tensor, ticks: Tensor, order: int) -> tuple[Tensor, Tenso
 def log_ratios(longer: Tensor, shorter: Tensor, ticks: Tensor, order: int) -> Tensor:
     """Return the log-likelihoods of each hypothesis up to a common term, (n, K): the TANDEM formula.
 
-    Args:
-        longer, shorter: (n, K) posteriors of the windows of `windows_of`, logarithms.
-        ticks: (n,) of each row.
-        order: N.
+    `longer` and `shorter` (n, K) are logarithms of the posteriors of `windows_of`, at the same ticks (n,).
     """
     steps = torch.where((ticks > order + 1)[:, None], longer - shorter, 0.0)
     sums = steps.cumsum(0)

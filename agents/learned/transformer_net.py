@@ -65,12 +65,9 @@ class AttentionLayer(nn.Module):
         return self.memory(self.norm(x))
 
     def forward(self, x: Tensor, stored: Tensor, mask: Tensor | None = None) -> Tensor:
-        """Return the stream (B, Q, hidden) after the layer.
+        """Return the stream (B, Q, hidden) after the layer, which attends to ticks of `stored` (B, T, 2 KEY).
 
-        Args:
-            x: (B, Q, hidden).
-            stored: (B, T, 2 KEY) of the ticks that it may attend to.
-            mask: (B, 1, Q, T) True where it does; None for all ticks up to its own, with Q = T.
+        The mask (B, 1, Q, T) is True where it does; None stands for all ticks up to its own, with Q = T.
         """
         query = self.query(self.norm(x)).unflatten(-1, (HEADS, KEY)).transpose(1, 2)
         key, value = stored[:, None].expand(-1, HEADS, -1, -1).split(KEY, -1)
@@ -108,12 +105,10 @@ class TransformerNet(nn.Module):
         return self.logits(x.unflatten(0, (-1, turns)).transpose(1, 2)[segment, place])
 
     def step(self, inputs: Tensor, ticks: Tensor, memory: Tensor) -> Tensor:
-        """Return logarithms of the posterior (N, M) after one tick of N tracks, and change their memory in place.
+        """Return logarithms of the posterior (N, M) after the inputs (N, M - 1, 11) of one tick, (N,) from 1.
 
-        Args:
-            inputs: (N, M - 1, 11).
-            ticks: (N,) since the switch, from 1.
-            memory: (N, M - 1, T, LAYERS, 2 KEY + 1) of the last T ticks; the last number is 1 where there is one.
+        The memory (N, M - 1, T, LAYERS, 2 KEY + 1) of the last T ticks changes in place; its last number is 1 where
+        there is one.
         """
         tracks, place = torch.arange(len(inputs)), (ticks - 1) % memory.shape[2]
         memory[ticks == 1] = 0.0

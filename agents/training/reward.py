@@ -167,10 +167,7 @@ class RewardRun(OwnNetworkRun):
     def loss(self, inputs: Tensor, logs: Tensor, lengths: Tensor, declared: Tensor, rewarded: Tensor) -> Tensor:
         """Return the mean cross-entropy of the rewarded hypothesis over the rows of S segments.
 
-        Args:
-            inputs, logs: (n, M - 1, 33) and (n, M) of the rows of all segments, see `reward_inputs`.
-            lengths: (S,) rows of the segments.
-            declared, rewarded: (S,) see `Segments`.
+        The inputs (n, M - 1, 33) and logarithms (n, M) are of `reward_inputs`, all else (S,) of `Segments`.
         """
         segment = torch.arange(len(lengths)).repeat_interleave(lengths)
         ends = lengths.cumsum(0)

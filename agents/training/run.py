@@ -55,15 +55,9 @@ class Run(ABC):
     """Command that evaluates a run folder."""
 
     def __init__(
-        self,
-        env_id: str,
-        options: dict[str, Any],
-        recipe: Recipe,
-        seed: int,
-        folder: Path | None,
-        steps: int,
+        self, env_id: str, options: dict[str, Any], recipe: Recipe, seed: int, folder: Path | None, steps: int,
         resume: bool = False,
-    ):
+    ):  # fmt: skip
         self.env_id, self.options, self.recipe = env_id, options, recipe
         self.seed, self.folder, self.steps = seed, folder, steps
         self.saved: checkpoint.Checkpoint | None = None

@@ -30,14 +30,9 @@ def run_name(env_id: str, recipe: Recipe) -> str:
 
 
 def make_run(
-    env_id: str,
-    options: dict[str, Any],
-    recipe: Recipe,
-    seed: int = 0,
-    folder: Path | None = None,
-    steps: int | None = None,
-    resume: bool = False,
-) -> Run:
+    env_id: str, options: dict[str, Any], recipe: Recipe, seed: int = 0, folder: Path | None = None,
+    steps: int | None = None, resume: bool = False,
+) -> Run:  # fmt: skip
     """Create a run with the algorithm of a recipe.
 
     Args:

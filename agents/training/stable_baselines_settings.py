@@ -57,11 +57,7 @@ class LibrarySettings:
 
 
 def learning_rate_schedule(rate: str | float) -> tuple[float, bool]:
-    """Return the initial learning rate and whether it decays linearly.
-
-    Raises:
-        ArgumentError: not a number in (0, 1], with or without "lin_".
-    """
+    """Return the initial learning rate, in (0, 1], and whether it decays linearly, with "lin_" before it."""
     decays = isinstance(rate, str) and rate.startswith("lin_")
     value = math.nan
     if isinstance(rate, (str, int, float)):

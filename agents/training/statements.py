@@ -56,9 +56,7 @@ class Batch(NamedTuple):
 def change_probabilities(utility: Tensor, stay: Tensor) -> Tensor:
     """Return the probabilities (T, N, M, M) of the next statement (last axis) given the last one.
 
-    Args:
-        utility: (T, N, M) of stating a mode.
-        stay: (T, N) added where the statement is kept.
+    The utility (T, N, M) is that of stating a mode; `stay` (T, N) is added where the statement is kept.
     """
     kept = stay[..., None, None] * torch.eye(utility.shape[-1])
     return torch.softmax(utility[..., None, :] + kept, -1)
@@ -67,10 +65,7 @@ def change_probabilities(utility: Tensor, stay: Tensor) -> Tensor:
 def expected_reward(outputs: StatementOutputs, batch: Batch, last: Tensor | None) -> tuple[Tensor, Tensor]:
     """Return the expected mean reward of a tick (N,), and the probabilities of the last statement (N, M).
 
-    Args:
-        outputs: of the network on the batch.
-        batch: the ticks.
-        last: (N, M) probabilities of the statement before the first tick; None where an episode begins.
+    `last` are those of the statement before the first tick; None where an episode begins.
     """
     utility = outputs.utility
     M = utility.shape[-1]
@@ -174,11 +169,7 @@ LARGEST_ROUND = 2**22  # tracks x ticks x turns, whose inputs take half a gigaby
 
 
 class TrackRun(StatementRun):
-    """A training run on simulated tracks; see `StatementRun`.
-
-    Raises:
-        ArgumentError: an environment in which modes are not stated, or a damaged checkpoint.
-    """
+    """A training run on simulated tracks; it refuses an environment in which modes are not stated."""
 
     decider: ClassVar[type[UtilityDecider]] = StatementDecider
     smallest_factor: ClassVar[float] = 0.01
