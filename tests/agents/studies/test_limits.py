@@ -30,8 +30,6 @@ from agents.studies.limits import (
     TIMES,
     UNKNOWN_STEPS,
     calls,
-    limits_figure,
-    limits_markdown,
     smoothed_scores,
     unknown_steps,
 )
@@ -81,7 +79,7 @@ def rows_of(text):
 
 
 def test_tables_for_announced_switches(announced):
-    text = limits_markdown(announced)
+    text = limits.markdown(announced)
     assert "| R = 0.01 | R = 0.1 | R = 1 |" in text
     rows = rows_of(text)
     assert sum(row.startswith(tuple(f"| {step} |" for step in STEPS)) for row in rows) == 2 * len(STEPS)
@@ -94,7 +92,7 @@ def test_tables_for_announced_switches(announced):
 
 
 def test_every_rule_is_labelled_in_its_colour_and_missing_times_are_marked(announced):
-    figure = limits_figure(announced)
+    figure = limits.figure(announced)
     assert len(figure.axes) == len(BANKS)
     assert [text.get_text() for text in figure.legends[0].get_texts()] == list(RULES)
     colours = {rule: decider_style(rule).colour for rule in RULES}
@@ -107,13 +105,13 @@ def test_every_rule_is_labelled_in_its_colour_and_missing_times_are_marked(annou
 
 
 def test_tables_and_figure_for_unknown_switches(unknown):
-    text = limits_markdown(unknown)
+    text = limits.markdown(unknown)
     assert text.count("###") == len(LAWS)
     rows = rows_of(text)
     assert len(rows) == len(LAWS) * (3 * len(UNKNOWN_STEPS) - 1)
     assert all(line.count("|") == 2 + len(NOISE_LEVELS) for line in rows)
     assert rows[1].startswith("| IMM, tuned threshold | 0.920 (+0.020 [+0.020, +0.020]) |")
-    figure = limits_figure(unknown)
+    figure = limits.figure(unknown)
     assert len(figure.axes) == len(LAWS) * len(NOISE_LEVELS)
     assert {text.get_text() for text in figure.legends[0].get_texts()} == set(NAMES.values())
     for axes in figure.axes:
@@ -193,4 +191,4 @@ def test_the_command_writes_its_files(env, announced, unknown, tmp_path, capsys,
     assert data == json.loads(json.dumps(results, default=Estimate.as_json))
     assert len(data["steps"]) == len(results["steps"])
     assert (tmp_path / "limits.png").read_bytes().startswith(b"\x89PNG")
-    assert (tmp_path / "limits.md").read_text() == limits_markdown(results)
+    assert (tmp_path / "limits.md").read_text() == limits.markdown(results)
