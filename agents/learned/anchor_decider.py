@@ -219,7 +219,6 @@ class AnchorDecider(PosteriorDecider):
         return observe_sensed(tracks)
 
     def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, AnchorState]:
-        """See `PosteriorDecider.posterior`."""
         rows, sensed = split_sensed(self.layout, np.asarray(observation))
         tracks = len(rows)
         filters, starting = state or (TrackFilters([self.world], [tracks]), np.ones(tracks, np.bool_))
@@ -236,5 +235,4 @@ class AnchorDecider(PosteriorDecider):
         return np.minimum(error * HEAVY_TAILS**state.filters.heavy_tails, 1.0), best
 
     def select_tracks(self, state: AnchorState, tracks: BoolArray) -> AnchorState:
-        """See `Decider.select_tracks`."""
         return AnchorState(state.filters.select_tracks(tracks), state.starting[tracks])

@@ -207,12 +207,10 @@ class JumpMarkovDecider(UtilityDecider, MeasurementDecider[JumpMarkovMemory], Se
 
     @classmethod
     def network(cls, hidden: int) -> JumpMarkovNet:
-        """See `UtilityDecider.network`."""
         return JumpMarkovNet(hidden)
 
     @classmethod
     def together(cls, deciders: Sequence[Self]) -> Self:
-        """See `Decider.together`."""
         first = deciders[0]
         return cls(first.net, first.world, *(margin for one in deciders for margin in one.margins))
 

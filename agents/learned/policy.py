@@ -165,7 +165,6 @@ class ActorDecider(Decider):
         return self.choose(logits, observation, deterministic), state
 
     def select_tracks(self, state: Any, tracks: NDArray[np.bool_]) -> Any:
-        """See `Decider.select_tracks`."""
         return None if state is None else tuple(part[:, torch.from_numpy(tracks)] for part in state)
 
 
@@ -183,7 +182,6 @@ class PolicyDecider(ActorDecider):
     )  # fmt: skip
 
     def choose(self, logits: FloatArray, observation: Observations, deterministic: bool) -> Actions:
-        """See `ActorDecider.choose`."""
         if not deterministic:
             logits = self.sample(logits)
         declare = logits[:, 1:].argmax(1)
@@ -230,7 +228,6 @@ class StatementPolicyDecider(ActorDecider):
         return np.where((odds > self.threshold) | ~started, best, stated)
 
     def panel(self) -> EvidencePanel:
-        """See `Decider.panel`."""
         return probability_panel("policy")
 
     def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:

@@ -52,7 +52,6 @@ class PosteriorDecider(Decider):
         return np.where(error <= self.alpha, best + 1, 0), state
 
     def panel(self) -> EvidencePanel:
-        """See `Decider.panel`."""
         return posterior_panel(self.label, self.by_type, np.array([self.alpha]))
 
     def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:

@@ -116,7 +116,6 @@ class RewardDecider(PosteriorDecider):
 
     @torch.no_grad()
     def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, Any]:
-        """See `PosteriorDecider.posterior`."""
         rows, ticks = self.read(observation)
         inputs, logs = map(torch.from_numpy, reward_inputs(rows, self.world.tau))
         memory = self.net.features(inputs)
@@ -133,7 +132,6 @@ class RewardDecider(PosteriorDecider):
         return rows, torch.from_numpy(ticks).clamp(min=1)
 
     def errors(self, observation: Observations, posterior: FloatArray, state: Any) -> tuple[FloatArray, IntArray]:
-        """See `PosteriorDecider.errors`."""
         values = posterior_of(posterior, self.by_type)
         largest = values.max(-1, keepdims=True)
         return 1.0 - largest[:, 0], np.where(values == largest, posterior, -1.0).argmax(-1)
@@ -168,6 +166,5 @@ class DistilledDecider(RewardDecider):
 
     @torch.no_grad()
     def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, None]:
-        """See `PosteriorDecider.posterior`."""
         parts = reward_inputs(self.read(observation)[0], self.world.tau)
         return self.net(*map(torch.from_numpy, parts)).double().exp().numpy(), None

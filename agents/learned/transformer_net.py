@@ -131,7 +131,6 @@ class TransformerDecider(RewardDecider):
 
     @torch.no_grad()
     def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, Tensor]:
-        """See `PosteriorDecider.posterior`."""
         rows, ticks = self.read(observation)
         inputs = torch.from_numpy(raw_inputs(rows, self.world.tau)[0])
         if state is None:

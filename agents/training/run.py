@@ -60,6 +60,7 @@ class Run(ABC):
     ):  # fmt: skip
         self.env_id, self.options, self.recipe = env_id, options, recipe
         self.seed, self.folder, self.steps = seed, folder, steps
+        self.settings: Any = recipe.settings
         self.saved: checkpoint.Checkpoint | None = None
         if folder is not None:
             if resume:
@@ -244,7 +245,6 @@ class OwnNetworkRun(Run):
         return self.decider.trained(name, self.network, self.world)
 
     def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
-        """See `Run.save_agent`."""
         save_policy(folder, self.network.state_dict(), card, self.decider.task)
 
     @abstractmethod
@@ -256,7 +256,6 @@ class OwnNetworkRun(Run):
         return True
 
     def learn(self, on_progress: Callable[[TrainingProgress], None] | None) -> None:
-        """See `Run.learn`."""
         while self.num_timesteps < self.steps:
             self.between_updates()
             steps, reward, ticks, metrics = self.train_round()

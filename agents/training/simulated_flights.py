@@ -46,6 +46,7 @@ class FlightRun(StatementRun):
     """A training run on simulated flights; see `StatementRun`. It refuses an environment, and options of one."""
 
     decider: ClassVar[type[FlightAgent]] = FlightAgent
+    settings: FlightSettings
     next_command = "hybridtrack compare --flights --deciders imm"
     smallest_factor: ClassVar[float] = 0.05
     simulation: ClassVar[dict[str, Any]] = asdict(WIDE) | DRAWN
@@ -55,9 +56,6 @@ class FlightRun(StatementRun):
     """Of the learning curve, of each group."""
 
     def prepare(self) -> None:
-        """See `StatementRun.prepare`."""
-        assert isinstance(self.recipe.settings, FlightSettings)
-        self.settings = self.recipe.settings
         for name, given in (("env", self.env_id != DEFAULT_ENV and self.env_id), ("options", self.options)):
             if given:
                 raise reject(name, given, "no environment and none of its options, for simulated flights")
@@ -99,11 +97,9 @@ class FlightRun(StatementRun):
             yield batch
 
     def values(self) -> dict[str, Any]:
-        """See `Run.values`."""
         return {"updates": self.updates, "generator": self._generator.bit_generator.state}
 
     def restore_values(self, values: dict[str, Any]) -> None:
-        """See `Run.restore_values`."""
         super().restore_values(values)
         self.updates = check_integer("updates", values["updates"], minimum=0)
         restore_generator(self._generator, values["generator"])

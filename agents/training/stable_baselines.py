@@ -135,11 +135,11 @@ class LibraryRun(Run):
     mode is stated at every tick.
     """
 
+    settings: LibrarySettings
+
     def build(self) -> None:
         """Create model and environments; the initial policy waits if it can."""
-        settings = self.recipe.settings
-        assert isinstance(settings, LibrarySettings)
-        self.settings = settings
+        settings = self.settings
         kind = _model_class(self.recipe.algo)
         scale = getattr(settings, "reward_scale", 1.0)
         env = HybridTrackVecEnv(self.env_id, settings.n_envs, scale, **self.options)
@@ -192,12 +192,10 @@ class LibraryRun(Run):
         return getattr(self.model, "replay_buffer", None)
 
     def set_steps(self, steps: int) -> None:
-        """See `Run.set_steps`."""
         super().set_steps(steps)
         self.model.num_timesteps = steps
 
     def family(self, name: str) -> DeciderFamily:
-        """See `Run.family`."""
         return ACTORS[self.task.switches](self.model.policy).trained(name)
 
     def evaluate(self) -> None:
@@ -218,7 +216,6 @@ class LibraryRun(Run):
         return reward, ticks
 
     def track_tensors(self) -> dict[str, Tensor]:
-        """See `Run.track_tensors`."""
         model = self.model
         # not public, but the save() of Stable-Baselines3 pickles, and does not save the tracks
         arrays = {"observation": model._last_obs, "episode_start": model._last_episode_starts}
@@ -233,7 +230,6 @@ class LibraryRun(Run):
         return tensors
 
     def values(self) -> dict[str, Any]:
-        """See `Run.values`."""
         model = self.model
         values = {
             "random": checkpoint.random_state(), "updates": model._n_updates,
@@ -249,7 +245,6 @@ class LibraryRun(Run):
         return values
 
     def restore_values(self, values: dict[str, Any]) -> None:
-        """See `Run.restore_values`."""
         model = self.model
         checkpoint.check_tracks(model.env.env)
         self._random = checkpoint.parse_random_state(values["random"])
@@ -271,7 +266,6 @@ class LibraryRun(Run):
 
     @without_tracebacks_of_threads()
     def learn(self, on_progress: Callable[[TrainingProgress], None] | None) -> None:
-        """See `Run.learn`."""
         model, writers = self.model, []
         if self.folder is not None:
             writers = [MetricsWriter(self.folder), Events(self.folder, self.num_timesteps)]
@@ -301,5 +295,4 @@ class LibraryRun(Run):
             model.logger.close()
 
     def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
-        """See `Run.save_agent`."""
         save_actor(folder, self.model.policy, card, self.world.switches)

@@ -28,7 +28,7 @@ from agents.learned.rhythm_decider import RhythmDecider
 from agents.learned.statement_decider import StatementDecider, UtilityDecider
 from agents.learned.statement_net import StatementOutputs, count_ages, statement_inputs
 from agents.training.run import OwnNetworkRun, Round
-from agents.training.settings import ExpectedRewardSettings, StatementSettings
+from agents.training.settings import StatementSettings
 from baselines.rules import seeds
 from baselines.rules.measurements import OBSERVED
 from hybrid_env.checks import reject
@@ -101,6 +101,7 @@ class StatementRun(OwnNetworkRun):
     """
 
     decider: ClassVar[type[UtilityDecider]]
+    settings: Any  # an `ExpectedRewardSettings`
     round_steps: int  # steps of a round
     world: QuickestOptions | None = None  # options of the environment of the agent, None if it has none
 
@@ -109,14 +110,8 @@ class StatementRun(OwnNetworkRun):
         self.updates = 0  # steps of the optimizer so far
         self.prepare()
         torch.manual_seed(self.seed)
-        self.net = self.decider.network(self.statements.hidden)
-        self.start(self.net, self.statements.learning_rate)
-
-    @property
-    def statements(self) -> ExpectedRewardSettings:
-        """Hyper-parameters that both kinds of runs have."""
-        assert isinstance(self.recipe.settings, ExpectedRewardSettings)
-        return self.recipe.settings
+        self.net = self.decider.network(self.settings.hidden)
+        self.start(self.net, self.settings.learning_rate)
 
     @abstractmethod
     def prepare(self) -> None:
@@ -127,12 +122,10 @@ class StatementRun(OwnNetworkRun):
         """Simulate the batches of the next round."""
 
     def restore_values(self, values: dict[str, Any]) -> None:
-        """See `Run.restore_values`."""
         if self.num_timesteps % self.round_steps:
             raise ValueError("the number of steps is not one of complete rounds")
 
     def train_round(self) -> Round:
-        """See `OwnNetworkRun.train_round`."""
         rewards, entropies = zip(*map(self._train_on, self.batches()), strict=True)
         reward = float(np.mean(rewards))
         metrics = {"expected_reward": reward, "cross_entropy": float(np.mean(entropies))}
@@ -142,13 +135,13 @@ class StatementRun(OwnNetworkRun):
         """Make one step of the optimizer for each part; return the means of reward and cross-entropy."""
         memory = last = None
         totals = np.zeros(2)
-        parts = list(batch.split(self.statements.n_steps))
+        parts = list(batch.split(self.settings.n_steps))
         for part in parts:
             self.set_learning_rate()
             outputs = self.net(part.inputs, part.log_probability, memory)
             reward, last = expected_reward(outputs, part, last)
             entropy = cross_entropy(outputs, part)
-            loss = self.statements.belief_weight * entropy - reward.mean() + self.further_loss(outputs, part)
+            loss = self.settings.belief_weight * entropy - reward.mean() + self.further_loss(outputs, part)
             self.optimizer.zero_grad(set_to_none=False)
             loss.backward()
             nn.utils.clip_grad_norm_(self.net.parameters(), LARGEST_GRADIENT)
@@ -173,6 +166,7 @@ class TrackRun(StatementRun):
 
     decider: ClassVar[type[UtilityDecider]] = StatementDecider
     smallest_factor: ClassVar[float] = 0.01
+    settings: StatementSettings
 
     def simulate(self, world: QuickestOptions, tracks: int, seed: int) -> tuple[NDArray[Any], ...]:
         """Return inputs, log-probabilities and true modes of one episode of each track; see `simulate`."""
@@ -180,9 +174,6 @@ class TrackRun(StatementRun):
         return simulate(world, tracks, seed, self.decider(self.net, world))
 
     def prepare(self) -> None:
-        """See `StatementRun.prepare`."""
-        assert isinstance(self.recipe.settings, StatementSettings)
-        self.settings = self.recipe.settings
         task = task_of(self.env_id, self.options)
         if task.switches != self.decider.task:
             raise reject("env", self.env_id, "an environment in which a mode is stated at every tick")

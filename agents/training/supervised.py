@@ -31,7 +31,6 @@ class TrueModesRun(RewardRun):
     """Base class of the runs; `labels` of the loss are the true modes (S,) of the segments."""
 
     def labels(self, found: Segments) -> Sequence[NDArray[Any]]:
-        """See `RewardRun.labels`."""
         return (found.modes,)
 
 
@@ -126,7 +125,6 @@ class DistilledRun(RewardRun):
             self.envs.append(make_vector_env(self.env_id, self.settings.n_envs, tick_info=False, **changed))
 
     def train_round(self) -> Round:
-        """See `RewardRun.train_round`."""
         home = self.env
         self.env = self.envs[self.rounds % len(self.envs)]
         self.world = self.env.options

@@ -13,7 +13,7 @@ from agents.evaluation.task import sweep
 from agents.evaluation.unknown import UnknownTask
 from agents.figures.decider_colours import decider_style
 from agents.interface.parallel import Workers
-from agents.studies import limits, limits_command
+from agents.studies import limits
 from agents.studies.limits import (
     BANK,
     BANKS,
@@ -182,7 +182,7 @@ def test_the_command_writes_its_files(env, announced, unknown, tmp_path, capsys,
     def found(self, named, on_progress):
         return [(part, results[part]) for part in named]
 
-    monkeypatch.setattr(limits_command, "calls", lambda *_: given)
+    monkeypatch.setattr(limits, "calls", lambda *_: given)
     monkeypatch.setattr(Workers, "results", found)
     flags = ["--env", env] if env else []
     assert main(["limits", *flags, "--episodes", "10", "--out", str(tmp_path)]) == 0
