@@ -1,12 +1,8 @@
 """Filters that start from learned distributions of the anchor error, as a decider.
 
-At every switch a network (`anchor_net`) predicts the distribution of the anchor error, and extended Kalman
-filters of every hypothesis start from its components. Where only the type of motion is rewarded, a second
-network predicts what a wrong radius costs in the next segment. The decider declares when the expected loss
-falls to alpha.
-
-All inputs are without units, and left and right turns are mirror images. The same weights
-therefore apply to objects of any size and to banks of any size.
+Extended Kalman filters of every hypothesis start from the components of that distribution, see `anchor_net`. Inputs
+have no units and left and right turns are mirror images, so that the same weights apply to objects of any size and to
+banks of any size.
 """
 
 from collections.abc import Sequence

@@ -73,6 +73,11 @@ def zero_layer(inputs: int, outputs: int) -> nn.Linear:
     return layer
 
 
+def hidden_layers(inputs: int, hidden: int) -> nn.Sequential:
+    """Return two layers of hidden units."""
+    return nn.Sequential(nn.Linear(inputs, hidden), nn.SiLU(), nn.Linear(hidden, hidden), nn.SiLU())
+
+
 def with_straight(outputs: Tensor) -> Tensor:
     """Return a number of each hypothesis (..., M) from two of each turn (..., M - 1, 2).
 
@@ -87,7 +92,7 @@ class RewardNet(nn.Module):
     def __init__(self, hidden: int):
         super().__init__()
         self.row = nn.Sequential(nn.Linear(INPUTS, hidden), nn.SiLU(), nn.Linear(hidden, hidden), nn.Tanh())
-        self.layers = nn.Sequential(nn.Linear(INPUTS + hidden, hidden), nn.SiLU(), nn.Linear(hidden, hidden), nn.SiLU())
+        self.layers = hidden_layers(INPUTS + hidden, hidden)
         self.output = zero_layer(hidden, 2)
         self.scale = nn.Parameter(torch.ones(1))
 
@@ -149,7 +154,7 @@ class DistilledNet(nn.Module):
 
     def __init__(self, hidden: int):
         super().__init__()
-        self.layers = nn.Sequential(nn.Linear(INPUTS, hidden), nn.SiLU(), nn.Linear(hidden, hidden), nn.SiLU())
+        self.layers = hidden_layers(INPUTS, hidden)
         self.output = zero_layer(hidden, 2)
         self.scale = nn.Parameter(torch.ones(1))
 

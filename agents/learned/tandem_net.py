@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor, nn
 
-from agents.learned.reward_net import INPUTS, RewardDecider, reward_inputs, with_straight, zero_layer
+from agents.learned.reward_net import INPUTS, RewardDecider, hidden_layers, reward_inputs, with_straight, zero_layer
 from agents.learned.statement_net import GAIN
 from baselines.rules.decider import Observations
 from hybrid_env.checks import FloatArray
@@ -26,9 +26,7 @@ class WindowNet(nn.Module):
     def __init__(self, inputs: int, outputs: int, hidden: int, order: int = ORDER):
         super().__init__()
         self.order = order
-        self.layers = nn.Sequential(
-            nn.Linear((order + 1) * (inputs + 1), hidden), nn.SiLU(), nn.Linear(hidden, hidden), nn.SiLU()
-        )
+        self.layers = hidden_layers((order + 1) * (inputs + 1), hidden)
         self.output = zero_layer(hidden, outputs)
 
     def outputs(self, windows: Tensor) -> Tensor:

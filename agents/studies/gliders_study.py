@@ -205,7 +205,7 @@ def current_seal() -> dict[str, Any]:
     return found | {"code": found["code"] | {"libigc": version("libigc")}}
 
 
-def glider_tables(result: GliderComparison) -> list[Table]:
+def tables(result: GliderComparison) -> list[Table]:
     """Return the tables of each level, for the open logs and for the sealed ones, and of the simulated flights."""
     return [*(_glider_table(result, group, level) for group in result.groups for level in LEVELS), _gap_table(result)]
 
@@ -229,7 +229,7 @@ def _gap_table(result: GliderComparison) -> Table:
     return filled_table("Open logs and simulated flights: percentiles", heads, lines)
 
 
-def glider_files(result: GliderComparison) -> dict[str, Any]:
+def files(result: GliderComparison) -> dict[str, Any]:
     """Return gliders.json, with the settings, the figures of every flight and the seal, and gliders.png."""
     groups: dict[str, Any] = {}
     for group, rows in result.groups.items():

@@ -79,7 +79,7 @@ def _version(name: str) -> str:
         return "missing"
 
 
-def simulator_tables(found: Found) -> list[Any]:
+def tables(found: Found) -> list[Any]:
     """Return the table of all worlds, and with several deciders the counts as a sentence."""
     results, _ = found
     size = results[0].task.size(results[0].own.episodes)
@@ -94,7 +94,7 @@ def simulator_tables(found: Found) -> list[Any]:
     return tables
 
 
-def simulator_files(found: Found) -> dict[str, Any]:
+def files(found: Found) -> dict[str, Any]:
     """Return the files: all figures, counts, the mismatch of each world, what `SEAL` holds once sealed; a picture."""
     results, mismatches = found
     content: dict[str, Any] = {"results": results, "mismatches": mismatches, "seal": current_seal()}
