@@ -108,7 +108,6 @@ def _from_zip(path: Path, options: Any) -> DeciderFamily:
 
 
 def _actor(policy: Any, path: Path, options: Any) -> DeciderFamily:
-    """Return a policy as a decider for the task of an environment."""
     task, (width,) = options.switches, policy.observation_space.shape
     check_actions(int(policy.action_space.n), LAYOUTS[task].of_width(width).hypotheses, task)
     policy.eval()

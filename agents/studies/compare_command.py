@@ -107,7 +107,6 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         return self._compare()
 
     def _refuse(self, allowed_flags: set[str], allowed: str) -> None:
-        """Refuse given flags other than some."""
         for field in fields(self):
             value = getattr(self, field.name)
             if value != field.default and field.name not in allowed_flags | {"deciders", "out"}:

@@ -52,8 +52,6 @@ SMOOTHED_TRACKS = 500  # in a batch, which needs about 100 MB
 IMM, THRESHOLD = "IMM, the most probable mode", "IMM, tuned threshold"
 GEOMETRIC, BEAM = "beam, geometric law of durations", "beam, true law of durations"
 LATER = {lag: f"with the measurements of {lag} later ticks (off line)" for lag in LAGS}
-UNKNOWN_STEPS = (IMM, THRESHOLD, GEOMETRIC, BEAM, *LATER.values())
-"""The steps for unknown switches, in the order of their information."""
 
 CALIBRATION_BANKS: dict[str, dict[str, Any]] = {
     "anchor-aware": {"bank": "anchor_aware"},

@@ -18,6 +18,8 @@ from agents.studies.limits import (
     BANK,
     BANKS,
     BEAM,
+    GEOMETRIC,
+    IMM,
     LAGS,
     LATER,
     LAWS,
@@ -28,7 +30,6 @@ from agents.studies.limits import (
     THREE,
     THRESHOLD,
     TIMES,
-    UNKNOWN_STEPS,
     calls,
     smoothed_scores,
     unknown_steps,
@@ -38,6 +39,7 @@ from baselines.rules import seeds
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import mean
 
+UNKNOWN_STEPS = (IMM, THRESHOLD, GEOMETRIC, BEAM, *LATER.values())  # in the order of their information
 SHORT = {"durations": "uniform 10-20", "ticks": 60}
 RULES = ("ATE (SPRT)", "MSPRT", "Bayes risk")
 
