@@ -17,7 +17,7 @@ from torch import Tensor, nn
 from agents.learned.reward_net import RewardDecider, zero_layer
 from agents.learned.statement_net import sides
 from baselines.rules.decider import Observations
-from hybrid_env.checks import BoolArray, FloatArray
+from hybrid_env.checks import BoolArray
 from hybrid_env.observation import Layout
 
 LARGEST_INPUT = 3.0  # the differences are compressed to +-3
@@ -189,10 +189,7 @@ class KalmanDecider(RewardDecider):
     network = KalmanBank
     label = "learned Kalman gain"
 
-    @torch.no_grad()
-    def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, KalmanMemory]:
-        """See `PosteriorDecider.posterior`. The state is a `KalmanMemory`."""
-        rows, ticks = self.read(observation)
+    def advance(self, rows: Observations, ticks: Tensor, state: KalmanMemory | None) -> tuple[Tensor, KalmanMemory]:
         inputs = torch.from_numpy(filter_inputs(rows, self.world.tau)).flatten(0, 1)
         filters, before = self.net.begin(inputs), torch.zeros(len(rows), self.layout.hypotheses + 1)
         if state is not None:
@@ -203,7 +200,7 @@ class KalmanDecider(RewardDecider):
             before = torch.where(goes_on, state.logs, before)
         filters, logs = self.net.advance(filters, inputs)
         logs = before + logs.view_as(before)
-        return torch.softmax(evidence(logs).double(), -1).numpy(), KalmanMemory(filters, logs)
+        return torch.softmax(evidence(logs).double(), -1), KalmanMemory(filters, logs)
 
     def select_tracks(self, state: Any, tracks: BoolArray) -> KalmanMemory | None:
         """See `RewardDecider.select_tracks`; every track has M + 1 filters."""

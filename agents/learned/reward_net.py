@@ -121,20 +121,20 @@ class RewardDecider(PosteriorDecider):
 
     @torch.no_grad()
     def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, Any]:
-        rows, ticks = self.read(observation)
-        inputs, logs = map(torch.from_numpy, reward_inputs(rows, self.world.tau))
-        memory = self.net.features(inputs)
-        if state is not None:
-            memory = memory + torch.where((ticks > 1)[:, None, None], state, 0.0)
-        return self.net(inputs, memory, logs).double().exp().numpy(), memory
-
-    def read(self, observation: Observations) -> tuple[Observations, Tensor]:
-        """Return the rows (N, width), checked, and the ticks (N,) since the switch, from 1."""
         rows = np.asarray(observation, np.float32)
         if rows.ndim != 2 or rows.shape[1] != self.layout.width:
             raise reject("observation shape", rows.shape, f"(N, {self.layout.width})")
         ticks = self.layout.read(rows, "ticks").round().astype(np.int64)
-        return rows, torch.from_numpy(ticks).clamp(min=1)
+        found, state = self.advance(rows, torch.from_numpy(ticks).clamp(min=1), state)
+        return found.numpy(), state
+
+    def advance(self, rows: Observations, ticks: Tensor, state: Any) -> tuple[Tensor, Any]:
+        """Return the posterior (N, M) in float64 and the state, after rows (N, width) at ticks (N,) from 1."""
+        inputs, logs = map(torch.from_numpy, reward_inputs(rows, self.world.tau))
+        memory = self.net.features(inputs)
+        if state is not None:
+            memory = memory + torch.where((ticks > 1)[:, None, None], state, 0.0)
+        return self.net(inputs, memory, logs).double().exp(), memory
 
     def errors(self, observation: Observations, posterior: FloatArray, state: Any) -> tuple[FloatArray, IntArray]:
         values = posterior_of(posterior, self.by_type)
@@ -169,7 +169,5 @@ class DistilledDecider(RewardDecider):
     network = DistilledNet
     label = "distilled agent"
 
-    @torch.no_grad()
-    def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, None]:
-        parts = reward_inputs(self.read(observation)[0], self.world.tau)
-        return self.net(*map(torch.from_numpy, parts)).double().exp().numpy(), None
+    def advance(self, rows: Observations, ticks: Tensor, state: Any) -> tuple[Tensor, None]:
+        return self.net(*map(torch.from_numpy, reward_inputs(rows, self.world.tau))).double().exp(), None

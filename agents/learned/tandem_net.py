@@ -7,7 +7,7 @@ share (the TANDEM formula of order N), so that no memory is learned. They are ex
 of order N.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -15,7 +15,6 @@ from torch import Tensor, nn
 from agents.learned.reward_net import INPUTS, RewardDecider, hidden_layers, reward_inputs, with_straight, zero_layer
 from agents.learned.statement_net import GAIN
 from baselines.rules.decider import Observations
-from hybrid_env.checks import FloatArray
 
 ORDER = 5
 
@@ -88,10 +87,7 @@ class TandemDecider(RewardDecider):
     network = TandemNet
     label = "learned likelihood ratios"
 
-    @torch.no_grad()
-    def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, TandemState]:
-        """See `PosteriorDecider.posterior`. The state is a `TandemState`."""
-        rows, ticks = self.read(observation)
+    def advance(self, rows: Observations, ticks: Tensor, state: TandemState | None) -> tuple[Tensor, TandemState]:
         inputs, order = torch.from_numpy(reward_inputs(rows, self.world.tau)[0]), self.net.order
         before = inputs[:, None].expand(-1, order + 1, -1, -1) if state is None else state.rows
         last = torch.cat([before[:, 1:], inputs[:, None]], 1)
@@ -101,4 +97,4 @@ class TandemDecider(RewardDecider):
         longer, shorter = (self.net(part[order :: order + 1]) for part in windows)
         beyond = (ticks > order + 1)[:, None]
         ratios = longer if state is None else torch.where(beyond, state.ratios + longer - shorter, longer)
-        return torch.softmax(ratios.double(), -1).numpy(), TandemState(last, ratios)
+        return torch.softmax(ratios.double(), -1), TandemState(last, ratios)

@@ -15,7 +15,6 @@ from torch import Tensor, nn
 from agents.learned.reward_net import LIMIT, SMALLEST, RewardDecider, with_straight, zero_layer
 from agents.learned.statement_net import GAIN, sides
 from baselines.rules.decider import Observations
-from hybrid_env.checks import FloatArray
 from hybrid_env.observation import Layout
 
 RAW_INPUTS = 11
@@ -129,11 +128,9 @@ class TransformerDecider(RewardDecider):
     network = TransformerNet
     label = "transformer on measurements"
 
-    @torch.no_grad()
-    def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, Tensor]:
-        rows, ticks = self.read(observation)
+    def advance(self, rows: Observations, ticks: Tensor, state: Tensor | None) -> tuple[Tensor, Tensor]:
         inputs = torch.from_numpy(raw_inputs(rows, self.world.tau)[0])
         if state is None:
             longest = min(self.world.longest_segment, CONTEXT)
             state = torch.zeros(*inputs.shape[:2], longest, LAYERS, 2 * KEY + 1)
-        return self.net.step(inputs, ticks, state).double().exp().numpy(), state
+        return self.net.step(inputs, ticks, state).double().exp(), state
