@@ -69,7 +69,7 @@ class NetworkSettings:
     hidden: int  # units of each hidden layer
     learning_rate: str | float  # constant, or "lin_" and the initial value for linear decay
 
-    largest: ClassVar[Mapping[str, int]] = {"hidden": LARGEST_HIDDEN}
+    largest: ClassVar[dict[str, int]] = {"hidden": LARGEST_HIDDEN}
     """Upper bounds of positive integers."""
 
     def __post_init__(self) -> None:
