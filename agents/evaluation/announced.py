@@ -88,30 +88,24 @@ class AnnouncedTask(Task):
     selection_episodes: ClassVar = seeds.SELECTION_EPISODES
 
     def size(self, episodes: int) -> str:
-        """See `Task.size`."""
         return f"{episodes * self.options.segments:,} segments"
 
     def shifted(self) -> dict[str, dict[str, Any]]:
-        """See `Task.shifted`."""
         return shifted_worlds(self.options)
 
     @property
     def compared(self) -> tuple[str, ...]:
-        """See `Task.compared`."""
         return (self.reference, "fixed", "msprt", "msprt-kept", "calibrated")
 
     def check_episodes(self, name: str, episodes: int) -> None:
-        """See `Task.check_episodes`."""
         check_episodes(name, episodes, self.options)
 
     def batch(self) -> int:
-        """See `Task.batch`."""
         return batch_size(self.options)
 
     def record(
         self, deciders: Sequence[Any], changes: Mapping[str, Any], episodes: int, seed: int, on_progress: OnProgress
     ) -> list[Recorded]:
-        """See `Task.record`."""
         (decider,) = deciders
         decisions = evaluate_batch(decider, self.env_id, episodes, seed, on_progress, {**self.given, **changes})
         modes = {"true_mode": decisions.true_mode.ravel(), "decided_mode": decisions.decided_mode.ravel()}

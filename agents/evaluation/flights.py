@@ -4,6 +4,7 @@ import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -69,6 +70,17 @@ def less_cell(less: Estimate | None) -> str:
     return "" if less is None else bounds_cell(less, 1, 100.0)
 
 
+def rule_or_folder(name: str, task: str) -> Any:
+    """Return the class of a rule for recorded flights, or the folder of an agent: the shipped one, or another."""
+    known = rules(task)
+    if name in known:
+        return known[name]
+    folder = policy_folder(SHIPPED if name == AGENT else name, task)
+    if not folder.is_dir():
+        raise reject("deciders", name, f"{', '.join((*known, AGENT))} with --{task}, or the folder of an agent")
+    return folder
+
+
 @dataclass(frozen=True)
 class FlightTask:
     """What is decided on recorded flights.
@@ -106,15 +118,9 @@ class FlightTask:
         if self.form == SEMI_REAL:
             return find_decider(name, WORLD)
         base, given = split_threshold(name)
-        known = rules(FLIGHTS)
-        folder = policy_folder(SHIPPED if base == AGENT else base, FLIGHTS)
-        if base in known:
-            family = known[base].family(None)
-        elif folder.is_dir():
-            family = replace(learned_family(folder), name=base, default=0.0)
-        else:
-            names = ", ".join((*known, AGENT))
-            raise reject("deciders", name, f"{names} with --flights, or the folder of an agent")
+        found = rule_or_folder(base, FLIGHTS)
+        own = isinstance(found, Path)
+        family = replace(learned_family(found), name=base, default=0.0) if own else found.family(None)
         return family, family.default if given is None else given
 
     def read(self) -> list[Flight]:

@@ -1,12 +1,13 @@
 """Recorded flights of gliders: straight flight, or circles to a side, stated at every position."""
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from agents.evaluation.flights import AGENT
-from agents.evaluation.registry import SHIPPED, learned_family, policy_folder
+from agents.evaluation.flights import rule_or_folder
+from agents.evaluation.registry import learned_family
 from agents.evaluation.task import Metric
 from baselines.estimation.turn_beam import run_turn_beam
 from baselines.estimation.turns import TurnModel, run_turn_imm
@@ -18,9 +19,9 @@ from baselines.recordings.flights.metrics import STATISTICS, score_flights
 from baselines.recordings.flights.tracks import FlightTracks
 from baselines.recordings.reading.igc import parse_igc
 from baselines.rules.circling import GliderRule
-from baselines.rules.decider import GLIDERS, Decider, rules
+from baselines.rules.decider import GLIDERS, Decider
 from baselines.scoring.scores import Scores
-from hybrid_env.checks import IntArray, reject
+from hybrid_env.checks import IntArray
 
 PART, MARGIN = 1200, 240  # positions that are filtered at once
 
@@ -59,15 +60,12 @@ class LearnedRule(NamedTuple):
 
 def glider_rule(name: str) -> type[GliderRule] | LearnedRule:
     """Return the class of a rule, or an agent: the shipped one, or that of a folder."""
-    known = rules(GLIDERS)
-    if name in known:
-        return known[name]  # type: ignore[return-value]
-    folder = policy_folder(SHIPPED if name == AGENT else name, GLIDERS)
-    if not folder.is_dir():
-        raise reject("deciders", name, f"{', '.join((*known, AGENT))} with --gliders, or the folder of an agent")
+    found: Any = rule_or_folder(name, GLIDERS)
+    if not isinstance(found, Path):
+        return found
     from agents.learned.glider_decider import GliderAgent
 
-    return LearnedRule(name, (GliderAgent.model,), GliderAgent.grid, learned_family(folder, recorded=GLIDERS).make)
+    return LearnedRule(name, (GliderAgent.model,), GliderAgent.grid, learned_family(found, recorded=GLIDERS).make)
 
 
 def read_gliders(contents: Sequence[bytes], group: str) -> tuple[list[Flight], list[Labels]]:

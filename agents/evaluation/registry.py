@@ -4,12 +4,14 @@ import dataclasses
 import importlib
 import os
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from agents import learned
+from agents.interface.help_texts import shown_default
 from baselines.rules.decider import ANNOUNCED, FLIGHTS, GLIDERS, UNKNOWN, Decider, DeciderFamily, rules
 from baselines.rules.own import find_own, own_family, own_names
 from hybrid_env.checks import reject
@@ -48,10 +50,10 @@ OWN_NETWORKS = {
     "anchor": ("anchor_decider", "AnchorDecider"), "statements": ("statement_decider", "StatementDecider"),
     "rhythm": ("rhythm_decider", "RhythmDecider"), "stopping": ("stopping_decider", "StoppingDecider"),
     "flights": ("flight_decider", "FlightAgent"), "gliders": ("glider_decider", "GliderAgent"),
-    "reward": ("reward_decider", "RewardDecider"), "tandem": ("tandem_net", "TandemDecider"),
+    "reward": ("reward_net", "RewardDecider"), "tandem": ("tandem_net", "TandemDecider"),
     "kalman": ("kalman_net", "KalmanDecider"),
-    "distilled": ("distilled", "DistilledDecider"), "transformer": ("transformer_net", "TransformerDecider"),
-    "jump_markov": ("jump_markov_decider", "JumpMarkovDecider"),
+    "distilled": ("reward_net", "DistilledDecider"), "transformer": ("transformer_net", "TransformerDecider"),
+    "jump_markov": ("jump_markov_net", "JumpMarkovDecider"),
 }  # fmt: skip
 """File and class of the deciders whose networks are of this package, by training algorithm."""
 
@@ -179,3 +181,24 @@ def needed_options(name: Any, switches: str) -> Mapping[str, Any]:
     rule = rules(switches).get(base) or find_own(base)
     found: Mapping[str, Any] = getattr(rule, "options", {})
     return found
+
+
+@dataclass(kw_only=True)
+class ErrorArguments:
+    """Flag of the commands that run deciders at one threshold each."""
+
+    error: Annotated[str | None, shown_default("the usual threshold")] = None
+    """Rate to hold: '2%' of wrong decisions, or with unknown switches '2/1000', wrong changes in ticks. The
+    threshold is chosen for it by simulation, as with the name 'shipped:2%'."""
+
+    def at_error(self, name: str) -> str:
+        """Return the name of a decider with the rate that is asked for."""
+        if self.error is None:
+            return name
+        from agents.evaluation.chosen_threshold import RATES
+
+        if not self.error.endswith(tuple(RATES.values())):
+            raise reject("error", self.error, "a rate such as '2%', or '2/1000' with unknown switches")
+        if base_name(name) != name:
+            raise reject("decider", name, "a name without a threshold, with --error")
+        return f"{name}:{self.error}"

@@ -79,7 +79,6 @@ class UnknownTask(Task):
     selection_episodes: ClassVar = 300
 
     def size(self, episodes: int) -> str:
-        """See `Task.size`."""
         return f"{episodes:,} tracks of {self.options.ticks:,} ticks"
 
     def shifted(self) -> dict[str, dict[str, Any]]:
@@ -93,20 +92,17 @@ class UnknownTask(Task):
         return tuple(dict.fromkeys((self.reference, *rules(UNKNOWN))))
 
     def check_episodes(self, name: str, episodes: int) -> None:
-        """See `Task.check_episodes`."""
         options = self.options
         segments = options.ticks / min(options.law.mean_duration, options.ticks)
         largest = max(1, int(min(LARGEST_RESULT / options.ticks, MOST_SEGMENTS / segments)))
         check_integer(name, episodes, maximum=largest)
 
     def batch(self) -> int:
-        """See `Task.batch`."""
         return max(1, 3 * LARGEST_BATCH // (self.options.ticks * self.options.hypotheses))
 
     def record(
         self, deciders: Sequence[Any], changes: Mapping[str, Any], episodes: int, seed: int, on_progress: OnProgress
     ) -> list[Recorded]:
-        """See `Task.record`."""
         found = record_together(deciders, episodes, seed, **vars(self.options_with(changes)))
         return [self.measured(statements) for statements in found]
 
@@ -164,7 +160,6 @@ class UnknownTask(Task):
 
     @property
     def figure_title(self) -> str:
-        """See `Task.figure_title`."""
         return f"{super().figure_title}, segments of {self.options.law} ticks"
 
     def panels(self, groups: Groups) -> list[Panel]:

@@ -85,7 +85,6 @@ def curve_figure(
 
 
 def _draw_panel(axes: Any, panel: Panel) -> None:
-    """Draw the curves of a panel and its axes."""
     for curve in panel.curves:
         _draw_curve(axes, curve)
     plain_axes(axes, panel.x.label, panel.y.label)
@@ -103,7 +102,6 @@ def _draw_panel(axes: Any, panel: Panel) -> None:
 
 
 def _draw_curve(axes: Any, curve: Curve) -> None:
-    """Draw a curve with its band, bars and selected points."""
     colour, marker = curve.style.colour, curve.style.marker
     if curve.bounds is not None:
         axes.fill_between(curve.x, *curve.bounds, color=colour, alpha=0.13, linewidth=0)

@@ -23,10 +23,10 @@ from agents.interface.output_files import write_json
 from agents.interface.parallel import Workers
 from agents.interface.world_arguments import CARD
 from agents.league.protocol import (
+    GROUPS,
     QUICKEST,
     SEED,
     THREE,
-    WORLDS,
     make_entry,
     pack,
     play,
@@ -69,7 +69,6 @@ class Probe(Decider):
         self.stated = np.zeros(0)  # (N,) largest probability of the last tick; NaN where the decider states none
 
     def decide(self, observation: Any, state: Any, episode_start: Any) -> tuple[Actions, Any]:
-        """See `Decider.decide`."""
         self.stated = np.full(len(observation), np.nan)
         if isinstance(self.decider, PosteriorDecider):  # first, because a state may change in place
             self.stated = self.decider.evidence(observation, state, episode_start).max(-1)
@@ -110,11 +109,6 @@ def home_of(recipe: str) -> tuple[str, str]:
     raise reject("deciders", recipe, "a recipe for HybridTrack-v0 or HybridTrackQuickest-v0")
 
 
-def worlds_of(env_id: str) -> list[str]:
-    """Return the worlds of an environment."""
-    return [world for world, (other, _) in WORLDS.items() if other == env_id]
-
-
 def train(recipe: str, number: int, steps: int | None, out: Path) -> Path:
     """Train an agent of a recipe in a run folder below `out`, or go on with it; return the run folder."""
     env_id, world = home_of(recipe)
@@ -143,7 +137,7 @@ def play_family(
     trainings = {number: functools.partial(train, recipe, number, steps, out) for number in range(training_seeds)}
     folders = dict(workers.results(trainings, on_done))
     env_id, home = home_of(recipe)
-    worlds = worlds_of(env_id)
+    worlds = GROUPS[env_id]
     plays = {number: functools.partial(play_agent, folder, worlds) for number, folder in folders.items()}
     entries, costs = [entry for _, entry in workers.results(plays, on_done)], []
     for folder, entry in zip(folders.values(), entries, strict=True):  # one after the other, for the sake of times
@@ -190,7 +184,7 @@ def families_tables(entries: Sequence[dict[str, Any]]) -> dict[str, tuple[list[s
     """Return heads and rows of a table for each environment in which families have been trained, by its id."""
     tables = {}
     for env_id, home in HOMES.values():
-        worlds = worlds_of(env_id)
+        worlds = GROUPS[env_id]
         rows: list[tuple[str, ...]] = []
         for entry in entries:
             if "seeds" not in entry["worlds"].get(home, {}):

@@ -44,6 +44,8 @@ WORLDS: dict[str, tuple[str, dict[str, Any]]] = {
     "unknown, 5 % outliers": (QUICKEST, {"noise": "outliers 0.05"}),
 }
 """Environment and changed options of each world."""
+GROUPS = {env_id: [world for world in WORLDS if WORLDS[world][0] == env_id] for env_id, _ in WORLDS.values()}
+"""Worlds by environment."""
 
 
 def world_task(world: str) -> Task:

@@ -1,12 +1,8 @@
 """Filters that start from learned distributions of the anchor error, as a decider.
 
-At every switch a network (`anchor_net`) predicts the distribution of the anchor error, and extended Kalman
-filters of every hypothesis start from its components. Where only the type of motion is rewarded, a second
-network predicts what a wrong radius costs in the next segment. The decider declares when the expected loss
-falls to alpha.
-
-All inputs are without units, and left and right turns are mirror images. The same weights
-therefore apply to objects of any size and to banks of any size.
+Extended Kalman filters of every hypothesis start from the components of that distribution, see `anchor_net`. Inputs
+have no units and left and right turns are mirror images, so that the same weights apply to objects of any size and to
+banks of any size.
 """
 
 from collections.abc import Sequence
@@ -56,16 +52,9 @@ SMALLEST = 1e-300
 
 
 class TrackFilters:
-    """The filters of the tracks of one or several worlds, started as the network predicts.
+    """The filters of the tracks of one or several worlds, N together, started as the network predicts.
 
-    Args:
-        worlds: options, all with the same number of hypotheses.
-        tracks: number of tracks of each, N together.
-
-    Attributes:
-        last: what is remembered of the last row.
-        anchor_samples: inputs (n, 22 + C), factor (n, 4, 4) and tracks (n,) of the anchors predicted in the
-            last tick.
+    All worlds have the same number of hypotheses.
     """
 
     def __init__(self, worlds: Sequence[WorldOptions], tracks: Sequence[int]):
@@ -79,7 +68,9 @@ class TrackFilters:
         total, M = int(sum(tracks)), self.layout.hypotheses
         self.log_weights = np.zeros((total, COMPONENTS))
         posterior, components = np.full((total, M), 1 / M), np.full((total, COMPONENTS), 1 / COMPONENTS)
+        # what is remembered of the last row
         self.last = LastRow(posterior, components, np.zeros((total, M, 2)), *(np.zeros(total) for _ in range(3)))
+        # inputs (n, 22 + C), factor (n, 4, 4) and tracks (n,) of the anchors predicted in the last tick
         self.anchor_samples: tuple[NDArray[np.float32], FloatArray, IntArray] | None = None
         self.first = np.zeros(total, np.bool_)  # argument of the last `advance`
         self.innovations = np.zeros((total, M, 3))  # of each hypothesis in the last tick, see `ComponentFilters`
@@ -87,13 +78,10 @@ class TrackFilters:
     def advance(
         self, net: AnchorNet, rows: Observations, first: BoolArray, sensed: Sequence[FloatArray | None]
     ) -> FloatArray:
-        """Process one row of every track; return the posterior of the hypotheses, (N, M).
+        """Process one row of every track, (N, width); return the posterior of the hypotheses, (N, M).
 
-        Args:
-            net: predicts the anchors.
-            rows: (N, width).
-            first: (N,) True at the first tick of an episode, whose anchor is as the options say.
-            sensed: of each world what its sensors measured, see `sensed_of`; None without sensors.
+        `first` (N,) is True at the first tick of an episode, whose anchor is as the options say; `sensed` is what the
+        sensors of each world measured, see `sensed_of`.
         """
         layout = self.layout
         ticks = layout.read(rows, "ticks")
@@ -173,16 +161,9 @@ def errors_and_best(
 
     If the hypothesis is rewarded, the loss is the posterior error probability of the most likely one. If only
     the type is rewarded, a wrong radius costs nothing at once, but the next anchor is less accurate. Its
-    expected cost is added, and the radius may be the mean one instead of the most likely one. If all filters
-    run on (`follow="bank"`), the next anchor does not depend on the declaration, and the cost is zero.
-
-    Args:
-        net: predicts the cost in the next segment.
-        rows: (N, width).
-        scales: of the worlds.
-        posterior: (N, M).
-        by_type: (N,) only the type is rewarded.
-        alpha: (N,) the cost is added where the error probability is at most alpha.
+    expected cost is added where the error probability is at most alpha (N,), and the radius may be the mean one
+    instead of the most likely one. If all filters run on (`follow="bank"`), the next anchor does not depend on the
+    declaration, and the cost is zero. `by_type` (N,): only the type is rewarded.
     """
     error, best = error_and_best(posterior, by_type)
     chosen = np.flatnonzero(by_type & (error <= alpha) & (scales.follows_bank == 0.0))
@@ -234,7 +215,6 @@ class AnchorDecider(PosteriorDecider):
         return observe_sensed(tracks)
 
     def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, AnchorState]:
-        """See `PosteriorDecider.posterior`."""
         rows, sensed = split_sensed(self.layout, np.asarray(observation))
         tracks = len(rows)
         filters, starting = state or (TrackFilters([self.world], [tracks]), np.ones(tracks, np.bool_))
@@ -251,5 +231,4 @@ class AnchorDecider(PosteriorDecider):
         return np.minimum(error * HEAVY_TAILS**state.filters.heavy_tails, 1.0), best
 
     def select_tracks(self, state: AnchorState, tracks: BoolArray) -> AnchorState:
-        """See `Decider.select_tracks`."""
         return AnchorState(state.filters.select_tracks(tracks), state.starting[tracks])

@@ -141,14 +141,9 @@ def declared_side(layout: Layout, rows: Observations, last: LastRow) -> FloatArr
 def anchor_inputs(
     layout: Layout, rows: Observations, scales: Scales, last: LastRow, side: FloatArray
 ) -> NDArray[np.float32]:
-    """Return the inputs for the distribution of the anchor error, (N, 22 + C).
+    """Return the inputs for the distribution of the anchor error, (N, 22 + C), at first rows of a segment (N, width).
 
-    Args:
-        layout: of the rows.
-        rows: (N, width) first rows of a segment.
-        scales: of the worlds.
-        last: of the rows before the switch; the posterior of its components is the last C inputs.
-        side: see `declared_side`.
+    The posterior of the components before the switch is the last C inputs; `side` is that of `declared_side`.
     """
     tracks = np.arange(len(rows))
     kind = mode_types(layout.hypotheses)

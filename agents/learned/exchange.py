@@ -48,12 +48,7 @@ def exchanged_family(path: Path, options: Any) -> DeciderFamily:
 
     An actor has thresholds on its log-odds, a network of action values on their differences; an ONNX file
     that returns actions has none. Nothing is unpickled but tensors, unless the environment variable `TRUST`
-    is 1.
-
-    Args:
-        path: "model.zip", as `model.save` writes it, or "policy.onnx" with rows (N, width) as input and
-            logits (N, A) or actions (N,) as its first output.
-        options: of the environment to decide in.
+    is 1. The input of "policy.onnx" are rows (N, width), its first output logits (N, A) or actions (N,).
     """
     if not path.is_file() or path.stat().st_size > LARGEST_FILE:
         raise reject("decider", str(path), f"a file of at most {LARGEST_FILE:,} bytes")
@@ -113,7 +108,6 @@ def _from_zip(path: Path, options: Any) -> DeciderFamily:
 
 
 def _actor(policy: Any, path: Path, options: Any) -> DeciderFamily:
-    """Return a policy as a decider for the task of an environment."""
     task, (width,) = options.switches, policy.observation_space.shape
     check_actions(int(policy.action_space.n), LAYOUTS[task].of_width(width).hypotheses, task)
     policy.eval()

@@ -1,4 +1,4 @@
-"""The jump-Markov net: filters with a learned gain follow the object, and a recurrent network gives the mode.
+"""The jump-Markov net: filters with a learned gain, and a recurrent network for the mode; and it as a decider.
 
 In the way of JMFNet (Stamatelis & Alexandropoulos 2025, "Filtering jump Markov systems with partially known dynamics:
 a model-based deep learning approach", arXiv:2511.09569), which joins a recurrent network for the mode and a KalmanNet
@@ -8,7 +8,8 @@ motions are known; gains, covariances and the rate of switches are learned. With
 gain.
 """
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple, Self
 
 import numpy as np
 import torch
@@ -16,7 +17,11 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from agents.learned.kalman_net import SENSOR, KalmanNet, KalmanState, evidence, turning
+from agents.learned.statement_decider import UtilityDecider
 from agents.learned.statement_net import StatementNet, StatementOutputs, noise_of, sides, turn_views
+from baselines.rules.decider import Actions, SeveralThresholds
+from baselines.rules.measurements import OBSERVED, MeasurementDecider
+from hybrid_env.checks import BoolArray, FloatArray, check_number, reject
 from hybrid_env.quickest_options import QuickestOptions
 
 MEASUREMENT, POSITION, VELOCITY, RADII = slice(0, 2), slice(2, 4), slice(4, 6), slice(6, None)
@@ -35,9 +40,7 @@ SMALLEST = 1e-6
 def track_inputs(world: QuickestOptions, observed: NDArray[np.float64]) -> NDArray[np.float32]:
     """Return the inputs of N tracks at a tick (N, 6 + M - 1), in deviations of the noise and ticks.
 
-    Args:
-        world: options of the environment.
-        observed: (N, width) as `MeasurementDecider.observe` returns it; a missing measurement is NaN.
+    `observed` (N, width) is what `MeasurementDecider.observe` returns; a missing measurement is NaN.
     """
     x, vx, y, vy = observed[:, 2:6].T
     radii = np.broadcast_to(np.tile(world.radii, 2), (len(observed), world.hypotheses - 1))
@@ -47,17 +50,11 @@ def track_inputs(world: QuickestOptions, observed: NDArray[np.float64]) -> NDArr
 
 
 class JumpMarkovState(NamedTuple):
-    """State of N tracks.
+    """State of N tracks, with M + 1 filters each, two of them for straight motion."""
 
-    Attributes:
-        filters: of N (M + 1) filters, two for straight motion; the differences are in the frame of the last tick.
-        logs: (N, M) logarithms of the probabilities of the modes.
-        memory: (1, N (M - 1), hidden) of the recurrent network of the mode.
-    """
-
-    filters: KalmanState
-    logs: Tensor
-    memory: Tensor
+    filters: KalmanState  # the differences are in the frame of the last tick
+    logs: Tensor  # (N, M) logarithms of the probabilities of the modes
+    memory: Tensor  # (1, N (M - 1), hidden) of the recurrent network of the mode
 
     def detach(self) -> "JumpMarkovState":
         """Return the state without its gradients."""
@@ -74,11 +71,7 @@ class JumpMarkovState(NamedTuple):
 
 
 class JumpMarkovNet(nn.Module):
-    """Filters of all hypotheses and the network of the mode.
-
-    Args:
-        hidden: units of each of the two recurrent parts.
-    """
+    """Filters of all hypotheses and the network of the mode; `hidden` units in each of the two recurrent parts."""
 
     def __init__(self, hidden: int):
         super().__init__()
@@ -92,12 +85,9 @@ class JumpMarkovNet(nn.Module):
     def forward(
         self, inputs: Tensor, log_probability: Tensor, memory: JumpMarkovState | None = None
     ) -> StatementOutputs:
-        """Process T ticks of N tracks.
+        """Process T ticks of N tracks: inputs (T, N, 6 + M - 1) of `track_inputs`.
 
-        Args:
-            inputs: (T, N, 6 + M - 1), see `track_inputs`.
-            log_probability: (T, N, M) of the bank; used at the first tick of an episode only.
-            memory: of the last call; None begins episodes.
+        The probabilities of the bank (T, N, M) are used at the first tick of an episode only, without a memory.
         """
         found = []
         for now, logs in zip(inputs, log_probability, strict=True):
@@ -169,14 +159,9 @@ class JumpMarkovNet(nn.Module):
         return predicted, share.exp().mT @ states, share.diagonal(dim1=1, dim2=2)
 
     def _state(
-        self,
-        inputs: Tensor,
-        filters: KalmanState,
-        predicted: Tensor,
-        likelihood: Tensor,
-        innovation: Tensor,
+        self, inputs: Tensor, filters: KalmanState, predicted: Tensor, likelihood: Tensor, innovation: Tensor,
         memory: Tensor | None,
-    ) -> tuple[StatementOutputs, JumpMarkovState]:
+    ) -> tuple[StatementOutputs, JumpMarkovState]:  # fmt: skip
         """Return outputs and state of a tick, from what the filters say of it."""
         posterior = torch.log_softmax(predicted + likelihood, -1).clamp(min=LOWEST_LOG)
         ratio = (likelihood - likelihood.max(-1, keepdim=True).values).clamp(min=LOWEST_LOG)
@@ -199,3 +184,58 @@ def coordinated_turn(turn: Tensor) -> Tensor:
     deviation = turning(turn)  # in a frame that turns with the object
     above = torch.cat([torch.eye(2).expand_as(rotation), rotation @ deviation[:, :2, 2:]], -1)
     return torch.cat([above, nn.functional.pad(rotation, (2, 0))], -2)
+
+
+class JumpMarkovMemory(NamedTuple):
+    """State of N tracks."""
+
+    net: JumpMarkovState
+    stated: list[Actions]  # last statements (N,) at each of K margins
+
+
+class JumpMarkovDecider(UtilityDecider, MeasurementDecider[JumpMarkovMemory], SeveralThresholds):
+    """States the mode with the largest utility, from the measurements; the bank gives the first estimate only.
+
+    What the network computes does not depend on statements: it is computed once for K margins, see `UtilityDecider`.
+    """
+
+    def __init__(self, net: JumpMarkovNet, world: QuickestOptions, *margins: float):
+        super().__init__(net)
+        self.world, self.hypotheses = world, world.hypotheses
+        self.margins = [check_number("margin", margin) for margin in margins or (0.0,)]
+        self.chosen = []
+
+    @classmethod
+    def network(cls, hidden: int) -> JumpMarkovNet:
+        return JumpMarkovNet(hidden)
+
+    @classmethod
+    def together(cls, deciders: Sequence[Self]) -> Self:
+        first = deciders[0]
+        return cls(first.net, first.world, *(margin for one in deciders for margin in one.margins))
+
+    @torch.no_grad()
+    def decide(
+        self, observation: FloatArray, state: JumpMarkovMemory | None, episode_start: BoolArray | None
+    ) -> tuple[Actions, JumpMarkovMemory]:
+        """See `MeasurementDecider.decide`; the statements at all margins are `chosen`."""
+        tracks, M = len(observation), self.hypotheses
+        if observation.ndim != 2 or observation.shape[1] < OBSERVED + M:
+            raise reject("observation shape", observation.shape, f"(N, {OBSERVED + M})")
+        starts = np.full(tracks, state is None) if state is None or episode_start is None else episode_start
+        inputs = torch.from_numpy(track_inputs(self.world, observation))
+        logs = torch.from_numpy(observation[:, OBSERVED : OBSERVED + M]).float()
+        if state is None or starts.any():
+            outputs, net = self.net.begin(inputs, logs)
+        if state is not None:
+            now, after = self.net.step(inputs, state.net)
+            if starts.any():
+                anew = torch.from_numpy(starts)
+                after = after.replaced(anew, net)
+                now = now._replace(utility=torch.where(anew[:, None], outputs.utility, now.utility))
+            outputs, net = now, after
+        utility, stay = outputs.utility[0].double().numpy(), outputs.stay[0].double().numpy()
+        last = [np.zeros(tracks, np.int64)] * len(self.margins) if state is None else state.stated
+        pairs = zip(self.margins, last, strict=True)
+        self.chosen = [self.largest(utility.copy(), stay + margin, stated, ~starts) for margin, stated in pairs]
+        return self.chosen[0], JumpMarkovMemory(net, self.chosen)

@@ -14,11 +14,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.learned.reward_decider import RewardDecider
-from agents.learned.reward_net import zero_layer
+from agents.learned.reward_net import RewardDecider, zero_layer
 from agents.learned.statement_net import sides
 from baselines.rules.decider import Observations
-from hybrid_env.checks import BoolArray, FloatArray
+from hybrid_env.checks import BoolArray
 from hybrid_env.observation import Layout
 
 LARGEST_INPUT = 3.0  # the differences are compressed to +-3
@@ -67,26 +66,13 @@ class KalmanNet(nn.Module):
         return KalmanState(state, memory, measurement, nothing, nothing)
 
     def step(
-        self,
-        last: KalmanState,
-        motion: Tensor,
-        sensor: Tensor,
-        measurement: Tensor,
-        scale: Tensor,
+        self, last: KalmanState, motion: Tensor, sensor: Tensor, measurement: Tensor, scale: Tensor,
         context: Tensor | None = None,
-    ) -> tuple[KalmanState, Tensor]:
-        """Process one measurement of every filter.
+    ) -> tuple[KalmanState, Tensor]:  # fmt: skip
+        """Return the filters after a measurement (N, n), and its log-likelihood given those before, (N,).
 
-        Args:
-            last: of the last tick.
-            motion: (m, m) or (N, m, m) matrix from the last state to the next one.
-            sensor: (n, m) matrix from the state to the measurement.
-            measurement: (N, n).
-            scale: (N, 1) typical deviation of an innovation, in the unit of state and measurement.
-            context: (N, context) further inputs; None for a network without.
-
-        Returns:
-            The state of the filters, and the log-likelihood of each measurement given those before, (N,).
+        Matrices from state to state are (m, m) or (N, m, m), from state to measurement (n, m); the scale (N, 1) is a
+        typical deviation of an innovation, in the unit of state and measurement; the context (N, context) is read too.
         """
         predicted = (motion @ last.state[..., None])[..., 0]
         innovation = measurement - predicted @ sensor.T
@@ -203,10 +189,7 @@ class KalmanDecider(RewardDecider):
     network = KalmanBank
     label = "learned Kalman gain"
 
-    @torch.no_grad()
-    def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, KalmanMemory]:
-        """See `PosteriorDecider.posterior`. The state is a `KalmanMemory`."""
-        rows, ticks = self.read(observation)
+    def advance(self, rows: Observations, ticks: Tensor, state: KalmanMemory | None) -> tuple[Tensor, KalmanMemory]:
         inputs = torch.from_numpy(filter_inputs(rows, self.world.tau)).flatten(0, 1)
         filters, before = self.net.begin(inputs), torch.zeros(len(rows), self.layout.hypotheses + 1)
         if state is not None:
@@ -217,7 +200,7 @@ class KalmanDecider(RewardDecider):
             before = torch.where(goes_on, state.logs, before)
         filters, logs = self.net.advance(filters, inputs)
         logs = before + logs.view_as(before)
-        return torch.softmax(evidence(logs).double(), -1).numpy(), KalmanMemory(filters, logs)
+        return torch.softmax(evidence(logs).double(), -1), KalmanMemory(filters, logs)
 
     def select_tracks(self, state: Any, tracks: BoolArray) -> KalmanMemory | None:
         """See `RewardDecider.select_tracks`; every track has M + 1 filters."""

@@ -1,6 +1,7 @@
 """A trained actor of Stable-Baselines3 as a decider, and its file."""
 
 import functools
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,10 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from scipy.special import softmax
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.dqn.policies import DQNPolicy
 from torch import Tensor
 
-from agents.learned.features import policy_kwargs_with_features
 from agents.learned.policy_file import (
     LAYOUTS,
     VALUE_ALGORITHMS,
@@ -30,26 +31,55 @@ from hybrid_env.observation import Layout
 from hybrid_env.rendering.evidence import EvidencePanel, Threshold, probability_panel
 
 LARGEST_WIDTH = 2000  # of an observation row
+POSTERIOR = "posterior"  # in place of a quantity that is observed
 VALUE_THRESHOLDS = (-1.0, -0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01, 0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 """On the differences of action values, in units of the reward."""
 
 
-def make_policy(
-    observation_space: spaces.Space[Any],
-    action_space: spaces.Space[Any],
-    policy_kwargs: dict[str, Any],
-    observe: tuple[str, ...] = (),
-    algo: str = "ppo",
-    layout: type[Layout] = Layout,
-) -> BasePolicy:
-    """Create an untrained policy of Stable-Baselines3 or sb3-contrib.
+class ObservationFeatures(BaseFeaturesExtractor):
+    """Features extractor that selects quantities of an observation row by name.
 
-    Args:
-        observation_space, action_space: of one track.
-        policy_kwargs: keyword arguments of the policy, such as net_arch.
-        observe: names of the quantities that the policy observes; all if empty.
-        algo: of its training, a key of `policy_file.POLICY_SETTINGS`; `ImportError` if sb3-contrib is not installed.
-        layout: of the observation.
+    `observe` has keys of the layout, or "posterior": the posterior of each hypothesis, under equal priors where the
+    observation has no probabilities.
+    """
+
+    def __init__(self, observation_space: spaces.Box, observe: tuple[str, ...], layout: type[Layout] = Layout):
+        rows = layout.of_width(observation_space.shape[0])
+        known = (*rows.slices, POSTERIOR)
+        for name in observe:
+            if name not in known:
+                raise reject("observe", name, ", ".join(known))
+        columns = [k for name in observe if name != POSTERIOR for k in range(rows.width)[rows.slices[name]]]
+        hypotheses = rows.hypotheses if POSTERIOR in observe else 0
+        super().__init__(observation_space, len(columns) + hypotheses)
+        self.columns = torch.tensor(columns, dtype=torch.int64)
+        logarithms = "log_probability" if "log_probability" in rows.slices else "log_ratio"
+        first = rows.slices[logarithms].start
+        self.logarithms, self.log_scale = slice(first, first + hypotheses), rows.scales[logarithms]
+
+    def forward(self, rows: Tensor) -> Tensor:
+        """Return features (N, features) of observation rows (N, width)."""
+        posterior = torch.softmax(rows[:, self.logarithms] / self.log_scale, dim=-1)
+        return torch.cat([posterior, rows[:, self.columns]], dim=-1)
+
+
+def policy_kwargs_with_features(
+    policy_kwargs: Mapping[str, Any], observe: tuple[str, ...], layout: type[Layout]
+) -> dict[str, Any]:
+    """Return `policy_kwargs` with the features extractor added; unchanged if `observe` is empty."""
+    if not observe:
+        return dict(policy_kwargs)
+    keywords = {"observe": observe, "layout": layout}
+    return {**policy_kwargs, "features_extractor_class": ObservationFeatures, "features_extractor_kwargs": keywords}
+
+
+def make_policy(
+    observation_space: spaces.Space[Any], action_space: spaces.Space[Any], policy_kwargs: dict[str, Any],
+    observe: tuple[str, ...] = (), algo: str = "ppo", layout: type[Layout] = Layout,
+) -> BasePolicy:  # fmt: skip
+    """Create an untrained policy for one track, which observes some quantities of the layout, or all if there are none.
+
+    `algo` is a key of `policy_file.POLICY_SETTINGS`; `ImportError` if it needs sb3-contrib, which is not installed.
     """
     keywords = policy_kwargs_with_features(policy_kwargs, observe, layout)
     policy: BasePolicy = _policy_class(algo)(observation_space, action_space, lambda _: 0.0, **keywords)
@@ -76,12 +106,8 @@ def value_network(policy: Any) -> Any:
 class ActorDecider(Decider):
     """Base class of the deciders of a trained actor; the subclasses choose actions from its logits.
 
-    Action values of DQN and QR-DQN take the place of logits, and their differences that of log-odds.
-
-    Args:
-        policy: actor with or without an LSTM, policy of action values, or a network from rows to one number for
-            each action.
-        threshold: see the subclass.
+    Action values of DQN and QR-DQN take the place of logits, and their differences that of log-odds. A network from
+    rows to one number for each action may take the place of the policy.
     """
 
     symbol = "log-odds"
@@ -139,7 +165,6 @@ class ActorDecider(Decider):
         return self.choose(logits, observation, deterministic), state
 
     def select_tracks(self, state: Any, tracks: NDArray[np.bool_]) -> Any:
-        """See `Decider.select_tracks`."""
         return None if state is None else tuple(part[:, torch.from_numpy(tracks)] for part in state)
 
 
@@ -157,7 +182,6 @@ class PolicyDecider(ActorDecider):
     )  # fmt: skip
 
     def choose(self, logits: FloatArray, observation: Observations, deterministic: bool) -> Actions:
-        """See `ActorDecider.choose`."""
         if not deterministic:
             logits = self.sample(logits)
         declare = logits[:, 1:].argmax(1)
@@ -204,7 +228,6 @@ class StatementPolicyDecider(ActorDecider):
         return np.where((odds > self.threshold) | ~started, best, stated)
 
     def panel(self) -> EvidencePanel:
-        """See `Decider.panel`."""
         return probability_panel("policy")
 
     def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
@@ -226,11 +249,7 @@ def save_actor(folder: Path, policy: BasePolicy, card: dict[str, Any], task: str
 
 
 def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -> BasePolicy:
-    """Return the policy for the weights and card that `policy_file.load_policy` read from a folder.
-
-    Raises:
-        ArgumentError: weights and card do not match, or sb3-contrib is missing.
-    """
+    """Return the policy for the weights and card that `policy_file.load_policy` read; refuse them if they differ."""
     try:
         entry, task = card["recipe"]["entry"], card_task(card)
         algo, keywords = entry["algo"], entry["policy_kwargs"]

@@ -61,11 +61,7 @@ def card_task(card: Mapping[str, Any]) -> str:
 
 
 def load_policy(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
-    """Read weights and card of any agent.
-
-    Raises:
-        ArgumentError: the files are missing or damaged, or the policy was trained with other observation scales.
-    """
+    """Read weights and card of any agent; refuse damaged files, and a policy trained with other observation scales."""
     try:
         card = read_json(folder / CARD)
         if "settings" in card:  # the card of an agent for flights that was trained without a recipe

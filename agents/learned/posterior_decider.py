@@ -18,10 +18,7 @@ from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel
 class PosteriorDecider(Decider):
     """Declares the best hypothesis once the expected loss of the declaration is at most alpha.
 
-    Args:
-        net: trained network.
-        world: options of the environment.
-        alpha: threshold of the expected loss in units of a wrong declaration, in (0, 1].
+    The threshold alpha is in units of a wrong declaration, in (0, 1].
     """
 
     symbol, thresholds, default = "alpha", FEW_ALPHAS, 0.02
@@ -55,7 +52,6 @@ class PosteriorDecider(Decider):
         return np.where(error <= self.alpha, best + 1, 0), state
 
     def panel(self) -> EvidencePanel:
-        """See `Decider.panel`."""
         return posterior_panel(self.label, self.by_type, np.array([self.alpha]))
 
     def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:

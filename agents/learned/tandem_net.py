@@ -7,16 +7,14 @@ share (the TANDEM formula of order N), so that no memory is learned. They are ex
 of order N.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 
-from agents.learned.reward_decider import RewardDecider
-from agents.learned.reward_net import INPUTS, reward_inputs, with_straight, zero_layer
+from agents.learned.reward_net import INPUTS, RewardDecider, hidden_layers, reward_inputs, with_straight, zero_layer
 from agents.learned.statement_net import GAIN
 from baselines.rules.decider import Observations
-from hybrid_env.checks import FloatArray
 
 ORDER = 5
 
@@ -27,9 +25,7 @@ class WindowNet(nn.Module):
     def __init__(self, inputs: int, outputs: int, hidden: int, order: int = ORDER):
         super().__init__()
         self.order = order
-        self.layers = nn.Sequential(
-            nn.Linear((order + 1) * (inputs + 1), hidden), nn.SiLU(), nn.Linear(hidden, hidden), nn.SiLU()
-        )
+        self.layers = hidden_layers((order + 1) * (inputs + 1), hidden)
         self.output = zero_layer(hidden, outputs)
 
     def outputs(self, windows: Tensor) -> Tensor:
@@ -53,16 +49,10 @@ class TandemNet(WindowNet):
 
 
 def windows_of(inputs: Tensor, ticks: Tensor, order: int) -> tuple[Tensor, Tensor]:
-    """Return the windows of N + 1 rows that end at each row, and the same without the row itself.
+    """Return the windows of N + 1 rows that end at each row, and the same without the row itself, N = `order`.
 
-    Args:
-        inputs: (n, ..., inputs) of the rows of all segments, one after the other.
-        ticks: (n,) of each row since the beginning of its segment, from 1.
-        order: N.
-
-    Returns:
-        Two arrays (n, ..., (N + 1) (inputs + 1)). Rows before the segment are zeros; the last number of each row is 1
-        where there is one.
+    The inputs are (n, ..., inputs) of the rows of all segments, one after the other, and the ticks (n,) count from 1 in
+    each. Windows are (n, ..., (N + 1) (inputs + 1)): the last number of a row is 1 where there is one, else all are 0.
     """
     marked = torch.cat([inputs, torch.ones_like(inputs[..., :1])], -1)
     rows = torch.arange(len(ticks))
@@ -74,10 +64,7 @@ def windows_of(inputs: Tensor, ticks: Tensor, order: int) -> tuple[Tensor, Tenso
 def log_ratios(longer: Tensor, shorter: Tensor, ticks: Tensor, order: int) -> Tensor:
     """Return the log-likelihoods of each hypothesis up to a common term, (n, K): the TANDEM formula.
 
-    Args:
-        longer, shorter: (n, K) posteriors of the windows of `windows_of`, logarithms.
-        ticks: (n,) of each row.
-        order: N.
+    `longer` and `shorter` (n, K) are logarithms of the posteriors of `windows_of`, at the same ticks (n,).
     """
     steps = torch.where((ticks > order + 1)[:, None], longer - shorter, 0.0)
     sums = steps.cumsum(0)
@@ -100,10 +87,7 @@ class TandemDecider(RewardDecider):
     network = TandemNet
     label = "learned likelihood ratios"
 
-    @torch.no_grad()
-    def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, TandemState]:
-        """See `PosteriorDecider.posterior`. The state is a `TandemState`."""
-        rows, ticks = self.read(observation)
+    def advance(self, rows: Observations, ticks: Tensor, state: TandemState | None) -> tuple[Tensor, TandemState]:
         inputs, order = torch.from_numpy(reward_inputs(rows, self.world.tau)[0]), self.net.order
         before = inputs[:, None].expand(-1, order + 1, -1, -1) if state is None else state.rows
         last = torch.cat([before[:, 1:], inputs[:, None]], 1)
@@ -113,4 +97,4 @@ class TandemDecider(RewardDecider):
         longer, shorter = (self.net(part[order :: order + 1]) for part in windows)
         beyond = (ticks > order + 1)[:, None]
         ratios = longer if state is None else torch.where(beyond, state.ratios + longer - shorter, longer)
-        return torch.softmax(ratios.double(), -1).numpy(), TandemState(last, ratios)
+        return torch.softmax(ratios.double(), -1), TandemState(last, ratios)

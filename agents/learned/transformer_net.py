@@ -12,11 +12,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.learned.reward_decider import RewardDecider
-from agents.learned.reward_net import LIMIT, SMALLEST, with_straight, zero_layer
+from agents.learned.reward_net import LIMIT, SMALLEST, RewardDecider, with_straight, zero_layer
 from agents.learned.statement_net import GAIN, sides
 from baselines.rules.decider import Observations
-from hybrid_env.checks import FloatArray
 from hybrid_env.observation import Layout
 
 RAW_INPUTS = 11
@@ -66,12 +64,9 @@ class AttentionLayer(nn.Module):
         return self.memory(self.norm(x))
 
     def forward(self, x: Tensor, stored: Tensor, mask: Tensor | None = None) -> Tensor:
-        """Return the stream (B, Q, hidden) after the layer.
+        """Return the stream (B, Q, hidden) after the layer, which attends to ticks of `stored` (B, T, 2 KEY).
 
-        Args:
-            x: (B, Q, hidden).
-            stored: (B, T, 2 KEY) of the ticks that it may attend to.
-            mask: (B, 1, Q, T) True where it does; None for all ticks up to its own, with Q = T.
+        The mask (B, 1, Q, T) is True where it does; None stands for all ticks up to its own, with Q = T.
         """
         query = self.query(self.norm(x)).unflatten(-1, (HEADS, KEY)).transpose(1, 2)
         key, value = stored[:, None].expand(-1, HEADS, -1, -1).split(KEY, -1)
@@ -109,12 +104,10 @@ class TransformerNet(nn.Module):
         return self.logits(x.unflatten(0, (-1, turns)).transpose(1, 2)[segment, place])
 
     def step(self, inputs: Tensor, ticks: Tensor, memory: Tensor) -> Tensor:
-        """Return logarithms of the posterior (N, M) after one tick of N tracks, and change their memory in place.
+        """Return logarithms of the posterior (N, M) after the inputs (N, M - 1, 11) of one tick, (N,) from 1.
 
-        Args:
-            inputs: (N, M - 1, 11).
-            ticks: (N,) since the switch, from 1.
-            memory: (N, M - 1, T, LAYERS, 2 KEY + 1) of the last T ticks; the last number is 1 where there is one.
+        The memory (N, M - 1, T, LAYERS, 2 KEY + 1) of the last T ticks changes in place; its last number is 1 where
+        there is one.
         """
         tracks, place = torch.arange(len(inputs)), (ticks - 1) % memory.shape[2]
         memory[ticks == 1] = 0.0
@@ -135,12 +128,9 @@ class TransformerDecider(RewardDecider):
     network = TransformerNet
     label = "transformer on measurements"
 
-    @torch.no_grad()
-    def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, Tensor]:
-        """See `PosteriorDecider.posterior`."""
-        rows, ticks = self.read(observation)
+    def advance(self, rows: Observations, ticks: Tensor, state: Tensor | None) -> tuple[Tensor, Tensor]:
         inputs = torch.from_numpy(raw_inputs(rows, self.world.tau)[0])
         if state is None:
             longest = min(self.world.longest_segment, CONTEXT)
             state = torch.zeros(*inputs.shape[:2], longest, LAYERS, 2 * KEY + 1)
-        return self.net.step(inputs, ticks, state).double().exp().numpy(), state
+        return self.net.step(inputs, ticks, state).double().exp(), state

@@ -108,7 +108,6 @@ def _draw_probabilities(axes: Any, tracked: TrackedRecording) -> None:
 
 
 def _draw_residuals(axes: Any, tracked: TrackedRecording) -> None:
-    """Draw the lengths of the normalised innovations."""
     lengths = np.hypot(*tracked.residuals.T)
     given = np.flatnonzero(~np.isnan(lengths))
     shown = given[:: -(-len(lengths) // MAX_POINTS)]

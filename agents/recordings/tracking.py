@@ -8,8 +8,15 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from agents.evaluation.error_rate import ErrorArguments
-from agents.evaluation.registry import NAMED, SHIPPED, base_name, is_brought, load_decider, needed_options
+from agents.evaluation.registry import (
+    NAMED,
+    SHIPPED,
+    ErrorArguments,
+    base_name,
+    is_brought,
+    load_decider,
+    needed_options,
+)
 from baselines.recordings.consistency import Consistency, check_consistency
 from baselines.recordings.decisions import ModelUnits, TickDecisions, check_lengths, decide_recording
 from baselines.recordings.model_fit import TrackModel, fit_model

@@ -90,7 +90,6 @@ class Reproduce(ParallelArguments):
 
 
 def _reproduce(paper: str, options: dict[str, Any]) -> tuple[Any, float]:
-    """Return the reproduction of a paper and the seconds that it took."""
     started = time.perf_counter()
     result = import_module(f"baselines.papers.{paper}").reproduce(**options)
     return result, time.perf_counter() - started

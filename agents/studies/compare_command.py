@@ -107,27 +107,23 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         return self._compare()
 
     def _refuse(self, allowed_flags: set[str], allowed: str) -> None:
-        """Refuse given flags other than some."""
         for field in fields(self):
             value = getattr(self, field.name)
             if value != field.default and field.name not in allowed_flags | {"deciders", "out"}:
                 shown = str(value) if isinstance(value, Path) else value
                 raise reject(field.name.replace("_", "-"), shown, allowed)
 
-    def _show(
-        self, title: str, steps: int, work: Callable[[Callable[[str], None]], Any],
-        tables: Callable[[Any], list[Any]], files: Callable[[Any], dict[str, Any]],
-    ) -> None:  # fmt: skip
-        """Run a study, which tells its steps, write its files and print its tables."""
+    def _show(self, title: str, study: Any, steps: int, work: Callable[[Callable[[str], None]], Any]) -> None:
+        """Run a study, a module that makes tables and files of the result, and show both."""
 
         def run(note: Callable[[str], None]) -> tuple[Any, str]:
             result = work(note)
             note("files")
-            return result, write_files(output_folder("out", self.out), files(result))
+            return result, write_files(output_folder("out", self.out), study.files(result))
 
         console = Console(emoji=False)
         result, written = shown(console, title, steps + 1, run)
-        for table in tables(result):
+        for table in study.tables(result):
             console.print(table)
         print_lines(console, written)
 
@@ -138,7 +134,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
             raise reject("source", None, "the archive igc-xc-score-1.8.0.tgz (npm pack igc-xc-score@1.8.0)")
         names = self.deciders or study.default_names()
         work = functools.partial(study.compare_on_gliders, self.source, names, sealed=self.sealed)
-        self._show("Gliders", study.steps(names, self.sealed), work, study.glider_tables, study.glider_files)
+        self._show("Gliders", study, study.steps(names, self.sealed), work)
 
     def _compare_flights(self) -> None:
         from agents.evaluation.flights import FlightTask
@@ -150,7 +146,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
             raise reject("deciders", deciders, "different names")
         names = {name: task.label(name) for name in deciders}
         work = functools.partial(study.compare_on_flights, task, names)
-        self._show("Flights", study.steps(task, len(names)), work, study.flight_tables, study.flight_files)
+        self._show("Flights", study, study.steps(task, len(names)), work)
 
     def _compare_simulators(self) -> None:
         from agents.evaluation.simulators import COMPARED, SIMULATORS, simulator_worlds
@@ -167,8 +163,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         seed = study.first_seed(self.seed, episodes, self.sealed)
         output_folder("out", self.out)
         work = functools.partial(study.compare_on_simulators, names, worlds, episodes, seed, self.workers())
-        steps = len(names) * len(worlds) + len(worlds)
-        self._show("Simulators", steps, work, study.simulator_tables, study.simulator_files)
+        self._show("Simulators", study, (len(names) + 1) * len(worlds), work)
 
     def plan(self) -> "Plan":
         """Return the checked plan."""

@@ -87,7 +87,7 @@ def respond(road: str, level: Level, switches: str, names: Sequence[str], episod
     return rows
 
 
-def departures_markdown(found: Sequence[Row]) -> str:
+def markdown(found: Sequence[Row]) -> str:
     """Return a table for each road."""
     parts = []
     for road in dict.fromkeys(row["road"] for row in found):
@@ -103,7 +103,7 @@ def departures_markdown(found: Sequence[Row]) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def departures_figure(found: Sequence[Row]) -> Figure:
+def figure(found: Sequence[Row]) -> Figure:
     """Draw the gaps along each road, with their 95 % intervals."""
     panels, untold = [], [row for row in found if row["gap"] is not None]
     styles = decider_styles(dict.fromkeys(row["decider"] for row in untold))

@@ -7,8 +7,7 @@ from typing import Annotated, Any
 import tyro
 from rich.console import Console
 
-from agents.evaluation.error_rate import ErrorArguments
-from agents.evaluation.registry import find_decider, find_family, split_threshold
+from agents.evaluation.registry import ErrorArguments, find_decider, find_family, split_threshold
 from agents.evaluation.task import Task, sweep
 from agents.evaluation.tasks import task_of
 from agents.evaluation.worlds import NOMINAL, draw_worlds

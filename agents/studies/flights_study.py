@@ -163,7 +163,7 @@ def label_sensitivity(
     return rows
 
 
-def flight_tables(result: FlightComparison) -> list[Table]:
+def tables(result: FlightComparison) -> list[Table]:
     """Return the tables of a comparison."""
     tables = [_figures_table(result)]
     first, *others = result.names.items()
@@ -224,7 +224,7 @@ def _figures_table(result: FlightComparison) -> Table:
     )  # fmt: skip
 
 
-def flight_files(result: FlightComparison) -> dict[str, Any]:
+def files(result: FlightComparison) -> dict[str, Any]:
     """Return flights.json, with the figures of every flight, and a picture of each flight, by file name."""
     flights = [
         {

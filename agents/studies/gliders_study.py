@@ -1,6 +1,5 @@
 """Rules on flights of gliders at equal false changes: settings selected on one half, scored on the other."""
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -16,10 +15,9 @@ from agents.evaluation import gliders as task
 from agents.evaluation.cells import filled_table
 from agents.evaluation.flights import AGENT, SECOND_LINES, figure_cell, less_cell, less_first, value
 from agents.evaluation.gliders import METRICS, Setting, glider_rule, glider_statements
-from agents.evaluation.registry import SHIPPED, policy_folder
 from agents.figures.tracks import recording_figure
 from agents.interface.output_files import finite
-from agents.studies.seal import differing, digests
+from agents.studies.seal import current_digests, unbroken_seal
 from baselines.estimation.turns import STRAIGHT, run_turn_imm
 from baselines.recordings.flights import circling, gliders
 from baselines.recordings.flights import labels as label_rules
@@ -105,7 +103,7 @@ def compare_on_gliders(
 
     With `sealed`, the sealed logs are opened too, with the settings of the seal.
     """
-    frozen = unbroken_seal(names)["settings"] if sealed else {}
+    frozen = unbroken_seal(SEAL, current_seal(), "logs", names)["settings"] if sealed else {}
     every = {name: task.all_settings(name) for name in names}
     note("reading")
     contents = read_logs(source)
@@ -202,24 +200,12 @@ def default_names() -> tuple[str, ...]:
 
 def current_seal() -> dict[str, Any]:
     """Return the digests of what labels and rules are computed with, and of the agent."""
-    weights, files = policy_folder(SHIPPED, GLIDERS), {name: Path(str(one.__file__)) for name, one in FROZEN.items()}
-    files |= {name: weights.parent / f"{name}_decider.py" for name in ("flight", "glider")}  # importing loads PyTorch
-    shipped = digests({file.name: file for file in sorted(weights.glob("policy.*"))})
-    return {"code": digests(files) | {"libigc": version("libigc")}, "weights": shipped}
+    code = {name: Path(str(one.__file__)) for name, one in FROZEN.items()}
+    found = current_digests(code, GLIDERS, {"flight": "flight_decider", "glider": "glider_decider"})
+    return found | {"code": found["code"] | {"libigc": version("libigc")}}
 
 
-def unbroken_seal(names: Sequence[str]) -> dict[str, Any]:
-    """Return the seal; refuse if code or weights are not those of the seal, or it has no settings of a rule."""
-    kept: dict[str, Any] = json.loads(SEAL.read_text(encoding="utf-8"))
-    differ = differing(kept, current_seal())
-    differ += [name for name in names if any(name not in one for one in kept["settings"].values())]
-    if differ:
-        allowed = f"no value: {', '.join(differ)} differ from {SEAL.name}, and the sealed logs stay closed"
-        raise reject("sealed", True, allowed)
-    return kept
-
-
-def glider_tables(result: GliderComparison) -> list[Table]:
+def tables(result: GliderComparison) -> list[Table]:
     """Return the tables of each level, for the open logs and for the sealed ones, and of the simulated flights."""
     return [*(_glider_table(result, group, level) for group in result.groups for level in LEVELS), _gap_table(result)]
 
@@ -243,7 +229,7 @@ def _gap_table(result: GliderComparison) -> Table:
     return filled_table("Open logs and simulated flights: percentiles", heads, lines)
 
 
-def glider_files(result: GliderComparison) -> dict[str, Any]:
+def files(result: GliderComparison) -> dict[str, Any]:
     """Return gliders.json, with the settings, the figures of every flight and the seal, and gliders.png."""
     groups: dict[str, Any] = {}
     for group, rows in result.groups.items():

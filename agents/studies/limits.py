@@ -52,8 +52,6 @@ SMOOTHED_TRACKS = 500  # in a batch, which needs about 100 MB
 IMM, THRESHOLD = "IMM, the most probable mode", "IMM, tuned threshold"
 GEOMETRIC, BEAM = "beam, geometric law of durations", "beam, true law of durations"
 LATER = {lag: f"with the measurements of {lag} later ticks (off line)" for lag in LAGS}
-UNKNOWN_STEPS = (IMM, THRESHOLD, GEOMETRIC, BEAM, *LATER.values())
-"""The steps for unknown switches, in the order of their information."""
 
 CALIBRATION_BANKS: dict[str, dict[str, Any]] = {
     "anchor-aware": {"bank": "anchor_aware"},
@@ -193,7 +191,7 @@ def smoothed_scores(task: UnknownTask, tracks: int, seed: int, lags: Sequence[in
     return {lag: gather(task, named[lag], family.thresholds, found) for lag, found in parts.items()}
 
 
-def limits_markdown(parts: Mapping[str, Sequence[Row]]) -> str:
+def markdown(parts: Mapping[str, Sequence[Row]]) -> str:
     """Return all tables of a study, see `calls`; of the steps one for each environment or law."""
     gain = "Mean reward {}; in brackets the gain over the row before, with its 95 % interval."
     if "rules" not in parts:
@@ -274,7 +272,7 @@ WIDTH = 13.0  # of a figure [in]
 NAMES = {IMM: "IMM", THRESHOLD: "IMM threshold", GEOMETRIC: "beam, geometric", BEAM: "beam"}
 
 
-def limits_figure(parts: Mapping[str, Sequence[Row]]) -> Figure:
+def figure(parts: Mapping[str, Sequence[Row]]) -> Figure:
     """Return the figure of a study, see `calls`."""
     return decision_times(parts["rules"]) if "rules" in parts else later_ticks(parts["steps"])
 

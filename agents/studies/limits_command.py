@@ -14,8 +14,7 @@ from agents.interface.output_files import output_folder, write_files
 from agents.interface.parallel import ParallelArguments
 from agents.interface.progress import print_lines, shown
 from agents.interface.world_arguments import TrustArguments
-from agents.studies import departures
-from agents.studies.limits import CALIBRATION_EPISODES, RULES, calls, limits_figure, limits_markdown
+from agents.studies import departures, limits
 from baselines.rules import seeds
 from hybrid_env.checks import check_integer, reject
 
@@ -53,25 +52,25 @@ class Limits(TrustArguments, ParallelArguments):
         if self.deciders and self.env is not None:
             raise reject("deciders", self.deciders, f"none in {quickest}, where compare evaluates them")
         for name in self.deciders:
-            for env in RULES:
+            for env in limits.RULES:
                 find_family(name, task_of(env).options)
-        largest = max(self.episodes, CALIBRATION_EPISODES)
+        largest = max(self.episodes, limits.CALIBRATION_EPISODES)
         if self.seed + largest > seeds.SELECTION:
             raise reject("seed", self.seed, f"at most {seeds.SELECTION - largest}")
         if self.departures and self.env is not None:
             raise reject("env", self.env, "no value with --departures")
         folder, console = output_folder("out", self.out), Console(emoji=False)
+        study: Any
         if self.departures:
-            by_part = {"departures": departures.calls(self.deciders, self.episodes, self.seed)}
+            name, study = "departures", departures
+            by_part = {name: departures.calls(self.deciders, self.episodes, self.seed)}
         else:
-            by_part = calls("" if self.env is None else QUICKEST, self.episodes, self.seed, self.deciders)
+            name, study = "limits", limits
+            by_part = limits.calls("" if self.env is None else QUICKEST, self.episodes, self.seed, self.deciders)
         every = {name: call for part in by_part.values() for name, call in part.items()}
         found = shown(console, "Evaluating", len(every), lambda note: dict(workers.results(every, note)))
-        parts: Any = {part: [row for name in named for row in found[name]] for part, named in by_part.items()}
-        study: Any = ("limits", parts, limits_markdown, limits_figure)
-        if self.departures:
-            study = "departures", parts["departures"], departures.departures_markdown, departures.departures_figure
-        name, data, text, figure = study
-        files = {f"{name}.md": text(data), f"{name}.json": data, f"{name}.png": figure(data)}
+        parts = {part: [row for name in named for row in found[name]] for part, named in by_part.items()}
+        data = parts.get("departures", parts)
+        files = {f"{name}.md": study.markdown(data), f"{name}.json": data, f"{name}.png": study.figure(data)}
         console.print(Markdown(files[f"{name}.md"]))
         print_lines(console, write_files(folder, files))

@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 from PIL import Image
 from rich.console import Console
 from rich.progress import Progress
-from rich.table import Table
 
-from agents.evaluation.error_rate import ErrorArguments
-from agents.evaluation.registry import load_decider
+from agents.evaluation.registry import ErrorArguments, load_decider
 from agents.evaluation.task import Task
 from agents.evaluation.tasks import task_of
 from agents.figures.tracks import TrackRecord
@@ -68,10 +66,6 @@ class Episodes:
         assert self.env.history is not None
         return self.env.history
 
-    def renderer(self, human: bool) -> Renderer:
-        """Return a renderer with the evidence of the decider, of a window if `human`."""
-        return Renderer(self.env.options, human, self.decider.panel())
-
     def play(self, seed: int, on_step: Callable[[], None]) -> Iterator[History]:
         """Play an episode; yield its history before every step, with the evidence of the decider."""
         for now in rollout(OneTrack(self.env), self.decider, seed):
@@ -81,10 +75,6 @@ class Episodes:
                 return
             self.history.set_evidence(self.decider.evidence(now.seen, now.state, now.starts)[0])
             yield self.history
-
-    def table(self, title: str) -> Table:
-        """Return a table of the episode that has just ended."""
-        return self.task.episode_table(title, self.history)
 
     def record(self, name: str, seed: int) -> TrackRecord:
         """Play an episode and return what was declared or stated at every tick, with the name in the figure."""
@@ -123,7 +113,8 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
             raise ArgumentError("no window can be opened here: use --out FILE with a .gif or .png file")
         task = task_of(*self.world_of(self.decider or ""))
         episodes = Episodes(task, self.at_error(self.decider or task.reference))
-        renderer, console = episodes.renderer(show), Console(emoji=False)
+        renderer = Renderer(episodes.env.options, show, episodes.decider.panel())
+        console = Console(emoji=False)
         try:
             with progress_display(console) as progress:
                 if not self._render(renderer, self._play(episodes, console, progress)):
@@ -151,13 +142,14 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
 
     def _play(self, episodes: Episodes, console: Console, progress: Progress) -> Iterator[History]:
         """Play the episodes; yield the history after every reset and every step."""
-        history = episodes.history
-        task = progress.add_task("Playing", total=self.episodes, note="")
+        history, task = episodes.history, episodes.task
+        bar = progress.add_task("Playing", total=self.episodes, note="")
         for episode in range(self.episodes):
             seed = self.seed + episode
-            yield from episodes.play(seed, lambda: progress.update(task, note=f"tick {len(history.trace)}"))
-            progress.advance(task)
-            console.print(episodes.table(f"{episodes.name}, episode {episode + 1}, seed {seed}"))
+            yield from episodes.play(seed, lambda: progress.update(bar, note=f"tick {len(history.trace)}"))
+            progress.advance(bar)
+            title = f"{episodes.name}, episode {episode + 1}, seed {seed}"
+            console.print(task.episode_table(title, history))
             if self.record is not None:
                 write_recording(self.record, history, episodes.env.options.tau)
             yield history

@@ -1,9 +1,13 @@
-"""Seals: digests of files that are fixed before closed data are opened."""
+"""Seals: digests of code and weights, which are fixed before closed data are opened."""
 
-from collections.abc import Mapping
+import json
+from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
+
+from agents.evaluation.registry import SHIPPED, policy_folder
+from hybrid_env.checks import reject
 
 
 def digests(files: Mapping[str, Path]) -> dict[str, str]:
@@ -11,8 +15,22 @@ def digests(files: Mapping[str, Path]) -> dict[str, str]:
     return {name: sha256(file.read_bytes()).hexdigest() for name, file in files.items()}
 
 
-def differing(kept: Mapping[str, Mapping[str, Any]], found: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Return the names whose digests in a seal are not those that are found, by part."""
-    return [
-        name for part, now in found.items() for name in {**kept[part], **now} if kept[part].get(name) != now.get(name)
+def current_digests(code: Mapping[str, Path], switches: str, learned: Mapping[str, str]) -> dict[str, dict[str, str]]:
+    """Return the digests of code by name, of files of the shipped agent of a task, and of its weights."""
+    folder = policy_folder(SHIPPED, switches)
+    own = {name: folder.parent / f"{file}.py" for name, file in learned.items()}  # importing them loads PyTorch
+    weights = {file.name: file for file in sorted(folder.glob("policy.*"))}
+    return {"code": digests({**code, **own}), "weights": digests(weights)}
+
+
+def unbroken_seal(path: Path, found: Mapping[str, Mapping[str, Any]], data: str, names: Sequence[str] = ()) -> Any:
+    """Return a seal; refuse if anything differs from what is found, or it has no settings of one of some names."""
+    kept = json.loads(path.read_text(encoding="utf-8"))
+    differ = [
+        one for part, now in found.items() for one in {**kept[part], **now} if kept[part].get(one) != now.get(one)
     ]
+    differ += [name for name in names if any(name not in one for one in kept["settings"].values())]
+    if differ:
+        allowed = f"no value: {', '.join(differ)} differ from {path.name}, and the sealed {data} stay closed"
+        raise reject("sealed", True, allowed)
+    return kept

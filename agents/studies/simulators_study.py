@@ -1,6 +1,5 @@
 """The agent on simulators of others beside rules that are tuned in each world: `compare --simulators`."""
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -11,12 +10,11 @@ from matplotlib.figure import Figure
 from scipy.stats import norm
 
 from agents.evaluation import simulators
-from agents.evaluation.registry import SHIPPED, policy_folder
 from agents.evaluation.simulators import SimulatorTask
 from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import FURTHER_STYLES
 from agents.interface.parallel import Workers
-from agents.studies.seal import differing, digests
+from agents.studies.seal import current_digests, unbroken_seal
 from agents.studies.shifts import Shift, differences, differences_json, evaluate_shifts, shift_table
 from baselines.recordings.simulators import aircraft, airliners, cars, paths, process_noise, tracks
 from baselines.recordings.simulators.tracks import VEHICLES, SimulatedTracks
@@ -63,23 +61,15 @@ def first_seed(seed: int, episodes: int, sealed: bool) -> int:
         return seed
     if seed:
         raise reject("seed", seed, "no value with --sealed")
-    differ = differing(json.loads(SEAL.read_text(encoding="utf-8")), current_seal())
-    if differ:
-        allowed = f"no value: {', '.join(differ)} differ from {SEAL.name}, and the sealed paths stay closed"
-        raise reject("sealed", True, allowed)
+    unbroken_seal(SEAL, current_seal(), "paths")
     return seeds.SEALED
 
 
 def current_seal() -> dict[str, dict[str, str]]:
     """Return the digests of the code of worlds, rules and agent, of its weights, and versions of the simulators."""
-    weights = policy_folder(SHIPPED, UNKNOWN)
-    files = [Path(str(one.__file__)) for one in FROZEN]
-    files += [weights.parent / f"statement_{name}.py" for name in ("decider", "net")]  # importing loads PyTorch
-    return {
-        "code": digests({file.stem: file for file in files}),
-        "weights": digests({file.name: file for file in sorted(weights.glob("policy.*"))}),
-        "programs": {name: _version(name) for name in PROGRAMS},
-    }
+    code = {file.stem: file for file in (Path(str(one.__file__)) for one in FROZEN)}
+    found = current_digests(code, UNKNOWN, {name: name for name in ("statement_decider", "statement_net")})
+    return found | {"programs": {name: _version(name) for name in PROGRAMS}}
 
 
 def _version(name: str) -> str:
@@ -89,7 +79,7 @@ def _version(name: str) -> str:
         return "missing"
 
 
-def simulator_tables(found: Found) -> list[Any]:
+def tables(found: Found) -> list[Any]:
     """Return the table of all worlds, and with several deciders the counts as a sentence."""
     results, _ = found
     size = results[0].task.size(results[0].own.episodes)
@@ -104,7 +94,7 @@ def simulator_tables(found: Found) -> list[Any]:
     return tables
 
 
-def simulator_files(found: Found) -> dict[str, Any]:
+def files(found: Found) -> dict[str, Any]:
     """Return the files: all figures, counts, the mismatch of each world, what `SEAL` holds once sealed; a picture."""
     results, mismatches = found
     content: dict[str, Any] = {"results": results, "mismatches": mismatches, "seal": current_seal()}

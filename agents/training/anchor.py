@@ -165,11 +165,10 @@ class AnchorRun(WorldsRun):
 
     smallest_factor: ClassVar[float] = 0.02
     decider = AnchorDecider
+    settings: AnchorSettings
 
     def build(self) -> None:
         """Create networks, optimizer and environments."""
-        assert isinstance(self.recipe.settings, AnchorSettings)
-        self.settings = self.recipe.settings
         torch.manual_seed(self.seed)
         self.net = AnchorNetworks(self.settings.hidden)
         self.start(self.net, self.settings.learning_rate)
@@ -206,21 +205,18 @@ class AnchorRun(WorldsRun):
         return [AnchorStream(group, first + k * 10**4) for k, group in enumerate(groups.values())]
 
     def track_tensors(self) -> dict[str, Tensor]:
-        """See `Run.track_tensors`."""
         arrays = {"anchors": self._anchors.rows, "declarations": self._declarations.rows}
         for k, stream in enumerate(self._streams):
             arrays |= {f"{k}.{name}": array for name, array in stream.state_arrays().items()}
         return {name: torch.from_numpy(array) for name, array in arrays.items()}
 
     def values(self) -> dict[str, Any]:
-        """See `Run.values`."""
         return {
             "generators": [one.bit_generator.state for one in self._generators()],
             "counts": [self._anchors.count, self._declarations.count],
         }
 
     def restore_values(self, values: dict[str, Any]) -> None:
-        """See `Run.restore_values`."""
         for generator, state in zip(self._generators(), values["generators"], strict=True):
             restore_generator(generator, state)
         for buffer, count in zip((self._anchors, self._declarations), values["counts"], strict=True):
@@ -233,7 +229,6 @@ class AnchorRun(WorldsRun):
         return [self._generator, *(stream.generator for stream in self._streams)]
 
     def train_round(self) -> Round:
-        """See `OwnNetworkRun.train_round`."""
         # one thread per stream; the samples do not depend on the order of completion
         with ThreadPoolExecutor(len(self._streams)) as pool:
             for rollout in pool.map(lambda one: one.rollout(self.net, self.settings), self._streams):
@@ -249,7 +244,6 @@ class AnchorRun(WorldsRun):
         return self._round_steps, float(reward), float(ticks), losses
 
     def is_logged(self) -> bool:
-        """See `OwnNetworkRun.is_logged`."""
         return self._updates % LOG_EVERY == 0
 
     def _update(self) -> list[float]:

@@ -66,27 +66,16 @@ def random_state() -> dict[str, Any]:
     }
 
 
-def check_random_state(state: dict[str, Any]) -> None:
-    """Raise an exception if a state is invalid; the generators stay as they are."""
-    torch.Generator().set_state(_torch_state(state))
-    np.random.RandomState().set_state(_numpy_state(state))
-
-
-def set_random_state(state: dict[str, Any]) -> None:
-    """Set both global generators."""
-    torch.set_rng_state(_torch_state(state))
-    np.random.set_state(_numpy_state(state))  # noqa: NPY002
-
-
-def _torch_state(state: dict[str, Any]) -> torch.Tensor:
-    return torch.frombuffer(bytearray.fromhex(state["torch"]), dtype=torch.uint8)
-
-
-def _numpy_state(state: dict[str, Any]) -> tuple[Any, ...]:
+def parse_random_state(state: dict[str, Any]) -> tuple[Tensor, tuple[Any, ...]]:
+    """Return what `torch.set_rng_state` and `numpy.random.set_state` take; raise an exception if it is invalid."""
     key, position, has_normal, normal = state["numpy"]
     if len(key) != WORDS or not 0 <= position <= WORDS:  # numpy does not check the position
         raise ValueError("the state of NumPy's generator is invalid")
-    return "MT19937", np.array(key, np.uint32), int(position), int(has_normal), float(normal)
+    of_numpy = "MT19937", np.array(key, np.uint32), int(position), int(has_normal), float(normal)
+    of_torch = torch.frombuffer(bytearray.fromhex(state["torch"]), dtype=torch.uint8)
+    torch.Generator().set_state(of_torch)
+    np.random.RandomState().set_state(of_numpy)
+    return of_torch, of_numpy
 
 
 class Checkpoint(NamedTuple):

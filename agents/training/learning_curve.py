@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,27 +22,20 @@ FIRST_EVALUATION = 100_000  # environment steps, 2 to 5 s of training
 EVALUATION_SPACING = 1.4  # ratio of the steps of consecutive evaluations
 
 
+@dataclass(eq=False)
 class LearningCurve:
     """Evaluates an agent at its default threshold, at geometrically spaced steps, next to a classical rule.
 
     The rule has its best threshold, chosen on the same episodes.
-
-    Args:
-        wording: names and units.
-        sample: what is evaluated, in words.
-        measure: returns `reward` and the other metrics of the wording, without prefix, of an agent.
-        measure_rule: returns the mean reward of the rule.
     """
 
-    def __init__(
-        self,
-        wording: Wording,
-        sample: str,
-        measure: Callable[[DeciderFamily], Mapping[str, float]],
-        measure_rule: Callable[[], float],
-    ):
-        self.wording, self.sample = wording, sample
-        self._measure, self._measure_rule = measure, measure_rule
+    wording: Wording  # names and units
+    sample: str  # what is evaluated, in words
+    # returns `reward` and the other metrics of the wording, without prefix, of an agent
+    measure: Callable[[DeciderFamily], Mapping[str, float]]
+    measure_rule: Callable[[], float]  # returns the mean reward of the rule
+
+    def __post_init__(self) -> None:
         self._next = float(FIRST_EVALUATION)
 
     @property
@@ -52,7 +46,7 @@ class LearningCurve:
     @functools.cached_property
     def reference_reward(self) -> float:
         """Mean reward of the classical rule at its best threshold, on the same episodes."""
-        return self._measure_rule()
+        return self.measure_rule()
 
     def due(self, steps: int) -> bool:
         """Whether an evaluation is due after a number of environment steps."""
@@ -66,7 +60,7 @@ class LearningCurve:
     def evaluate(self, family: DeciderFamily, steps: int, seconds: float) -> dict[str, float]:
         """Return the training time so far, the metrics of the agent, and the reward of the classical rule."""
         self.skip(steps)
-        measured = {PREFIX + name: value for name, value in self._measure(family).items()}
+        measured = {PREFIX + name: value for name, value in self.measure(family).items()}
         return {"seconds": seconds} | measured | {self.reference_key: self.reference_reward}
 
     def summary(self, metrics: Sequence[dict[str, Any]]) -> list[str]:

@@ -18,10 +18,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.learned.reward_decider import RewardDecider
-from agents.learned.reward_net import reward_inputs
+from agents.learned.reward_net import RewardDecider, reward_inputs
 from agents.training.run import OwnNetworkRun, Round
-from agents.training.settings import LARGEST_ALPHA, RewardSettings, SegmentSettings
+from agents.training.settings import LARGEST_ALPHA
 from baselines.rules import seeds
 from baselines.rules.decider import Actions, Decider, Observations
 from baselines.rules.msprt import mode_types
@@ -57,7 +56,6 @@ class Explorer(Decider):
         return np.where(declares, mode + 1, 0), (memory, alpha)
 
     def select_tracks(self, state: Any, tracks: BoolArray) -> Any:
-        """See `Decider.select_tracks`."""
         return None if state is None else (self.agent.select_tracks(state[0], tracks), state[1][tracks])
 
     def segments(self, env: Any, seed: int) -> "Segments":
@@ -104,11 +102,11 @@ class RewardRun(OwnNetworkRun):
     inputs = staticmethod(reward_inputs)
     measure: ClassVar[str] = "cross_entropy"
     """Name of the loss in the metrics."""
+    settings: Any
+    """A `SegmentSettings`, of the agent that learns from rewards alone a `RewardSettings`."""
 
     def build(self) -> None:
         """Create network, optimizer and environment."""
-        assert isinstance(self.recipe.settings, SegmentSettings)
-        self.settings = self.recipe.settings
         if environment_options(self.env_id) is not WorldOptions:
             raise reject("env", self.env_id, "an environment in which hypotheses are declared")
         self.env = make_vector_env(self.env_id, self.settings.n_envs, tick_info=False, **self.options)
@@ -127,15 +125,12 @@ class RewardRun(OwnNetworkRun):
         self._alike = torch.from_numpy((kinds[:, None] == kinds).astype(np.float32))
 
     def values(self) -> dict[str, Any]:
-        """See `Run.values`."""
         return {"rounds": self.rounds}
 
     def restore_values(self, values: dict[str, Any]) -> None:
-        """See `Run.restore_values`."""
         self.rounds = check_integer("rounds", values["rounds"], minimum=0, maximum=self.num_timesteps)
 
     def train_round(self) -> Round:
-        """See `OwnNetworkRun.train_round`."""
         first = seeds.TRAINING + self.seed * 10**9 + self.rounds * self.settings.n_envs
         generator = np.random.default_rng(first)
         found = Explorer(self.decider(self.net, self.world), generator).segments(self.env, first)
@@ -168,10 +163,7 @@ class RewardRun(OwnNetworkRun):
     def loss(self, inputs: Tensor, logs: Tensor, lengths: Tensor, declared: Tensor, rewarded: Tensor) -> Tensor:
         """Return the mean cross-entropy of the rewarded hypothesis over the rows of S segments.
 
-        Args:
-            inputs, logs: (n, M - 1, 33) and (n, M) of the rows of all segments, see `reward_inputs`.
-            lengths: (S,) rows of the segments.
-            declared, rewarded: (S,) see `Segments`.
+        The inputs (n, M - 1, 33) and logarithms (n, M) are of `reward_inputs`, all else (S,) of `Segments`.
         """
         segment = torch.arange(len(lengths)).repeat_interleave(lengths)
         ends = lengths.cumsum(0)
@@ -183,7 +175,6 @@ class RewardRun(OwnNetworkRun):
             possible = torch.where(rewarded[:, None], self._alike[declared], 1.0 - self._alike[declared])
             target = possible * logs[ends - 1].exp().clamp(min=1e-9)
             target /= target.sum(-1, keepdim=True)
-        assert isinstance(self.settings, RewardSettings)
         if not self.settings.every_row:
             return -(target * logs[ends - 1]).sum(-1).mean()
         return -(target[segment] * logs).sum(-1).mean()

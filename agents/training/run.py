@@ -15,11 +15,10 @@ from torch.optim import Optimizer
 
 from agents.interface.output_files import output_folder, write_json
 from agents.learned.policy_file import package_versions, save_policy
-from agents.learned.posterior_decider import PosteriorDecider
 from agents.training import checkpoint, run_folder
 from agents.training.learning_curve import LearningCurve, environment_curve
-from agents.training.learning_rate import learning_rate_schedule
 from agents.training.recipe import Recipe
+from agents.training.stable_baselines_settings import learning_rate_schedule
 from baselines.rules.decider import DeciderFamily
 from hybrid_env.checks import ArgumentError, reject
 
@@ -56,17 +55,12 @@ class Run(ABC):
     """Command that evaluates a run folder."""
 
     def __init__(
-        self,
-        env_id: str,
-        options: dict[str, Any],
-        recipe: Recipe,
-        seed: int,
-        folder: Path | None,
-        steps: int,
+        self, env_id: str, options: dict[str, Any], recipe: Recipe, seed: int, folder: Path | None, steps: int,
         resume: bool = False,
-    ):
+    ):  # fmt: skip
         self.env_id, self.options, self.recipe = env_id, options, recipe
         self.seed, self.folder, self.steps = seed, folder, steps
+        self.settings: Any = recipe.settings
         self.saved: checkpoint.Checkpoint | None = None
         if folder is not None:
             if resume:
@@ -233,7 +227,8 @@ class OwnNetworkRun(Run):
 
     smallest_factor: ClassVar[float]
     """Lower bound of the learning rate, as a factor of the first one, while it decays linearly."""
-    decider: ClassVar[type[PosteriorDecider]]
+    decider: ClassVar[Any]
+    """Class of the agent, a `PosteriorDecider` or a `UtilityDecider`."""
     world: Any
     """Options of the environment of the agent."""
 
@@ -250,7 +245,6 @@ class OwnNetworkRun(Run):
         return self.decider.trained(name, self.network, self.world)
 
     def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
-        """See `Run.save_agent`."""
         save_policy(folder, self.network.state_dict(), card, self.decider.task)
 
     @abstractmethod
@@ -262,7 +256,6 @@ class OwnNetworkRun(Run):
         return True
 
     def learn(self, on_progress: Callable[[TrainingProgress], None] | None) -> None:
-        """See `Run.learn`."""
         while self.num_timesteps < self.steps:
             self.between_updates()
             steps, reward, ticks, metrics = self.train_round()

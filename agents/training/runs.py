@@ -6,16 +6,14 @@ from typing import Any
 from agents.training import run_folder
 from agents.training.anchor import AnchorRun
 from agents.training.checkpoint import has_checkpoint
-from agents.training.distilled import DistilledRun
-from agents.training.jump_markov import JumpMarkovRun
 from agents.training.recipe import Recipe, recipe_of
 from agents.training.reward import RewardRun
 from agents.training.run import Run
 from agents.training.simulated_flights import FlightRun, GliderRun
 from agents.training.stable_baselines import CLASSES, LibraryRun
-from agents.training.statements import RhythmRun, TrackRun
+from agents.training.statements import JumpMarkovRun, RhythmRun, TrackRun
 from agents.training.stopping import StoppingRun
-from agents.training.true_modes import KalmanRun, TandemRun, TransformerRun
+from agents.training.supervised import DistilledRun, KalmanRun, TandemRun, TransformerRun
 from hybrid_env.checks import check_integer, reject
 
 RUNS: dict[str, type[Run]] = dict.fromkeys(CLASSES, LibraryRun) | {
@@ -32,14 +30,9 @@ def run_name(env_id: str, recipe: Recipe) -> str:
 
 
 def make_run(
-    env_id: str,
-    options: dict[str, Any],
-    recipe: Recipe,
-    seed: int = 0,
-    folder: Path | None = None,
-    steps: int | None = None,
-    resume: bool = False,
-) -> Run:
+    env_id: str, options: dict[str, Any], recipe: Recipe, seed: int = 0, folder: Path | None = None,
+    steps: int | None = None, resume: bool = False,
+) -> Run:  # fmt: skip
     """Create a run with the algorithm of a recipe.
 
     Args:

@@ -45,7 +45,8 @@ Simulated = tuple[list[Flight], list[Labels], list[float]]
 class FlightRun(StatementRun):
     """A training run on simulated flights; see `StatementRun`. It refuses an environment, and options of one."""
 
-    decider_class: ClassVar[type[FlightAgent]] = FlightAgent
+    decider: ClassVar[type[FlightAgent]] = FlightAgent
+    settings: FlightSettings
     next_command = "hybridtrack compare --flights --deciders imm"
     smallest_factor: ClassVar[float] = 0.05
     simulation: ClassVar[dict[str, Any]] = asdict(WIDE) | DRAWN
@@ -55,9 +56,6 @@ class FlightRun(StatementRun):
     """Of the learning curve, of each group."""
 
     def prepare(self) -> None:
-        """See `StatementRun.prepare`."""
-        assert isinstance(self.recipe.settings, FlightSettings)
-        self.settings = self.recipe.settings
         for name, given in (("env", self.env_id != DEFAULT_ENV and self.env_id), ("options", self.options)):
             if given:
                 raise reject(name, given, "no environment and none of its options, for simulated flights")
@@ -99,18 +97,16 @@ class FlightRun(StatementRun):
             yield batch
 
     def values(self) -> dict[str, Any]:
-        """See `Run.values`."""
         return {"updates": self.updates, "generator": self._generator.bit_generator.state}
 
     def restore_values(self, values: dict[str, Any]) -> None:
-        """See `Run.restore_values`."""
         super().restore_values(values)
         self.updates = check_integer("updates", values["updates"], minimum=0)
         restore_generator(self._generator, values["generator"])
 
     def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
         """See `Run.save_agent`; the card also tells how flights were simulated, and the filter."""
-        simulation = {"world": self.simulation, "filter": asdict(self.decider_class.model)}
+        simulation = {"world": self.simulation, "filter": asdict(self.decider.model)}
         super().save_agent(folder, card | {"environment": self.recipe.algo} | simulation)
 
     def draw(self, counts: tuple[int, ...], generator: np.random.Generator) -> Simulated:
@@ -129,7 +125,7 @@ class FlightRun(StatementRun):
         Weights of the reward are the times that are scored, and costs those of a wrong change, both in steps.
         """
         flights, labels, steps = self.draw(counts, generator)
-        batch, kind = stack_flights(flights), self.decider_class
+        batch, kind = stack_flights(flights), self.decider
         estimates = run_turn_imm(batch, kind.model)
         modes = np.zeros(batch.times.shape, np.int64)
         weights, costs = np.zeros((2, *batch.times.shape), np.float32)
@@ -162,7 +158,7 @@ def mean_reward(batch: Batch, stated: NDArray[np.int64]) -> dict[str, float]:
 class GliderRun(FlightRun):
     """A training run on simulated flights of gliders, with the labels of both rules of `label_gliders`."""
 
-    decider_class = GliderAgent
+    decider = GliderAgent
     next_command = "hybridtrack compare --gliders --source igc-xc-score-1.8.0.tgz --deciders imm-climb"
     early = 4.0
     simulation: ClassVar[dict[str, Any]] = dict(RANGES)

@@ -21,21 +21,11 @@ from torch import Tensor, nn
 from torch.utils.tensorboard import SummaryWriter
 
 from agents.evaluation.tasks import task_of
-from agents.learned.features import policy_kwargs_with_features
-from agents.learned.policy import ACTORS, save_actor, value_network
+from agents.learned.policy import ACTORS, policy_kwargs_with_features, save_actor, value_network
 from agents.learned.policy_file import first_line
-from agents.training import run_folder
-from agents.training.checkpoint import (
-    check_random_state,
-    check_scalars,
-    check_tracks,
-    random_state,
-    restore_generator,
-    set_random_state,
-)
-from agents.training.learning_rate import learning_rate_schedule
+from agents.training import checkpoint, run_folder
 from agents.training.run import Run, TrainingProgress
-from agents.training.stable_baselines_settings import LibrarySettings
+from agents.training.stable_baselines_settings import LibrarySettings, learning_rate_schedule
 from agents.training.vec_env import HybridTrackVecEnv
 from baselines.rules import seeds
 from baselines.rules.decider import DeciderFamily
@@ -145,11 +135,11 @@ class LibraryRun(Run):
     mode is stated at every tick.
     """
 
+    settings: LibrarySettings
+
     def build(self) -> None:
         """Create model and environments; the initial policy waits if it can."""
-        settings = self.recipe.settings
-        assert isinstance(settings, LibrarySettings)
-        self.settings = settings
+        settings = self.settings
         kind = _model_class(self.recipe.algo)
         scale = getattr(settings, "reward_scale", 1.0)
         env = HybridTrackVecEnv(self.env_id, settings.n_envs, scale, **self.options)
@@ -182,7 +172,7 @@ class LibraryRun(Run):
         self.model.ep_info_buffer = deque(maxlen=self.model._stats_window_size)
         self.model.ep_success_buffer = deque(maxlen=self.model._stats_window_size)
         self.network, self.optimizer = self.model.policy, self.model.policy.optimizer
-        self._random: dict[str, Any] | None = None
+        self._random: tuple[Tensor, tuple[Any, ...]] | None = None
         self._actions: dict[str, Any] | None = None
         self._logged: dict[str, float] = {}
 
@@ -202,12 +192,10 @@ class LibraryRun(Run):
         return getattr(self.model, "replay_buffer", None)
 
     def set_steps(self, steps: int) -> None:
-        """See `Run.set_steps`."""
         super().set_steps(steps)
         self.model.num_timesteps = steps
 
     def family(self, name: str) -> DeciderFamily:
-        """See `Run.family`."""
         return ACTORS[self.task.switches](self.model.policy).trained(name)
 
     def evaluate(self) -> None:
@@ -228,7 +216,6 @@ class LibraryRun(Run):
         return reward, ticks
 
     def track_tensors(self) -> dict[str, Tensor]:
-        """See `Run.track_tensors`."""
         model = self.model
         # not public, but the save() of Stable-Baselines3 pickles, and does not save the tracks
         arrays = {"observation": model._last_obs, "episode_start": model._last_episode_starts}
@@ -243,10 +230,9 @@ class LibraryRun(Run):
         return tensors
 
     def values(self) -> dict[str, Any]:
-        """See `Run.values`."""
         model = self.model
         values = {
-            "random": random_state(), "updates": model._n_updates,
+            "random": checkpoint.random_state(), "updates": model._n_updates,
             "logged": plain_values(model.logger.name_to_value),
             "episodes": [[episode["r"], episode["l"]] for episode in model.ep_info_buffer],
         }  # fmt: skip
@@ -259,11 +245,10 @@ class LibraryRun(Run):
         return values
 
     def restore_values(self, values: dict[str, Any]) -> None:
-        """See `Run.restore_values`."""
         model = self.model
-        check_tracks(model.env.env)
-        check_random_state(values["random"])
-        self._random, self._logged = values["random"], check_scalars(values["logged"])
+        checkpoint.check_tracks(model.env.env)
+        self._random = checkpoint.parse_random_state(values["random"])
+        self._logged = checkpoint.check_scalars(values["logged"])
         model._n_updates = check_integer("updates", values["updates"], minimum=0)
         model.ep_info_buffer.extend({"r": float(reward), "l": int(ticks)} for reward, ticks in values["episodes"])
         buffer = self.buffer
@@ -277,11 +262,10 @@ class LibraryRun(Run):
             if not ((buffer.actions >= 0) & (buffer.actions < model.action_space.n)).all():
                 raise ValueError("an action is out of range")
             self._actions = values["actions"]
-            restore_generator(np.random.default_rng(), self._actions)
+            checkpoint.restore_generator(np.random.default_rng(), self._actions)
 
     @without_tracebacks_of_threads()
     def learn(self, on_progress: Callable[[TrainingProgress], None] | None) -> None:
-        """See `Run.learn`."""
         model, writers = self.model, []
         if self.folder is not None:
             writers = [MetricsWriter(self.folder), Events(self.folder, self.num_timesteps)]
@@ -291,11 +275,12 @@ class LibraryRun(Run):
             model.logger.record(name, value, excluded)
         # the generators are global, so they are set here and not when the run is created
         if self._random is not None:
-            set_random_state(self._random)
+            torch.set_rng_state(self._random[0])
+            np.random.set_state(self._random[1])  # noqa: NPY002
         elif self.num_timesteps == 0:
             model.set_random_seed(self.seed)
         if self._actions is not None:
-            restore_generator(model.action_space.np_random, self._actions)
+            checkpoint.restore_generator(model.action_space.np_random, self._actions)
         self._random, self._actions, self._logged = None, None, {}
         callback = _RunCallback(self, on_progress)
         interval = 1 if self.buffer is None else LOGGED_EPISODES
@@ -310,5 +295,4 @@ class LibraryRun(Run):
             model.logger.close()
 
     def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
-        """See `Run.save_agent`."""
         save_actor(folder, self.model.policy, card, self.world.switches)

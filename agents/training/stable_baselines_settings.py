@@ -1,17 +1,15 @@
 """Hyper-parameters of the algorithms of Stable-Baselines3 and sb3-contrib, named as in the libraries."""
 
 import dataclasses
+import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
 from agents.learned.policy_file import check_policy_kwargs
-from agents.training.learning_rate import learning_rate_schedule
-from hybrid_env.checks import check_between, check_integer, check_number, check_positive, reject
+from hybrid_env.checks import check_between, check_integer, check_positive, ranged, reject
 
-POLICIES = {
-    "ppo": "MlpPolicy", "recurrent_ppo": "MlpLstmPolicy", "a2c": "MlpPolicy", "dqn": "MlpPolicy", "qrdqn": "MlpPolicy",
-}  # fmt: skip
 OURS = ("n_envs", "learning_rate", "policy", "policy_kwargs", "wait_bias", "observe", "reward_scale")
 """Settings that are no plain keywords of an algorithm."""
 LARGEST_ROLLOUT = 2**21  # samples of an update of PPO, which then take less than a gigabyte
@@ -27,36 +25,29 @@ class LibrarySettings:
 
     The default gamma is 1: segments are fast-forwarded after a declaration, and delay is already penalised by
     the delay cost.
-
-    Attributes:
-        n_envs: number of parallel tracks.
-        learning_rate: constant, or "lin_" and the initial value for linear decay to zero.
-        policy: class of the policy, as in `POLICIES`.
-        policy_kwargs: keyword arguments of the policy.
-        gamma: discount factor.
-        wait_bias: initial bias of the waiting action, on its logit or its value. With 0 an untrained policy
-            declares immediately and does not learn to wait.
-        observe: names of the observed quantities, see `agents.learned.features`; all if empty.
     """
 
-    n_envs: int
-    learning_rate: str | float
-    policy: str
+    n_envs: int  # parallel tracks
+    learning_rate: str | float  # constant, or "lin_" and the initial value for linear decay to zero
+    policy: str  # class of the policy
     policy_kwargs: Mapping[str, Any] = field(default_factory=dict)
-    gamma: float = 1.0
+    gamma: float = 1.0  # discount factor
+    # initial bias of the waiting action, on its logit or its value; with 0 an untrained policy declares immediately
+    # and does not learn to wait
     wait_bias: float = 5.0
-    observe: tuple[str, ...] = ()
+    observe: tuple[str, ...] = ()  # names of the observed quantities, see `ObservationFeatures`; all if empty
 
     def __post_init__(self) -> None:
         check_integer("n_envs", self.n_envs, maximum=LARGEST_COUNT)
         learning_rate_schedule(self.learning_rate)
-        check_share("gamma", self.gamma)
+        check_factor("gamma", self.gamma)
         check_weight("wait_bias", self.wait_bias)
 
     def check_algorithm(self, algo: str) -> None:
-        """Raise `ArgumentError` for a value that an algorithm, a key of `POLICIES`, does not take."""
-        if self.policy != POLICIES[algo]:
-            raise reject("policy", self.policy, POLICIES[algo])
+        """Raise `ArgumentError` for a value that an algorithm does not take."""
+        policy = "MlpLstmPolicy" if algo == "recurrent_ppo" else "MlpPolicy"
+        if self.policy != policy:
+            raise reject("policy", self.policy, policy)
         check_policy_kwargs(self.policy_kwargs, algo)
 
     @property
@@ -65,36 +56,39 @@ class LibrarySettings:
         return {one.name: getattr(self, one.name) for one in dataclasses.fields(self) if one.name not in OURS}
 
 
-def check_share(name: str, value: Any) -> None:
+def learning_rate_schedule(rate: str | float) -> tuple[float, bool]:
+    """Return the initial learning rate, in (0, 1], and whether it decays linearly, with "lin_" before it."""
+    decays = isinstance(rate, str) and rate.startswith("lin_")
+    value = math.nan
+    if isinstance(rate, (str, int, float)):
+        with suppress(ValueError, OverflowError):
+            value = float(rate.removeprefix("lin_") if isinstance(rate, str) else rate)
+    if isinstance(rate, bool) or not 0.0 < value <= 1.0:
+        raise reject("learning_rate", rate, "a number above 0, at most 1, or lin_ and such a number")
+    return value, decays
+
+
+def check_factor(name: str, value: Any) -> None:
     """Raise `ArgumentError` if a value is not in (0, 1]."""
     if isinstance(value, bool) or value != 1.0:
         check_between(name, value, 0.0, 1.0)
 
 
-def check_weight(name: str, value: Any) -> None:
-    """Raise `ArgumentError` if a value is no number of magnitude at most `LARGEST_WEIGHT`."""
-    if abs(check_number(name, value)) > LARGEST_WEIGHT:
-        raise reject(name, value, f"a magnitude of at most {LARGEST_WEIGHT:g}")
+check_weight = ranged(-LARGEST_WEIGHT, LARGEST_WEIGHT, f"a magnitude of at most {LARGEST_WEIGHT:g}")
 
 
 @dataclass(frozen=True, kw_only=True)
 class A2CSettings(LibrarySettings):
-    """Hyper-parameters of A2C.
+    """Hyper-parameters of A2C."""
 
-    Attributes:
-        n_steps: steps of each track per rollout.
-        gae_lambda: of generalized advantage estimation.
-        ent_coef: entropy coefficient of the loss.
-    """
-
-    n_steps: int
-    gae_lambda: float
-    ent_coef: float
+    n_steps: int  # of each track per rollout
+    gae_lambda: float  # of generalized advantage estimation
+    ent_coef: float  # entropy coefficient of the loss
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_integer("n_steps", self.n_steps, maximum=LARGEST_COUNT)
-        check_share("gae_lambda", self.gae_lambda)
+        check_factor("gae_lambda", self.gae_lambda)
         check_positive("ent_coef", self.ent_coef, allow_zero=True)
         check_weight("ent_coef", self.ent_coef)
         if self.n_envs * self.n_steps > LARGEST_ROLLOUT:
@@ -103,15 +97,10 @@ class A2CSettings(LibrarySettings):
 
 @dataclass(frozen=True, kw_only=True)
 class PPOSettings(A2CSettings):
-    """Hyper-parameters of PPO and RecurrentPPO.
+    """Hyper-parameters of PPO and RecurrentPPO."""
 
-    Attributes:
-        batch_size: mini-batch size; a divisor of n_envs x n_steps.
-        n_epochs: passes over a rollout per update.
-    """
-
-    batch_size: int
-    n_epochs: int
+    batch_size: int  # of a mini-batch; a divisor of n_envs x n_steps
+    n_epochs: int  # passes over a rollout per update
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -126,31 +115,21 @@ class PPOSettings(A2CSettings):
 class QSettings(LibrarySettings):
     """Hyper-parameters of DQN and QR-DQN; with `net_arch: []` of Q-learning with linear values.
 
-    Attributes:
-        buffer_size: transitions of the replay buffer, at least one for each track.
-        batch_size: transitions of an update.
-        learning_starts: environment steps before the first update, in which actions are random.
-        train_freq: steps of each track between updates.
-        gradient_steps: updates then.
-        target_update_interval: environment steps between updates of the target network, at least n_envs.
-        exploration_initial_eps, exploration_final_eps: share of random actions at first, and at last.
-        exploration_fraction: share of the training in which it decreases.
-        reward_scale: factor of the rewards. The loss is quadratic for errors below 1 only, and values of large costs
-            would lie near the median of the returns and not at their mean.
-        n_steps: rewards of a track that a target sums before it takes the value of the network.
+    The loss is quadratic for errors below 1 only: without a scale of the rewards, values of large costs would lie near
+    the median of the returns and not at their mean.
     """
 
-    buffer_size: int
-    batch_size: int
-    learning_starts: int
-    train_freq: int
-    gradient_steps: int
-    target_update_interval: int
-    exploration_fraction: float
-    exploration_final_eps: float
+    buffer_size: int  # transitions of the replay buffer, at least one for each track
+    batch_size: int  # transitions of an update
+    learning_starts: int  # environment steps before the first update, in which actions are random
+    train_freq: int  # steps of each track between updates
+    gradient_steps: int  # updates then
+    target_update_interval: int  # environment steps between updates of the target network, at least n_envs
+    exploration_fraction: float  # share of the training in which the share of random actions decreases
+    exploration_final_eps: float  # share of random actions at last
     exploration_initial_eps: float = 1.0
-    n_steps: int = 1
-    reward_scale: float = 1.0
+    n_steps: int = 1  # rewards of a track that a target sums before it takes the value of the network
+    reward_scale: float = 1.0  # factor of the rewards
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -161,7 +140,6 @@ class QSettings(LibrarySettings):
         check_integer("learning_starts", self.learning_starts, minimum=0)
         check_integer("target_update_interval", self.target_update_interval, minimum=self.n_envs)
         for name in ("exploration_fraction", "reward_scale"):
-            check_share(name, getattr(self, name))
+            check_factor(name, getattr(self, name))
         for name in ("exploration_initial_eps", "exploration_final_eps"):
-            if not 0.0 <= check_number(name, getattr(self, name)) <= 1.0:
-                raise reject(name, getattr(self, name), "a number from 0 to 1")
+            ranged(0.0, 1.0)(name, getattr(self, name))

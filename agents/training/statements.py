@@ -15,7 +15,6 @@ import math
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -24,14 +23,14 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from agents.evaluation.tasks import task_of
-from agents.learned.policy_file import save_policy
+from agents.learned.jump_markov_net import JumpMarkovDecider, track_inputs
 from agents.learned.rhythm_decider import RhythmDecider
 from agents.learned.statement_decider import StatementDecider, UtilityDecider
 from agents.learned.statement_net import StatementOutputs, count_ages, statement_inputs
 from agents.training.run import OwnNetworkRun, Round
-from agents.training.settings import ExpectedRewardSettings, StatementSettings
+from agents.training.settings import StatementSettings
 from baselines.rules import seeds
-from baselines.rules.decider import DeciderFamily
+from baselines.rules.measurements import OBSERVED
 from hybrid_env.checks import reject
 from hybrid_env.durations import DRAWN
 from hybrid_env.quickest_options import QuickestOptions
@@ -41,21 +40,13 @@ LARGEST_GRADIENT = 0.5  # norm
 
 
 class Batch(NamedTuple):
-    """T ticks of N tracks, of which an agent states the mode.
+    """T ticks of N tracks, of which an agent states the mode."""
 
-    Attributes:
-        inputs: (T, N, M - 1, inputs) of the network.
-        log_probability: (T, N, M) of the modes in the filters.
-        true_modes: (T, N).
-        change_cost: (T, N) cost of a change to a wrong mode.
-        weight: (T, N) of the reward of each tick.
-    """
-
-    inputs: Tensor
-    log_probability: Tensor
-    true_modes: Tensor
-    change_cost: Tensor
-    weight: Tensor
+    inputs: Tensor  # (T, N, M - 1, inputs) of the network
+    log_probability: Tensor  # (T, N, M) of the modes in the filters
+    true_modes: Tensor  # (T, N)
+    change_cost: Tensor  # (T, N) cost of a change to a wrong mode
+    weight: Tensor  # (T, N) of the reward of each tick
 
     def split(self, ticks: int) -> Iterator["Batch"]:
         """Divide it into parts of `ticks` ticks; the last one may be shorter."""
@@ -65,9 +56,7 @@ class Batch(NamedTuple):
 def change_probabilities(utility: Tensor, stay: Tensor) -> Tensor:
     """Return the probabilities (T, N, M, M) of the next statement (last axis) given the last one.
 
-    Args:
-        utility: (T, N, M) of stating a mode.
-        stay: (T, N) added where the statement is kept.
+    The utility (T, N, M) is that of stating a mode; `stay` (T, N) is added where the statement is kept.
     """
     kept = stay[..., None, None] * torch.eye(utility.shape[-1])
     return torch.softmax(utility[..., None, :] + kept, -1)
@@ -76,10 +65,7 @@ def change_probabilities(utility: Tensor, stay: Tensor) -> Tensor:
 def expected_reward(outputs: StatementOutputs, batch: Batch, last: Tensor | None) -> tuple[Tensor, Tensor]:
     """Return the expected mean reward of a tick (N,), and the probabilities of the last statement (N, M).
 
-    Args:
-        outputs: of the network on the batch.
-        batch: the ticks.
-        last: (N, M) probabilities of the statement before the first tick; None where an episode begins.
+    `last` are those of the statement before the first tick; None where an episode begins.
     """
     utility = outputs.utility
     M = utility.shape[-1]
@@ -112,31 +98,20 @@ class StatementRun(OwnNetworkRun):
     """A training run on the expected reward; see `agents.training.runs.make_run` for the arguments.
 
     Base class; the subclasses simulate what it trains on. Between two rounds no tracks have to be saved.
-
-    Attributes:
-        updates: steps of the optimizer so far.
-        round_steps: steps of a round.
-        world: options of the environment of the agent, None if it has none.
     """
 
-    decider_class: ClassVar[type[UtilityDecider]]
-    """Class of the agent."""
-    round_steps: int
-    world: QuickestOptions | None = None
+    decider: ClassVar[type[UtilityDecider]]
+    settings: Any  # an `ExpectedRewardSettings`
+    round_steps: int  # steps of a round
+    world: QuickestOptions | None = None  # options of the environment of the agent, None if it has none
 
     def build(self) -> None:
         """Create network and optimizer."""
-        self.updates = 0
+        self.updates = 0  # steps of the optimizer so far
         self.prepare()
         torch.manual_seed(self.seed)
-        self.net = self.decider_class.network(self.statements.hidden)
-        self.start(self.net, self.statements.learning_rate)
-
-    @property
-    def statements(self) -> ExpectedRewardSettings:
-        """Hyper-parameters that both kinds of runs have."""
-        assert isinstance(self.recipe.settings, ExpectedRewardSettings)
-        return self.recipe.settings
+        self.net = self.decider.network(self.settings.hidden)
+        self.start(self.net, self.settings.learning_rate)
 
     @abstractmethod
     def prepare(self) -> None:
@@ -147,12 +122,10 @@ class StatementRun(OwnNetworkRun):
         """Simulate the batches of the next round."""
 
     def restore_values(self, values: dict[str, Any]) -> None:
-        """See `Run.restore_values`."""
         if self.num_timesteps % self.round_steps:
             raise ValueError("the number of steps is not one of complete rounds")
 
     def train_round(self) -> Round:
-        """See `OwnNetworkRun.train_round`."""
         rewards, entropies = zip(*map(self._train_on, self.batches()), strict=True)
         reward = float(np.mean(rewards))
         metrics = {"expected_reward": reward, "cross_entropy": float(np.mean(entropies))}
@@ -162,13 +135,13 @@ class StatementRun(OwnNetworkRun):
         """Make one step of the optimizer for each part; return the means of reward and cross-entropy."""
         memory = last = None
         totals = np.zeros(2)
-        parts = list(batch.split(self.statements.n_steps))
+        parts = list(batch.split(self.settings.n_steps))
         for part in parts:
             self.set_learning_rate()
             outputs = self.net(part.inputs, part.log_probability, memory)
             reward, last = expected_reward(outputs, part, last)
             entropy = cross_entropy(outputs, part)
-            loss = self.statements.belief_weight * entropy - reward.mean() + self.further_loss(outputs, part)
+            loss = self.settings.belief_weight * entropy - reward.mean() + self.further_loss(outputs, part)
             self.optimizer.zero_grad(set_to_none=False)
             loss.backward()
             nn.utils.clip_grad_norm_(self.net.parameters(), LARGEST_GRADIENT)
@@ -183,45 +156,26 @@ class StatementRun(OwnNetworkRun):
         """Return what is added to the loss of a part."""
         return 0.0
 
-    def family(self, name: str) -> DeciderFamily:
-        """Return the current agent as a family of deciders."""
-        return self.decider_class.trained(name, self.net, self.world)
-
-    def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
-        """Write weights and card of the current agent."""
-        save_policy(folder, self.net.state_dict(), card, self.decider_class.task)
-
 
 HAZARDS = 1 / 160, 1 / 30  # range of the bank's hazard where the law of the durations is drawn
 LARGEST_ROUND = 2**22  # tracks x ticks x turns, whose inputs take half a gigabyte
 
 
 class TrackRun(StatementRun):
-    """A training run on simulated tracks; see `StatementRun`.
+    """A training run on simulated tracks; it refuses an environment in which modes are not stated."""
 
-    Raises:
-        ArgumentError: an environment in which modes are not stated, or a damaged checkpoint.
-    """
-
-    decider_class: ClassVar[type[UtilityDecider]] = StatementDecider
+    decider: ClassVar[type[UtilityDecider]] = StatementDecider
     smallest_factor: ClassVar[float] = 0.01
+    settings: StatementSettings
 
     def simulate(self, world: QuickestOptions, tracks: int, seed: int) -> tuple[NDArray[Any], ...]:
         """Return inputs, log-probabilities and true modes of one episode of each track; see `simulate`."""
-        return simulate(world, tracks, seed, self.make_decider(world))
-
-    def make_decider(self, world: QuickestOptions) -> StatementDecider:
-        """Return the decider whose inputs are trained on, in a world."""
-        kind = self.decider_class
-        assert issubclass(kind, StatementDecider)
-        return kind(self.net, world)
+        assert issubclass(self.decider, StatementDecider)
+        return simulate(world, tracks, seed, self.decider(self.net, world))
 
     def prepare(self) -> None:
-        """See `StatementRun.prepare`."""
-        assert isinstance(self.recipe.settings, StatementSettings)
-        self.settings = self.recipe.settings
         task = task_of(self.env_id, self.options)
-        if task.switches != self.decider_class.task:
+        if task.switches != self.decider.task:
             raise reject("env", self.env_id, "an environment in which a mode is stated at every tick")
         self.world: QuickestOptions = task.options
         world = self.world
@@ -269,7 +223,31 @@ class TrackRun(StatementRun):
 class RhythmRun(TrackRun):
     """A training run of the agent that learns habits within the episode."""
 
-    decider_class = RhythmDecider
+    decider = RhythmDecider
+
+
+class JumpMarkovRun(TrackRun):
+    """A training run of the jump-Markov net on the tracks of `TrackRun`, without their true states."""
+
+    decider = JumpMarkovDecider
+
+    def simulate(self, world: QuickestOptions, tracks: int, seed: int) -> tuple[NDArray[Any], ...]:
+        """See `TrackRun.simulate`; the inputs are (T, N, 6 + M - 1), see `track_inputs`."""
+        env = HybridTrackQuickestVectorEnv(tracks, autoreset_mode="Disabled", tick_info=False, **vars(world))
+        env.reset(seed=seed)
+        decider = JumpMarkovDecider(self.net, world)
+        seen, modes = [], []
+        for _ in range(world.ticks):
+            seen.append(decider.observe(env.world))
+            modes.append(env.world.field("true_mode").astype(np.int64))
+            env.step(np.zeros(tracks, np.int64))
+        logs = np.array(seen, np.float32)[..., OBSERVED : OBSERVED + world.hypotheses]
+        return np.array([track_inputs(world, one) for one in seen]), logs, np.array(modes)
+
+    def further_loss(self, outputs: StatementOutputs, batch: Batch) -> Tensor | float:
+        """Return the mean negative log-likelihood of a measurement by the filter of the true mode."""
+        assert outputs.logs is not None
+        return -outputs.logs.gather(-1, batch.true_modes[..., None]).mean()
 
 
 def simulate(

@@ -53,48 +53,39 @@ class Tune(WorldArguments, ParallelArguments):
         workers = self.workers()
         from agents.training.recipe import load_recipe
         from agents.training.runs import make_run, run_name
-        from agents.tuning.search import (
-            JOURNAL,
-            Search,
-            best_rows,
-            ended,
-            open_study,
-            parse_ranges,
-            run_trials,
-            write_best,
-        )
+        from agents.tuning import search
 
         recipe = load_recipe(self.recipe, self.env_id, self.set)
-        ranges = parse_ranges(self.search, recipe)
+        ranges = search.parse_ranges(self.search, recipe)
         options = self.world_options()
         make_run(self.env_id, options, recipe, self.seed, steps=self.steps)  # refuses what cannot be trained
-        search = Search(self.env_id, options, self.recipe, self.set, ranges, self.seed, self.steps)
+        wanted = search.Search(self.env_id, options, self.recipe, self.set, ranges, self.seed, self.steps)
         folder = output_folder("out", self.out or Path("runs") / f"tune-{run_name(self.env_id, recipe)}")
         console = Console(emoji=False)
         with lock(folder):
-            study = open_study(search, folder)
+            study = search.open_study(wanted, folder)
             with progress_display(console) as progress:
-                task = progress.add_task("Tuning", total=self.trials, completed=len(ended(study)), note="")
+                task = progress.add_task("Tuning", total=self.trials, completed=len(search.ended(study)), note="")
 
                 def show(note: str) -> None:
-                    best = best_rows(study, 1)
+                    best = search.best_rows(study, 1)
                     shown = f"{note}, best reward {best[0].value:+.3f}" if best else note
                     progress.update(task, advance=1, note=shown)
 
                 try:
-                    run_trials(search, study, self.trials, workers, show)
+                    search.run_trials(wanted, study, self.trials, workers, show)
                 except OSError as error:  # Optuna's errors do not name its file
-                    name = error.filename or str(folder / JOURNAL)
+                    name = error.filename or str(folder / search.JOURNAL)
                     raise OSError(error.errno, error.strerror, name) from None
-            rows = best_rows(study, SHOWN)
+            rows = search.best_rows(study, SHOWN)
             if not rows:
                 raise reject("trials", self.trials, "more trials: none was trained to its end")
-            path = write_best(search, study, folder)
+            path = search.write_best(wanted, study, folder)
         lines = []
         for row in rows:
             values = [row.params[name] for name in ranges]
             shown = [f"{value:.3g}" if isinstance(value, float) else str(value) for value in values]
             lines.append((str(row.number), f"{row.value:.3f}", *shown))
         heads = ("trial", "reward", *ranges)
-        console.print(filled_table(f"Best of {len(ended(study))} trials", heads, lines))
+        console.print(filled_table(f"Best of {len(search.ended(study))} trials", heads, lines))
         print_lines(console, f"Best recipe: {path}", f"Next: hybridtrack train --recipe {path}")

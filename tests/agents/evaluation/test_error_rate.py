@@ -2,7 +2,7 @@
 
 import pytest
 
-from agents.evaluation.error_rate import ErrorArguments
+from agents.evaluation.registry import ErrorArguments
 from agents.recordings.tracking import TrackingArguments
 from agents.studies.evaluate_command import Evaluate
 from hybrid_env.checks import ArgumentError

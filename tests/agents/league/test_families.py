@@ -20,8 +20,10 @@ def small(monkeypatch):
     monkeypatch.setattr(families, "PROBED_TRACKS", 8)
     monkeypatch.setattr(table, "shipped_entries", list)  # they have more episodes
     few = {world: WORLDS[world] for world in (HOME, "R = 1", "unknown, R = 0.1")}
-    for module in (protocol, table, families):
+    for module in (protocol, table):
         monkeypatch.setattr(module, "WORLDS", few)
+    groups = {env_id: [world for world in worlds if world in few] for env_id, worlds in protocol.GROUPS.items()}
+    monkeypatch.setattr(families, "GROUPS", groups)
 
 
 def test_interquartile_mean_is_that_of_the_middle_half_and_its_interval_resamples_each_world():

@@ -14,8 +14,7 @@ from agents.evaluation.registry import load_decider
 from agents.learned.anchor_decider import AnchorDecider, AnchorNetworks, errors_and_best
 from agents.learned.anchor_net import INITIAL_LOG_SCALES, Scales, stated_factor
 from agents.learned.policy_file import load_network, load_policy, save_policy
-from agents.learned.reward_decider import RewardDecider
-from agents.learned.reward_net import RewardNet
+from agents.learned.reward_net import RewardDecider, RewardNet
 from agents.learned.stopping_decider import StoppingDecider, StoppingNetworks
 from agents.training.recipe import load_recipe
 from baselines import SPRTDecider

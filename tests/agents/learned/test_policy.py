@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from agents.learned.features import ObservationFeatures
-from agents.learned.policy import PolicyDecider, StatementPolicyDecider, make_policy
+from agents.learned.policy import ObservationFeatures, PolicyDecider, StatementPolicyDecider, make_policy
 from hybrid_env import HybridTrackQuickestVectorEnv, HybridTrackVectorEnv, QuickestLayout
 
 

@@ -13,11 +13,13 @@ from agents.evaluation.task import sweep
 from agents.evaluation.unknown import UnknownTask
 from agents.figures.decider_colours import decider_style
 from agents.interface.parallel import Workers
-from agents.studies import limits, limits_command
+from agents.studies import limits
 from agents.studies.limits import (
     BANK,
     BANKS,
     BEAM,
+    GEOMETRIC,
+    IMM,
     LAGS,
     LATER,
     LAWS,
@@ -28,10 +30,7 @@ from agents.studies.limits import (
     THREE,
     THRESHOLD,
     TIMES,
-    UNKNOWN_STEPS,
     calls,
-    limits_figure,
-    limits_markdown,
     smoothed_scores,
     unknown_steps,
 )
@@ -40,6 +39,7 @@ from baselines.rules import seeds
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import mean
 
+UNKNOWN_STEPS = (IMM, THRESHOLD, GEOMETRIC, BEAM, *LATER.values())  # in the order of their information
 SHORT = {"durations": "uniform 10-20", "ticks": 60}
 RULES = ("ATE (SPRT)", "MSPRT", "Bayes risk")
 
@@ -81,7 +81,7 @@ def rows_of(text):
 
 
 def test_tables_for_announced_switches(announced):
-    text = limits_markdown(announced)
+    text = limits.markdown(announced)
     assert "| R = 0.01 | R = 0.1 | R = 1 |" in text
     rows = rows_of(text)
     assert sum(row.startswith(tuple(f"| {step} |" for step in STEPS)) for row in rows) == 2 * len(STEPS)
@@ -94,7 +94,7 @@ def test_tables_for_announced_switches(announced):
 
 
 def test_every_rule_is_labelled_in_its_colour_and_missing_times_are_marked(announced):
-    figure = limits_figure(announced)
+    figure = limits.figure(announced)
     assert len(figure.axes) == len(BANKS)
     assert [text.get_text() for text in figure.legends[0].get_texts()] == list(RULES)
     colours = {rule: decider_style(rule).colour for rule in RULES}
@@ -107,13 +107,13 @@ def test_every_rule_is_labelled_in_its_colour_and_missing_times_are_marked(annou
 
 
 def test_tables_and_figure_for_unknown_switches(unknown):
-    text = limits_markdown(unknown)
+    text = limits.markdown(unknown)
     assert text.count("###") == len(LAWS)
     rows = rows_of(text)
     assert len(rows) == len(LAWS) * (3 * len(UNKNOWN_STEPS) - 1)
     assert all(line.count("|") == 2 + len(NOISE_LEVELS) for line in rows)
     assert rows[1].startswith("| IMM, tuned threshold | 0.920 (+0.020 [+0.020, +0.020]) |")
-    figure = limits_figure(unknown)
+    figure = limits.figure(unknown)
     assert len(figure.axes) == len(LAWS) * len(NOISE_LEVELS)
     assert {text.get_text() for text in figure.legends[0].get_texts()} == set(NAMES.values())
     for axes in figure.axes:
@@ -184,7 +184,7 @@ def test_the_command_writes_its_files(env, announced, unknown, tmp_path, capsys,
     def found(self, named, on_progress):
         return [(part, results[part]) for part in named]
 
-    monkeypatch.setattr(limits_command, "calls", lambda *_: given)
+    monkeypatch.setattr(limits, "calls", lambda *_: given)
     monkeypatch.setattr(Workers, "results", found)
     flags = ["--env", env] if env else []
     assert main(["limits", *flags, "--episodes", "10", "--out", str(tmp_path)]) == 0
@@ -193,4 +193,4 @@ def test_the_command_writes_its_files(env, announced, unknown, tmp_path, capsys,
     assert data == json.loads(json.dumps(results, default=Estimate.as_json))
     assert len(data["steps"]) == len(results["steps"])
     assert (tmp_path / "limits.png").read_bytes().startswith(b"\x89PNG")
-    assert (tmp_path / "limits.md").read_text() == limits_markdown(results)
+    assert (tmp_path / "limits.md").read_text() == limits.markdown(results)

@@ -155,7 +155,7 @@ def test_the_table_of_statements_has_a_row_for_each_segment():
     assert len(list(played_here.play(3, lambda: None))) == 40
     _, _, stated, true = played(STATED, "threshold")
     bounds = [0, *(np.flatnonzero(np.diff(true)) + 1), len(true)]
-    table = played_here.table("An episode")
+    table = played_here.task.episode_table("An episode", played_here.history)
     lines = list(zip(*(column.cells for column in table.columns), strict=True))
     assert [int(line[2]) for line in lines] == np.diff(bounds).tolist()
     assert table.caption.startswith(f"right {(stated == true).mean():.1%}, reward ")

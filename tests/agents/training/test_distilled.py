@@ -5,12 +5,11 @@ import pytest
 import torch
 
 from agents.evaluation.registry import find_family
-from agents.learned.distilled import DistilledDecider
-from agents.learned.reward_net import reward_inputs
-from agents.training.distilled import taught
+from agents.learned.reward_net import DistilledDecider, reward_inputs
 from agents.training.recipe import load_recipe
 from agents.training.reward import Explorer
 from agents.training.runs import make_run
+from agents.training.supervised import taught
 
 ENV = "hybrid_env:HybridTrack-v0"
 

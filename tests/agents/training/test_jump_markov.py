@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from agents.learned.jump_markov_decider import JumpMarkovDecider
-from agents.learned.jump_markov_net import JumpMarkovNet, coordinated_turn, track_inputs
+from agents.learned.jump_markov_net import JumpMarkovDecider, JumpMarkovNet, coordinated_turn, track_inputs
 from agents.training.recipe import load_recipe
 from agents.training.runs import make_run
 from agents.training.statements import Batch

@@ -9,7 +9,7 @@ from agents.learned.kalman_net import KalmanDecider, filter_inputs, turning
 from agents.training.recipe import load_recipe
 from agents.training.reward import Explorer
 from agents.training.runs import make_run
-from agents.training.true_modes import segment_logs
+from agents.training.supervised import segment_logs
 from baselines import MSPRTDecider
 from baselines.rules.rollout import evaluate
 from hybrid_env import Layout

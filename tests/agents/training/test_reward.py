@@ -5,8 +5,7 @@ import pytest
 import torch
 from small_training import small_run
 
-from agents.learned.reward_decider import RewardDecider
-from agents.learned.reward_net import RewardNet, reward_inputs
+from agents.learned.reward_net import RewardDecider, RewardNet, reward_inputs
 from agents.training import reward
 from agents.training.recipe import load_recipe
 from agents.training.runs import make_run

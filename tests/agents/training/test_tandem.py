@@ -10,7 +10,7 @@ from agents.learned.tandem_net import TandemDecider, WindowNet, log_ratios, wind
 from agents.training.recipe import load_recipe
 from agents.training.reward import Explorer
 from agents.training.runs import make_run
-from agents.training.true_modes import tandem_loss
+from agents.training.supervised import tandem_loss
 from baselines import MSPRTDecider
 from baselines.rules.rollout import evaluate
 from hybrid_env import Layout
