@@ -1,25 +1,14 @@
 """The single environment: reward, fast-forward, observation and info agree with their definitions."""
 
-import copy
 import math
 import os
-import pickle
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
-from hybrid_env import (
-    ArgumentError,
-    HybridTrackEnv,
-    HybridTrackQuickestEnv,
-    HybridTrackVectorEnv,
-    KalmanBank,
-    Layout,
-    Sensor,
-)
+from hybrid_env import HybridTrackEnv, HybridTrackQuickestEnv, HybridTrackVectorEnv, KalmanBank, Layout, Sensor
 from hybrid_env.core.records import TRACE_COLUMNS
-from hybrid_env.world import World
 
 
 def play(env, policy, seed):
@@ -207,18 +196,6 @@ def test_the_declared_filter_runs_to_the_end_of_the_segment_and_provides_the_nex
     assert (info["segment"], info["tick"]) == (1, 1)
 
 
-def test_squared_error_of_a_segment_equals_that_of_its_trace():
-    env = HybridTrackEnv(render_mode="rgb_array")
-    _, info = env.reset(seed=5)
-    rows = [env.world.read_trace(0)]
-    while "decided_mode" not in info:
-        _, _, _, _, info = env.step(1 if info["tick"] == 20 else 0)
-        rows.append(env.world.read_trace(0))
-    trace = np.concatenate(rows)[: info["decided_length"]]
-    expected = ((trace[:, [0, 2]] - trace[:, [6, 7]]) ** 2).sum()
-    assert info["decided_squared_error"] == pytest.approx(expected)
-
-
 def test_a_wrong_radius_is_correct_by_type_and_wrong_by_hypothesis():
     for correctness, expected in (("type", True), ("exact", False)):
         env = HybridTrackEnv(scheme="L50r2", radii=(2.0, 5.0), correctness=correctness)
@@ -271,50 +248,6 @@ def test_every_call_returns_new_arrays_and_the_documented_types():
         np.testing.assert_array_equal(value, kept[key])
     assert [type(value) for value in (reward, terminated, truncated)] == [float, bool, bool]
     assert type(later["segment"]) is np.int64  # learning libraries read arrays and NumPy scalars
-
-
-def test_the_same_seed_repeats_an_episode_and_no_seed_continues_the_random_stream():
-    env = HybridTrackEnv()
-    first = env.reset(seed=9)[0]
-    second = env.reset()[0]
-    np.testing.assert_array_equal(first, env.reset(seed=9)[0])
-    np.testing.assert_array_equal(second, env.reset()[0])
-    assert (first != second).any()
-
-
-@pytest.mark.parametrize("clone", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
-def test_a_copy_continues_independently_with_the_same_results(clone):
-    env = HybridTrackEnv()
-    env.reset(seed=1)
-    env.step(0)
-    other = clone(env)
-    steps = [other.step(0) for _ in range(10)] + [other.step(2)]
-    for observation, reward, _, _, info in steps:
-        mine = env.step(0 if "ticks" not in info else 2)
-        np.testing.assert_array_equal(mine[0], observation)
-        assert mine[1] == reward
-        assert mine[4]["tick"] == info["tick"]
-
-
-def test_unpickling_records_of_another_layout_raises():
-    world = HybridTrackEnv().world
-    state = world.__getstate__()
-    blocks = state["arrays"]["blocks"]
-    state["arrays"]["blocks"] = blocks.astype([(name, blocks.dtype[name]) for name in reversed(blocks.dtype.names)])
-    with pytest.raises(ArgumentError, match="saved by another version of hybrid_env"):
-        World.__new__(World).__setstate__(state)
-
-
-def test_modes_of_a_random_scheme_are_equally_likely():
-    env = HybridTrackEnv(radii=(2.0, 5.0), scheme="random 2000x1")
-    env.reset(seed=0)
-    modes = []
-    terminated = False
-    while not terminated:
-        _, _, terminated, _, info = env.step(0)
-        modes.append(info["decided_true_mode"])
-    counts = np.bincount(modes, minlength=5)
-    assert np.abs(counts - 400).max() < 4 * math.sqrt(2000 * 0.2 * 0.8)
 
 
 def test_a_forked_process_does_not_change_the_tracks_of_its_parent():

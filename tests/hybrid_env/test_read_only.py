@@ -95,7 +95,6 @@ INDICES = [
     (AnnouncedTrack, ANNOUNCED, ("active_mode",)),
     (OnlineTrack, UNKNOWN, ("stated_mode",)),
 ]
-LIVE = [(AnnouncedTrack, ANNOUNCED), (OnlineTrack, UNKNOWN)]
 
 
 @pytest.mark.parametrize(("kind", "options", "names"), INDICES)
@@ -108,29 +107,3 @@ def test_a_state_with_an_index_out_of_range_is_refused(kind, options, names, val
         arrays["blocks"][name][0, 0] = value
         with pytest.raises(ArgumentError, match=f"blocks.{name}="):
             world.restore(arrays)
-
-
-@pytest.mark.parametrize(("kind", "options"), LIVE)
-def test_arrays_of_a_live_sensor_are_those_of_the_environment(kind, options):
-    live, world = kind(options), World(options, 1)
-    assert {name: (array.dtype, array.shape) for name, array in live.arrays().items()} == {
-        name: (array.dtype, array.shape) for name, array in world.arrays().items()
-    }
-    assert live.action_space() == world.action_space()
-
-
-@pytest.mark.parametrize(("kind", "options"), LIVE)
-def test_more_segments_and_ticks_than_an_episode_has_are_allowed_on_a_live_sensor(kind, options):
-    world = kind(options)
-    world.begin_track(np.array([0.0, 2.0, 0.0, 0.0]), np.eye(4), -1)
-    world.begin_segment(5)
-    for k in range(2000):
-        if k % 100 == 0:
-            world.begin_segment(5)
-        world.measure(0.2 * (k + 1), 0.0)
-        world.decide(0)
-    other = copy.deepcopy(world)
-    world.measure(400.2, 0.0)
-    other.measure(400.2, 0.0)
-    assert other.observations.tobytes() == world.observations.tobytes()
-    assert np.isfinite(world.observations).all()

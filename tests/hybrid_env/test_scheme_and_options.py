@@ -5,16 +5,7 @@ import numpy as np
 import pytest
 
 import hybrid_env
-from hybrid_env import (
-    FixedScheme,
-    HybridTrackEnv,
-    HybridTrackVectorEnv,
-    Layout,
-    RandomScheme,
-    Segment,
-    WorldOptions,
-    parse_scheme,
-)
+from hybrid_env import FixedScheme, HybridTrackEnv, Layout, RandomScheme, Segment, WorldOptions, parse_scheme
 from hybrid_env.checks import ArgumentError
 from hybrid_env.scheme import SCHEMES, segment_table
 
@@ -53,11 +44,6 @@ def test_modes_are_straight_left_right_and_unknown_radii_map_to_the_nearest_curv
     table = segment_table(parse_scheme("S10 L10r3 R10r3 L10r2.9 R10r100"), [1.0, 3.0, 10.0])
     assert table[:, 1].tolist() == [0, 2, 5, 2, 6]
     assert segment_table(RandomScheme(), [1.0, 3.0])[:, 1].tolist() == [0, 1, 2, 3, 4]
-
-
-def test_an_unknown_option_raises_an_error_with_the_closest_known_name():
-    with pytest.raises(TypeError, match=r"argument 'mesurement_variance': did you mean 'measurement_variance'"):
-        HybridTrackVectorEnv(2, mesurement_variance=0.1)
 
 
 @pytest.mark.parametrize("mode", ["ascii", 3])

@@ -58,14 +58,6 @@ def test_options_of_reset_are_a_dict(options):
             env.reset(options=options)
 
 
-@pytest.mark.parametrize("count", [np.uint32(8), np.int8(100)])
-def test_a_numpy_integer_is_a_number_of_tracks(count):
-    env = HybridTrackVectorEnv(count)
-    assert type(env.num_envs) is int
-    assert env.observation_space.shape == (int(count), 28)
-    assert env.reset(seed=0)[0].shape == (int(count), 28)
-
-
 SIZES = [
     {"num_envs": 0}, {"num_envs": 2.0}, {"num_envs": 10**30}, {"num_envs": np.array(3)},
     {"num_envs": 2**31 - 1, "trace_rows": 10**6}, {"trace_rows": -1}, {"trace_rows": 10**12}, {"threads": 0},

@@ -9,7 +9,6 @@ from agents.league.families import interquartile_mean, probe
 from agents.league.protocol import WORLDS
 from agents.league.table import reward
 from baselines.rules.decider import ANNOUNCED, UNKNOWN
-from hybrid_env.checks import ArgumentError
 
 HOME = "R = 0.1"
 
@@ -57,8 +56,3 @@ def test_the_command_trains_a_family_and_goes_on_from_what_is_there(tmp_path, mo
     assert main(line) == 0
     assert families.read_entry(tmp_path / "out" / "tiny.json")["worlds"] == entry["worlds"]
     assert list(entry["worlds"]) == [HOME, "R = 1"]
-
-
-def test_a_recipe_for_recorded_flights_is_refused():
-    with pytest.raises(ArgumentError, match="deciders='gliders' is not allowed"):
-        families.home_of("gliders")

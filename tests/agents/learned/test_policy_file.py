@@ -16,7 +16,7 @@ from agents.evaluation.registry import load_decider, policy_folder
 from agents.interface.world_arguments import WorldArguments
 from agents.learned.anchor_decider import AnchorNetworks
 from agents.learned.policy import make_policy, save_actor
-from agents.learned.policy_file import CARD, WEIGHTS, check_policy_kwargs, save_policy
+from agents.learned.policy_file import CARD, WEIGHTS, save_policy
 from agents.learned.statement_decider import StatementDecider
 from agents.training.recipe import load_recipe
 from baselines.rules.decider import ANNOUNCED, UNKNOWN
@@ -115,24 +115,6 @@ def test_files_that_are_too_large_or_would_block_are_refused(folder):
         os.mkfifo(folder / name)
         with pytest.raises(ArgumentError):
             load_decider(str(folder), WorldOptions())
-
-
-@pytest.mark.parametrize(
-    "policy_kwargs",
-    [
-        {"net_arch": [10**6]}, {"net_arch": [4] * 100}, {"net_arch": 4}, {"net_arch": []}, [], None,
-        {"net_arch": [True]}, {"lstm_hidden_size": 8}, {"squash_output": True}, {"ortho_init": "no"},
-    ],
-)  # fmt: skip
-def test_settings_of_a_policy_are_bounded(policy_kwargs):
-    assert accepted(lambda: check_policy_kwargs(policy_kwargs, "ppo") or True) is None
-
-
-def test_settings_of_a_recurrent_policy_are_bounded():
-    check_policy_kwargs({"lstm_hidden_size": 8, "n_lstm_layers": 2, "enable_critic_lstm": False}, "recurrent_ppo")
-    for name, value in (("lstm_hidden_size", 10**6), ("n_lstm_layers", 10**9), ("enable_critic_lstm", 1)):
-        with pytest.raises(ArgumentError, match=name):
-            check_policy_kwargs({name: value}, "recurrent_ppo")
 
 
 def card_of(recipe, *changes):

@@ -4,17 +4,12 @@ import numpy as np
 import pytest
 import torch
 
-from agents.evaluation.registry import learned_family
-from agents.learned.policy_file import save_policy
 from agents.learned.statement_decider import StatementDecider
 from agents.learned.statement_net import INPUTS, StatementNet, statement_inputs
-from agents.training.recipe import load_recipe
 from agents.training.statements import simulate
-from baselines import ThresholdDecider, measure_statements, record_statements
-from baselines.rules.decider import UNKNOWN
-from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout, QuickestOptions, WorldOptions
+from baselines import ThresholdDecider, record_statements
+from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout, QuickestOptions
 
-RECIPE = load_recipe("statements", "HybridTrackQuickest-v0", ("hidden=8",))
 TRACKS = 12
 
 
@@ -102,17 +97,6 @@ def test_a_change_of_units_changes_no_statement(length, time):
     assert changed <= 1  # a tie within rounding
 
 
-def test_an_untrained_network_changes_its_statement_where_the_log_odds_exceed_the_initial_utility():
-    options = QuickestOptions()
-    stated, rows = statements_of(StatementDecider(StatementNet(8), options, margin=1.0), options)
-    log_probability = QuickestLayout(3).read(rows, "log_probability")[1:]
-    of_stated = np.take_along_axis(log_probability, stated[:-1, :, None], -1)[..., 0]
-    changed = stated[1:] != stated[:-1]
-    assert changed.any()
-    exceeds = log_probability.max(-1) - of_stated > 1.0 + np.log1p(np.exp(2.0))
-    np.testing.assert_array_equal(changed, exceeds)
-
-
 def test_an_episode_that_begins_is_not_remembered():
     options = QuickestOptions()
     decider = StatementDecider(random_net(), options)
@@ -123,35 +107,6 @@ def test_an_episode_that_begins_is_not_remembered():
     again, after = decider.predict(rows[5], state, start)
     np.testing.assert_array_equal(again[start], fresh[start])
     assert (after.age[start] == 1).all()
-
-
-def test_a_larger_margin_changes_the_statement_less_often():
-    options = QuickestOptions(measurement_variance=1.0)
-    changes = [
-        measure_statements(
-            record_statements(StatementDecider(random_net(), options, margin), 50, 1, **vars(options))
-        ).stated_changes.sum()
-        for margin in (0.0, 2.0, 8.0)
-    ]
-    assert changes[0] > changes[1] > changes[2]
-
-
-def test_weights_are_restored_and_a_folder_is_a_decider(tmp_path):
-    net = random_net()
-    card = {"environment": "HybridTrackQuickest-v0", "options": {}, "recipe": RECIPE.as_json()}
-    save_policy(tmp_path, net.state_dict(), card, UNKNOWN)
-    decider = learned_family(tmp_path, QuickestOptions()).make(1.5)
-    for one, other in zip(net.state_dict().values(), decider.net.state_dict().values(), strict=True):
-        assert torch.equal(one, other)
-    assert decider.margin == 1.5
-    for options in (WorldOptions(), None):
-        with pytest.raises(ValueError, match="a policy for"):
-            learned_family(tmp_path, options)
-    for hidden in (7, 10**9):
-        card["recipe"]["entry"]["hidden"] = hidden
-        save_policy(tmp_path, net.state_dict(), card, UNKNOWN)
-        with pytest.raises(ValueError, match="run="):
-            learned_family(tmp_path, QuickestOptions())
 
 
 def test_invalid_arguments_are_refused():

@@ -1,20 +1,14 @@
 """The evidence of each decider, compared with the decisions that it makes."""
 
-import itertools
-
 import gymnasium as gym
 import numpy as np
 import pytest
-import torch
 from gymnasium import spaces
 
 from agents.evaluation.registry import load_decider
-from agents.evaluation.tasks import task_of
-from agents.learned.policy import PolicyDecider, StatementPolicyDecider, make_policy
-from agents.studies.play_command import Episodes
+from agents.learned.policy import PolicyDecider, make_policy
 from baselines import BeamDecider
-from baselines.rules.decider import UNKNOWN, rules
-from hybrid_env import HybridTrackVectorEnv, Layout, QuickestLayout, WorldOptions
+from hybrid_env import HybridTrackVectorEnv, Layout
 
 RADII = (3.0, 5.0, 8.0)
 TRACKS = 30
@@ -93,67 +87,8 @@ def test_a_policy_declares_when_its_log_odds_exceed_the_threshold(actions):
         np.testing.assert_array_equal(values[chosen > 0, chosen[chosen > 0] - 1], values[chosen > 0].max(axis=1))
 
 
-def test_a_fixed_time_has_the_posterior_without_a_threshold():
-    env = make_env()
-    decider = load_decider("fixed:20", env.options)
-    assert decider.panel().thresholds == ()
-    assert decider.panel().legend == ""
-    for observation, _, values in ticks_of(env, decider, 25):
-        np.testing.assert_allclose(values.sum(axis=1), 1.0)
-        likeliest = Layout(7).read(observation, "log_ratio").argmax(-1)
-        np.testing.assert_array_equal(values.argmax(axis=1), likeliest)
-
-
-@pytest.mark.parametrize("correctness", ["type", "exact"])
-def test_the_posterior_of_a_network_is_by_type_if_only_the_type_is_rewarded(correctness):
-    env = make_env(correctness)
-    decider = load_decider("shipped:0.03", env.options)
-    assert decider.panel().curves == ("type" if correctness == "type" else "hypothesis")
-    assert decider.panel().legend == "1 - alpha at alpha = 0.03"
-    for _, _, values in ticks_of(env, decider, 10):
-        # the best one has 1 - expected loss, which is at most its posterior
-        kinds = slice(None) if correctness == "exact" else [0, 1, 4]
-        total = values[:, kinds].sum(axis=1)
-        assert (total <= 1.0 + 1e-9).all()
-        assert (total > 0.3).all()
-        if correctness == "type":
-            assert (values[:, 1:4] == values[:, 1:2]).all()
-
-
-@pytest.mark.parametrize("alpha", ["0.5", "0.02", "1e-6", "1e-12"])
-def test_the_threshold_is_inside_the_panel(alpha):
-    panel = load_decider(f"msprt:{alpha}", WorldOptions()).panel()
-    low, high = panel.limits
-    assert 0.0 < low < panel.thresholds[0].levels[0] < high < 1.0
-
-
 def stating():
     return gym.make(STATED, render_mode="rgb_array").unwrapped
-
-
-def test_the_evidence_of_a_policy_is_its_probabilities():
-    torch.manual_seed(0)
-    env = stating()
-    rows, _ = env.reset(seed=0)
-    settings = {"net_arch": [8], "ortho_init": False}
-    policy = make_policy(env.observation_space, env.action_space, settings, layout=QuickestLayout)
-    decider = StatementPolicyDecider(policy)
-    found = decider.evidence(rows[None], None, np.ones(1, np.bool_))
-    logits = decider.logits(rows[None])[0]
-    np.testing.assert_allclose(found, np.exp(logits) / np.exp(logits).sum())
-    assert decider.panel().label == "probability (policy)"
-
-
-@pytest.mark.parametrize("name", [name for name in rules(UNKNOWN) if not name.startswith("beam")])
-def test_other_rules_have_the_probabilities_of_the_bank(name):
-    other = stating()
-    episodes = Episodes(task_of(STATED), name)
-    history = list(itertools.islice(episodes.play(0, lambda: None), 20))[-1]
-    other.reset(seed=0)
-    for _ in range(19):
-        other.step(0)
-    np.testing.assert_allclose(history.evidence, other.history.evidence, atol=1e-5)  # float32 rows
-    assert len(episodes.decider.panel().thresholds) == (name == "threshold")
 
 
 def test_the_evidence_of_a_beam_does_not_change_its_state():

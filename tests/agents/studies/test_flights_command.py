@@ -1,6 +1,5 @@
 import gzip
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ from baselines.recordings.flights.labels import label_flights
 from baselines.recordings.flights.metrics import STATISTICS, score_flights
 from baselines.recordings.flights.simulated import simulate_flights
 from baselines.rules.decider import FLIGHTS
-from hybrid_env.checks import ArgumentError
 
 BOTH = ("two:abc120:0", "two:abc121:0")
 SHIPPED = policy_folder("shipped", FLIGHTS)
@@ -68,27 +66,6 @@ def test_labels_that_are_stated_late(source):
     assert modes[0] == labels[0].modes[0]
 
 
-def test_tiers_together_are_named_by_those_that_are_there(source):
-    task = FlightTask(source, BOTH, ("B",), "native")
-    result = compare_on_flights(task, {"imm": "IMM"}, lambda text: None)
-    assert list(result.groups) == ["B"]
-    one, other = result.flights
-    other = replace(other, tier=TIERS["C"])
-    assert replace(result, flights=[one, other]).groups == {"B": [0], "C": [1], "B+C": [0, 1]}
-    third = replace(other, tier=TIERS["A"])
-    assert replace(result, flights=[one, other, third]).groups["A-C"] == [2, 0, 1]
-
-
-def test_an_agent_is_named_by_its_folder(tmp_path, source):
-    task = FlightTask(source, BOTH[:1], ("B",), "native")
-    state = task.statements(task.read())
-    (shipped,), (same,) = state("agent:2"), state(f"{SHIPPED}:2")
-    np.testing.assert_array_equal(shipped, same)
-    assert task.label(str(SHIPPED)) == str(SHIPPED)
-    with pytest.raises(ArgumentError, match="run="):
-        task.label(str(tmp_path))
-
-
 def test_the_semi_real_form_has_the_deciders_of_the_environment(tmp_path, source, capsys):
     out = tmp_path / "out"
     names = ("threshold", "beam:0.7", "glr", "shipped")
@@ -115,21 +92,3 @@ def test_stress_flights_are_a_tier_outside_of_the_totals(tmp_path, source, monke
     assert {field: getattr(TIERS["stress"], field) for field in ("across", "timing")} == {
         field: getattr(TIERS["B"], field) for field in ("across", "timing")
     }
-
-
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        ({"flights": (), "deciders": ("ate",)}, "deciders="),
-        ({"flights": (), "deciders": ("imm:1.5",)}, "threshold="),
-        ({"flights": (), "form": "semi-real", "deciders": ("imm",)}, "decider="),
-        ({"flights": (), "deciders": ("imm", "imm")}, "deciders="),
-        ({"flights": (), "episodes": 7}, "episodes=7"),
-        ({"flights": ("two:none:0",)}, "flight="),
-        ({}, "source="),
-    ],
-)
-def test_values_that_are_not_allowed(tmp_path, source, arguments, text):
-    with pytest.raises(ArgumentError, match=text):
-        Compare(source=source, out=tmp_path / "out", **arguments).run()
-    assert not (tmp_path / "out").exists()

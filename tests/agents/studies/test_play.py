@@ -9,13 +9,11 @@ from PIL import Image, ImageSequence
 
 import hybrid_env  # noqa: F401
 from agents.evaluation.registry import load_decider
-from agents.evaluation.tasks import task_of
 from agents.studies import play_command
-from agents.studies.play_command import PALETTE_SIZE, Episodes, Play, palette_colours
+from agents.studies.play_command import Play
 from baselines.recordings.reading.read import read_recordings
 from baselines.rules.own import as_decider
 from hybrid_env.checks import ArgumentError
-from hybrid_env.options import WorldOptions
 from hybrid_env.rendering import FRAME_SIZE
 from hybrid_env.rendering.history import ACTIVE
 from hybrid_env.rendering.window import Renderer
@@ -114,14 +112,6 @@ def test_a_png_shows_the_finished_episode_with_the_evidence_of_the_decider(tmp_p
         np.testing.assert_array_equal(np.asarray(picture), frame)
 
 
-def test_options_are_passed_to_the_environment(tmp_path):
-    play(out=tmp_path / "a.png", record=tmp_path / "quiet.csv", measurement_variance=1e-12, tau=0.5)
-    [recording] = read_recordings(tmp_path / "quiet.csv").recordings
-    assert recording.tick == pytest.approx(0.5)
-    steps = np.linalg.norm(np.diff(recording.positions[:8], axis=0), axis=1)
-    np.testing.assert_allclose(steps, 1.0, atol=0.2)  # 2 m/s for 0.5 s
-
-
 @pytest.mark.parametrize(("env_id", "tau"), [(DECLARED, 0.1), (STATED, 0.2)])
 def test_the_recording_contains_every_measurement_with_its_time(tmp_path, env_id, tau):
     play(env=env_id, out=tmp_path / "episode.png", record=tmp_path / "episode.csv", tau=tau)
@@ -139,30 +129,6 @@ def test_the_recording_contains_every_measurement_with_its_time(tmp_path, env_id
     np.testing.assert_array_equal(recording.positions, measured)
     np.testing.assert_allclose(recording.times, tau * np.arange(1, len(measured) + 1))
     assert recording.tick == pytest.approx(tau)
-
-
-def test_the_table_shows_modes_decisions_and_times(tmp_path, capsys):
-    play(out=tmp_path / "episode.png", decider="fixed:50")
-    output = capsys.readouterr().out
-    assert "seed 3" in output
-    assert output.count("forced") == output.count("8 of 8") == 2
-    assert output.count("correct") + output.count("wrong") == 2
-    assert "L r=5 m" in output
-
-
-def test_the_table_of_statements_has_a_row_for_each_segment():
-    played_here = Episodes(task_of(STATED, OPTIONS[STATED]), "threshold")
-    assert len(list(played_here.play(3, lambda: None))) == 40
-    _, _, stated, true = played(STATED, "threshold")
-    bounds = [0, *(np.flatnonzero(np.diff(true)) + 1), len(true)]
-    table = played_here.table("An episode")
-    lines = list(zip(*(column.cells for column in table.columns), strict=True))
-    assert [int(line[2]) for line in lines] == np.diff(bounds).tolist()
-    assert table.caption.startswith(f"right {(stated == true).mean():.1%}, reward ")
-    for line, first, end in zip(lines, bounds[:-1], bounds[1:], strict=True):
-        inside = stated[first:end] == true[first:end]
-        assert line[3] == (str(inside.argmax()) if inside.any() else "[red]never[/]")
-        assert line[4] == f"{inside.mean():.0%}"
 
 
 @pytest.mark.parametrize(
@@ -245,14 +211,6 @@ def test_closing_the_window_ends_the_command(tmp_path, monkeypatch, capsys):
     assert decider.calls == 2
     assert list(tmp_path.iterdir()) == []
     assert not pygame.display.get_init()
-
-
-@pytest.mark.parametrize("count", [1, 3, 10, 60, 200])
-def test_the_palette_has_at_most_255_colours_for_every_bank(count):
-    options = WorldOptions(radii=tuple(range(1, count + 1)))
-    colours = palette_colours(options)
-    assert len(colours) <= PALETTE_SIZE < 256
-    assert {(0, 0, 0), (255, 255, 255)} <= set(map(tuple, colours.tolist()))
 
 
 def test_a_gif_with_too_many_frames_is_refused_and_not_written(tmp_path, monkeypatch):

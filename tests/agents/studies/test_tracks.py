@@ -5,7 +5,7 @@ import pytest
 
 from agents.evaluation.tasks import task_of
 from agents.figures.decider_colours import decider_style
-from agents.figures.tracks import UNDECIDED, runs, track_figure
+from agents.figures.tracks import UNDECIDED, track_figure
 from agents.studies.play_command import Episodes
 from baselines import CusumDecider, FixedTimeDecider, SPRTDecider, ThresholdDecider, record_statements
 from baselines.rules.rollout import evaluate
@@ -59,11 +59,6 @@ def test_a_recorded_track_agrees_with_the_evaluation(stated):
     np.testing.assert_array_equal(first.truth, second.truth)
 
 
-def test_runs_of_equal_values_end_at_breaks():
-    assert runs(np.array([2, 2, 0, 1, 1, 1])) == [(0, 2, 2), (2, 3, 0), (3, 6, 1)]
-    assert runs(np.array([2, 2, 0, 1, 1, 1]), [0, 4]) == [(0, 2, 2), (2, 3, 0), (3, 4, 1), (4, 6, 1)]
-
-
 @pytest.mark.parametrize("kind", ["declared", "stated"])
 def test_decisions_are_marked_on_the_track_filled_when_right_and_bars_show_their_modes(kind, request):
     records = request.getfixturevalue(kind)
@@ -88,10 +83,3 @@ def test_decisions_are_marked_on_the_track_filled_when_right_and_bars_show_their
         assert sum(bar.get_width() for bar in bars if bar.get_hatch()) == wrong.sum()
     for axes in figure.axes:
         assert axes.get_legend().get_window_extent().x0 >= axes.get_window_extent().x1 - 1
-
-
-def test_the_timeline_of_declarations_shows_their_times_and_the_names_of_modes(declared):
-    texts = [text.get_text() for text in track_figure(declared, RADII, "title").axes[1].texts]
-    for record in declared:
-        assert {str(ticks) for ticks in record.marks + 1 - record.switches} <= set(texts)
-    assert {"S", "L r=5 m", "R r=5 m"} <= set(texts)

@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 
 import pytest
 import safetensors.torch
@@ -10,10 +9,7 @@ import torch
 from safetensors import safe_open
 from small_training import contents, interrupted, log_often, outcome, small_run
 
-from agents.cli import main
-from agents.training import checkpoint
 from agents.training.checkpoint import CHECKPOINT, PREVIOUS, digest
-from agents.training.run_folder import CONFIG
 from agents.training.runs import resume_run
 from hybrid_env.checks import ArgumentError
 
@@ -41,12 +37,6 @@ def test_a_checkpoint_of_another_size_is_not_read_into_memory(tmp_path):
         os.truncate(folder / name, 2**40)  # sparse: it needs no space
     with pytest.raises(ArgumentError, match="larger than 536,870,912 bytes"):
         resume_run(folder)
-
-
-def test_a_state_too_large_to_be_read_again_is_not_saved(tmp_path, monkeypatch):
-    monkeypatch.setattr(checkpoint, "LARGEST_CHECKPOINT", 1000)
-    with pytest.raises(ArgumentError, match="at most 1,000 bytes: use fewer n_envs"):
-        small_run("anchor", tmp_path / "run", 1920).train()
 
 
 def change(path, edit):
@@ -169,41 +159,3 @@ def test_a_checkpoint_with_wrong_content_is_refused_in_one_line_and_changes_noth
             pytest.fail(f"{case} is accepted: {resume_run(folder)}")
         assert "\n" not in str(caught.value), case
         assert contents(folder) == before, case
-
-
-@pytest.fixture(scope="module")
-def trained(tmp_path_factory):
-    """A run folder after a training; `finished` copies it."""
-    folder = tmp_path_factory.mktemp("trained") / "run"
-    small_run("ppo", folder, 640).train()
-    return folder
-
-
-@pytest.fixture
-def finished(trained, tmp_path):
-    return shutil.copytree(trained, tmp_path / "run")
-
-
-def refuse_to_resume(folder, capsys):
-    before = contents(folder)
-    assert main(["train", "--resume", str(folder)]) == 2
-    assert capsys.readouterr().err.count("\n") == 1
-    assert contents(folder) == before
-
-
-@pytest.mark.parametrize("length", [0, 7, 8, 500, -1])
-def test_a_truncated_checkpoint_is_refused_in_one_line(length, finished, capsys):
-    for name in (CHECKPOINT, PREVIOUS):
-        (finished / name).write_bytes((finished / name).read_bytes()[:length])
-    refuse_to_resume(finished, capsys)
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("steps", 1e400), ("seed", "x"), ("seed", -1), ("env", "nothing"), ("options", {"x": 1}), ("options", 3),
-     ("recipe", []), ("recipe", {"name": "ppo", "entry": {}})],
-)  # fmt: skip
-def test_a_config_with_wrong_content_is_refused_in_one_line(name, value, finished, capsys):
-    config = json.loads((finished / CONFIG).read_text())
-    (finished / CONFIG).write_text(json.dumps(config | {name: value}))
-    refuse_to_resume(finished, capsys)

@@ -54,19 +54,6 @@ def test_a_turn_keeps_the_speed_and_the_distance_from_its_centre():
     np.testing.assert_allclose(coordinated_turn(torch.zeros(1))[0] @ velocity, [3.0, 4.0, 3.0, 4.0], atol=1e-6)
 
 
-def test_without_training_likelihoods_are_normal_around_the_predictions(run):
-    net, world = JumpMarkovNet(8), run.world
-    seen = observed(world, 2)
-    found = outputs_of(net, world, seen).logs[1].numpy()
-    first, then = (track_inputs(world, one) for one in seen)
-    straight = first[:, 2:4] + first[:, 4:6]
-    residual = ((then[:, :2] - straight) ** 2).sum(1)
-    expected = -0.5 * residual - np.log(2.0 * np.pi)
-    known = seen[0, :, OBSERVED : OBSERVED + 3].argmax(1)  # all filters start from the same estimate
-    assert found.shape == (len(known), 3)
-    np.testing.assert_allclose(found[:, 0], expected, atol=1e-3)
-
-
 def test_filters_are_mixed_by_the_formula_of_the_interacting_multiple_model(run):
     net, generator = JumpMarkovNet(8), np.random.default_rng(0)
     probability = generator.dirichlet(np.ones(3), size=5)

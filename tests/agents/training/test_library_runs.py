@@ -8,7 +8,6 @@ from agents.evaluation.registry import find_family
 from agents.learned.policy import VALUE_THRESHOLDS, value_network
 from agents.training.recipe import load_recipe
 from agents.training.runs import make_run
-from baselines.rules.rollout import evaluate
 from hybrid_env import Layout, QuickestLayout
 from hybrid_env.registration import make_track_vector_env
 
@@ -63,19 +62,3 @@ def test_values_without_a_future_are_the_expected_reward_of_a_statement(layers):
     print(layers, error.std() / exact.std(), error.mean())
     assert error.std() < (0.6 if layers == "[]" else 0.15) * exact.std()
     assert abs(error.mean()) < 0.2
-
-
-def test_q_learning_for_unknown_switches_states_better_in_seconds():
-    recipe = load_recipe("q-linear", QUICKEST, SMALL)
-    run = make_run(QUICKEST, {}, recipe, seed=1, steps=60_000)
-    first = run.curve.evaluate(run.family(""), 0, 0.0)["evaluation/reward"]
-    run.train()
-    assert run.curve.evaluate(run.family(""), 0, 0.0)["evaluation/reward"] > max(0.55, first + 0.1)
-
-
-def test_dqn_learns_to_wait_in_seconds():
-    changes = ("policy_kwargs.net_arch=[32]", "wait_bias=0.5", "exploration_initial_eps=0.05", *SMALL)
-    run = make_run(ANNOUNCED, {}, load_recipe("dqn", ANNOUNCED, changes), seed=1, steps=100_000)
-    run.train()
-    rewards = [evaluate(run.family("").make(one), episodes=100, seed=5).reward.mean() for one in (-0.2, 0.0, 0.1)]
-    assert max(rewards) > -0.2  # of a declaration at the first tick -0.35, of waiting to the end -0.5

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import torch
-from small_training import small_run
 
 from agents.learned.reward_decider import RewardDecider
 from agents.learned.reward_net import RewardNet, reward_inputs
@@ -13,7 +12,7 @@ from agents.training.runs import make_run
 from baselines import MSPRTDecider
 from baselines.rules.msprt import mode_types
 from baselines.rules.rollout import evaluate
-from hybrid_env import Layout, WorldOptions
+from hybrid_env import Layout
 
 ENV = "hybrid_env:HybridTrack-v0"
 
@@ -52,10 +51,3 @@ def test_the_loss_of_whole_segments_is_that_of_one_row_after_the_other(options, 
     parts = *reward_inputs(rows, run.world.tau), lengths, declared, rewarded
     loss = run.loss(*map(torch.from_numpy, parts))
     np.testing.assert_allclose(float(loss.detach()), np.mean(losses), rtol=1e-4)
-
-
-def test_only_the_last_row_learns_without_every_row():
-    run = small_run("reward", steps=200, more=("every_row=false",))
-    run.train()
-    assert run.num_timesteps >= 200
-    assert RewardDecider(run.net, WorldOptions()).predict(np.zeros((2, 28), np.float32))[0].shape == (2,)

@@ -6,17 +6,15 @@ import numpy as np
 import pytest
 import small_training
 import torch
-from small_training import KINDS, QUICK, SCHEME, SMALL_PPO, log_often, small_run
+from small_training import KINDS, QUICK, SCHEME, log_often, small_run
 
-from agents.cli import main
 from agents.evaluation.registry import learned_family, load_decider
-from agents.learned.anchor_decider import AnchorDecider
 from agents.training.learning_curve import draw_learning_curve, environment_curve
 from agents.training.recipe import load_recipe, recipe_of
 from agents.training.run_folder import read_metrics
-from agents.training.runs import make_run, resume_run
+from agents.training.runs import make_run
 from agents.training.stable_baselines import CLASSES
-from baselines import FixedTimeDecider, measure_statements
+from baselines import measure_statements
 from baselines.rules import seeds
 from baselines.rules.rollout import evaluate, record_statements
 from hybrid_env import QuickestLayout, QuickestOptions, WorldOptions
@@ -142,14 +140,6 @@ def test_deciders_are_loaded_by_name_threshold_and_folder(folders, tmp_path):
         load_decider(str(folders("ppo-quickest")[0]), QuickestOptions(radii=(5.0, 7.0)))
 
 
-def test_the_logits_of_a_recurrent_policy_depend_on_its_state(folders):
-    decider = folders("recurrent-ppo")[1].family("").make(0.0)
-    rows = np.random.default_rng(0).normal(0, 1, (3, 20, 28)).astype(np.float32)
-    _, state = decider.predict(rows[0])
-    first, second = (decider.logits(rows[2], one)[0] for one in (state, None))
-    assert np.abs(first - second).max() > 1e-6
-
-
 @pytest.mark.parametrize(
     ("kind", "more"), [("ppo", ("observe=[posterior, ticks]",)), ("recurrent-ppo", ("wait_bias=0",))]
 )
@@ -196,20 +186,6 @@ def test_the_learning_curve_measures_fixed_episodes_of_the_environment(kind, tmp
     assert (tmp_path / "curve.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize(
-    ("line", "words"),
-    [
-        (("--env", QUICKEST, "--ticks", "30", "--durations", "uniform 5-9", "--set", *SMALL_PPO), "right"),
-        (("--recipe", "flights", "--set", *small_training.SMALL_FLIGHTS), "compare --flights --deciders imm"),
-    ],
-)
-def test_the_command_trains_and_resumes(line, words, tmp_path, capsys):
-    run = str(tmp_path / "run")
-    assert main(["train", *line, "--steps", "640", "--out", run]) == 0
-    assert main(["train", "--resume", run, "--steps", "1280"]) == 0
-    assert words in " ".join(capsys.readouterr().out.split())
-
-
 def test_training_and_evaluation_use_different_episodes():
     run = small_run("ppo", steps=512)
     first = seeds.TRAINING + 10**9 * run.seed
@@ -245,41 +221,6 @@ def test_a_recipe_for_another_environment_is_refused(env, options, recipe, chang
         pytest.importorskip("sb3_contrib")
     with pytest.raises(ArgumentError, match=message):
         make_run(env, options, load_recipe(recipe, env, changes), 0)
-
-
-def test_more_steps_than_those_of_a_run_are_made_after_it(folders):
-    folder, run = folders("ppo")
-    assert resume_run(folder, steps=4608).steps == 4608
-    assert resume_run(folder).num_timesteps == run.num_timesteps
-
-
-def trained_anchor(recipe, steps, seed=0, **options):
-    run = make_run(ENV, options, recipe, seed, steps=steps)
-    run.train()
-    return run.net
-
-
-def test_short_training_beats_a_fixed_decision_time():
-    net = trained_anchor(load_recipe("anchor", ENV, ("hidden=16",)), 30_000)
-    learned = evaluate(AnchorDecider(net, WorldOptions(), 0.1), episodes=200, seed=7)
-    fixed = evaluate(FixedTimeDecider(round(learned.ticks.mean())), episodes=200, seed=7)
-    assert learned.correct.mean() > fixed.correct.mean()
-
-
-def test_training_uses_several_environments_and_banks_at_once():
-    worlds = [
-        {"n_envs": 8, "options": {"measurement_variance": 0.01}},
-        {"n_envs": 8, "options": {"measurement_variance": 1.0}},
-        {"n_envs": 4, "env": "hybrid_env:HybridTrackBank-v0"},
-    ]
-    recipe = recipe_of("mine", SMALL_RECIPE.as_json()["entry"] | {"worlds": worlds})
-    net = trained_anchor(recipe, 1000)
-    world = WorldOptions(radii=(2.0, 5.0))
-    assert evaluate(AnchorDecider(net, world, 0.5), episodes=3, radii=(2.0, 5.0)).ticks.shape == (3, 6)
-    with pytest.raises(ValueError, match="alpha="):
-        AnchorDecider(net, world, 0.0)
-    with pytest.raises(ValueError, match="observation shape"):
-        AnchorDecider(net, WorldOptions(), 0.5).predict(np.zeros((3, 40), np.float32))
 
 
 def test_environment_options_of_the_recipe_override_those_of_the_run():

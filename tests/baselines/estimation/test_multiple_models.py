@@ -4,7 +4,6 @@ import itertools
 
 import numpy as np
 import pytest
-from hostile_input import refused
 from matrix_filters import LiteralImm, transition_matrix, turn_matrix
 
 from baselines.estimation.multiple_models import MultipleModelFilter
@@ -125,16 +124,6 @@ def test_without_switches_static_imm_and_gpb2_are_equal():
     assert np.abs(advance(begun("gpb1"), z, [None] * 20)[0] - static[0]).max() > 1e-3
 
 
-def test_at_a_switch_to_any_mode_the_imm_starts_from_the_merged_estimate():
-    z = np.random.default_rng(4).normal(0.0, 1.5, (6, 2))
-    imm, restarted = begun("imm"), begun("static")
-    advance(imm, z[:3], [None] * 3)
-    restarted.begin_from(*(one[None] for one in advance(restarted, z[:3], [None] * 3)[:2]))
-    switch = [np.full((5, 5), 0.2), None, None]
-    for found, value in zip(advance(imm, z[3:], switch), advance(restarted, z[3:], switch), strict=True):
-        np.testing.assert_allclose(found, value, rtol=1e-9, atol=1e-12)
-
-
 @pytest.mark.parametrize("method", METHODS)
 def test_modes_that_are_equal_are_one_kalman_filter(method):
     z = np.random.default_rng(5).normal(0.0, 1.5, (10, 2))
@@ -148,23 +137,3 @@ def test_modes_that_are_equal_are_one_kalman_filter(method):
         np.testing.assert_allclose(filtered.covariances[k, 0], P, atol=1e-4)
         assert filtered.log_likelihoods[k, 0] == pytest.approx(np.log(likelihood), abs=1e-3)
     assert models.filters == (25 if method == "gpb2" else 5)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"method": "gpb3"}, "method='gpb3'"),
-        ({"radii": (5.0, 5.0)}, "radii="),
-        ({"process_variance": -1.0}, "process_variance=-1"),
-    ],
-)
-def test_bad_arguments_are_named(change, words):
-    options = {"method": "imm", "radii": 5.0, "process_variance": 0.1, "noise": 0.1}
-    assert words in refused(MultipleModelFilter, **(options | change))
-
-
-def test_tracks_begin_with_an_estimate():
-    models = MultipleModelFilter("imm", 5.0, Q, R)
-    models.begin(1)
-    models.predict(TAU)
-    assert "begin_from" in refused(models.update, [[0.0, 0.0]])

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 from baselines.estimation.turn_beam import TurnHistories, run_turn_beam
-from baselines.estimation.turns import START_SPEED, STRAIGHT, Batch, TurnModel, run_turn_imm
+from baselines.estimation.turns import START_SPEED, STRAIGHT, Batch, TurnModel
 from baselines.recordings.flights.flight import TIERS, stack_flights
 from baselines.recordings.flights.simulated import simulate_flights
 
@@ -84,14 +84,6 @@ def test_all_histories_of_a_few_positions():
 @pytest.fixture(scope="module")
 def batch():
     return stack_flights(simulate_flights(TIERS["B"], 2, 500.0, np.random.default_rng(5))[0])
-
-
-def test_exponential_durations_give_about_the_filter_bank(batch):
-    beam = run_turn_beam(batch, None, TurnHistories(shortest=(0.0, 0.0)))
-    bank = run_turn_imm(batch).probabilities
-    same = (beam.argmax(-1) == bank.argmax(-1))[batch.present]
-    assert same.mean() > 0.98
-    np.testing.assert_allclose(beam.sum(-1), 1.0)
 
 
 def test_turned_flights_have_the_same_posterior(batch):

@@ -12,7 +12,7 @@ from agents.cli import main
 from baselines import SPRTDecider
 from baselines.papers import golubkov2018, golubkov2020, multiple_models, tsyganov2019, zimchuk
 from baselines.papers.golubkov2020 import detect_switch
-from baselines.papers.reproduction import Cell, study_interval
+from baselines.papers.reproduction import study_interval
 from baselines.rules.rollout import evaluate
 from hybrid_env.checks import ArgumentError
 from hybrid_env.simulation import simulate
@@ -86,12 +86,6 @@ def test_study_interval_is_that_of_a_mean_of_100_runs():
     assert mean[0] == pytest.approx(values.mean())
     # with 2,000 resamples the standard error of a 2.5 % quantile is about 4 % of the half width
     assert high[0] - low[0] == pytest.approx(2 * 1.96 * 0.2, rel=0.1)
-
-
-def test_verdict_of_a_cell():
-    assert Cell("t", "r", "c", math.nan, 1.0, 0.0, 2.0).verdict == "not published"
-    assert Cell("t", "r", "c", 2.5, 1.0, 0.0, 2.0).verdict == "outside"
-    assert Cell("t", "r", "c", math.nan, 1.0, 0.0, 2.0).as_json()["published"] is None
 
 
 @pytest.mark.parametrize("module", [golubkov2018, tsyganov2019, golubkov2020, zimchuk, multiple_models])
@@ -172,21 +166,6 @@ def test_large_likelihood_ratios_do_not_overflow():
     assert np.nanmax(found.log_ratios) > 800  # the ratio itself exceeds the largest float64
     assert found.ticks > 100
     assert found.modes == 2
-
-
-def test_a_margin_delays_the_detection_until_one_hypothesis_exceeds_all_others():
-    recording = simulate("S20 L60r4", runs=50, seed=5)
-    radii = [3.0, 4.0, 5.0]
-    early = detect_switch(recording.measurements, START, radii=radii, alpha=0.01)
-    late = detect_switch(recording.measurements, START, radii=radii, alpha=0.01, margin=math.log(9))
-    both = (early.ticks > 0) & (late.ticks > 0)
-    assert (late.ticks[both] >= early.ticks[both]).all()
-    for run in np.flatnonzero(late.ticks):
-        ranked = np.sort(late.log_ratios[run, late.ticks[run] - 1, 1:])
-        assert ranked[-1] - ranked[-2] >= math.log(9)
-    assert (late.modes[both] == 2).mean() > (early.modes[both] == 2).mean()
-    right = detect_switch(recording.measurements, START, radii=radii, tested=[5], alpha=0.01)
-    assert set(right.modes.tolist()) <= {-1, 5}  # only what is tested
 
 
 INVALID = [

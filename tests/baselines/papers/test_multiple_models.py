@@ -49,16 +49,6 @@ def test_ate_states_its_decisions_and_runs_one_filter_after_them():
     np.testing.assert_allclose(tracked.steps, 1.0 + 20.0 * tracks.ticks.sum(1) / 360.0)
 
 
-def test_detector_of_2020_starts_from_straight_motion_and_restarts_at_its_changes():
-    setting = SETTINGS[1]
-    recording = recorded(setting)
-    tracked = estimators(setting, known=False)["detector 2020"](recording, setting, 0.1)
-    assert (tracked.sides[:, 0] == 0).all()
-    assert (tracked.sides[:, -1] != tracked.sides[:, 400]).any()
-    assert np.hypot(*(tracked.estimates - recording.truth)[:, :200, ::2].mean(1).T).max() < 1.0
-    assert (tracked.steps < 1 + 2 * 314).all()
-
-
 def test_small_study_has_a_table_of_every_setting(monkeypatch):
     monkeypatch.setattr(multiple_models, "SETTINGS", SETTINGS[:1])
     monkeypatch.setattr(multiple_models, "VARIANCES", (0.1,))

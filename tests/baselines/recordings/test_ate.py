@@ -5,7 +5,6 @@ import pytest
 from hostile_input import refused
 
 from baselines import SPRTDecider, track_ate
-from baselines.recordings.arrays import first_estimate
 from baselines.rules.rollout import evaluate
 from hybrid_env import HybridTrackVectorEnv
 from hybrid_env.core.records import TRACE_COLUMNS
@@ -102,12 +101,6 @@ def test_a_batch_of_runs_equals_separate_runs():
         alone = track_ate(measurements, [40, 60, 50])
         np.testing.assert_array_equal(together.estimates[i], alone.estimates)
         np.testing.assert_array_equal(together.modes[i], alone.modes)
-
-
-def test_first_estimate_is_exact_on_a_straight_line_without_noise():
-    times = 0.1 * np.arange(1, 31)
-    line = np.stack([1.0 + 2.0 * times, -3.0 + 0.5 * times], axis=1)
-    np.testing.assert_allclose(first_estimate(line, 0.1), [1.0, 2.0, -3.0, 0.5], atol=1e-12)
 
 
 INVALID = [

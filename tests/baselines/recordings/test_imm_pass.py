@@ -74,14 +74,6 @@ def test_straight_motion_has_the_likelihood_of_a_matrix_filter(missing):
     assert count == measured - len(parts) * (2 + BURN_IN)
 
 
-def test_lanes_do_not_disturb_each_other():
-    rng = np.random.default_rng(1)
-    parts = [np.cumsum(rng.normal(1.0, 0.3, (60, 2)), axis=0) for _ in range(LANES + 3)]
-    model = imm_model(0.5, 0.01, 50.0, 2)
-    together = run_pass(parts, [3.0, 8.0], model)[0]
-    assert together == pytest.approx(sum(run_pass([part], [3.0, 8.0], model)[0] for part in parts), rel=1e-9)
-
-
 def test_modes_are_free_again_at_a_known_switch_and_only_there():
     car = OBJECTS["car"]
     z = car.simulate(1, 3, "RL", (60, 60)).measurements[0] / car.deviation

@@ -51,25 +51,6 @@ def test_recalculated_estimates_are_those_of_the_chosen_filter_since_the_switch(
             anchor = found.estimates[run, first + 59]
 
 
-def test_without_recalculation_the_estimates_up_to_the_decision_are_those_of_the_previous_mode():
-    recording = simulate("S60 L60r5", runs=1, seed=4)
-    found = track_ate(recording.measurements[0], recording.lengths, START)
-    tick = found.ticks[1]
-    assert (found.modes[60 : 60 + tick] == found.decided[0]).all()
-    assert (found.modes[60 + tick :] == found.decided[1]).all()
-    assert np.isfinite(found.ratios[60 : 60 + tick]).all()
-    assert np.isnan(found.ratios[60 + tick :]).all()
-    assert (found.ratios[np.arange(60, 60 + tick), found.modes[60 : 60 + tick]] == 0).all()
-
-
-def test_with_the_straight_reference_the_ratios_do_not_depend_on_the_previous_mode():
-    recording = simulate("L60r5 L60r5", runs=20, seed=1)
-    found = track_ate(recording.measurements, recording.lengths, START, reference="straight")
-    second = found.ratios[:, 60]  # the first tick of the second segment
-    np.testing.assert_array_equal(second[:, 0], 0.0)
-    assert (second[:, 1] != 0.0).all()
-
-
 def test_refinement_improves_the_radius_and_keeps_the_decided_side():
     radii = tuple(range(1, 11))
     recording = simulate("L100r4", runs=40, seed=2, measurement_variance=0.01)
@@ -83,17 +64,6 @@ def test_refinement_improves_the_radius_and_keeps_the_decided_side():
         np.where(found.decided == 0, 0, np.where(found.decided <= len(radii), 1, 2)) for found in (plain, refined)
     )
     np.testing.assert_array_equal(plain_types, refined_types)
-
-
-def test_a_rewind_changes_no_refined_decision():
-    radii = tuple(range(1, 11))
-    recording = simulate("L100r4", runs=20, seed=2, measurement_variance=0.1)
-    plain, rewound = (
-        track_ate(recording.measurements, [100], START, radii=radii, refine_radius=True, recalculation=recalculation)
-        for recalculation in ("none", "rewind")
-    )
-    np.testing.assert_array_equal(plain.decided, rewound.decided)
-    np.testing.assert_array_equal(plain.estimates[:, -1], rewound.estimates[:, -1])
 
 
 @pytest.mark.parametrize("carry", [True, False])

@@ -7,9 +7,6 @@ import pytest
 from matrix_filters import MatrixExtendedKalmanFilter
 
 from baselines.rules.beam import BeamDecider, hazards
-from baselines.rules.rollout import record_statements
-from baselines.rules.threshold import ThresholdDecider
-from baselines.scoring.statements import measure_statements
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions
 from hybrid_env.durations import duration_probabilities, parse_durations, remaining_probabilities
 
@@ -123,16 +120,3 @@ def test_hazards_give_back_the_law(text, start):
     table = hazards(laws)
     survival = np.cumprod(np.insert(1.0 - table, 0, 1.0, axis=1), axis=1)[:, :-1]
     np.testing.assert_allclose(survival * table, laws, atol=1e-12)
-
-
-def test_the_hazard_of_a_geometric_law_stays_the_same_in_very_long_segments():
-    """After 30 mean durations the probability of such a segment is below 1e-13."""
-    laws = QuickestOptions(durations="geometric 10", ticks=1000).duration_laws
-    np.testing.assert_allclose(hazards(laws), 0.1, rtol=1e-3)
-
-
-def test_a_beam_that_knows_the_law_is_better_than_the_bank():
-    options = {"durations": "uniform 50-100", "measurement_variance": 0.1}
-    rules = ThresholdDecider(0.6), BeamDecider(QuickestOptions(**options), 0.6, branches=32)
-    rewards = [measure_statements(record_statements(rule, 40, 3, **options)).reward for rule in rules]
-    assert (rewards[1] - rewards[0]).mean() > 0.0

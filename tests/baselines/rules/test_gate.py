@@ -91,14 +91,6 @@ def test_no_measurement_of_the_model_is_refused(scale):
         np.testing.assert_array_equal(now.estimate, expected.estimate)
 
 
-def test_a_missing_gate_uses_every_measurement():
-    tracker = OnlineTracker(QuickestOptions(), ThresholdDecider(0.6), gate=None)
-    for k in range(20):
-        now = tracker.update((0.2 * k, 0.0))
-    assert tracker.update((1e4, 0.0)).agrees
-    assert tracker.update((4.2, 0.0)).estimate[0] > now.estimate[0] + 100.0
-
-
 def test_the_distance_is_that_of_the_nearest_motion():
     estimate, covariance = np.array([1.0, 2.0, 0.0, 0.0]), np.diag([0.2, 0.1, 0.2, 0.1])
     radii, tau, noise = np.array([5.0]), 1.0, np.array([0.5, 0.0, 0.5])

@@ -9,7 +9,6 @@ import pytest
 from agents.evaluation.registry import find_decider, find_family, load_decider
 from baselines import OnlineTracker, SPRTDecider
 from baselines.rules import own
-from baselines.rules.decider import Decider
 from baselines.rules.rollout import evaluate
 from hybrid_env import ArgumentError, WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
@@ -100,20 +99,6 @@ def test_a_changed_file_is_read_again(source):
     assert find_family(f"{source}:Patient", OPTIONS).default == 9
 
 
-def test_an_object_gets_its_threshold_as_attribute():
-    class Rule:
-        thresholds = (1.0, 2.0)
-        threshold = 1.0
-
-        def predict(self, rows):
-            return np.full(len(rows), int(self.threshold))
-
-    rule = Rule()
-    family = find_family(rule, OPTIONS)
-    assert family.make(2.0).predict(np.zeros((3, 28)))[0].tolist() == [2, 2, 2]
-    assert rule.threshold == 1.0
-
-
 def test_the_live_tracker_takes_a_function():
     tracker = OnlineTracker(QuickestOptions(), lambda rows: np.zeros(len(rows), int))
     for k in range(5):
@@ -154,18 +139,6 @@ def test_an_exception_names_the_line_that_raised_it():
         evaluate(hard, episodes=2)
 
 
-def one(rows):
-    return np.ones(len(rows), int)
-
-
-def test_a_slow_rule_is_told_once(monkeypatch):
-    monkeypatch.setattr(own, "SLOW_TOTAL", 0.0)
-    monkeypatch.setattr(own, "SLOW_CALL", 0.0)
-    with pytest.warns(UserWarning, match="one, test_own.py line .* is slow") as told:
-        evaluate(one, episodes=2)
-    assert len(told) == 1
-
-
 @pytest.mark.parametrize(
     ("name", "message"),
     [
@@ -193,10 +166,3 @@ def test_what_cannot_be_used_is_one_line(source, monkeypatch, name, message):
     with pytest.raises(ArgumentError, match=message) as error:
         load_decider(name, OPTIONS)
     assert "\n" not in str(error.value)
-
-
-def test_what_is_no_decider_is_refused():
-    for model in (3, object(), SPRTDecider):
-        with pytest.raises(ArgumentError, match="an object with a method predict, or a function"):
-            own.as_decider(model)
-    assert isinstance(own.as_decider(SPRTDecider(0.1)), Decider)

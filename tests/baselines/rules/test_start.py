@@ -4,15 +4,9 @@ import numpy as np
 import pytest
 from online_episodes import COMMON
 
-from baselines import MSPRTDecider, OnlineTracker, ThresholdDecider
-from baselines.rules.start import FEW, MANY, FirstMeasurements, line_estimate, unit_noise
-from hybrid_env import (
-    HybridTrackQuickestEnv,
-    HybridTrackQuickestVectorEnv,
-    HybridTrackVectorEnv,
-    QuickestOptions,
-    WorldOptions,
-)
+from baselines import OnlineTracker, ThresholdDecider
+from baselines.rules.start import line_estimate, unit_noise
+from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions
 
 SIZE = 2000
 
@@ -85,39 +79,6 @@ def test_a_single_measurement_tells_nothing_about_the_velocity():
     assert not np.isnan(now.covariance).any()
 
 
-def test_few_measurements_are_used_where_turns_are_sharp_and_many_where_noise_is_large():
-    counts = {}
-    for name in ("walker", "R 1"):
-        options = QuickestOptions(**COMMON[name])
-        env = HybridTrackQuickestEnv(**vars(options))
-        _, info = env.reset(seed=0)
-        first = FirstMeasurements(options, MANY)
-        counts[name] = 0
-        while not first.complete:
-            first.add(*info["measurement"].tolist())
-            counts[name] += 1
-            *_, info = env.step(0)
-    assert counts["walker"] <= 5
-    assert counts["R 1"] == MANY
-
-
-@pytest.mark.parametrize("name", COMMON)
-def test_missing_measurements_at_the_start(name):
-    options = QuickestOptions(start="random", **COMMON[name])
-    env = HybridTrackQuickestEnv(**vars(options))
-    _, info = env.reset(seed=0)
-    tracker = OnlineTracker(options, ThresholdDecider())
-    decided = []
-    for k in range(20):
-        missing = k in {0, 2, 5}
-        now = tracker.update(None if missing else tuple(info["measurement"].tolist()), options.tau * k)
-        decided.append(now.decided)
-        *_, info = env.step(0)
-    assert decided.index(True) == 6  # after the measurements of ticks 1, 3, 4
-    assert all(decided[6:])
-    assert np.isfinite(now.covariance).all()
-
-
 @pytest.mark.parametrize("name", ["R 0.1", "car", "ship", "aircraft"])
 def test_a_track_soon_is_as_good_as_one_that_begins_with_the_estimate_of_the_environment(name):
     # the statements of both agree at nine of ten ticks after a while, in 12 episodes
@@ -134,18 +95,3 @@ def test_a_track_soon_is_as_good_as_one_that_begins_with_the_estimate_of_the_env
                 agree.append(now.mode == actions[0])
             rows, *_, info = env.step(actions)
     assert np.mean(agree) > 0.9
-
-
-def test_announced_segments_count_from_their_first_measurement():
-    tracker = OnlineTracker(WorldOptions(), MSPRTDecider())
-    tracker.switch(ticks=40)
-    env = HybridTrackVectorEnv(1, scheme="S60")
-    _, info = env.reset(seed=1)
-    for _ in range(MANY + 3):
-        tracker.update(tuple(info["measurement"][0].tolist()))
-        *_, info = env.step(np.zeros(1, np.int64))
-    row = tracker.world.observations[0]
-    left = tracker.world.layout.read(row, "ticks") + tracker.world.layout.read(row, "ticks_left")
-    collected = 40 - round(float(left))
-    assert 2 <= collected <= MANY
-    assert FEW <= MANY

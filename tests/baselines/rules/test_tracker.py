@@ -184,22 +184,6 @@ def test_bad_arguments_are_named_in_one_line(make, message):
     assert "\n" not in str(caught.value)
 
 
-class Wrong:
-    """Answers as it is told."""
-
-    def __init__(self, answer):
-        self.answer = answer
-
-    def predict(self, observation, state=None, episode_start=None, deterministic=True):
-        return self.answer, state
-
-
-@pytest.mark.parametrize("answer", [[3], [-1], [1.0], [], None, ["left"], [None]], ids=repr)
-def test_a_decider_with_an_action_outside_the_space_is_refused(answer):
-    with pytest.raises(ArgumentError, match="decider='Wrong' is not allowed"):
-        OnlineTracker(QuickestOptions(), Wrong(answer))
-
-
 def test_the_beam_predicts_in_ticks_without_a_measurement():
     options = QuickestOptions(measurement_variance=0.01)
     found = []
@@ -212,24 +196,6 @@ def test_the_beam_predicts_in_ticks_without_a_measurement():
                 tracker.update(None)
         found.append(tracker._decider_state.log_probability)
     np.testing.assert_array_equal(found[0], found[1])
-
-
-def test_a_decider_with_filters_of_its_own_is_asked_in_ticks_without_a_measurement(monkeypatch):
-    decider, points, results = KeptCovarianceDecider(WorldOptions(), 1e-9), measurements(40), []
-    for jump in (False, True):
-        tracker = OnlineTracker(WorldOptions(), decider)
-        asked, ask = [], tracker._ask_decider
-        monkeypatch.setattr(tracker, "_ask_decider", lambda ask=ask, asked=asked: asked.append(1) or ask())
-        for k, point in enumerate(points):
-            if not 12 <= k < 15:
-                now = tracker.update(point, 0.1 * k)
-            elif not jump:
-                now = tracker.update(None)
-            if k == 15:
-                results.append((len(asked), now.decided, now.mode, now.estimate.tolist()))
-    assert results[0] == results[1]
-    assert not results[0][1]
-    assert results[0][0] == 6  # after ten measurements for the start, three of them missing
 
 
 @pytest.mark.parametrize("how", [copy.deepcopy, copy.copy, lambda one: pickle.loads(pickle.dumps(one))])

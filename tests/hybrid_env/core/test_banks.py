@@ -177,17 +177,6 @@ def test_the_anchor_aware_filter_that_was_declared_carries_over_its_covariance()
     np.testing.assert_allclose(found, mean, rtol=1e-5)
 
 
-def test_a_declared_filter_follows_with_weights_to_the_end_of_its_segment():
-    options = {"scheme": "L40r5 S9", "likelihood": f"student_t {FREEDOM}", "noise": "outliers 0.2"}
-    waits, declares = (HybridTrackEnv(**options) for _ in range(2))
-    waits.reset(seed=2)
-    declares.reset(seed=2)
-    for _ in range(39):
-        waits.step(0)
-    anchors = [waits.step(2)[4]["anchor"], declares.step(2)[4]["anchor"]]
-    np.testing.assert_allclose(anchors[0], anchors[1], atol=1e-12)
-
-
 def test_the_oracle_bank_is_anchored_at_the_true_state():
     env = HybridTrackEnv(bank="oracle", scheme="L30r5 S20", heading=0.5)
     _, info = env.reset(seed=4)
@@ -208,11 +197,6 @@ def test_a_diverged_filter_loses_likelihood_and_stays_finite():
     assert np.isfinite(found).all()
     assert found[0] > max(found[1:]) + 1000
     assert np.isfinite(bank["x"][:, 0]).all()
-
-
-def test_the_oracle_bank_rejects_reset_covariance():
-    with pytest.raises(ValueError, match="reset_covariance=True"):
-        HybridTrackEnv(bank="oracle", reset_covariance=True)
 
 
 MERGED = {"radii": (3.0, 8.0), "measurement_variance": (0.5, 2.0)}

@@ -29,11 +29,6 @@ def test_a_newer_source_removes_the_cache(tmp_path, changed, kept):
     assert len(list(tmp_path.iterdir())) == kept
 
 
-def test_a_missing_cache_does_not_raise(tmp_path):
-    drop_stale_files(str(tmp_path / "nowhere"), "hybrid_env")
-    drop_stale_files(None, "hybrid_env")
-
-
 UNWRITABLE = ("", "/dev/null/cache", "/proc/cache")
 PROGRAM = """
 import numpy as np

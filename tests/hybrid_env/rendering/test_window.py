@@ -26,20 +26,6 @@ def test_what_is_not_installed_is_named_with_its_extra(module, mode, monkeypatch
         renderer.draw(None)
 
 
-def test_human_mode_shows_ten_frames_per_second(monkeypatch):
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    env = make("human")
-    env.reset(seed=0)
-    begin = time.perf_counter()
-    for _ in range(4):
-        env.step(0)
-    elapsed = time.perf_counter() - begin
-    assert env.render() is None
-    env.close()
-    env.close()
-    assert elapsed > 0.3
-
-
 def test_the_window_shows_the_frame(monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     import pygame
@@ -88,7 +74,3 @@ def test_a_missing_display_is_detected(monkeypatch):
     assert not display_available()
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     assert display_available()
-
-
-def test_a_renderer_without_a_window_can_be_closed():
-    Renderer(make("rgb_array").options, human=False, panel=probability_panel()).close()

@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from baselines.recordings.reading.names import ROLES, role_of, split_unit
 from hybrid_env.checks import ArgumentError
 
 ROWS = 30
@@ -16,26 +15,6 @@ OTHER = FRAME.set_axis(["Zeit", "Ost", "Nord"], axis=1)
 FEET = FRAME.rename(columns={"x": "x_ft", "y": "y_ft"})
 MIXED = FRAME.rename(columns={"x": "x_ft", "y": "y_m"})
 SAME_NAME = "t,x,X,y\n0,1,1,1\n1,2,2,2\n"
-
-
-@pytest.mark.parametrize(
-    ("header", "name", "unit"),
-    [
-        ("x", "x", None), (" X [m] ", "x", "m"), ("Easting (km)", "easting", "km"), ("pos_x", "pos_x", None),
-        ("x_km", "x", "km"), ("t/s", "t", "s"), ("time_ms", "time", "ms"), ("x_pos", "x_pos", None),
-        ("GPS Latitude", "gps_latitude", None), ("x [px]", "x", "px"), ("x []", "x", None), ("m", "m", None),
-        ("location-long", "location_long", None), ("_ms", "ms", None), ("", "", None),
-    ],
-)  # fmt: skip
-def test_name_and_unit_of_a_header(header, name, unit):
-    assert split_unit(header) == (name, unit)
-
-
-def test_a_name_has_one_role():
-    names = [name for names in ROLES.values() for name in names]
-    assert len(names) == len(set(names))
-    assert {role_of(name.upper()) for name in ROLES["lat"]} == {"lat"}
-    assert role_of("estimate_x") is None
 
 
 @pytest.mark.parametrize("names", [("Time", "Easting", "Northing"), ("timestamp", "pos_x", "pos_y")])

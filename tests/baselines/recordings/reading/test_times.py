@@ -110,14 +110,6 @@ def test_broken_times(read_times, times, row, cell, message):
         read_times([*map(str, cells[:row]), cell, *map(str, cells[row + 1 :])])
 
 
-def test_jittered_and_irregular_steps_are_kept(read_times):
-    times = SECONDS + np.random.default_rng(0).uniform(-0.1, 0.1, ROWS)
-    recording, summary = read_times(times)
-    np.testing.assert_array_equal(recording.times, times)
-    assert recording.tick == np.median(np.diff(times))
-    assert f"(steps {np.diff(times).min():.4g} to {np.diff(times).max():.4g})" in summary
-
-
 def test_missing_rows_and_gaps(read, read_one):
     times = np.delete(SECONDS, [3, 4])
     times[20:] += 6.0

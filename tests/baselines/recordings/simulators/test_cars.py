@@ -31,29 +31,6 @@ def test_a_net_has_the_speed_the_radius_and_the_durations_that_deciders_are_told
     assert np.concatenate(lengths).mean() == pytest.approx(sum(net.lasting), rel=0.2)
 
 
-def test_cars_turn_corners_slowly_and_change_lanes_without_a_turn(driven):
-    _, paths = driven
-    straight, turning, shifts = [], [], []
-    for path in paths:
-        assert path.states.shape == (round(DURATION / CONTROL), 4)
-        speed = np.hypot(path.states[:, 1], path.states[:, 3])
-        straight.append(speed[path.modes == 0])
-        turning.append(speed[path.modes > 0])
-        bounds = np.flatnonzero(np.diff(path.modes, prepend=-1, append=-1))
-        for first, end in itertools.pairwise(bounds):
-            points = path.states[first + 15 : end - 15, ::2]  # away from the corners
-            if path.modes[first] == 0 and len(points) > 50 and np.ptp(points, axis=0).max() > 50.0:
-                along = points[20] - points[0]
-                along = along / np.hypot(*along)
-                shifts.append(np.ptp((points - points[0]) @ np.array([-along[1], along[0]])))
-    assert np.median(np.concatenate(turning)) < 0.85 * np.median(np.concatenate(straight))
-    assert np.concatenate(straight).min() < 1.0  # somebody has the right of way
-    lanes = np.array(shifts)
-    assert np.mean((lanes > 2.5) & (lanes < 4.0)) > 0.02  # 3.2 m
-    share = np.mean(np.concatenate([path.modes for path in paths]) > 0)
-    assert 0.1 < share < 0.35
-
-
 def test_modes_are_the_sides_of_the_turns(driven):
     _, paths = driven
     for path in paths[:5]:
