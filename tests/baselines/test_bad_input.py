@@ -40,22 +40,11 @@ def test_lengths(lengths):
 
 
 BAD_POSITIONS = [
-    np.zeros((0, 2)),
-    np.zeros((10, 3)),
-    np.zeros(10),
-    np.full((10, 2), np.nan),
-    np.ma.masked_array(POSITIONS, np.arange(20).reshape(10, 2) == 3),
-    [[1, 10**400]] * 10,
-    [["a", "b"]] * 10,
-    [[True, False]] * 10,
-    [[datetime.timedelta(1)] * 2] * 10,
-    np.full((10, 2), np.timedelta64(1, "s")),
-    np.ones((10, 2), complex),
-    RAGGED,
-    "text",
-    None,
-    Ellipsis,
-]
+    np.zeros((0, 2)), np.zeros((10, 3)), np.zeros(10), np.full((10, 2), np.nan),
+    np.ma.masked_array(POSITIONS, np.arange(20).reshape(10, 2) == 3), [[1, 10**400]] * 10, [["a", "b"]] * 10,
+    [[True, False]] * 10, [[datetime.timedelta(1)] * 2] * 10, np.full((10, 2), np.timedelta64(1, "s")),
+    np.ones((10, 2), complex), RAGGED, "text", None, Ellipsis,
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("positions", BAD_POSITIONS, ids=str)

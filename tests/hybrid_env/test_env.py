@@ -150,19 +150,14 @@ def test_info_and_observation_equal_those_of_a_separate_bank(options):
         log_error = np.log(np.delete(posterior, posterior.argmax()).sum())
         curvature = np.concatenate([[0.0], 1 / np.array(radii), -1 / np.array(radii)])
         expected = {
-            "log_ratio": np.maximum(log_likelihood - log_likelihood.max(), -30),
-            "innovation_along": white @ heading,
+            "log_ratio": np.maximum(log_likelihood - log_likelihood.max(), -30), "innovation_along": white @ heading,
             "innovation_across": white @ [-heading[1], heading[0]],
             "log_variance": np.log(bank.innovation_variances / R).mean(1),
-            "previous": np.eye(len(curvature))[previous],
-            "curvature": curvature,
-            "ticks": info["tick"],
-            "log_error_probability": max(log_error, -30),
-            "speed": np.hypot(anchor[1], anchor[3]),
-            "displacement_along": shift @ heading,
-            "displacement_across": shift @ [-heading[1], heading[0]],
+            "previous": np.eye(len(curvature))[previous], "curvature": curvature, "ticks": info["tick"],
+            "log_error_probability": max(log_error, -30), "speed": np.hypot(anchor[1], anchor[3]),
+            "displacement_along": shift @ heading, "displacement_across": shift @ [-heading[1], heading[0]],
             "log_noise": np.log(R).mean(),
-        }
+        }  # fmt: skip
         for name, value in expected.items():
             np.testing.assert_allclose(layout.read(observation, name), value, rtol=2e-6, atol=2e-6, err_msg=name)
         assert env.observation_space.contains(observation)

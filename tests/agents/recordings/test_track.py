@@ -96,17 +96,13 @@ def contents(folder):
 
 
 BROKEN = {
-    "decreasing.csv": b"t,x,y\n0,1,2\n1,2,3\n0.5,3,4\n",
-    "duplicate.csv": b"t,x,y\n0,1,2\n1,2,3\n1,3,4\n",
-    "one_point.csv": b"t,x,y\n0,1,2\n",
-    "text.csv": b"t,x,y\n0,1,2\n1,east,3\n2,3,4\n",
-    "empty.csv": b"",
+    "decreasing.csv": b"t,x,y\n0,1,2\n1,2,3\n0.5,3,4\n", "duplicate.csv": b"t,x,y\n0,1,2\n1,2,3\n1,3,4\n",
+    "one_point.csv": b"t,x,y\n0,1,2\n", "text.csv": b"t,x,y\n0,1,2\n1,east,3\n2,3,4\n", "empty.csv": b"",
     "cut_off.csv.gz": gzip.compress(b"t,x,y\n" + os.urandom(1000))[:-20],
-    "infinite.csv": b"t,x,y\n0,1,2\n1,inf,3\n2,3,4\n",
-    "garbage.csv": bytes(range(256)) * 4,
+    "infinite.csv": b"t,x,y\n0,1,2\n1,inf,3\n2,3,4\n", "garbage.csv": bytes(range(256)) * 4,
     "two_objects.csv": b"t,x,y\n0,1,2\n1,2,3\n0,100,2\n1,101,3\n",
     "degrees.csv": b"t,x,y\n0,37.5,55.5\n1,37.50001,55.50001\n2,37.50002,55.50002\n",
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BROKEN)

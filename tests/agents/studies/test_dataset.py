@@ -18,13 +18,11 @@ def root(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("env_id", "rule", "flags"),
-    [
+    ("env_id", "rule", "flags"), [
         ("HybridTrack-v0", "ate", "--scheme random --measurement-variance 0.5"),
-        ("HybridTrackBank-v0", "msprt", "--scheme S9"),
-        ("HybridTrackQuickest-v0", "threshold:0.7", "--ticks 40"),
+        ("HybridTrackBank-v0", "msprt", "--scheme S9"), ("HybridTrackQuickest-v0", "threshold:0.7", "--ticks 40"),
     ],
-)
+)  # fmt: skip
 def test_episodes_of_a_data_set_are_those_of_its_environment(root, capsys, env_id, rule, flags):
     command = f"dataset --env {env_id} --policies {rule} shipped random --episodes 3 {flags}"
     assert main(command.split()) == 0
@@ -51,15 +49,12 @@ def test_episodes_of_a_data_set_are_those_of_its_environment(root, capsys, env_i
 
 
 @pytest.mark.parametrize(
-    ("flags", "message"),
-    [
-        ("", "policies=()"),
-        ("--policies ate ate", "policies=('ate', 'ate')"),
-        ("--policies fortune", "decider='fortune'"),
-        ("--policies ate --episodes 10001", "episodes=10001"),
+    ("flags", "message"), [
+        ("", "policies=()"), ("--policies ate ate", "policies=('ate', 'ate')"),
+        ("--policies fortune", "decider='fortune'"), ("--policies ate --episodes 10001", "episodes=10001"),
         ("--policies ate --out /dev/null/x", "out="),
     ],
-)
+)  # fmt: skip
 def test_what_cannot_be_written_is_refused_in_one_line(root, capsys, flags, message):
     assert main(f"dataset {flags}".split()) == 2
     (line,) = capsys.readouterr().err.splitlines()

@@ -104,18 +104,15 @@ def outside_position(_, metadata):
 
 COMMON = {
     "a moment of another shape": replaced("optimizer.1.exp_avg", lambda old: old[:1].clone()),
-    "no moment": replaced("optimizer.0.exp_avg", None),
-    "a negative moment": replaced("optimizer.1.exp_avg_sq", -1.0),
+    "no moment": replaced("optimizer.0.exp_avg", None), "a negative moment": replaced("optimizer.1.exp_avg_sq", -1.0),
     "an infinite moment": replaced("optimizer.1.exp_avg", float("inf")),
     "an unknown tensor": lambda tensors, _: tensors.update(more=torch.zeros(1)),
-    "no values": lambda _, metadata: metadata.clear(),
-    "values that are not JSON": rewritten("{", ""),
+    "no values": lambda _, metadata: metadata.clear(), "values that are not JSON": rewritten("{", ""),
     "deeply nested values": lambda _, metadata: metadata.update(values="[" * 100_000),
-    "no steps": rewritten('"steps"', '"step"'),
-    "negative steps": rewritten('"steps": ', '"steps": -'),
+    "no steps": rewritten('"steps"', '"step"'), "negative steps": rewritten('"steps": ', '"steps": -'),
     "a fraction of a step": rewritten('"steps": ', '"steps": 0.'),
     "infinite seconds": rewritten('"seconds": ', '"seconds": 1e999, "x": '),
-}
+}  # fmt: skip
 OF_KIND = {
     "ppo": {
         "weights that are not numbers": replaced("network.action_net.weight", float("nan")),

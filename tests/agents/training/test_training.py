@@ -201,21 +201,16 @@ def test_a_run_refuses_invalid_arguments(name, value):
 
 
 @pytest.mark.parametrize(
-    ("env", "options", "recipe", "changes", "message"),
-    [
+    ("env", "options", "recipe", "changes", "message"), [
         (QUICKEST, {}, "ppo", ["wait_bias=5"], "wait_bias=5"),
         (QUICKEST, {}, "ppo", ["observe=[ticks_left]"], "observe='ticks_left'"),
-        (QUICKEST, {}, "recurrent-ppo", [], r"wait_bias=5\.0"),
-        (QUICKEST, {}, "anchor", [], "env="),
-        (QUICKEST, {}, "reward", [], "env="),
-        (ENV, {"actions": "best"}, "reward", [], "actions='best'"),
-        (ENV, {}, "reward", ["n_envs=100000"], "n_envs=100000"),
-        (ENV, {}, "statements", [], "env="),
-        (QUICKEST, {}, "flights", [], "env="),
-        (ENV, {"tau": 0.2}, "flights", [], "options="),
+        (QUICKEST, {}, "recurrent-ppo", [], r"wait_bias=5\.0"), (QUICKEST, {}, "anchor", [], "env="),
+        (QUICKEST, {}, "reward", [], "env="), (ENV, {"actions": "best"}, "reward", [], "actions='best'"),
+        (ENV, {}, "reward", ["n_envs=100000"], "n_envs=100000"), (ENV, {}, "statements", [], "env="),
+        (QUICKEST, {}, "flights", [], "env="), (ENV, {"tau": 0.2}, "flights", [], "options="),
         (ENV, {}, "anchor", ["worlds=[{n_envs: 8, options: {actions: best}}]"], "actions='best'"),
     ],
-)
+)  # fmt: skip
 def test_a_recipe_for_another_environment_is_refused(env, options, recipe, changes, message):
     if recipe == "recurrent-ppo":
         pytest.importorskip("sb3_contrib")

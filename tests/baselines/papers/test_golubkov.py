@@ -134,11 +134,9 @@ def test_statistics_agree_with_an_independent_implementation_at_four_alpha():
     recording = simulate("golubkov2020", runs, seed=12)
     no_switch = simulate("S40", runs, seed=13)
     expected = {
-        0.1: (1.05, 14.1, (8, 12, 14, 17, 19), 5.9, 5.1),
-        0.05: (0.10, 15.1, (10, 13, 15, 17, 20), 8.7, 2.0),
-        0.01: (0.0, 16.5, (12, 15, 17, 18, 20), 19.0, 0.35),
-        0.001: (0.0, 17.6, (14, 16, 18, 19, 20), 37.0, 0.04),
-    }
+        0.1: (1.05, 14.1, (8, 12, 14, 17, 19), 5.9, 5.1), 0.05: (0.10, 15.1, (10, 13, 15, 17, 20), 8.7, 2.0),
+        0.01: (0.0, 16.5, (12, 15, 17, 18, 20), 19.0, 0.35), 0.001: (0.0, 17.6, (14, 16, 18, 19, 20), 37.0, 0.04),
+    }  # fmt: skip
     for alpha, (alarms, delay, percentiles, missed, alarms_without_switch) in expected.items():
         ticks = golubkov2020.run_detector(recording, alpha).ticks
         figures = golubkov2020.delay_statistics(ticks)
@@ -169,12 +167,9 @@ def test_large_likelihood_ratios_do_not_overflow():
 
 
 INVALID = [
-    ({"radii": []}, "radii=[]"),
-    ({"alpha": 0.5}, "alpha=0.5"),
-    ({"alpha": 0.4, "beta": 0.6}, "alpha + beta=1.0"),
-    ({"margin": -1.0}, "margin=-1.0"),
-    ({"published_root": 1}, "published_root=1"),
-]
+    ({"radii": []}, "radii=[]"), ({"alpha": 0.5}, "alpha=0.5"), ({"alpha": 0.4, "beta": 0.6}, "alpha + beta=1.0"),
+    ({"margin": -1.0}, "margin=-1.0"), ({"published_root": 1}, "published_root=1"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("arguments", "message"), INVALID)

@@ -114,14 +114,11 @@ def hard(rows):
 
 
 ANSWERS = {
-    "two columns": lambda rows: np.zeros((len(rows), 2), int),
-    "too few": lambda rows: np.zeros(1, int),
-    "NaN": lambda rows: np.full(len(rows), np.nan),
-    "no declaration": lambda rows: np.full(len(rows), 4),
-    "negative": lambda rows: np.full(len(rows), -1),
-    "ragged": lambda rows: [[1], [1, 2]],
+    "two columns": lambda rows: np.zeros((len(rows), 2), int), "too few": lambda rows: np.zeros(1, int),
+    "NaN": lambda rows: np.full(len(rows), np.nan), "no declaration": lambda rows: np.full(len(rows), 4),
+    "negative": lambda rows: np.full(len(rows), -1), "ragged": lambda rows: [[1], [1, 2]],
     "nothing": lambda rows: None,
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("answer", ANSWERS)
@@ -140,20 +137,16 @@ def test_an_exception_names_the_line_that_raised_it():
 
 
 @pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("mine.py:nothing", "a name that mine.py defines"),
-        ("other.py:x", "a file that exists"),
+    ("name", "message"), [
+        ("mine.py:nothing", "a name that mine.py defines"), ("other.py:x", "a file that exists"),
         ("mine.py:states", "one for announced switches; this one is for unknown"),
         ("broken.py:x", r"broken.py failed: SyntaxError: .*line 1"),
-        ("leaves.py:x", r"leaves.py failed in leaves.py line 1: SystemExit: 3"),
-        ("no.such:x", "No module named 'no'"),
+        ("leaves.py:x", r"leaves.py failed in leaves.py line 1: SystemExit: 3"), ("no.such:x", "No module named 'no'"),
         ("unequal.py:rule", "different numbers in unequal.py:rule"),
         ("unequal.py:text", "thresholds='many' is not allowed|thresholds='m' is not allowed"),
-        ("unequal.py:Two", r"unequal.py:Two failed: TypeError"),
-        ("mine.py", "mine.py:MyRule"),
+        ("unequal.py:Two", r"unequal.py:Two failed: TypeError"), ("mine.py", "mine.py:MyRule"),
     ],
-)
+)  # fmt: skip
 def test_what_cannot_be_used_is_one_line(source, monkeypatch, name, message):
     monkeypatch.chdir(source.parent)
     monkeypatch.setattr(sys, "path", [*sys.path])

@@ -31,14 +31,10 @@ DOPPLER = (
     Radar(range_deviation=1.0, bearing_deviation=0.01, rate_deviation=0.3, position=(0.0, -30.0)),
 )
 MEASURED = {
-    "plain": {},
-    "unequal": UNEQUAL,
-    "missed": {"missed": 0.4},
-    "sensors": {"sensors": SENSORS},
-    "both": {"sensors": SENSORS, "missed": 0.4, "noise": "levy 1.5 0.5 44"},
-    "radars": {"sensors": RADARS},
+    "plain": {}, "unequal": UNEQUAL, "missed": {"missed": 0.4}, "sensors": {"sensors": SENSORS},
+    "both": {"sensors": SENSORS, "missed": 0.4, "noise": "levy 1.5 0.5 44"}, "radars": {"sensors": RADARS},
     "range rates": {"sensors": DOPPLER, "missed": 0.3},
-}
+}  # fmt: skip
 HEAVY = {"noise": "levy 1.2"}
 ROBUST = {
     "robust": {"likelihood": f"student_t {FREEDOM}"},

@@ -17,16 +17,14 @@ def read(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "options"),
-    [
-        ("t,mode\n0,left\n0.5,\n1,right\n", {}),
-        ("time [ms];x;stated\n0;7;left\n500;7;\n1000;8;right\n", {}),
+    ("text", "options"), [
+        ("t,mode\n0,left\n0.5,\n1,right\n", {}), ("time [ms];x;stated\n0;7;left\n500;7;\n1000;8;right\n", {}),
         ("t,whatever\n0,left\n0.5,\n1,right\n", {}),
         ("a,b\n0,left\n0.5,\n1,right\n", {"columns": {"time": "1", "mode": "b"}}),
         ("a,b\n0,left\n500,\n1000,right\n", {"columns": {"time": "a"}, "time_unit": "ms"}),
         ("t,object,mode\n0,p,left\n0.5,p,\n1,p,right\n", {"object_column": "none"}),
     ],
-)
+)  # fmt: skip
 def test_times_and_modes_of_one_track(read, text, options):
     found = read(text, **options)
     ((times,), (modes,)) = (list(one.values()) for one in found)

@@ -74,36 +74,31 @@ def test_the_format_or_unit_of_the_caller(read_times):
 
 
 @pytest.mark.parametrize(
-    ("cells", "options", "message"),
-    [
+    ("cells", "options", "message"), [
         (AMERICAN, {}, r"line 2: t='05/01/2024 .*ISO date, or --time-unit"),
         (SECONDS, {"time_unit": "weeks"}, r"time_unit='weeks'.*one of s, "),
         (SECONDS, {"name": "t [weeks]"}, r"walk.csv: unit of t \[weeks\]='weeks'.*--time-unit"),
         (SECONDS, {"name": "speed", "time_unit": "s"}, r"time_unit='s'.*no times"),
-        (SECONDS, {"tau": 0.3}, r"tau=0.3.*the median step of the times, 0.25"),
-        (SECONDS, {"gap": 0}, "gap=0"),
+        (SECONDS, {"tau": 0.3}, r"tau=0.3.*the median step of the times, 0.25"), (SECONDS, {"gap": 0}, "gap=0"),
     ],
-)
+)  # fmt: skip
 def test_options_that_do_not_fit_the_times(read_times, cells, options, message):
     with pytest.raises(ArgumentError, match=message):
         read_times(cells, **options)
 
 
 @pytest.mark.parametrize(
-    ("times", "row", "cell", "message"),
-    [
+    ("times", "row", "cell", "message"), [
         (SECONDS, 5, "soon", r"line 7: t='soon'.*--time-unit"),
         (SECONDS, 5, "", r"line 7: t: the cell is empty: expected a time in every row"),
-        (SECONDS, 5, "inf", r"line 7: t='inf'"),
-        (SECONDS, 0, "-", r"line 2: t='-'"),
+        (SECONDS, 5, "inf", r"line 7: t='inf'"), (SECONDS, 0, "-", r"line 2: t='-'"),
         (SECONDS, 5, "0.5", r"line 7: t='0.5' is not allowed: expected a time after 1.0 .*--object"),
         (SECONDS, 5, "1.0", r"line 7: t='1.0' is not allowed: expected a time after 1.0 .*--object"),
-        (DATES, 7, "2024-13-01 00:00:00", "line 9: t='2024-13-01 00:00:00'"),
-        (DATES, 7, "later", "line 9: t='later'"),
+        (DATES, 7, "2024-13-01 00:00:00", "line 9: t='2024-13-01 00:00:00'"), (DATES, 7, "later", "line 9: t='later'"),
         (DATES, 7, "NaT", "line 9: t='NaT'"),
         (FORMS["day.month.year"][0], 0, "", "line 2: t: the cell is empty: expected a time in every row"),
     ],
-)
+)  # fmt: skip
 def test_broken_times(read_times, times, row, cell, message):
     cells = times.strftime("%Y-%m-%d %H:%M:%S.%f") if times is DATES else times
     with pytest.raises(ArgumentError, match=message):
@@ -134,15 +129,12 @@ def test_recording_of_arrays():
 
 
 @pytest.mark.parametrize(
-    ("times", "positions", "message"),
-    [
-        ([0, 1], np.ones((2, 3)), r"positions has shape \(2, 3\)"),
-        ([0, 1], [[0, 1], [np.inf, 1]], "positions=inf"),
-        ([0, 1], [[0, 1], [np.nan, 1]], "1 measured positions"),
-        ([0, 0], np.ones((2, 2)), r"times\[1\]=0.0.*after 0"),
+    ("times", "positions", "message"), [
+        ([0, 1], np.ones((2, 3)), r"positions has shape \(2, 3\)"), ([0, 1], [[0, 1], [np.inf, 1]], "positions=inf"),
+        ([0, 1], [[0, 1], [np.nan, 1]], "1 measured positions"), ([0, 0], np.ones((2, 2)), r"times\[1\]=0.0.*after 0"),
         ([0, 1, 2], np.ones((2, 2)), r"times has shape \(3,\)"),
     ],
-)
+)  # fmt: skip
 def test_arrays_that_are_no_recording(times, positions, message):
     with pytest.raises(ArgumentError, match=message):
         make_recording(times, positions)
