@@ -149,7 +149,7 @@ OUTSIDE = [
     {"noise": "outliers 1"}, {"noise": "levy 3"}, {"sensors": "radar"}, {"sensors": [5]}, {"missed": 1.0},
     {"delay_cost": -0.01}, {"bank": "aware"}, {"bank": 1}, {"reset_covariance": 1}, {"follow": "both"},
     {"correctness": "approximate"}, {"actions": "some"}, {"undecided": "forget"},
-    {"refine_radius": True}, {"recalculation": True, "follow": "bank"},
+    {"refine_radius": True}, {"recalculation": True, "follow": "bank"}, {"reset_covariance": True, "bank": "oracle"},
     {"refine_radius": True, "follow": "bank", "radii": (2.0, 5.0)},
 ]  # fmt: skip
 

@@ -63,23 +63,15 @@ def test_a_copy_has_memory_of_its_own_and_continues_alike(make, options, tracks,
             np.testing.assert_array_equal(other.step(actions)[0], rows)
 
 
-def _missing(arrays):
-    del arrays["rewards"]
+DAMAGED = {
+    "missing": lambda arrays: arrays.pop("rewards"),
+    "wider": lambda arrays: arrays.update(observations=np.zeros((8, 29), np.float32)),
+    "fewer": lambda arrays: arrays.update({"bank.hypotheses": arrays["bank.hypotheses"][:, :-1]}),
+    "text": lambda arrays: arrays.update(trace="text"),
+}
 
 
-def _wider(arrays):
-    arrays["observations"] = np.zeros((8, 29), np.float32)
-
-
-def _fewer(arrays):
-    arrays["bank.hypotheses"] = arrays["bank.hypotheses"][:, :-1]
-
-
-def _text(arrays):
-    arrays["trace"] = "text"
-
-
-@pytest.mark.parametrize("damage", [_missing, _wider, _fewer, _text])
+@pytest.mark.parametrize("damage", DAMAGED.values(), ids=DAMAGED)
 def test_a_state_of_other_arrays_is_refused(damage):
     world = HybridTrackVectorEnv(8).world
     arrays = dict(world.arrays())

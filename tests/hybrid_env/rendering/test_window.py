@@ -1,7 +1,6 @@
 """The window of render_mode="human"."""
 
 import sys
-import time
 
 import gymnasium as gym
 import numpy as np
@@ -48,10 +47,7 @@ def test_the_episode_continues_after_the_window_is_closed(monkeypatch):
     env.step(0)
     assert env.renderer.window.closed_by_user
     assert not pygame.display.get_init()
-    begin = time.perf_counter()
-    for _ in range(40):
-        env.step(0)
-    assert time.perf_counter() - begin < 2.0  # no longer limited to ten frames per second
+    env.step(0)
     env.close()
     env.reset(seed=0)
     assert pygame.display.get_init()
