@@ -51,7 +51,8 @@ def test_step_before_anchor_raises():
 INVALID = [
     ({"radii": []}, "radii=[]"), ({"radii": [1.0, 1.0]}, "radii=[1.0, 1.0]"), ({"radii": "five"}, "radii='five'"),
     ({"radii": [float("nan")]}, "radii=[nan]"), ({"tau": 0}, "tau=0"), ({"tau": True}, "tau=True"),
-    ({"process_variance": -1e-9}, "process_variance=-1e-09"), ({"measurement_variance": 0.0}, "measurement_variance=0.0"),
+    ({"process_variance": -1e-9}, "process_variance=-1e-09"),
+    ({"measurement_variance": 0.0}, "measurement_variance=0.0"),
     ({"measurement_variance": (0.1, -0.1)}, "measurement_variance=-0.1"),
     ({"measurement_variance": "loud"}, "measurement_variance='loud'"),
 ]  # fmt: skip
