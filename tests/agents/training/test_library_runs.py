@@ -59,6 +59,5 @@ def test_values_without_a_future_are_the_expected_reward_of_a_statement(layers):
     found = run.family("").make(0.0).logits(rows)[0]
     error = found / run.recipe.settings.reward_scale - exact
     # linear values lack the product of probability and statement: a quarter of the variance
-    print(layers, error.std() / exact.std(), error.mean())
     assert error.std() < (0.6 if layers == "[]" else 0.15) * exact.std()
     assert abs(error.mean()) < 0.2

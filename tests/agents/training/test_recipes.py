@@ -63,10 +63,11 @@ INVALID = {
         ("n_envs", 0), ("n_envs", 10**6), ("batch_size", 0), ("hidden", 10**6), ("learning_rate", 2.0),
         ("every_row", 1),
     ],
-    "tandem": [("n_envs", 0), ("batch_size", 0), ("hidden", 10**6), ("learning_rate", 2.0)],
-    "kalman": [("n_envs", 0), ("batch_size", 0), ("hidden", 10**6), ("learning_rate", 2.0)],
-    "distilled": [("n_envs", 0), ("batch_size", 0), ("hidden", 10**6), ("learning_rate", 2.0)],
-    "transformer": [("n_envs", 0), ("batch_size", 0), ("hidden", 10**6), ("learning_rate", 2.0)],
+    **{
+        name: [("n_envs", 0), ("batch_size", 0), ("hidden", 10**6), ("learning_rate", 2.0)]
+        for name in ("tandem", "kalman", "distilled", "transformer")
+    },
+    "recurrent-ppo": [("policy_kwargs", {"lstm_hidden_size": 10**6}), ("policy_kwargs", {"n_lstm_layers": 10**9})],
     "statements": [
         ("durations", []), ("durations", ["normal 3"]), ("durations", "uniform 5-20"), ("n_envs", 0),
         ("n_envs", 10**6), ("variances", [2.0, 1.0]), ("variances", [1.0]), ("radii", [0.0, 1.0]),
@@ -82,7 +83,7 @@ INVALID = {
     "gliders": [("flights", 3), ("flights", [1, 1]), ("flights", [0])],
 }  # fmt: skip
 NAMED = {
-    "policy_kwargs": "net_arch|policy_kwargs|recipe|n_quantiles", "unknown": "hyper-parameter='unknown'",
+    "policy_kwargs": "net_arch|policy_kwargs|recipe|n_quantiles|lstm", "unknown": "hyper-parameter='unknown'",
     "worlds": "n_envs=|worlds=|options=|option=|env=", "drawn_worlds": "radii=|drawn_worlds=|n_steps=",
 }  # fmt: skip
 """What is named where it is not the hyper-parameter itself."""
