@@ -13,7 +13,7 @@ from tools.bench.__main__ import main
 from tools.bench.environments import Steps
 from tools.bench.filters import FilterpyBank
 from tools.bench.programs import CASES
-from tools.bench.timing import Measurement, markdown, measure_in_turn
+from tools.bench.timing import Measurement, markdown
 
 RADII = (3.0, 5.0, 9.0)
 
@@ -33,16 +33,6 @@ def test_the_bank_and_its_peer_compute_the_same_likelihoods():
         ours.step(z)
         theirs.step(z)
     np.testing.assert_allclose(ours.log_likelihood, theirs.log_likelihood, rtol=1e-10)
-
-
-def test_the_two_sides_are_measured_in_turn(monkeypatch):
-    monkeypatch.setattr(timing, "REPETITIONS", 2)
-    monkeypatch.setattr(timing, "SECONDS", 1e-4)
-    calls = []
-    ours, theirs = measure_in_turn(lambda: calls.append("A"), lambda: calls.append("B"))
-    order = "".join(side for k, side in enumerate(calls) if k == 0 or calls[k - 1] != side)
-    assert order == "ABABAB"  # once each before, then two pairs
-    assert min(ours + theirs) > 0
 
 
 def test_simulated_ticks_include_fast_forwarded_ones():

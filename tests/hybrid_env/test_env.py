@@ -53,22 +53,6 @@ def test_waiting_on_the_last_tick_forces_a_decision_for_the_most_likely_hypothes
         assert info["decided_mode"] == infos[k - 1]["log_likelihood"].argmax()
 
 
-def test_undecided_keep_keeps_the_last_decided_mode():
-    env = HybridTrackEnv(scheme="L30r5 S40 R30r5", undecided="keep")
-    _, infos, _ = play(env, lambda info: 2 if (info["segment"], info["tick"]) == (1, 3) else 0, seed=1)
-    assert [info["decided_mode"] for info in infos if "decided_mode" in info] == [0, 1, 1]
-
-
-def test_mean_rewards_of_declaring_immediately_and_of_never_declaring_have_their_expected_values():
-    # immediately: correct with probability 1/3, 1/3 - 2/3 - .02 = -.353; standard error 2 sqrt(2)/3 / sqrt(n)
-    env = HybridTrackEnv()
-    rewards = [sum(play(env, lambda info: 1, seed)[0]) / 6 for seed in range(400)]
-    assert np.mean(rewards) == pytest.approx(-0.353, abs=4 * 0.94 / math.sqrt(2400))
-    # never: about 1 - 75 * .02 = -.50, almost always correct; lengths are uniform on 50 .. 100
-    rewards = [sum(play(env, lambda info: 0, seed)[0]) / 6 for seed in range(100)]
-    assert np.mean(rewards) == pytest.approx(-0.50, abs=4 * 0.02 * 14.7 / math.sqrt(600) + 0.01)
-
-
 @pytest.mark.parametrize(
     "options",
     [
@@ -113,16 +97,6 @@ def test_the_object_follows_its_scheme_and_is_measured_with_the_given_variance()
         errors = trace[f"measured_{axis}"] - trace[axis]
         # variance of 250 normals: relative standard error sqrt(2 / 250)
         assert errors.var() == pytest.approx(variance, rel=4 * math.sqrt(2 / 250))
-
-
-def test_the_error_of_the_first_estimate_has_the_given_variances():
-    env = HybridTrackEnv(initial_error=(0.5, 0.03), heading=0.0, measurement_variance=0.2)
-    anchors = np.array([env.reset(seed=seed)[1]["anchor"] for seed in range(2000)])
-    errors = anchors - [0.0, 2.0, 0.0, 0.0]
-    expected = [0.1, 0.03, 0.1, 0.03]
-    np.testing.assert_allclose(errors.var(0), expected, rtol=4 * math.sqrt(2 / 2000))
-    exact = HybridTrackEnv(initial_error=0, heading=0.0)
-    np.testing.assert_array_equal(exact.reset(seed=0)[1]["anchor"], [0.0, 2.0, 0.0, 0.0])
 
 
 @pytest.mark.parametrize("options", [{}, {"radii": (2.0, 5.0, 9.0)}, {"measurement_variance": (0.1, 0.5)}])
@@ -201,16 +175,6 @@ def test_a_wrong_radius_is_correct_by_type_and_wrong_by_hypothesis():
         assert reward == (0.98 if expected else -1.02)
 
 
-def test_actions_best_declares_the_most_likely_hypothesis():
-    env = HybridTrackEnv(actions="best")
-    assert env.action_space.n == 2
-    _, info = env.reset(seed=3)
-    for _ in range(15):
-        _, _, _, _, info = env.step(0)
-    likeliest = info["log_likelihood"].argmax()
-    assert env.step(1)[4]["decided_mode"] == likeliest
-
-
 @pytest.mark.parametrize("action", [-1, "n", 0.0, None, np.array([0, 1]), math.nan])
 @pytest.mark.parametrize("make", [HybridTrackEnv, HybridTrackQuickestEnv])
 def test_an_invalid_action_raises_an_error_with_its_value(make, action):
@@ -229,20 +193,6 @@ def test_step_requires_a_running_episode():
     assert env.step(0)[2]
     with pytest.raises(gym.error.ResetNeeded):
         env.step(0)
-
-
-def test_every_call_returns_new_arrays_and_the_documented_types():
-    env = HybridTrackEnv()
-    observation, info = env.reset(seed=0)
-    kept = {key: np.copy(value) for key, value in info.items()}
-    first = observation.copy()
-    _, reward, terminated, truncated, later = env.step(0)
-    env.step(1)
-    np.testing.assert_array_equal(observation, first)
-    for key, value in info.items():
-        np.testing.assert_array_equal(value, kept[key])
-    assert [type(value) for value in (reward, terminated, truncated)] == [float, bool, bool]
-    assert type(later["segment"]) is np.int64  # learning libraries read arrays and NumPy scalars
 
 
 def test_a_forked_process_does_not_change_the_tracks_of_its_parent():

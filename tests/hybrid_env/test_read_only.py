@@ -12,7 +12,6 @@ from hybrid_env import (
     HybridTrackQuickestEnv,
     HybridTrackQuickestVectorEnv,
     HybridTrackVectorEnv,
-    KalmanBank,
     QuickestOptions,
     WorldOptions,
 )
@@ -30,16 +29,6 @@ def test_options_and_arrays_of_an_environment_cannot_be_replaced(make):
         for name in names:
             with pytest.raises(AttributeError, match=f"{type(owner).__name__}.{name} is read-only"):
                 setattr(owner, name, None)
-
-
-@pytest.mark.parametrize("name", ["radii", "tau", "process_variance", "variances"])
-def test_the_model_of_a_bank_cannot_be_replaced(name):
-    bank = KalmanBank()
-    with pytest.raises(AttributeError, match=f"KalmanBank.{name} is read-only"):
-        setattr(bank, name, np.arange(1.0, 5001.0))
-    bank.anchor([0.0, 2.0, 0.0, 0.0])
-    with pytest.raises(ValueError, match="read-only"):
-        bank.radii[0] = 1.0
 
 
 @pytest.mark.parametrize("tracks", [1, LANES, LANES + 3])

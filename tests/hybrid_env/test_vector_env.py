@@ -37,6 +37,8 @@ MADE = [
     ("HybridTrack-v0", {"noise": "levy 1.5 1 44"}),
     ("HybridTrack-v0", {"bank": "anchor_aware", "noise": "outliers 0.1"}),
     ("HybridTrack-v0", {"bank": "anchor_aware", "follow": "bank"}),
+    ("HybridTrackQuickest-v0", {"ticks": 40, "durations": "drawn", "order": "drawn", "start": "random"}),
+    ("HybridTrackQuickest-v0", {"ticks": 40, "order": "cycle"}),
     ("HybridTrackQuickest-v0", SHORT | {"noise": "student_t 3"}),
 ]
 VIEWS = {
@@ -161,16 +163,6 @@ def test_an_environment_unpickled_from_read_only_buffers_steps_in_its_own_memory
         rows = [one.step(np.zeros(3, np.int64))[0] for one in (env, again)]
         np.testing.assert_array_equal(*rows)
     assert frozen == before
-
-
-def test_a_reset_of_some_tracks_keeps_the_traces_of_the_others():
-    env = HybridTrackVectorEnv(3, autoreset_mode="Disabled", trace_rows=30)
-    env.reset(seed=5)
-    env.step(np.ones(3, np.int64))
-    lengths = [len(env.world.read_trace(k)) for k in range(3)]
-    assert min(lengths) > 1
-    env.reset(options={"reset_mask": np.array([False, True, False])})
-    assert [len(env.world.read_trace(k)) for k in range(3)] == [lengths[0], 1, lengths[2]]
 
 
 @pytest.mark.parametrize(

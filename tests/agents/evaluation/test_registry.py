@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from agents.evaluation.registry import NAMED, SHIPPED, find_decider, find_family, load_decider, policy_folder
-from baselines import BeamDecider, CusumDecider, record_statements
+from baselines import record_statements
 from baselines.rules import refiltering
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
 from hybrid_env import ArgumentError, HybridTrackVectorEnv, WorldOptions
@@ -39,23 +39,6 @@ def test_every_decider_decides_at_its_default_and_can_be_made_at_every_threshold
         seen = rows if getattr(decider, "observes", "rows") == "rows" else decider.observe(env.world)
         actions, _ = decider.predict(seen, None, np.ones(2, np.bool_))
         assert (actions <= options.hypotheses).all()
-
-
-def test_a_threshold_follows_a_colon():
-    family, threshold = find_decider("cusum:3.5", OPTIONS[UNKNOWN])
-    decider = family.make(threshold)
-    assert isinstance(decider, CusumDecider)
-    assert threshold == decider.threshold == 3.5
-
-
-def test_one_beam_knows_the_law_of_durations_and_the_other_only_its_mean():
-    options = OPTIONS[UNKNOWN]
-    knows, geometric = (load_decider(name, options) for name in ("beam", "beam-geometric"))
-    assert isinstance(knows, BeamDecider)
-    assert isinstance(geometric, BeamDecider)
-    assert knows.model.hazards[1, 8] == 0.0  # no segment ends after 9 ticks
-    assert knows.model.hazards[1, 19] == pytest.approx(1.0)
-    np.testing.assert_allclose(geometric.model.hazards, 1.0 / options.law.mean_duration)
 
 
 @pytest.mark.parametrize(

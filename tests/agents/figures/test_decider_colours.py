@@ -34,31 +34,21 @@ VISION = {
 }
 
 
+RGB_TO_CONES = np.array([
+    [0.4122214708, 0.5363325363, 0.0514459929], [0.2119034982, 0.6806995451, 0.1073969566],
+    [0.0883024619, 0.2817188376, 0.6299787005],
+])  # fmt: skip
+CONES_TO_LAB = np.array([
+    [0.2104542553, 0.7936177850, -0.0040720468], [1.9779984951, -2.4285922050, 0.4505937099],
+    [0.0259040371, 0.7827717662, -0.8086757660],
+])  # fmt: skip
+
+
 def oklab(colour, vision):
     """Perceptual coordinates (Ottosson 2020) of a colour, in hundredths; 2 is just noticeable."""
     rgb = np.array(to_rgb(colour))
     linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
-    cones = np.cbrt(
-        np.array(
-            [
-                [0.4122214708, 0.5363325363, 0.0514459929],
-                [0.2119034982, 0.6806995451, 0.1073969566],
-                [0.0883024619, 0.2817188376, 0.6299787005],
-            ]
-        )
-        @ np.clip(np.array(VISION[vision]) @ linear, 0.0, 1.0)
-    )
-    return (
-        100.0
-        * np.array(
-            [
-                [0.2104542553, 0.7936177850, -0.0040720468],
-                [1.9779984951, -2.4285922050, 0.4505937099],
-                [0.0259040371, 0.7827717662, -0.8086757660],
-            ]
-        )
-        @ cones
-    )
+    return 100.0 * CONES_TO_LAB @ np.cbrt(RGB_TO_CONES @ np.clip(np.array(VISION[vision]) @ linear, 0.0, 1.0))
 
 
 def difference(one, other, vision="normal"):

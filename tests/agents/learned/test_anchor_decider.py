@@ -159,18 +159,6 @@ def test_the_loss_of_the_anchors_is_the_density_of_the_mixture():
         assert net.loss(inputs, errors).item() == pytest.approx(-np.log(density).mean(), rel=1e-4)
 
 
-@pytest.mark.parametrize("agent", [anchor_agent, stopping_agent])
-def test_dropping_finished_tracks_changes_no_decision(agent):
-    class KeepAll:
-        def __init__(self, decider):
-            self.predict = decider.predict
-
-    options = {"radii": (3.0, 5.0), "measurement_variance": (0.05, 0.2)}
-    decider = agent(WorldOptions(**options))
-    ticks = [evaluate(one, episodes=40, seed=3, **options).ticks for one in (decider, KeepAll(decider))]
-    np.testing.assert_array_equal(*ticks)
-
-
 def test_a_wrong_radius_costs_what_the_network_predicts_where_only_the_type_is_rewarded():
     world = WorldOptions(radii=(2.0, 2.0001, 8.0), correctness="type")
     rows, _ = HybridTrackVectorEnv(3, **vars(world)).reset(seed=0)

@@ -7,8 +7,7 @@ import shutil
 import numpy as np
 import pytest
 import torch
-from hostile_input import accepted, damaged, mutated, profile
-from hypothesis import given
+from hostile_input import accepted, attack, damaged, mutated
 from safetensors.torch import load_file, save_file
 
 from agents.cli import main
@@ -175,13 +174,11 @@ def test_a_card_with_one_changed_value_is_used_or_refused(save, examples, tmp_pa
     card = json.loads((tmp_path / CARD).read_text())
     decide(tmp_path)  # also compiles, which takes longer than an example may
 
-    @profile(examples)
-    @given(mutated(card))
     def check(changed):
         (tmp_path / CARD).write_text(json.dumps(changed))
         accepted(lambda: decide(tmp_path))
 
-    check()
+    attack(examples, mutated(card), check)
 
 
 @pytest.mark.parametrize("examples", [30, pytest.param(4_000, marks=pytest.mark.study)])
@@ -192,10 +189,8 @@ def test_a_damaged_file_is_used_or_refused(name, save, examples, tmp_path):
     decide(tmp_path)
     content = (tmp_path / name).read_bytes()
 
-    @profile(examples)
-    @given(damaged(content))
     def check(changed):
         (tmp_path / name).write_bytes(changed)
         accepted(lambda: decide(tmp_path))
 
-    check()
+    attack(examples, damaged(content), check)

@@ -1,13 +1,11 @@
 """The evidence of each decider, compared with the decisions that it makes."""
 
-import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium import spaces
 
 from agents.evaluation.registry import load_decider
 from agents.learned.policy import PolicyDecider, make_policy
-from baselines import BeamDecider
 from hybrid_env import HybridTrackVectorEnv, Layout
 
 RADII = (3.0, 5.0, 8.0)
@@ -85,21 +83,3 @@ def test_a_policy_declares_when_its_log_odds_exceed_the_threshold(actions):
     for _, chosen, values in ticks_of(make_env(), decider):
         np.testing.assert_array_equal(chosen > 0, values.max(axis=1) > panel.thresholds[0].levels[0])
         np.testing.assert_array_equal(values[chosen > 0, chosen[chosen > 0] - 1], values[chosen > 0].max(axis=1))
-
-
-def stating():
-    return gym.make(STATED, render_mode="rgb_array").unwrapped
-
-
-def test_the_evidence_of_a_beam_does_not_change_its_state():
-    env = stating()
-    env.reset(seed=0)
-    decider = BeamDecider(env.options)
-    _, state = decider.predict(decider.observe(env.world))
-    env.step(0)
-    before = state.log_probability.copy()
-    rows, start = decider.observe(env.world), np.zeros(1, np.bool_)
-    found = decider.evidence(rows, state, start)
-    np.testing.assert_array_equal(state.log_probability, before)
-    np.testing.assert_array_equal(found, np.exp(decider.predict(rows, state, start)[1].log_probability))
-    assert decider.panel().thresholds[0].levels == [0.6]

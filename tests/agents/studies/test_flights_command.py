@@ -7,11 +7,9 @@ import pytest
 from agents.evaluation.flights import FlightTask
 from agents.evaluation.registry import policy_folder
 from agents.studies.compare_command import Compare
-from agents.studies.flights_study import compare_on_flights, late_modes, without_stress
+from agents.studies.flights_study import compare_on_flights, without_stress
 from baselines.recordings.flights import flight as flight_module
 from baselines.recordings.flights.flight import TIERS
-from baselines.recordings.flights.labels import label_flights
-from baselines.recordings.flights.metrics import STATISTICS, score_flights
 from baselines.recordings.flights.simulated import simulate_flights
 from baselines.rules.decider import FLIGHTS
 
@@ -46,24 +44,6 @@ def test_flights_are_compared(tmp_path, source, capsys):
     assert len(result["flights"]) == 2
     assert (out / "two-abc120-0.png").stat().st_size > 10_000
     assert "IMM threshold" in capsys.readouterr().out
-
-
-def test_labels_that_are_stated_late(source):
-    flights = FlightTask(source, BOTH, ("B",), "native").read()
-    labels = label_flights(flights)
-    steps = np.concatenate([np.diff(flight.times) for flight in flights])
-    found = []
-    for count in (0, 1, 2):
-        late = [late_modes(*pair, count) for pair in zip(flights, labels, strict=True)]
-        scores = score_flights("late", flights, labels, late)
-        found.append({name: float(scores.curve(STATISTICS[name])[0]) for name in ("agreement", "delay")})
-    now, one, two = found
-    assert (now["agreement"], now["delay"]) == (1.0, 0.0)
-    assert steps.min() <= one["delay"] < two["delay"] <= 2.0 * steps.max()
-    assert one["agreement"] > two["agreement"] > 0.9
-    modes = late_modes(flights[0], labels[0], 1)
-    np.testing.assert_array_equal(modes[1:], labels[0].modes[:-1])  # a flight of one piece
-    assert modes[0] == labels[0].modes[0]
 
 
 def test_the_semi_real_form_has_the_deciders_of_the_environment(tmp_path, source, capsys):

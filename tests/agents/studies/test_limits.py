@@ -23,7 +23,6 @@ from agents.studies.limits import (
     THRESHOLD,
     TIMES,
     UNKNOWN_STEPS,
-    calls,
     limits_markdown,
     unknown_steps,
 )
@@ -66,19 +65,6 @@ def unknown():
         row |= {"gain": exactly(0.02) if k else None, "delay": exactly(10.0), "wrong_changes": exactly(2.0)}
         found.append(row | {"most_probable_right": exactly(0.9)})
     return {"steps": found}
-
-
-def test_each_step_has_a_paired_gain(monkeypatch):
-    few = list(STEPS)[:3]  # the others need further compiled banks
-    monkeypatch.setattr(limits, "NOISE_LEVELS", (0.1,))
-    monkeypatch.setattr(limits, "STEPS", {step: STEPS[step] for step in few})
-    found = [one for _, rows in Workers().results(calls("", 10, 0)["steps"]) for one in rows]
-    assert [one["step"] for one in found] == 2 * few
-    assert [one["step"] for one in found if one["gain"] is None] == 2 * few[:1]
-    for before, one in itertools.pairwise(found[: len(few)]):
-        gain = one["gain"]
-        assert gain.value == pytest.approx(one["reward"].value - before["reward"].value)
-        assert gain.low <= gain.value <= gain.high
 
 
 def test_every_step_is_reported_with_a_threshold_from_other_tracks(monkeypatch):

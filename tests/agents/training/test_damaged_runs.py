@@ -107,11 +107,7 @@ COMMON = {
     "no moment": replaced("optimizer.0.exp_avg", None), "a negative moment": replaced("optimizer.1.exp_avg_sq", -1.0),
     "an infinite moment": replaced("optimizer.1.exp_avg", float("inf")),
     "an unknown tensor": lambda tensors, _: tensors.update(more=torch.zeros(1)),
-    "no values": lambda _, metadata: metadata.clear(), "values that are not JSON": rewritten("{", ""),
     "deeply nested values": lambda _, metadata: metadata.update(values="[" * 100_000),
-    "no steps": rewritten('"steps"', '"step"'), "negative steps": rewritten('"steps": ', '"steps": -'),
-    "a fraction of a step": rewritten('"steps": ', '"steps": 0.'),
-    "infinite seconds": rewritten('"seconds": ', '"seconds": 1e999, "x": '),
 }  # fmt: skip
 OF_KIND = {
     "ppo": {
@@ -124,13 +120,9 @@ OF_KIND = {
         "no random numbers": replaced("tracks.blocks.random_state", torch.zeros_like),
         "an infinite state": replaced("tracks.hypotheses.x", float("inf")),
         "no returns": replaced("tracks.returns", None),
-        "a short state of PyTorch": rewritten('"torch": "', '"torch": "00" , "x": "'),
         "a state that is not hexadecimal": rewritten('"torch": "', '"torch": "xyz'),
         "no state of NumPy": rewritten('"numpy": [[', '"numpy": [[1], 1, 0, 0.0], "x": [['),
         "a position outside the state of NumPy": outside_position,
-        "no number of updates": rewritten('"updates"', '"other"'),
-        "episodes without ticks": rewritten('"episodes": [', '"episodes": [[1.0],'),
-        "an infinite loss": rewritten('"logged": {', '"logged": {"x": Infinity,'),
     },
     "anchor": {
         "weights that are not numbers": replaced("network.anchor.output.weight", float("nan")),
@@ -138,7 +130,6 @@ OF_KIND = {
         "a hypothesis that does not exist": replaced("tracks.0.0.blocks.true_mode", 3),
         "no generator": rewritten('"generators": [', '"generators": [], "x": ['),
         "another generator": rewritten("PCG64", "MT19937"),
-        "a fraction in a generator": rewritten('"state": {"state": ', '"state": {"state": 0.5, "x": '),
     },
 }  # fmt: skip
 

@@ -46,15 +46,6 @@ def test_the_expected_reward_is_the_mean_over_all_sequences_of_statements():
         np.testing.assert_allclose(last[track], ends, atol=1e-12)
 
 
-def test_pieces_have_the_reward_of_the_whole():
-    utility, stay, true_modes = random_outputs(ticks=10)
-    whole, last = reward_of(utility, stay, true_modes, 2.0)
-    one, between = reward_of(utility[:4], stay[:4], true_modes[:4], 2.0)
-    other, end = reward_of(utility[4:], stay[4:], true_modes[4:], 2.0, between)
-    torch.testing.assert_close(whole, 0.4 * one + 0.6 * other)
-    torch.testing.assert_close(end, last)
-
-
 def test_the_reward_of_a_tick_has_its_weight_and_its_cost():
     utility, stay, true_modes = random_outputs(ticks=3)
     each = torch.stack(

@@ -109,14 +109,6 @@ def test_a_mirrored_track_has_the_mirrored_belief_and_a_rotated_one_the_same(run
     np.testing.assert_allclose(outputs_of(run.net, run.world, rotated).belief, plain, atol=1e-2)
 
 
-def test_a_missing_measurement_says_nothing(run):
-    seen = observed(run.world)
-    seen[5, :, :2] = np.nan
-    found = outputs_of(run.net, run.world, seen)
-    assert (found.logs[5] == 0.0).all()
-    assert found.utility.isfinite().all()
-
-
 def test_a_gain_is_learned_in_seconds():
     changes = ("n_envs=24", "batch_size=24", "n_steps=25", "durations=[25 + geometric 50]", "variances=[1, 1]")
     run = make_run(ENV, {"ticks": 100}, load_recipe("jump-markov", ENV, (*changes, "hidden=8")), seed=1, steps=24_000)

@@ -2,31 +2,16 @@
 
 import numpy as np
 import pytest
-import torch
 
 from agents.evaluation.registry import find_family
-from agents.learned.policy import VALUE_THRESHOLDS, value_network
+from agents.learned.policy import VALUE_THRESHOLDS
 from agents.training.recipe import load_recipe
 from agents.training.runs import make_run
-from hybrid_env import Layout, QuickestLayout
+from hybrid_env import QuickestLayout
 from hybrid_env.registration import make_track_vector_env
 
 ANNOUNCED, QUICKEST = "hybrid_env:HybridTrack-v0", "hybrid_env:HybridTrackQuickest-v0"
 SMALL = "buffer_size=5000", "learning_starts=500"
-
-
-@pytest.mark.parametrize("kind", ["dqn", "qrdqn", "a2c"])
-def test_the_first_policy_waits_by_its_bias_and_its_target_network_too(kind):
-    pytest.importorskip("sb3_contrib")
-    run = make_run(ANNOUNCED, {}, load_recipe(kind, ANNOUNCED, ("wait_bias=3",)))
-    rows = np.random.default_rng(0).normal(size=(5, Layout(3).width)).astype(np.float32)
-    logits, _ = run.family("").make(0.0).logits(rows)
-    assert logits.shape == (5, 4)
-    assert (logits.argmax(1) == 0).all()
-    net = value_network(run.model.policy)
-    if net is not None:
-        target = getattr(run.model, "q_net_target", None) or run.model.quantile_net_target
-        assert all(torch.equal(one, other) for one, other in zip(net.parameters(), target.parameters(), strict=True))
 
 
 @pytest.mark.parametrize("kind", ["dqn", "qrdqn", "a2c"])

@@ -4,8 +4,7 @@ import json
 
 import pytest
 import yaml
-from hostile_input import accepted, damaged, mutated, profile
-from hypothesis import given
+from hostile_input import accepted, attack, damaged, mutated
 
 from agents.interface.input_files import LARGEST_FILE
 from agents.training.recipe import FOLDER, Recipe, load_recipe, recipe_names, recipe_of
@@ -157,13 +156,11 @@ def test_a_path_that_is_no_file_is_refused(name):
 def test_a_recipe_with_one_changed_value_is_used_or_refused(name, examples, tmp_path):
     path = tmp_path / "recipe.yml"
 
-    @profile(examples)
-    @given(mutated(yaml.safe_load((FOLDER / f"{name}.yml").read_text())))
     def check(changed):
         path.write_text(yaml.dump(changed))
         accepted(lambda: load(path))
 
-    check()
+    attack(examples, mutated(yaml.safe_load((FOLDER / f"{name}.yml").read_text())), check)
 
 
 @pytest.mark.parametrize("examples", [50, STUDY])
@@ -171,13 +168,11 @@ def test_a_recipe_with_one_changed_value_is_used_or_refused(name, examples, tmp_
 def test_a_damaged_recipe_is_used_or_refused(name, examples, tmp_path):
     path = tmp_path / "recipe.yml"
 
-    @profile(examples)
-    @given(damaged((FOLDER / f"{name}.yml").read_bytes()))
     def check(changed):
         path.write_bytes(changed)
         accepted(lambda: load(path))
 
-    check()
+    attack(examples, damaged((FOLDER / f"{name}.yml").read_bytes()), check)
 
 
 @pytest.mark.parametrize("name", recipe_names())

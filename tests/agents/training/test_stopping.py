@@ -65,13 +65,11 @@ def test_an_agent_with_another_number_of_units_is_refused_in_one_line():
 
 
 @pytest.mark.parametrize(
-    ("options", "least"),
-    [
-        ({"process_variance": 0.01}, 0.02),
-        pytest.param({"noise": "levy 1.5 1 44"}, -np.inf, marks=pytest.mark.study),
+    ("options", "least"), [
+        ({"process_variance": 0.01}, 0.02), pytest.param({"noise": "levy 1.5 1 44"}, -np.inf, marks=pytest.mark.study),
         pytest.param({}, -np.inf, marks=pytest.mark.study),
     ],
-)
+)  # fmt: skip
 def test_without_a_threshold_the_agent_earns_as_much_as_with_its_best_threshold(options, least):
     reward = evaluate(load_decider("stopping", WorldOptions(**options)), episodes=150, seed=50, **options).reward.mean(
         1

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import small_training
 import torch
-from small_training import KINDS, QUICK, SCHEME, log_often, small_run
+from small_training import KINDS, log_often, small_run
 
 from agents.evaluation.registry import learned_family, load_decider
 from agents.training.learning_curve import draw_learning_curve, environment_curve
-from agents.training.recipe import load_recipe, recipe_of
+from agents.training.recipe import load_recipe
 from agents.training.run_folder import read_metrics
 from agents.training.runs import make_run
 from agents.training.stable_baselines import CLASSES
@@ -19,11 +19,9 @@ from baselines.rules import seeds
 from baselines.rules.rollout import evaluate, record_statements
 from hybrid_env import QuickestLayout, QuickestOptions, WorldOptions
 from hybrid_env.checks import ArgumentError
-from hybrid_env.registration import make_track_vector_env
 
 ENV = "hybrid_env:HybridTrack-v0"
 QUICKEST = "hybrid_env:HybridTrackQuickest-v0"
-SMALL_RECIPE = load_recipe("anchor", ENV, ("n_steps=16", "hidden=12", "worlds=[{n_envs: 32}]"))
 
 
 @pytest.fixture(autouse=True)
@@ -161,27 +159,6 @@ def test_deciders_are_loaded_by_name_threshold_and_folder(folders, tmp_path):
         load_decider(str(folders("ppo-quickest")[0]), QuickestOptions(radii=(5.0, 7.0)))
 
 
-@pytest.mark.parametrize(
-    ("kind", "more"), [("ppo", ("observe=[posterior, ticks]",)), ("recurrent-ppo", ("wait_bias=0",))]
-)
-def test_changed_recipes_are_restored_from_their_folder(kind, more, tmp_path):
-    """Selected observations; a recurrent agent that states modes."""
-    states = kind == "recurrent-ppo"
-    if states:
-        pytest.importorskip("sb3_contrib")
-    env, options = (QUICKEST, QUICK) if states else (ENV, SCHEME)
-    recipe = load_recipe(KINDS[kind][0], env, (*KINDS[kind][3], *more))
-    run = make_run(env, options, recipe, 0, tmp_path / "run", 640)
-    run.train()
-    loaded = load_decider(f"{tmp_path / 'run'}:0.5", run.world)
-    deciders = loaded, run.family("").make(0.5)
-    if states:
-        found = [record_statements(one, 5, 3, **options).stated_modes for one in deciders]
-    else:
-        found = [evaluate(one, ENV, 5, 1, **options).ticks for one in deciders]
-    np.testing.assert_array_equal(*found)
-
-
 @pytest.mark.parametrize("kind", ["ppo-quickest", "ppo"])
 def test_the_learning_curve_measures_fixed_episodes_of_the_environment(kind, tmp_path, monkeypatch):
     monkeypatch.undo()
@@ -207,20 +184,6 @@ def test_the_learning_curve_measures_fixed_episodes_of_the_environment(kind, tmp
     assert (tmp_path / "curve.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_training_and_evaluation_use_different_episodes():
-    run = small_run("ppo", steps=512)
-    first = seeds.TRAINING + 10**9 * run.seed
-    env = make_track_vector_env(run.env_id, run.model.n_envs, **run.options)
-    np.testing.assert_array_equal(run.model._last_obs, env.reset(seed=first)[0])
-    assert first >= 10**12
-
-
-@pytest.mark.parametrize(("name", "value"), [("steps", 0), ("seed", -1), ("seed", 2**31)])
-def test_a_run_refuses_invalid_arguments(name, value):
-    with pytest.raises(ArgumentError, match=f"{name}={value}.*expected"):
-        make_run(ENV, {}, load_recipe("ppo", ENV), **{name: value})
-
-
 @pytest.mark.parametrize(
     ("env", "options", "recipe", "changes", "message"), [
         (QUICKEST, {}, "ppo", ["wait_bias=5"], "wait_bias=5"),
@@ -238,11 +201,3 @@ def test_a_recipe_for_another_environment_is_refused(env, options, recipe, chang
         pytest.importorskip("sb3_contrib")
     with pytest.raises(ArgumentError, match=message):
         make_run(env, options, load_recipe(recipe, env, changes), 0)
-
-
-def test_environment_options_of_the_recipe_override_those_of_the_run():
-    worlds = [{"n_envs": 8, "options": {"measurement_variance": 0.5}}, {"n_envs": 8}]
-    recipe = recipe_of("mine", SMALL_RECIPE.as_json()["entry"] | {"worlds": worlds})
-    run = make_run(ENV, {"measurement_variance": 0.2}, recipe, steps=1)
-    envs = [env for stream in run._streams for env in stream.envs]
-    assert [env.options.measurement_variance for env in envs] == [0.5, 0.2]

@@ -149,21 +149,6 @@ def test_a_track_begins_with_its_first_measurement_and_a_missing_one_only_predic
     assert filtered.log_likelihoods[3, 0] < 0.0
 
 
-def test_two_sensors_at_one_time_equal_their_weighted_mean():
-    rng = np.random.default_rng(4)
-    model, first, second = MotionModel("CJ", 2, 1.0), random_covariance(rng, 2), random_covariance(rng, 2)
-    a, b = rng.normal(size=(2, 1, 2))
-    start = np.zeros((1, 8)), random_covariance(rng, 8), 0.0
-    both = run_filter(
-        KalmanFilter(model, 1.0), np.stack([a, b]), [1.0, 1.0], noises=np.stack([first, second]), start=start
-    )
-    joint = np.linalg.inv(np.linalg.inv(first) + np.linalg.inv(second))
-    mean = (joint @ (np.linalg.solve(first, a[0]) + np.linalg.solve(second, b[0])))[None, None]
-    one = run_filter(KalmanFilter(model, joint), mean, [1.0], start=start)
-    np.testing.assert_allclose(both.states[1], one.states[0], rtol=1e-10)
-    np.testing.assert_allclose(both.covariances[1], one.covariances[0], rtol=1e-9, atol=1e-12)
-
-
 @pytest.mark.parametrize("name", ORDERS)
 @pytest.mark.parametrize("kind", ["continuous", "discrete"])
 def test_units_of_length_and_time_change_nothing_but_the_units(name, kind):

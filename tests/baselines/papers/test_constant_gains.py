@@ -69,11 +69,6 @@ def test_moving_average_equals_pandas(window):
     np.testing.assert_allclose(moving_average(values, window), expected, rtol=0.0, atol=1e-9)
 
 
-def test_weights_of_a_moving_average_fall_with_the_age():
-    averaged = moving_average(np.array([[[1.0]], [[0.0]], [[0.0]]]), window=3, ratio=0.5)
-    np.testing.assert_allclose(averaged.ravel(), [1.0, 0.5 / 1.5, 0.25 / 1.75])
-
-
 def test_noise_of_the_published_filter_is_biased_as_in_a_simulation():
     rng = np.random.default_rng(6)
     for gain, expected in ((0.1, 1.11), (0.2, 1.25)):

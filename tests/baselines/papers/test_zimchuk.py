@@ -43,11 +43,3 @@ def test_without_limits_it_is_worse_than_the_measurements_and_fast_kalman_filter
     for deviation in (20, 60):
         fast = row(result, f"Kalman, sigma_w = {deviation}")
         assert (fast < 1.1 * row(result, "adaptive, as published")).all()
-
-
-def test_the_true_motion_has_the_published_accelerations():
-    times = np.arange(0.0, 70.0, 0.01)
-    acceleration = np.gradient(np.gradient(zimchuk.true_position(times), times), times)
-    at = {10.0: 0.0, 25.0: 20.0, 40.0: 0.0, 55.0: 10.0, 65.0: 30.0}
-    for time, expected in at.items():
-        assert acceleration[round(100 * time)] == pytest.approx(expected, abs=1e-3)

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from hostile_input import refused
 from matrix_filters import MatrixKalmanFilter
 
 from baselines import track_ate
@@ -83,20 +82,3 @@ def test_the_filter_with_known_modes_equals_matrix_filters(carry):
                 np.testing.assert_allclose(found[run, k], one.x, atol=1e-11)
                 k += 1
             state, P = one.x, one.P if carry else np.eye(4)
-
-
-INVALID = [
-    ({"lengths": [3]}, "lengths=[3]"),
-    ({"signed_radii": [0.0, 5.0]}, "signed_radii="),
-    ({"signed_radii": [np.nan]}, "signed_radii[0]=nan"),
-    ({"start_covariance": [1.0, 0.0]}, "start_covariance has shape (2,)"),
-    ({"carry_covariance": 1}, "carry_covariance=1"),
-    ({"tau": -1.0}, "tau=-1.0"),
-    ({"measurement_variance": 0.0}, "measurement_variance=0.0"),
-]
-
-
-@pytest.mark.parametrize(("arguments", "message"), INVALID)
-def test_an_invalid_argument_raises_a_one_line_error_with_its_name(arguments, message):
-    valid = {"measurements": np.zeros((4, 2)), "lengths": [4], "signed_radii": [0.0]}
-    assert message in refused(filter_known_modes, **(valid | arguments))

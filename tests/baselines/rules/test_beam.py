@@ -7,7 +7,7 @@ import pytest
 from matrix_filters import MatrixExtendedKalmanFilter
 
 from baselines.rules.beam import BeamDecider, hazards
-from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions
+from hybrid_env import QuickestOptions
 from hybrid_env.durations import duration_probabilities, parse_durations, remaining_probabilities
 
 TRIANGLE = np.triu_indices(4)
@@ -96,21 +96,6 @@ def test_without_pruning_the_beam_is_the_posterior_of_all_histories(text):
             weights[path[-1]] += probability * np.exp(filter_after(path, starts).log_likelihood)
         np.testing.assert_allclose(np.exp(state.log_probability[0]), weights / weights.sum(), rtol=2e-5, atol=1e-9)
     assert 50 < state.branches.counts[0] < 20_000
-
-
-def test_merging_changes_nothing_while_only_one_switch_is_possible():
-    env = HybridTrackQuickestVectorEnv(6, durations="uniform 8-11", ticks=15)
-    env.reset(seed=3)
-    deciders = [BeamDecider(env.options, branches=200, merged=merged) for merged in (False, True)]
-    states = [None, None]
-    for _ in range(15):
-        seen = deciders[0].observe(env.world)
-        seen[:, 16:] = np.where(seen[:, 16:] == seen[:, 16:].max(1, keepdims=True), 0.0, -600.0)
-        states = [decider.predict(seen, state)[1] for decider, state in zip(deciders, states, strict=True)]
-        np.testing.assert_allclose(*(np.exp(state.log_probability) for state in states), atol=1e-12)
-        env.step(np.zeros(6, np.int64))
-    separate, merged = (state.branches.counts for state in states)
-    assert (merged < separate).all()
 
 
 @pytest.mark.parametrize("start", ["known", "random"])

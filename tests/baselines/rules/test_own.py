@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from agents.evaluation.registry import find_decider, find_family, load_decider
-from baselines import OnlineTracker, SPRTDecider
+from baselines import SPRTDecider
 from baselines.rules import own
 from baselines.rules.rollout import evaluate
 from hybrid_env import ArgumentError, WorldOptions
-from hybrid_env.quickest_options import QuickestOptions
 
 OPTIONS = WorldOptions(scheme="random 2x20-25")
 SOURCE = '''
@@ -91,18 +90,6 @@ def test_a_module_and_an_entry_point_are_found(source, monkeypatch):
     assert find_decider("patient:2", OPTIONS)[1] == 2
     with pytest.raises(ArgumentError, match="'patient'"):
         find_family("nobody", OPTIONS)
-
-
-def test_a_changed_file_is_read_again(source):
-    assert find_family(f"{source}:Patient", OPTIONS).default == 3
-    source.write_text(SOURCE.replace('default = "patient rule", "ticks", 3', 'default = "p", "ticks", 9'))
-    assert find_family(f"{source}:Patient", OPTIONS).default == 9
-
-
-def test_the_live_tracker_takes_a_function():
-    tracker = OnlineTracker(QuickestOptions(), lambda rows: np.zeros(len(rows), int))
-    for k in range(5):
-        assert tracker.update((0.2 * k, 0.0), time=0.1 * k).mode == 0
 
 
 def fails(rows):

@@ -46,26 +46,6 @@ def test_the_covariance_is_that_of_the_errors_on_straight_tracks(ticks):
     assert (np.abs(sample - covariance) < bound * np.outer(deviations, deviations)).all()
 
 
-def test_the_part_of_the_turns_is_the_mean_square_error_of_a_line_fitted_to_turns():
-    # without noise the error is that of the turn; 0.04 rad per tick
-    options = QuickestOptions(radii=(5.0, 20.0), process_variance=0.0, measurement_variance=1e-12)
-    ticks = np.arange(1, 6)
-    times = 0.1 * (ticks - 5)
-    total = np.zeros((4, 4))
-    for curvature in (0.0, 0.2, 0.05, -0.2, -0.05):
-        rate = 2.0 * curvature
-        angle = rate * times
-        x = 2.0 * np.sin(angle) / rate if rate else 2.0 * times
-        y = 2.0 * (1.0 - np.cos(angle)) / rate if rate else np.zeros(5)
-        estimate, covariance = line_estimate(
-            ticks, np.stack([x, y], axis=1), np.tile(unit_noise(options), (len(ticks), 1)), options
-        )
-        error = estimate - [0.0, 2.0, 0.0, 0.0]
-        total += np.outer(error, error) / 5
-    across = np.ix_([2, 3], [2, 3])
-    np.testing.assert_allclose(total[across], covariance[across], rtol=0.03)
-
-
 def test_a_single_measurement_tells_nothing_about_the_velocity():
     tracker = OnlineTracker(QuickestOptions(measurement_variance=(0.1, 0.4)), ThresholdDecider())
     nothing = tracker.update(None)

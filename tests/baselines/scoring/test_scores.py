@@ -52,18 +52,6 @@ def test_ratios_and_differences_are_those_of_the_figures():
     assert line.some([0, 3]).episodes == 2
 
 
-def test_paired_intervals_are_narrower_than_those_of_independent_episodes():
-    generator = np.random.default_rng(5)
-    common = generator.normal(size=(60, 1, 1))
-    first, second = (
-        Scores("x", "k", (0.0,), ("reward",), common + 0.2 * generator.normal(size=common.shape)) for _ in range(2)
-    )
-    one, other = first.estimate(mean("reward")), second.estimate(mean("reward"))
-    paired = second.difference(first, mean("reward"))
-    assert paired.value == pytest.approx(other.value - one.value)
-    assert paired.high - paired.low < 0.6 * np.hypot(one.high - one.low, other.high - other.low)
-
-
 def test_the_confidence_interval_of_a_mean_has_its_nominal_coverage():
     generator = np.random.default_rng(4)
     trials, covered = 100, 0

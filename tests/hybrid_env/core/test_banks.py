@@ -233,19 +233,3 @@ def test_the_anchor_is_the_mixture_of_the_filters():
             expected += weights[h] * (own + np.outer(deviation, deviation))
         found = env.world.field("covariance")[i]
         np.testing.assert_allclose(found, expected[np.triu_indices(4)], rtol=1e-7, atol=1e-12)
-
-
-@pytest.mark.parametrize("bank", ["published", "anchor_aware"])
-def test_a_declaration_does_not_change_the_stream(bank):
-    """Wrong and right declarations at different ticks give the same next segment."""
-    rows = []
-    for action, ticks in ((1, 0), (2, 3), (3, 20)):
-        env = HybridTrackEnv(follow="bank", bank=bank)
-        env.reset(seed=4)
-        for _ in range(ticks):
-            env.step(0)
-        row, _, _, _, info = env.step(action)
-        rows.append(np.delete(row, [12, 13, 14]))  # without the previous mode
-        assert info["segment"] == 1
-    np.testing.assert_array_equal(rows[0], rows[1])
-    np.testing.assert_array_equal(rows[0], rows[2])

@@ -113,11 +113,6 @@ def test_a_full_disk_does_not_stop_a_compilation(monkeypatch):
     assert halve(3.0 + 1.0j) == 1.5 + 0.5j
 
 
-def test_an_error_of_the_compiler_is_raised():
-    with pytest.raises(Exception, match="Failed in nopython"):
-        prepare(halve, "text")
-
-
 def test_checked_indices_raise(tmp_path, run, monkeypatch):
     monkeypatch.setattr(numba.config, "CACHE_DIR", "")
     monkeypatch.setattr(numba.config, "BOUNDSCHECK", 1)

@@ -1,32 +1,11 @@
 """Turns are circles, and random numbers have the published stream and the specified distributions."""
 
-import math
-
 import numpy as np
-import pytest
 from scipy import stats
 
 from hybrid_env.core.compilation import compiled
-from hybrid_env.core.motion import heading_vector, motion_coefficients, propagate, turn_centre
 from hybrid_env.core.noise import integer_below, next_uint64, uniform
 from hybrid_env.core.records import LANES
-
-
-@pytest.mark.parametrize("radius", [5.0, -5.0, 0.3])
-def test_a_turn_stays_on_its_circle_and_keeps_its_speed(radius):
-    state = np.array([1.0, 1.2, -2.0, 1.6])
-    speed, heading_x, heading_y = heading_vector(state[1], state[3])
-    centre = turn_centre(state[0], state[2], heading_x, heading_y, radius)
-    rate = speed / abs(radius)
-    coefficients = motion_coefficients(rate, 0.1)
-    start = math.atan2(state[2] - centre[1], state[0] - centre[0])
-    for k in range(1, 200):
-        state[0], state[1] = propagate(state[0], state[1], centre[0], *coefficients)
-        state[2], state[3] = propagate(state[2], state[3], centre[1], *coefficients)
-        angle = start + math.copysign(rate, radius) * 0.1 * k
-        expected = np.array(centre) + abs(radius) * np.array([math.cos(angle), math.sin(angle)])
-        np.testing.assert_allclose(state[[0, 2]], expected, atol=1e-11)
-        assert math.hypot(state[1], state[3]) == pytest.approx(2.0, abs=1e-11)
 
 
 @compiled

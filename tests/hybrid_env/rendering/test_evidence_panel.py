@@ -9,7 +9,7 @@ import pytest
 import hybrid_env  # noqa: F401
 from hybrid_env.rendering import FRAME_SIZE
 from hybrid_env.rendering.evidence import TYPE_COLOURS, EvidencePanel, Threshold, sprt_panel
-from hybrid_env.rendering.figure import EpisodeFigure, probability_ticks
+from hybrid_env.rendering.figure import EpisodeFigure
 
 RADII = tuple(float(radius) for radius in range(1, 11))
 POSTERIOR = EvidencePanel(
@@ -84,21 +84,6 @@ def test_a_threshold_may_depend_on_the_tick_of_the_segment():
     expected = [0.9, 0.8, np.nan, np.nan, np.nan, 0.9, 0.8, 0.7, 0.7]
     np.testing.assert_array_equal(level[1:10], expected)
     assert (level[10:] == 0.7).all()
-
-
-@pytest.mark.parametrize(
-    ("lowest", "labels"),
-    [
-        (1e-3, {"0.1 %", "1 %", "10 %", "50 %", "90 %", "99 %", "99.9 %"}),
-        (1.0 - (1.0 - 1e-3), {"0.1 %", "1 %", "10 %", "50 %", "90 %", "99 %", "99.9 %"}),
-        (1e-6, {"0.0001 %", "0.01 %", "1 %", "50 %", "99 %", "99.99 %", "99.9999 %"}),
-        (1e-9, {"$10^{-9}$", "0.0001 %", "0.1 %", "50 %", "99.9 %", "99.9999 %", "$1 - 10^{-9}$"}),
-    ],
-)
-def test_ticks_of_a_logit_axis_are_probabilities(lowest, labels):
-    places, names = probability_ticks(lowest)
-    assert set(names) == labels
-    assert all(lowest - 1e-12 <= place <= 1.0 - lowest + 1e-12 for place in places)
 
 
 @pytest.mark.parametrize("radii", [(5.0,), (3.0, 4.0, 5.0), RADII, tuple(np.linspace(1, 50, 50).tolist())])

@@ -59,19 +59,6 @@ def test_a_frame_is_a_new_rgb_array_that_a_step_changes():
     assert not np.array_equal(first, env.render())
 
 
-def test_a_frame_does_not_depend_on_earlier_frames():
-    often, once = make(), make()
-    for env in (often, once):
-        env.reset(seed=0)
-        terminated = False
-        for action in [0] * 20 + [2] + [0] * 20 + [1, 1, 1, 1, 1]:
-            terminated = env.step(action)[2]
-            if env is often:
-                env.render()
-        assert terminated
-    assert np.array_equal(often.render(), once.render())
-
-
 def test_the_history_contains_every_tick_once_until_the_reset():
     env, waiting = make(), make(render_mode=None)
     infos = play(env, seed=3)

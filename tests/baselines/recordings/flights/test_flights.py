@@ -75,13 +75,6 @@ def test_repeated_and_interpolated_positions_are_left_out(tmp_path):
     assert not {50.0, 101.0} & set(flight.times.tolist())
 
 
-def test_positions_are_metres_and_the_track_angle_is_anticlockwise_from_east(flight):
-    moved = np.diff(flight.positions[:200:199], axis=0)[0]
-    assert np.hypot(*moved) == pytest.approx(199 * 80.0, rel=0.01)
-    assert np.arctan2(*moved[::-1]) == pytest.approx(0.3, abs=0.01)
-    assert flight.tracks[0] % (2 * np.pi) == pytest.approx(0.3)
-
-
 def test_labels_of_known_turns(flight):
     (labels,) = label_flights([flight])
     pieces = [(mode, labels.times[first]) for first, _, mode in labels.pieces]
@@ -89,15 +82,6 @@ def test_labels_of_known_turns(flight):
     assert np.allclose([begin for _, begin in pieces], [0, 200, 245, 365, 425], atol=5.0)
     assert np.degrees(labels.rates[215:230]).mean() == pytest.approx(2.0, rel=0.1)
     assert labels.scored.mean() > 0.93
-
-
-def test_the_own_track_angle_takes_rows_out_of_the_score(tmp_path):
-    rows = reports()
-    for row in rows[195:255]:
-        row["track"] = rows[190]["track"]
-    flight = Samples(write(tmp_path, rows)).flight("known:abc123:0")
-    (labels,) = label_flights([flight])
-    assert not labels.scored[215:235].any()
 
 
 def test_the_filter_with_one_model_is_a_kalman_filter(flight):

@@ -74,17 +74,6 @@ def test_units(read_one):
     assert read_one(MIXED, unit="m").unit == "m"
 
 
-@pytest.mark.parametrize("name", ["id", "Object", "MMSI", "individual-local-identifier"])
-@pytest.mark.parametrize("order", ["who", "t"])
-def test_objects_are_found_by_the_name_of_their_column(read, name, order):
-    file = read(TWO.sort_values(order, kind="stable").rename(columns={"who": name}))
-    assert f"60 rows; 2 objects by '{name}'" in file.summary
-    found = {recording.name: recording for recording in file.recordings}
-    assert set(found) == {"a", "b"}
-    np.testing.assert_array_equal(found["a"].positions[:, 0], FRAME.x + 50.0)
-    np.testing.assert_array_equal(found["b"].times, T)
-
-
 @pytest.mark.parametrize(
     ("frame", "column", "names"),
     [
@@ -99,12 +88,6 @@ def test_objects_are_found_by_the_name_of_their_column(read, name, order):
 )
 def test_names_of_objects(read, frame, column, names):
     assert [one.name for one in read(frame, object_column=column).recordings] == names
-
-
-def test_an_object_with_a_single_row_is_left_out_with_a_word(read):
-    file = read(pd.concat([TWO, FRAME.head(1).assign(who="c")]), object_column="who")
-    assert "2 objects by 'who'" in file.summary
-    assert "1 object with fewer than two measurements left out" in file.summary
 
 
 def test_unmarked_objects_without_a_word_in_the_times(read, read_one):

@@ -32,11 +32,6 @@ def test_times_and_modes_of_one_track(read, text, options):
     assert modes == ["left", None, "right"]
 
 
-def test_numbers_are_the_same_modes_with_and_without_a_decimal_point(read):
-    assert list(read("t,mode\n0,1\n1,\n2,3\n").modes.values()) == [["1", None, "3"]]
-    assert list(read("t,mode\n0,1\n1,x\n2,3\n").modes.values()) == [["1", "x", "3"]]
-
-
 def test_tracks_and_dates(read):
     text = "track,date,state\nb,2026-01-01T00:00:01,0\na,2026-01-01T00:00:00,1\nb,2026-01-01T00:00:02,2\n"
     found = read(text)

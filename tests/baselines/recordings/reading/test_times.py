@@ -59,11 +59,6 @@ def test_forms_of_times(read_times, form):
     assert (start is None) == (" from 20" not in summary)
 
 
-def test_nanoseconds_since_1970_keep_their_precision(read_times):
-    recording, _ = read_times(np.int64(np.int64(EPOCH) * 10**9) + 3 * np.arange(ROWS))
-    np.testing.assert_allclose(recording.times, 3e-9 * np.arange(ROWS), rtol=1e-12)
-
-
 def test_the_format_or_unit_of_the_caller(read_times):
     recording, _ = read_times(AMERICAN, time_unit="%m/%d/%Y %I:%M:%S.%f %p")
     np.testing.assert_allclose(recording.times, SECONDS)
