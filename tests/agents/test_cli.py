@@ -4,7 +4,6 @@ import json
 import shlex
 
 import pytest
-from small_training import small_recipe
 
 from agents.cli import main
 from agents.studies import shifts
@@ -66,18 +65,6 @@ def test_compare_prints_tables_and_writes_figures_and_data(capsys, tmp_path, mon
     assert data["segments"] == 40
     assert (out / "compare.png").read_bytes().startswith(b"\x89PNG")
     assert {path.name for path in out.iterdir()} == {"agents", "compare.json", "compare.png", "episode.png"}
-
-
-def test_compare_reports_the_spread_over_training_seeds(tmp_path, capsys):
-    recipe = small_recipe(tmp_path, "anchor")
-    line = (
-        f"compare --selection-episodes 10 --deciders msprt --agents {recipe} --steps 1280 "
-        f"--training-seeds 2 --episodes 10 --accuracy 0.9 --out {tmp_path / 'out'}"
-    )
-    assert main(line.split()) == 0
-    printed = capsys.readouterr().out
-    for words in ("small-anchor seed 0", "small-anchor seed 1", "small-anchor over 2 training seeds", "90.0% accuracy"):
-        assert words in printed
 
 
 def test_evaluate_shows_degradation_in_shifted_environments(tmp_path, capsys, monkeypatch):

@@ -1,13 +1,12 @@
 """The single environment: reward, fast-forward, observation and info agree with their definitions."""
 
 import math
-import os
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
-from hybrid_env import HybridTrackEnv, HybridTrackQuickestEnv, HybridTrackVectorEnv, KalmanBank, Layout, Sensor
+from hybrid_env import HybridTrackEnv, HybridTrackQuickestEnv, KalmanBank, Layout, Sensor
 from hybrid_env.core.records import TRACE_COLUMNS
 
 
@@ -193,15 +192,3 @@ def test_step_requires_a_running_episode():
     assert env.step(0)[2]
     with pytest.raises(gym.error.ResetNeeded):
         env.step(0)
-
-
-def test_a_forked_process_does_not_change_the_tracks_of_its_parent():
-    env = HybridTrackVectorEnv(4096)  # large enough for huge pages
-    env.reset(seed=0)
-    child = os.fork()
-    if child == 0:
-        for _ in range(5):
-            env.step(np.zeros(4096, np.int64))
-        os._exit(0)
-    os.waitpid(child, 0)
-    assert (env.world.field("tick") == 1).all()

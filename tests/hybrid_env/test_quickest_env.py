@@ -62,22 +62,6 @@ def test_a_known_start_is_a_switch_to_a_mode_that_the_bank_knows(text):
     assert info["segment"].any()
 
 
-def test_rows_contain_what_info_and_bank_say():
-    env = HybridTrackQuickestVectorEnv(50, radii=(4.0, 9.0))
-    rows, info = env.reset(seed=0)
-    for _ in range(30):
-        rows, *_, info = env.step(np.zeros(50, np.int64))
-    read = {name: env.world.layout.read(rows, name) for name in env.world.layout.slices}
-    np.testing.assert_allclose(read["log_probability"], info["log_probability"], rtol=1e-5, atol=1e-5)
-    np.testing.assert_allclose(read["speed"], np.hypot(*info["estimate"][:, [1, 3]].T), rtol=1e-6)
-    likelihood = env.world.bank.hypotheses["log_likelihood"].swapaxes(1, 2).reshape(-1, 5)[:50]
-    np.testing.assert_allclose(read["log_ratio"], likelihood - likelihood.max(1, keepdims=True), atol=1e-5)
-    # ratios follow from innovations and variances, which are invariant under the rotation
-    squares = read["innovation_along"] ** 2 + read["innovation_across"] ** 2
-    ratio = -read["log_variance"] - 0.5 * squares
-    np.testing.assert_allclose(ratio - ratio.max(1, keepdims=True), read["log_ratio"], atol=1e-4)
-
-
 def test_unknown_options_and_options_of_the_other_environment_are_refused():
     with pytest.raises(TypeError, match="did you mean 'durations'"):
         HybridTrackQuickestEnv(duration="geometric 75")

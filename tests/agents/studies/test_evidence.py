@@ -57,24 +57,6 @@ def test_a_decider_declares_the_mode_whose_evidence_reaches_the_threshold(name, 
     assert declared > 20
 
 
-def test_the_sprt_declares_when_a_ratio_to_the_active_mode_reaches_its_upper_threshold():
-    env = make_env()
-    decider = load_decider("ate:1e-4", env.options)
-    panel = decider.panel()
-    upper, lower = (threshold.levels[0] for threshold in panel.thresholds)
-    assert (upper, lower) == pytest.approx((decider.upper, decider.lower))
-    assert panel.legend == "A, B at alpha = 0.0001"
-    declared = 0
-    for observation, actions, values in ticks_of(env, decider):
-        active = Layout(7).read(observation, "previous").argmax(-1)
-        assert (values[np.arange(TRACKS), active] == 0.0).all()
-        other = (actions > 0) & (actions - 1 != active)
-        assert (values[actions == 0] < upper).all()
-        assert (values[other, actions[other] - 1] >= upper).all()
-        declared += other.sum()
-    assert declared > 20
-
-
 @pytest.mark.parametrize("actions", [2, 8])
 def test_a_policy_declares_when_its_log_odds_exceed_the_threshold(actions):
     decider = policy_decider(actions, threshold=0.001)

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from hostile_input import accepted, attack, damaged, mutated
+from hostile_input import accepted, attack, counts, damaged, mutated
 from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 
@@ -68,7 +68,7 @@ def folder(request, tmp_path):
     return folder
 
 
-@pytest.mark.parametrize("examples", [25, pytest.param(4_000, marks=pytest.mark.study)])
+@pytest.mark.parametrize("examples", counts(25, 4_000))
 def test_a_config_with_one_changed_value_is_used_or_refused(folder, examples):
     def check(changed):
         (folder / CONFIG).write_text(json.dumps(changed))
@@ -77,7 +77,7 @@ def test_a_config_with_one_changed_value_is_used_or_refused(folder, examples):
     attack(examples, mutated(json.loads((folder / CONFIG).read_text())), check)
 
 
-@pytest.mark.parametrize("examples", [25, pytest.param(4_000, marks=pytest.mark.study)])
+@pytest.mark.parametrize("examples", counts(25, 4_000))
 def test_a_checkpoint_with_one_changed_value_is_used_or_refused(folder, examples):
     path = folder / CHECKPOINT
     tensors = load_file(path)
@@ -92,7 +92,7 @@ def test_a_checkpoint_with_one_changed_value_is_used_or_refused(folder, examples
     attack(examples, mutated(values), check)
 
 
-@pytest.mark.parametrize("examples", [20, pytest.param(4_000, marks=pytest.mark.study)])
+@pytest.mark.parametrize("examples", counts(20, 4_000))
 @pytest.mark.parametrize("name", [CONFIG, CHECKPOINT])
 def test_a_damaged_file_is_used_or_refused(folder, name, examples):
     content = (folder / name).read_bytes()

@@ -8,7 +8,7 @@ import small_training
 import torch
 from small_training import KINDS, log_often, small_run
 
-from agents.evaluation.registry import learned_family, load_decider
+from agents.evaluation.registry import learned_family
 from agents.training.learning_curve import draw_learning_curve, environment_curve
 from agents.training.recipe import load_recipe
 from agents.training.run_folder import read_metrics
@@ -140,23 +140,6 @@ def test_a_run_folder_has_card_metrics_and_an_equivalent_decider(kind, folders):
         if getattr(other, "switches", None) != getattr(world, "switches", None):
             with pytest.raises(ArgumentError, match=f"a policy for {words} "):
                 learned_family(folder, other)
-
-
-def test_deciders_are_loaded_by_name_threshold_and_folder(folders, tmp_path):
-    options, folder = WorldOptions(), folders("ppo")[0]
-    assert load_decider("ate:0.01", options).upper == pytest.approx(np.log(99))
-    assert load_decider("fixed:30", options).ticks == 30
-    assert load_decider(str(folder), options).threshold == 0.0
-    assert load_decider(f"{folder}:-2.5", options).threshold == -2.5
-    for invalid in ("at", "ate:x", "ate:nan", "ate:2", "fixed:2.5", "fixed:0", str(tmp_path / "none"), ""):
-        with pytest.raises(ArgumentError, match="expected"):
-            load_decider(invalid, options)
-    with pytest.raises(ArgumentError, match="21 hypotheses"):
-        load_decider(str(folder), WorldOptions(radii=tuple(range(1, 11))))
-    with pytest.raises(ArgumentError, match="actions='best'"):
-        load_decider("ate", WorldOptions(actions="best"))
-    with pytest.raises(ArgumentError, match="a policy for 5 hypotheses"):
-        load_decider(str(folders("ppo-quickest")[0]), QuickestOptions(radii=(5.0, 7.0)))
 
 
 @pytest.mark.parametrize("kind", ["ppo-quickest", "ppo"])

@@ -116,12 +116,3 @@ def test_noise_and_radii_are_found_from_the_recording(name):
     assert found.radii == pytest.approx((one.radius,), rel=0.15)
     assert 40.0 < found.duration < 200.0
     assert found.turns
-
-
-def test_straight_motion_shows_no_turns():
-    car = OBJECTS["car"]
-    run = car.simulate(1, 2, "S", (600,)).measurements[0]
-    found = fit_model(tick_grid(make_recording(car.times(600), run)))
-    assert not found.turns
-    assert len(found.radii) == 1
-    assert found.measurement_variance == pytest.approx(car.measurement_variance, rel=0.2)

@@ -36,9 +36,3 @@ CASES = [(rule, name, value) for rule, bad in REFUSED for name, values in bad.it
 @pytest.mark.parametrize(("rule", "name", "value"), CASES)
 def test_arguments_out_of_range_are_refused(rule, name, value):
     assert f"{name}=" in refused(rule, **{name: value})
-
-
-def test_error_rates_of_an_sprt_leave_room_for_each_other():
-    refused(SPRTDecider, 0.5, 0.5)
-    with pytest.raises(TypeError):
-        SPRTDecider(0.1, None, 3)

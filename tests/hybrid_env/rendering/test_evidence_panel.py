@@ -71,21 +71,6 @@ def test_the_evidence_of_the_current_tick_can_be_replaced():
     assert [np.asarray(curve.get_ydata())[1] for curve in curves] == values.tolist()
 
 
-def test_a_threshold_may_depend_on_the_tick_of_the_segment():
-    env = started(scheme="S5 L20r5")
-    for action in (0, 1, 0, 0):  # the decision at tick 2 is followed by three skipped ticks
-        env.step(action)
-    panel = EvidencePanel(
-        label="", limits=(0.0, 1.0), thresholds=(Threshold(np.array([0.9, 0.8, 0.7])),), legend="boundary"
-    )
-    (line,), _ = evidence_lines(env, panel)
-    time, level = line.get_data()
-    np.testing.assert_array_equal(time, np.arange(101))
-    expected = [0.9, 0.8, np.nan, np.nan, np.nan, 0.9, 0.8, 0.7, 0.7]
-    np.testing.assert_array_equal(level[1:10], expected)
-    assert (level[10:] == 0.7).all()
-
-
 @pytest.mark.parametrize("radii", [(5.0,), (3.0, 4.0, 5.0), RADII, tuple(np.linspace(1, 50, 50).tolist())])
 @pytest.mark.parametrize("panel", [sprt_panel(1e-3), sprt_panel(1e-9), POSTERIOR])
 def test_texts_are_inside_the_frame_and_do_not_overlap(radii, panel):
