@@ -21,6 +21,8 @@ def lazy(calls, further=()):
 USES = {
     "getitem": lambda info: info["tick"], "get": lambda info: info.get("tick"), "in": lambda info: "tick" in info,
     "len": len, "iterate": list, "keys": lambda info: info.keys(), "items": lambda info: info.items(), "repr": repr,
+    "or": lambda info: info | {"x": 1}, "reverse or": lambda info: {"x": 1} | info, "dict": dict,
+    "unpack": lambda info: {**info}, "keywords": lambda info: dict(**info), "copy": lambda info: info.copy(),
     "deepcopy": copy.deepcopy, "pickle": pickle.dumps, "set": lambda info: info.update(episode=1),
     "pop": lambda info: info.pop("tick"),
 }  # fmt: skip
