@@ -1,4 +1,4 @@
-"""The benchmark measures both sides alike and counts ticks correctly. No time is asserted."""
+"""The benchmark computes the same as its peer and counts ticks correctly. No time is asserted."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""The bank agrees with the Kalman filters of Golubkov 2018 in matrix form."""
+"""The bank equals the joint normal law of all measurements; its filters in matrix form: `core/test_banks`."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The environment for beginners: when a declaration counts, by the likelihoods of info, and vector tracks."""
+"""The environment for beginners: when a declaration counts, by the likelihoods of info."""
 
 import gymnasium as gym
 import numpy as np

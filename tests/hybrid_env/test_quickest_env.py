@@ -1,4 +1,4 @@
-"""The environment with unknown switch moments: statements, rewards, options and pictures."""
+"""The environment with unknown switch moments: statements, rewards and options."""
 
 import gymnasium as gym
 import numpy as np
@@ -6,7 +6,6 @@ import pytest
 
 from hybrid_env import HybridTrackQuickestEnv, HybridTrackQuickestVectorEnv, QuickestLayout
 
-ENV_ID = "HybridTrackQuickest-v0"
 SHORT = {"ticks": 40, "durations": "uniform 5-12"}
 
 

@@ -1,4 +1,4 @@
-"""Radars: conversion, consistency of the filters, and the limit in which they are position sensors."""
+"""Radars: conversion, consistency of the filters, fusion, and a radar that sees nothing."""
 
 import math
 

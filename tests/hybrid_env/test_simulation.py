@@ -1,4 +1,4 @@
-"""Simulated recordings have the specified motion and noise, and do not depend on the number of runs."""
+"""Simulated recordings do not depend on the number of runs."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Panels of curves: legend, colours, bands and axes."""
+"""Panels of curves: legend, colours and markers."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Help texts: examples that parse, defaults in words, and joined lines."""
+"""Help texts: examples that parse, and defaults in words."""
 
 import shlex
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Families of the league: interquartile means, merged entries, and the command that trains and resumes."""
+"""Families of the league: interquartile means, and the command that trains and resumes."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The league: the same file twice, kinds of deciders, and files that were changed."""
+"""The league: the same file twice, and files that were changed."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""The anchor agent: invariances, which the agent of rewards shares, files and decisions."""
+"""The anchor agent: invariances, which the agent of rewards and the learned stop share, loss and decisions."""
 
 from dataclasses import replace
 
@@ -14,13 +14,10 @@ from agents.learned.anchor_net import Scales
 from agents.learned.reward_decider import RewardDecider
 from agents.learned.reward_net import RewardNet
 from agents.learned.stopping_decider import StoppingDecider, StoppingNetworks
-from agents.training.recipe import load_recipe
 from baselines import SPRTDecider
 from baselines.rules.rollout import evaluate
 from hybrid_env import HybridTrackVectorEnv, Layout, WorldOptions
 
-ENV = "hybrid_env:HybridTrack-v0"
-SMALL = load_recipe("anchor", ENV, ("n_steps=16", "hidden=12", "worlds=[{n_envs: 32}]"))
 TRACKS, TICKS = 16, 150
 
 

@@ -1,4 +1,4 @@
-"""The agent for recorded flights: what it states, its mirror image, and its files."""
+"""The agent for recorded flights: what it states, and its mirror image."""
 
 import numpy as np
 import pytest

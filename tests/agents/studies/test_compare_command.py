@@ -1,4 +1,4 @@
-"""`hybridtrack compare` and `evaluate` for unknown switches: tables, files and refused arguments."""
+"""`hybridtrack compare` for unknown switches: tables and files."""
 
 import json
 import shlex

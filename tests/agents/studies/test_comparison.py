@@ -1,4 +1,4 @@
-"""Figures, tables and JSON of a comparison, and the table of shifts, from scores with given means."""
+"""Figures, tables and JSON of a comparison, from scores with given means."""
 
 import json
 

@@ -10,7 +10,6 @@ from hybrid_env import HybridTrackVectorEnv, Layout
 
 RADII = (3.0, 5.0, 8.0)
 TRACKS = 30
-STATED = "hybrid_env:HybridTrackQuickest-v0"
 
 
 def make_env(correctness="exact"):

@@ -5,16 +5,13 @@ import numpy as np
 import pytest
 
 from agents.evaluation.flights import FlightTask
-from agents.evaluation.registry import policy_folder
 from agents.studies.compare_command import Compare
 from agents.studies.flights_study import compare_on_flights, without_stress
 from baselines.recordings.flights import flight as flight_module
 from baselines.recordings.flights.flight import TIERS
 from baselines.recordings.flights.simulated import simulate_flights
-from baselines.rules.decider import FLIGHTS
 
 BOTH = ("two:abc120:0", "two:abc121:0")
-SHIPPED = policy_folder("shipped", FLIGHTS)
 
 
 @pytest.fixture

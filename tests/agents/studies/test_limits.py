@@ -31,7 +31,6 @@ from baselines.rules import seeds
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import mean
 
-SHORT = {"durations": "uniform 10-20", "ticks": 60}
 RULES = ("ATE (SPRT)", "MSPRT", "Bayes risk")
 
 

@@ -1,4 +1,4 @@
-"""One track with the decisions or statements of two deciders, and its figure."""
+"""One track with the decisions or statements of deciders, as it is drawn."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,6 @@ from baselines.rules.rollout import evaluate
 from baselines.scoring.statements import measure_statements
 
 ENV = "hybrid_env:HybridTrack-v0"
-RADII = (5.0,)
 STATED_ENV = "hybrid_env:HybridTrackQuickest-v0"
 STATED = {"ticks": 150, "durations": "uniform 20-40"}
 

@@ -1,4 +1,4 @@
-"""The jump-Markov net: motion, likelihood and mixing in closed form, symmetry, one tick after the other, learning."""
+"""The jump-Markov net: motion and mixing in closed form, symmetry, one tick after the other, learning."""
 
 import numpy as np
 import pytest

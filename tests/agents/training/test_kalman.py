@@ -1,4 +1,4 @@
-"""KalmanNet on segments: paths, symmetry, one row after the other, and learning."""
+"""KalmanNet on segments: paths, symmetry, and one row after the other."""
 
 import numpy as np
 import pytest

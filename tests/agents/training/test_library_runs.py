@@ -1,4 +1,4 @@
-"""A2C, DQN and QR-DQN as runs: values that are known in closed form, thresholds, waiting, and learning."""
+"""A2C, DQN and QR-DQN as runs: saved agents, and values that are known in closed form."""
 
 import numpy as np
 import pytest

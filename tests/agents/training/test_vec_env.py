@@ -1,4 +1,4 @@
-"""The Stable-Baselines3 view of the environment, and the arrays that hold the whole state of tracks."""
+"""The Stable-Baselines3 view of the environment."""
 
 import numpy as np
 from gymnasium.vector import AutoresetMode

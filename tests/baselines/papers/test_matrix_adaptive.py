@@ -1,4 +1,4 @@
-"""The adaptive filter in matrix form: equal to the axis-wise one where matrices are diagonal."""
+"""The adaptive filter in matrix form: equal to the axis-wise one on one axis, and to a Kalman filter."""
 
 import numpy as np
 import pytest

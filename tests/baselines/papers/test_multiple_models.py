@@ -1,4 +1,4 @@
-"""ATE against multiple models: figures of a run, cost and equalities that follow from the estimators."""
+"""ATE against multiple models: figures of a run, and the tables of a study."""
 
 from pathlib import Path
 
@@ -8,14 +8,7 @@ import pytest
 from agents.cli import main
 from baselines.papers import multiple_models
 from baselines.papers.multiple_models import SETTINGS, Tracked, score
-from hybrid_env.simulation import Simulation, simulate
-
-
-def recorded(setting, runs=3):
-    return simulate(
-        setting.paper.SCHEME, runs, 0, start=setting.paper.START, process_variance=setting.process_variance,
-        measurement_variance=0.1,
-    )  # fmt: skip
+from hybrid_env.simulation import Simulation
 
 
 def test_figures_of_two_runs_are_those_counted_by_hand():

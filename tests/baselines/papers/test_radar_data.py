@@ -1,4 +1,4 @@
-"""The radar data set: written twice, loaded, damaged; its scores."""
+"""The radar data set: written twice, loaded, damaged."""
 
 import json
 

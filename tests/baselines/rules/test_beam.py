@@ -1,4 +1,4 @@
-"""The beam equals the posterior of all histories of switches, and is better than the bank."""
+"""The beam equals the posterior of all histories of switches."""
 
 import copy
 

@@ -1,4 +1,4 @@
-"""A small beam that joins histories of nearly the same age is close to a large one, and loses no probability."""
+"""A small beam that joins histories of nearly the same age is close to a large one."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The fixed-lag smoother of the beam: exact against enumerated histories, and better than the beam."""
+"""The fixed-lag smoother of the beam: exact against enumerated histories, and calibrated."""
 
 import itertools
 

@@ -1,4 +1,4 @@
-"""TEASER: quantiles of right predictions, predictions in a row, and what it earns."""
+"""TEASER: quantiles of right predictions, and predictions in a row."""
 
 import numpy as np
 

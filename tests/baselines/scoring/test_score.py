@@ -1,4 +1,4 @@
-"""Scores of statements of any origin: cases counted by hand, and the figures of the other tasks."""
+"""Scores of statements of any origin: cases counted by hand."""
 
 import datetime
 

@@ -1,4 +1,4 @@
-"""The scalar formulas of one axis agree with the matrix equations."""
+"""The scalar formulas of one axis where covariances are far larger than the noise."""
 
 import pytest
 

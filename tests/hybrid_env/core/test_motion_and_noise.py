@@ -1,4 +1,4 @@
-"""Turns are circles, and random numbers have the published stream and the specified distributions."""
+"""Random numbers have the published stream and the specified distributions."""
 
 import numpy as np
 from scipy import stats

@@ -1,4 +1,4 @@
-"""The evidence panel with the evidence of a decider; names and colours of modes."""
+"""The evidence panel with the evidence of a decider."""
 
 from itertools import combinations
 

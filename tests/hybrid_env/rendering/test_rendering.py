@@ -13,10 +13,9 @@ from hybrid_env.rendering import FRAME_SIZE
 from hybrid_env.rendering.evidence import TYPE_COLOURS
 from hybrid_env.rendering.window import RENDER_FPS
 
-RADII = tuple(float(radius) for radius in range(1, 11))
 WIDTH, HEIGHT = FRAME_SIZE
 SKIPPED = np.array([237, 237, 237])  # black at 7 % on white
-TRACK, EVIDENCE = np.s_[45:325, 66:411], np.s_[45:325, 516:861]  # pixels inside the panels
+EVIDENCE = np.s_[45:325, 516:861]  # pixels inside the panel
 
 
 def make(render_mode="rgb_array", **options):
