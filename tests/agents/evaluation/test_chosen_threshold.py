@@ -5,7 +5,6 @@ import warnings
 import numpy as np
 import pytest
 
-from agents.evaluation.error_rate import ErrorArguments
 from agents.evaluation.registry import find_decider, find_family
 from agents.evaluation.task import sweep
 from agents.evaluation.tasks import task_of
@@ -29,11 +28,6 @@ def few_episodes():
 def test_other_endings_are_refused(name):
     with pytest.raises(ArgumentError, match="decider"):
         find_family(name, task_of(HOME, {}).options)
-
-
-def test_the_flag_is_the_ending_of_the_name():
-    assert ErrorArguments().at_error("shipped:0.1") == "shipped:0.1"
-    assert ErrorArguments(error="2%").at_error("shipped") == "shipped:2%"
 
 
 def alpha_of(name, **options):
