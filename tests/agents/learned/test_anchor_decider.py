@@ -99,11 +99,15 @@ def in_other_units(world, length, time):
 
 
 @every
-@pytest.mark.parametrize(("length", "time"), [(1000.0, 1.0), (1.0, 60.0), (0.3048, 1e-3)])
 @pytest.mark.parametrize(
-    "options", [
-        {"reset_covariance": False}, {"bank": "anchor_aware", "radii": (3.0, 6.0), "correctness": "type"},
-        {"bank": "anchor_aware", "follow": "bank", "measurement_variance": (0.05, 0.2), "noise": "outliers 0.05"},
+    ("options", "length", "time"),
+    [
+        ({"reset_covariance": False}, 1000.0, 1.0),
+        ({"bank": "anchor_aware", "radii": (3.0, 6.0), "correctness": "type"}, 1.0, 60.0),
+        (
+            {"bank": "anchor_aware", "follow": "bank", "measurement_variance": (0.05, 0.2), "noise": "outliers 0.05"},
+            0.3048, 1e-3,
+        ),
     ],
 )  # fmt: skip
 def test_a_change_of_units_changes_no_decision(options, length, time, agent):
