@@ -135,8 +135,7 @@ def test_the_example_of_the_readme_is_right():
     assert [found.mode_names()[mode] for mode in found.pieces[:, 2]] == ["L 3", "R 5", "S", "L 10"]
 
 
-@pytest.mark.parametrize("length", [1.0, 1000.0])
-@pytest.mark.parametrize("time", [1.0, 60.0])
+@pytest.mark.parametrize(("length", "time"), [(1000.0, 1.0), (1000.0, 60.0)])
 @pytest.mark.parametrize("options", [{}, {"lengths": (60, 50, 40, 70)}, {"decider": "cusum"}])
 def test_units_change_no_decision(length, time, options, drive):
     plain = track_recording(TIMES, drive, **options)

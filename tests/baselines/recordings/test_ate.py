@@ -40,12 +40,12 @@ BANK = {"radii": tuple(range(1, 11))}
 @pytest.mark.parametrize(
     ("count", "alpha", "options"),
     [
-        (400, 1e-3, {}),
-        (200, 1e-3, {"radii": (2.0, 4.0, 8.0)}),
-        (200, 1e-3, {"measurement_variance": (0.1, 0.4)}),
-        (200, 1e-10, BANK),  # ratios far outside the clipping range of the observation
-        (200, 1e-3, BANK | {"measurement_variance": 0.01}),
-        (200, 0.1, {"radii": (1.0, 5.0, 25.0), "measurement_variance": 0.001}),
+        (100, 1e-3, {}),
+        (60, 1e-3, {"radii": (2.0, 4.0, 8.0)}),
+        (60, 1e-3, {"measurement_variance": (0.1, 0.4)}),
+        (60, 1e-10, BANK),  # ratios far outside the clipping range of the observation
+        (60, 1e-3, BANK | {"measurement_variance": 0.01}),
+        (60, 0.1, {"radii": (1.0, 5.0, 25.0), "measurement_variance": 0.001}),
     ],
 )
 def test_ate_on_recordings_makes_the_same_decisions_as_the_decider_in_the_environment(count, alpha, options):

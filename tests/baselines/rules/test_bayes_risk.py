@@ -57,7 +57,10 @@ def test_stopping_boundary_earns_the_optimal_reward_of_dynamic_programming():
     assert rewards.mean() < best + 4 * error
 
 
-@pytest.mark.parametrize("R", [0.01, 0.1, 1.0])
+STUDY = pytest.mark.study
+
+
+@pytest.mark.parametrize("R", [pytest.param(0.01, marks=STUDY), 0.1, pytest.param(1.0, marks=STUDY)])
 def test_anchor_aware_posterior_is_calibrated_and_published_posterior_is_overconfident(R):
     aware = simulate_posterior_paths(5000, 5, bank="anchor_aware", measurement_variance=R)
     # 30,000 segments: the standard error of the accuracy is at most 0.3 percentage points
