@@ -12,7 +12,8 @@ from agents import track_recording
 from agents.cli import main
 from agents.tuning.search import JOURNAL, Search, best_rows, ended, median_rewards, open_study, parse_range
 from baselines.rules.rollout import evaluate
-from hybrid_env import ArgumentError
+from hybrid_env import ArgumentError, HybridTrackEnv
+from hybrid_env.wrappers import CompleteInfo
 
 
 @pytest.mark.parametrize(
@@ -86,3 +87,15 @@ def test_a_model_that_is_evaluated_elsewhere_than_it_was_trained_is_said():
         evaluate(model, "hybrid_env:HybridTrackEasy-v0", episodes=2)
     with pytest.raises(ArgumentError, match="observation shape"):
         evaluate(model, "hybrid_env:HybridTrackEasy-v0", episodes=2, radii=(2.0, 5.0))
+
+
+def test_a_recorder_sees_the_same_info_at_every_step():
+    env = CompleteInfo(HybridTrackEnv(scheme="S5 L5r5"))
+    _, info = env.reset(seed=0)
+    kinds = {name: (np.shape(value), np.asarray(value).dtype) for name, value in info.items()}
+    done, decided = False, 0
+    while not done:
+        _, _, done, _, info = env.step(0)
+        decided += info["decided_mode"] >= 0
+        assert {name: (np.shape(value), np.asarray(value).dtype) for name, value in info.items()} == kinds
+    assert decided == 2

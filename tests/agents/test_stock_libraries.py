@@ -31,6 +31,33 @@ def test_torchrl_gym_env(env_id):
     envs.check_env_specs(env)
 
 
+def test_tianshou_collects_steps_of_a_policy():
+    env = pytest.importorskip("tianshou.env")
+    data = pytest.importorskip("tianshou.data")
+    from tianshou.algorithm.modelfree.reinforce import DiscreteActorPolicy
+    from tianshou.utils.net.common import Net
+    from tianshou.utils.net.discrete import DiscreteActor
+
+    workers = env.DummyVectorEnv([lambda: gym.make(EASY) for _ in range(2)])
+    actor = DiscreteActor(
+        preprocess_net=Net(state_shape=(28,), hidden_sizes=[16]), action_shape=4, softmax_output=False
+    )
+    policy = DiscreteActorPolicy(actor=actor, action_space=gym.make(EASY).action_space)
+    collector = data.Collector(policy, workers, data.VectorReplayBuffer(200, 2))
+    collector.reset()
+    assert collector.collect(n_step=100).n_collected_steps == 100
+
+
+def test_rllib_builds_and_trains_by_id():
+    ppo = pytest.importorskip("ray.rllib.algorithms.ppo")
+    config = ppo.PPOConfig().environment(EASY).env_runners(num_env_runners=0)
+    algorithm = config.training(train_batch_size_per_learner=400, num_epochs=1).build_algo()
+    try:
+        assert algorithm.train()["num_env_steps_sampled_lifetime"] >= 400
+    finally:
+        algorithm.stop()
+
+
 def clean_rl_environment(env_id, index):
     """As `make_env` of CleanRL's ppo.py, without the video."""
 

@@ -39,11 +39,6 @@ def test_one_legend_beside_the_panels_has_every_curve(figure, tmp_path):
     assert legend.get_window_extent().x0 > max(axes.get_window_extent().x1 for axes in figure.axes)
 
 
-def test_signs_of_formulas_in_names_are_plain_text(tmp_path):
-    figure = curve_figure([[Panel("", TIME, REWARD, [curve(r"run $\frac{$", [0.5] * 5)])]], (6.0, 4.0))
-    save_figure(figure, tmp_path / "curves.png")
-
-
 def test_curves_have_the_colours_and_markers_of_their_deciders_and_selected_points_are_filled(figure):
     axes = figure.axes[0]
     for one in CURVES:

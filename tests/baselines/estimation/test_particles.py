@@ -47,14 +47,6 @@ def test_forecasts_are_those_of_a_filter_that_only_predicts():
     assert (found.forecasts[1].covariances[3, 0, 0] > found.covariances[3, 0, 0]).all()
 
 
-def test_students_t_forgets_an_outlier():
-    (measured, times), (spoiled, _) = tracks(), tracks(outlier=500.0)
-    model = MotionModel("CV", axes=2, noise=4.0)
-    robust = ParticleFilter(model, DEVIATION, (SPEED,), degrees_of_freedom=3.0, particles=2000)
-    clean, found = (run_filter(robust, one, times).positions[15] for one in (measured, spoiled))
-    assert np.abs(found - clean).max() < 3.0 * DEVIATION
-
-
 def test_a_wide_kernel_gives_the_kalman_filter_and_a_narrow_one_ignores_outliers():
     innovation, predicted, variance = np.array([0.5, -3.0, 80.0]), np.array([1.0, 4.0, 2.0]), np.full(3, 2.0)
     wide = Correntropy(1e5).factors(innovation, predicted, variance)
