@@ -12,14 +12,13 @@ from baselines.estimation.run_filter import run_filter
 DEVIATION, SPEED = 5.0, 20.0
 
 
-def tracks(length=1.0, outlier=0.0):
+def tracks(length=1.0):
     """Return measurements (T, B, d) and times (T,); tick 7 is missing."""
     generator = np.random.default_rng(3)
     times = np.cumsum(generator.uniform(0.5, 1.5, 25))
     truth = times[:, None, None] * generator.normal(0.0, SPEED, (1, 6, 2))
     measured = truth + generator.normal(0.0, DEVIATION, truth.shape)
     measured[7] = np.nan
-    measured[15] += outlier
     return length * measured, times
 
 
