@@ -8,7 +8,7 @@ import resource
 import time
 
 import pytest
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from hybrid_env.checks import ArgumentError
@@ -35,6 +35,11 @@ def profile(examples):
         max_examples=examples, deadline=None, derandomize=examples < 1_000, database=None,
         suppress_health_check=list(HealthCheck),
     )  # fmt: skip
+
+
+def attack(examples, values, use):
+    """Call a function with so many of the values of a strategy."""
+    profile(examples)(given(values)(use))()
 
 
 def places(document):

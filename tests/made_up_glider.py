@@ -7,15 +7,8 @@ from baselines.recordings.projection import Projection
 
 STRAIGHT, LEFT, RIGHT = 0, 1, 2
 PLAN = (
-    (STRAIGHT, 90),
-    (LEFT, 80),
-    (STRAIGHT, 70),
-    (RIGHT, 60),
-    (STRAIGHT, 60),
-    (RIGHT, 90),
-    (LEFT, 70),
-    (STRAIGHT, 80),
-)
+    (STRAIGHT, 90), (LEFT, 80), (STRAIGHT, 70), (RIGHT, 60), (STRAIGHT, 60), (RIGHT, 90), (LEFT, 70), (STRAIGHT, 80),
+)  # fmt: skip
 PROJECTION = Projection(46.5, 9.25)
 
 

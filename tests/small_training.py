@@ -42,8 +42,7 @@ SMALL_Q = (
     "policy_kwargs.net_arch=[16]",
 )  # fmt: skip
 KINDS = {
-    "ppo": ("ppo", "HybridTrack-v0", SCHEME, SMALL_PPO),
-    "anchor": ("anchor", "HybridTrack-v0", SCHEME, SMALL_ANCHOR),
+    "ppo": ("ppo", "HybridTrack-v0", SCHEME, SMALL_PPO), "anchor": ("anchor", "HybridTrack-v0", SCHEME, SMALL_ANCHOR),
     "stopping": ("stopping", "HybridTrack-v0", SCHEME, SMALL_STOPPING),
     "reward": ("reward", "HybridTrack-v0", SCHEME, SMALL_REWARD),
     "tandem": ("tandem", "HybridTrack-v0", SCHEME, SMALL_REWARD),
@@ -51,8 +50,7 @@ KINDS = {
     "distilled": ("distilled", "HybridTrack-v0", SCHEME, SMALL_REWARD),
     "transformer": ("transformer", "HybridTrack-v0", SCHEME, SMALL_REWARD),
     "recurrent-ppo": ("recurrent-ppo", "HybridTrack-v0", SCHEME, (*SMALL_PPO, "policy_kwargs.lstm_hidden_size=8")),
-    "a2c": ("a2c", "HybridTrack-v0", SCHEME, SMALL_A2C),
-    "dqn": ("dqn", "HybridTrack-v0", SCHEME, SMALL_Q),
+    "a2c": ("a2c", "HybridTrack-v0", SCHEME, SMALL_A2C), "dqn": ("dqn", "HybridTrack-v0", SCHEME, SMALL_Q),
     "qrdqn": ("qrdqn", "HybridTrack-v0", SCHEME, (*SMALL_Q, "policy_kwargs.n_quantiles=5")),
     "q-linear": ("q-linear", "HybridTrackQuickest-v0", QUICK, SMALL_Q[:-1]),
     "jump-markov": ("jump-markov", "HybridTrackQuickest-v0", QUICK, SMALL_STATEMENTS),
@@ -60,7 +58,7 @@ KINDS = {
     "statements": ("statements", "HybridTrackQuickest-v0", QUICK, SMALL_STATEMENTS),
     "rhythm": ("rhythm", "HybridTrackQuickest-v0", QUICK, SMALL_RHYTHM),
     "flights": ("flights", "HybridTrack-v0", {}, SMALL_FLIGHTS),
-}
+}  # fmt: skip
 """Recipe, environment, its options and changed hyper-parameters."""
 WALL_CLOCK = ("seconds", "time/fps", "time/time_elapsed")
 

@@ -6,39 +6,14 @@ import warnings
 
 import numpy as np
 import pytest
-import torch
-from hostile_input import accepted, counts, damaged, profile
-from hypothesis import given
+from hostile_input import accepted, attack, counts, damaged
 
 from agents import track_recording
 from agents.cli import main
-from agents.recordings.command import object_folders
 from agents.tuning.search import JOURNAL, Search, best_rows, ended, median_rewards, open_study, parse_range
 from baselines.rules.rollout import evaluate
-from hybrid_env import ArgumentError, HybridTrackEasyEnv, HybridTrackEnv, Layout
+from hybrid_env import ArgumentError, HybridTrackEnv
 from hybrid_env.wrappers import CompleteInfo
-
-
-@pytest.mark.parametrize("action", [torch.tensor(1), np.int8(1), True])
-def test_an_easy_declaration_of_any_integer_type_waits_at_the_first_tick(action):
-    env = HybridTrackEasyEnv()
-    env.reset(seed=0)
-    assert env.step(action)[1] == pytest.approx(-0.02)
-
-
-@pytest.mark.parametrize(
-    "read",
-    [
-        lambda layout: layout.read(np.zeros((2, 28)), ["ticks"]),
-        lambda layout: layout.read("rows", "ticks"),
-        lambda layout: Layout.of_rows("rows"),
-        lambda layout: Layout.of_rows(None),
-        lambda layout: Layout([3]),
-    ],
-)
-def test_a_layout_refuses_other_types(read):
-    with pytest.raises(ArgumentError):
-        read(Layout(3))
 
 
 @pytest.mark.parametrize(
@@ -49,13 +24,6 @@ def test_recordings_beyond_all_units_are_refused(length, time):
     with pytest.raises(ArgumentError) as found:
         track_recording(time * np.arange(100), length * positions)
     assert "\n" not in str(found.value)
-
-
-def test_objects_have_folders_of_their_own(tmp_path):
-    names = ["a_b_3", "a/b", "a?b", "A_B", "a_b_3_3", ".", "..", "a_b"]
-    folders = object_folders(tmp_path, names)
-    assert len({str(folder).casefold() for folder in folders}) == len(names)
-    assert all(folder.parent == tmp_path for folder in folders)
 
 
 def test_results_of_a_recording_appear_together_or_not_at_all(tmp_path, monkeypatch, capsys):
@@ -99,15 +67,13 @@ def test_a_damaged_journal_goes_on_or_is_refused(examples, tmp_path):
     study.tell(study.ask(), 0.5)
     content = (tmp_path / JOURNAL).read_bytes()
 
-    @profile(examples)
-    @given(damaged(content))
     def check(changed):
         (tmp_path / JOURNAL).write_bytes(changed)
         study = accepted(lambda: open_study(search, tmp_path))
         if study is not None:
             ended(study), median_rewards(study), best_rows(study, 3)
 
-    check()
+    attack(examples, damaged(content), check)
 
 
 def test_a_model_that_is_evaluated_elsewhere_than_it_was_trained_is_said():

@@ -4,29 +4,15 @@ import json
 import shlex
 
 import pytest
-from small_training import small_recipe
 
 from agents.cli import main
 from agents.studies import shifts
 from baselines.rules import refiltering
-from hybrid_env import WorldOptions
 
 
 def unwrapped(capsys):
     """The output as one line; long paths may be wrapped anywhere."""
     return " ".join(capsys.readouterr().out.split())
-
-
-def test_evaluate_prints_and_writes_its_results(capsys, tmp_path):
-    out = tmp_path / "ate.json"
-    assert main(["evaluate", "ate:0.01", "--episodes", "20", "--scheme", "S20 L30r5", "--out", str(out)]) == 0
-    printed = capsys.readouterr().out
-    assert "accuracy" in printed
-    (figures,) = json.loads(out.read_text())
-    assert figures["size"] == "40 segments"
-    accuracy = figures["accuracy"]
-    assert f"{100 * accuracy['value']:.1f}" in printed
-    assert accuracy["low"] <= accuracy["value"] <= accuracy["high"]
 
 
 def test_a_run_is_trained_resumed_and_evaluated(capsys, tmp_path):
@@ -81,41 +67,6 @@ def test_compare_prints_tables_and_writes_figures_and_data(capsys, tmp_path, mon
     assert {path.name for path in out.iterdir()} == {"agents", "compare.json", "compare.png", "episode.png"}
 
 
-def test_compare_reports_the_spread_over_training_seeds(tmp_path, capsys):
-    recipe = small_recipe(tmp_path, "anchor")
-    line = (
-        f"compare --selection-episodes 10 --deciders msprt --agents {recipe} --steps 1280 "
-        f"--training-seeds 2 --episodes 10 --accuracy 0.9 --out {tmp_path / 'out'}"
-    )
-    assert main(line.split()) == 0
-    printed = capsys.readouterr().out
-    for words in ("small-anchor seed 0", "small-anchor seed 1", "small-anchor over 2 training seeds", "90.0% accuracy"):
-        assert words in printed
-
-
-def test_compare_without_curves_evaluates_the_selected_thresholds_only(tmp_path, capsys):
-    out = tmp_path / "quick"
-    line = "compare --selection-episodes 20 --deciders ate msprt --agents --no-curves --episodes 20"
-    assert main([*line.split(), "--out", str(out)]) == 0
-    assert "ticks at" not in capsys.readouterr().out
-    first, second = json.loads((out / "compare.json").read_text())["deciders"]
-    assert len(first["curve"]["thresholds"]) > 10
-    assert second["curve"]["thresholds"] == [second["threshold"]["chosen"]]
-    assert "equal_time_error" not in second
-    assert (out / "episode.png").exists()
-
-
-def test_an_anchor_agent_is_trained_resumed_and_evaluated_in_its_own_environment(tmp_path, capsys):
-    folder = tmp_path / "run"
-    line = f"train --recipe anchor --steps 4096 --measurement-variance 0.2 --out {folder} --set n_steps=16"
-    assert main([*line.split(), "hidden=8", "worlds=[{n_envs: 16}]"]) == 0
-    assert main(f"train --resume {folder} --steps 8192".split()) == 0
-    assert "8,192 steps" in unwrapped(capsys)
-    assert main(["evaluate", str(folder), "--episodes", "5"]) == 0
-    assert "30 segments" in capsys.readouterr().out
-    assert json.loads((folder / "policy.json").read_text())["options"] == {"measurement_variance": 0.2}
-
-
 def test_evaluate_shows_degradation_in_shifted_environments(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(shifts, "MOST_THRESHOLDS", 3)
     out = tmp_path / "shifts.json"
@@ -136,14 +87,3 @@ def test_evaluate_shows_degradation_in_shifted_environments(tmp_path, capsys, mo
         difference = by_world[one["world"]]["reward"] - msprt[one["world"]]["reward"]
         assert one["difference"] == pytest.approx(difference)
         assert one["low"] <= one["difference"] <= one["high"]
-
-
-def test_evaluate_draws_random_worlds(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(shifts, "MOST_THRESHOLDS", 2)
-    out = tmp_path / "drawn.json"
-    assert main(["evaluate", "fixed", "--drawn", "3", "--episodes", "5", "--out", str(out)]) == 0
-    assert "random world 3" in capsys.readouterr().out
-    data = json.loads(out.read_text())
-    assert [row["world"] for row in data["results"]][:2] == ["nominal", "random world 1"]
-    for world in data["worlds"].values():
-        WorldOptions.of(**world)

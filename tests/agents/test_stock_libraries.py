@@ -58,14 +58,6 @@ def test_rllib_builds_and_trains_by_id():
         algorithm.stop()
 
 
-def test_pufferlib_emulates_the_environment():
-    emulation = pytest.importorskip("pufferlib.emulation")
-    env = emulation.GymnasiumPufferEnv(env_creator=gym.make, env_args=[EASY])
-    row, _ = env.reset(seed=0)
-    assert row.shape == (28,)
-    assert env.step(0)[0].shape == (28,)
-
-
 def clean_rl_environment(env_id, index):
     """As `make_env` of CleanRL's ppo.py, without the video."""
 

@@ -31,22 +31,9 @@ OTHERS = [
     np.ma.masked_array([1, 1, 1], [0, 1, 0]), object(), len, 1j,
 ]  # fmt: skip
 TYPES = [
-    bool,
-    int,
-    float,
-    complex,
-    np.int8,
-    np.uint8,
-    np.int16,
-    np.int64,
-    np.uint64,
-    np.float32,
-    np.bool_,
-    np.array,
-    str,
-    Index,
-    torch.tensor,
-]
+    bool, int, float, complex, np.int8, np.uint8, np.int16, np.int64, np.uint64, np.float32, np.bool_, np.array, str,
+    Index, torch.tensor,
+]  # fmt: skip
 NUMBERS = [*range(-3, 25), 127, 255, 2**31, 2**32, 2**62, 2**63 - 1, -(2**31), -(2**63)]
 
 

@@ -13,12 +13,10 @@ from hybrid_env import QuickestOptions, WorldOptions
 DISTURBED, STEADY = 40, 50
 FOUND = 263, 515, 3146  # once without an estimate after a new start, or never found again
 DECIDERS = {
-    "threshold": lambda options: ThresholdDecider(0.6),
-    "cusum": lambda options: CusumDecider(3.0),
-    "beam": lambda options: BeamDecider(options, branches=5),
-    "msprt": lambda options: MSPRTDecider(0.02),
+    "threshold": lambda options: ThresholdDecider(0.6), "cusum": lambda options: CusumDecider(3.0),
+    "beam": lambda options: BeamDecider(options, branches=5), "msprt": lambda options: MSPRTDecider(0.02),
     "ate": lambda options: SPRTDecider(0.05),
-}
+}  # fmt: skip
 KINDS = ["errors", "place", "jump", "zero", "missing", "gap", "value", "time"]
 
 

@@ -1,45 +1,12 @@
-"""The bank agrees with the Kalman filters of Golubkov 2018 in matrix form."""
+"""The bank equals the joint normal law of all measurements; its filters in matrix form: `core/test_banks`."""
 
 import math
 
 import numpy as np
 import pytest
 from hostile_input import refused
-from matrix_filters import MatrixKalmanFilter
 
 from hybrid_env import KalmanBank
-
-
-@pytest.mark.parametrize("isotropic", [True, False])
-def test_the_bank_equals_matrix_filters_on_random_tracks(isotropic):
-    generator = np.random.default_rng(20180 + isotropic)
-    radii = [2.0, 5.0, 9.0]
-    modes = [("S", 0.0)] + [("L", r) for r in radii] + [("R", r) for r in radii]
-    for _ in range(100):
-        tau = generator.uniform(0.05, 0.2)
-        Q = 10.0 ** generator.uniform(-5, -1)
-        R = 10.0 ** generator.uniform(-2, 0, 1 if isotropic else 2)
-        start = generator.normal(0, [3, 2, 3, 2])
-        covariance = (generator.uniform(0.5, 2), generator.uniform(-0.4, 0.4), generator.uniform(0.5, 2))
-        bank = KalmanBank(radii, tau, Q, R)
-        bank.anchor(start, covariance)
-        P = np.kron(np.eye(2), [[covariance[0], covariance[1]], [covariance[1], covariance[2]]])
-        matrix = np.diag(np.broadcast_to(R, 2))
-        reference = [MatrixKalmanFilter(start, P, mode, radius, tau, Q, matrix) for mode, radius in modes]
-        position = start[[0, 2]].copy()
-        for _ in range(20):
-            position += tau * start[[1, 3]] + generator.normal(0, 0.2, 2)
-            z = position + generator.normal(0, np.sqrt(np.broadcast_to(R, 2)))
-            log_likelihood = bank.step(z)
-            for one in reference:
-                one.step(z)
-        tolerance = {"rtol": 1e-12, "atol": 1e-12}
-        np.testing.assert_allclose(log_likelihood, [one.log_likelihood for one in reference], **tolerance)
-        np.testing.assert_allclose(bank.estimates, [one.x for one in reference], **tolerance)
-        np.testing.assert_allclose(bank.innovations, [one.innovation for one in reference], **tolerance)
-        np.testing.assert_allclose(bank.innovation_variances, [np.diag(one.Sigma) for one in reference], **tolerance)
-        blocks = [[(one.P[k, k], one.P[k, k + 1], one.P[k + 1, k + 1]) for k in (0, 2)] for one in reference]
-        np.testing.assert_allclose(bank.covariances, blocks, **tolerance)
 
 
 def test_log_likelihood_equals_that_of_the_joint_normal_distribution_of_all_measurements():
@@ -82,21 +49,13 @@ def test_step_before_anchor_raises():
 
 
 INVALID = [
-    ({"radii": []}, "radii=[]"),
-    ({"radii": [0.0]}, "radii=[0.0]"),
-    ({"radii": [-1.0]}, "radii=[-1.0]"),
-    ({"radii": [1.0, 1.0]}, "radii=[1.0, 1.0]"),
-    ({"radii": [float("nan")]}, "radii=[nan]"),
-    ({"radii": "five"}, "radii='five'"),
-    ({"tau": 0}, "tau=0"),
-    ({"tau": True}, "tau=True"),
+    ({"radii": []}, "radii=[]"), ({"radii": [1.0, 1.0]}, "radii=[1.0, 1.0]"), ({"radii": "five"}, "radii='five'"),
+    ({"radii": [float("nan")]}, "radii=[nan]"), ({"tau": 0}, "tau=0"), ({"tau": True}, "tau=True"),
     ({"process_variance": -1e-9}, "process_variance=-1e-09"),
-    ({"process_variance": float("inf")}, "process_variance=inf"),
     ({"measurement_variance": 0.0}, "measurement_variance=0.0"),
     ({"measurement_variance": (0.1, -0.1)}, "measurement_variance=-0.1"),
-    ({"measurement_variance": (0.1, 0.1, 0.1)}, "measurement_variance=(0.1, 0.1, 0.1)"),
     ({"measurement_variance": "loud"}, "measurement_variance='loud'"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("arguments", "message"), INVALID)

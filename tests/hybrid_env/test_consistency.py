@@ -42,18 +42,6 @@ CASES = {
 }
 
 
-def test_the_object_may_have_a_process_noise_of_which_the_filters_are_not_told():
-    quiet = HybridTrackVectorEnv(8, scheme="L60r5", object_variance=0.0, process_variance=0.02)
-    usual = HybridTrackVectorEnv(8, scheme="L60r5", process_variance=0.02)
-    for env in (quiet, usual):
-        env.reset(seed=0)
-        for _ in range(30):
-            *_, info = env.step(np.zeros(8, np.int64))
-        speeds = np.hypot(info["truth"][:, 1], info["truth"][:, 3])
-        assert np.allclose(speeds, 2.0, atol=1e-12) == (env is quiet)
-    assert float(quiet.options.parameters()["process_variance"][0]) == 0.02
-
-
 def run(tracks, seed, **options):
     """Follow one segment. Returns whitened innovations (T, N, 2) and normalized squared errors (N,)."""
     env = HybridTrackVectorEnv(tracks, **options)

@@ -5,14 +5,7 @@ import pytest
 from hostile_input import refused
 
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions
-from hybrid_env.core.quickest_kernel import draw_duration
-from hybrid_env.durations import (
-    GeometricDurations,
-    UniformDurations,
-    duration_probabilities,
-    parse_durations,
-    remaining_probabilities,
-)
+from hybrid_env.durations import duration_probabilities, parse_durations, remaining_probabilities
 
 LAWS = ["25 + geometric 50", "geometric 75", "uniform 50-100", "uniform 7-7", "geometric 1"]
 
@@ -33,11 +26,6 @@ def test_a_law_is_its_text_and_its_probabilities_sum_to_1(text):
     np.testing.assert_allclose(later, remaining, atol=1e-15)
 
 
-def test_laws_are_read():
-    assert parse_durations("25+geometric 50.5") == GeometricDurations(50.5, 25)
-    assert parse_durations("uniform 60") == UniformDurations(60, 60)
-
-
 BAD = ["", "geometric", "geometric 0.5", "geometric 1e3", "uniform 100-50", "uniform 0-5", "-1 + geometric 5",
        "uniform 5-" + "9" * 19, 75, None, ("geometric", 75), "geometric " + "9" * 19]  # fmt: skip
 
@@ -45,12 +33,6 @@ BAD = ["", "geometric", "geometric 0.5", "geometric 1e3", "uniform 100-50", "uni
 @pytest.mark.parametrize("value", BAD)
 def test_other_values_are_refused_in_one_line(value):
     refused(QuickestOptions, durations=value)
-
-
-def test_a_duration_is_the_quantile_of_its_number():
-    cumulative = np.array([0.0, 0.25, 0.25, 0.75])
-    numbers = [0.0, 0.2499, 0.25, 0.7499, 0.75, 0.99]
-    assert [draw_duration(cumulative, number) for number in numbers] == [2, 2, 4, 4, 5, 5]
 
 
 @pytest.mark.parametrize("text", LAWS[:3])

@@ -1,4 +1,4 @@
-"""The environment for beginners: when a declaration counts, by the likelihoods of info, and vector tracks."""
+"""The environment for beginners: when a declaration counts, by the likelihoods of info."""
 
 import gymnasium as gym
 import numpy as np
@@ -35,21 +35,3 @@ def test_a_declaration_waits_until_a_mode_is_more_likely_than_all_others(by_type
             assert (reward, done) == (expected[1], expected[2])
     assert waited > 100
     assert declared >= 10
-
-
-@pytest.mark.parametrize("action", [4, -1, 1.5, "wait"])
-def test_invalid_actions_are_refused_also_where_every_action_waits(action):
-    env, envs = gym.make("HybridTrackEasy-v0").unwrapped, gym.make_vec("HybridTrackEasy-v0", 2)
-    env.reset(seed=0)
-    envs.reset(seed=0)
-    with pytest.raises(gym.error.InvalidAction):
-        env.step(action)
-    with pytest.raises(gym.error.InvalidAction):
-        envs.step(np.array([0, action]))
-
-
-def test_a_reset_is_needed_first():
-    with pytest.raises(gym.error.ResetNeeded):
-        gym.make("HybridTrackEasy-v0").unwrapped.step(1)
-    with pytest.raises(gym.error.ResetNeeded):
-        gym.make_vec("HybridTrackEasy-v0", 2).step(np.array([1, 1]))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hostile_input import refused
 
-from hybrid_env import HybridTrackQuickestEnv, HybridTrackQuickestVectorEnv, QuickestOptions
+from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions
 from hybrid_env.durations import ModeDurations, TwoDurations, UniformDurations, parse_durations
 
 DRAWN = {"durations": "drawn", "order": "drawn"}
@@ -27,28 +27,6 @@ def segments_of(modes, segments):
         starts = np.flatnonzero(np.diff(number)) + 1
         found += zip(mode[starts[:-1]], mode[starts[1:]], np.diff(starts), strict=True)
     return np.array(found)
-
-
-@pytest.mark.parametrize("options", [DRAWN, DRAWN | {"start": "random"}, {"order": "cycle"}])
-def test_single_and_vector_environments_are_equal_across_episodes(options):
-    vector = HybridTrackQuickestVectorEnv(9, ticks=40, **options)
-    single = HybridTrackQuickestEnv(ticks=40, **options)
-    rows, infos = vector.reset(seed=5)
-    row, info = single.reset(seed=5 + 8)
-    names = [name for name in ("law", "order") if options.get("durations") == "drawn"]
-    laws = []
-    for tick in range(120):
-        np.testing.assert_array_equal(rows[8], row)
-        for name in names:
-            np.testing.assert_array_equal(infos[name][8], info[name])
-        laws.append(str(info.get("law")))
-        rows, _, ended, _, infos = vector.step(np.full(9, tick % 3))
-        row, _, terminated, _, info = single.step(tick % 3)
-        if terminated:
-            row, info = single.reset()
-            assert ended[8]
-            rows, *_, infos = vector.step(np.full(9, 0))
-    assert len(set(laws)) == (3 if names else 1)
 
 
 def test_a_drawn_law_and_order_are_those_of_the_episode():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hybrid_env import ArgumentError, HybridTrackEnv, HybridTrackVectorEnv, Sensor
+from hybrid_env import ArgumentError, HybridTrackVectorEnv, Sensor
 from hybrid_env.sensors import parse_sensors
 
 
@@ -24,16 +24,6 @@ def test_fused_errors_have_the_stated_variance():
             assert white.var() == pytest.approx(1.0, abs=5 * np.sqrt(2 / white.size))
         info = env.step(np.zeros(4000, np.int64))[4]
     assert seen[0] == 1.0
-
-
-def test_a_sensor_measures_at_its_period_and_in_its_range():
-    sensor = Sensor(variance=0.1, period=3, position=(1.0, 0.0), range=1.5)
-    env = HybridTrackEnv(scheme="S40", sensors=[sensor], heading=0.0, process_variance=0.0)
-    _, info = env.reset(seed=0)
-    for k in range(1, 40):
-        distance = np.hypot(info["truth"][0] - 1.0, info["truth"][2])
-        assert np.isnan(info["measurement"][0]) == ((k - 1) % 3 != 0 or distance > 1.5), k
-        *_, info = env.step(0)
 
 
 def test_one_sensor_of_variance_r_is_the_plain_world():

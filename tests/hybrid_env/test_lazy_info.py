@@ -1,7 +1,6 @@
 """An info dictionary that is filled on first access behaves like an ordinary dictionary."""
 
 import copy
-import json
 import pickle
 
 import numpy as np
@@ -20,25 +19,13 @@ def lazy(calls, further=()):
 
 
 USES = {
-    "getitem": lambda info: info["tick"],
-    "get": lambda info: info.get("tick"),
-    "in": lambda info: "tick" in info,
-    "len": len,
-    "iterate": list,
-    "keys": lambda info: info.keys(),
-    "items": lambda info: info.items(),
-    "repr": repr,
-    "or": lambda info: info | {"x": 1},
-    "reverse or": lambda info: {"x": 1} | info,
-    "dict": dict,
-    "unpack": lambda info: {**info},
-    "keywords": lambda info: dict(**info),
-    "copy": lambda info: info.copy(),
-    "deepcopy": copy.deepcopy,
-    "pickle": pickle.dumps,
-    "set": lambda info: info.update(episode=1),
+    "getitem": lambda info: info["tick"], "get": lambda info: info.get("tick"), "in": lambda info: "tick" in info,
+    "len": len, "iterate": list, "keys": lambda info: info.keys(), "items": lambda info: info.items(), "repr": repr,
+    "or": lambda info: info | {"x": 1}, "reverse or": lambda info: {"x": 1} | info, "dict": dict,
+    "unpack": lambda info: {**info}, "keywords": lambda info: dict(**info), "copy": lambda info: info.copy(),
+    "deepcopy": copy.deepcopy, "pickle": pickle.dumps, "set": lambda info: info.update(episode=1),
     "pop": lambda info: info.pop("tick"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("use", USES.values(), ids=USES)
@@ -50,22 +37,6 @@ def test_every_access_fills_the_dictionary_once(use):
     assert calls == [1]
     assert len(info) in (1, 2, 3)
     assert calls == [1]
-
-
-def test_a_converted_dictionary_has_the_expected_entries():
-    expected = {"tick": [3, 4], "_tick": [True, True], "decided_mode": 1}
-    for convert in (dict, copy.deepcopy, lambda info: pickle.loads(pickle.dumps(info)), lambda info: {**info}):
-        found = convert(lazy([], {"decided_mode": 1}))
-        plain = {key: np.asarray(value).tolist() for key, value in found.items()}
-        assert plain == expected
-        assert json.dumps(plain)
-
-
-def test_an_entry_written_before_the_first_access_is_kept():
-    info = lazy([])
-    info["episode"] = 7
-    assert set(info) == {"tick", "_tick", "episode"}
-    assert isinstance(info, dict)
 
 
 def test_info_read_later_equals_that_of_single_environments():

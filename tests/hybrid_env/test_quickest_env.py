@@ -1,24 +1,11 @@
-"""The environment with unknown switch moments: statements, rewards, options and pictures."""
-
-import copy
-import pickle
+"""The environment with unknown switch moments: statements, rewards and options."""
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from hostile_input import refused
 
-from hybrid_env import (
-    ArgumentError,
-    HybridTrackQuickestEnv,
-    HybridTrackQuickestVectorEnv,
-    HybridTrackVectorEnv,
-    QuickestLayout,
-    QuickestOptions,
-)
-from hybrid_env.registration import make_track_vector_env, make_vector_env
+from hybrid_env import HybridTrackQuickestEnv, HybridTrackQuickestVectorEnv, QuickestLayout
 
-ENV_ID = "HybridTrackQuickest-v0"
 SHORT = {"ticks": 40, "durations": "uniform 5-12"}
 
 
@@ -74,86 +61,8 @@ def test_a_known_start_is_a_switch_to_a_mode_that_the_bank_knows(text):
     assert info["segment"].any()
 
 
-def test_a_random_start_tells_the_bank_nothing():
-    env = HybridTrackQuickestVectorEnv(50, start="random")
-    _, info = env.reset(seed=2)
-    np.testing.assert_allclose(np.exp(info["log_probability"]), 1 / 3, atol=0.05)
-
-
-def test_rows_contain_what_info_and_bank_say():
-    env = HybridTrackQuickestVectorEnv(50, radii=(4.0, 9.0))
-    rows, info = env.reset(seed=0)
-    for _ in range(30):
-        rows, *_, info = env.step(np.zeros(50, np.int64))
-    read = {name: env.world.layout.read(rows, name) for name in env.world.layout.slices}
-    np.testing.assert_allclose(read["log_probability"], info["log_probability"], rtol=1e-5, atol=1e-5)
-    np.testing.assert_allclose(read["speed"], np.hypot(*info["estimate"][:, [1, 3]].T), rtol=1e-6)
-    likelihood = env.world.bank.hypotheses["log_likelihood"].swapaxes(1, 2).reshape(-1, 5)[:50]
-    np.testing.assert_allclose(read["log_ratio"], likelihood - likelihood.max(1, keepdims=True), atol=1e-5)
-    # ratios follow from innovations and variances, which are invariant under the rotation
-    squares = read["innovation_along"] ** 2 + read["innovation_across"] ** 2
-    ratio = -read["log_variance"] - 0.5 * squares
-    np.testing.assert_allclose(ratio - ratio.max(1, keepdims=True), read["log_ratio"], atol=1e-4)
-
-
-BAD_OPTIONS = [
-    {"ticks": 0}, {"ticks": 2.5}, {"start": "late"}, {"change_cost": -1.0}, {"hazard": 0.7},
-    {"hazard": -0.1}, {"hazard": "low"}, {"durations": "sometimes"}, {"radii": ()},
-    {"measurement_variance": 0.0}, {"noise": "outliers 1"}, {"speed": 1e9, "radii": (1e-6,)},
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("options", BAD_OPTIONS, ids=str)
-def test_options_that_are_not_allowed_are_named_in_one_line(options):
-    message = refused(gym.make, ENV_ID, **options)
-    assert any(name in message for name in options)
-
-
 def test_unknown_options_and_options_of_the_other_environment_are_refused():
     with pytest.raises(TypeError, match="did you mean 'durations'"):
         HybridTrackQuickestEnv(duration="geometric 75")
     with pytest.raises(TypeError, match="got an unexpected keyword argument 'scheme'"):
         HybridTrackQuickestVectorEnv(2, scheme="random")
-
-
-def test_traces_are_refused():
-    with pytest.raises(ArgumentError, match="trace_rows=5 is not allowed"):
-        HybridTrackQuickestVectorEnv(2, trace_rows=5)
-
-
-def test_options_are_plain_and_the_hazard_follows_the_law():
-    options = QuickestOptions(durations="uniform 50-100", hazard=np.float64(0.1), radii=[5])
-    assert pickle.loads(pickle.dumps(options)) == options
-    assert type(options.hazard) is float
-    assert QuickestOptions().assumed_hazard == 1 / 75
-    assert QuickestOptions(durations="geometric 1").assumed_hazard == pytest.approx(2 / 3)
-    np.testing.assert_allclose(options.transition_matrix.sum(1), 1)
-
-
-def test_factories_tell_the_environments_apart():
-    assert isinstance(make_track_vector_env(f"hybrid_env:{ENV_ID}", 2), HybridTrackQuickestVectorEnv)
-    assert isinstance(make_track_vector_env("HybridTrack-v0", 2), HybridTrackVectorEnv)
-    with pytest.raises(ArgumentError, match=r"^env='HybridTrackQuickest-v0' is not allowed"):
-        make_vector_env(ENV_ID, 2)
-
-
-def test_a_frame_shows_truth_statements_and_probabilities():
-    pytest.importorskip("matplotlib")
-    env = gym.make(ENV_ID, render_mode="rgb_array", **SHORT)
-    env.reset(seed=4)
-    frames = [env.render()]
-    for k in range(40):
-        *_, terminated, _, _ = env.step(k // 10 % 3)
-        if k in (10, 20, 39):
-            frames.append(env.render())
-    assert terminated
-    assert {frame.shape for frame in frames} == {(450, 900, 3)}
-    assert all((one != other).any() for one, other in zip(frames[1:], frames, strict=False))
-    history = env.unwrapped.history
-    assert len(history.trace) == 40
-    assert history.finished
-    np.testing.assert_array_equal(history.trace[:, 8], np.arange(40) // 10 % 3)
-    np.testing.assert_allclose(history.evidence.sum(1), 1, rtol=1e-12)
-    copied = copy.deepcopy(env.unwrapped)
-    np.testing.assert_array_equal(copied.render(), frames[-1])
-    env.close()

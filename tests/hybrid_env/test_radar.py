@@ -1,4 +1,4 @@
-"""Radars: conversion, consistency of the filters, and the limit in which they are position sensors."""
+"""Radars: conversion, consistency of the filters, fusion, and a radar that sees nothing."""
 
 import math
 
@@ -57,23 +57,6 @@ def test_the_filters_are_consistent_where_the_model_is_exact(name, doppler):
                 inside((error * np.linalg.solve(P, error[..., None])[..., 0]).sum(1).mean(), 4, tracks)
                 inside((white[:, :, kind] ** 2).sum(0).mean(), 2, tracks)
             rows, *_, info = env.step(np.zeros(tracks, np.int64))
-
-
-@pytest.mark.parametrize("make", [HybridTrackVectorEnv, HybridTrackQuickestVectorEnv])
-@pytest.mark.parametrize("options", [{}, {"bank": "anchor_aware"}, {"likelihood": "student_t 4"}], ids=str)
-def test_a_far_radar_of_small_angles_is_a_position_sensor(make, options):
-    # seen from the left its errors along and across the line of sight are those of x and y
-    far, deviation = 3e5, 0.3
-    radar = Radar(range_deviation=deviation, bearing_deviation=deviation / far, position=(-far, 0.0))
-    if make is HybridTrackQuickestVectorEnv:
-        options = {key: value for key, value in options.items() if key != "bank"}
-    more = {"missed": 0.2, "measurement_variance": 0.05} | options
-    plain = make(9, sensors=[Sensor(variance=deviation**2)], **more)
-    polar = make(9, sensors=[radar], **more)
-    rows, others = plain.reset(seed=2)[0], polar.reset(seed=2)[0]
-    for _ in range(60):
-        np.testing.assert_allclose(rows, others, rtol=2e-3, atol=5e-3)
-        rows, others = (env.step(np.zeros(9, np.int64))[0] for env in (plain, polar))
 
 
 @pytest.mark.parametrize("make", [HybridTrackVectorEnv, HybridTrackQuickestVectorEnv])

@@ -13,7 +13,6 @@ from scipy import special, stats
 
 from hybrid_env import HybridTrackVectorEnv
 from hybrid_env.core.records import LANES
-from hybrid_env.simulation import simulate
 
 FIVE_SIGMA = 2.0 * stats.norm.sf(5.0)
 
@@ -80,16 +79,3 @@ def test_the_first_draws_of_successive_seeds_are_independent():
     mode = (info["true_mode"] - 1.0) * math.sqrt(1.5)
     for first, second in itertools.product((centred, noise[:, 0], noise[:, 1], mode), repeat=2):
         assert abs((first[1:] * second[:-1]).mean()) < 5.0 / math.sqrt(tracks - 1)
-
-
-def test_runs_of_a_simulation_and_of_neighbouring_seeds_are_independent():
-    ticks, runs = 2000, 64
-    noise = []
-    for seed in (7, 8):
-        run = simulate(f"S{ticks}", runs=runs, seed=seed)
-        noise.append((run.measurements - run.truth[:, :, [0, 2]]) / math.sqrt(0.1))
-    for first, second in ((noise[0], noise[1]), (noise[0][1:], noise[0][:-1]), (noise[0][1:], noise[1][:-1])):
-        product = first * second
-        assert abs(product.mean()) < 5.0 / math.sqrt(product.size)
-        assert np.abs(product.mean((1, 2))).max() < 5.0 / math.sqrt(2 * ticks)
-    assert abs((noise[0] ** 2).mean() - 1.0) < 5.0 * math.sqrt(2.0 / noise[0].size)

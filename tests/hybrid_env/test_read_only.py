@@ -12,7 +12,6 @@ from hybrid_env import (
     HybridTrackQuickestEnv,
     HybridTrackQuickestVectorEnv,
     HybridTrackVectorEnv,
-    KalmanBank,
     QuickestOptions,
     WorldOptions,
 )
@@ -30,16 +29,6 @@ def test_options_and_arrays_of_an_environment_cannot_be_replaced(make):
         for name in names:
             with pytest.raises(AttributeError, match=f"{type(owner).__name__}.{name} is read-only"):
                 setattr(owner, name, None)
-
-
-@pytest.mark.parametrize("name", ["radii", "tau", "process_variance", "variances"])
-def test_the_model_of_a_bank_cannot_be_replaced(name):
-    bank = KalmanBank()
-    with pytest.raises(AttributeError, match=f"KalmanBank.{name} is read-only"):
-        setattr(bank, name, np.arange(1.0, 5001.0))
-    bank.anchor([0.0, 2.0, 0.0, 0.0])
-    with pytest.raises(ValueError, match="read-only"):
-        bank.radii[0] = 1.0
 
 
 @pytest.mark.parametrize("tracks", [1, LANES, LANES + 3])
@@ -63,23 +52,15 @@ def test_a_copy_has_memory_of_its_own_and_continues_alike(make, options, tracks,
             np.testing.assert_array_equal(other.step(actions)[0], rows)
 
 
-def _missing(arrays):
-    del arrays["rewards"]
+DAMAGED = {
+    "missing": lambda arrays: arrays.pop("rewards"),
+    "wider": lambda arrays: arrays.update(observations=np.zeros((8, 29), np.float32)),
+    "fewer": lambda arrays: arrays.update({"bank.hypotheses": arrays["bank.hypotheses"][:, :-1]}),
+    "text": lambda arrays: arrays.update(trace="text"),
+}
 
 
-def _wider(arrays):
-    arrays["observations"] = np.zeros((8, 29), np.float32)
-
-
-def _fewer(arrays):
-    arrays["bank.hypotheses"] = arrays["bank.hypotheses"][:, :-1]
-
-
-def _text(arrays):
-    arrays["trace"] = "text"
-
-
-@pytest.mark.parametrize("damage", [_missing, _wider, _fewer, _text])
+@pytest.mark.parametrize("damage", DAMAGED.values(), ids=DAMAGED)
 def test_a_state_of_other_arrays_is_refused(damage):
     world = HybridTrackVectorEnv(8).world
     arrays = dict(world.arrays())
@@ -95,7 +76,6 @@ INDICES = [
     (AnnouncedTrack, ANNOUNCED, ("active_mode",)),
     (OnlineTrack, UNKNOWN, ("stated_mode",)),
 ]
-LIVE = [(AnnouncedTrack, ANNOUNCED), (OnlineTrack, UNKNOWN)]
 
 
 @pytest.mark.parametrize(("kind", "options", "names"), INDICES)
@@ -108,29 +88,3 @@ def test_a_state_with_an_index_out_of_range_is_refused(kind, options, names, val
         arrays["blocks"][name][0, 0] = value
         with pytest.raises(ArgumentError, match=f"blocks.{name}="):
             world.restore(arrays)
-
-
-@pytest.mark.parametrize(("kind", "options"), LIVE)
-def test_arrays_of_a_live_sensor_are_those_of_the_environment(kind, options):
-    live, world = kind(options), World(options, 1)
-    assert {name: (array.dtype, array.shape) for name, array in live.arrays().items()} == {
-        name: (array.dtype, array.shape) for name, array in world.arrays().items()
-    }
-    assert live.action_space() == world.action_space()
-
-
-@pytest.mark.parametrize(("kind", "options"), LIVE)
-def test_more_segments_and_ticks_than_an_episode_has_are_allowed_on_a_live_sensor(kind, options):
-    world = kind(options)
-    world.begin_track(np.array([0.0, 2.0, 0.0, 0.0]), np.eye(4), -1)
-    world.begin_segment(5)
-    for k in range(2000):
-        if k % 100 == 0:
-            world.begin_segment(5)
-        world.measure(0.2 * (k + 1), 0.0)
-        world.decide(0)
-    other = copy.deepcopy(world)
-    world.measure(400.2, 0.0)
-    other.measure(400.2, 0.0)
-    assert other.observations.tobytes() == world.observations.tobytes()
-    assert np.isfinite(world.observations).all()

@@ -56,10 +56,3 @@ def test_forkserver_processes_create_the_environment_by_module_and_id():
         assert env.step(np.array([0, 1]))[0].shape == (2, 28)
     finally:
         env.close()
-
-
-def test_keywords_of_make_override_the_options_of_the_id():
-    env = gym.make("HybridTrackBank-v0", correctness="exact", delay_cost=0.5).unwrapped
-    assert env.options.correctness == "exact"
-    assert env.options.delay_cost == 0.5
-    assert env.options.hypotheses == 21

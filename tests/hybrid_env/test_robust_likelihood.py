@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from hybrid_env import ArgumentError, HybridTrackEnv, HybridTrackVectorEnv, WorldOptions
+from hybrid_env import ArgumentError, HybridTrackVectorEnv, WorldOptions
 from hybrid_env.core.banks.kalman import student_log_likelihood, student_weight
-from hybrid_env.live import AnnouncedTrack
 
 
 def test_the_log_likelihood_is_that_of_the_bivariate_student_t_distribution():
@@ -31,25 +30,6 @@ def test_an_outlier_moves_the_robust_estimate_less():
             info = env.step(np.zeros(2000, np.int64))[4]
         errors.append(np.median(((info["estimate"] - info["truth"])[:, [0, 2]] ** 2).sum(1)))
     assert errors[1] < 0.85 * errors[0]
-
-
-def test_the_same_measurements_give_the_same_rows_on_a_live_sensor():
-    options = {"scheme": "L40r5", "likelihood": "student_t 4", "noise": "levy 1.5", "missed": 0.2}
-    env = HybridTrackEnv(**options)
-    row, info = env.reset(seed=3)
-    online = AnnouncedTrack(WorldOptions(**options))
-    P = np.diag(np.array([0.03, 0.02] * 2))
-    online.begin_track(info["anchor"], P, 0)
-    online.begin_segment(40)
-    for _ in range(40):
-        if np.isnan(info["measurement"][0]):
-            online.skip()
-        else:
-            online.measure(*info["measurement"])
-        np.testing.assert_array_equal(online.take_rows()[0], row)
-        row, *_, info = env.step(0)
-        if info["tick"] == 1:
-            break
 
 
 @pytest.mark.parametrize("value", ["levy 1.5", "outliers 0.1", "student", 4, None, "student_t 0"])

@@ -5,38 +5,26 @@ import numpy as np
 import pytest
 
 import hybrid_env
-from hybrid_env import (
-    FixedScheme,
-    HybridTrackEnv,
-    HybridTrackVectorEnv,
-    Layout,
-    RandomScheme,
-    Segment,
-    WorldOptions,
-    parse_scheme,
-)
+from hybrid_env import FixedScheme, HybridTrackEnv, Layout, RandomScheme, Segment, WorldOptions, parse_scheme
 from hybrid_env.checks import ArgumentError
 from hybrid_env.scheme import SCHEMES, segment_table
 
+SCHEME_TEXTS = {
+    "L50r3 R75r5.5 S50": FixedScheme((Segment("L", 50, 3.0), Segment("R", 75, 5.5), Segment("S", 50))),
+    "S1, L2r.5": FixedScheme((Segment("S", 1), Segment("L", 2, 0.5))),
+    "L5r2e3 S5": FixedScheme((Segment("L", 5, 2000.0), Segment("S", 5))),
+    "L5r1e12 L5r1e-12 R5r0.30000000000000004": FixedScheme(
+        (Segment("L", 5, 1e12), Segment("L", 5, 1e-12), Segment("R", 5, 0.1 + 0.2))
+    ),
+    "random": RandomScheme(), "random 4x20-60": RandomScheme(4, (20, 60)), "random 2x30": RandomScheme(2, (30, 30)),
+}  # fmt: skip
 
-def test_a_fixed_scheme_is_parsed():
-    scheme = parse_scheme("L50r3 R75r5.5 S50")
-    assert scheme == FixedScheme((Segment("L", 50, 3.0), Segment("R", 75, 5.5), Segment("S", 50)))
-    assert str(scheme) == "L50r3 R75r5.5 S50"
-    assert parse_scheme("S1, L2r.5") == FixedScheme((Segment("S", 1), Segment("L", 2, 0.5)))
 
-
-def test_the_text_of_a_scheme_is_parsed_to_the_same_scheme():
-    radii = (3.0, 0.1 + 0.2, 1e-12, 1e12, 123456.789, 2.5e-7)
-    scheme = FixedScheme(tuple(Segment("L", 5, radius) for radius in radii))
+@pytest.mark.parametrize("text", SCHEME_TEXTS)
+def test_a_text_stands_for_a_scheme_which_has_a_text_again(text):
+    scheme = SCHEME_TEXTS[text]
+    assert parse_scheme(text) == scheme
     assert parse_scheme(str(scheme)) == scheme
-    assert parse_scheme("L5r2e3 S5") == FixedScheme((Segment("L", 5, 2000.0), Segment("S", 5)))
-
-
-def test_random_schemes_are_parsed():
-    assert parse_scheme("random") == RandomScheme()
-    assert parse_scheme("random 4x20-60") == RandomScheme(4, (20, 60))
-    assert parse_scheme("random 2x30") == RandomScheme(2, (30, 30))
 
 
 @pytest.mark.parametrize(
@@ -53,11 +41,6 @@ def test_modes_are_straight_left_right_and_unknown_radii_map_to_the_nearest_curv
     table = segment_table(parse_scheme("S10 L10r3 R10r3 L10r2.9 R10r100"), [1.0, 3.0, 10.0])
     assert table[:, 1].tolist() == [0, 2, 5, 2, 6]
     assert segment_table(RandomScheme(), [1.0, 3.0])[:, 1].tolist() == [0, 1, 2, 3, 4]
-
-
-def test_an_unknown_option_raises_an_error_with_the_closest_known_name():
-    with pytest.raises(TypeError, match=r"argument 'mesurement_variance': did you mean 'measurement_variance'"):
-        HybridTrackVectorEnv(2, mesurement_variance=0.1)
 
 
 @pytest.mark.parametrize("mode", ["ascii", 3])

@@ -45,25 +45,11 @@ def test_a_seed_that_is_not_allowed_is_named(seed):
             env.reset(seed=seed)
 
 
-def test_numpy_integers_are_seeds():
-    for env in (HybridTrackVectorEnv(1), HybridTrackEnv()):
-        first = np.asarray(env.reset(seed=7)[0]).ravel()
-        np.testing.assert_array_equal(np.asarray(env.reset(seed=np.int8(7))[0]).ravel(), first)
-
-
 @pytest.mark.parametrize("options", [5, "mask", [True]])
 def test_options_of_reset_are_a_dict(options):
     for env in (HybridTrackVectorEnv(2), HybridTrackEnv()):
         with pytest.raises(ArgumentError, match=r"^options="):
             env.reset(options=options)
-
-
-@pytest.mark.parametrize("count", [np.uint32(8), np.int8(100)])
-def test_a_numpy_integer_is_a_number_of_tracks(count):
-    env = HybridTrackVectorEnv(count)
-    assert type(env.num_envs) is int
-    assert env.observation_space.shape == (int(count), 28)
-    assert env.reset(seed=0)[0].shape == (int(count), 28)
 
 
 SIZES = [

@@ -38,14 +38,12 @@ def test_rows_rewards_and_ends_of_random_worlds(worlds, ticks):
 
 
 EDGES = {
-    "many segments": {"scheme": "random 1000000x1-3"},
-    "one long segment": {"scheme": "S100000 L100000r5 R100000r5"},
+    "many segments": {"scheme": "random 1000000x1-3"}, "one long segment": {"scheme": "S100000 L100000r5 R100000r5"},
     "many radii": {"radii": np.geomspace(0.01, 1e6, 300), "speed": 0.1},
     "fast turn": {"speed": LARGEST_TURN * 5.0, "tau": 1.0, "scheme": "random 1000x1-50"},
     "fast turn, loud": {"speed": 5e3, "measurement_variance": 1e6, "scheme": "random 1000x1-50"},
     "exact": {"process_variance": 0.0, "initial_error": 0, "measurement_variance": 1e-18, "radii": 10.0},
-    "exact anchor": {"initial_error": 0, "reset_covariance": False},
-    "process noise": {"process_variance": 1e18},
+    "exact anchor": {"initial_error": 0, "reset_covariance": False}, "process noise": {"process_variance": 1e18},
     "first estimate": {"initial_error": (1e12, 1e14)},
     "outliers": {"noise": "outliers 0.999999", "measurement_variance": 100.0},
     "heavy tails": {"noise": "student_t 1", "missed": 0.5},
@@ -53,7 +51,7 @@ EDGES = {
     "far sensors": {"sensors": [Sensor(variance=1e-6, range=3.0), Sensor(variance=1e6, period=7, range=40.0)]},
     "huge tick": {"tau": 1e9, "speed": 1e-7},
     "keeps covariance": {"reset_covariance": False, "process_variance": 0.0, "scheme": "random 1000x5-50"},
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", EDGES)

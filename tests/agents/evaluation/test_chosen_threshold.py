@@ -5,7 +5,6 @@ import warnings
 import numpy as np
 import pytest
 
-from agents.evaluation.chosen_threshold import chosen_rule
 from agents.evaluation.registry import find_decider, find_family
 from agents.evaluation.task import sweep
 from agents.evaluation.tasks import task_of
@@ -23,15 +22,6 @@ def few_episodes():
     patch.setattr(chosen_threshold, "EPISODES", {"announced": 150, "unknown": 4})
     yield
     patch.undo()
-
-
-@pytest.mark.parametrize(
-    ("name", "found"),
-    [("ate:auto", ("ate", "auto")), ("runs/a:auto", ("runs/a", "auto")), ("ate:.5%", ("ate", ".5%")),
-     ("beam:3/1000", ("beam", "3/1000")), ("ate", None), ("ate:0.02", None), ("mine.py:auto_rule", None)],
-)  # fmt: skip
-def test_names(name, found):
-    assert chosen_rule(name) == found
 
 
 @pytest.mark.parametrize("name", ["ate:0%", "ate:50%", "ate:-1%", "ate:x%", "ate:nan%", "ate:2/1000", "fixed:auto:3"])

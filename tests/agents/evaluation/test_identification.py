@@ -27,8 +27,3 @@ def test_a_wrong_radius_names_the_type_only():
     np.testing.assert_allclose(panels[3].curves[0].y[3:5], [0.0, 200 / 3])
     (table,) = task.further_tables([scores.at(1)], {})
     assert [column._cells[0].split("\n")[0] for column in table.columns] == ["x", "100.0", "4.0", "66.7", "4.0"]
-
-
-def test_one_radius_needs_no_identification():
-    task = task_of("HybridTrackQuickest-v0", {})
-    assert task.further_tables([], {}) == []

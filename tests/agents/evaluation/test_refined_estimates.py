@@ -11,11 +11,9 @@ from baselines.scoring.decisions import RMSE
 
 FACTORS = np.array([0.5, 0.7, 1.0, 1.4, 2.0])  # of the radii of bank and object
 CHANGES = {
-    "neither": {},
-    "recalculation": {"recalculation": True},
-    "refined radius": {"refine_radius": True},
+    "neither": {}, "recalculation": {"recalculation": True}, "refined radius": {"refine_radius": True},
     "both": {"recalculation": True, "refine_radius": True},
-}
+}  # fmt: skip
 
 
 def world(one, decider):

@@ -3,15 +3,10 @@
 import numpy as np
 import pytest
 
-from agents.evaluation import registry
 from agents.evaluation.registry import NAMED, SHIPPED, find_decider, find_family, load_decider, policy_folder
-from agents.learned.policy_file import save_policy
-from agents.learned.statement_net import StatementNet
-from agents.training.recipe import load_recipe
-from baselines import BeamDecider, CusumDecider, ThresholdDecider, record_statements
+from baselines import record_statements
 from baselines.rules import refiltering
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
-from baselines.rules.threshold import PROBABILITIES
 from hybrid_env import ArgumentError, HybridTrackVectorEnv, WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 
@@ -46,30 +41,6 @@ def test_every_decider_decides_at_its_default_and_can_be_made_at_every_threshold
         assert (actions <= options.hypotheses).all()
 
 
-def test_a_threshold_follows_a_colon():
-    family, threshold = find_decider("cusum:3.5", OPTIONS[UNKNOWN])
-    decider = family.make(threshold)
-    assert isinstance(decider, CusumDecider)
-    assert threshold == decider.threshold == 3.5
-
-
-def test_thresholds_below_the_smallest_largest_probability_are_left_out():
-    few, many = (QuickestOptions(radii=tuple(range(1, n + 1))) for n in (1, 5))
-    assert find_family("threshold", few).thresholds[:2] == (0.0, 0.4)
-    assert find_family("threshold", many).thresholds == PROBABILITIES  # 1 / 11 is less than all of them
-    assert isinstance(find_family("threshold", few).make(0.0), ThresholdDecider)
-
-
-def test_one_beam_knows_the_law_of_durations_and_the_other_only_its_mean():
-    options = OPTIONS[UNKNOWN]
-    knows, geometric = (load_decider(name, options) for name in ("beam", "beam-geometric"))
-    assert isinstance(knows, BeamDecider)
-    assert isinstance(geometric, BeamDecider)
-    assert knows.model.hazards[1, 8] == 0.0  # no segment ends after 9 ticks
-    assert knows.model.hazards[1, 19] == pytest.approx(1.0)
-    np.testing.assert_allclose(geometric.model.hazards, 1.0 / options.law.mean_duration)
-
-
 @pytest.mark.parametrize(
     ("task", "name"),
     [
@@ -82,22 +53,6 @@ def test_other_names_and_thresholds_are_refused_in_one_line(task, name):
     with pytest.raises(ArgumentError) as found:
         load_decider(name, OPTIONS[task])
     assert "\n" not in str(found.value)
-
-
-@pytest.mark.parametrize("task", OPTIONS)
-def test_missing_weights_are_said_with_the_names_that_are_known(task, tmp_path, monkeypatch):
-    monkeypatch.setattr(registry, "SHIPPED_FOLDERS", dict.fromkeys(OPTIONS, str(tmp_path / "absent")))
-    first = next(iter(rules(task)))
-    with pytest.raises(ArgumentError, match=rf"^decider='shipped' is not allowed: expected '{first}', "):
-        find_family(SHIPPED, OPTIONS[task])
-
-
-def test_a_trained_agent_is_swept_over_its_margin(tmp_path):
-    recipe = load_recipe("statements", "HybridTrackQuickest-v0", ("hidden=4",))
-    save_policy(tmp_path, StatementNet(4).state_dict(), {"recipe": recipe.as_json()}, UNKNOWN)
-    family, threshold = find_decider(f"{tmp_path}:1.5", OPTIONS[UNKNOWN])
-    assert (family.name, family.default, threshold) == (tmp_path.name, 0.0, 1.5)
-    assert family.make(threshold).margin == 1.5
 
 
 @pytest.mark.parametrize("task", OPTIONS)

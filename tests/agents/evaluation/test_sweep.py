@@ -6,13 +6,10 @@ import pytest
 from agents.evaluation.announced import AnnouncedTask
 from agents.evaluation.registry import find_family
 from agents.evaluation.task import sweep
-from agents.evaluation.tasks import task_of
 from agents.evaluation.unknown import UnknownTask
 from baselines import FixedTimeDecider, ThresholdDecider, measure_statements, record_statements
-from baselines.rules import rollout
 from baselines.rules.decider import DeciderFamily
 from baselines.rules.rollout import evaluate
-from hybrid_env import ArgumentError
 
 ANNOUNCED = AnnouncedTask("hybrid_env:HybridTrack-v0", {"scheme": "random 3x20-40"})
 UNKNOWN = UnknownTask("hybrid_env:HybridTrackQuickest-v0", {"ticks": 120, "durations": "uniform 20-40"})
@@ -24,12 +21,6 @@ def family(*thresholds, make=ThresholdDecider):
 
 FIXED = family(5.0, 20.0, make=lambda ticks: FixedTimeDecider(int(ticks)))
 CASES = [(ANNOUNCED, FIXED), (UNKNOWN, family(0.6, 0.9))]
-
-
-def test_every_environment_has_its_task():
-    assert isinstance(task_of("hybrid_env:HybridTrackBank-v0"), AnnouncedTask)
-    assert isinstance(task_of("hybrid_env:HybridTrackQuickest-v0"), UnknownTask)
-    assert task_of(ANNOUNCED.env_id, {"speed": 3.0}).options.speed == 3.0
 
 
 def test_scores_of_announced_switches_are_those_of_recorded_decisions():
@@ -74,19 +65,3 @@ def test_batches_do_not_change_scores(task, deciders, monkeypatch):
     for name, array in found[0].extra.items():
         np.testing.assert_array_equal(array, found[1].extra[name])
     assert shares[-1] == max(shares) == 1.0
-
-
-@pytest.mark.parametrize(("task", "deciders"), CASES)
-def test_the_best_threshold_has_the_largest_reward(task, deciders):
-    scores = sweep(task, deciders, 10, 3)
-    rewards = scores.values[:, task.columns.index("reward")].mean(0)
-    assert task.best(scores) == rewards.argmax()
-
-
-def test_so_many_episodes_that_they_fill_the_memory_are_refused():
-    for options in (UNKNOWN.given, {"durations": "uniform 1"}):
-        with pytest.raises(ArgumentError, match="episodes=1000000 "):
-            sweep(UnknownTask(UNKNOWN.env_id, options), family(0.5), 1_000_000, 0)
-    most = rollout.LARGEST_RESULT // 3
-    with pytest.raises(ArgumentError, match="episodes="):
-        sweep(ANNOUNCED, FIXED, most + 1, 0)

@@ -1,4 +1,4 @@
-"""Panels of curves: legend, colours, bands and axes."""
+"""Panels of curves: legend, colours and markers."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,6 @@ import pytest
 from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import decider_style
 from agents.interface.output_files import save_figure
-from baselines.scoring.estimates import Estimate
 from hybrid_env import ArgumentError
 
 TICKS = np.array([5.0, 15.0, 30.0, 50.0, 90.0])
@@ -40,11 +39,6 @@ def test_one_legend_beside_the_panels_has_every_curve(figure, tmp_path):
     assert legend.get_window_extent().x0 > max(axes.get_window_extent().x1 for axes in figure.axes)
 
 
-def test_signs_of_formulas_in_names_are_plain_text(tmp_path):
-    figure = curve_figure([[Panel("", TIME, REWARD, [curve(r"run $\frac{$", [0.5] * 5)])]], (6.0, 4.0))
-    save_figure(figure, tmp_path / "curves.png")
-
-
 def test_curves_have_the_colours_and_markers_of_their_deciders_and_selected_points_are_filled(figure):
     axes = figure.axes[0]
     for one in CURVES:
@@ -53,31 +47,6 @@ def test_curves_have_the_colours_and_markers_of_their_deciders_and_selected_poin
         assert [line for line in drawn if line.get_linestyle() == one.dashes]
         filled = [line.get_xydata().tolist() for line in drawn if line.get_markersize() == 8]
         assert filled == [[list(point)] for point in one.selected]
-
-
-def test_only_the_outer_panels_of_a_shared_grid_have_labels_at_their_axes():
-    panel = Panel("", TIME, REWARD, CURVES[:1])
-    figure = curve_figure([[panel] * 2] * 2, (8.0, 6.0), sharex=True, sharey=True)
-    assert [axes.get_xlabel() for axes in figure.axes] == ["", "", "ticks", "ticks"]
-    assert [axes.get_ylabel() for axes in figure.axes] == ["reward", "", "reward", ""]
-
-
-def test_axes_have_the_scale_the_ticks_and_the_dashed_levels_that_are_given():
-    x = Axis("ticks", (1.0, 100.0), ticks={5.0: "five", 50.0: "fifty"}, log=True, levels=(20.0,))
-    [axes] = curve_figure([[Panel("title", x, REWARD, CURVES[:1])]], (6.0, 4.0)).axes
-    assert (axes.get_xscale(), axes.get_yscale(), axes.get_title()) == ("log", "linear", "title")
-    assert [tick.get_text() for tick in axes.get_xticklabels()] == ["five", "fifty"]
-    assert not any(tick.get_text() for tick in axes.get_xticklabels(minor=True))
-    dashed = [line.get_xydata().tolist() for line in axes.lines if line.get_linestyle() == "--"]
-    assert dashed == [[[20.0, 0.0], [20.0, 1.0]], [[0.0, 0.5], [1.0, 0.5]]]
-
-
-def test_bands_and_bars_reach_from_the_lower_to_the_upper_bound():
-    banded = curve("ppo", [0.5] * 5, bounds=np.array([[0.2] * 5, [0.9] * 5]))
-    barred = Curve("ATE (SPRT)", decider_style("ATE (SPRT)"), TICKS, [Estimate(0.4, 0.3, 0.7)] * 5)
-    [axes] = curve_figure([[Panel("", TIME, REWARD, [banded, barred])]], (6.0, 4.0)).axes
-    ends = [collection.get_datalim(axes.transData) for collection in axes.collections]
-    np.testing.assert_allclose([(box.y0, box.y1) for box in ends], [(0.2, 0.9), (0.3, 0.7)])
 
 
 def test_a_figure_that_cannot_be_written_is_an_error_that_names_its_file(figure, tmp_path):

@@ -34,31 +34,21 @@ VISION = {
 }
 
 
+RGB_TO_CONES = np.array([
+    [0.4122214708, 0.5363325363, 0.0514459929], [0.2119034982, 0.6806995451, 0.1073969566],
+    [0.0883024619, 0.2817188376, 0.6299787005],
+])  # fmt: skip
+CONES_TO_LAB = np.array([
+    [0.2104542553, 0.7936177850, -0.0040720468], [1.9779984951, -2.4285922050, 0.4505937099],
+    [0.0259040371, 0.7827717662, -0.8086757660],
+])  # fmt: skip
+
+
 def oklab(colour, vision):
     """Perceptual coordinates (Ottosson 2020) of a colour, in hundredths; 2 is just noticeable."""
     rgb = np.array(to_rgb(colour))
     linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
-    cones = np.cbrt(
-        np.array(
-            [
-                [0.4122214708, 0.5363325363, 0.0514459929],
-                [0.2119034982, 0.6806995451, 0.1073969566],
-                [0.0883024619, 0.2817188376, 0.6299787005],
-            ]
-        )
-        @ np.clip(np.array(VISION[vision]) @ linear, 0.0, 1.0)
-    )
-    return (
-        100.0
-        * np.array(
-            [
-                [0.2104542553, 0.7936177850, -0.0040720468],
-                [1.9779984951, -2.4285922050, 0.4505937099],
-                [0.0259040371, 0.7827717662, -0.8086757660],
-            ]
-        )
-        @ cones
-    )
+    return 100.0 * CONES_TO_LAB @ np.cbrt(RGB_TO_CONES @ np.clip(np.array(VISION[vision]) @ linear, 0.0, 1.0))
 
 
 def difference(one, other, vision="normal"):
@@ -77,10 +67,6 @@ def test_every_rule_and_common_agent_has_a_style_of_its_own(task):
     assert len({style.colour for style in styles}) == len({style.marker for style in styles}) == len(styles)
     assert all(decider_style(title) == style for title, style in STYLES[task].items())
     assert {SHIPPED, "ppo", "anchor"} <= set(STYLES[task])
-
-
-def test_the_tasks_share_one_palette():
-    assert sorted(style.colour for style in STYLES[ANNOUNCED].values()) == PALETTE
 
 
 @pytest.mark.parametrize("vision", VISION)
@@ -102,22 +88,11 @@ def test_no_decider_has_the_colour_of_a_mode_type_with_colour_blindness(vision):
         assert difference(colour, mode, vision) > 5.5, (colour, mode)
 
 
-def test_lines_are_visible_on_white():
-    for colour in COLOURS:
-        assert difference(colour, "#ffffff") > 20.0, colour
-
-
 def test_training_seeds_and_default_run_folders_have_the_style_of_their_recipe():
     for name in ("ppo seed 3", "ppo-seed3", "HybridTrack-v0-ppo-seed0", "HybridTrackBank-v0-ppo-seed12"):
         assert decider_style(name) == AGENT_STYLES["ppo"]
     assert name_without_seed("anchor seed 1") == "anchor"
     assert name_without_seed("seed") == "seed"
-
-
-def test_unknown_names_have_stable_styles():
-    assert decider_style("my agent") == decider_style("my agent")
-    assert decider_style("my agent") in FURTHER_STYLES
-    assert len(set(FURTHER_STYLES)) == len(FURTHER_STYLES)
 
 
 @pytest.mark.parametrize("task", STYLES)

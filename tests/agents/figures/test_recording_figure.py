@@ -43,23 +43,3 @@ def test_bars_show_labels_and_statements_but_no_gap(figure, colours):
     ]  # fmt: skip
     assert timeline.get_xlabel() == "t [min]"
     assert timeline.get_xlim() == (0.0, 13.0)
-
-
-def test_the_track_has_a_pale_line_of_labels_and_a_thin_one_of_the_first_decider(figure, colours):
-    labels, stated = figure.axes[0].collections
-    assert labels.get_linewidths()[0] > 3 * stated.get_linewidths()[0]
-    rows = [(segment[0, 0], segment[-1, 0]) for segment in stated.get_segments()]
-    assert rows == [(0, 3), (3, 5), (10, 10), (10, 13)]  # no line through the gap
-    straight, left, right, unscored = colours
-    assert [to_hex(colour) for colour in stated.get_colors()] == [straight, left, straight, right]
-    assert to_hex(labels.get_colors()[2]) == unscored
-    assert not {to_hex(colour) for colour in labels.get_colors()} & {straight, left, right}
-    assert figure.axes[0].get_aspect() == 1.0
-
-
-def test_the_legend_stands_beside_the_axes(figure):
-    legend = figure.legends[0]
-    assert legend.get_title().get_text() == "line: beam"
-    box = legend.get_window_extent()
-    assert not any(box.overlaps(axes.get_window_extent()) for axes in figure.axes)
-    assert figure.get_suptitle() == "a flight"

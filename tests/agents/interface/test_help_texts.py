@@ -1,13 +1,11 @@
-"""Help texts: examples that parse, defaults in words, and joined lines."""
+"""Help texts: examples that parse, and defaults in words."""
 
 import shlex
-from dataclasses import dataclass, replace
-from typing import Annotated
+from dataclasses import replace
 
 import pytest
 
 from agents.cli import COMMANDS, EXAMPLES, main, parse
-from agents.interface.help_texts import as_command, shown_default
 
 LINES = [(name, line) for name, lines in EXAMPLES.items() for line in lines]
 
@@ -43,28 +41,3 @@ def test_the_list_of_commands_shows_the_first_paragraph_of_each(capsys):
     assert all(f"• {name} " in printed or f" {name} " in printed for name in COMMANDS)
     assert "minutes" not in printed
     assert EXAMPLES[""][0] in printed
-
-
-@dataclass
-class Sample:
-    """A first paragraph
-    of two lines.
-
-    A second one."""
-
-    size: Annotated[int | None, shown_default("that of the file")] = None
-    """Size,
-    (in words)."""
-    deep: bool = False
-    """Look closely."""
-
-
-def test_lines_of_docstrings_are_joined(capsys):
-    import tyro
-
-    kind, description = as_command(Sample)
-    with pytest.raises(SystemExit):
-        tyro.cli(kind, description=description, args=["--help"])
-    printed = " ".join(capsys.readouterr().out.split())
-    for words in ("paragraph of two lines.", "Size, (in words). (default: that of the file)", "(default: off)"):
-        assert words in printed

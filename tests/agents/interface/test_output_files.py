@@ -1,6 +1,5 @@
 import errno
 import os
-import stat
 from pathlib import Path
 
 import pytest
@@ -39,13 +38,6 @@ def test_names_of_temporary_files_differ_and_a_long_name_can_be_written(tmp_path
         second.write_text("2")
     assert path.read_text() == "1"
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_a_new_file_has_the_usual_permissions(tmp_path):
-    (tmp_path / "usual").write_text("")
-    write_json(tmp_path / "new.json", {})
-    modes = {stat.S_IMODE((tmp_path / name).stat().st_mode) for name in ("usual", "new.json")}
-    assert len(modes) == 1
 
 
 def test_old_temporary_files_are_removed_and_no_others(tmp_path):

@@ -60,13 +60,6 @@ def test_the_error_of_a_call_is_raised(jobs):
         list(Workers(jobs).results({"one": refused, "other": functools.partial(square, 2)}))
 
 
-def test_invalid_workers_are_refused():
-    with pytest.raises(ArgumentError, match="jobs=0 is not allowed"):
-        Workers(0)
-    with pytest.raises(ArgumentError, match="engine='spark' is not allowed: expected one of 'local', 'ray'"):
-        Workers(1, "spark")
-
-
 def compare_in_one_and_two_processes(command, tmp_path):
     for jobs in ("1", "2"):
         assert main([*command, "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
@@ -74,27 +67,9 @@ def compare_in_one_and_two_processes(command, tmp_path):
         assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
 
 
-@pytest.mark.study
-def test_a_study_in_two_processes_writes_the_bytes_of_the_serial_one(tmp_path, capsys):
-    files = []
-    for jobs in ("1", "2"):
-        files.append(tmp_path / f"{jobs}.json")
-        command = ["evaluate", "msprt", "ate", "--drawn", "1", "--episodes", "20", "--jobs", jobs]
-        assert main([*command, "--out", str(files[-1])]) == 0
-    assert files[0].read_bytes() == files[1].read_bytes()
-    assert "HybridTrack-v0 under distribution shift" in capsys.readouterr().out
-
-
 def test_a_comparison_in_two_processes_writes_the_bytes_of_the_serial_one(tmp_path):
     recipe = str(small_recipe(tmp_path))
     command = ["compare", "--deciders", "ml", "fixed", "--agents", recipe, "--training-seeds", "2"]
     command += ["--steps", "1280", "--episodes", "4", "--selection-episodes", "4"]
     command += ["--scheme", "random 2x20-30"]
-    compare_in_one_and_two_processes(command, tmp_path)
-
-
-@pytest.mark.study
-def test_a_comparison_of_statements_in_two_processes_writes_the_bytes_of_the_serial_one(tmp_path):
-    command = ["compare", "--env", "HybridTrackQuickest-v0", "--deciders", "threshold", "cusum", "--agents"]
-    command += ["--episodes", "20", "--selection-episodes", "20"]
     compare_in_one_and_two_processes(command, tmp_path)

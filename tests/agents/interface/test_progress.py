@@ -44,21 +44,3 @@ def test_a_short_command_prints_no_lines(capsys):
     with progress_display(Console(file=io.StringIO())) as display:
         display.update(display.add_task("Reading", total=1.0, note=""), completed=1.0)
     assert capsys.readouterr().err == ""
-
-
-def test_a_closed_stream_does_not_end_the_command(monkeypatch):
-    monkeypatch.setattr(progress, "FIRST_LINE", 0.001)
-    closed = io.StringIO()
-    closed.close()
-    monkeypatch.setattr("sys.stderr", closed)
-    with progress_display(Console(file=io.StringIO())) as display:
-        display.add_task("Reading", total=1.0, note="")
-        time.sleep(0.05)
-
-
-def test_a_terminal_has_a_live_display():
-    output = io.StringIO()
-    with progress_display(Console(file=output, force_terminal=True, width=100)) as display:
-        display.update(display.add_task("Reading", total=2.0, note="half"), completed=1.0)
-    assert "50 %" in output.getvalue()
-    assert "half" in output.getvalue()

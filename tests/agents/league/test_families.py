@@ -1,15 +1,14 @@
-"""Families of the league: interquartile means, merged entries, and the command that trains and resumes."""
+"""Families of the league: interquartile means, and the command that trains and resumes."""
 
 import numpy as np
 import pytest
 
 from agents.cli import main
 from agents.league import families, protocol, table
-from agents.league.families import interquartile_mean, probe
+from agents.league.families import interquartile_mean
 from agents.league.protocol import WORLDS
 from agents.league.table import reward
 from baselines.rules.decider import ANNOUNCED, UNKNOWN
-from hybrid_env.checks import ArgumentError
 
 HOME = "R = 0.1"
 
@@ -35,13 +34,6 @@ def test_interquartile_mean_is_that_of_the_middle_half_and_its_interval_resample
     assert (same.value, same.low, same.high) == pytest.approx((0.5, 0.5, 0.5))
 
 
-def test_a_calibrated_statement_is_right_as_often_as_it_states():
-    calibration, microseconds = probe("shipped", HOME, 0.1)
-    assert abs(calibration) < 0.05  # about 80 declarations that are right in 95 % or more
-    assert microseconds > 0.0
-    assert np.isnan(probe("msprt", HOME, 0.1)[0])  # a rule that states nothing
-
-
 def test_the_command_trains_a_family_and_goes_on_from_what_is_there(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     settings = "algo: reward, n_timesteps: 100, n_envs: 4, hidden: 4, batch_size: 8, learning_rate: 0.01"
@@ -59,8 +51,3 @@ def test_the_command_trains_a_family_and_goes_on_from_what_is_there(tmp_path, mo
     assert main(line) == 0
     assert families.read_entry(tmp_path / "out" / "tiny.json")["worlds"] == entry["worlds"]
     assert list(entry["worlds"]) == [HOME, "R = 1"]
-
-
-def test_a_recipe_for_recorded_flights_is_refused():
-    with pytest.raises(ArgumentError, match="deciders='gliders' is not allowed"):
-        families.home_of("gliders")

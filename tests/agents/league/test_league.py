@@ -1,18 +1,15 @@
-"""The league: the same file twice, kinds of deciders, and files that were changed."""
+"""The league: the same file twice, and files that were changed."""
 
 import json
 
-import numpy as np
 import pytest
 
 from agents.cli import main
-from agents.evaluation.registry import find_family
 from agents.interface.parallel import Workers
 from agents.league import protocol, table
-from agents.league.protocol import WORLDS, kind_of, play, world_task
+from agents.league.protocol import WORLDS, play
 from agents.league.table import league_figure, league_markdown, reward, shipped_entries
 from baselines.rules.decider import ANNOUNCED, UNKNOWN
-from baselines.rules.own import as_decider
 from hybrid_env import ArgumentError
 
 RULE = """
@@ -56,26 +53,6 @@ def test_a_decider_gives_the_same_file_twice_and_its_rewards_are_those_of_its_es
             assert one["metrics"]["reward"]["value"] == pytest.approx(reward(first, world).value, abs=1e-6)
     with pytest.raises(ArgumentError, match=r"mine.py line 10: RuntimeError: no idea"):
         play(f"{folder}/mine.py:broken", Workers(), notes.append)
-
-
-def test_kinds_tell_what_a_decider_is_told_and_remembers():
-    kinds = {
-        ("R = 0.1", "ate"): "classical", ("R = 0.1", "calibrated"): "classical",
-        ("R = 0.1", "msprt-oracle"): "informed", ("unknown, R = 0.1", "beam"): "informed",
-        ("unknown, R = 0.1", "beam-geometric"): "classical", ("R = 0.1", "shipped"): "recurrent",
-        ("unknown, R = 0.1", "shipped"): "recurrent",
-    }  # fmt: skip
-    for (world, name), kind in kinds.items():
-        task = world_task(world)
-        family = find_family(name, task.options_with({}) if not task.given else task.options)
-        assert kind_of(family.make(family.default), task) == kind, name
-
-    class Remembers:
-        def predict(self, rows, state=None, episode_start=None, deterministic=True):
-            return np.zeros(len(rows), int), 1
-
-    assert kind_of(as_decider(Remembers()), world_task("R = 0.1")) == "recurrent"
-    assert kind_of(as_decider(lambda rows: np.zeros(len(rows), int)), world_task("R = 0.1")) == "memoryless"
 
 
 def test_the_command_shows_files_and_refuses_those_that_were_changed(folder, capsys, monkeypatch):

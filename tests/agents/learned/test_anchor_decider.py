@@ -1,7 +1,5 @@
-"""The anchor agent: invariances, which the agent of rewards shares, files and decisions."""
+"""The anchor agent: invariances, which the agent of rewards and the learned stop share, loss and decisions."""
 
-import copy
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -12,19 +10,13 @@ from scipy.stats import multivariate_normal
 
 from agents.evaluation.registry import load_decider
 from agents.learned.anchor_decider import AnchorDecider, AnchorNetworks, errors_and_best
-from agents.learned.anchor_net import INITIAL_LOG_SCALES, Scales, stated_factor
-from agents.learned.policy_file import load_network, load_policy, save_policy
+from agents.learned.anchor_net import Scales
 from agents.learned.reward_net import RewardDecider, RewardNet
 from agents.learned.stopping_decider import StoppingDecider, StoppingNetworks
-from agents.training.recipe import load_recipe
 from baselines import SPRTDecider
-from baselines.rules.component_filters import stated_covariance
-from baselines.rules.decider import ANNOUNCED
 from baselines.rules.rollout import evaluate
 from hybrid_env import HybridTrackVectorEnv, Layout, WorldOptions
 
-ENV = "hybrid_env:HybridTrack-v0"
-SMALL = load_recipe("anchor", ENV, ("n_steps=16", "hidden=12", "worlds=[{n_envs: 32}]"))
 TRACKS, TICKS = 16, 150
 
 
@@ -106,15 +98,17 @@ def in_other_units(world, length, time):
 
 
 @every
-@pytest.mark.parametrize(("length", "time"), [(1000.0, 1.0), (1.0, 60.0), (0.3048, 1e-3)])
 @pytest.mark.parametrize(
-    "options",
+    ("options", "length", "time"),
     [
-        {"reset_covariance": False},
-        {"bank": "anchor_aware", "radii": (3.0, 6.0), "correctness": "type"},
-        {"bank": "anchor_aware", "follow": "bank", "measurement_variance": (0.05, 0.2), "noise": "outliers 0.05"},
+        ({"reset_covariance": False}, 1000.0, 1.0),
+        ({"bank": "anchor_aware", "radii": (3.0, 6.0), "correctness": "type"}, 1.0, 60.0),
+        (
+            {"bank": "anchor_aware", "follow": "bank", "measurement_variance": (0.05, 0.2), "noise": "outliers 0.05"},
+            0.3048, 1e-3,
+        ),
     ],
-)
+)  # fmt: skip
 def test_a_change_of_units_changes_no_decision(options, length, time, agent):
     world = WorldOptions.of(**options)
     results, actions = [], []
@@ -149,21 +143,6 @@ def test_one_network_applies_to_any_bank_and_does_not_depend_on_the_order_of_rad
     np.testing.assert_allclose(posteriors[0], posteriors[1][..., order], atol=1e-4)
 
 
-def test_a_network_without_experience_scales_the_stated_covariance():
-    env = HybridTrackVectorEnv(TRACKS, bank="anchor_aware")
-    layout, net = env.world.layout, AnchorNetworks(8)
-    rows, _ = env.reset(seed=3)
-    side = np.where(np.arange(TRACKS) % 2, 1.0, -1.0)
-    factor = stated_factor(layout, rows, np.full(TRACKS, 0.1), side)
-    inputs = np.random.default_rng(0).normal(size=(TRACKS, net.anchor.inputs)).astype(np.float32)
-    log_weights, mean, covariance = net.anchor.anchors(inputs, factor)
-    np.testing.assert_allclose(np.exp(log_weights).sum(1), 1.0, rtol=1e-6)
-    np.testing.assert_allclose(mean, 0.0)
-    scales = np.exp(2 * np.array(INITIAL_LOG_SCALES))[:, None, None]
-    expected = scales * stated_covariance(layout, rows)[:, None]
-    np.testing.assert_allclose(covariance, expected, rtol=1e-4, atol=1e-6)
-
-
 def test_the_loss_of_the_anchors_is_the_density_of_the_mixture():
     net = random_net().anchor
     inputs, errors = torch.randn(5, net.inputs), torch.randn(5, 4)
@@ -178,57 +157,6 @@ def test_the_loss_of_the_anchors_is_the_density_of_the_mixture():
             for i in range(5)
         ]
         assert net.loss(inputs, errors).item() == pytest.approx(-np.log(density).mean(), rel=1e-4)
-
-
-def test_an_episode_starts_without_memory_and_a_segment_does_not():
-    env = HybridTrackVectorEnv(4, scheme="random 3x5")
-    decider = AnchorDecider(random_net(), env.options, alpha=1e-6)
-    rows, _ = env.reset(seed=2)
-    state, start = None, np.ones(4, np.bool_)
-    for _ in range(5):
-        _, state = decider.predict(rows, state, start)
-        rows, _, start, _, _ = env.step(np.zeros(4, np.int64))
-    assert (np.rint(Layout(3).read(rows, "ticks")) == 1).all()
-    fresh = decider.posterior(rows, None, np.ones(4, np.bool_))[0]
-    continued = decider.posterior(rows, copy.deepcopy(state), np.zeros(4, np.bool_))[0]
-    restarted = decider.posterior(rows, state, np.ones(4, np.bool_))[0]
-    np.testing.assert_array_equal(restarted, fresh)
-    assert not np.allclose(continued, fresh)
-
-
-@pytest.mark.parametrize("agent", [anchor_agent, stopping_agent])
-def test_dropping_finished_tracks_changes_no_decision(agent):
-    class KeepAll:
-        def __init__(self, decider):
-            self.predict = decider.predict
-
-    options = {"radii": (3.0, 5.0), "measurement_variance": (0.05, 0.2)}
-    decider = agent(WorldOptions(**options))
-    ticks = [evaluate(one, episodes=40, seed=3, **options).ticks for one in (decider, KeepAll(decider))]
-    np.testing.assert_array_equal(*ticks)
-
-
-def test_weights_and_card_are_restored_and_a_folder_is_a_decider(tmp_path):
-    net = random_net()
-    card = {"environment": ENV, "options": {}, "recipe": SMALL.as_json()}
-    save_policy(tmp_path, net.state_dict(), card, ANNOUNCED)
-    weights, card = load_policy(tmp_path)
-    again = load_network(tmp_path, weights, card, AnchorNetworks)
-    for one, other in zip(net.state_dict().values(), again.state_dict().values(), strict=True):
-        assert torch.equal(one, other)
-    decider = load_decider(f"{tmp_path}:0.05", WorldOptions())
-    assert decider.alpha == 0.05
-    assert load_decider(str(tmp_path), WorldOptions(correctness="type")).by_type
-    card["observation_scales"]["ticks"] = 5.0
-    (tmp_path / "policy.json").write_text(json.dumps(card))
-    with pytest.raises(ValueError, match="other scales"):
-        load_policy(tmp_path)
-    card["recipe"]["entry"]["hidden"] = 7
-    with pytest.raises(ValueError, match="run="):
-        load_network(tmp_path, weights, card, AnchorNetworks)
-    (tmp_path / "policy.safetensors").write_bytes(b"\x00")
-    with pytest.raises(ValueError, match="run="):
-        load_policy(tmp_path)
 
 
 def test_a_wrong_radius_costs_what_the_network_predicts_where_only_the_type_is_rewarded():
@@ -255,16 +183,6 @@ def test_the_shipped_agent_beats_the_sprt_at_any_threshold(options):
     for alpha in (0.1, 1e-2, 1e-3, 1e-6):
         gain = reward - evaluate(SPRTDecider(alpha), episodes=100, seed=50, **options).reward.mean(1)
         assert gain.mean() > 4 * gain.std() / 10
-
-
-def test_the_shipped_agent_beats_the_sprt_on_a_bank_of_101_hypotheses():
-    world = {"radii": tuple(np.arange(0.5, 10.4, 0.2).round(1).tolist()), "correctness": "type", "delay_cost": 0.01}
-    options = WorldOptions(**world)
-    assert options.hypotheses == 101
-    reward = evaluate(load_decider("shipped", options), episodes=30, seed=50, **world).reward.mean(1)
-    for alpha in (1e-3, 1e-6):
-        gain = reward - evaluate(SPRTDecider(alpha), episodes=30, seed=50, **world).reward.mean(1)
-        assert gain.mean() > 3 * gain.std(ddof=1) / np.sqrt(30)
 
 
 @pytest.mark.parametrize("correctness", ["exact", "type"])

@@ -13,7 +13,6 @@ from agents.evaluation.registry import find_decider, find_family
 from agents.interface.world_arguments import TRUST
 from baselines.rules.rollout import evaluate
 from hybrid_env import ArgumentError, HybridTrackVectorEnv, WorldOptions
-from hybrid_env.quickest_options import QuickestOptions
 
 OPTIONS = WorldOptions(scheme="random 2x20-25")
 ENV = "hybrid_env:HybridTrackEasy-v0"
@@ -55,14 +54,6 @@ def test_a_saved_model_decides_as_the_library_does(name, tmp_path):
         expected, theirs = model.predict(seen, theirs, starts, deterministic=True)
         np.testing.assert_array_equal(actions, expected)
     assert evaluate(family.make(family.thresholds[-1]), episodes=3).ticks.shape == (3, 6)
-
-
-def test_a_model_of_the_other_task_or_of_another_bank_is_refused(tmp_path):
-    MODELS["linear"]().save(tmp_path / "model.zip")
-    with pytest.raises(ArgumentError, match=r"model.zip: width=28"):
-        find_family(str(tmp_path / "model.zip"), QuickestOptions())
-    with pytest.raises(ArgumentError, match="5 hypotheses; this one is for 3"):
-        find_family(str(tmp_path / "model.zip"), WorldOptions(radii=(3.0, 5.0)))
 
 
 class Doubled(FlattenExtractor):

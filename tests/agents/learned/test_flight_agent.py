@@ -1,21 +1,15 @@
-"""The agent for recorded flights: what it states, its mirror image, and its files."""
+"""The agent for recorded flights: what it states, and its mirror image."""
 
 import numpy as np
 import pytest
-import torch
 
 from agents.evaluation.registry import learned_family, policy_folder
 from agents.learned.flight_decider import FlightAgent, flight_inputs
-from agents.learned.policy_file import save_policy
 from baselines.estimation.turns import run_turn_imm
 from baselines.recordings.flights.flight import TIERS, stack_flights
 from baselines.recordings.flights.simulated import simulate_flights
 from baselines.recordings.flights.tracks import FlightTracks
 from baselines.rules.decider import FLIGHTS
-from hybrid_env import QuickestOptions
-from hybrid_env.checks import ArgumentError
-
-CARD = {"recipe": {"name": "flights", "entry": {"algo": "flights", "hidden": 4}}}
 
 
 @pytest.fixture(scope="module")
@@ -49,16 +43,3 @@ def test_a_mirrored_flight_gives_mirrored_statements(batch):
     agent = learned_family(policy_folder("shipped", FLIGHTS)).make(0.0)
     one, two = (statements(agent, some) for some in (batch, mirrored))
     assert ((np.array([0, 2, 1])[one] == two).mean()) > 0.99  # ties of rounding errors
-
-
-def test_weights_are_saved_and_loaded(tmp_path):
-    net = FlightAgent.network(4)
-    save_policy(tmp_path, net.state_dict(), CARD, FLIGHTS)
-    loaded = learned_family(tmp_path).make(0.0).net
-    for one, other in zip(net.state_dict().values(), loaded.state_dict().values(), strict=True):
-        assert torch.equal(one, other)
-    with pytest.raises(ArgumentError, match="a policy for unknown switch moments"):
-        learned_family(tmp_path, QuickestOptions())
-    (tmp_path / "policy.safetensors").write_bytes(b"no")
-    with pytest.raises(ArgumentError, match="run="):
-        learned_family(tmp_path)

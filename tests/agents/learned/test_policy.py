@@ -49,21 +49,6 @@ def test_sampling_follows_the_probabilities_of_the_policy(kind):
     np.testing.assert_allclose(found, expected, atol=4 * 0.5 / np.sqrt(len(rows)))
 
 
-def test_a_higher_threshold_waits_longer():
-    family = PolicyDecider(random_policy(PolicyDecider)).trained("mine")
-    rows = random_rows(PolicyDecider, 400)
-    waiting = [(family.make(odds).predict(rows)[0] == 0).mean() for odds in (-20.0, -0.5, 0.0, 20.0)]
-    assert waiting == sorted(waiting)
-    assert (waiting[0], waiting[-1]) == (0.0, 1.0)
-
-
-def test_a_policy_with_two_actions_declares_the_most_likely_hypothesis():
-    decider = PolicyDecider(random_policy(PolicyDecider, actions="best"), threshold=-100.0)
-    rows = np.zeros((2, 28), np.float32)
-    rows[0, :3], rows[1, :3] = (-1.0, 0.0, -0.5), (-1.0, -0.5, 0.0)
-    assert decider.predict(rows)[0].tolist() == [2, 3]
-
-
 @pytest.mark.parametrize("margin", [0.0, 0.05, 0.3, 100.0])
 def test_a_statement_changes_if_the_log_odds_exceed_the_margin(margin):
     decider = StatementPolicyDecider(random_policy(StatementPolicyDecider), margin)
@@ -80,12 +65,6 @@ def test_a_statement_changes_if_the_log_odds_exceed_the_margin(margin):
     assert (np.array(expected) == stated).all() == (margin == 100.0)
 
 
-def test_the_first_statement_is_the_most_probable_mode():
-    decider = StatementPolicyDecider(random_policy(StatementPolicyDecider), 100.0)
-    rows = statement_rows([None] * 50)
-    np.testing.assert_array_equal(decider.predict(rows)[0], decider.logits(rows)[0].argmax(1))
-
-
 def test_the_observed_quantities_can_be_selected():
     space = HybridTrackVectorEnv(1).single_observation_space
     rows = torch.randn(5, 28)
@@ -93,14 +72,3 @@ def test_the_observed_quantities_can_be_selected():
     assert selected.shape == (5, 7)
     torch.testing.assert_close(selected[:, :3], torch.softmax(10 * rows[:, :3], -1))
     torch.testing.assert_close(selected[:, 3:], torch.cat([rows[:, 18:19], rows[:, 3:6]], -1))
-
-
-def test_the_probabilities_of_the_bank_can_be_observed():
-    env = HybridTrackQuickestVectorEnv(50)
-    rows, info = env.reset(seed=0)
-    features = ObservationFeatures(env.single_observation_space, ("posterior", "speed"), QuickestLayout)
-    selected = features(torch.from_numpy(rows))
-    assert selected.shape == (50, 4)
-    # a logarithm of the row has float32 precision and is at least -30
-    np.testing.assert_allclose(selected[:, :3], np.exp(info["log_probability"]), atol=1e-5)
-    np.testing.assert_array_equal(selected[:, 3], rows[:, -2])

@@ -7,25 +7,18 @@ import shutil
 import numpy as np
 import pytest
 import torch
-from hostile_input import accepted, damaged, mutated, profile
-from hypothesis import given
+from hostile_input import accepted, attack, counts, damaged, mutated
 from safetensors.torch import load_file, save_file
+from small_training import log_often, small_run
 
 from agents.cli import main
 from agents.evaluation.registry import load_decider, policy_folder
 from agents.interface.world_arguments import WorldArguments
-from agents.learned.anchor_decider import AnchorNetworks
-from agents.learned.policy import make_policy, save_actor
-from agents.learned.policy_file import CARD, WEIGHTS, check_policy_kwargs, save_policy
-from agents.learned.statement_decider import StatementDecider
-from agents.training.recipe import load_recipe
-from baselines.rules.decider import ANNOUNCED, UNKNOWN
-from hybrid_env import HybridTrackVectorEnv, WorldOptions
+from agents.learned.policy_file import CARD, WEIGHTS
+from baselines.rules.decider import ANNOUNCED
+from hybrid_env import WorldOptions
 from hybrid_env.checks import ArgumentError
 from hybrid_env.registration import make_track_vector_env
-
-ENV = "hybrid_env:HybridTrack-v0"
-OPTIONS = {"measurement_variance": 0.2, "scheme": "S5 L5r5", "radii": [5.0]}
 
 
 @pytest.fixture
@@ -117,62 +110,6 @@ def test_files_that_are_too_large_or_would_block_are_refused(folder):
             load_decider(str(folder), WorldOptions())
 
 
-@pytest.mark.parametrize(
-    "policy_kwargs",
-    [
-        {"net_arch": [10**6]}, {"net_arch": [4] * 100}, {"net_arch": 4}, {"net_arch": []}, [], None,
-        {"net_arch": [True]}, {"lstm_hidden_size": 8}, {"squash_output": True}, {"ortho_init": "no"},
-    ],
-)  # fmt: skip
-def test_settings_of_a_policy_are_bounded(policy_kwargs):
-    assert accepted(lambda: check_policy_kwargs(policy_kwargs, "ppo") or True) is None
-
-
-def test_settings_of_a_recurrent_policy_are_bounded():
-    check_policy_kwargs({"lstm_hidden_size": 8, "n_lstm_layers": 2, "enable_critic_lstm": False}, "recurrent_ppo")
-    for name, value in (("lstm_hidden_size", 10**6), ("n_lstm_layers", 10**9), ("enable_critic_lstm", 1)):
-        with pytest.raises(ArgumentError, match=name):
-            check_policy_kwargs({name: value}, "recurrent_ppo")
-
-
-def card_of(recipe, *changes):
-    recipe = load_recipe(recipe, ENV, changes)
-    return {"environment": ENV, "options": OPTIONS, "recipe": recipe.as_json(), "seed": 0}
-
-
-def save_small_anchor(folder):
-    torch.manual_seed(0)
-    save_policy(folder, AnchorNetworks(4).state_dict(), card_of("anchor", "hidden=4"), ANNOUNCED)
-
-
-def save_small_actor(folder, recipe="ppo", **policy_kwargs):
-    torch.manual_seed(0)
-    policy_kwargs = {"net_arch": [6, 5]} | policy_kwargs
-    env = HybridTrackVectorEnv(1, **OPTIONS)
-    algo = recipe.replace("-", "_")
-    policy = make_policy(env.single_observation_space, env.single_action_space, policy_kwargs, (), algo)
-    changes = [f"policy_kwargs.{name}={value}" for name, value in policy_kwargs.items()]
-    save_actor(folder, policy, card_of(recipe, *changes))
-
-
-def save_small_recurrent(folder):
-    pytest.importorskip("sb3_contrib")
-    save_small_actor(folder, "recurrent-ppo", lstm_hidden_size=4)
-
-
-def save_small_statements(folder):
-    torch.manual_seed(0)
-    recipe = load_recipe("statements", "HybridTrackQuickest-v0", ("hidden=4",))
-    card = {
-        "environment": "hybrid_env:HybridTrackQuickest-v0", "options": {"ticks": 20}, "seed": 0,
-        "recipe": recipe.as_json(),
-    }  # fmt: skip
-    save_policy(folder, StatementDecider.network(4).state_dict(), card, UNKNOWN)
-
-
-KINDS = [save_small_anchor, save_small_actor, save_small_statements, save_small_recurrent]
-
-
 def decide(folder):
     """Load the decider of a run folder as a command does; it then decides on some ticks."""
     env_id, options = WorldArguments().world_of(str(folder))
@@ -186,34 +123,40 @@ def decide(folder):
     return actions
 
 
-@pytest.mark.parametrize("examples", [30, pytest.param(4_000, marks=pytest.mark.study)])
-@pytest.mark.parametrize("save", KINDS)
-def test_a_card_with_one_changed_value_is_used_or_refused(save, examples, tmp_path):
-    save(tmp_path)
-    card = json.loads((tmp_path / CARD).read_text())
+@pytest.fixture(scope="module", params=["anchor", "ppo", "statements", "recurrent-ppo"])
+def trained(request, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("run")
+    with pytest.MonkeyPatch.context() as patch:
+        log_often(patch.setattr)
+        small_run(request.param, folder, 640).train()
+    return folder
+
+
+@pytest.fixture
+def saved(trained, tmp_path):
+    for name in (CARD, WEIGHTS):
+        shutil.copy(trained / name, tmp_path)
     decide(tmp_path)  # also compiles, which takes longer than an example may
+    return tmp_path
 
-    @profile(examples)
-    @given(mutated(card))
+
+EXAMPLES = pytest.mark.parametrize("examples", counts(30, 4_000))
+
+
+@EXAMPLES
+def test_a_card_with_one_changed_value_is_used_or_refused(saved, examples):
     def check(changed):
-        (tmp_path / CARD).write_text(json.dumps(changed))
-        accepted(lambda: decide(tmp_path))
+        (saved / CARD).write_text(json.dumps(changed))
+        accepted(lambda: decide(saved))
 
-    check()
+    attack(examples, mutated(json.loads((saved / CARD).read_text())), check)
 
 
-@pytest.mark.parametrize("examples", [30, pytest.param(4_000, marks=pytest.mark.study)])
+@EXAMPLES
 @pytest.mark.parametrize("name", [CARD, WEIGHTS])
-@pytest.mark.parametrize("save", KINDS[:3])
-def test_a_damaged_file_is_used_or_refused(name, save, examples, tmp_path):
-    save(tmp_path)
-    decide(tmp_path)
-    content = (tmp_path / name).read_bytes()
-
-    @profile(examples)
-    @given(damaged(content))
+def test_a_damaged_file_is_used_or_refused(name, saved, examples):
     def check(changed):
-        (tmp_path / name).write_bytes(changed)
-        accepted(lambda: decide(tmp_path))
+        (saved / name).write_bytes(changed)
+        accepted(lambda: decide(saved))
 
-    check()
+    attack(examples, damaged((saved / name).read_bytes()), check)

@@ -1,52 +1,60 @@
-"""The agent that states the present mode: invariances, one tick at a time, files."""
+"""The agents that state the present mode, from rows and from a beam: invariances, one tick at a time."""
 
 import numpy as np
 import pytest
 import torch
 
-from agents.evaluation.registry import learned_family
-from agents.learned.policy_file import save_policy
+from agents.learned.rhythm_decider import RhythmDecider
 from agents.learned.statement_decider import StatementDecider
-from agents.learned.statement_net import INPUTS, StatementNet, statement_inputs
-from agents.training.recipe import load_recipe
+from agents.learned.statement_net import StatementNet
 from agents.training.statements import simulate
-from baselines import ThresholdDecider, measure_statements, record_statements
-from baselines.rules.decider import UNKNOWN
-from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout, QuickestOptions, WorldOptions
+from baselines import ThresholdDecider, record_statements
+from baselines.rules.measurements import OBSERVED
+from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout, QuickestOptions
 
-RECIPE = load_recipe("statements", "HybridTrackQuickest-v0", ("hidden=8",))
-TRACKS = 12
-
-
-def random_net(hidden=8, seed=0):
-    """A network whose outputs depend on all of its inputs."""
-    torch.manual_seed(seed)
-    net = StatementNet(hidden)
-    torch.nn.init.normal_(net.output.weight, std=0.5)
-    return net.eval()
+KINDS = pytest.mark.parametrize("kind", [StatementDecider, RhythmDecider])
+TRACKS = 8
+ODD = [1, 4, 5, 8, 9, 11, 12]  # columns of measurement, estimate and covariance that change sign with y
 
 
-def statements_of(decider, options, transform=lambda rows: rows, ticks=150):
-    """Statements (T, N) of a decider whose rows are transformed, and the rows."""
+def random_decider(kind, options):
+    """A decider whose outputs depend on all of its inputs."""
+    torch.manual_seed(0)
+    net = kind.network(8)
+    torch.nn.init.normal_(net.output.weight, std=0.4)
+    return kind(net.eval(), options)
+
+
+def statements_of(decider, options, ticks=150):
+    """Statements (T, N) of a decider, and what it observes (T, N, width)."""
     env = HybridTrackQuickestVectorEnv(TRACKS, **vars(options))
-    rows, _ = env.reset(seed=3)
+    env.reset(seed=3)
     state, stated, seen = None, [], []
     for _ in range(ticks):
-        seen.append(rows)
-        actions, state = decider.predict(transform(rows), state)
+        seen.append(decider.observe(env.world).copy())
+        actions, state = decider.predict(seen[-1], state)
         stated.append(actions)
-        rows, *_ = env.step(actions)
+        env.step(actions)
     return np.array(stated), np.array(seen)
 
 
-@pytest.mark.parametrize("radii", [(5.0,), (2.0, 5.0)])
-def test_one_tick_at_a_time_equals_all_at_once(radii):
-    options = QuickestOptions(radii=radii, ticks=80)
-    net = random_net()
-    decider = StatementDecider(net, options)
-    inputs, log_probability, true_modes = simulate(options, TRACKS, 5)
+def stated_again(decider, seen):
+    """Statements (T, N) for given observations."""
+    state, stated = None, []
+    for rows in seen:
+        actions, state = decider.predict(rows, state)
+        stated.append(actions)
+    return np.array(stated)
+
+
+@KINDS
+@pytest.mark.parametrize("more", [{}, {"radii": (2.0, 5.0), "durations": "drawn", "order": "drawn"}])
+def test_one_tick_at_a_time_equals_all_at_once(kind, more):
+    options = QuickestOptions(ticks=80, **more)
+    decider = random_decider(kind, options)
+    inputs, log_probability, true_modes = simulate(options, TRACKS, 5, decider)
     with torch.no_grad():
-        outputs = net(torch.from_numpy(inputs), torch.from_numpy(log_probability))
+        outputs = decider.net(torch.from_numpy(inputs), torch.from_numpy(log_probability))
     utility, stay = outputs.utility.numpy(), outputs.stay.numpy()
     stated = utility[0].argmax(-1)
     recorded = record_statements(decider, TRACKS, 5, **vars(options))
@@ -58,64 +66,48 @@ def test_one_tick_at_a_time_equals_all_at_once(radii):
         np.testing.assert_array_equal(recorded.stated_modes[tick], stated)
 
 
-@pytest.mark.parametrize("radii", [(5.0,), (2.0, 5.0)])
-def test_mirrored_rows_give_the_mirrored_statements(radii):
-    options = QuickestOptions(radii=radii)
-    layout = QuickestLayout(options.hypotheses)
-    M, n = layout.hypotheses, len(radii)
-    order = np.array([0, *range(n + 1, M), *range(1, n + 1)])
-    decider = StatementDecider(random_net(), options)
-    stated, rows = statements_of(decider, options)
-    assert len(np.unique(stated)) == M
-    state = None
-    for tick, row in enumerate(rows):
-        mirrored = row.copy()
-        for name in layout.hypothesis_features:
-            mirrored[:, layout.slices[name]] = row[:, layout.slices[name]][:, order]
-        mirrored[:, layout.slices["innovation_across"]] *= -1.0
-        actions, state = decider.predict(mirrored, state)
-        np.testing.assert_array_equal(order[actions], stated[tick])
+@KINDS
+def test_a_mirrored_trajectory_has_the_mirrored_statements(kind):
+    options = QuickestOptions(radii=(2.0, 5.0), ticks=150)
+    layout, order = QuickestLayout(5), np.array([0, 3, 4, 1, 2])
+    decider = random_decider(kind, options)
+    stated, seen = statements_of(decider, options)
+    assert len(np.unique(stated)) == 5
+    mirrored = seen.copy()
+    for name in layout.hypothesis_features:
+        mirrored[..., layout.slices[name]] = seen[..., layout.slices[name]][..., order]
+    mirrored[..., layout.slices["innovation_across"]] *= -1.0
+    if kind is RhythmDecider:
+        own = mirrored[..., layout.width :]
+        own[..., ODD] *= -1.0
+        own[..., OBSERVED:] = own[..., OBSERVED:][..., order]
+    assert (order[stated_again(decider, mirrored)] != stated).sum() <= 1  # a tie within rounding
 
 
-@pytest.mark.parametrize(("length", "time"), [(1000.0, 1.0), (0.3048, 60.0), (1.0, 0.001)])
-def test_a_change_of_units_changes_no_statement(length, time):
-    """The same rows as an environment in other units would give: only the speed has a unit."""
-    options = QuickestOptions()
+@KINDS
+@pytest.mark.parametrize(("length", "time"), [(1000.0, 1.0), (0.3048, 60.0)])
+def test_a_change_of_units_changes_no_statement(kind, length, time):
+    """What would be observed in other units: of the rows only the speed has one."""
+    options, layout = QuickestOptions(ticks=150), QuickestLayout(3)
     other = QuickestOptions(
-        speed=2.0 * length / time, tau=0.1 * time, radii=(5.0 * length,),
+        speed=2.0 * length / time, tau=0.1 * time, radii=(5.0 * length,), ticks=150,
         measurement_variance=0.1 * length**2, process_variance=0.001 * length**2 / time**2,
         initial_error=(0.03 * length**2, 0.02 * length**2 / time**2),
     )  # fmt: skip
-    net = random_net()
-    stated, rows = statements_of(StatementDecider(net, options), options)
-    scaled = rows.copy()
-    scaled[..., QuickestLayout(3).slices["speed"]] *= length / time
-    ages = np.ones(rows.shape[:2], np.int64)
-    inputs = [statement_inputs(world, seen, ages) for world, seen in ((options, rows), (other, scaled))]
-    assert inputs[0].shape[-1] == INPUTS
-    np.testing.assert_allclose(*inputs, atol=1e-5)
-    decider, state = StatementDecider(net, other), None
-    changed = 0
-    for tick, row in enumerate(scaled):
-        actions, state = decider.predict(row, state)
-        changed += int((actions != stated[tick]).sum())
-    assert changed <= 1  # a tie within rounding
-
-
-def test_an_untrained_network_changes_its_statement_where_the_log_odds_exceed_the_initial_utility():
-    options = QuickestOptions()
-    stated, rows = statements_of(StatementDecider(StatementNet(8), options, margin=1.0), options)
-    log_probability = QuickestLayout(3).read(rows, "log_probability")[1:]
-    of_stated = np.take_along_axis(log_probability, stated[:-1, :, None], -1)[..., 0]
-    changed = stated[1:] != stated[:-1]
-    assert changed.any()
-    exceeds = log_probability.max(-1) - of_stated > 1.0 + np.log1p(np.exp(2.0))
-    np.testing.assert_array_equal(changed, exceeds)
+    stated, seen = statements_of(random_decider(kind, options), options)
+    scaled = seen.copy()
+    scaled[..., layout.slices["speed"]] *= length / time
+    if kind is RhythmDecider:
+        own, units = scaled[..., layout.width :], np.array([length, length / time] * 2)
+        own[..., :2] *= length
+        own[..., 2:6] *= units
+        own[..., 6:16] *= np.outer(units, units)[np.triu_indices(4)]
+    assert (stated_again(random_decider(kind, other), scaled) != stated).sum() <= 1  # a tie within rounding
 
 
 def test_an_episode_that_begins_is_not_remembered():
     options = QuickestOptions()
-    decider = StatementDecider(random_net(), options)
+    decider = random_decider(StatementDecider, options)
     _, rows = statements_of(decider, options, ticks=40)
     _, state = decider.predict(rows[30])
     start = np.arange(TRACKS) % 2 == 0
@@ -125,41 +117,13 @@ def test_an_episode_that_begins_is_not_remembered():
     assert (after.age[start] == 1).all()
 
 
-def test_a_larger_margin_changes_the_statement_less_often():
-    options = QuickestOptions(measurement_variance=1.0)
-    changes = [
-        measure_statements(
-            record_statements(StatementDecider(random_net(), options, margin), 50, 1, **vars(options))
-        ).stated_changes.sum()
-        for margin in (0.0, 2.0, 8.0)
-    ]
-    assert changes[0] > changes[1] > changes[2]
-
-
-def test_weights_are_restored_and_a_folder_is_a_decider(tmp_path):
-    net = random_net()
-    card = {"environment": "HybridTrackQuickest-v0", "options": {}, "recipe": RECIPE.as_json()}
-    save_policy(tmp_path, net.state_dict(), card, UNKNOWN)
-    decider = learned_family(tmp_path, QuickestOptions()).make(1.5)
-    for one, other in zip(net.state_dict().values(), decider.net.state_dict().values(), strict=True):
-        assert torch.equal(one, other)
-    assert decider.margin == 1.5
-    for options in (WorldOptions(), None):
-        with pytest.raises(ValueError, match="a policy for"):
-            learned_family(tmp_path, options)
-    for hidden in (7, 10**9):
-        card["recipe"]["entry"]["hidden"] = hidden
-        save_policy(tmp_path, net.state_dict(), card, UNKNOWN)
-        with pytest.raises(ValueError, match="run="):
-            learned_family(tmp_path, QuickestOptions())
-
-
 def test_invalid_arguments_are_refused():
     options = QuickestOptions()
     with pytest.raises(ValueError, match="margin="):
-        StatementDecider(random_net(), options, float("nan"))
-    with pytest.raises(ValueError, match="observation shape"):
-        StatementDecider(random_net(), options).predict(np.zeros((3, 7), np.float32))
+        StatementDecider(StatementNet(8), options, float("nan"))
+    for kind, width in ((StatementDecider, 7), (RhythmDecider, QuickestLayout(3).width)):
+        with pytest.raises(ValueError, match="observation shape"):
+            random_decider(kind, options).predict(np.zeros((3, width), np.float32))
 
 
 @pytest.mark.parametrize(

@@ -73,12 +73,6 @@ def test_degrees_from_north_and_radians_from_the_x_axis_are_the_same(polar, tmp_
     assert math.hypot(modes["x"][-1] - first.positions[-1, 0], modes["y"][-1] - first.positions[-1, 1]) < 500.0
 
 
-@pytest.mark.parametrize("text", ["", "30", "30 x", "30 0.015 rate", "30 2", "30 0.01 at 5", "0.4 at 1 2 x"])
-def test_another_text_of_a_radar_is_refused(text, tmp_path):
-    with pytest.raises(ArgumentError, match=r"radar=.*two standard deviations"):
-        Track(files=(tmp_path / "a.csv",), radar=text).run()
-
-
 def test_what_does_not_fit_a_radar_is_refused(polar, tmp_path):
     plain = write(tmp_path / "a.csv", polar[:, :2], "time,x,y")
     with pytest.raises(ArgumentError, match="no columns range and bearing"):

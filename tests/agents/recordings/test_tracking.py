@@ -129,30 +129,13 @@ def test_a_car_is_tracked_without_any_option(drive):
     assert free.warnings == []
 
 
-def test_recalculation_and_refined_radius_reduce_the_error():
-    truth = CAR.simulate(20, 5, "RLSL", (60, 50, 40, 70))
-    lengths, radii = (60, 50, 40, 70), tuple(CAR.radius * np.array([0.4, 0.7, 1.0, 1.4, 2.0]))
-    errors = {}
-    for given in ((), ("recalculation",), ("refine_radius",), ("recalculation", "refine_radius")):
-        options = {"lengths": lengths, "radii": radii, "decider": "ate"} | dict.fromkeys(given, True)
-        tracked = [track_recording(TIMES, run, **options) for run in truth.measurements]
-        found = np.stack([one.estimates for one in tracked])
-        errors[given] = ((found - truth.truth) ** 2)[..., ::2].mean() ** 0.5
-        for one in tracked:
-            assert (one.pieces[:, 2] == one.modes[one.pieces[:, 1] - 1]).all()
-    assert errors["recalculation",] < errors[()]
-    assert errors["refine_radius",] < 0.9 * errors[()]
-    assert errors["recalculation", "refine_radius"] < errors["refine_radius",]
-
-
 def test_the_example_of_the_readme_is_right():
     run = simulate("L60r3 R75r5 S50 L60r10").measurements[0]
     found = track_recording(None, run, lengths=(60, 75, 50, 60), radii=(3.0, 5.0, 10.0))
     assert [found.mode_names()[mode] for mode in found.pieces[:, 2]] == ["L 3", "R 5", "S", "L 10"]
 
 
-@pytest.mark.parametrize("length", [1.0, 1000.0])
-@pytest.mark.parametrize("time", [1.0, 60.0])
+@pytest.mark.parametrize(("length", "time"), [(1000.0, 1.0), (1000.0, 60.0)])
 @pytest.mark.parametrize("options", [{}, {"lengths": (60, 50, 40, 70)}, {"decider": "cusum"}])
 def test_units_change_no_decision(length, time, options, drive):
     plain = track_recording(TIMES, drive, **options)

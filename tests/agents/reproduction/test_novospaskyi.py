@@ -7,7 +7,6 @@ import pytest
 from PIL import Image
 
 from agents.cli import main
-from agents.reproduction import command
 from baselines.papers import novospaskyi
 from baselines.papers.novospaskyi.tables import METRICS, TABLES, TEST_ERRORS, UNFILTERED, as_published
 
@@ -60,9 +59,3 @@ def check(result, cells):
     assert set(example.estimates["gaussian"]) > {"g-h", "CV", as_published("KF CV")}
     for positions, _ in example.estimates["levy"].values():
         assert len(positions) == len(example.scan.times)
-
-
-def test_papers_are_found_by_their_figures_in_the_order_of_their_years():
-    papers = ("golubkov2018", "tsyganov2019", "golubkov2020")
-    assert (*papers, "multiple_models", "novospaskyi", "zimchuk") == command.PAPERS
-    assert command.Reproduce().papers == (*papers, "zimchuk")

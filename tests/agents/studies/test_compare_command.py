@@ -1,4 +1,4 @@
-"""`hybridtrack compare` and `evaluate` for unknown switches: tables, files and refused arguments."""
+"""`hybridtrack compare` for unknown switches: tables and files."""
 
 import json
 import shlex
@@ -26,28 +26,3 @@ def test_compare_prints_tables_and_writes_figures_and_data(tmp_path, capsys):
     for one in data["deciders"]:
         chosen = one["curve"]["thresholds"].index(one["threshold"]["chosen"])
         assert one["reward"]["value"] == pytest.approx(one["curve"]["reward"][chosen])
-
-
-def test_compare_with_one_decider_draws_it_alone(tmp_path):
-    line = f"compare {SMALL} --deciders cusum --agents --episodes 3 --selection-episodes 3 --out {tmp_path}"
-    assert main(shlex.split(line)) == 0
-    assert (tmp_path / "episode.png").exists()
-
-
-def test_evaluate_prints_the_metrics_of_given_thresholds(tmp_path, capsys):
-    out = tmp_path / "rules.json"
-    line = f"evaluate threshold threshold:0.9 cusum:3 {SMALL} --episodes 10 --out {out}"
-    assert main(shlex.split(line)) == 0
-    printed = capsys.readouterr().out
-    assert "10 tracks of 80 ticks" in printed
-    data = json.loads(out.read_text())
-    assert [one["decider"] for one in data] == ["threshold", "threshold:0.9", "cusum:3"]
-    assert [one["threshold"]["value"] for one in data] == [0.6, 0.9, 3.0]
-    for one in data:
-        assert f"{one['reward']['value']:.4f}" in printed
-        assert one["right"]["low"] <= one["right"]["value"] <= one["right"]["high"]
-
-
-def test_evaluate_without_deciders_takes_the_threshold_rule(capsys):
-    assert main(shlex.split(f"evaluate {SMALL} --episodes 3")) == 0
-    assert "IMM" in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""Figures, tables and JSON of a comparison, and the table of shifts, from scores with given means."""
+"""Figures, tables and JSON of a comparison, from scores with given means."""
 
 import json
 
@@ -7,15 +7,12 @@ import pytest
 from given_scores import ANNOUNCED, UNKNOWN, announced_scores, comparison, unknown_scores
 from rich.console import Console
 
-from agents.evaluation.worlds import NOMINAL
 from agents.figures.decider_colours import decider_style
-from agents.studies.shifts import Shift, shift_table
-from agents.studies.tables import chosen_table, levels_table, spread_lines, unreached_lines
+from agents.studies.tables import chosen_table, levels_table, spread_lines
 
 ATE = announced_scores("ATE (SPRT)", [0.7, 0.9, 0.96, 0.985], [15, 20, 26, 32])
 PPO = announced_scores("ppo", [0.6, 0.95, 0.99, 1.0], [5, 12, 16, 30])
 LATE = announced_scores("fixed time", [0.5, 0.8, 0.97, 0.999, 1.0], [5, 15, 30, 50, 90])
-INACCURATE = announced_scores("MSPRT", [0.4, 0.8, 0.92], [4, 12, 18])
 IMM = unknown_scores("IMM threshold", [16.0, 8.0, 4.0, 1.0], [12, 14, 16, 20], [0.7, 0.75, 0.76, 0.74])
 BEAM = unknown_scores("beam", [15.0, 7.0, 3.0, 0.7], [11.0, 13.0, 15.0, 19.0], [0.71, 0.76, 0.78, 0.75])
 CUSUM = unknown_scores("CUSUM", [40.0, 20.0, 6.0, 3.0], [13.0, 15.0, 19.0, 30.0], [0.5, 0.6, 0.7, 0.68])
@@ -23,10 +20,6 @@ RESULTS = {
     "announced": comparison(ANNOUNCED, ATE, LATE, PPO, agents=1),
     "unknown": comparison(UNKNOWN, IMM, BEAM, CUSUM),
 }
-
-
-def figure_of(result):
-    return result.picture()
 
 
 def labels_of(figure):
@@ -44,7 +37,7 @@ def text_of(table, width=100):
 @pytest.mark.parametrize("result", RESULTS.values(), ids=RESULTS)
 def test_both_panels_show_every_decider_with_its_selected_threshold(result):
     names = {entry.name for entry in result.entries}
-    figure = figure_of(result)
+    figure = result.picture()
     assert set(labels_of(figure)) == names
     figure.draw_without_rendering()
     for axes in figure.axes:
@@ -55,49 +48,12 @@ def test_both_panels_show_every_decider_with_its_selected_threshold(result):
             assert all(box.contains(*point) for point in axes.transData.transform(line.get_xydata()))
 
 
-def test_the_axis_of_time_ends_where_curves_are_accurate():
-    assert figure_of(RESULTS["announced"]).axes[0].get_xlim()[1] < 90
-
-
-@pytest.mark.parametrize("chosen", [0, 4])
-def test_the_selected_threshold_is_inside_the_axes(chosen):
-    figure = figure_of(comparison(ANNOUNCED, ATE, LATE, chosen=chosen))
-    figure.draw_without_rendering()
-    for axes in figure.axes:
-        box = axes.get_window_extent()
-        filled = [line for line in axes.lines if line.get_markersize() == 8]
-        assert len(filled) == 2
-        for line in filled:
-            assert all(box.contains(*point) for point in axes.transData.transform(line.get_xydata()))
-
-
-def test_a_decider_without_wrong_changes_has_no_point_on_the_logarithmic_axis():
-    silent = unknown_scores("CUSUM", [0.0] * 4, [40.0] * 4, [0.4] * 4)
-    left, _ = figure_of(comparison(UNKNOWN, IMM, silent)).axes
-    assert not any(line.get_color() == decider_style("CUSUM").colour for line in left.lines)
-
-
-@pytest.mark.parametrize("task", ["announced", "unknown"])
-def test_training_seeds_are_one_curve(task):
-    if task == "announced":
-        first = ATE
-        seeds = [
-            announced_scores(f"ppo seed {k}", [0.6, 0.95, 0.99, 1.0], np.array([5, 12, 16, 30]) + k) for k in range(3)
-        ]
-    else:
-        first = IMM
-        seeds = [unknown_scores(f"agent seed {k}", [9.0, 3.0], [11.0 + k, 15.0 + k], [0.7, 0.78]) for k in range(3)]
-    name = seeds[0].name.partition(" ")[0]
-    result = comparison(ANNOUNCED if task == "announced" else UNKNOWN, first, *seeds, agents=3)
-    assert {key: len(group) for key, group in result.seed_groups.items()} == {first.name: 1, name: 3}
-    assert f"{name}, 3 seeds" in labels_of(figure_of(result))
-    assert [line.partition(",")[0] for line in spread_lines(result)] == [f"{name} over 3 training seeds"]
-
-
-def test_an_accuracy_that_is_not_reached_is_said():
-    assert unreached_lines(comparison(ANNOUNCED, ATE, INACCURATE, accuracy=0.95)) == [
-        "MSPRT does not reach 95.0%: its most accurate threshold is shown"
-    ]
+def test_training_seeds_are_one_curve():
+    seeds = [announced_scores(f"ppo seed {k}", [0.6, 0.95, 0.99, 1.0], np.array([5, 12, 16, 30]) + k) for k in range(3)]
+    result = comparison(ANNOUNCED, ATE, *seeds, agents=3)
+    assert {key: len(group) for key, group in result.seed_groups.items()} == {ATE.name: 1, "ppo": 3}
+    assert "ppo, 3 seeds" in labels_of(result.picture())
+    assert [line.partition(",")[0] for line in spread_lines(result)] == ["ppo over 3 training seeds"]
 
 
 def test_the_largest_difference_is_that_of_the_best_agent_or_rule():
@@ -150,26 +106,3 @@ def test_json_has_every_figure_and_null_where_one_is_undefined(result):
         first, _, last = (one["at_equal_wrong_changes"]["full_delay"] for one in data["deciders"])
         assert first["value"] == pytest.approx(16.0 + 8.0 / 3.0)
         assert last == {"value": None, "low": None, "high": None}
-
-
-def shifts_table(found):
-    results = [Shift(name, ANNOUNCED, scores, scores) for name, scores in found]
-    return text_of(shift_table(results, "Title"), 80)
-
-
-def test_a_table_of_shifts_with_six_deciders_fits_into_80_columns():
-    names = (
-        "shipped", "ATE (SPRT)", "MSPRT", "MSPRT, kept covariance", "calibrated anchor",
-        "calibrated anchor, robust filters",
-    )  # fmt: skip
-    found = [announced_scores(name, [0.75 + k / 32], [0]) for k, name in enumerate(names)]
-    options = (NOMINAL, "first estimate 3 times as wrong")
-    text = shifts_table([(name, scores) for scores in found for name in options])
-    assert "…" not in text
-    row = next(line for line in text.splitlines() if line.startswith("nominal"))
-    assert row.split()[1:] == ["+0.500", "+0.562", "+0.625", "+0.688", "+0.750", "+0.812", "-0.312"]
-    assert text.count("±0.000") == 2 * len(names) + 2
-
-
-def test_names_are_printed_as_they_are():
-    assert "s[/b]" in shifts_table([(NOMINAL, announced_scores("s[/b]", [0.75], [0]))])

@@ -1,14 +1,11 @@
 """Data sets of Minari: loaded by Minari, and replayed in the environment that they name."""
 
-import gc
 import os
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
 from agents.cli import main
-from hybrid_env.wrappers import CompleteInfo
 
 minari = pytest.importorskip("minari")
 pytest.importorskip("h5py")
@@ -21,13 +18,11 @@ def root(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("env_id", "rule", "flags"),
-    [
+    ("env_id", "rule", "flags"), [
         ("HybridTrack-v0", "ate", "--scheme random --measurement-variance 0.5"),
-        ("HybridTrackBank-v0", "msprt", "--scheme S9"),
-        ("HybridTrackQuickest-v0", "threshold:0.7", "--ticks 40"),
+        ("HybridTrackBank-v0", "msprt", "--scheme S9"), ("HybridTrackQuickest-v0", "threshold:0.7", "--ticks 40"),
     ],
-)
+)  # fmt: skip
 def test_episodes_of_a_data_set_are_those_of_its_environment(root, capsys, env_id, rule, flags):
     command = f"dataset --env {env_id} --policies {rule} shipped random --episodes 3 {flags}"
     assert main(command.split()) == 0
@@ -54,28 +49,17 @@ def test_episodes_of_a_data_set_are_those_of_its_environment(root, capsys, env_i
 
 
 @pytest.mark.parametrize(
-    ("flags", "message"),
-    [
-        ("", "policies=()"),
-        ("--policies ate ate", "policies=('ate', 'ate')"),
-        ("--policies fortune", "decider='fortune'"),
-        ("--policies ate --episodes 10001", "episodes=10001"),
+    ("flags", "message"), [
+        ("", "policies=()"), ("--policies ate ate", "policies=('ate', 'ate')"),
+        ("--policies fortune", "decider='fortune'"), ("--policies ate --episodes 10001", "episodes=10001"),
         ("--policies ate --out /dev/null/x", "out="),
     ],
-)
+)  # fmt: skip
 def test_what_cannot_be_written_is_refused_in_one_line(root, capsys, flags, message):
     assert main(f"dataset {flags}".split()) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert message in line
     assert list(root.iterdir()) == []
-
-
-def test_the_folder_may_be_relative(root, monkeypatch, capsys):
-    monkeypatch.chdir(root)
-    assert main(["dataset", "--policies", "random", "--episodes", "2", "--out", "datasets"]) == 0
-    assert capsys.readouterr().out.splitlines()[-1] == "Data datasets"
-    monkeypatch.setenv("MINARI_DATASETS_PATH", "datasets")
-    assert minari.load_dataset("HybridTrack-v0/random-v0").total_episodes == 2
 
 
 def test_a_data_set_is_not_replaced_and_nothing_half_written_stays(root, capsys):
@@ -84,23 +68,3 @@ def test_a_data_set_is_not_replaced_and_nothing_half_written_stays(root, capsys)
     assert main([*command, "random"]) == 2
     assert "a folder without the data set HybridTrack-v0/ate-v0" in capsys.readouterr().err
     assert [path.name for path in (root / "HybridTrack-v0").iterdir() if path.is_dir()] == ["ate-v0"]
-
-
-@pytest.mark.filterwarnings("ignore:Implicitly cleaning up:ResourceWarning")  # Minari's own
-@pytest.mark.parametrize("env_id", ["HybridTrack-v0", "HybridTrackEasy-v0", "HybridTrackQuickest-v0"])
-def test_the_collector_records_the_info_of_every_step(root, env_id):
-    pytest.importorskip("jax")
-    env = minari.DataCollector(CompleteInfo(gym.make(f"hybrid_env:{env_id}")), record_infos=True)
-    env.reset(seed=0)
-    decided, done = [-1], False
-    while not done:
-        _, _, done, _, info = env.step(0)
-        decided.append(info.get("decided_mode", -1))
-    with pytest.warns(UserWarning, match="is set to None"):
-        (episode,) = env.create_dataset("collected-v0").iterate_episodes()
-    env.close()
-    del env
-    gc.collect()
-    assert ("decided_mode" in episode.infos) == (env_id != "HybridTrackQuickest-v0")
-    np.testing.assert_array_equal(episode.infos.get("decided_mode", decided), decided)
-    assert len(episode.infos["measurement"]) == len(episode.observations) == len(decided)

@@ -7,7 +7,7 @@ from PIL import Image
 
 from agents.cli import main
 from agents.studies import departures
-from agents.studies.departures import ANNOUNCED, ROADS, UNKNOWN, calls, respond
+from agents.studies.departures import ANNOUNCED, ROADS, UNKNOWN, calls
 from baselines.rules import seeds
 
 
@@ -16,27 +16,6 @@ def quick_rules(monkeypatch):
     monkeypatch.setattr(departures, "TOLD", {ANNOUNCED: ("msprt",), UNKNOWN: ("threshold",)})
     monkeypatch.setattr(departures, "DECIDERS", {ANNOUNCED: ("msprt", "ate"), UNKNOWN: ("threshold",)})
     monkeypatch.setattr(seeds, "SELECTION_EPISODES", 20)
-
-
-def test_every_road_begins_without_a_departure():
-    for _, levels in ROADS.values():
-        assert len({name for name, *_ in levels}) == len(levels) >= 5
-        (_, world, truth), *others = levels
-        assert all(untold != world and told != truth for _, untold, told in others)
-
-
-def test_a_rule_that_is_told_gains_more_the_farther_the_world_departs():
-    road = "process noise of the object over Q"
-    levels = (("1", {}, {}), ROADS[road][1][-1])
-    gaps = [respond(road, level, ANNOUNCED, ("msprt",), 150, 0)[1]["gap"] for level in levels]
-    assert gaps[1].high < gaps[0].low
-
-
-def test_who_is_not_told_of_the_radius_keeps_the_listed_one():
-    _, levels = ROADS["radius of turns over the listed one"]
-    reference, untold = respond("radius", levels[-1], ANNOUNCED, ("msprt",), 60, 0)
-    assert untold["gap"].high < 0.0
-    assert untold["reward"].value - reference["reward"].value == pytest.approx(untold["gap"].value)
 
 
 def test_the_command_writes_its_files(tmp_path, capsys, monkeypatch):

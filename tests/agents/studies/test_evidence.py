@@ -1,24 +1,15 @@
 """The evidence of each decider, compared with the decisions that it makes."""
 
-import itertools
-
-import gymnasium as gym
 import numpy as np
 import pytest
-import torch
 from gymnasium import spaces
 
 from agents.evaluation.registry import load_decider
-from agents.evaluation.tasks import task_of
-from agents.learned.policy import PolicyDecider, StatementPolicyDecider, make_policy
-from agents.studies.play_command import Episodes
-from baselines import BeamDecider
-from baselines.rules.decider import UNKNOWN, rules
-from hybrid_env import HybridTrackVectorEnv, Layout, QuickestLayout, WorldOptions
+from agents.learned.policy import PolicyDecider, make_policy
+from hybrid_env import HybridTrackVectorEnv, Layout
 
 RADII = (3.0, 5.0, 8.0)
 TRACKS = 30
-STATED = "hybrid_env:HybridTrackQuickest-v0"
 
 
 def make_env(correctness="exact"):
@@ -65,24 +56,6 @@ def test_a_decider_declares_the_mode_whose_evidence_reaches_the_threshold(name, 
     assert declared > 20
 
 
-def test_the_sprt_declares_when_a_ratio_to_the_active_mode_reaches_its_upper_threshold():
-    env = make_env()
-    decider = load_decider("ate:1e-4", env.options)
-    panel = decider.panel()
-    upper, lower = (threshold.levels[0] for threshold in panel.thresholds)
-    assert (upper, lower) == pytest.approx((decider.upper, decider.lower))
-    assert panel.legend == "A, B at alpha = 0.0001"
-    declared = 0
-    for observation, actions, values in ticks_of(env, decider):
-        active = Layout(7).read(observation, "previous").argmax(-1)
-        assert (values[np.arange(TRACKS), active] == 0.0).all()
-        other = (actions > 0) & (actions - 1 != active)
-        assert (values[actions == 0] < upper).all()
-        assert (values[other, actions[other] - 1] >= upper).all()
-        declared += other.sum()
-    assert declared > 20
-
-
 @pytest.mark.parametrize("actions", [2, 8])
 def test_a_policy_declares_when_its_log_odds_exceed_the_threshold(actions):
     decider = policy_decider(actions, threshold=0.001)
@@ -91,80 +64,3 @@ def test_a_policy_declares_when_its_log_odds_exceed_the_threshold(actions):
     for _, chosen, values in ticks_of(make_env(), decider):
         np.testing.assert_array_equal(chosen > 0, values.max(axis=1) > panel.thresholds[0].levels[0])
         np.testing.assert_array_equal(values[chosen > 0, chosen[chosen > 0] - 1], values[chosen > 0].max(axis=1))
-
-
-def test_a_fixed_time_has_the_posterior_without_a_threshold():
-    env = make_env()
-    decider = load_decider("fixed:20", env.options)
-    assert decider.panel().thresholds == ()
-    assert decider.panel().legend == ""
-    for observation, _, values in ticks_of(env, decider, 25):
-        np.testing.assert_allclose(values.sum(axis=1), 1.0)
-        likeliest = Layout(7).read(observation, "log_ratio").argmax(-1)
-        np.testing.assert_array_equal(values.argmax(axis=1), likeliest)
-
-
-@pytest.mark.parametrize("correctness", ["type", "exact"])
-def test_the_posterior_of_a_network_is_by_type_if_only_the_type_is_rewarded(correctness):
-    env = make_env(correctness)
-    decider = load_decider("shipped:0.03", env.options)
-    assert decider.panel().curves == ("type" if correctness == "type" else "hypothesis")
-    assert decider.panel().legend == "1 - alpha at alpha = 0.03"
-    for _, _, values in ticks_of(env, decider, 10):
-        # the best one has 1 - expected loss, which is at most its posterior
-        kinds = slice(None) if correctness == "exact" else [0, 1, 4]
-        total = values[:, kinds].sum(axis=1)
-        assert (total <= 1.0 + 1e-9).all()
-        assert (total > 0.3).all()
-        if correctness == "type":
-            assert (values[:, 1:4] == values[:, 1:2]).all()
-
-
-@pytest.mark.parametrize("alpha", ["0.5", "0.02", "1e-6", "1e-12"])
-def test_the_threshold_is_inside_the_panel(alpha):
-    panel = load_decider(f"msprt:{alpha}", WorldOptions()).panel()
-    low, high = panel.limits
-    assert 0.0 < low < panel.thresholds[0].levels[0] < high < 1.0
-
-
-def stating():
-    return gym.make(STATED, render_mode="rgb_array").unwrapped
-
-
-def test_the_evidence_of_a_policy_is_its_probabilities():
-    torch.manual_seed(0)
-    env = stating()
-    rows, _ = env.reset(seed=0)
-    settings = {"net_arch": [8], "ortho_init": False}
-    policy = make_policy(env.observation_space, env.action_space, settings, layout=QuickestLayout)
-    decider = StatementPolicyDecider(policy)
-    found = decider.evidence(rows[None], None, np.ones(1, np.bool_))
-    logits = decider.logits(rows[None])[0]
-    np.testing.assert_allclose(found, np.exp(logits) / np.exp(logits).sum())
-    assert decider.panel().label == "probability (policy)"
-
-
-@pytest.mark.parametrize("name", [name for name in rules(UNKNOWN) if not name.startswith("beam")])
-def test_other_rules_have_the_probabilities_of_the_bank(name):
-    other = stating()
-    episodes = Episodes(task_of(STATED), name)
-    history = list(itertools.islice(episodes.play(0, lambda: None), 20))[-1]
-    other.reset(seed=0)
-    for _ in range(19):
-        other.step(0)
-    np.testing.assert_allclose(history.evidence, other.history.evidence, atol=1e-5)  # float32 rows
-    assert len(episodes.decider.panel().thresholds) == (name == "threshold")
-
-
-def test_the_evidence_of_a_beam_does_not_change_its_state():
-    env = stating()
-    env.reset(seed=0)
-    decider = BeamDecider(env.options)
-    _, state = decider.predict(decider.observe(env.world))
-    env.step(0)
-    before = state.log_probability.copy()
-    rows, start = decider.observe(env.world), np.zeros(1, np.bool_)
-    found = decider.evidence(rows, state, start)
-    np.testing.assert_array_equal(state.log_probability, before)
-    np.testing.assert_array_equal(found, np.exp(decider.predict(rows, state, start)[1].log_probability))
-    assert decider.panel().thresholds[0].levels == [0.6]

@@ -1,24 +1,17 @@
 import gzip
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from agents.evaluation.flights import FlightTask
-from agents.evaluation.registry import policy_folder
 from agents.studies.compare_command import Compare
-from agents.studies.flights_study import compare_on_flights, late_modes, without_stress
+from agents.studies.flights_study import compare_on_flights, without_stress
 from baselines.recordings.flights import flight as flight_module
 from baselines.recordings.flights.flight import TIERS
-from baselines.recordings.flights.labels import label_flights
-from baselines.recordings.flights.metrics import STATISTICS, score_flights
 from baselines.recordings.flights.simulated import simulate_flights
-from baselines.rules.decider import FLIGHTS
-from hybrid_env.checks import ArgumentError
 
 BOTH = ("two:abc120:0", "two:abc121:0")
-SHIPPED = policy_folder("shipped", FLIGHTS)
 
 
 @pytest.fixture
@@ -50,45 +43,6 @@ def test_flights_are_compared(tmp_path, source, capsys):
     assert "IMM threshold" in capsys.readouterr().out
 
 
-def test_labels_that_are_stated_late(source):
-    flights = FlightTask(source, BOTH, ("B",), "native").read()
-    labels = label_flights(flights)
-    steps = np.concatenate([np.diff(flight.times) for flight in flights])
-    found = []
-    for count in (0, 1, 2):
-        late = [late_modes(*pair, count) for pair in zip(flights, labels, strict=True)]
-        scores = score_flights("late", flights, labels, late)
-        found.append({name: float(scores.curve(STATISTICS[name])[0]) for name in ("agreement", "delay")})
-    now, one, two = found
-    assert (now["agreement"], now["delay"]) == (1.0, 0.0)
-    assert steps.min() <= one["delay"] < two["delay"] <= 2.0 * steps.max()
-    assert one["agreement"] > two["agreement"] > 0.9
-    modes = late_modes(flights[0], labels[0], 1)
-    np.testing.assert_array_equal(modes[1:], labels[0].modes[:-1])  # a flight of one piece
-    assert modes[0] == labels[0].modes[0]
-
-
-def test_tiers_together_are_named_by_those_that_are_there(source):
-    task = FlightTask(source, BOTH, ("B",), "native")
-    result = compare_on_flights(task, {"imm": "IMM"}, lambda text: None)
-    assert list(result.groups) == ["B"]
-    one, other = result.flights
-    other = replace(other, tier=TIERS["C"])
-    assert replace(result, flights=[one, other]).groups == {"B": [0], "C": [1], "B+C": [0, 1]}
-    third = replace(other, tier=TIERS["A"])
-    assert replace(result, flights=[one, other, third]).groups["A-C"] == [2, 0, 1]
-
-
-def test_an_agent_is_named_by_its_folder(tmp_path, source):
-    task = FlightTask(source, BOTH[:1], ("B",), "native")
-    state = task.statements(task.read())
-    (shipped,), (same,) = state("agent:2"), state(f"{SHIPPED}:2")
-    np.testing.assert_array_equal(shipped, same)
-    assert task.label(str(SHIPPED)) == str(SHIPPED)
-    with pytest.raises(ArgumentError, match="run="):
-        task.label(str(tmp_path))
-
-
 def test_the_semi_real_form_has_the_deciders_of_the_environment(tmp_path, source, capsys):
     out = tmp_path / "out"
     names = ("threshold", "beam:0.7", "glr", "shipped")
@@ -115,21 +69,3 @@ def test_stress_flights_are_a_tier_outside_of_the_totals(tmp_path, source, monke
     assert {field: getattr(TIERS["stress"], field) for field in ("across", "timing")} == {
         field: getattr(TIERS["B"], field) for field in ("across", "timing")
     }
-
-
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        ({"flights": (), "deciders": ("ate",)}, "deciders="),
-        ({"flights": (), "deciders": ("imm:1.5",)}, "threshold="),
-        ({"flights": (), "form": "semi-real", "deciders": ("imm",)}, "decider="),
-        ({"flights": (), "deciders": ("imm", "imm")}, "deciders="),
-        ({"flights": (), "episodes": 7}, "episodes=7"),
-        ({"flights": ("two:none:0",)}, "flight="),
-        ({}, "source="),
-    ],
-)
-def test_values_that_are_not_allowed(tmp_path, source, arguments, text):
-    with pytest.raises(ArgumentError, match=text):
-        Compare(source=source, out=tmp_path / "out", **arguments).run()
-    assert not (tmp_path / "out").exists()

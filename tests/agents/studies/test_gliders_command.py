@@ -43,21 +43,8 @@ def archive(tmp_path, monkeypatch):
 def compare(archive, *flags):
     pytest.importorskip("libigc")
     out = archive.parent / "out"
-    code = main(
-        [
-            "compare",
-            "--gliders",
-            "--source",
-            str(archive),
-            "--deciders",
-            "imm",
-            "xcsoar",
-            "agent",
-            "--out",
-            str(out),
-            *flags,
-        ]
-    )
+    line = ["compare", "--gliders", "--source", str(archive), "--deciders", "imm", "xcsoar", "agent", "--out", str(out)]
+    code = main([*line, *flags])
     return code, out
 
 

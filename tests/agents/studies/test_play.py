@@ -9,13 +9,11 @@ from PIL import Image, ImageSequence
 
 import hybrid_env  # noqa: F401
 from agents.evaluation.registry import load_decider
-from agents.evaluation.tasks import task_of
 from agents.studies import play_command
-from agents.studies.play_command import PALETTE_SIZE, Episodes, Play, palette_colours
+from agents.studies.play_command import Play
 from baselines.recordings.reading.read import read_recordings
 from baselines.rules.own import as_decider
 from hybrid_env.checks import ArgumentError
-from hybrid_env.options import WorldOptions
 from hybrid_env.rendering import FRAME_SIZE
 from hybrid_env.rendering.history import ACTIVE
 from hybrid_env.rendering.window import Renderer
@@ -86,16 +84,6 @@ def test_a_gif_has_one_frame_for_each_reset_and_step_at_ten_per_second(tmp_path)
         assert animation.n_frames == 40 + 1
 
 
-def test_the_last_frame_of_the_gif_is_the_png_up_to_the_palette(tmp_path):
-    for name in ("episode.gif", "episode.png"):
-        play(out=tmp_path / name, env="hybrid_env:HybridTrackBank-v0")
-    with Image.open(tmp_path / "episode.gif") as animation, Image.open(tmp_path / "episode.png") as picture:
-        animation.seek(animation.n_frames - 1)
-        difference = np.asarray(animation.convert("RGB")).astype(int) - np.asarray(picture)
-    assert np.abs(difference).mean() < 0.5
-    assert (np.abs(difference).max(-1) > 64).mean() < 1e-3
-
-
 @pytest.mark.parametrize(
     ("env_id", "name"),
     [
@@ -112,14 +100,6 @@ def test_a_png_shows_the_finished_episode_with_the_evidence_of_the_decider(tmp_p
     frame = Renderer(env.options, False, panel).draw(env.history)
     with Image.open(tmp_path / "episode.png") as picture:
         np.testing.assert_array_equal(np.asarray(picture), frame)
-
-
-def test_options_are_passed_to_the_environment(tmp_path):
-    play(out=tmp_path / "a.png", record=tmp_path / "quiet.csv", measurement_variance=1e-12, tau=0.5)
-    [recording] = read_recordings(tmp_path / "quiet.csv").recordings
-    assert recording.tick == pytest.approx(0.5)
-    steps = np.linalg.norm(np.diff(recording.positions[:8], axis=0), axis=1)
-    np.testing.assert_allclose(steps, 1.0, atol=0.2)  # 2 m/s for 0.5 s
 
 
 @pytest.mark.parametrize(("env_id", "tau"), [(DECLARED, 0.1), (STATED, 0.2)])
@@ -141,30 +121,6 @@ def test_the_recording_contains_every_measurement_with_its_time(tmp_path, env_id
     assert recording.tick == pytest.approx(tau)
 
 
-def test_the_table_shows_modes_decisions_and_times(tmp_path, capsys):
-    play(out=tmp_path / "episode.png", decider="fixed:50")
-    output = capsys.readouterr().out
-    assert "seed 3" in output
-    assert output.count("forced") == output.count("8 of 8") == 2
-    assert output.count("correct") + output.count("wrong") == 2
-    assert "L r=5 m" in output
-
-
-def test_the_table_of_statements_has_a_row_for_each_segment():
-    played_here = Episodes(task_of(STATED, OPTIONS[STATED]), "threshold")
-    assert len(list(played_here.play(3, lambda: None))) == 40
-    _, _, stated, true = played(STATED, "threshold")
-    bounds = [0, *(np.flatnonzero(np.diff(true)) + 1), len(true)]
-    table = played_here.task.episode_table("An episode", played_here.history)
-    lines = list(zip(*(column.cells for column in table.columns), strict=True))
-    assert [int(line[2]) for line in lines] == np.diff(bounds).tolist()
-    assert table.caption.startswith(f"right {(stated == true).mean():.1%}, reward ")
-    for line, first, end in zip(lines, bounds[:-1], bounds[1:], strict=True):
-        inside = stated[first:end] == true[first:end]
-        assert line[3] == (str(inside.argmax()) if inside.any() else "[red]never[/]")
-        assert line[4] == f"{inside.mean():.0%}"
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -177,16 +133,6 @@ def test_the_table_of_statements_has_a_row_for_each_segment():
         ({"out": "a.gif", "episodes": 0}, r"^episodes=0 is not allowed: expected an integer >= 1$"),
         ({"out": "a.png", "episodes": 2}, r"^episodes=2 is not allowed: expected 1 with --out"),
         ({"out": "a.gif", "record": "a.csv", "episodes": 2}, r"^episodes=2 .* expected 1 with --record"),
-        ({"out": "a.gif", "seed": -1}, r"^seed=-1 is not allowed"),
-        ({"out": "a.gif", "decider": "nobody"}, r"^decider='nobody' is not allowed"),
-        ({"out": "a.gif", "scheme": "X5"}, r"^scheme='X5' is not allowed"),
-        ({"out": "a.gif", "env": "CartPole-v1", "scheme": None}, r"^env='CartPole-v1' is not allowed"),
-        ({"out": "a.gif", "env": "CartPole-v1"}, r"^env='CartPole-v1' is not allowed"),
-        ({"out": "a.gif", "env": "nowhere:Nothing-v0"}, r"^env='nowhere:Nothing-v0' is not allowed"),
-        ({"out": "a.gif", "env": DECLARED, "ticks": 40}, r"^ticks=40 is not allowed"),
-        ({"out": "a.gif", "env": STATED, "decider": "ate"}, r"^decider='ate' .*: expected 'beam-adaptive', 'beam', "),
-        ({"out": "a.gif", "env": STATED, "decider": "threshold:2"}, r"^threshold=2.0 is not allowed"),
-        ({"out": "a.gif", "env": STATED, "scheme": "S5"}, r"^scheme='S5' is not allowed"),
     ],
 )
 def test_the_error_for_an_invalid_argument_is_one_line_and_no_file_is_written(tmp_path, arguments, message):
@@ -212,16 +158,6 @@ def test_an_error_during_the_episode_keeps_the_old_file_and_leaves_no_other(tmp_
     assert (tmp_path / name).read_bytes() == b"old"
 
 
-@pytest.mark.parametrize("name", ["episode.gif", "episode.png"])
-def test_the_error_for_a_full_disk_is_one_line(tmp_path, monkeypatch, name):
-    def full(*_, **__):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Image.Image, "save", full)
-    with pytest.raises(ArgumentError, match=rf"{name}' is not allowed: .* \(No space left on device\)$"):
-        play(out=tmp_path / name)
-
-
 def test_the_error_for_a_missing_display_names_the_alternative(monkeypatch):
     monkeypatch.setattr(play_command, "display_available", lambda: False)
     with pytest.raises(ArgumentError, match=r"^no window can be opened here: use --out FILE"):
@@ -245,14 +181,6 @@ def test_closing_the_window_ends_the_command(tmp_path, monkeypatch, capsys):
     assert decider.calls == 2
     assert list(tmp_path.iterdir()) == []
     assert not pygame.display.get_init()
-
-
-@pytest.mark.parametrize("count", [1, 3, 10, 60, 200])
-def test_the_palette_has_at_most_255_colours_for_every_bank(count):
-    options = WorldOptions(radii=tuple(range(1, count + 1)))
-    colours = palette_colours(options)
-    assert len(colours) <= PALETTE_SIZE < 256
-    assert {(0, 0, 0), (255, 255, 255)} <= set(map(tuple, colours.tolist()))
 
 
 def test_a_gif_with_too_many_frames_is_refused_and_not_written(tmp_path, monkeypatch):

@@ -2,12 +2,9 @@
 
 import json
 
-import numpy as np
 import pytest
 
 from agents.cli import main
-from agents.studies.score_command import score_figure
-from baselines.scoring.score import score
 
 
 def write(path, tracks):
@@ -41,25 +38,8 @@ def test_it_prints_and_writes_what_the_function_finds(files, capsys):
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_single_short_track_has_no_intervals(files, capsys):
-    for name, modes in (("one", "AAB"), ("two", "AAB")):
-        write(files / f"{name}.csv", {name: modes})
-    assert main(["score", str(files / "one.csv"), str(files / "two.csv")]) == 0
-    printed = capsys.readouterr().out
-    assert "No intervals" in printed
-    assert "±" not in printed
-
-
 def test_a_track_that_is_missing_is_one_line(files, capsys):
     write(files / "some.csv", {"a": "AAB", "b": "AAB"})
     assert main(["score", str(files / "truth.csv"), str(files / "some.csv")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "also c" in line
-
-
-def test_the_picture_has_a_row_for_each_set_and_at_most_four_tracks():
-    times, modes = np.arange(10.0), np.repeat([0, 1], 5)
-    result = score([times] * 6, [modes] * 6, {"x": [modes] * 6, "y": [1 - modes] * 6})
-    axes = score_figure(result).axes
-    assert len(axes) == 4
-    assert [label.get_text() for label in axes[0].get_yticklabels()] == ["truth", "x", "y"]

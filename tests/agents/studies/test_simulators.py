@@ -1,5 +1,4 @@
 import json
-import sys
 
 import pytest
 
@@ -11,7 +10,6 @@ from baselines.recordings.simulators import tracks
 from baselines.rules import seeds
 from baselines.scoring.estimates import Estimate
 from hybrid_env.checks import ArgumentError
-from hybrid_env.extras import OTHER_NAMES, MissingExtraError
 
 
 def test_p_values_of_intervals_and_their_correction():
@@ -20,21 +18,6 @@ def test_p_values_of_intervals_and_their_correction():
     assert holm([0.04, 0.001, 0.02, 0.5]) == [False, True, False, False]
     assert holm([0.01, 0.02, 0.03]) == [True] * 3
     assert holm([0.2, 0.3]) == [False, False]
-
-
-def test_worlds_tell_deciders_what_is_flown():
-    worlds = simulators.simulator_worlds()
-    assert len(worlds) == 81
-    assert {simulators.VEHICLES[task.kind].module for task in worlds.values()} == set(simulators.SIMULATORS)
-    assert len(simulators.simulator_worlds(["sumo"])) == 27
-    task = worlds["airliner, 1.6 s, 100 m"]
-    assert task.options.variances[0] == 100.0**2
-    assert task.options.law.mean_duration * 1.6 == pytest.approx(3.0 * 8100.7 / 0.95 / 192.5, rel=0.02)
-    factors = [one.get("process_variance", 1.0) for one in task.settings("tracks")]
-    assert factors[1] / factors[2] == pytest.approx(0.01)
-    assert task.settings("rows")[3] == task.untuned
-    assert task.changed(task.untuned).likeliest
-    assert task.changed(task.untuned).options == task.options
 
 
 def test_command_compares_in_every_world(tmp_path, monkeypatch, capsys):
@@ -54,20 +37,6 @@ def test_command_compares_in_every_world(tmp_path, monkeypatch, capsys):
     assert all(0.7 < found["mismatches"][name] < 1.1 for name in few)
     assert (tmp_path / "simulators.png").exists()
     assert "by Holm's" in " ".join(capsys.readouterr().out.split())
-
-
-def test_other_flags_are_refused():
-    with pytest.raises(ArgumentError, match="no value with --simulators"):
-        Compare(simulators=(), tier=("A",)).run()
-    with pytest.raises(ArgumentError, match="no value with --simulators"):
-        Compare(simulators=(), speed=3.0).run()
-
-
-def test_a_missing_simulator_is_told_in_one_line(monkeypatch):
-    monkeypatch.setitem(sys.modules, "jsbsim", None)
-    with pytest.raises(MissingExtraError, match=r"jsbsim is missing: this needs the extra \[simulators\]"):
-        Compare(simulators=("jsbsim",)).run()
-    assert {OTHER_NAMES[name] for name in ("sumo", "bluesky")} == {"eclipse-sumo", "bluesky-simulator"}
 
 
 def test_closed_paths_are_opened_by_an_unbroken_seal_only(tmp_path, monkeypatch):

@@ -1,30 +1,22 @@
-"""One track with the decisions or statements of two deciders, and its figure."""
+"""One track with the decisions or statements of deciders, as it is drawn."""
 
 import numpy as np
 import pytest
 
 from agents.evaluation.tasks import task_of
-from agents.figures.decider_colours import decider_style
-from agents.figures.tracks import UNDECIDED, runs, track_figure
+from agents.figures.tracks import UNDECIDED
 from agents.studies.play_command import Episodes
-from baselines import CusumDecider, FixedTimeDecider, SPRTDecider, ThresholdDecider, record_statements
+from baselines import CusumDecider, SPRTDecider, ThresholdDecider, record_statements
 from baselines.rules.rollout import evaluate
 from baselines.scoring.statements import measure_statements
 
 ENV = "hybrid_env:HybridTrack-v0"
-RADII = (5.0,)
 STATED_ENV = "hybrid_env:HybridTrackQuickest-v0"
 STATED = {"ticks": 150, "durations": "uniform 20-40"}
 
 
 def record_track(name, rule, env_id, seed, **options):
     return Episodes(task_of(env_id, options), name, rule).record(name, seed)
-
-
-@pytest.fixture(scope="module")
-def declared():
-    rules = {"ATE (SPRT)": SPRTDecider(1e-3), "ppo": FixedTimeDecider(2)}
-    return [record_track(name, rule, ENV, 3, scheme="L40r5 S30 R60r5 S40") for name, rule in rules.items()]
 
 
 @pytest.fixture(scope="module")
@@ -57,41 +49,3 @@ def test_a_recorded_track_agrees_with_the_evaluation(stated):
     assert np.hypot(*np.diff(first.truth, axis=0).T).max() < 0.4  # 2 m/s for .1 s, twice
     assert 0.5 < (first.measurements - first.truth).std() / np.sqrt(0.1) < 1.5
     np.testing.assert_array_equal(first.truth, second.truth)
-
-
-def test_runs_of_equal_values_end_at_breaks():
-    assert runs(np.array([2, 2, 0, 1, 1, 1])) == [(0, 2, 2), (2, 3, 0), (3, 6, 1)]
-    assert runs(np.array([2, 2, 0, 1, 1, 1]), [0, 4]) == [(0, 2, 2), (2, 3, 0), (3, 4, 1), (4, 6, 1)]
-
-
-@pytest.mark.parametrize("kind", ["declared", "stated"])
-def test_decisions_are_marked_on_the_track_filled_when_right_and_bars_show_their_modes(kind, request):
-    records = request.getfixturevalue(kind)
-    figure = track_figure(records, RADII, "title")
-    figure.draw_without_rendering()
-    track, timeline = figure.axes
-    names = ["true mode", *(record.name for record in records)]
-    assert [label.get_text() for label in timeline.get_yticklabels()] == names
-    for row, record in enumerate(records, start=1):
-        style = decider_style(record.name)
-        marks = [line for line in track.lines if line.get_marker() == style.marker]
-        assert all(line.get_color() == style.colour for line in marks)
-        filled = {line.get_markerfacecolor() == style.colour: len(line.get_xdata()) for line in marks}
-        right = record.right[record.marks]
-        assert filled == {True: right.sum(), False: (~right).sum()}
-        for line in marks:
-            for point in line.get_xydata():
-                assert np.hypot(*(record.truth - point).T).min() == 0.0
-        bars = [bar for bar in timeline.patches if round(bar.get_y() + bar.get_height() / 2) == row]
-        assert sum(bar.get_width() for bar in bars) == len(record.truth)
-        wrong = ~record.right & (record.modes != UNDECIDED)
-        assert sum(bar.get_width() for bar in bars if bar.get_hatch()) == wrong.sum()
-    for axes in figure.axes:
-        assert axes.get_legend().get_window_extent().x0 >= axes.get_window_extent().x1 - 1
-
-
-def test_the_timeline_of_declarations_shows_their_times_and_the_names_of_modes(declared):
-    texts = [text.get_text() for text in track_figure(declared, RADII, "title").axes[1].texts]
-    for record in declared:
-        assert {str(ticks) for ticks in record.marks + 1 - record.switches} <= set(texts)
-    assert {"S", "L r=5 m", "R r=5 m"} <= set(texts)

@@ -31,16 +31,6 @@ def test_the_teacher_states_the_same_as_when_it_sees_each_episode_alone(options)
     assert loss == pytest.approx(-(posterior * np.log(own)).sum(1).mean(), rel=1e-4)
 
 
-def test_the_recipe_has_a_network_below_ten_kilobytes():
-    run = make_run(ENV, {}, load_recipe("distilled", ENV))
-    assert 4 * sum(weight.numel() for weight in run.net.parameters()) < 10_000
-
-
-def test_sensors_are_refused():
-    with pytest.raises(ValueError, match="sensors"):
-        make_run(ENV, {"sensors": ("0.1",)}, load_recipe("distilled", ENV, ("n_envs=4",)))
-
-
 def test_training_for_seconds_comes_closer_to_the_teacher():
     run = make_run(ENV, {}, load_recipe("distilled", ENV, ("n_envs=32", "batch_size=32")), seed=1, steps=100_000)
     agent = DistilledDecider(run.net, run.world)

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from agents.learned.statement_net import StatementOutputs
-from agents.training.statements import Batch, change_probabilities, cross_entropy, expected_reward, simulate
+from agents.training.statements import Batch, change_probabilities, expected_reward, simulate
 from baselines import Statements, measure_statements
 from hybrid_env import QuickestOptions
 
@@ -46,15 +46,6 @@ def test_the_expected_reward_is_the_mean_over_all_sequences_of_statements():
         np.testing.assert_allclose(last[track], ends, atol=1e-12)
 
 
-def test_pieces_have_the_reward_of_the_whole():
-    utility, stay, true_modes = random_outputs(ticks=10)
-    whole, last = reward_of(utility, stay, true_modes, 2.0)
-    one, between = reward_of(utility[:4], stay[:4], true_modes[:4], 2.0)
-    other, end = reward_of(utility[4:], stay[4:], true_modes[4:], 2.0, between)
-    torch.testing.assert_close(whole, 0.4 * one + 0.6 * other)
-    torch.testing.assert_close(end, last)
-
-
 def test_the_reward_of_a_tick_has_its_weight_and_its_cost():
     utility, stay, true_modes = random_outputs(ticks=3)
     each = torch.stack(
@@ -67,18 +58,6 @@ def test_the_reward_of_a_tick_has_its_weight_and_its_cost():
     weights = torch.tensor([0.0, 2.0, 1.0])[:, None].expand(3, 2)
     whole, _ = reward_of(utility, stay, true_modes, costs, None, weights)
     torch.testing.assert_close(whole, (2.0 * each[1] + each[2]) / 3.0)
-
-
-def test_the_cross_entropy_is_weighted_and_a_batch_is_divided_into_pieces():
-    utility, stay, true_modes = random_outputs(ticks=5)
-    weights = torch.rand(5, 2, dtype=torch.float64)
-    batch = Batch(utility, utility, true_modes, weights, weights)
-    outputs = StatementOutputs(utility, stay, utility, torch.empty(0))
-    log = torch.log_softmax(utility, -1).gather(-1, true_modes[..., None])[..., 0]
-    torch.testing.assert_close(cross_entropy(outputs, batch), -(weights * log).mean())
-    pieces = list(batch.split(2))
-    assert [len(piece.inputs) for piece in pieces] == [2, 2, 1]
-    torch.testing.assert_close(torch.cat([piece.weight for piece in pieces]), weights)
 
 
 def test_simulated_inputs_count_the_ticks_of_the_most_probable_mode():

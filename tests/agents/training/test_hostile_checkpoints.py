@@ -4,8 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from hostile_input import accepted, damaged, mutated, profile
-from hypothesis import given
+from hostile_input import accepted, attack, counts, damaged, mutated
 from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 
@@ -69,43 +68,37 @@ def folder(request, tmp_path):
     return folder
 
 
-@pytest.mark.parametrize("examples", [25, pytest.param(4_000, marks=pytest.mark.study)])
+@pytest.mark.parametrize("examples", counts(25, 4_000))
 def test_a_config_with_one_changed_value_is_used_or_refused(folder, examples):
-    @profile(examples)
-    @given(mutated(json.loads((folder / CONFIG).read_text())))
     def check(changed):
         (folder / CONFIG).write_text(json.dumps(changed))
         accepted(lambda: resume(folder))
 
-    check()
+    attack(examples, mutated(json.loads((folder / CONFIG).read_text())), check)
 
 
-@pytest.mark.parametrize("examples", [25, pytest.param(4_000, marks=pytest.mark.study)])
+@pytest.mark.parametrize("examples", counts(25, 4_000))
 def test_a_checkpoint_with_one_changed_value_is_used_or_refused(folder, examples):
     path = folder / CHECKPOINT
     tensors = load_file(path)
     with safe_open(path, framework="pt") as file:
         values = json.loads(file.metadata()["values"])
 
-    @profile(examples)
-    @given(mutated(values))
     def check(changed):
         text = json.dumps(changed)
         save_file(tensors, path, {"values": text, "sha256": digest(tensors, text)})
         accepted(lambda: resume(folder))
 
-    check()
+    attack(examples, mutated(values), check)
 
 
-@pytest.mark.parametrize("examples", [20, pytest.param(4_000, marks=pytest.mark.study)])
+@pytest.mark.parametrize("examples", counts(20, 4_000))
 @pytest.mark.parametrize("name", [CONFIG, CHECKPOINT])
 def test_a_damaged_file_is_used_or_refused(folder, name, examples):
     content = (folder / name).read_bytes()
 
-    @profile(examples)
-    @given(damaged(content))
     def check(changed):
         (folder / name).write_bytes(changed)
         accepted(lambda: resume(folder))
 
-    check()
+    attack(examples, damaged(content), check)

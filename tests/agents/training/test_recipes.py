@@ -4,8 +4,7 @@ import json
 
 import pytest
 import yaml
-from hostile_input import accepted, damaged, mutated, profile
-from hypothesis import given
+from hostile_input import accepted, attack, damaged, mutated
 
 from agents.interface.input_files import LARGEST_FILE
 from agents.training.recipe import FOLDER, Recipe, load_recipe, recipe_names, recipe_of
@@ -63,10 +62,11 @@ INVALID = {
         ("n_envs", 0), ("n_envs", 10**6), ("batch_size", 0), ("hidden", 10**6), ("learning_rate", 2.0),
         ("every_row", 1),
     ],
-    "tandem": [("n_envs", 0), ("batch_size", 0), ("hidden", 10**6), ("learning_rate", 2.0)],
-    "kalman": [("n_envs", 0), ("batch_size", 0), ("hidden", 10**6), ("learning_rate", 2.0)],
-    "distilled": [("n_envs", 0), ("batch_size", 0), ("hidden", 10**6), ("learning_rate", 2.0)],
-    "transformer": [("n_envs", 0), ("batch_size", 0), ("hidden", 10**6), ("learning_rate", 2.0)],
+    **{
+        name: [("n_envs", 0), ("batch_size", 0), ("hidden", 10**6), ("learning_rate", 2.0)]
+        for name in ("tandem", "kalman", "distilled", "transformer")
+    },
+    "recurrent-ppo": [("policy_kwargs", {"lstm_hidden_size": 10**6}), ("policy_kwargs", {"n_lstm_layers": 10**9})],
     "statements": [
         ("durations", []), ("durations", ["normal 3"]), ("durations", "uniform 5-20"), ("n_envs", 0),
         ("n_envs", 10**6), ("variances", [2.0, 1.0]), ("variances", [1.0]), ("radii", [0.0, 1.0]),
@@ -82,7 +82,7 @@ INVALID = {
     "gliders": [("flights", 3), ("flights", [1, 1]), ("flights", [0])],
 }  # fmt: skip
 NAMED = {
-    "policy_kwargs": "net_arch|policy_kwargs|recipe|n_quantiles", "unknown": "hyper-parameter='unknown'",
+    "policy_kwargs": "net_arch|policy_kwargs|recipe|n_quantiles|lstm", "unknown": "hyper-parameter='unknown'",
     "worlds": "n_envs=|worlds=|options=|option=|env=", "drawn_worlds": "radii=|drawn_worlds=|n_steps=",
 }  # fmt: skip
 """What is named where it is not the hyper-parameter itself."""
@@ -151,49 +151,16 @@ def test_a_path_that_is_no_file_is_refused(name):
         load(name)
 
 
-BOUNDED = {
-    "ppo": [
-        "n_envs=10000000", "n_steps=10000000", "n_steps=100000", "n_epochs=10000000", "wait_bias=1e30",
-        "ent_coef=1e30", "learning_rate=[lin_1]", "learning_rate=1e400", "learning_rate=0x" + "f" * 999,
-        "policy_kwargs={net_arch: [1000000]}", "policy_kwargs={optimizer_class: x}", "policy_kwargs=[]",
-        "n_timesteps=1" + "0" * 30, "observe=3", "observe=[3]", "a=&a [*a]",
-        "policy_kwargs" + ".a" * 5000 + "=1", "n_envs=true", "n_envs=" + "[" * 400,
-    ],
-    "dqn": [
-        "batch_size=1000000", "buffer_size=1e9", "policy_kwargs={n_quantiles: 3}", "exploration_final_eps=-1",
-        "target_update_interval=0", "gamma=2", "net_arch=[]",
-    ],
-    "anchor": [
-        "hidden=20000", "n_steps=1000000", "batches=0", "buffer_size=1" + "0" * 12,
-        "last_tick=1" + "0" * 15, "worlds=3", "worlds={}",
-        "worlds=[{n_envs: 1000000000}]", "worlds=[{n_envs: 1, options: {trace_rows: 1000000000}}]",
-        "worlds=[{n_envs: 1, options: [3]}]", "worlds=[{n_envs: 1, options: {scheme: 2001-01-01}}]",
-        f"worlds=[{'{n_envs: 1},' * 400}]", "smallest_alpha=1e400", "policy_kwargs={}",
-        "drawn_worlds=3", "drawn_worlds=[3]", "drawn_worlds=[{radii: 1, worlds: 1000000, n_envs: 1}]",
-        "drawn_worlds=[{radii: 1000000, worlds: 1, n_envs: 1}]", "updates_per_world=0",
-    ],
-}  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("name", "change"), [(name, change) for name, changes in BOUNDED.items() for change in changes]
-)
-def test_values_are_bounded(name, change):
-    assert accepted(lambda: load(name, [change])) is None
-
-
 @pytest.mark.parametrize("examples", [50, STUDY])
 @pytest.mark.parametrize("name", ["ppo", "recurrent-ppo", "qrdqn", "anchor-all", "statements"])
 def test_a_recipe_with_one_changed_value_is_used_or_refused(name, examples, tmp_path):
     path = tmp_path / "recipe.yml"
 
-    @profile(examples)
-    @given(mutated(yaml.safe_load((FOLDER / f"{name}.yml").read_text())))
     def check(changed):
         path.write_text(yaml.dump(changed))
         accepted(lambda: load(path))
 
-    check()
+    attack(examples, mutated(yaml.safe_load((FOLDER / f"{name}.yml").read_text())), check)
 
 
 @pytest.mark.parametrize("examples", [50, STUDY])
@@ -201,13 +168,11 @@ def test_a_recipe_with_one_changed_value_is_used_or_refused(name, examples, tmp_
 def test_a_damaged_recipe_is_used_or_refused(name, examples, tmp_path):
     path = tmp_path / "recipe.yml"
 
-    @profile(examples)
-    @given(damaged((FOLDER / f"{name}.yml").read_bytes()))
     def check(changed):
         path.write_bytes(changed)
         accepted(lambda: load(path))
 
-    check()
+    attack(examples, damaged((FOLDER / f"{name}.yml").read_bytes()), check)
 
 
 @pytest.mark.parametrize("name", recipe_names())

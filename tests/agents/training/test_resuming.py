@@ -8,7 +8,6 @@ import subprocess
 import sys
 import threading
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -198,10 +197,3 @@ def test_the_metrics_of_a_resumed_run_are_not_repeated(tmp_path):
     steps = [row["step"] for row in read_metrics(folder) if "anchor_loss" in row]
     assert steps == sorted(set(steps))
     assert steps[-1] <= STEPS + 384
-
-
-def test_the_folder_of_a_run_can_be_moved(whole, tmp_path):
-    folder = interrupted("ppo", tmp_path / "run", 1280, 1920)
-    moved = Path(folder.rename(tmp_path / "moved"))
-    resume_run(moved).train()
-    assert outcome(moved) == whole(steps=1920)

@@ -11,8 +11,6 @@ from agents.training.recipe import load_recipe
 from agents.training.reward import Explorer
 from agents.training.runs import make_run
 from agents.training.supervised import tandem_loss
-from baselines import MSPRTDecider
-from baselines.rules.rollout import evaluate
 from hybrid_env import Layout
 
 ENV = "hybrid_env:HybridTrack-v0"
@@ -115,13 +113,3 @@ def test_a_decision_after_every_row_is_that_of_whole_segments(options):
     for row, expected in zip(found.rows[:200], log_softmax(whole.double().numpy(), -1), strict=False):
         posterior, state = decider.posterior(row[None], state, None)
         np.testing.assert_allclose(np.log(posterior[0]), expected, atol=1e-3)
-
-
-def test_training_for_seconds_earns_more_than_the_bank():
-    run = make_run(
-        ENV, {}, load_recipe("tandem", ENV, ("n_envs=64", "hidden=32", "batch_size=32")), seed=1, steps=250_000
-    )
-    run.train()
-    bank, agent = (evaluate(one, episodes=100, seed=5) for one in (MSPRTDecider(0.02), run.family("").make(0.05)))
-    gain = agent.reward - bank.reward
-    assert gain.mean() > 3.0 * gain.mean(1).std() / np.sqrt(len(gain)) > 0.0

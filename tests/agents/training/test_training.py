@@ -6,26 +6,22 @@ import numpy as np
 import pytest
 import small_training
 import torch
-from small_training import KINDS, QUICK, SCHEME, SMALL_PPO, log_often, small_run
+from small_training import KINDS, log_often, small_run
 
-from agents.cli import main
-from agents.evaluation.registry import learned_family, load_decider
-from agents.learned.anchor_decider import AnchorDecider
+from agents.evaluation.registry import learned_family
 from agents.training.learning_curve import draw_learning_curve, environment_curve
-from agents.training.recipe import load_recipe, recipe_of
+from agents.training.recipe import load_recipe
 from agents.training.run_folder import read_metrics
-from agents.training.runs import make_run, resume_run
+from agents.training.runs import make_run
 from agents.training.stable_baselines import CLASSES
-from baselines import FixedTimeDecider, measure_statements
+from baselines import MSPRTDecider, measure_statements
 from baselines.rules import seeds
 from baselines.rules.rollout import evaluate, record_statements
 from hybrid_env import QuickestLayout, QuickestOptions, WorldOptions
 from hybrid_env.checks import ArgumentError
-from hybrid_env.registration import make_track_vector_env
 
 ENV = "hybrid_env:HybridTrack-v0"
 QUICKEST = "hybrid_env:HybridTrackQuickest-v0"
-SMALL_RECIPE = load_recipe("anchor", ENV, ("n_steps=16", "hidden=12", "worlds=[{n_envs: 32}]"))
 
 
 @pytest.fixture(autouse=True)
@@ -71,6 +67,7 @@ def test_ppo_learns_to_wait_and_beats_immediate_declarations():
     assert decisions.reward.mean() > 0.2
 
 
+@pytest.mark.study
 def test_ppo_learns_to_state_the_mode():
     options = {"ticks": 60, "durations": "uniform 20-40"}
     run = make_run(QUICKEST, options, load_recipe("ppo", QUICKEST), seed=1, steps=100_000)
@@ -78,6 +75,26 @@ def test_ppo_learns_to_state_the_mode():
     right = measure_statements(record_statements(run.family("").make(0.0), 200, 5, **options)).right
     # a third of the statements is right by chance; the standard error of 200 tracks is below .02
     assert right.mean() > 0.55
+
+
+STUDY = pytest.mark.study
+
+
+@pytest.mark.parametrize(
+    ("kind", "changes", "steps", "thresholds"),
+    [
+        ("reward", ("n_envs=32", "hidden=32", "batch_size=32"), 150_000, (0.03, 0.03)),
+        pytest.param("tandem", ("n_envs=64", "hidden=32", "batch_size=32"), 250_000, (0.02, 0.05), marks=STUDY),
+        pytest.param("kalman", ("n_envs=64", "hidden=16"), 120_000, (0.02, 0.1), marks=STUDY),
+    ],
+)
+def test_training_for_seconds_earns_more_than_the_bank(kind, changes, steps, thresholds):
+    run = make_run(ENV, {}, load_recipe(kind, ENV, changes), seed=1, steps=steps)
+    run.train()
+    deciders = MSPRTDecider(thresholds[0]), run.family("").make(thresholds[1])
+    bank, agent = (evaluate(one, episodes=100, seed=5).reward for one in deciders)
+    gain = agent - bank
+    assert gain.mean() > 3.0 * gain.mean(1).std() / np.sqrt(len(gain)) > 0.0
 
 
 @pytest.mark.parametrize(("kind", "rounds", "more"), [("statements", 40, ()), ("flights", 12, ("learning_rate=0.01",))])
@@ -125,52 +142,6 @@ def test_a_run_folder_has_card_metrics_and_an_equivalent_decider(kind, folders):
                 learned_family(folder, other)
 
 
-def test_deciders_are_loaded_by_name_threshold_and_folder(folders, tmp_path):
-    options, folder = WorldOptions(), folders("ppo")[0]
-    assert load_decider("ate:0.01", options).upper == pytest.approx(np.log(99))
-    assert load_decider("fixed:30", options).ticks == 30
-    assert load_decider(str(folder), options).threshold == 0.0
-    assert load_decider(f"{folder}:-2.5", options).threshold == -2.5
-    for invalid in ("at", "ate:x", "ate:nan", "ate:2", "fixed:2.5", "fixed:0", str(tmp_path / "none"), ""):
-        with pytest.raises(ArgumentError, match="expected"):
-            load_decider(invalid, options)
-    with pytest.raises(ArgumentError, match="21 hypotheses"):
-        load_decider(str(folder), WorldOptions(radii=tuple(range(1, 11))))
-    with pytest.raises(ArgumentError, match="actions='best'"):
-        load_decider("ate", WorldOptions(actions="best"))
-    with pytest.raises(ArgumentError, match="a policy for 5 hypotheses"):
-        load_decider(str(folders("ppo-quickest")[0]), QuickestOptions(radii=(5.0, 7.0)))
-
-
-def test_the_logits_of_a_recurrent_policy_depend_on_its_state(folders):
-    decider = folders("recurrent-ppo")[1].family("").make(0.0)
-    rows = np.random.default_rng(0).normal(0, 1, (3, 20, 28)).astype(np.float32)
-    _, state = decider.predict(rows[0])
-    first, second = (decider.logits(rows[2], one)[0] for one in (state, None))
-    assert np.abs(first - second).max() > 1e-6
-
-
-@pytest.mark.parametrize(
-    ("kind", "more"), [("ppo", ("observe=[posterior, ticks]",)), ("recurrent-ppo", ("wait_bias=0",))]
-)
-def test_changed_recipes_are_restored_from_their_folder(kind, more, tmp_path):
-    """Selected observations; a recurrent agent that states modes."""
-    states = kind == "recurrent-ppo"
-    if states:
-        pytest.importorskip("sb3_contrib")
-    env, options = (QUICKEST, QUICK) if states else (ENV, SCHEME)
-    recipe = load_recipe(KINDS[kind][0], env, (*KINDS[kind][3], *more))
-    run = make_run(env, options, recipe, 0, tmp_path / "run", 640)
-    run.train()
-    loaded = load_decider(f"{tmp_path / 'run'}:0.5", run.world)
-    deciders = loaded, run.family("").make(0.5)
-    if states:
-        found = [record_statements(one, 5, 3, **options).stated_modes for one in deciders]
-    else:
-        found = [evaluate(one, ENV, 5, 1, **options).ticks for one in deciders]
-    np.testing.assert_array_equal(*found)
-
-
 @pytest.mark.parametrize("kind", ["ppo-quickest", "ppo"])
 def test_the_learning_curve_measures_fixed_episodes_of_the_environment(kind, tmp_path, monkeypatch):
     monkeypatch.undo()
@@ -197,94 +168,19 @@ def test_the_learning_curve_measures_fixed_episodes_of_the_environment(kind, tmp
 
 
 @pytest.mark.parametrize(
-    ("line", "words"),
-    [
-        (("--env", QUICKEST, "--ticks", "30", "--durations", "uniform 5-9", "--set", *SMALL_PPO), "right"),
-        (("--recipe", "flights", "--set", *small_training.SMALL_FLIGHTS), "compare --flights --deciders imm"),
-    ],
-)
-def test_the_command_trains_and_resumes(line, words, tmp_path, capsys):
-    run = str(tmp_path / "run")
-    assert main(["train", *line, "--steps", "640", "--out", run]) == 0
-    assert main(["train", "--resume", run, "--steps", "1280"]) == 0
-    assert words in " ".join(capsys.readouterr().out.split())
-
-
-def test_training_and_evaluation_use_different_episodes():
-    run = small_run("ppo", steps=512)
-    first = seeds.TRAINING + 10**9 * run.seed
-    env = make_track_vector_env(run.env_id, run.model.n_envs, **run.options)
-    np.testing.assert_array_equal(run.model._last_obs, env.reset(seed=first)[0])
-    assert first >= 10**12
-
-
-@pytest.mark.parametrize(("name", "value"), [("steps", 0), ("seed", -1), ("seed", 2**31)])
-def test_a_run_refuses_invalid_arguments(name, value):
-    with pytest.raises(ArgumentError, match=f"{name}={value}.*expected"):
-        make_run(ENV, {}, load_recipe("ppo", ENV), **{name: value})
-
-
-@pytest.mark.parametrize(
-    ("env", "options", "recipe", "changes", "message"),
-    [
+    ("env", "options", "recipe", "changes", "message"), [
         (QUICKEST, {}, "ppo", ["wait_bias=5"], "wait_bias=5"),
         (QUICKEST, {}, "ppo", ["observe=[ticks_left]"], "observe='ticks_left'"),
-        (QUICKEST, {}, "recurrent-ppo", [], r"wait_bias=5\.0"),
-        (QUICKEST, {}, "anchor", [], "env="),
-        (QUICKEST, {}, "reward", [], "env="),
+        (QUICKEST, {}, "recurrent-ppo", [], r"wait_bias=5\.0"), (QUICKEST, {}, "anchor", [], "env="),
+        (QUICKEST, {}, "reward", [], "env="), (ENV, {"sensors": ("0.1",)}, "distilled", ["n_envs=4"], "sensors"),
         (ENV, {"actions": "best"}, "reward", [], "actions='best'"),
-        (ENV, {}, "reward", ["n_envs=100000"], "n_envs=100000"),
-        (ENV, {}, "statements", [], "env="),
-        (QUICKEST, {}, "flights", [], "env="),
-        (ENV, {"tau": 0.2}, "flights", [], "options="),
+        (ENV, {}, "reward", ["n_envs=100000"], "n_envs=100000"), (ENV, {}, "statements", [], "env="),
+        (QUICKEST, {}, "flights", [], "env="), (ENV, {"tau": 0.2}, "flights", [], "options="),
         (ENV, {}, "anchor", ["worlds=[{n_envs: 8, options: {actions: best}}]"], "actions='best'"),
     ],
-)
+)  # fmt: skip
 def test_a_recipe_for_another_environment_is_refused(env, options, recipe, changes, message):
     if recipe == "recurrent-ppo":
         pytest.importorskip("sb3_contrib")
     with pytest.raises(ArgumentError, match=message):
         make_run(env, options, load_recipe(recipe, env, changes), 0)
-
-
-def test_more_steps_than_those_of_a_run_are_made_after_it(folders):
-    folder, run = folders("ppo")
-    assert resume_run(folder, steps=4608).steps == 4608
-    assert resume_run(folder).num_timesteps == run.num_timesteps
-
-
-def trained_anchor(recipe, steps, seed=0, **options):
-    run = make_run(ENV, options, recipe, seed, steps=steps)
-    run.train()
-    return run.net
-
-
-def test_short_training_beats_a_fixed_decision_time():
-    net = trained_anchor(load_recipe("anchor", ENV, ("hidden=16",)), 30_000)
-    learned = evaluate(AnchorDecider(net, WorldOptions(), 0.1), episodes=200, seed=7)
-    fixed = evaluate(FixedTimeDecider(round(learned.ticks.mean())), episodes=200, seed=7)
-    assert learned.correct.mean() > fixed.correct.mean()
-
-
-def test_training_uses_several_environments_and_banks_at_once():
-    worlds = [
-        {"n_envs": 8, "options": {"measurement_variance": 0.01}},
-        {"n_envs": 8, "options": {"measurement_variance": 1.0}},
-        {"n_envs": 4, "env": "hybrid_env:HybridTrackBank-v0"},
-    ]
-    recipe = recipe_of("mine", SMALL_RECIPE.as_json()["entry"] | {"worlds": worlds})
-    net = trained_anchor(recipe, 1000)
-    world = WorldOptions(radii=(2.0, 5.0))
-    assert evaluate(AnchorDecider(net, world, 0.5), episodes=3, radii=(2.0, 5.0)).ticks.shape == (3, 6)
-    with pytest.raises(ValueError, match="alpha="):
-        AnchorDecider(net, world, 0.0)
-    with pytest.raises(ValueError, match="observation shape"):
-        AnchorDecider(net, WorldOptions(), 0.5).predict(np.zeros((3, 40), np.float32))
-
-
-def test_environment_options_of_the_recipe_override_those_of_the_run():
-    worlds = [{"n_envs": 8, "options": {"measurement_variance": 0.5}}, {"n_envs": 8}]
-    recipe = recipe_of("mine", SMALL_RECIPE.as_json()["entry"] | {"worlds": worlds})
-    run = make_run(ENV, {"measurement_variance": 0.2}, recipe, steps=1)
-    envs = [env for stream in run._streams for env in stream.envs]
-    assert [env.options.measurement_variance for env in envs] == [0.5, 0.2]

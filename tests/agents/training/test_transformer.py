@@ -46,6 +46,7 @@ def test_a_mirrored_trajectory_gives_the_inputs_of_the_mirrored_turn_and_the_ban
     np.testing.assert_allclose(raw_inputs(other, 0.1)[0], raw_inputs(rows, 0.1)[0][:, ::-1])
 
 
+@pytest.mark.study
 def test_training_for_seconds_earns_more_than_at_once():
     run = make_run(
         ENV, {}, load_recipe("transformer", ENV, ("n_envs=64", "hidden=16", "batch_size=32")), seed=1, steps=150_000

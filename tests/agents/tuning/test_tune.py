@@ -15,7 +15,6 @@ from agents.tuning.search import (
     POINTS,
     Search,
     changes_of,
-    median_rewards,
     open_study,
     parse_range,
     parse_ranges,
@@ -92,11 +91,6 @@ def test_a_training_below_the_median_ends_early():
     whole = train_trial(dataclasses.replace(search, steps=2560), recipe, [-9.0] * POINTS)
     assert len(whole.rewards) == POINTS
     assert whole.reward is not None
-
-
-def test_medians_need_trials(tmp_path):
-    search = Search(ENV, {}, "ppo", (), dict([parse_range("n_epochs=1..3")]), 0, None)
-    assert median_rewards(open_study(search, tmp_path)) == ()
 
 
 @pytest.mark.parametrize("name", recipe_names())

@@ -1,6 +1,5 @@
 """The mode detector passes the estimator checks of scikit-learn as skchange's own detectors do."""
 
-import numpy as np
 import pytest
 
 from baselines import ShiryaevRobertsDecider
@@ -38,13 +37,6 @@ def test_it_finds_the_switches_of_a_simulated_track(decider, unit):
     found = detector.predict(track)
     assert hausdorff_metric([80, 160, 220], found) <= 15
     assert detector.predict_modes(track)[[40, 140, 210, 290]].tolist() == [0, 1, 0, 2]
-
-
-def test_positions_may_stand_in_any_columns():
-    track = simulate("S80 L80r5", seed=3, measurement_variance=0.01).measurements[0]
-    table = np.column_stack([np.arange(160.0), track])
-    expected = ModeDetector().fit_predict(track)
-    np.testing.assert_array_equal(ModeDetector(columns=(1, 2)).fit_predict(table), expected)
 
 
 def test_a_decider_for_announced_switches_is_refused():

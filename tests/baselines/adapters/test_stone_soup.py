@@ -29,7 +29,7 @@ from stonesoup.types.hypothesis import SingleHypothesis
 from stonesoup.types.state import GaussianState
 from stonesoup.types.track import Track
 
-from baselines.adapters import IMMPredictor, IMMUpdater, decide_track, measured_position
+from baselines.adapters import IMMPredictor, IMMUpdater, decide_track
 
 START, TICK, VARIANCE = datetime.datetime(2030, 1, 1), 0.1, 0.01
 SENSOR = LinearGaussian(4, (0, 2), VARIANCE * np.eye(2))
@@ -92,22 +92,6 @@ def test_one_track_is_the_filter_itself_also_in_an_outlier_of_40_deviations():
         np.testing.assert_allclose(track[-1].weights.astype(float), imm.probabilities[0], atol=1e-9)
 
 
-def test_models_of_different_sizes_pass_through_a_mixture():
-    filters = [
-        KalmanFilter(MotionModel("CV", 1, 0.1), 1.0, (3.0,)),
-        KalmanFilter(MotionModel("CA", 1, 0.5), 1.0, (3.0, 1.0)),
-    ]
-    imm, again = IMMFilter(filters, 5.0), IMMFilter([*filters], 5.0)
-    imm.begin(3)
-    for k in range(4):
-        imm.predict(1.0)
-        imm.update(np.full((3, 1), float(k**2)))
-    before = imm.state.copy(), imm.covariance.copy(), imm.probabilities
-    again.begin_from_models(before[2], *imm.estimates)
-    for one, other in zip(before, (again.state, again.covariance, again.probabilities), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-12)
-
-
 @pytest.mark.parametrize("kind", ["GNN", "JPDA"])
 def test_crossing_targets_keep_their_tracks_and_get_their_modes(kind):
     truth, scans = two_targets()
@@ -131,8 +115,3 @@ def test_a_measurement_model_that_measures_no_positions_is_refused():
     wrong = LinearGaussian(4, (0, 1), np.eye(2))
     with pytest.raises(ArgumentError, match=r"measurement_model.*mapping \(0, 2\)"):
         updater.predict_measurement(predictor.predict(state, moment(1)), wrong)
-
-
-def test_a_state_without_a_measurement_has_no_position():
-    predictor, _ = adapted()
-    assert measured_position(predictor.predict(GaussianState(np.zeros((4, 1)), np.eye(4)), None)) is None

@@ -38,19 +38,6 @@ def test_imm_equals_filterpy_on_100_random_problems():
             np.testing.assert_allclose(imm.covariance[0], peer.P, rtol=1e-9, atol=1e-9)
 
 
-def test_models_that_are_equal_are_one_kalman_filter():
-    rng = np.random.default_rng(1)
-    kalman = KalmanFilter(MotionModel("CA", 3, 0.4), 2.0, (5.0, 1.0), StudentT())
-    imm = IMMFilter([KalmanFilter(MotionModel("CA", 3, 0.4), 2.0, (5.0, 1.0), StudentT()) for _ in "ab"], 5.0)
-    measurements = rng.normal(0.0, 5.0, (20, 6, 3))
-    measurements[rng.random((20, 6)) < 0.2] = np.nan
-    times = np.cumsum(rng.uniform(0.1, 2.0, (20, 6)), axis=0)
-    alone, mixed = (run_filter(one, measurements, times) for one in (kalman, imm))
-    np.testing.assert_allclose(mixed.states, alone.states, rtol=1e-8, atol=1e-8)
-    np.testing.assert_allclose(mixed.covariances, alone.covariances, rtol=1e-8, atol=1e-8)
-    np.testing.assert_allclose(mixed.log_likelihoods, alone.log_likelihoods, rtol=1e-8, atol=1e-8)
-
-
 def test_probabilities_follow_the_chain_without_measurements():
     imm = IMMFilter(
         [

@@ -86,15 +86,6 @@ def test_matrices_equal_filterpy_and_stone_soup(name):
         )
 
 
-@pytest.mark.parametrize("name", ORDERS)
-def test_continuous_noise_does_not_depend_on_the_division_into_steps(name):
-    model = MotionModel(name, 1, 2.0)
-    whole = model.step_noise(1.7)
-    first, second = model.step_noise(0.6), model.step_noise(1.1)
-    moved = model.transition(1.1) @ first @ model.transition(1.1).T
-    np.testing.assert_allclose(moved + second, whole, rtol=1e-12)
-
-
 @pytest.mark.parametrize("kind", ["continuous", "discrete"])
 @pytest.mark.parametrize("name", ORDERS)
 def test_nis_and_nees_are_chi_square_in_the_world_of_the_filter(name, kind):
@@ -158,29 +149,6 @@ def test_a_track_begins_with_its_first_measurement_and_a_missing_one_only_predic
     assert filtered.log_likelihoods[3, 0] < 0.0
 
 
-def test_two_sensors_at_one_time_equal_their_weighted_mean():
-    rng = np.random.default_rng(4)
-    model, first, second = MotionModel("CJ", 2, 1.0), random_covariance(rng, 2), random_covariance(rng, 2)
-    a, b = rng.normal(size=(2, 1, 2))
-    start = np.zeros((1, 8)), random_covariance(rng, 8), 0.0
-    both = run_filter(
-        KalmanFilter(model, 1.0), np.stack([a, b]), [1.0, 1.0], noises=np.stack([first, second]), start=start
-    )
-    joint = np.linalg.inv(np.linalg.inv(first) + np.linalg.inv(second))
-    mean = (joint @ (np.linalg.solve(first, a[0]) + np.linalg.solve(second, b[0])))[None, None]
-    one = run_filter(KalmanFilter(model, joint), mean, [1.0], start=start)
-    np.testing.assert_allclose(both.states[1], one.states[0], rtol=1e-10)
-    np.testing.assert_allclose(both.covariances[1], one.covariances[0], rtol=1e-9, atol=1e-12)
-
-
-def test_a_far_more_accurate_measurement_keeps_the_covariance_positive():
-    model = MotionModel("CV", 3, 1e-6)
-    filtered = run_filter(KalmanFilter(model, 1e-12, start_deviations=(1e4,)), np.ones((50, 3)), np.arange(50.0))
-    deviations = np.sqrt(np.diagonal(filtered.covariances, axis1=1, axis2=2))
-    correlations = filtered.covariances / deviations[:, :, None] / deviations[:, None, :]
-    assert np.linalg.eigvalsh(correlations).min() > -1e-9
-
-
 @pytest.mark.parametrize("name", ORDERS)
 @pytest.mark.parametrize("kind", ["continuous", "discrete"])
 def test_units_of_length_and_time_change_nothing_but_the_units(name, kind):
@@ -202,15 +170,3 @@ def test_units_of_length_and_time_change_nothing_but_the_units(name, kind):
     np.testing.assert_allclose(shifted, first.log_likelihoods[1:], rtol=1e-9)
     smoothed = [smooth(f.model, run, t).states for f, run, t in ((one, first, times), (other, second, time * times))]
     np.testing.assert_allclose(smoothed[1], smoothed[0] * np.tile(scales, 2), rtol=1e-6, atol=1e-9)
-
-
-def test_covariances_stay_symmetric_with_turned_noise():
-    generator = np.random.default_rng(0)
-    velocity = np.array([100.0, 70.0])
-    noise = 2.5 * np.eye(2) + 0.0064 * np.outer(velocity, velocity)
-    times = np.cumsum(generator.uniform(0.5, 2.5, 6000))
-    values = times[:, None] * velocity + generator.multivariate_normal(np.zeros(2), noise, 6000)
-    kalman = KalmanFilter(MotionModel("CA", 2, 1.0), noise, (200.0, 5.0))
-    covariances = run_filter(kalman, values, times).covariances
-    assert np.abs(covariances - covariances.swapaxes(-1, -2)).max() < 1e-6
-    assert np.linalg.eigvalsh(covariances[100:]).min() > 0.0

@@ -4,13 +4,10 @@ import itertools
 
 import numpy as np
 import pytest
-from hostile_input import refused
 from matrix_filters import LiteralImm, transition_matrix, turn_matrix
 
 from baselines.estimation.multiple_models import MultipleModelFilter
-from baselines.estimation.run_filter import run_filter
 
-METHODS = ("static", "gpb1", "imm", "gpb2")
 RADII, TAU, Q, R = (2.0, 5.0), 0.3, 0.02, (0.1, 0.4)
 CURVATURES = [0.0, 0.5, 0.2, -0.5, -0.2]
 START = np.array([1.0, 0.5, -2.0, 1.5])
@@ -123,48 +120,3 @@ def test_without_switches_static_imm_and_gpb2_are_equal():
     for found, value in zip(advance(begun("gpb2"), z, [np.eye(5)] * 20), static, strict=True):
         np.testing.assert_allclose(found, value, rtol=1e-9, atol=1e-12)
     assert np.abs(advance(begun("gpb1"), z, [None] * 20)[0] - static[0]).max() > 1e-3
-
-
-def test_at_a_switch_to_any_mode_the_imm_starts_from_the_merged_estimate():
-    z = np.random.default_rng(4).normal(0.0, 1.5, (6, 2))
-    imm, restarted = begun("imm"), begun("static")
-    advance(imm, z[:3], [None] * 3)
-    restarted.begin_from(*(one[None] for one in advance(restarted, z[:3], [None] * 3)[:2]))
-    switch = [np.full((5, 5), 0.2), None, None]
-    for found, value in zip(advance(imm, z[3:], switch), advance(restarted, z[3:], switch), strict=True):
-        np.testing.assert_allclose(found, value, rtol=1e-9, atol=1e-12)
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_modes_that_are_equal_are_one_kalman_filter(method):
-    z = np.random.default_rng(5).normal(0.0, 1.5, (10, 2))
-    models = MultipleModelFilter(method, [1e6, 2e6], Q, R)
-    models.transition = CHAIN
-    filtered = run_filter(models, z[:, None], TAU * np.arange(1, 11), start=(START[None], P0, 0.0))
-    x, P = START, P0
-    for k, measured in enumerate(z):
-        x, P, likelihood = kalman_step(x, P, 0.0, measured)
-        np.testing.assert_allclose(filtered.states[k, 0], x, atol=1e-4)
-        np.testing.assert_allclose(filtered.covariances[k, 0], P, atol=1e-4)
-        assert filtered.log_likelihoods[k, 0] == pytest.approx(np.log(likelihood), abs=1e-3)
-    assert models.filters == (25 if method == "gpb2" else 5)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"method": "gpb3"}, "method='gpb3'"),
-        ({"radii": (5.0, 5.0)}, "radii="),
-        ({"process_variance": -1.0}, "process_variance=-1"),
-    ],
-)
-def test_bad_arguments_are_named(change, words):
-    options = {"method": "imm", "radii": 5.0, "process_variance": 0.1, "noise": 0.1}
-    assert words in refused(MultipleModelFilter, **(options | change))
-
-
-def test_tracks_begin_with_an_estimate():
-    models = MultipleModelFilter("imm", 5.0, Q, R)
-    models.begin(1)
-    models.predict(TAU)
-    assert "begin_from" in refused(models.update, [[0.0, 0.0]])

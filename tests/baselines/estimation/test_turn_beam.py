@@ -5,35 +5,13 @@ import pytest
 from scipy.linalg import expm
 
 from baselines.estimation.turn_beam import TurnHistories, run_turn_beam
-from baselines.estimation.turns import START_SPEED, STRAIGHT, Batch, TurnModel, run_turn_imm
+from baselines.estimation.turns import START_SPEED, Batch, TurnModel
 from baselines.recordings.flights.flight import TIERS, stack_flights
 from baselines.recordings.flights.simulated import simulate_flights
 
 
 def one_piece(positions, times, across, timing=0.0):
     return Batch(((0, 0, len(times)),), times[:, None], positions[:, None], np.array([across]), np.array([timing]))
-
-
-def test_without_information_the_posterior_is_the_law_of_durations():
-    # a chain of modes is drawn tick by tick; with noise far above all motion the beam can only know its law
-    times = np.arange(25.0)
-    batch = one_piece(np.column_stack([80.0 * times, 0.0 * times]), times, 1e9)
-    model = TurnModel(rates=(0.0, 2.0, -2.0), straight=12.0, turn=10.0)
-    law = TurnHistories(shortest=(4.0, 6.0), branches=100)
-    found = run_turn_beam(batch, model, law)[:, 0]
-    generator, draws = np.random.default_rng(0), 20_000
-    mode = np.searchsorted(np.cumsum([0.9, 0.05]), generator.random(draws))
-    shortest, mean = np.array([4.0, 6.0, 6.0]), np.array([12.0, 10.0, 10.0])
-    age = shortest[mode]
-    for row in range(1, len(times)):
-        survived = np.exp(-np.maximum(age + 1.0 - shortest[mode], 0.0) / (mean - shortest)[mode])
-        before = np.exp(-np.maximum(age - shortest[mode], 0.0) / (mean - shortest)[mode])
-        ends = generator.random(draws) > survived / before
-        other = np.where(generator.random(draws) < 0.9, STRAIGHT, 3 - mode)
-        after = np.where(mode == STRAIGHT, generator.integers(1, 3, draws), other)
-        mode, age = np.where(ends, after, mode), np.where(ends, 0.0, age) + 1.0
-        share = np.bincount(mode, minlength=3) / draws
-        assert np.abs(share - found[row]).max() < 4.5 * np.sqrt(0.25 / draws)
 
 
 def literal_step(state, covariance, omega, density, dt, z, noise, freedom):
@@ -84,14 +62,6 @@ def test_all_histories_of_a_few_positions():
 @pytest.fixture(scope="module")
 def batch():
     return stack_flights(simulate_flights(TIERS["B"], 2, 500.0, np.random.default_rng(5))[0])
-
-
-def test_exponential_durations_give_about_the_filter_bank(batch):
-    beam = run_turn_beam(batch, None, TurnHistories(shortest=(0.0, 0.0)))
-    bank = run_turn_imm(batch).probabilities
-    same = (beam.argmax(-1) == bank.argmax(-1))[batch.present]
-    assert same.mean() > 0.98
-    np.testing.assert_allclose(beam.sum(-1), 1.0)
 
 
 def test_turned_flights_have_the_same_posterior(batch):

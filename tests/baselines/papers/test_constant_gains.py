@@ -5,7 +5,7 @@ import pytest
 from filterpy.gh import GHFilter as PeerGH
 
 from baselines.estimation.run_filter import run_filter
-from baselines.papers.adaptive import PRODUCTS, AdaptiveFilter, CorrectedAdaptiveFilter, GHFilter, noise_bias
+from baselines.papers.adaptive import AdaptiveFilter, CorrectedAdaptiveFilter, GHFilter, noise_bias
 from baselines.papers.novospaskyi.filters import moving_average
 
 
@@ -44,15 +44,6 @@ def test_g_h_starts_with_two_points_and_anew_after_a_gap():
     np.testing.assert_allclose(states[8], [54.25, 4.0])  # a second sensor at the same time
 
 
-def test_g_h_follows_uniform_motion_through_missing_ticks_without_error():
-    times = np.cumsum(np.random.default_rng(1).uniform(0.1, 2.0, 30))
-    measurements = np.stack([3.0 - 2.0 * times, 1.0 + times], axis=-1)
-    measurements[[4, 5, 9]] = np.nan
-    states = run_filter(GHFilter(2, 0.4, 0.1), measurements, times).states
-    np.testing.assert_allclose(states[1:, 1], -2.0, rtol=1e-9)
-    np.testing.assert_allclose(states[1:, 2], (1.0 + times)[1:], rtol=1e-9)
-
-
 def test_units_change_nothing_but_the_units():
     rng = np.random.default_rng(2)
     measurements, times = rng.normal(0.0, 30.0, (60, 4, 2)), np.arange(60.0)
@@ -78,26 +69,6 @@ def test_moving_average_equals_pandas(window):
     np.testing.assert_allclose(moving_average(values, window), expected, rtol=0.0, atol=1e-9)
 
 
-def test_weights_of_a_moving_average_fall_with_the_age():
-    averaged = moving_average(np.array([[[1.0]], [[0.0]], [[0.0]]]), window=3, ratio=0.5)
-    np.testing.assert_allclose(averaged.ravel(), [1.0, 0.5 / 1.5, 0.25 / 1.75])
-
-
-def test_the_identity_holds_in_every_tick_of_the_published_filter():
-    rng = np.random.default_rng(5)
-    adaptive = AdaptiveFilter(3, 0.1, limited=False)
-    adaptive.begin(20)
-    for _ in range(100):
-        adaptive.predict(0.1)
-        adaptive.update(rng.normal(size=(20, 3)))
-        means = adaptive._means
-        noise = means[7] + means[5]
-        if adaptive._products.min() > PRODUCTS:
-            expected = 1.0 - noise / means[0]
-            scale = np.abs(expected).max()
-            np.testing.assert_allclose(adaptive.gains[0], expected, rtol=0.0, atol=1e-12 * scale)
-
-
 def test_noise_of_the_published_filter_is_biased_as_in_a_simulation():
     rng = np.random.default_rng(6)
     for gain, expected in ((0.1, 1.11), (0.2, 1.25)):
@@ -111,15 +82,3 @@ def test_noise_of_the_published_filter_is_biased_as_in_a_simulation():
         products_of = (difference[..., 0] * innovation[2:])[100:]
         error = products_of.mean(0).std() / np.sqrt(tracks)
         assert abs(products_of.mean() - noise_bias(gain)) < 4.0 * error
-
-
-def test_adaptive_filters_leave_out_missing_measurements():
-    rng = np.random.default_rng(7)
-    times = 0.1 * np.arange(300)
-    truth = 100.0 * times[:, None, None] * np.ones(3)
-    measurements = truth + 5.0 * rng.normal(size=(300, 50, 3))
-    measurements[rng.random((300, 50)) < 0.1] = np.nan
-    for one in (AdaptiveFilter(3, 0.1), CorrectedAdaptiveFilter(3, 0.1)):
-        positions = run_filter(one, measurements, times).positions
-        begun = slice(100, None)
-        assert np.sqrt(np.mean((positions - truth)[begun] ** 2)) < 4.0

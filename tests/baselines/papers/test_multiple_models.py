@@ -1,4 +1,4 @@
-"""ATE against multiple models: figures of a run, cost and equalities that follow from the estimators."""
+"""ATE against multiple models: figures of a run, and the tables of a study."""
 
 from pathlib import Path
 
@@ -6,16 +6,9 @@ import numpy as np
 import pytest
 
 from agents.cli import main
-from baselines.papers import golubkov2018, multiple_models
-from baselines.papers.multiple_models import SETTINGS, Tracked, estimators, score
-from hybrid_env.simulation import Simulation, simulate
-
-
-def recorded(setting, runs=3):
-    return simulate(
-        setting.paper.SCHEME, runs, 0, start=setting.paper.START, process_variance=setting.process_variance,
-        measurement_variance=0.1,
-    )  # fmt: skip
+from baselines.papers import multiple_models
+from baselines.papers.multiple_models import SETTINGS, Tracked, score
+from hybrid_env.simulation import Simulation
 
 
 def test_figures_of_two_runs_are_those_counted_by_hand():
@@ -31,32 +24,6 @@ def test_figures_of_two_runs_are_those_counted_by_hand():
         "wrong_changes": [1000.0 / 6.0, 2000.0 / 6.0],
         "steps": [3.0, 5.0],
     }
-
-
-def test_ate_states_its_decisions_and_runs_one_filter_after_them():
-    setting = SETTINGS[0]
-    recording = recorded(setting)
-    tracked = estimators(setting, known=True)["ATE"](recording, setting, 0.1)
-    tracks = golubkov2018.run_ate(recording, 0.1)
-    np.testing.assert_array_equal(tracked.estimates, tracks.estimates)
-    np.testing.assert_array_equal(
-        tracked.sides[:, np.cumsum(recording.lengths) - 1] == np.sign(recording.signed_radii),
-        golubkov2018.correct_types(tracks, recording),
-    )
-    first = tracks.ticks[:, 0]
-    for run, tick in enumerate(first):
-        assert (tracked.sides[run, : tick - 1] == 0).all()
-    np.testing.assert_allclose(tracked.steps, 1.0 + 20.0 * tracks.ticks.sum(1) / 360.0)
-
-
-def test_detector_of_2020_starts_from_straight_motion_and_restarts_at_its_changes():
-    setting = SETTINGS[1]
-    recording = recorded(setting)
-    tracked = estimators(setting, known=False)["detector 2020"](recording, setting, 0.1)
-    assert (tracked.sides[:, 0] == 0).all()
-    assert (tracked.sides[:, -1] != tracked.sides[:, 400]).any()
-    assert np.hypot(*(tracked.estimates - recording.truth)[:, :200, ::2].mean(1).T).max() < 1.0
-    assert (tracked.steps < 1 + 2 * 314).all()
 
 
 def test_small_study_has_a_table_of_every_setting(monkeypatch):

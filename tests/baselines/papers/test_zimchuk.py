@@ -34,20 +34,3 @@ def test_the_corrected_filter_is_better_on_every_leg(result):
     assert (corrected[[0, 2]] <= 2.6).all()
     assert (corrected[[1, 3]] <= 3.6).all()
     assert (corrected < row(result, "adaptive, as published")).all()
-
-
-def test_without_limits_it_is_worse_than_the_measurements_and_fast_kalman_filters_are_listed(result):
-    measurements = row(result, "measurements")
-    np.testing.assert_allclose(measurements, 5.0, rtol=0.05)
-    assert (row(result, "adaptive, without limits") > measurements).all()
-    for deviation in (20, 60):
-        fast = row(result, f"Kalman, sigma_w = {deviation}")
-        assert (fast < 1.1 * row(result, "adaptive, as published")).all()
-
-
-def test_the_true_motion_has_the_published_accelerations():
-    times = np.arange(0.0, 70.0, 0.01)
-    acceleration = np.gradient(np.gradient(zimchuk.true_position(times), times), times)
-    at = {10.0: 0.0, 25.0: 20.0, 40.0: 0.0, 55.0: 10.0, 65.0: 30.0}
-    for time, expected in at.items():
-        assert acceleration[round(100 * time)] == pytest.approx(expected, abs=1e-3)

@@ -74,14 +74,6 @@ def test_straight_motion_has_the_likelihood_of_a_matrix_filter(missing):
     assert count == measured - len(parts) * (2 + BURN_IN)
 
 
-def test_lanes_do_not_disturb_each_other():
-    rng = np.random.default_rng(1)
-    parts = [np.cumsum(rng.normal(1.0, 0.3, (60, 2)), axis=0) for _ in range(LANES + 3)]
-    model = imm_model(0.5, 0.01, 50.0, 2)
-    together = run_pass(parts, [3.0, 8.0], model)[0]
-    assert together == pytest.approx(sum(run_pass([part], [3.0, 8.0], model)[0] for part in parts), rel=1e-9)
-
-
 def test_modes_are_free_again_at_a_known_switch_and_only_there():
     car = OBJECTS["car"]
     z = car.simulate(1, 3, "RL", (60, 60)).measurements[0] / car.deviation
@@ -124,12 +116,3 @@ def test_noise_and_radii_are_found_from_the_recording(name):
     assert found.radii == pytest.approx((one.radius,), rel=0.15)
     assert 40.0 < found.duration < 200.0
     assert found.turns
-
-
-def test_straight_motion_shows_no_turns():
-    car = OBJECTS["car"]
-    run = car.simulate(1, 2, "S", (600,)).measurements[0]
-    found = fit_model(tick_grid(make_recording(car.times(600), run)))
-    assert not found.turns
-    assert len(found.radii) == 1
-    assert found.measurement_variance == pytest.approx(car.measurement_variance, rel=0.2)

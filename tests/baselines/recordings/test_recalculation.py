@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from hostile_input import refused
 from matrix_filters import MatrixKalmanFilter
 
 from baselines import track_ate
@@ -51,25 +50,6 @@ def test_recalculated_estimates_are_those_of_the_chosen_filter_since_the_switch(
             anchor = found.estimates[run, first + 59]
 
 
-def test_without_recalculation_the_estimates_up_to_the_decision_are_those_of_the_previous_mode():
-    recording = simulate("S60 L60r5", runs=1, seed=4)
-    found = track_ate(recording.measurements[0], recording.lengths, START)
-    tick = found.ticks[1]
-    assert (found.modes[60 : 60 + tick] == found.decided[0]).all()
-    assert (found.modes[60 + tick :] == found.decided[1]).all()
-    assert np.isfinite(found.ratios[60 : 60 + tick]).all()
-    assert np.isnan(found.ratios[60 + tick :]).all()
-    assert (found.ratios[np.arange(60, 60 + tick), found.modes[60 : 60 + tick]] == 0).all()
-
-
-def test_with_the_straight_reference_the_ratios_do_not_depend_on_the_previous_mode():
-    recording = simulate("L60r5 L60r5", runs=20, seed=1)
-    found = track_ate(recording.measurements, recording.lengths, START, reference="straight")
-    second = found.ratios[:, 60]  # the first tick of the second segment
-    np.testing.assert_array_equal(second[:, 0], 0.0)
-    assert (second[:, 1] != 0.0).all()
-
-
 def test_refinement_improves_the_radius_and_keeps_the_decided_side():
     radii = tuple(range(1, 11))
     recording = simulate("L100r4", runs=40, seed=2, measurement_variance=0.01)
@@ -83,17 +63,6 @@ def test_refinement_improves_the_radius_and_keeps_the_decided_side():
         np.where(found.decided == 0, 0, np.where(found.decided <= len(radii), 1, 2)) for found in (plain, refined)
     )
     np.testing.assert_array_equal(plain_types, refined_types)
-
-
-def test_a_rewind_changes_no_refined_decision():
-    radii = tuple(range(1, 11))
-    recording = simulate("L100r4", runs=20, seed=2, measurement_variance=0.1)
-    plain, rewound = (
-        track_ate(recording.measurements, [100], START, radii=radii, refine_radius=True, recalculation=recalculation)
-        for recalculation in ("none", "rewind")
-    )
-    np.testing.assert_array_equal(plain.decided, rewound.decided)
-    np.testing.assert_array_equal(plain.estimates[:, -1], rewound.estimates[:, -1])
 
 
 @pytest.mark.parametrize("carry", [True, False])
@@ -113,20 +82,3 @@ def test_the_filter_with_known_modes_equals_matrix_filters(carry):
                 np.testing.assert_allclose(found[run, k], one.x, atol=1e-11)
                 k += 1
             state, P = one.x, one.P if carry else np.eye(4)
-
-
-INVALID = [
-    ({"lengths": [3]}, "lengths=[3]"),
-    ({"signed_radii": [0.0, 5.0]}, "signed_radii="),
-    ({"signed_radii": [np.nan]}, "signed_radii[0]=nan"),
-    ({"start_covariance": [1.0, 0.0]}, "start_covariance has shape (2,)"),
-    ({"carry_covariance": 1}, "carry_covariance=1"),
-    ({"tau": -1.0}, "tau=-1.0"),
-    ({"measurement_variance": 0.0}, "measurement_variance=0.0"),
-]
-
-
-@pytest.mark.parametrize(("arguments", "message"), INVALID)
-def test_an_invalid_argument_raises_a_one_line_error_with_its_name(arguments, message):
-    valid = {"measurements": np.zeros((4, 2)), "lengths": [4], "signed_radii": [0.0]}
-    assert message in refused(filter_known_modes, **(valid | arguments))

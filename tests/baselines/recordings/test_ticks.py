@@ -13,27 +13,6 @@ def circle(times, radius=200.0, speed=20.0):
     return radius * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=1)
 
 
-def test_uniform_rows_are_their_ticks():
-    times = 5.0 + 0.1 * np.arange(50)
-    points = np.random.default_rng(0).normal(size=(50, 2))
-    grid = tick_grid(make_recording(times, points))
-    [piece] = grid.pieces
-    assert grid.tau == pytest.approx(0.1)
-    np.testing.assert_array_equal(piece.ticks, np.arange(50))
-    np.testing.assert_array_equal(piece.measurements, points)
-    assert (piece.late == 0.0).all()
-    assert grid.moved == 0.0
-
-
-def test_left_out_rows_are_ticks_without_a_measurement():
-    rows = np.array([0, 1, 2, 5, 6, 9, 10, 11, 12])
-    grid = tick_grid(make_recording(0.5 * rows, circle(0.5 * rows)))
-    [piece] = grid.pieces
-    np.testing.assert_array_equal(piece.ticks, rows)
-    missing = np.isnan(piece.measurements[:, 0])
-    np.testing.assert_array_equal(np.flatnonzero(missing), [3, 4, 7, 8])
-
-
 def test_a_clock_that_jitters_keeps_a_tick_per_row_and_positions_are_moved_along_the_velocity():
     rng = np.random.default_rng(1)
     times = np.arange(400) + rng.uniform(-0.3, 0.3, 400)

@@ -1,4 +1,4 @@
-"""The beam equals the posterior of all histories of switches, and is better than the bank."""
+"""The beam equals the posterior of all histories of switches."""
 
 import copy
 
@@ -7,10 +7,7 @@ import pytest
 from matrix_filters import MatrixExtendedKalmanFilter
 
 from baselines.rules.beam import BeamDecider, hazards
-from baselines.rules.rollout import record_statements
-from baselines.rules.threshold import ThresholdDecider
-from baselines.scoring.statements import measure_statements
-from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions
+from hybrid_env import QuickestOptions
 from hybrid_env.durations import duration_probabilities, parse_durations, remaining_probabilities
 
 TRIANGLE = np.triu_indices(4)
@@ -101,21 +98,6 @@ def test_without_pruning_the_beam_is_the_posterior_of_all_histories(text):
     assert 50 < state.branches.counts[0] < 20_000
 
 
-def test_merging_changes_nothing_while_only_one_switch_is_possible():
-    env = HybridTrackQuickestVectorEnv(6, durations="uniform 8-11", ticks=15)
-    env.reset(seed=3)
-    deciders = [BeamDecider(env.options, branches=200, merged=merged) for merged in (False, True)]
-    states = [None, None]
-    for _ in range(15):
-        seen = deciders[0].observe(env.world)
-        seen[:, 16:] = np.where(seen[:, 16:] == seen[:, 16:].max(1, keepdims=True), 0.0, -600.0)
-        states = [decider.predict(seen, state)[1] for decider, state in zip(deciders, states, strict=True)]
-        np.testing.assert_allclose(*(np.exp(state.log_probability) for state in states), atol=1e-12)
-        env.step(np.zeros(6, np.int64))
-    separate, merged = (state.branches.counts for state in states)
-    assert (merged < separate).all()
-
-
 @pytest.mark.parametrize("start", ["known", "random"])
 @pytest.mark.parametrize("text", ["25 + geometric 50", "geometric 75", "uniform 5-9"])
 def test_hazards_give_back_the_law(text, start):
@@ -123,16 +105,3 @@ def test_hazards_give_back_the_law(text, start):
     table = hazards(laws)
     survival = np.cumprod(np.insert(1.0 - table, 0, 1.0, axis=1), axis=1)[:, :-1]
     np.testing.assert_allclose(survival * table, laws, atol=1e-12)
-
-
-def test_the_hazard_of_a_geometric_law_stays_the_same_in_very_long_segments():
-    """After 30 mean durations the probability of such a segment is below 1e-13."""
-    laws = QuickestOptions(durations="geometric 10", ticks=1000).duration_laws
-    np.testing.assert_allclose(hazards(laws), 0.1, rtol=1e-3)
-
-
-def test_a_beam_that_knows_the_law_is_better_than_the_bank():
-    options = {"durations": "uniform 50-100", "measurement_variance": 0.1}
-    rules = ThresholdDecider(0.6), BeamDecider(QuickestOptions(**options), 0.6, branches=32)
-    rewards = [measure_statements(record_statements(rule, 40, 3, **options)).reward for rule in rules]
-    assert (rewards[1] - rewards[0]).mean() > 0.0

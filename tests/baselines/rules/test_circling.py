@@ -9,8 +9,7 @@ from baselines.recordings.flights.flight import stack_flights
 from baselines.recordings.flights.gliders import glider_flight
 from baselines.recordings.flights.tracks import FlightTracks
 from baselines.recordings.reading.igc import parse_igc
-from baselines.rules.circling import AngleRule, GliderImm, GliderRule, XcsoarDefault, XcsoarRule
-from baselines.rules.decider import GLIDERS, rules
+from baselines.rules.circling import AngleRule, GliderImm, XcsoarDefault, XcsoarRule
 
 
 @pytest.fixture(scope="module")
@@ -85,28 +84,9 @@ def test_the_angle_rule_is_that_of_a_literal_loop(tracks):
             assert said[k, column] == mode
 
 
-def test_the_thresholds_hold_the_last_statement(tracks):
-    enter, leave = 0.9, 0.7
-    said = told(tracks, GliderImm((enter, leave)))
-    probabilities = tracks.estimates.probabilities
-    mode = np.zeros(2, np.int64)
-    for k, now in enumerate(probabilities):
-        best = now.argmax(-1)
-        mode = np.where(now.max(-1) >= np.where(best == 0, leave, enter), best, mode)
-        np.testing.assert_array_equal(said[k], mode)
-
-
 @pytest.mark.parametrize("kind", [GliderImm, XcsoarRule, AngleRule])
 def test_settings_together_are_as_each_alone(tracks, kind):
     some = kind.grid[::11]
     together = tracks.statements_together(kind(*some), [600, 600], len(some))
     for setting, stated in zip(some, together, strict=True):
         np.testing.assert_array_equal(np.stack(stated, axis=1), told(tracks, kind(setting)))
-
-
-def test_rules_are_found_by_their_names_and_state_most_circles():
-    found = rules(GLIDERS)
-    assert {"imm", "imm-wind", "imm-climb", "beam", "xcsoar", "xcsoar-default", "angle"} <= set(found)
-    for kind in found.values():
-        assert issubclass(kind, GliderRule)
-        assert {len(setting) for setting in (kind.usual, *kind.grid)} == {len(kind.numbers)}

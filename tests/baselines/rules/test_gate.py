@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from baselines import MSPRTDecider, OnlineTracker, ThresholdDecider
-from baselines.rules.start import PATIENCE, gate_distance
+from baselines.rules.start import PATIENCE
 from hybrid_env import HybridTrackQuickestEnv, QuickestOptions, WorldOptions
 
 SCALES = {
@@ -89,26 +89,3 @@ def test_no_measurement_of_the_model_is_refused(scale):
         assert now.agrees
         assert now.mode == expected.mode
         np.testing.assert_array_equal(now.estimate, expected.estimate)
-
-
-def test_a_missing_gate_uses_every_measurement():
-    tracker = OnlineTracker(QuickestOptions(), ThresholdDecider(0.6), gate=None)
-    for k in range(20):
-        now = tracker.update((0.2 * k, 0.0))
-    assert tracker.update((1e4, 0.0)).agrees
-    assert tracker.update((4.2, 0.0)).estimate[0] > now.estimate[0] + 100.0
-
-
-def test_the_distance_is_that_of_the_nearest_motion():
-    estimate, covariance = np.array([1.0, 2.0, 0.0, 0.0]), np.diag([0.2, 0.1, 0.2, 0.1])
-    radii, tau, noise = np.array([5.0]), 1.0, np.array([0.5, 0.0, 0.5])
-    angle = 2.0 / 5.0
-    ends = [(3.0, 0.0)] + [(1.0 + 5.0 * np.sin(angle), side * 5.0 * (1.0 - np.cos(angle))) for side in (1.0, -1.0)]
-    for x, y in ends:
-        assert gate_distance(np.array([x, y]), estimate, covariance, radii, tau, noise, 1) < 1e-9
-    point, spread = np.array([3.5, 1.2]), 0.2 + 0.1 + 0.5
-    expected = min(np.hypot(point[0] - x, point[1] - y) for x, y in ends) / np.sqrt(spread)
-    found = gate_distance(point, estimate, covariance, radii, tau, noise, 1)
-    assert found == pytest.approx(expected)
-    wider = gate_distance(point + 10.0, estimate, covariance, radii, tau, noise, 3)
-    assert wider < gate_distance(point + 10.0, estimate, covariance, radii, tau, noise, 1)

@@ -7,7 +7,6 @@ import pytest
 from scipy.special import softmax
 
 from baselines import GapDecider, MSPRTDecider
-from baselines.rules.msprt import error_and_best
 from baselines.rules.rollout import evaluate
 from hybrid_env import HybridTrackVectorEnv
 
@@ -50,17 +49,3 @@ def test_error_rate_is_close_to_alpha_if_the_posterior_is_exact(alpha):
     errors, count = int((~decisions.correct[decided]).sum()), int(decided.sum())
     assert errors / count < alpha + 4 * math.sqrt(alpha * (1 - alpha) / count)
     assert errors / count > 0.3 * alpha  # the overshoot of one tick is small
-
-
-def test_the_error_probability_is_the_posterior_of_wrong_declarations():
-    posterior = np.array([[0.05, 0.30, 0.31, 0.04, 0.30], [0.4, 0.2, 0.15, 0.15, 0.1]])
-    error, best = error_and_best(posterior, True)
-    np.testing.assert_allclose(error, [0.39, 0.6])
-    np.testing.assert_array_equal(best, [2, 0])
-    error, best = error_and_best(posterior, np.array([False, True]))
-    np.testing.assert_allclose(error, [0.69, 0.6])
-    # the most likely hypothesis need not be of the most likely type
-    split = np.array([[0.4, 0.35, 0.25, 0.0, 0.0]])
-    assert [error_and_best(split, by_type)[1][0] for by_type in (True, False)] == [1, 0]
-    small = np.array([[1.0, 1e-12, 1e-13]])
-    np.testing.assert_allclose(error_and_best(small, False)[0], 1.1e-12)

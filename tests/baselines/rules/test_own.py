@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 
 from agents.evaluation.registry import find_decider, find_family, load_decider
-from baselines import OnlineTracker, SPRTDecider
+from baselines import SPRTDecider
 from baselines.rules import own
-from baselines.rules.decider import Decider
 from baselines.rules.rollout import evaluate
 from hybrid_env import ArgumentError, WorldOptions
-from hybrid_env.quickest_options import QuickestOptions
 
 OPTIONS = WorldOptions(scheme="random 2x20-25")
 SOURCE = '''
@@ -94,32 +92,6 @@ def test_a_module_and_an_entry_point_are_found(source, monkeypatch):
         find_family("nobody", OPTIONS)
 
 
-def test_a_changed_file_is_read_again(source):
-    assert find_family(f"{source}:Patient", OPTIONS).default == 3
-    source.write_text(SOURCE.replace('default = "patient rule", "ticks", 3', 'default = "p", "ticks", 9'))
-    assert find_family(f"{source}:Patient", OPTIONS).default == 9
-
-
-def test_an_object_gets_its_threshold_as_attribute():
-    class Rule:
-        thresholds = (1.0, 2.0)
-        threshold = 1.0
-
-        def predict(self, rows):
-            return np.full(len(rows), int(self.threshold))
-
-    rule = Rule()
-    family = find_family(rule, OPTIONS)
-    assert family.make(2.0).predict(np.zeros((3, 28)))[0].tolist() == [2, 2, 2]
-    assert rule.threshold == 1.0
-
-
-def test_the_live_tracker_takes_a_function():
-    tracker = OnlineTracker(QuickestOptions(), lambda rows: np.zeros(len(rows), int))
-    for k in range(5):
-        assert tracker.update((0.2 * k, 0.0), time=0.1 * k).mode == 0
-
-
 def fails(rows):
     return rows[:, 999]
 
@@ -129,14 +101,11 @@ def hard(rows):
 
 
 ANSWERS = {
-    "two columns": lambda rows: np.zeros((len(rows), 2), int),
-    "too few": lambda rows: np.zeros(1, int),
-    "NaN": lambda rows: np.full(len(rows), np.nan),
-    "no declaration": lambda rows: np.full(len(rows), 4),
-    "negative": lambda rows: np.full(len(rows), -1),
-    "ragged": lambda rows: [[1], [1, 2]],
+    "two columns": lambda rows: np.zeros((len(rows), 2), int), "too few": lambda rows: np.zeros(1, int),
+    "NaN": lambda rows: np.full(len(rows), np.nan), "no declaration": lambda rows: np.full(len(rows), 4),
+    "negative": lambda rows: np.full(len(rows), -1), "ragged": lambda rows: [[1], [1, 2]],
     "nothing": lambda rows: None,
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("answer", ANSWERS)
@@ -154,33 +123,17 @@ def test_an_exception_names_the_line_that_raised_it():
         evaluate(hard, episodes=2)
 
 
-def one(rows):
-    return np.ones(len(rows), int)
-
-
-def test_a_slow_rule_is_told_once(monkeypatch):
-    monkeypatch.setattr(own, "SLOW_TOTAL", 0.0)
-    monkeypatch.setattr(own, "SLOW_CALL", 0.0)
-    with pytest.warns(UserWarning, match="one, test_own.py line .* is slow") as told:
-        evaluate(one, episodes=2)
-    assert len(told) == 1
-
-
 @pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("mine.py:nothing", "a name that mine.py defines"),
-        ("other.py:x", "a file that exists"),
+    ("name", "message"), [
+        ("mine.py:nothing", "a name that mine.py defines"), ("other.py:x", "a file that exists"),
         ("mine.py:states", "one for announced switches; this one is for unknown"),
         ("broken.py:x", r"broken.py failed: SyntaxError: .*line 1"),
-        ("leaves.py:x", r"leaves.py failed in leaves.py line 1: SystemExit: 3"),
-        ("no.such:x", "No module named 'no'"),
+        ("leaves.py:x", r"leaves.py failed in leaves.py line 1: SystemExit: 3"), ("no.such:x", "No module named 'no'"),
         ("unequal.py:rule", "different numbers in unequal.py:rule"),
         ("unequal.py:text", "thresholds='many' is not allowed|thresholds='m' is not allowed"),
-        ("unequal.py:Two", r"unequal.py:Two failed: TypeError"),
-        ("mine.py", "mine.py:MyRule"),
+        ("unequal.py:Two", r"unequal.py:Two failed: TypeError"), ("mine.py", "mine.py:MyRule"),
     ],
-)
+)  # fmt: skip
 def test_what_cannot_be_used_is_one_line(source, monkeypatch, name, message):
     monkeypatch.chdir(source.parent)
     monkeypatch.setattr(sys, "path", [*sys.path])
@@ -193,10 +146,3 @@ def test_what_cannot_be_used_is_one_line(source, monkeypatch, name, message):
     with pytest.raises(ArgumentError, match=message) as error:
         load_decider(name, OPTIONS)
     assert "\n" not in str(error.value)
-
-
-def test_what_is_no_decider_is_refused():
-    for model in (3, object(), SPRTDecider):
-        with pytest.raises(ArgumentError, match="an object with a method predict, or a function"):
-            own.as_decider(model)
-    assert isinstance(own.as_decider(SPRTDecider(0.1)), Decider)

@@ -62,11 +62,9 @@ def test_recalculated_and_refined_estimates(name, bank, refined):
 
 
 DECIDERS = {
-    "sprt": lambda world: SPRTDecider(),
-    "gap": lambda world: GapDecider(),
-    "kept": KeptCovarianceDecider,
+    "sprt": lambda world: SPRTDecider(), "gap": lambda world: GapDecider(), "kept": KeptCovarianceDecider,
     "calibrated": lambda world: CalibratedAnchorDecider(world, None),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", ["R 0.1", "axes", "car"])

@@ -24,25 +24,24 @@ def decide(ratios, reference=0, running=None):
     return sprt_test(np.array(ratios, float), running, reference, A, B), running.tolist()
 
 
-def test_the_hypothesis_with_the_largest_of_several_ratios_above_the_threshold_is_decided():
-    assert decide([0.0, A + 1.0, A + 2.0, A + 1.5])[0] == 2
+@pytest.mark.parametrize(
+    ("ratios", "reference", "winner"),
+    [
+        ([0.0, A + 1.0, A + 2.0, A + 1.5], 0, 2),  # the largest of several above the threshold
+        ([0.0, B - 0.1, 0.5], 0, -1),
+        ([B - 1.0, B - 2.0, 0.0], 2, 2),  # all others are rejected
+        ([5.0, 9.0, 0.0], 1, 1),  # ratios are to the reference, not to the most likely hypothesis
+        ([5.0, 5.0 + A - 0.01, 5.0], 0, -1),
+    ],
+)
+def test_ratios_to_the_reference_are_compared_with_both_thresholds(ratios, reference, winner):
+    assert decide(ratios, reference)[0] == winner
 
 
-def test_hypotheses_at_the_lower_threshold_are_rejected_and_stay_rejected():
-    winner, running = decide([0.0, B - 0.1, 0.5])
-    assert winner == -1
+def test_rejected_hypotheses_stay_rejected():
+    _, running = decide([0.0, B - 0.1, 0.5])
     assert running == [True, False, True]
-    winner, _ = decide([0.0, A + 5.0, 0.5], running=np.array(running))
-    assert winner == -1
-
-
-def test_the_reference_is_decided_when_all_other_hypotheses_are_rejected():
-    assert decide([B - 1.0, B - 2.0, 0.0], reference=2)[0] == 2
-
-
-def test_ratios_refer_to_the_reference_and_not_to_the_most_likely_hypothesis():
-    assert decide([5.0, 9.0, 0.0], reference=1)[0] == 1  # both other ratios are below B
-    assert decide([5.0, 5.0 + A - 0.01, 5.0], reference=0)[0] == -1
+    assert decide([0.0, A + 5.0, 0.5], running=np.array(running))[0] == -1
 
 
 def test_error_rate_and_decision_time_of_two_normal_hypotheses_satisfy_walds_bounds():

@@ -6,9 +6,6 @@ import re
 
 import numpy as np
 import pytest
-from hostile_input import VALUES, accepted, profile
-from hypothesis import given
-from hypothesis import strategies as st
 from matrix_filters import LiteralImm, MatrixExtendedKalmanFilter, MatrixKalmanFilter
 
 from baselines import BeamDecider, FixedTimeDecider, MSPRTDecider, OnlineTracker, ThresholdDecider
@@ -86,21 +83,6 @@ def test_missing_measurements_are_predicted_by_the_filters_of_a_segment(bank, de
         np.testing.assert_allclose(now.probabilities, expected / expected.sum(), rtol=1e-5)
 
 
-def test_missing_ticks_count_in_observations():
-    tracker = quickest()
-    tracker.begin(START, P)
-    tracker.update((0.2, 0.0), 1.0)
-    tracker.update((1.0, 0.0), 1.4)
-    assert tracker.world.layout.read(tracker.world.observations[0], "stated_ticks") == pytest.approx(4)
-    tracker = announced()
-    tracker.begin(START, P)
-    tracker.switch(ticks=30)
-    for time in (1.0, 1.1, 1.4):
-        tracker.update((2 * time - 1.8, 0.0), time)
-    read = {name: tracker.world.layout.read(tracker.world.observations[0], name) for name in ("ticks", "ticks_left")}
-    assert read == {"ticks": pytest.approx(5), "ticks_left": pytest.approx(25)}
-
-
 @pytest.mark.parametrize("tau", [1e-6, 0.1, 5.0])
 def test_times_may_deviate_by_the_tolerance_and_give_the_same_as_ticks(tau):
     options = QuickestOptions(tau=tau, speed=0.2 / tau, initial_error=(1.0, (0.02 / tau) ** 2))
@@ -141,19 +123,6 @@ def test_a_bad_measurement_is_refused_and_changes_nothing(point):
     assert_same(tracker.update((3.2, 0.3)), other.update((3.2, 0.3)))
 
 
-@profile(300)
-@given(point=st.sampled_from(VALUES), time=st.sampled_from(VALUES), known=st.booleans())
-def test_hostile_values_are_accepted_or_processed(point, time, known):
-    tracker = TRACKERS[known]
-    tracker.begin(START)
-    tracker.update((0.0, 0.0), 0.0)
-    now = accepted(lambda: tracker.update(point, time))
-    assert now is None or np.isfinite(now.estimate).all()
-
-
-TRACKERS = {False: quickest(), True: announced()}
-
-
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -182,54 +151,6 @@ def test_bad_arguments_are_named_in_one_line(make, message):
     with pytest.raises(ArgumentError, match=message) as caught:
         make()
     assert "\n" not in str(caught.value)
-
-
-class Wrong:
-    """Answers as it is told."""
-
-    def __init__(self, answer):
-        self.answer = answer
-
-    def predict(self, observation, state=None, episode_start=None, deterministic=True):
-        return self.answer, state
-
-
-@pytest.mark.parametrize("answer", [[3], [-1], [1.0], [], None, ["left"], [None]], ids=repr)
-def test_a_decider_with_an_action_outside_the_space_is_refused(answer):
-    with pytest.raises(ArgumentError, match="decider='Wrong' is not allowed"):
-        OnlineTracker(QuickestOptions(), Wrong(answer))
-
-
-def test_the_beam_predicts_in_ticks_without_a_measurement():
-    options = QuickestOptions(measurement_variance=0.01)
-    found = []
-    for jump in (False, True):
-        tracker = OnlineTracker(options, BeamDecider(options))
-        for k, point in enumerate(measurements(40)):
-            if not 12 <= k < 15:
-                tracker.update(point, 0.1 * k)
-            elif not jump:
-                tracker.update(None)
-        found.append(tracker._decider_state.log_probability)
-    np.testing.assert_array_equal(found[0], found[1])
-
-
-def test_a_decider_with_filters_of_its_own_is_asked_in_ticks_without_a_measurement(monkeypatch):
-    decider, points, results = KeptCovarianceDecider(WorldOptions(), 1e-9), measurements(40), []
-    for jump in (False, True):
-        tracker = OnlineTracker(WorldOptions(), decider)
-        asked, ask = [], tracker._ask_decider
-        monkeypatch.setattr(tracker, "_ask_decider", lambda ask=ask, asked=asked: asked.append(1) or ask())
-        for k, point in enumerate(points):
-            if not 12 <= k < 15:
-                now = tracker.update(point, 0.1 * k)
-            elif not jump:
-                now = tracker.update(None)
-            if k == 15:
-                results.append((len(asked), now.decided, now.mode, now.estimate.tolist()))
-    assert results[0] == results[1]
-    assert not results[0][1]
-    assert results[0][0] == 6  # after ten measurements for the start, three of them missing
 
 
 @pytest.mark.parametrize("how", [copy.deepcopy, copy.copy, lambda one: pickle.loads(pickle.dumps(one))])

@@ -27,13 +27,6 @@ def test_whole_episodes_are_resampled():
     np.testing.assert_allclose(interval, np.quantile(found, [0.025, 0.975]), atol=0.35 * np.std(found))
 
 
-def test_the_same_rows_have_the_same_interval_around_their_mean():
-    rows = delays(3)[:, 0]
-    low, high = confidence_interval(rows)
-    assert confidence_interval(rows) == (low, high)
-    assert low < rows.mean() < high
-
-
 def test_resamples_in_which_nothing_is_counted_do_not_count():
     rows = np.zeros((6, 2))
     rows[0] = 3.0, 1.0  # in one of three resamples this episode is missing

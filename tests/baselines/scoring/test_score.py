@@ -1,14 +1,11 @@
-"""Scores of statements of any origin: cases counted by hand, and the figures of the other tasks."""
+"""Scores of statements of any origin: cases counted by hand."""
 
 import datetime
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 
 from baselines.scoring.score import score
-from baselines.scoring.statements import Statements, measure_statements
 from hybrid_env.checks import ArgumentError
 
 
@@ -74,24 +71,6 @@ def test_what_is_not_known_is_not_scored_and_nothing_stated_is_not_right():
     assert figures["false_changes"] == 0.0  # b is stated where nothing is scored
     late = values(score([0.0, 10.0], ["a", "a"], ["a"], statement_times=[4.0]))
     assert late["agreement"] == pytest.approx(0.6)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_the_figures_of_uniform_ticks_are_those_of_the_environment(seed):
-    generator = np.random.default_rng(seed)
-    true, stated = (np.repeat(generator.integers(0, 3, (40, 7)), repeats, axis=0)[:60] for repeats in (5, 2))
-    metrics = measure_statements(Statements(true, stated))
-    ended = [np.vstack([modes, modes[-1:]]).T for modes in (true, stated)]  # the end of the last tick
-    result = score([0.1 * np.arange(61)] * 7, list(ended[0]), {"mine": list(ended[1])})
-    found = values(result, "mine")
-    assert found["agreement"] == pytest.approx(metrics.value("right"))
-    assert found["delay"] == pytest.approx(0.1 * metrics.value("delay"))
-    assert found["misses"] == pytest.approx(metrics.value("missed"))
-    assert found["full_delay"] == pytest.approx(0.1 * metrics.value("full_delay"))
-    scores = result.scores["mine"]
-    np.testing.assert_allclose(scores.of("delay", 0).sum(), 0.1 * metrics.delays.sum())
-    np.testing.assert_array_equal(scores.of("missed", 0), metrics.missed)
-    np.testing.assert_array_equal(scores.of("samples", 0), 60)
 
 
 def tracks(count, switches, late, seed=0):
@@ -173,22 +152,3 @@ def test_errors_are_one_line(arguments, options, message):
     with pytest.raises(ArgumentError, match=message) as raised:
         score(*arguments, **options)
     assert "\n" not in str(raised.value)
-
-
-WITHOUT = """
-import importlib.abc, sys
-
-class Blocked(importlib.abc.MetaPathFinder):
-    def find_spec(self, name, path, target=None):
-        if name in ("torch", "pandas", "pyarrow", "matplotlib", "rich", "joblib", "tyro"):
-            raise ModuleNotFoundError(name)
-
-sys.meta_path.insert(0, Blocked())
-from baselines import score
-print(score([0, 1, 2], [0, 1, 1], [0, 1, 1]).estimates["statements"]["delay"].value)
-"""
-
-
-def test_the_libraries_of_agents_and_recordings_are_not_needed():
-    done = subprocess.run([sys.executable, "-c", WITHOUT], capture_output=True, text=True, check=True)
-    assert done.stdout.split()[-1] == "0.0"

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from baselines import ThresholdDecider, record_statements
-from baselines.scoring.scores import Scores
-from baselines.scoring.statements import COLUMNS, STATISTICS, Statements, measure_statements
+from baselines.scoring.statements import Statements, measure_statements
 from hybrid_env import ArgumentError, HybridTrackQuickestVectorEnv
 
 
@@ -62,33 +61,6 @@ def test_delays_and_misses_equal_those_of_a_literal_loop(seed):
     assert metrics.value("full_delay") == pytest.approx(sum(undetected) / metrics.switches.sum())
     assert metrics.value("missed") == pytest.approx(sum(missed) / (sum(missed) + len(found)))
     assert sorted(metrics.delays) == sorted(delay for delay, _ in found)
-
-
-def test_an_undetected_switch_counts_until_the_end_of_its_segment():
-    metrics = measure_statements(Statements(columns("0001111222"), columns("0000000002")))
-    assert metrics.value("full_delay") == pytest.approx((4 + 2) / 2)
-    assert metrics.value("delay") == pytest.approx(2.0)
-    assert metrics.value("missed") == pytest.approx(0.5)
-
-
-def test_scores_of_the_figures_have_the_values_of_the_metrics():
-    generator = np.random.default_rng(5)
-    true, stated = (np.repeat(generator.integers(0, 3, (40, 7)), repeats, axis=0)[:60] for repeats in (5, 2))
-    metrics = measure_statements(Statements(true, stated))
-    scores = Scores("x", "p", (0.5,), COLUMNS, metrics.figures[..., None])
-    for name, statistic in STATISTICS.items():
-        found = scores.estimate(statistic)
-        assert found.low <= found.value <= found.high
-        assert found.value == pytest.approx(metrics.value(name))
-    np.testing.assert_array_equal(scores.of("missed", 0), metrics.missed)
-    assert scores.of("delay", 0).sum() == metrics.delays.sum()
-    assert scores.of("detected", 0).sum() == metrics.delays.size
-
-
-def test_a_track_without_switches_has_no_delay():
-    metrics = measure_statements(Statements(np.zeros((5, 2), int), np.zeros((5, 2), int)))
-    assert np.isnan([metrics.value(name) for name in ("delay", "full_delay", "missed", "change_ratio")]).all()
-    np.testing.assert_array_equal(metrics.reward, 1.0)
 
 
 @pytest.mark.parametrize("shapes", [((5, 2), (5, 3)), ((5,), (5,)), ((0, 2), (0, 2))])

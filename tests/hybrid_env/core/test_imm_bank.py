@@ -28,19 +28,6 @@ def test_probabilities_equal_enumeration_where_mixing_is_exact():
         np.testing.assert_allclose(np.exp(info["log_probability"]), total, rtol=0, atol=1e-8)
 
 
-def test_without_switches_probabilities_equal_those_of_all_constant_histories():
-    env = HybridTrackQuickestVectorEnv(4, hazard=0.0, ticks=12, start="random")
-    _, info = env.reset(seed=2)
-    total = np.zeros((4, 3))
-    for _ in range(12):
-        likelihood = env.world.bank.hypotheses["log_likelihood"][0].T[:4]
-        total += likelihood
-        expected = np.exp(total - total.max(1, keepdims=True))
-        expected /= expected.sum(1, keepdims=True)
-        np.testing.assert_allclose(np.exp(info["log_probability"]), expected, rtol=0, atol=1e-10)
-        *_, info = env.step(np.zeros(4, np.int64))
-
-
 @pytest.mark.parametrize("sigmas", [100.0, 1e5])
 def test_probabilities_and_estimates_are_finite_after_outliers(sigmas):
     world = OnlineTrack(QuickestOptions())

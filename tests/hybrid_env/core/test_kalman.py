@@ -1,40 +1,9 @@
-"""The scalar formulas of one axis agree with the matrix equations."""
+"""The scalar formulas of one axis where covariances are far larger than the noise."""
 
-import math
-
-import numpy as np
 import pytest
-from scipy import stats
 
-from hybrid_env.core.banks.kalman import correct_covariance, kalman_gain, log_likelihood, predict_covariance
+from hybrid_env.core.banks.kalman import correct_covariance, kalman_gain, predict_covariance
 from hybrid_env.core.motion import motion_coefficients
-
-
-@pytest.mark.parametrize("rate", [0.0, 0.4, 5.0])
-def test_one_tick_of_the_covariance_equals_the_matrix_equations(rate):
-    tau, Q, R = 0.1, 0.3, 0.05
-    coefficients = cosine, sine_velocity, sine_position = motion_coefficients(rate, tau)
-    P = np.array([[0.7, 0.2], [0.2, 1.1]])
-    Phi, H = np.array([[cosine, sine_velocity], [-sine_position, cosine]]), np.array([[1.0, 0.0]])
-    predicted = Phi @ P @ Phi.T + np.diag([0.0, Q])
-    Sigma = H @ predicted @ H.T + R
-    K = predicted @ H.T / Sigma
-    corrected = predicted - K @ H @ predicted
-
-    triangle = predict_covariance((0.7, 0.2, 1.1), *coefficients, Q)
-    np.testing.assert_allclose(triangle, predicted[np.triu_indices(2)], rtol=1e-14)
-    gain = kalman_gain(triangle, triangle[0] + R)
-    np.testing.assert_allclose(gain, K[:, 0], rtol=1e-14)
-    np.testing.assert_allclose(correct_covariance(triangle, *gain, R), corrected[np.triu_indices(2)], rtol=1e-12)
-
-
-def test_the_log_likelihood_equals_that_of_a_normal_innovation():
-    deviation = np.array([0.3, 2.0])
-    innovation = np.array([-0.2, 3.0])
-    expected = stats.norm.logpdf(innovation, scale=deviation).sum()
-    white = innovation / deviation
-    found = log_likelihood(white[0], white[1], float(np.log(deviation**2).mean()))
-    assert math.isclose(found, expected, rel_tol=1e-14)
 
 
 @pytest.mark.parametrize("rate", [0.0, 1e-6, 0.3])

@@ -1,58 +1,11 @@
-"""Turns are circles, and random numbers have the published stream and the specified distributions."""
-
-import math
+"""Random numbers have the published stream and the specified distributions."""
 
 import numpy as np
-import pytest
 from scipy import stats
 
 from hybrid_env.core.compilation import compiled
-from hybrid_env.core.motion import (
-    LARGEST_ANGLE,
-    bank_turn_rate,
-    heading_vector,
-    motion_coefficients,
-    propagate,
-    turn_centre,
-)
 from hybrid_env.core.noise import integer_below, next_uint64, uniform
 from hybrid_env.core.records import LANES
-
-
-@pytest.mark.parametrize("radius", [5.0, -5.0, 0.3])
-def test_a_turn_stays_on_its_circle_and_keeps_its_speed(radius):
-    state = np.array([1.0, 1.2, -2.0, 1.6])
-    speed, heading_x, heading_y = heading_vector(state[1], state[3])
-    centre = turn_centre(state[0], state[2], heading_x, heading_y, radius)
-    rate = speed / abs(radius)
-    coefficients = motion_coefficients(rate, 0.1)
-    start = math.atan2(state[2] - centre[1], state[0] - centre[0])
-    for k in range(1, 200):
-        state[0], state[1] = propagate(state[0], state[1], centre[0], *coefficients)
-        state[2], state[3] = propagate(state[2], state[3], centre[1], *coefficients)
-        angle = start + math.copysign(rate, radius) * 0.1 * k
-        expected = np.array(centre) + abs(radius) * np.array([math.cos(angle), math.sin(angle)])
-        np.testing.assert_allclose(state[[0, 2]], expected, atol=1e-11)
-        assert math.hypot(state[1], state[3]) == pytest.approx(2.0, abs=1e-11)
-
-
-def test_the_centre_of_a_left_turn_is_to_the_left_of_the_heading():
-    assert turn_centre(0.0, 0.0, 1.0, 0.0, 3.0) == (0.0, 3.0)
-    assert turn_centre(0.0, 0.0, 1.0, 0.0, -3.0) == (0.0, -3.0)
-
-
-@pytest.mark.parametrize("rate", [0.0, 1e-200, 1e-12])
-def test_a_turn_of_negligible_rate_is_straight(rate):
-    np.testing.assert_allclose(motion_coefficients(rate, 0.1), (1.0, 0.1, 0.0), atol=1e-20)
-
-
-def test_the_turn_rate_of_a_bank_is_bounded():
-    assert bank_turn_rate(2.0, 5.0, 0.1) == 0.4
-    assert bank_turn_rate(1e300, 1e-12, 0.1) == pytest.approx(LARGEST_ANGLE / 0.1)
-
-
-def test_an_object_at_rest_has_a_heading():
-    assert heading_vector(0.0, 0.0) == (0.0, 1.0, 0.0)
 
 
 @compiled

@@ -1,6 +1,6 @@
-"""The evidence panel with the evidence of a decider; names and colours of modes."""
+"""The evidence panel with the evidence of a decider."""
 
-from itertools import combinations, pairwise
+from itertools import combinations
 
 import gymnasium as gym
 import numpy as np
@@ -8,17 +8,8 @@ import pytest
 
 import hybrid_env  # noqa: F401
 from hybrid_env.rendering import FRAME_SIZE
-from hybrid_env.rendering.evidence import (
-    SINGLE_COLOUR,
-    TYPE_COLOURS,
-    EvidencePanel,
-    Threshold,
-    mode_colour,
-    mode_name,
-    sprt_panel,
-)
-from hybrid_env.rendering.figure import EpisodeFigure, probability_ticks
-from hybrid_env.rendering.window import Renderer
+from hybrid_env.rendering.evidence import TYPE_COLOURS, EvidencePanel, Threshold, sprt_panel
+from hybrid_env.rendering.figure import EpisodeFigure
 
 RADII = tuple(float(radius) for radius in range(1, 11))
 POSTERIOR = EvidencePanel(
@@ -57,17 +48,6 @@ def drawn_texts(figure):
                     yield label
 
 
-def test_the_default_panel_has_the_thresholds_of_the_sprt_at_alpha_0_001():
-    env = started()
-    default, same, other = (
-        Renderer(env.options, False, panel).draw(env.history)
-        for panel in (env.renderer.panel, sprt_panel(1e-3), sprt_panel(1e-2))
-    )
-    assert np.array_equal(env.render(), default)
-    assert np.array_equal(default, same)
-    assert not np.array_equal(default, other)
-
-
 @pytest.mark.parametrize("alpha", [0.1, 1e-3, 1e-10])
 def test_the_thresholds_of_the_sprt_are_drawn_inside_the_panel(alpha):
     panel = sprt_panel(alpha)
@@ -91,49 +71,6 @@ def test_the_evidence_of_the_current_tick_can_be_replaced():
     assert [np.asarray(curve.get_ydata())[1] for curve in curves] == values.tolist()
 
 
-def test_the_number_and_the_colours_of_the_curves_follow_the_panel():
-    env = started(scheme="S20 L20r5", radii=RADII, correctness="type")
-    env.history.set_evidence(np.repeat([0.2, 0.7, 0.1], [1, 10, 10]))
-    panels = {
-        kind: EvidencePanel(label="", limits=(0.0, 1.0), curves=kind) for kind in ("type", "hypothesis", "single")
-    }
-    _, curves = evidence_lines(env, panels["type"])
-    assert [curve.get_color() for curve in curves] == list(TYPE_COLOURS)
-    assert [np.asarray(curve.get_ydata())[1] for curve in curves] == [0.2, 0.7, 0.1]
-    assert panels["single"].colours(RADII) == {0: SINGLE_COLOUR}
-    assert panels["hypothesis"].colours(RADII) == {mode: mode_colour(mode, RADII) for mode in range(21)}
-
-
-def test_a_threshold_may_depend_on_the_tick_of_the_segment():
-    env = started(scheme="S5 L20r5")
-    for action in (0, 1, 0, 0):  # the decision at tick 2 is followed by three skipped ticks
-        env.step(action)
-    panel = EvidencePanel(
-        label="", limits=(0.0, 1.0), thresholds=(Threshold(np.array([0.9, 0.8, 0.7])),), legend="boundary"
-    )
-    (line,), _ = evidence_lines(env, panel)
-    time, level = line.get_data()
-    np.testing.assert_array_equal(time, np.arange(101))
-    expected = [0.9, 0.8, np.nan, np.nan, np.nan, 0.9, 0.8, 0.7, 0.7]
-    np.testing.assert_array_equal(level[1:10], expected)
-    assert (level[10:] == 0.7).all()
-
-
-@pytest.mark.parametrize(
-    ("lowest", "labels"),
-    [
-        (1e-3, {"0.1 %", "1 %", "10 %", "50 %", "90 %", "99 %", "99.9 %"}),
-        (1.0 - (1.0 - 1e-3), {"0.1 %", "1 %", "10 %", "50 %", "90 %", "99 %", "99.9 %"}),
-        (1e-6, {"0.0001 %", "0.01 %", "1 %", "50 %", "99 %", "99.99 %", "99.9999 %"}),
-        (1e-9, {"$10^{-9}$", "0.0001 %", "0.1 %", "50 %", "99.9 %", "99.9999 %", "$1 - 10^{-9}$"}),
-    ],
-)
-def test_ticks_of_a_logit_axis_are_probabilities(lowest, labels):
-    places, names = probability_ticks(lowest)
-    assert set(names) == labels
-    assert all(lowest - 1e-12 <= place <= 1.0 - lowest + 1e-12 for place in places)
-
-
 @pytest.mark.parametrize("radii", [(5.0,), (3.0, 4.0, 5.0), RADII, tuple(np.linspace(1, 50, 50).tolist())])
 @pytest.mark.parametrize("panel", [sprt_panel(1e-3), sprt_panel(1e-9), POSTERIOR])
 def test_texts_are_inside_the_frame_and_do_not_overlap(radii, panel):
@@ -151,29 +88,3 @@ def test_texts_are_inside_the_frame_and_do_not_overlap(radii, panel):
     panels = [axes.get_tightbbox(figure.figure.canvas.get_renderer()) for axes in figure.figure.axes]
     for legend in figure.figure.legends:
         assert legend.get_window_extent().y1 <= min(panel.y0 for panel in panels)
-
-
-def brightness(colour):
-    return np.sum([int(colour[k : k + 2], 16) for k in (1, 3, 5)])
-
-
-def test_names_show_the_type_and_the_radius():
-    assert [mode_name(mode, (5.0,)) for mode in range(3)] == ["S", "L r=5 m", "R r=5 m"]
-    assert [mode_name(mode, (3.0, 4.5)) for mode in (1, 2, 3, 4)] == [
-        "L r=3 m", "L r=4.5 m", "R r=3 m", "R r=4.5 m",
-    ]  # fmt: skip
-
-
-def test_every_mode_has_its_own_colour_and_tighter_turns_are_darker():
-    assert tuple(mode_colour(mode, (5.0,)) for mode in range(3)) == TYPE_COLOURS
-    assert len({mode_colour(mode, RADII) for mode in range(21)}) == 21
-    left = [brightness(mode_colour(mode, RADII)) for mode in range(1, 11)]
-    assert all(tighter < wider for tighter, wider in pairwise(left))
-    assert mode_colour(1, (9.0, 2.0)) == mode_colour(2, (2.0, 9.0))
-
-
-@pytest.mark.parametrize("mode", [-1, 3])
-@pytest.mark.parametrize("function", [mode_name, mode_colour])
-def test_a_mode_outside_the_bank_is_an_error(function, mode):
-    with pytest.raises(ValueError, match=rf"mode={mode} is not allowed: expected an integer from 0 to 2"):
-        function(mode, (5.0,))

@@ -10,14 +10,12 @@ import pytest
 
 import hybrid_env  # noqa: F401
 from hybrid_env.rendering import FRAME_SIZE
-from hybrid_env.rendering.evidence import TYPE_COLOURS, sprt_panel
-from hybrid_env.rendering.figure import EpisodeFigure
+from hybrid_env.rendering.evidence import TYPE_COLOURS
 from hybrid_env.rendering.window import RENDER_FPS
 
-RADII = tuple(float(radius) for radius in range(1, 11))
 WIDTH, HEIGHT = FRAME_SIZE
 SKIPPED = np.array([237, 237, 237])  # black at 7 % on white
-TRACK, EVIDENCE = np.s_[45:325, 66:411], np.s_[45:325, 516:861]  # pixels inside the panels
+EVIDENCE = np.s_[45:325, 516:861]  # pixels inside the panel
 
 
 def make(render_mode="rgb_array", **options):
@@ -58,19 +56,6 @@ def test_a_frame_is_a_new_rgb_array_that_a_step_changes():
     assert np.array_equal(first, copy.deepcopy(env.renderer).draw(copy.deepcopy(env.history)))
     env.step(0)
     assert not np.array_equal(first, env.render())
-
-
-def test_a_frame_does_not_depend_on_earlier_frames():
-    often, once = make(), make()
-    for env in (often, once):
-        env.reset(seed=0)
-        terminated = False
-        for action in [0] * 20 + [2] + [0] * 20 + [1, 1, 1, 1, 1]:
-            terminated = env.step(action)[2]
-            if env is often:
-                env.render()
-        assert terminated
-    assert np.array_equal(often.render(), once.render())
 
 
 def test_the_history_contains_every_tick_once_until_the_reset():
@@ -134,55 +119,6 @@ def test_ticks_after_a_decision_are_shaded_and_have_no_evidence():
         assert inside.size
         assert not any(pixels_of(colour, inside).any() for colour in TYPE_COLOURS)
     assert any(pixels_of(colour, panel[:, ~shaded]).any() for colour in TYPE_COLOURS)
-
-
-@pytest.mark.parametrize("declared", [0, 1, 2])
-def test_the_estimate_has_the_colour_of_the_decided_mode(declared):
-    env = make(scheme="S60")
-    env.reset(seed=0)
-    env.step(declared + 1)
-    track = env.render()[TRACK]
-    for mode, colour in enumerate(TYPE_COLOURS):
-        count = pixels_of(colour, track).sum()
-        assert (count > 200) == (mode == declared)  # more than the marker of the decision
-        assert (count == 0) == (mode != declared)
-
-
-def test_both_axes_of_the_track_have_the_same_scale():
-    env = make(scheme="L200r5", measurement_variance=1e-6, process_variance=0.0, initial_error=0)
-    env.reset(seed=0)
-    env.step(2)
-    rows, columns = np.nonzero(pixels_of("#b4b4b4", env.render()[TRACK]))
-    assert np.ptp(rows) > 150
-    assert np.ptp(columns) == pytest.approx(np.ptp(rows), rel=0.02)
-
-
-@pytest.mark.parametrize("panel", [TRACK, EVIDENCE])
-def test_markers_of_wrong_and_correct_decisions_have_different_shapes(panel):
-    shapes = []
-    for scheme in ("S60", "L60r5"):
-        env = make(scheme=scheme)
-        env.reset(seed=0)
-        env.step(1)
-        shapes.append(pixels_of(TYPE_COLOURS[0], env.render()[panel]))
-    assert shapes[0].any()
-    assert shapes[1].any()
-    assert not np.array_equal(*shapes)
-
-
-def test_decisions_are_marked_at_their_moment_in_both_panels():
-    env = make(scheme="S60 L60r5")
-    env.reset(seed=0)
-    for action in [*[0] * 20, 1, *[0] * 10, 1]:  # correct at tick 21, wrong at tick 11 of the second segment
-        env.step(action)
-    assert [decision.correct for decision in env.history.decisions] == [True, False]
-    figure = EpisodeFigure(env.options, sprt_panel(0.001))
-    figure.draw(env.history)
-    track, evidence = figure.figure.axes
-    for markers, moment in zip(track.collections, (21, 71), strict=True):
-        np.testing.assert_array_equal(markers.get_offsets(), env.history.trace[[moment - 1]][:, [0, 2]])
-    for markers, moment in zip(evidence.collections[-2:], (21, 71), strict=True):
-        np.testing.assert_array_equal(markers.get_offsets()[:, 0], [moment])
 
 
 def test_rendering_without_a_render_mode_warns():

@@ -1,7 +1,6 @@
 """The window of render_mode="human"."""
 
 import sys
-import time
 
 import gymnasium as gym
 import numpy as np
@@ -26,20 +25,6 @@ def test_what_is_not_installed_is_named_with_its_extra(module, mode, monkeypatch
         renderer.draw(None)
 
 
-def test_human_mode_shows_ten_frames_per_second(monkeypatch):
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    env = make("human")
-    env.reset(seed=0)
-    begin = time.perf_counter()
-    for _ in range(4):
-        env.step(0)
-    elapsed = time.perf_counter() - begin
-    assert env.render() is None
-    env.close()
-    env.close()
-    assert elapsed > 0.3
-
-
 def test_the_window_shows_the_frame(monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     import pygame
@@ -62,10 +47,7 @@ def test_the_episode_continues_after_the_window_is_closed(monkeypatch):
     env.step(0)
     assert env.renderer.window.closed_by_user
     assert not pygame.display.get_init()
-    begin = time.perf_counter()
-    for _ in range(40):
-        env.step(0)
-    assert time.perf_counter() - begin < 2.0  # no longer limited to ten frames per second
+    env.step(0)
     env.close()
     env.reset(seed=0)
     assert pygame.display.get_init()
@@ -79,16 +61,3 @@ def test_the_error_for_a_window_that_cannot_be_opened_names_the_alternative(monk
     with pytest.raises(NoDisplayError, match="use render_mode='rgb_array'"):
         env.reset(seed=0)
     env.close()
-
-
-def test_a_missing_display_is_detected(monkeypatch):
-    monkeypatch.setattr("sys.platform", "linux")
-    for name in ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER", "DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
-    assert not display_available()
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    assert display_available()
-
-
-def test_a_renderer_without_a_window_can_be_closed():
-    Renderer(make("rgb_array").options, human=False, panel=probability_panel()).close()

@@ -1,7 +1,6 @@
 import gzip
 import json
 import zipfile
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,22 +9,11 @@ from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.run_filter import run_filter
 from baselines.estimation.turns import TurnModel, run_turn_imm
-from baselines.recordings.flights.flight import SCORED, TIERS, stack_flights
-from baselines.recordings.flights.labels import (
-    LEFT,
-    RIGHT,
-    STRAIGHT,
-    LabelRules,
-    find_turns,
-    label_flights,
-    row_edges,
-    scored_alike,
-)
-from baselines.recordings.flights.metrics import STATISTICS, count_flight, score_flights
-from baselines.recordings.flights.samples import Samples, installed_samples
-from baselines.recordings.flights.simulated import draw_world, simulate_flights, twins
-from baselines.recordings.flights.tracks import FlightTracks
-from baselines.rules.change_detection import FlightCusumDecider, FlightThresholdDecider
+from baselines.recordings.flights.flight import TIERS, stack_flights
+from baselines.recordings.flights.labels import LEFT, RIGHT, STRAIGHT, label_flights
+from baselines.recordings.flights.metrics import count_flight
+from baselines.recordings.flights.samples import Samples
+from baselines.recordings.flights.simulated import simulate_flights, twins
 from hybrid_env.checks import ArgumentError
 
 METRE = 1.0 / 111_320.0  # degrees of latitude
@@ -87,13 +75,6 @@ def test_repeated_and_interpolated_positions_are_left_out(tmp_path):
     assert not {50.0, 101.0} & set(flight.times.tolist())
 
 
-def test_positions_are_metres_and_the_track_angle_is_anticlockwise_from_east(flight):
-    moved = np.diff(flight.positions[:200:199], axis=0)[0]
-    assert np.hypot(*moved) == pytest.approx(199 * 80.0, rel=0.01)
-    assert np.arctan2(*moved[::-1]) == pytest.approx(0.3, abs=0.01)
-    assert flight.tracks[0] % (2 * np.pi) == pytest.approx(0.3)
-
-
 def test_labels_of_known_turns(flight):
     (labels,) = label_flights([flight])
     pieces = [(mode, labels.times[first]) for first, _, mode in labels.pieces]
@@ -101,43 +82,6 @@ def test_labels_of_known_turns(flight):
     assert np.allclose([begin for _, begin in pieces], [0, 200, 245, 365, 425], atol=5.0)
     assert np.degrees(labels.rates[215:230]).mean() == pytest.approx(2.0, rel=0.1)
     assert labels.scored.mean() > 0.93
-
-
-def test_rules_of_turns():
-    edges = row_edges(np.arange(100.0))
-    rates = np.zeros(100)
-    rates[10:30], rates[33:50] = 0.03, 0.03  # one turn, because the gap is short
-    rates[60:65] = -0.05  # too short
-    rates[75:95] = -0.008  # too slow
-    modes, turning = find_turns(edges, rates, LabelRules())
-    assert (modes[10:50] == LEFT).all()
-    assert (modes[50:] == STRAIGHT).all()
-    assert turning[60:65].all()
-    assert turning[75:95].all()
-
-
-def test_the_own_track_angle_takes_rows_out_of_the_score(tmp_path):
-    rows = reports()
-    for row in rows[195:255]:
-        row["track"] = rows[190]["track"]
-    flight = Samples(write(tmp_path, rows)).flight("known:abc123:0")
-    (labels,) = label_flights([flight])
-    assert not labels.scored[215:235].any()
-
-
-def test_the_deciders_find_known_turns(flight):
-    batch = stack_flights([flight])
-    tracks = FlightTracks(batch, run_turn_imm(batch))
-    labels = label_flights([flight])
-    for decider in (FlightThresholdDecider(), FlightCusumDecider()):
-        stated = tracks.statements(decider, [len(flight.times)])
-        scores = score_flights("rule", [flight], labels, stated)
-        agreement, misses, delay = (
-            scores.estimate(STATISTICS[name]).value for name in ("agreement", "misses", "delay")
-        )
-        assert agreement > 0.93
-        assert misses == 0.0
-        assert delay < 8.0
 
 
 def test_the_filter_with_one_model_is_a_kalman_filter(flight):
@@ -153,14 +97,6 @@ def test_the_filter_with_one_model_is_a_kalman_filter(flight):
     filtered = run_filter(kalman, batch.positions[1:], batch.times[1:], start=(start, spread, 0.0))
     speeds = np.hypot(*np.moveaxis(filtered.velocities[:, 0], -1, 0))
     np.testing.assert_allclose(estimates.speeds[1:, 0], speeds, rtol=1e-6)
-
-
-def test_flights_of_different_length_do_not_affect_each_other(tmp_path, flight):
-    short = Samples(write(tmp_path, reports(seed=3)[:300], "other")).flight("other:abc123:0")
-    both, one = stack_flights([flight, short]), stack_flights([short])
-    together, alone = run_turn_imm(both), run_turn_imm(one)
-    count = len(short.times)
-    np.testing.assert_allclose(together.probabilities[:count, 1], alone.probabilities[:, 0], atol=1e-9)
 
 
 def test_counts_by_hand(flight):
@@ -191,26 +127,6 @@ def test_simulated_flights_have_the_noise_of_their_tier():
     assert min(same) > 0.9
 
 
-def test_drawn_settings_differ_and_give_flights_with_turns():
-    generator = np.random.default_rng(4)
-    worlds = [draw_world(generator) for _ in range(20)]
-    assert len({world.wander for world in worlds}) == 20
-    assert all(0.0 < world.jitter < 1.0 and world.freedom > 2.0 for world in worlds)
-    flights = [simulate_flights(TIERS["C"], 1, 4000.0, generator, world)[0][0] for world in worlds]
-    turning = [np.mean(labels.modes != STRAIGHT) for labels in label_flights(flights)]
-    assert 0.1 < np.mean(turning) < 0.6
-
-
-def test_twins_are_scored_where_their_flights_are(flight):
-    (labels,) = label_flights([flight])
-    known = replace(labels, scored=labels.scored & (labels.times < 300.0))
-    found = scored_alike(labels, known)
-    assert (found.scored == known.scored).all()
-    assert found.weights[labels.times < 300.0].sum() == labels.weights[labels.times < 300.0].sum()
-    assert not found.weights[labels.times >= 300.0].any()
-    np.testing.assert_array_equal(found.modes, labels.modes)
-
-
 @pytest.mark.parametrize(
     ("identity", "text"),
     [("known", "file:icao24:k"), ("known:abc123:7", "known:abc123:0"), ("nothing:abc123:0", "file=")],
@@ -229,18 +145,3 @@ def test_bad_sources_are_refused(tmp_path):
     (tmp_path / "known.json.gz").write_bytes(gzip.compress(b"[{}]")[:-9])
     with pytest.raises(ArgumentError, match="cannot be read"):
         Samples(tmp_path).flights_of("known")
-
-
-def installed():
-    try:
-        return installed_samples()
-    except ArgumentError:
-        return None
-
-
-@pytest.mark.skipif(installed() is None, reason="the package 'traffic' is not installed")
-def test_a_recorded_flight():
-    flight = Samples().flight(SCORED["A"][-1])
-    assert flight.tier.name == "A"
-    (labels,) = label_flights([flight])
-    assert sum(mode != STRAIGHT for *_, mode in labels.pieces) >= 3

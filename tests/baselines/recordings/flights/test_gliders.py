@@ -7,7 +7,7 @@ from scipy.linalg import expm
 
 from baselines.estimation.motion_models import turn_noise, turn_transition
 from baselines.estimation.turns import TurnModel, run_turn_imm, with_wind
-from baselines.recordings.flights.circling import air_motion, circles, decode, hodograph_wind, label_glider
+from baselines.recordings.flights.circling import air_motion, circles, decode, label_glider
 from baselines.recordings.flights.flight import stack_flights
 from baselines.recordings.flights.gliders import HALVES, LEFT_OUT, SEALED, digits, glider_flight, half_of, read_logs
 from baselines.recordings.reading.igc import parse_igc
@@ -42,11 +42,6 @@ def test_a_turn_of_240_degrees_is_neither_a_circle_nor_straight():
     assert 10 < doubtful.sum() < 20
 
 
-def test_without_circles_there_is_no_wind():
-    times = np.arange(100.0)
-    assert not hodograph_wind(times, np.tile([12.0, 3.0], (100, 1))).any()
-
-
 def test_labels_are_scored_where_both_rules_agree(flown):
     pytest.importorskip("libigc")
     modes, log, flight = flown
@@ -68,15 +63,6 @@ def test_parts_with_a_margin_are_filtered_as_the_whole(flown, model):
     assert parts.times.shape == (280, 6)
     one, other = (batch.unstack(run_turn_imm(batch, model).probabilities, [600])[0] for batch in (whole, parts))
     np.testing.assert_allclose(one, other, atol=1e-3)
-
-
-def test_the_climb_rate_speaks_for_circles(flown):
-    modes, _, flight = flown
-    batch = stack_flights([flight])
-    plain, climbing = (run_turn_imm(batch, TurnModel(climb=climb)).probabilities[:, 0, 0] for climb in (0.0, 0.2))
-    assert climbing[modes > 0].mean() < plain[modes > 0].mean()
-    assert climbing[modes == 0].mean() > plain[modes == 0].mean()
-    np.testing.assert_allclose(flight.climbs[10:85], -1.0, atol=0.25)
 
 
 @pytest.mark.parametrize("rate", [0.0, 0.3, -0.2])

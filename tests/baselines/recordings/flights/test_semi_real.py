@@ -1,4 +1,4 @@
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,13 +11,7 @@ from baselines.estimation.smoother import smooth
 from baselines.estimation.turns import STRAIGHT
 from baselines.recordings.flights.flight import TIERS
 from baselines.recordings.flights.metrics import STATISTICS, score_flights
-from baselines.recordings.flights.semi_real import (
-    WORLD,
-    noise_deviation,
-    semi_real_flights,
-    smooth_path,
-    state_semi_real,
-)
+from baselines.recordings.flights.semi_real import semi_real_flights, smooth_path, state_semi_real
 from baselines.recordings.flights.simulated import FlightWorld, simulate_flights
 
 
@@ -49,14 +43,6 @@ def simulated():
     return simulate_flights(tier, 3, 2500.0, np.random.default_rng(2), world)
 
 
-def test_the_setting_is_that_of_the_environment():
-    sigma = noise_deviation(90.0)
-    assert sigma == pytest.approx(90.0 / 0.632, rel=1e-3)
-    # the default radius and speed are a turn of 2.3 deg/s
-    scale = np.sqrt(WORLD.variances[0]) / sigma
-    assert np.degrees(90.0 / (WORLD.radii[0] / scale)) == pytest.approx(2.29, abs=0.01)
-
-
 def test_noise_and_ticks(simulated):
     flights, labels = simulated
     made, copied = semi_real_flights(flights, labels, np.random.default_rng(1))
@@ -74,18 +60,6 @@ def test_noise_and_ticks(simulated):
         apart = np.abs(one.times - flight.times[row])
         clear = np.abs(apart - 0.5) > 1e-6  # two positions are not equally near
         np.testing.assert_array_equal(copy.modes[clear], label.modes[row][clear])
-
-
-def test_ticks_far_from_any_position_are_not_scored(simulated):
-    flight, label = simulated[0][0], simulated[1][0]
-    kept = (flight.times < 100.0) | (flight.times > 130.0)
-    cut = replace(flight, times=flight.times[kept], positions=flight.positions[kept], tracks=flight.tracks[kept])
-    labels = replace(label, **{field.name: getattr(label, field.name)[kept] for field in fields(label)})
-    (made,), (copied,) = semi_real_flights([cut], [labels], np.random.default_rng(0))
-    gap = (made.times > 103.0) & (made.times < 127.0)
-    assert gap.sum() > 20
-    assert not copied.scored[gap].any()
-    assert (copied.weights[gap] == 0.0).all()
 
 
 def test_deciders_of_the_environment_read_flights_in_any_unit(simulated):

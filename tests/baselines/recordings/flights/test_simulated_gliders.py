@@ -5,7 +5,6 @@ import pytest
 
 from baselines.recordings.flights.circling import air_motion, decode, label_glider
 from baselines.recordings.flights.simulated_gliders import (
-    ROUNDED,
     label_gliders,
     one_after_the_other,
     simulate_glider,
@@ -22,24 +21,6 @@ def test_turns_rise_and_fall_one_after_the_other():
     turns = one_after_the_other(*np.array([[2.0, 0.0], [4.0, 3.0], [1.0, -2.0], [2.0, 1.0], [2.0, 1.0]]))
     times = np.array([0.0, 2.0, 3.0, 5.0, 7.0, 8.5, 9.0, 11.0, 12.0, 50.0])
     np.testing.assert_allclose(turns.at(times), [0.0, 0.0, 0.5, 1.0, 0.5, -1.0, -2.0, -2.0, 0.0, 0.0])
-
-
-def test_flights_are_drawn_from_wide_ranges_and_rounded(flights):
-    labels = label_gliders(flights)
-    scored = np.concatenate([one.scored for one in labels])
-    circling = np.concatenate([one.modes for one in labels])[scored] > 0
-    assert scored.mean() > 0.8
-    assert 0.1 < circling.mean() < 0.8
-    climbs = np.concatenate([one.climbs for one in flights])[scored]
-    assert climbs[circling].mean() > 0.5 > -0.3 > climbs[~circling].mean()
-    speeds = [np.median(motion.speeds) for motion in air_motion(flights)]
-    assert min(speeds) < 9.0 < 12.0 < max(speeds) < 25.0
-    for flight in flights:
-        north = flight.positions[:, 1:] / ROUNDED
-        assert (np.abs(north - np.round(north)).max(0) < 1e-6).any()
-        assert (flight.altitudes == np.round(flight.altitudes)).all()
-    again = simulate_glider(1800.0, np.random.default_rng(2))
-    np.testing.assert_array_equal(again.positions, flights[0].positions)
 
 
 def test_rule_b_is_that_of_libigc(flights):

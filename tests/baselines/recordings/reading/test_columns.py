@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from baselines.recordings.reading.names import ROLES, role_of, split_unit
 from hybrid_env.checks import ArgumentError
 
 ROWS = 30
@@ -16,26 +15,6 @@ OTHER = FRAME.set_axis(["Zeit", "Ost", "Nord"], axis=1)
 FEET = FRAME.rename(columns={"x": "x_ft", "y": "y_ft"})
 MIXED = FRAME.rename(columns={"x": "x_ft", "y": "y_m"})
 SAME_NAME = "t,x,X,y\n0,1,1,1\n1,2,2,2\n"
-
-
-@pytest.mark.parametrize(
-    ("header", "name", "unit"),
-    [
-        ("x", "x", None), (" X [m] ", "x", "m"), ("Easting (km)", "easting", "km"), ("pos_x", "pos_x", None),
-        ("x_km", "x", "km"), ("t/s", "t", "s"), ("time_ms", "time", "ms"), ("x_pos", "x_pos", None),
-        ("GPS Latitude", "gps_latitude", None), ("x [px]", "x", "px"), ("x []", "x", None), ("m", "m", None),
-        ("location-long", "location_long", None), ("_ms", "ms", None), ("", "", None),
-    ],
-)  # fmt: skip
-def test_name_and_unit_of_a_header(header, name, unit):
-    assert split_unit(header) == (name, unit)
-
-
-def test_a_name_has_one_role():
-    names = [name for names in ROLES.values() for name in names]
-    assert len(names) == len(set(names))
-    assert {role_of(name.upper()) for name in ROLES["lat"]} == {"lat"}
-    assert role_of("estimate_x") is None
 
 
 @pytest.mark.parametrize("names", [("Time", "Easting", "Northing"), ("timestamp", "pos_x", "pos_y")])
@@ -95,17 +74,6 @@ def test_units(read_one):
     assert read_one(MIXED, unit="m").unit == "m"
 
 
-@pytest.mark.parametrize("name", ["id", "Object", "MMSI", "individual-local-identifier"])
-@pytest.mark.parametrize("order", ["who", "t"])
-def test_objects_are_found_by_the_name_of_their_column(read, name, order):
-    file = read(TWO.sort_values(order, kind="stable").rename(columns={"who": name}))
-    assert f"60 rows; 2 objects by '{name}'" in file.summary
-    found = {recording.name: recording for recording in file.recordings}
-    assert set(found) == {"a", "b"}
-    np.testing.assert_array_equal(found["a"].positions[:, 0], FRAME.x + 50.0)
-    np.testing.assert_array_equal(found["b"].times, T)
-
-
 @pytest.mark.parametrize(
     ("frame", "column", "names"),
     [
@@ -120,12 +88,6 @@ def test_objects_are_found_by_the_name_of_their_column(read, name, order):
 )
 def test_names_of_objects(read, frame, column, names):
     assert [one.name for one in read(frame, object_column=column).recordings] == names
-
-
-def test_an_object_with_a_single_row_is_left_out_with_a_word(read):
-    file = read(pd.concat([TWO, FRAME.head(1).assign(who="c")]), object_column="who")
-    assert "2 objects by 'who'" in file.summary
-    assert "1 object with fewer than two measurements left out" in file.summary
 
 
 def test_unmarked_objects_without_a_word_in_the_times(read, read_one):

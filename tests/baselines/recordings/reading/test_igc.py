@@ -31,17 +31,6 @@ def test_south_west_and_midnight():
     assert log.altitudes.tolist() == [100.0, 103.0]  # by satellites, as there is no pressure
 
 
-def test_times_that_do_not_go_on_and_places_that_do_not_exist_are_left_out():
-    good = made_up_log(1).splitlines()
-    first = next(k for k, line in enumerate(good) if line.startswith(b"B"))
-    wrong = [good[first], good[first].replace(b"B12", b"B11"), b"B1200309930000N00915000EA0000000000", b"B12003"]
-    log, plain = (
-        parse_igc("log", b"\n".join(lines)) for lines in ([*good[: first + 9], *wrong, *good[first + 9 :]], good)
-    )
-    np.testing.assert_array_equal(log.latitudes, plain.latitudes)
-    assert len(log.records) == len(plain.times)
-
-
 @pytest.mark.parametrize("lines", [b"AXXX\nHFDTE010100\n", b"AXXX\n" + b"B1200004630000N00915000EA0000000000\n" * 3])
 def test_a_log_without_positions_is_refused(lines):
     with pytest.raises(ArgumentError, match="log has"):

@@ -95,13 +95,6 @@ def test_a_file_that_is_not_clear_or_empty_is_refused(read, content, message):
         read(content)
 
 
-def test_rows_that_are_left_out_of_an_index_and_short_floats(read_one):
-    recording = read_one(PLANE.drop(index=range(5, 8)).to_csv(), tau=0.25)
-    np.testing.assert_allclose(recording.times, np.delete(TIMES, range(5, 8)))
-    recording = read_one(parquet(FRAME.astype({"x": "Float64", "y": "float32"})))
-    np.testing.assert_array_equal(recording.positions[:, 0], X)
-
-
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "cp1252"])
 @pytest.mark.parametrize("end", ["\r\n", "\n", "\r"])
 def test_export_of_a_spreadsheet(check, encoding, end):

@@ -17,26 +17,19 @@ def read(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "options"),
-    [
-        ("t,mode\n0,left\n0.5,\n1,right\n", {}),
-        ("time [ms];x;stated\n0;7;left\n500;7;\n1000;8;right\n", {}),
+    ("text", "options"), [
+        ("t,mode\n0,left\n0.5,\n1,right\n", {}), ("time [ms];x;stated\n0;7;left\n500;7;\n1000;8;right\n", {}),
         ("t,whatever\n0,left\n0.5,\n1,right\n", {}),
         ("a,b\n0,left\n0.5,\n1,right\n", {"columns": {"time": "1", "mode": "b"}}),
         ("a,b\n0,left\n500,\n1000,right\n", {"columns": {"time": "a"}, "time_unit": "ms"}),
         ("t,object,mode\n0,p,left\n0.5,p,\n1,p,right\n", {"object_column": "none"}),
     ],
-)
+)  # fmt: skip
 def test_times_and_modes_of_one_track(read, text, options):
     found = read(text, **options)
     ((times,), (modes,)) = (list(one.values()) for one in found)
     np.testing.assert_allclose(times, [0.0, 0.5, 1.0])
     assert modes == ["left", None, "right"]
-
-
-def test_numbers_are_the_same_modes_with_and_without_a_decimal_point(read):
-    assert list(read("t,mode\n0,1\n1,\n2,3\n").modes.values()) == [["1", None, "3"]]
-    assert list(read("t,mode\n0,1\n1,x\n2,3\n").modes.values()) == [["1", "x", "3"]]
 
 
 def test_tracks_and_dates(read):

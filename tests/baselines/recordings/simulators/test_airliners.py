@@ -32,15 +32,6 @@ def test_airliners_turn_at_the_rate_of_their_bank_and_speed(flown):
         assert np.all((rate[turning] > 0.0) == (path.modes[turning] == 1))
 
 
-def test_airliners_change_their_speed_within_the_limits_of_their_performance(flown):
-    craft, paths = flown
-    speeds = np.stack([np.hypot(path.states[:, 1], path.states[:, 3]) for path in paths])
-    assert np.median(speeds) == pytest.approx(craft.speed, rel=0.06)
-    assert np.ptp(speeds, axis=1).max() > 0.1 * craft.speed
-    changes = np.abs(np.diff(speeds, axis=1)) / CONTROL
-    assert 0.3 < changes.max() < 3.0  # m/s^2
-
-
 def test_airliners_are_those_of_their_seeds_whatever_flew_before(capfd):
     craft = AIRLINERS["narrow-body"]
     first = [path.states for path in airliners._fly_together.__wrapped__(craft, 1, 20.0)]

@@ -1,5 +1,3 @@
-import itertools
-
 import numpy as np
 import pytest
 
@@ -29,45 +27,6 @@ def test_a_net_has_the_speed_the_radius_and_the_durations_that_deciders_are_told
         lengths.append(CONTROL * np.diff(np.flatnonzero(np.diff(path.modes))))
     assert np.median(np.concatenate(radii)) == pytest.approx(net.radius, rel=0.3)
     assert np.concatenate(lengths).mean() == pytest.approx(sum(net.lasting), rel=0.2)
-
-
-def test_cars_turn_corners_slowly_and_change_lanes_without_a_turn(driven):
-    _, paths = driven
-    straight, turning, shifts = [], [], []
-    for path in paths:
-        assert path.states.shape == (round(DURATION / CONTROL), 4)
-        speed = np.hypot(path.states[:, 1], path.states[:, 3])
-        straight.append(speed[path.modes == 0])
-        turning.append(speed[path.modes > 0])
-        bounds = np.flatnonzero(np.diff(path.modes, prepend=-1, append=-1))
-        for first, end in itertools.pairwise(bounds):
-            points = path.states[first + 15 : end - 15, ::2]  # away from the corners
-            if path.modes[first] == 0 and len(points) > 50 and np.ptp(points, axis=0).max() > 50.0:
-                along = points[20] - points[0]
-                along = along / np.hypot(*along)
-                shifts.append(np.ptp((points - points[0]) @ np.array([-along[1], along[0]])))
-    assert np.median(np.concatenate(turning)) < 0.85 * np.median(np.concatenate(straight))
-    assert np.concatenate(straight).min() < 1.0  # somebody has the right of way
-    lanes = np.array(shifts)
-    assert np.mean((lanes > 2.5) & (lanes < 4.0)) > 0.02  # 3.2 m
-    share = np.mean(np.concatenate([path.modes for path in paths]) > 0)
-    assert 0.1 < share < 0.35
-
-
-def test_modes_are_the_sides_of_the_turns(driven):
-    _, paths = driven
-    for path in paths[:5]:
-        course = np.unwrap(np.arctan2(path.states[:, 3], path.states[:, 1]))
-        moving = np.hypot(path.states[:, 1], path.states[:, 3]) > 2.0
-        for first, end in _turns(path.modes):
-            if first > 10 and end < len(course) - 10 and moving[first - 10 : end + 10].all():
-                turned = course[end + 5] - course[first - 5]
-                assert turned * (3 - 2 * path.modes[first]) > 0.05
-
-
-def _turns(modes):
-    bounds = np.flatnonzero(np.diff(modes, prepend=-1, append=-1))
-    return [(a, b) for a, b in itertools.pairwise(bounds) if modes[a] and b - a > 8]
 
 
 def test_cars_are_those_of_their_seeds():

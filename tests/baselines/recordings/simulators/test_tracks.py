@@ -33,27 +33,6 @@ def test_statements_follow_the_commands(options):
         assert np.mean(found[0].true_modes[:, track] == commanded) > 0.99
 
 
-def test_noise_and_path_have_random_numbers_of_their_own(options):
-    quiet = QuickestOptions(**world_options("fighter", 1.0, 5.0))
-    points = []
-    for one in (options, quiet):
-        env = SimulatedTracks("fighter", one, 2)
-        env.reset(seed=4)
-        points.append(env._points)
-    path = AIRCRAFT["fighter"].travel(4, 240.0).states[:, ::2]
-    exact = path[np.minimum(np.arange(1, 241) * round(1.0 / CONTROL), len(path) - 1)]
-    loud, low = ((one[:, 0] - exact) / deviation for one, deviation in zip(points, (20.0, 5.0), strict=True))
-    np.testing.assert_allclose(loud, low, atol=1e-6)  # the same random numbers
-    assert loud.std() == pytest.approx(1.0, rel=0.1)
-
-
-def test_episodes_end_together(options):
-    env = SimulatedTracks("fighter", options, 2)
-    env.reset(seed=0)
-    ended = [env.step(np.zeros(2, np.int64))[2].all() for _ in range(options.ticks)]
-    assert ended == [False] * (options.ticks - 1) + [True]
-
-
 def test_the_likeliest_process_noise_is_that_of_the_object(monkeypatch):
     """With an object of the model, rows are mostly those of the bank that is told its process noise."""
     monkeypatch.setattr(tracks, "MINUTES", 10.0)
