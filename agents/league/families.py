@@ -218,5 +218,5 @@ def training_figure(runs: Mapping[str, Sequence[Path]]) -> Figure:
             unit = "tick" if task == UNKNOWN else "segment"
             x, y = Axis("environment steps, millions", log=True), Axis(f"mean reward per {unit}")
             panels.append(Panel(env_id.rpartition(":")[2], x, y, curves))
-    title = "Reward during training: mean and range of the training seeds"
-    return curve_figure([panels], (1.0 + 6.0 * len(panels), 5.0), title)
+    title = "Reward in training: mean and range of the seeds"
+    return curve_figure([panels], (2.0 + 6.0 * len(panels), 5.0), title)
