@@ -84,10 +84,10 @@ def _holding(told: Task, family: DeciderFamily, scores: Scores, rate: float) -> 
 
     def interpolated(at: FloatArray, found: FloatArray) -> float:  # the logarithm of the rate is nearly linear
         slope, level = np.polyfit(np.log(at), np.log(np.maximum(found, 0.1 * rate)), 1)
-        return float(np.clip(np.exp((np.log(rate) - level) / slope), at.min(), at.max())) if slope else float(at[-1])
+        return float(np.clip(np.exp((np.log(rate) - level) / slope), at.min(), at.max())) if slope else float(at[1])
 
     about = interpolated(thresholds[first - 1 : first + 1], rates[first - 1 : first + 1])
-    near = about * np.array([1.0 / NEARBY, 1.0, NEARBY])
+    near = np.clip(about * np.array([1.0 / NEARBY, 1.0, NEARBY]), thresholds.min(), thresholds.max())
     episodes = EPISODES[told.switches]
     again = sweep(told, family, MORE * episodes, seeds.CHOOSING + episodes, thresholds=tuple(near.tolist()))
     return interpolated(near, _rates(told, again))
