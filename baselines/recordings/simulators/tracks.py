@@ -1,5 +1,6 @@
 """Simulated paths with measured positions, as an environment with unknown switches."""
 
+import functools
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -12,7 +13,7 @@ from gymnasium import spaces
 from baselines.recordings.simulators.aircraft import AIRCRAFT
 from baselines.recordings.simulators.airliners import AIRLINERS
 from baselines.recordings.simulators.cars import CARS
-from baselines.recordings.simulators.paths import CONTROL, Vehicle
+from baselines.recordings.simulators.paths import CONTROL, Path, Vehicle
 from baselines.recordings.simulators.process_noise import LikeliestNoise
 from baselines.rules.decider import Actions, Observations
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
@@ -46,6 +47,11 @@ def world_options(kind: str, tick: float, noise: float) -> dict[str, Any]:
         "process_variance": (PROCESS * one.speed) ** 2, "durations": f"{shortest} + geometric {further}",
         "ticks": int(60.0 * MINUTES / tick), "initial_error": (0.3, (0.07 * one.speed) ** 2),
     }  # fmt: skip
+
+
+@functools.lru_cache(512)  # a simulator takes a second for a path, which nine worlds and all deciders share
+def _path(kind: str, seed: int, duration: float) -> Path:
+    return VEHICLES[kind].travel(seed, duration)
 
 
 class GivenTracks(ABC):
@@ -140,7 +146,7 @@ class SimulatedTracks(GivenTracks):
         rows = np.minimum(np.searchsorted(moments, ends - 0.5 * CONTROL), len(moments) - 1)
         points, starts, modes = [], [], np.empty((options.ticks, self.num_envs), np.int64)
         for track in range(self.num_envs):
-            path = VEHICLES[self.kind].travel(seed + track, 60.0 * MINUTES)
+            path = _path(self.kind, seed + track, 60.0 * MINUTES)
             generator = np.random.default_rng([seed + track, NOISE_STREAM])
             exact = np.stack([np.interp(ends, moments, one) for one in path.states.T], axis=1)
             starts.append(exact[0] + np.sqrt(start_variances(options)) * generator.standard_normal(4))
