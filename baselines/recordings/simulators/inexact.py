@@ -83,7 +83,7 @@ def inexact_paths(options: QuickestOptions, modes: IntArray, generator: Generato
         return np.exp(generator.uniform(np.log(low), np.log(high), tracks))
 
     def share(probability: float | FloatArray) -> BoolArray:
-        return generator.random(tracks) < probability
+        return np.asarray(generator.random(tracks) < probability)
 
     car = np.full(tracks, isinstance(options.law, ModeDurations))
     smoothing = np.where(share(SUDDEN), 1.0, 1.0 - np.exp(-1.0 / spread(*LAG)))
