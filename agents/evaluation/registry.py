@@ -64,7 +64,10 @@ SHIPPED_FOLDERS = {
     ANNOUNCED: "shipped", UNKNOWN: "shipped_quickest", FLIGHTS: "shipped_flights", GLIDERS: "shipped_gliders",
 }  # fmt: skip
 """Folders of the weights that come with the package."""
-NAMED = {"rhythm": (UNKNOWN, "shipped_rhythm"), "stopping": (ANNOUNCED, "shipped_stopping")}
+NAMED = {
+    "rhythm": (UNKNOWN, "shipped_rhythm"), "robust": (UNKNOWN, "shipped_robust"),
+    "stopping": (ANNOUNCED, "shipped_stopping"),
+}  # fmt: skip
 """Task and folder of the agents that come with the package beside the shipped ones."""
 
 

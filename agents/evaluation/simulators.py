@@ -15,7 +15,7 @@ from hybrid_env.quickest_options import QuickestOptions
 SIMULATORS = tuple(dict.fromkeys(one.module for one in VEHICLES.values()))
 """Python modules of the simulators."""
 
-COMPARED = ("shipped", "threshold", "beam", "beam-geometric", "cusum")
+COMPARED = ("robust", "threshold", "beam", "beam-geometric", "cusum")
 """Deciders that are compared by default, the agent first."""
 
 PROCESS_FACTORS = (0.1, 10.0)

@@ -15,9 +15,11 @@ def digests(files: Mapping[str, Path]) -> dict[str, str]:
     return {name: sha256(file.read_bytes()).hexdigest() for name, file in files.items()}
 
 
-def current_digests(code: Mapping[str, Path], switches: str, learned: Mapping[str, str]) -> dict[str, dict[str, str]]:
-    """Return the digests of code by name, of files of the shipped agent of a task, and of its weights."""
-    folder = policy_folder(SHIPPED, switches)
+def current_digests(
+    code: Mapping[str, Path], switches: str, learned: Mapping[str, str], agent: str = SHIPPED
+) -> dict[str, dict[str, str]]:
+    """Return the digests of code by name, of files of an agent of the package for a task, and of its weights."""
+    folder = policy_folder(agent, switches)
     own = {name: folder.parent / f"{file}.py" for name, file in learned.items()}  # importing them loads PyTorch
     weights = {file.name: file for file in sorted(folder.glob("policy.*"))}
     return {"code": digests({**code, **own}), "weights": digests(weights)}

@@ -35,6 +35,7 @@ SEAL = Path(__file__).with_name("sealed_simulators.json")
 """Digests of what is fixed before the paths from `seeds.SEALED` on are opened."""
 
 FROZEN = (aircraft, airliners, cars, paths, process_noise, tracks, simulators, beam, threshold)
+LEARNED = ("statement_decider", "statement_net")
 PROGRAMS = ("jsbsim", "bluesky-simulator", "openap", "eclipse-sumo")
 
 
@@ -68,7 +69,7 @@ def first_seed(seed: int, episodes: int, sealed: bool) -> int:
 def current_seal() -> dict[str, dict[str, str]]:
     """Return the digests of the code of worlds, rules and agent, of its weights, and versions of the simulators."""
     code = {file.stem: file for file in (Path(str(one.__file__)) for one in FROZEN)}
-    found = current_digests(code, UNKNOWN, {name: name for name in ("statement_decider", "statement_net")})
+    found = current_digests(code, UNKNOWN, {name: name for name in LEARNED}, simulators.COMPARED[0])
     return found | {"programs": {name: _version(name) for name in PROGRAMS}}
 
 

@@ -168,21 +168,25 @@ class StatementSettings(ExpectedRewardSettings):
 
     durations: tuple[str, ...]  # laws of segments, one environment of every round for each, also repeated
     n_envs: int  # tracks of each environment
-    variances: tuple[float, float]  # smallest and largest factor of the measurement variance of the environment
-    radii: tuple[float, float]  # likewise of its radii
     batch_size: int  # tracks of an update
+    # smallest and largest factor of the measurement variance of the environment
+    variances: tuple[float, float] = (1.0, 1.0)
+    radii: tuple[float, float] = (1.0, 1.0)  # likewise of its radii
     ticks: int | None = None  # length of the tracks; None is that of the environment
+    inexact: int = 0  # further environments of every round, in which objects move otherwise than told
 
     largest = ExpectedRewardSettings.largest | {"n_envs": LARGEST_ROUND, "batch_size": LARGEST_ROUND}
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not isinstance(self.durations, (list, tuple)) or not 1 <= len(self.durations) <= MOST_LAWS:
-            raise reject("durations", self.durations, f"a list of 1 to {MOST_LAWS} laws")
+        check_integer("inexact", self.inexact, minimum=0, maximum=MOST_LAWS)
+        fewest = 0 if self.inexact else 1
+        if not isinstance(self.durations, (list, tuple)) or not fewest <= len(self.durations) <= MOST_LAWS:
+            raise reject("durations", self.durations, f"a list of {fewest} to {MOST_LAWS} laws")
         object.__setattr__(self, "durations", tuple(str(parse_durations(law)) for law in self.durations))
         check_ticks("ticks", 1 if self.ticks is None else self.ticks)
-        if self.n_envs * len(self.durations) > LARGEST_ROUND:
-            raise reject("n_envs", self.n_envs, f"n_envs x laws of at most {LARGEST_ROUND:,}")
+        if self.n_envs * (len(self.durations) + self.inexact) > LARGEST_ROUND:
+            raise reject("n_envs", self.n_envs, f"n_envs x environments of at most {LARGEST_ROUND:,}")
         for name in ("variances", "radii"):
             object.__setattr__(self, name, _factors(name, getattr(self, name)))
 

@@ -29,6 +29,7 @@ from agents.learned.statement_decider import StatementDecider, UtilityDecider
 from agents.learned.statement_net import StatementOutputs, count_ages, statement_inputs
 from agents.training.run import OwnNetworkRun, Round
 from agents.training.settings import StatementSettings
+from baselines.recordings.simulators.inexact import InexactTracks, draw_told
 from baselines.rules import seeds
 from baselines.rules.measurements import OBSERVED
 from hybrid_env.checks import reject
@@ -168,10 +169,10 @@ class TrackRun(StatementRun):
     smallest_factor: ClassVar[float] = 0.01
     settings: StatementSettings
 
-    def simulate(self, world: QuickestOptions, tracks: int, seed: int) -> tuple[NDArray[Any], ...]:
+    def simulate(self, world: QuickestOptions, tracks: int, seed: int, inexact: bool) -> tuple[NDArray[Any], ...]:
         """Return inputs, log-probabilities and true modes of one episode of each track; see `simulate`."""
         assert issubclass(self.decider, StatementDecider)
-        return simulate(world, tracks, seed, self.decider(self.net, world))
+        return simulate(world, tracks, seed, self.decider(self.net, world), inexact)
 
     def prepare(self) -> None:
         task = task_of(self.env_id, self.options)
@@ -179,10 +180,11 @@ class TrackRun(StatementRun):
             raise reject("env", self.env_id, "an environment in which a mode is stated at every tick")
         self.world: QuickestOptions = task.options
         world = self.world
-        self._round_tracks = len(self.settings.durations) * self.settings.n_envs
+        self._laws = *self.settings.durations, *([None] * self.settings.inexact)
+        self._round_tracks = len(self._laws) * self.settings.n_envs
         self._ticks = world.ticks if self.settings.ticks is None else self.settings.ticks
         if self._round_tracks * self._ticks * (world.hypotheses - 1) > LARGEST_ROUND:
-            allowed = f"n_envs x laws x ticks x (M - 1) of at most {LARGEST_ROUND:,}"
+            allowed = f"n_envs x environments x ticks x (M - 1) of at most {LARGEST_ROUND:,}"
             raise reject("n_envs", self.settings.n_envs, allowed)
         self.round_steps = self._round_tracks * self._ticks
 
@@ -191,9 +193,10 @@ class TrackRun(StatementRun):
         number = self.num_timesteps // self.round_steps
         first = seeds.TRAINING + self.seed * 10**9 + number * self._round_tracks
         generator = np.random.default_rng(first)
+        count = self.settings.n_envs
         parts = [
-            self.simulate(self._draw_world(generator, law), self.settings.n_envs, first + k * self.settings.n_envs)
-            for k, law in enumerate(self.settings.durations)
+            self.simulate(self._draw_world(generator, law), count, first + k * count, law is None)
+            for k, law in enumerate(self._laws)
         ]
         arrays = [torch.from_numpy(np.concatenate(part, axis=1)) for part in zip(*parts, strict=True)]
         order = generator.permutation(self._round_tracks)
@@ -202,7 +205,9 @@ class TrackRun(StatementRun):
             costs = torch.full(modes.shape, self.world.change_cost)
             yield Batch(inputs, logs, modes, costs, torch.ones(modes.shape))
 
-    def _draw_world(self, generator: np.random.Generator, law: str) -> QuickestOptions:
+    def _draw_world(self, generator: np.random.Generator, law: str | None) -> QuickestOptions:
+        if law is None:
+            return draw_told(generator, replace(self.world, ticks=self._ticks))
         variance, radius = (
             np.exp(generator.uniform(*np.log(range_))) for range_ in (self.settings.variances, self.settings.radii)
         )
@@ -231,9 +236,9 @@ class JumpMarkovRun(TrackRun):
 
     decider = JumpMarkovDecider
 
-    def simulate(self, world: QuickestOptions, tracks: int, seed: int) -> tuple[NDArray[Any], ...]:
+    def simulate(self, world: QuickestOptions, tracks: int, seed: int, inexact: bool) -> tuple[NDArray[Any], ...]:
         """See `TrackRun.simulate`; the inputs are (T, N, 6 + M - 1), see `track_inputs`."""
-        env = HybridTrackQuickestVectorEnv(tracks, autoreset_mode="Disabled", tick_info=False, **vars(world))
+        env = make_tracks(world, tracks, inexact)
         env.reset(seed=seed)
         decider = JumpMarkovDecider(self.net, world)
         seen, modes = [], []
@@ -250,16 +255,24 @@ class JumpMarkovRun(TrackRun):
         return -outputs.logs.gather(-1, batch.true_modes[..., None]).mean()
 
 
+def make_tracks(world: QuickestOptions, tracks: int, inexact: bool) -> Any:
+    """Return a vector environment, in which objects move as told, or otherwise; see `InexactTracks`."""
+    if inexact:
+        return InexactTracks(world, tracks)
+    return HybridTrackQuickestVectorEnv(tracks, autoreset_mode="Disabled", tick_info=False, **vars(world))
+
+
 def simulate(
-    world: QuickestOptions, tracks: int, seed: int, decider: StatementDecider | None = None
+    world: QuickestOptions, tracks: int, seed: int, decider: StatementDecider | None = None, inexact: bool = False
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]:
     """Return inputs (T, N, M - 1, k), log-probabilities (T, N, M) and true modes (T, N) of one episode each.
 
     The inputs are those of the network of a decider, by default a `StatementDecider`; the network is not used.
+    inexact: whether objects move otherwise than told, see `InexactTracks`.
     """
     if decider is None:
         decider = StatementDecider(StatementDecider.network(1), world)
-    env = HybridTrackQuickestVectorEnv(tracks, autoreset_mode="Disabled", tick_info=False, **vars(world))
+    env = make_tracks(world, tracks, inexact)
     rows, _ = env.reset(seed=seed)
     all_rows = np.empty((world.ticks, *rows.shape), np.float32)
     log_probability = np.empty((world.ticks, tracks, world.hypotheses), np.float32)

@@ -1,6 +1,8 @@
 """Simulated paths with measured positions, as an environment with unknown switches."""
 
+import functools
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -11,10 +13,10 @@ from gymnasium import spaces
 from baselines.recordings.simulators.aircraft import AIRCRAFT
 from baselines.recordings.simulators.airliners import AIRLINERS
 from baselines.recordings.simulators.cars import CARS
-from baselines.recordings.simulators.paths import CONTROL, Vehicle
+from baselines.recordings.simulators.paths import CONTROL, Path, Vehicle
 from baselines.recordings.simulators.process_noise import LikeliestNoise
 from baselines.rules.decider import Actions, Observations
-from hybrid_env.checks import BoolArray, FloatArray
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.live import MeasuredTracks
 from hybrid_env.quickest_options import QuickestOptions
 
@@ -47,14 +49,18 @@ def world_options(kind: str, tick: float, noise: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
-class SimulatedTracks:
-    """Paths with noise as a vector environment with the rows of `hybrid_env.HybridTrackQuickestEnv`.
+@functools.lru_cache(512)  # a simulator takes a second for a path, which nine worlds and all deciders share
+def _path(kind: str, seed: int, duration: float) -> Path:
+    return VEHICLES[kind].travel(seed, duration)
 
-    Track i has the path of seed s + i, whatever noise and tick are. Bank and deciders know the mode in which
-    it begins, and an estimate with the error of the options.
+
+class GivenTracks(ABC):
+    """Given paths with noise as a vector environment with the rows of `hybrid_env.HybridTrackQuickestEnv`.
+
+    Base class; the subclasses say what moves. Bank and deciders know the mode in which a path begins, and an
+    estimate with the error of the options.
 
     Args:
-        kind: key of `VEHICLES`.
         options: of the bank; `tau` and `measurement_variance` are those of the sensor.
         tracks: N.
         factors: process noise of the banks, as factors of that of the options; of several, rows are those of
@@ -66,36 +72,30 @@ class SimulatedTracks:
         world: arrays of the first bank.
     """
 
-    def __init__(self, kind: str, options: QuickestOptions, tracks: int, factors: Sequence[float] = (1.0,)):
-        self.kind, self.options, self.num_envs = kind, options, tracks
+    def __init__(self, options: QuickestOptions, tracks: int, factors: Sequence[float] = (1.0,)):
+        self.options, self.num_envs = options, tracks
         told = [replace(options, process_variance=one * options.process_variance) for one in factors]
         self.worlds = [MeasuredTracks(one, tracks) for one in told]
         self.world = self.worlds[0]
         self.single_action_space = spaces.Discrete(options.hypotheses)
 
+    @abstractmethod
+    def travel(self, seed: int) -> tuple[FloatArray, IntArray, FloatArray]:
+        """Return paths of N tracks.
+
+        Returns:
+            Measured positions (T, N, 2) [m], true modes (T, N), and estimates of the states [x, vx, y, vy] one tick
+            before the first of them (N, 4), with the error of the options.
+        """
+
     def reset(self, *, seed: int | None = None) -> tuple[Observations, dict[str, Any]]:
         """Begin the paths of the seeds, and measure their first positions."""
         assert seed is not None
-        options, deviation = self.options, math.sqrt(self.options.variances[0])
-        ends = options.tau * np.arange(options.ticks + 1)
-        moments = CONTROL * np.arange(round(60.0 * MINUTES / CONTROL))
-        rows = np.minimum(np.searchsorted(moments, ends - 0.5 * CONTROL), len(moments) - 1)
-        points, starts, self._modes = [], [], np.empty((options.ticks, self.num_envs), np.int64)
-        assert isinstance(options.initial_error, tuple)
-        position, velocity = options.initial_error
-        spread = np.array([position * deviation**2, velocity] * 2)
-        for track in range(self.num_envs):
-            path = VEHICLES[self.kind].travel(seed + track, 60.0 * MINUTES)
-            generator = np.random.default_rng([seed + track, NOISE_STREAM])
-            exact = np.stack([np.interp(ends, moments, one) for one in path.states.T], axis=1)
-            starts.append(exact[0] + np.sqrt(spread) * generator.standard_normal(4))
-            points.append(exact[1:, ::2] + deviation * generator.standard_normal((options.ticks, 2)))
-            self._modes[:, track] = path.modes[rows[1:]]
-        self._points: FloatArray = np.stack(points, axis=1)
+        self._points, self._modes, starts = self.travel(seed)
         self._tick = 0
-        self._chooser = LikeliestNoise(options) if len(self.worlds) > 1 else None
+        self._chooser = LikeliestNoise(self.options) if len(self.worlds) > 1 else None
         for world in self.worlds:
-            world.begin_all(np.array(starts), np.diag(spread), self._modes[0])
+            world.begin_all(starts, np.diag(start_variances(self.options)), self._modes[0])
         return self._measure(), {}
 
     def _measure(self) -> Observations:
@@ -117,3 +117,39 @@ class SimulatedTracks:
         ended = np.full(self.num_envs, self._tick == len(self._points))
         rows = self._rows() if ended.all() else self._measure()
         return rows, np.zeros(self.num_envs), ended, np.zeros(self.num_envs, np.bool_), {}
+
+
+def start_variances(options: QuickestOptions) -> FloatArray:
+    """Return the variances of the first estimate [x, vx, y, vy], (4,), with one measurement variance."""
+    assert isinstance(options.initial_error, tuple)
+    position, velocity = options.initial_error
+    return np.array([position * options.variances[0], velocity] * 2)
+
+
+class SimulatedTracks(GivenTracks):
+    """Paths in a simulator, see `GivenTracks`. Track i has the path of seed s + i, whatever noise and tick are.
+
+    Args:
+        kind: key of `VEHICLES`.
+        options, tracks, factors: see `GivenTracks`.
+    """
+
+    def __init__(self, kind: str, options: QuickestOptions, tracks: int, factors: Sequence[float] = (1.0,)):
+        super().__init__(options, tracks, factors)
+        self.kind = kind
+
+    def travel(self, seed: int) -> tuple[FloatArray, IntArray, FloatArray]:
+        """See `GivenTracks.travel`."""
+        options, deviation = self.options, math.sqrt(self.options.variances[0])
+        ends = options.tau * np.arange(options.ticks + 1)
+        moments = CONTROL * np.arange(round(60.0 * MINUTES / CONTROL))
+        rows = np.minimum(np.searchsorted(moments, ends - 0.5 * CONTROL), len(moments) - 1)
+        points, starts, modes = [], [], np.empty((options.ticks, self.num_envs), np.int64)
+        for track in range(self.num_envs):
+            path = _path(self.kind, seed + track, 60.0 * MINUTES)
+            generator = np.random.default_rng([seed + track, NOISE_STREAM])
+            exact = np.stack([np.interp(ends, moments, one) for one in path.states.T], axis=1)
+            starts.append(exact[0] + np.sqrt(start_variances(options)) * generator.standard_normal(4))
+            points.append(exact[1:, ::2] + deviation * generator.standard_normal((options.ticks, 2)))
+            modes[:, track] = path.modes[rows[1:]]
+        return np.stack(points, axis=1), modes, np.array(starts)

@@ -112,7 +112,7 @@ def test_a_gain_is_learned_in_seconds():
     changes = ("n_envs=24", "batch_size=24", "n_steps=25", "durations=[25 + geometric 50]", "variances=[1, 1]")
     run = make_run(ENV, {"ticks": 100}, load_recipe("jump-markov", ENV, (*changes, "hidden=8")), seed=1, steps=24_000)
     torch.nn.init.zeros_(run.net.filter.gain[2].bias)
-    inputs, logs, modes = (torch.from_numpy(one) for one in run.simulate(run.world, 60, 12345))
+    inputs, logs, modes = (torch.from_numpy(one) for one in run.simulate(run.world, 60, 12345, False))
     batch = Batch(inputs, logs, modes, torch.ones(modes.shape), torch.ones(modes.shape))
 
     def loss():
