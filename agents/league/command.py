@@ -8,7 +8,7 @@ import tyro
 from rich.console import Console
 
 from agents.evaluation.cells import filled_table, markdown_table
-from agents.evaluation.registry import SHIPPED, find_family, is_brought
+from agents.evaluation.registry import NAMED, SHIPPED, find_family, is_brought
 from agents.interface.help_texts import shown_default
 from agents.interface.output_files import output_folder, write_files
 from agents.interface.parallel import ParallelArguments
@@ -54,8 +54,9 @@ class League(TrustArguments, ParallelArguments):
         from agents.training.recipe import recipe_names
 
         entries = {entry["title"]: entry for entry in (*shipped_entries(), *map(read_entry, self.table))}
-        known = {SHIPPED, *rules(ANNOUNCED), *rules(UNKNOWN)}
-        recipes = [name for name in self.deciders if name in recipe_names() or name.endswith(".yml")]
+        known = {SHIPPED, *NAMED, *rules(ANNOUNCED), *rules(UNKNOWN)}
+        trained = set(recipe_names()) - set(NAMED)  # a name of weights of the package means those
+        recipes = [name for name in self.deciders if name in trained or name.endswith(".yml")]
         for name in self.deciders:  # one that cannot be found or imported is refused before any work
             if name in recipes:
                 families.home_of(name)
