@@ -70,8 +70,9 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
     ':threshold', or the folder of an agent. With --gliders: {gliders}, 'agent', or the folder of
     an agent."""
     agents: Annotated[tuple[str, ...] | None, shown_default("ppo shipped; shipped for unknown switches")] = None
-    """Learned agents: recipes to train during the run ('ppo', 'anchor' ...), 'shipped', 'stopping' or
-    'rhythm' (weights in the package), run folders, or policies of other libraries ('model.zip', 'policy.onnx')."""
+    """Learned agents: recipes to train during the run ('ppo', 'anchor' ...), 'shipped', 'stopping',
+    'rhythm' or 'robust' (weights in the package), run folders, or policies of other libraries ('model.zip',
+    'policy.onnx')."""
     accuracy: Annotated[float | None, shown_default("the threshold with the best reward")] = None
     """Select the fastest threshold that reaches this accuracy."""
     curves: bool = True

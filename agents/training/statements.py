@@ -180,6 +180,12 @@ class TrackRun(StatementRun):
             raise reject("env", self.env_id, "an environment in which a mode is stated at every tick")
         self.world: QuickestOptions = task.options
         world = self.world
+        if self.settings.inexact:
+            if self.decider.observes != "rows":
+                raise reject("inexact", self.settings.inexact, "0 for an agent that does not read rows")
+            for name in ("noise", "missed", "sensors", "object_variance", "start"):
+                if getattr(world, name) != getattr(QuickestOptions(), name):
+                    raise reject(name, getattr(world, name), "the default with the setting inexact")
         self._laws = *self.settings.durations, *([None] * self.settings.inexact)
         self._round_tracks = len(self._laws) * self.settings.n_envs
         self._ticks = world.ticks if self.settings.ticks is None else self.settings.ticks

@@ -5,6 +5,7 @@
   nets, and their yaw rate is the true mode.
 - `tracks`: adds noise to the positions and gives them to the bank of `HybridTrackQuickest-v0`, so that its
   deciders, rollout and figures serve as they are. `process_noise`: chooses among banks by their evidence.
+- `inexact`: objects of our own that move otherwise than told, for the training of an agent.
 
 Everything is generated from seeds.
 

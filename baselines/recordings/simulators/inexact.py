@@ -30,7 +30,7 @@ CHANGE = 8.0, 80.0  # time in which the speed changes by the nominal one [ticks]
 SPEEDS, CAR_SPEEDS, TURN_SPEEDS = (0.85, 1.15), (0.5, 1.3), (0.3, 1.0)  # over what is told; of cars in turns
 STOPS = 0.15  # probability that a car stops when its speed changes
 TURNS, CAR_TURNS = (0.8, 1.2), (0.5, 1.6)  # curvature of a turn over that told
-WEAVING = 0.3  # largest deviation of the rate over that of the turn
+WEAVING = 0.3  # largest standard deviation of the curvature over that of the turn
 WEAVES = 4.0, 20.0  # memory of the weaving [ticks]
 
 
@@ -88,7 +88,7 @@ def inexact_paths(options: QuickestOptions, modes: IntArray, generator: Generato
     car = np.full(tracks, isinstance(options.law, ModeDurations))
     smoothing = np.where(share(SUDDEN), 1.0, 1.0 - np.exp(-1.0 / spread(*LAG)))
     renewal, change = 1.0 / spread(*RENEWED), 1.0 / spread(*CHANGE)  # speeds are those over what is told
-    weaving, memory = generator.uniform(0.0, WEAVING, tracks) / options.radii[0], np.exp(-1.0 / spread(*WEAVES))
+    weaving, memory = generator.uniform(0.0, WEAVING, tracks) / min(options.radii), np.exp(-1.0 / spread(*WEAVES))
 
     def speeds(mode: IntArray) -> FloatArray:
         of_cars = np.where(mode > 0, spread(*TURN_SPEEDS), spread(*CAR_SPEEDS))

@@ -49,7 +49,7 @@ def world_options(kind: str, tick: float, noise: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
-@functools.lru_cache(512)  # a simulator takes a second for a path, which nine worlds and all deciders share
+@functools.lru_cache(128)  # a simulator takes a second for a path, which the nine worlds of a kind share
 def _path(kind: str, seed: int, duration: float) -> Path:
     return VEHICLES[kind].travel(seed, duration)
 
@@ -63,20 +63,20 @@ class GivenTracks(ABC):
     Args:
         options: of the bank; `tau` and `measurement_variance` are those of the sensor.
         tracks: N.
-        factors: process noise of the banks, as factors of that of the options; of several, rows are those of
-            the likeliest one, see `process_noise`.
+        factors: process noise of the banks, as factors of that of the options, 1 among them; of several, rows are
+            those of the likeliest one, see `process_noise`.
 
     Attributes:
         num_envs: N.
         single_action_space: M modes to state.
-        world: arrays of the first bank.
+        world: arrays of the bank with the process noise of the options.
     """
 
     def __init__(self, options: QuickestOptions, tracks: int, factors: Sequence[float] = (1.0,)):
         self.options, self.num_envs = options, tracks
         told = [replace(options, process_variance=one * options.process_variance) for one in factors]
         self.worlds = [MeasuredTracks(one, tracks) for one in told]
-        self.world = self.worlds[0]
+        self.world = self.worlds[list(factors).index(1.0)]
         self.single_action_space = spaces.Discrete(options.hypotheses)
 
     @abstractmethod

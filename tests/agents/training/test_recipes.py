@@ -2,12 +2,14 @@
 
 import json
 
+import numpy as np
 import pytest
 import yaml
 from hostile_input import accepted, attack, damaged, mutated
 
 from agents.interface.input_files import LARGEST_FILE
 from agents.training.recipe import FOLDER, Recipe, load_recipe, recipe_names, recipe_of
+from agents.training.runs import make_run
 from agents.training.stable_baselines_settings import PPOSettings
 from hybrid_env.checks import ArgumentError
 
@@ -183,3 +185,18 @@ def test_the_recipes_of_the_package_are_used(name):
 def test_a_recipe_for_unknown_switches_alone_is_refused_in_other_environments():
     with pytest.raises(ArgumentError, match="an entry for HybridTrack-v0 or default"):
         load_recipe("q-deep", ENV)
+
+
+def test_objects_that_move_otherwise_than_told_are_for_agents_that_read_rows_of_plain_noise(tmp_path):
+    recipe = load_recipe("robust", "HybridTrackQuickest-v0", ("inexact=2", "n_envs=2", "batch_size=4", "ticks=20"))
+    run = make_run("HybridTrackQuickest-v0", {}, recipe, 0, tmp_path / "run", 80)
+    [batch] = run.batches()
+    assert batch.inputs.shape == (20, 4, 2, 26)
+    assert np.isfinite(batch.inputs.numpy()).all()
+    with pytest.raises(ArgumentError, match=r"missed=0.1 .*the default with the setting inexact"):
+        make_run("HybridTrackQuickest-v0", {"missed": 0.1}, recipe, 0, tmp_path / "other", 80)
+    with pytest.raises(ArgumentError, match=r"durations=.*a list of 1 to"):
+        load_recipe("robust", "HybridTrackQuickest-v0", ("inexact=0",))
+    rhythm = load_recipe("rhythm", "HybridTrackQuickest-v0", ("inexact=1",))
+    with pytest.raises(ArgumentError, match=r"inexact=1 .*does not read rows"):
+        make_run("HybridTrackQuickest-v0", {}, rhythm, 0, tmp_path / "third", 80)
