@@ -28,8 +28,8 @@ class League(TrustArguments, ParallelArguments):
 
     deciders: Annotated[tyro.conf.Positional[tuple[str, ...]], shown_default("none is played")] = ()
     """Deciders without thresholds: 'mine.py:MyRule', 'model.zip', a run folder, 'shipped', 'stopping', 'rhythm',
-    'robust' or a rule. The name of another recipe, or a YAML file, is a family: its agents are trained, and trained further if
-    that was interrupted."""
+    'robust' or a rule. The name of another recipe, or a YAML file, is a family: its agents are trained, and
+    trained further if that was interrupted."""
     training_seeds: int = 5
     """Number of agents trained per recipe."""
     steps: Annotated[int | None, shown_default("those of the recipe")] = None
