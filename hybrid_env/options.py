@@ -137,6 +137,14 @@ class ModelOptions(Checked):
         """Measurement variances [m^2]: (1,) if x and y have the same variance, else (2,)."""
         return axis_variances(self.measurement_variance)
 
+    @property
+    def start_variances(self) -> FloatArray:
+        """Variances of the first estimate [x, vx, y, vy], (4,) [m^2, m^2/s^2]."""
+        assert isinstance(self.initial_error, tuple)
+        position, velocity = self.initial_error
+        x, y = position * np.broadcast_to(self.variances, 2)
+        return np.array([x, velocity, y, velocity])
+
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays of the options that the kernel reads; see `core.state.Arrays`."""
         return {

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
+from baselines.recordings.log_uniform import log_uniform
 from hybrid_env.options import WorldOptions
 from hybrid_env.scheme import RandomScheme
 
@@ -94,7 +95,7 @@ def _plain(value: Any) -> Any:
 def _log_uniform(generator: Generator, limits: tuple[float, float], beyond: float = 1.0) -> float:
     """Return a number from low / beyond to high * beyond, uniform in its logarithm."""
     low, high = limits
-    return float(np.exp(generator.uniform(np.log(low / beyond), np.log(high * beyond))))
+    return float(log_uniform(generator, low / beyond, high * beyond))
 
 
 def draw_world(generator: Generator, radii_count: int, beyond: float = 1.0) -> dict[str, Any]:

@@ -29,6 +29,7 @@ from agents.learned.statement_decider import StatementDecider, UtilityDecider
 from agents.learned.statement_net import StatementOutputs, count_ages, statement_inputs
 from agents.training.run import OwnNetworkRun, Round
 from agents.training.settings import StatementSettings
+from baselines.recordings.log_uniform import log_uniform
 from baselines.recordings.simulators.inexact import InexactTracks, draw_told
 from baselines.rules import seeds
 from baselines.rules.measurements import OBSERVED
@@ -214,13 +215,11 @@ class TrackRun(StatementRun):
     def _draw_world(self, generator: np.random.Generator, law: str | None) -> QuickestOptions:
         if law is None:
             return draw_told(generator, replace(self.world, ticks=self._ticks))
-        variance, radius = (
-            np.exp(generator.uniform(*np.log(range_))) for range_ in (self.settings.variances, self.settings.radii)
-        )
+        variance, radius = (log_uniform(generator, *one) for one in (self.settings.variances, self.settings.radii))
         variances = tuple(variance * self.world.variances)
         habits: dict[str, Any] = {"durations": law}
         if law == DRAWN:  # the bank's hazard follows from the law, which is then unknown
-            hazard = float(np.exp(generator.uniform(*np.log(HAZARDS))))
+            hazard = float(log_uniform(generator, *HAZARDS))
             habits |= {"order": DRAWN, "hazard": min(hazard, 1.0 - 1.0 / self.world.hypotheses)}
         return replace(
             self.world,

@@ -275,10 +275,7 @@ class OnlineTracker:
         """Return a checked first estimate, (4,), and its covariance, (4, 4)."""
         mean = check_array("estimate", estimate, (4,))
         if covariance is None:
-            assert isinstance(self.options.initial_error, tuple)
-            position, velocity = self.options.initial_error
-            x, y = position * np.broadcast_to(self.options.variances, 2)
-            return mean, np.diag([x, velocity, y, velocity])
+            return mean, np.diag(self.options.start_variances)
         matrix = check_array("covariance", covariance, (4, 4))
         return mean, check_covariance("covariance", matrix, definite=False)
 

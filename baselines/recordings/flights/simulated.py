@@ -16,6 +16,7 @@ from scipy.signal import lfilter
 from baselines.estimation.turns import STRAIGHT
 from baselines.recordings.flights.flight import Flight, Tier
 from baselines.recordings.flights.labels import LabelRules, Labels, label_flight
+from baselines.recordings.log_uniform import log_uniform
 from baselines.recordings.projection import Projection
 from hybrid_env.checks import FloatArray
 
@@ -52,9 +53,7 @@ WIDE = FlightWorld(rates=(0.01, 0.055), turns=(12.0, 120.0), speeds=(25.0, 250.0
 
 def draw_world(generator: np.random.Generator) -> FlightWorld:
     """Return settings of one flight: those of `DRAWN`, and the others of `WIDE`."""
-    drawn: dict[str, Any] = {
-        name: float(np.exp(generator.uniform(np.log(low), np.log(high)))) for name, (low, high) in DRAWN.items()
-    }
+    drawn: dict[str, Any] = {name: float(log_uniform(generator, *bounds)) for name, bounds in DRAWN.items()}
     straight = drawn.pop("straight")
     return replace(WIDE, straight=tuple((name, straight) for name in "ABCD"), **drawn)
 
@@ -71,7 +70,7 @@ def simulate_flights(
         times = _draw_times(tier, duration, generator)
         grid = np.arange(0.0, times[-1] + 4.0 * GRID, GRID)
         wanted = _draw_rates(grid, dict(settings.straight)[tier.name], generator, settings)
-        speeds = np.full(len(grid), np.exp(generator.uniform(*np.log(settings.speeds))))
+        speeds = np.full(len(grid), log_uniform(generator, *settings.speeds))
         results.append(fly(f"simulated:{k}:0", tier, times, wanted, speeds, generator, settings))
     return [one for one, _ in results], [one for _, one in results]
 
@@ -161,8 +160,8 @@ def _draw_rates(grid: FloatArray, median: float, generator: np.random.Generator,
     time = median * np.exp(world.spread * generator.standard_normal()) * generator.uniform()
     side = 0.0
     while time < grid[-1]:
-        lasting = np.exp(generator.uniform(*np.log(world.turns)))
-        size = np.exp(generator.uniform(*np.log(world.rates)))
+        lasting = log_uniform(generator, *world.turns)
+        size = log_uniform(generator, *world.rates)
         side = -side if side and generator.uniform() < world.reversal else generator.choice([-1.0, 1.0])
         rates[(grid >= time) & (grid < time + lasting)] = side * size
         time += lasting

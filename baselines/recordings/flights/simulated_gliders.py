@@ -14,6 +14,7 @@ from baselines.recordings.flights.flight import Flight
 from baselines.recordings.flights.gliders import error_tier
 from baselines.recordings.flights.labels import Labels
 from baselines.recordings.flights.simulated import GRID, coloured, flown_path
+from baselines.recordings.log_uniform import log_uniform
 from baselines.recordings.projection import Projection
 from hybrid_env.checks import FloatArray, IntArray
 
@@ -71,7 +72,7 @@ World = dict[str, float]
 
 def simulate_glider(seconds: float, generator: np.random.Generator) -> Flight:
     """Return a simulated flight of some seconds, with settings of its own."""
-    world = {name: float(_drawn(generator, *bounds)) for name, bounds in RANGES.items()}
+    world = {name: float(log_uniform(generator, *bounds)) for name, bounds in RANGES.items()}
     grid = np.arange(0.0, seconds + 2.0 * GRID, GRID)
     path, altitudes = _fly(world, *_plan(world, seconds, generator), grid, generator)
     times = np.arange(0.0, seconds, STEP)
@@ -87,17 +88,12 @@ def simulate_glider(seconds: float, generator: np.random.Generator) -> Flight:
     )  # fmt: skip
 
 
-def _drawn(generator: np.random.Generator, low: float, high: float, count: int | None = None) -> FloatArray:
-    """Return a number or `count` numbers between two bounds, log-uniform."""
-    return np.asarray(np.exp(generator.uniform(np.log(low), np.log(high), count)))
-
-
 def _plan(world: World, seconds: float, generator: np.random.Generator) -> tuple[Turns, Turns, Turns]:
     """Return circles and wiggles with their turn rates [deg/s], and the shares by which circles straighten."""
     n = int(seconds / 5.0) + 8
 
     def drawn(low: float, high: float) -> FloatArray:
-        return _drawn(generator, low, high, n)
+        return log_uniform(generator, low, high, n)
 
     gaps = world["straight"] * np.exp(1.2 * generator.standard_normal(n))
     gaps[0] *= generator.uniform()
@@ -151,7 +147,7 @@ def _fly(
     n = len(circles.values)
     ends = np.maximum(circles.ends + generator.uniform(-8.0, 30.0, n), circles.begins + 4.0)
     lift = Turns(
-        circles.begins - generator.uniform(4.0, 25.0, n), ends, world["lift"] * _drawn(generator, 0.6, 1.6, n),
+        circles.begins - generator.uniform(4.0, 25.0, n), ends, world["lift"] * log_uniform(generator, 0.6, 1.6, n),
         generator.uniform(2.0, 10.0, n), generator.uniform(2.0, 10.0, n),
     )  # fmt: skip
     climb = lift.at(grid) - world["sink"] + noise(world["bumps"], world["bump_time"])

@@ -10,8 +10,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.random import Generator
 
+from baselines.recordings.log_uniform import log_uniform
 from baselines.recordings.simulators.process_noise import FACTORS
-from baselines.recordings.simulators.tracks import GivenTracks, start_variances
+from baselines.recordings.simulators.tracks import GivenTracks
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.durations import ModeDurations, parse_durations
 from hybrid_env.quickest_options import QuickestOptions
@@ -37,15 +38,15 @@ WEAVES = 4.0, 20.0  # memory of the weaving [ticks]
 def draw_told(generator: Generator, options: QuickestOptions) -> QuickestOptions:
     """Draw what deciders are told; the distance of a tick and the process noise stay. Cars have laws of two kinds."""
 
-    def drawn(low: float, high: float) -> float:
-        return float(np.exp(generator.uniform(np.log(low), np.log(high))))
+    def drawn(bounds: tuple[float, float]) -> float:
+        return float(log_uniform(generator, *bounds))
 
-    step, angle = options.speed * options.tau, drawn(*ANGLES)
-    turn, straights = drawn(*SHORTEST) / angle, drawn(*STRAIGHTS)
+    step, angle = options.speed * options.tau, drawn(ANGLES)
+    turn, straights = drawn(SHORTEST) / angle, drawn(STRAIGHTS)
     texts = [f"{max(1, round(one))} + geometric {max(1, round(2.0 * one))}" for one in (turn, straights * turn)]
     law = f"straight {texts[1]}, turns {texts[0]}" if generator.random() < ROADS else texts[0]
-    hazard = min(drawn(*HAZARDS) / parse_durations(law).mean_duration, 1.0 - 1.0 / options.hypotheses)
-    variance, scale = drawn(*NOISES) * step**2, step / angle / min(options.radii)
+    hazard = min(drawn(HAZARDS) / parse_durations(law).mean_duration, 1.0 - 1.0 / options.hypotheses)
+    variance, scale = drawn(NOISES) * step**2, step / angle / min(options.radii)
     radii = tuple(scale * one for one in options.radii)
     return replace(options, durations=law, hazard=hazard, measurement_variance=variance, radii=radii)
 
@@ -70,7 +71,7 @@ class InexactTracks(GivenTracks):
             env.step(np.zeros(self.num_envs, np.int64))
         positions, first = inexact_paths(options, modes, generator)
         deviation = np.sqrt(options.variances[0])
-        starts = first + np.sqrt(start_variances(options)) * generator.standard_normal(first.shape)
+        starts = first + np.sqrt(options.start_variances) * generator.standard_normal(first.shape)
         return positions + deviation * generator.standard_normal(positions.shape), modes, starts
 
 
@@ -79,24 +80,24 @@ def inexact_paths(options: QuickestOptions, modes: IntArray, generator: Generato
     ticks, tracks = modes.shape
     told = np.array([0.0, *(side / radius for side in (1.0, -1.0) for radius in options.radii)])  # [1/m]
 
-    def spread(low: float, high: float) -> FloatArray:
-        return np.exp(generator.uniform(np.log(low), np.log(high), tracks))
+    def spread(bounds: tuple[float, float]) -> FloatArray:
+        return np.asarray(log_uniform(generator, *bounds, tracks))
 
     def share(probability: float | FloatArray) -> BoolArray:
         return np.asarray(generator.random(tracks) < probability)
 
     car = np.full(tracks, isinstance(options.law, ModeDurations))
-    smoothing = np.where(share(SUDDEN), 1.0, 1.0 - np.exp(-1.0 / spread(*LAG)))
-    renewal, change = 1.0 / spread(*RENEWED), 1.0 / spread(*CHANGE)  # speeds are those over what is told
-    weaving, memory = generator.uniform(0.0, WEAVING, tracks) / min(options.radii), np.exp(-1.0 / spread(*WEAVES))
+    smoothing = np.where(share(SUDDEN), 1.0, 1.0 - np.exp(-1.0 / spread(LAG)))
+    renewal, change = 1.0 / spread(RENEWED), 1.0 / spread(CHANGE)  # speeds are those over what is told
+    weaving, memory = generator.uniform(0.0, WEAVING, tracks) / min(options.radii), np.exp(-1.0 / spread(WEAVES))
 
     def speeds(mode: IntArray) -> FloatArray:
-        of_cars = np.where(mode > 0, spread(*TURN_SPEEDS), spread(*CAR_SPEEDS))
-        usual = np.where(car, of_cars, spread(*SPEEDS))
+        of_cars = np.where(mode > 0, spread(TURN_SPEEDS), spread(CAR_SPEEDS))
+        usual = np.where(car, of_cars, spread(SPEEDS))
         return np.where(car & share(STOPS), 0.0, usual)
 
     heading = generator.uniform(-np.pi, np.pi, tracks)
-    speed, position = spread(*SPEEDS), np.zeros((tracks, 2))
+    speed, position = spread(SPEEDS), np.zeros((tracks, 2))
     first = np.zeros((tracks, 4))
     first[:, 1], first[:, 3] = (options.speed * speed * one(heading) for one in (np.cos, np.sin))
     wanted, factor = speed.copy(), np.ones(tracks)
@@ -104,7 +105,7 @@ def inexact_paths(options: QuickestOptions, modes: IntArray, generator: Generato
     positions = np.empty((ticks, tracks, 2))
     for tick, mode in enumerate(modes):
         switched = mode != last
-        factor = np.where(switched, np.where(car, spread(*CAR_TURNS), spread(*TURNS)), factor)
+        factor = np.where(switched, np.where(car, spread(CAR_TURNS), spread(TURNS)), factor)
         wanted = np.where(share(renewal) | (switched & car), speeds(mode), wanted)
         speed = speed + np.clip(wanted - speed, -change, change)
         flown = np.where(car, 1.0, np.maximum(speed, SPEEDS[0]) ** -2)  # the bank, not the radius, is kept in the air

@@ -95,7 +95,7 @@ class GivenTracks(ABC):
         self._tick = 0
         self._chooser = LikeliestNoise(self.options) if len(self.worlds) > 1 else None
         for world in self.worlds:
-            world.begin_all(starts, np.diag(start_variances(self.options)), self._modes[0])
+            world.begin_all(starts, np.diag(self.options.start_variances), self._modes[0])
         return self._measure(), {}
 
     def _measure(self) -> Observations:
@@ -117,13 +117,6 @@ class GivenTracks(ABC):
         ended = np.full(self.num_envs, self._tick == len(self._points))
         rows = self._rows() if ended.all() else self._measure()
         return rows, np.zeros(self.num_envs), ended, np.zeros(self.num_envs, np.bool_), {}
-
-
-def start_variances(options: QuickestOptions) -> FloatArray:
-    """Return the variances of the first estimate [x, vx, y, vy], (4,), with one measurement variance."""
-    assert isinstance(options.initial_error, tuple)
-    position, velocity = options.initial_error
-    return np.array([position * options.variances[0], velocity] * 2)
 
 
 class SimulatedTracks(GivenTracks):
@@ -149,7 +142,7 @@ class SimulatedTracks(GivenTracks):
             path = _path(self.kind, seed + track, 60.0 * MINUTES)
             generator = np.random.default_rng([seed + track, NOISE_STREAM])
             exact = np.stack([np.interp(ends, moments, one) for one in path.states.T], axis=1)
-            starts.append(exact[0] + np.sqrt(start_variances(options)) * generator.standard_normal(4))
+            starts.append(exact[0] + np.sqrt(options.start_variances) * generator.standard_normal(4))
             points.append(exact[1:, ::2] + deviation * generator.standard_normal((options.ticks, 2)))
             modes[:, track] = path.modes[rows[1:]]
         return np.stack(points, axis=1), modes, np.array(starts)
