@@ -97,7 +97,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         """Train, score, print the tables and write the figures and compare.json."""
         for flag, allowed, study in (
             ("simulators", {"sealed", "episodes", "seed", "jobs", "engine"}, self._compare_simulators),
-            ("gliders", {"sealed", "source"}, self._compare_gliders),
+            ("gliders", {"sealed", "source", "jobs", "engine"}, self._compare_gliders),
             ("flights", {"source", "tier", "form"}, self._compare_flights),
         ):
             if getattr(self, flag) not in (None, False):
@@ -134,7 +134,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         if self.source is None:
             raise reject("source", None, "the archive igc-xc-score-1.8.0.tgz (npm pack igc-xc-score@1.8.0)")
         names = self.deciders or study.default_names()
-        work = functools.partial(study.compare_on_gliders, self.source, names, sealed=self.sealed)
+        work = functools.partial(study.compare_on_gliders, self.source, names, self.workers(), sealed=self.sealed)
         self._show("Gliders", study, study.steps(names, self.sealed), work)
 
     def _compare_flights(self) -> None:

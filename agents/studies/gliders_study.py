@@ -1,6 +1,7 @@
 """Rules on flights of gliders at equal false changes: settings selected on one half, scored on the other."""
 
-from collections.abc import Callable, Sequence
+import functools
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -17,6 +18,7 @@ from agents.evaluation.flights import AGENT, SECOND_LINES, figure_cell, less_cel
 from agents.evaluation.gliders import METRICS, Setting, glider_rule, glider_statements
 from agents.figures.tracks import recording_figure
 from agents.interface.output_files import finite
+from agents.interface.parallel import Workers
 from agents.studies.seal import current_digests, unbroken_seal
 from baselines.estimation.turns import STRAIGHT, run_turn_imm
 from baselines.recordings.flights import circling, gliders
@@ -97,14 +99,15 @@ def select(scores: Scores, level: float) -> int:
 
 
 def compare_on_gliders(
-    source: Path, names: Sequence[str], note: Callable[[str], None], sealed: bool = False
+    source: Path, names: Sequence[str], workers: Workers, note: Callable[[str], None], sealed: bool = False
 ) -> GliderComparison:
     """Compare rules on flights of gliders, the first being the reference; `note` is called `steps` times.
 
     With `sealed`, the sealed logs are opened too, with the settings of the seal.
     """
+    for name in names:
+        glider_rule(name)  # an unknown one is refused before any work
     frozen = unbroken_seal(SEAL, current_seal(), "logs", names)["settings"] if sealed else {}
-    every = {name: task.all_settings(name) for name in names}
     note("reading")
     contents = read_logs(source)
     flights: list[Flight] = []
@@ -124,33 +127,52 @@ def compare_on_gliders(
     real, made = samples([flights[k] for k in rows], [labels[k] for k in rows]), samples(copies, copied)
     known = [name for name, values in real.items() if values.size and made[name].size]
     gap = {name: tuple(np.percentile(some[name], SHARES).tolist() for some in (real, made)) for name in known}
-    by_level: list[Any] = [{level: {} for level in LEVELS} for _ in range(3)]
-    scores, settled, simulated = by_level
-    result = GliderComparison(flights, labels, scores, settled, {}, simulated, gap)
-    for name, settings in every.items():
-        note(glider_rule(name).title)
-        told = glider_statements(flights, settings)
-        swept = task.score_settings(flights, labels, told)
+    result = GliderComparison(flights, labels, {}, {}, {}, {}, gap)
+    calls = {
+        name: functools.partial(
+            _compare_rule, name, flights, labels, copies, copied, {level: one[name] for level, one in frozen.items()}
+        )
+        for name in names
+    }
+    for name, found in workers.results(calls, lambda name: note(glider_rule(name).title)):
+        result.stated[name], scores, chosen, simulated = found
         for level in LEVELS:
-            best = {
-                half: select(swept.some(np.flatnonzero((of != half) & (of != SEALED)).tolist()), level)
-                for half in (*HALVES, SEALED)
-            }
-            if sealed:
-                _, model, numbers = frozen[f"{level:g}"][name]
-                best[SEALED] = settings.index(Setting(name, model, tuple(numbers)))
-            chosen = [best[half] for half in of]
-            values = swept.values[np.arange(len(of)), :, chosen][..., None]
-            result.scores[level][name] = Scores(swept.name, "", (0.0,), swept.columns, values)
-            result.chosen[level][name] = {half: settings[k] for half, k in best.items()}
-            if level == LEVELS[1]:
-                result.stated[name] = [told[settings[k]][row] for row, k in enumerate(chosen)]
-        usual = dict.fromkeys(one[name][SEALED] for one in result.chosen.values())
-        told = glider_statements(copies, list(usual))
-        for level in LEVELS:
-            stated = told[result.chosen[level][name][SEALED]]
-            result.simulated[level][name] = score_flights(swept.name, copies, copied, stated)
+            result.scores.setdefault(level, {})[name] = scores[level]
+            result.chosen.setdefault(level, {})[name] = chosen[level]
+            result.simulated.setdefault(level, {})[name] = simulated[level]
     return result
+
+
+def _compare_rule(
+    name: str, flights: list[Flight], labels: list[Labels], copies: list[Flight], copied: list[Labels],
+    frozen: Mapping[str, Any],
+) -> tuple[list[IntArray], dict[float, Scores], dict[float, dict[str, Setting]], dict[float, Scores]]:  # fmt: skip
+    """Return what a rule states at the middle level, and by level scores, settings and scores on simulated flights.
+
+    `frozen` are settings for the sealed flights by level; without any they are selected on all halves.
+    """
+    of, settings = np.array([flight.tier.name for flight in flights]), task.all_settings(name)
+    told = glider_statements(flights, settings)
+    swept = task.score_settings(flights, labels, told)
+    stated: list[IntArray] = []
+    scores, every = {}, {}
+    for level in LEVELS:
+        best = {
+            half: select(swept.some(np.flatnonzero((of != half) & (of != SEALED)).tolist()), level)
+            for half in (*HALVES, SEALED)
+        }
+        if frozen:
+            _, model, numbers = frozen[f"{level:g}"]
+            best[SEALED] = settings.index(Setting(name, model, tuple(numbers)))
+        chosen = [best[half] for half in of]
+        values = swept.values[np.arange(len(of)), :, chosen][..., None]
+        scores[level] = Scores(swept.name, "", (0.0,), swept.columns, values)
+        every[level] = {half: settings[k] for half, k in best.items()}
+        if level == LEVELS[1]:
+            stated = [told[settings[k]][row] for row, k in enumerate(chosen)]
+    made = glider_statements(copies, list(dict.fromkeys(one[SEALED] for one in every.values())))
+    simulated = {level: score_flights(swept.name, copies, copied, made[one[SEALED]]) for level, one in every.items()}
+    return stated, scores, every, simulated
 
 
 def samples(flights: Sequence[Flight], labels: Sequence[Labels]) -> dict[str, FloatArray]:

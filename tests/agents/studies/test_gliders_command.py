@@ -11,6 +11,7 @@ from made_up_glider import made_up_log
 
 from agents.cli import main
 from agents.evaluation import gliders as evaluated
+from agents.interface.parallel import Workers
 from agents.learned.glider_decider import GliderAgent
 from agents.studies import gliders_study as study
 from baselines.recordings.flights import gliders
@@ -43,7 +44,8 @@ def archive(tmp_path, monkeypatch):
 def compare(archive, *flags):
     pytest.importorskip("libigc")
     out = archive.parent / "out"
-    line = ["compare", "--gliders", "--source", str(archive), "--deciders", "imm", "xcsoar", "agent", "--out", str(out)]
+    line = ["compare", "--gliders", "--source", str(archive), "--jobs", "1", "--out", str(out)]
+    line += ["--deciders", "imm", "xcsoar", "agent"]
     code = main([*line, *flags])
     return code, out
 
@@ -73,7 +75,7 @@ def test_rules_are_compared_on_open_logs_only(archive, monkeypatch, capsys):
 
 def test_settings_are_those_of_the_other_half(archive):
     pytest.importorskip("libigc")
-    result = study.compare_on_gliders(archive, ("xcsoar",), lambda text: None)
+    result = study.compare_on_gliders(archive, ("xcsoar",), Workers(), lambda text: None)
     flights, labels = result.flights, result.labels
     settings = evaluated.all_settings("xcsoar")
     swept = evaluated.score_settings(flights, labels, evaluated.glider_statements(flights, settings))
