@@ -58,13 +58,9 @@ class SimulatorTask(UnknownTask):
         return dataclasses.replace(super().changed(others), likeliest=changes.get(LIKELIEST, self.likeliest))
 
     def record(
-        self,
-        deciders: Sequence[Any],
-        changes: Mapping[str, Any],
-        episodes: int,
-        seed: int,
+        self, deciders: Sequence[Any], changes: Mapping[str, Any], episodes: int, seed: int,
         on_progress: Callable[[float], None],
-    ) -> list[Recorded]:
+    ) -> list[Recorded]:  # fmt: skip
         """See `Task.record`."""
         options = self.options_with(changes)
         assert isinstance(options, QuickestOptions)

@@ -1,7 +1,7 @@
 """The agent on simulators of others beside rules that are tuned in each world: `compare --simulators`."""
 
 from collections.abc import Callable, Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import distributions
 from pathlib import Path
 from typing import Any
 
@@ -70,14 +70,7 @@ def current_seal() -> dict[str, dict[str, str]]:
     """Return the digests of the code of worlds, rules and agent, of its weights, and versions of the simulators."""
     code = {file.stem: file for file in (Path(str(one.__file__)) for one in FROZEN)}
     found = current_digests(code, UNKNOWN, {name: name for name in LEARNED}, simulators.COMPARED[0])
-    return found | {"programs": {name: _version(name) for name in PROGRAMS}}
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "missing"
+    return found | {"programs": {one.name: one.version for one in distributions() if one.name in PROGRAMS}}
 
 
 def tables(found: Found) -> list[Any]:

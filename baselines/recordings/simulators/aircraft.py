@@ -7,12 +7,7 @@ slips in turns even with full rudder. JSBSim is a module of its own (extra
 `simulators`), with the aircraft in it.
 """
 
-import contextlib
-import ctypes
-import functools
 import math
-import os
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -69,18 +64,18 @@ class Aircraft:
         return self.speed**2 / (GRAVITY * math.tan(math.radians(self.bank))) / self.turning
 
     @property
-    def radian(self) -> float:
-        """Time in which it turns by a radian [s]."""
-        return self.radius / self.speed
-
-    @property
     def lasting(self) -> tuple[float, float]:
-        """See `Vehicle.lasting`: a mode lasts a radian and, on average, twice of it more."""
-        return self.radian, 2.0 * self.radian
+        """Durations of modes: the least one, of a radian, and the mean of what is exponential beyond it [s]."""
+        return self.radius / self.speed, 2.0 * self.radius / self.speed
 
     def travel(self, seed: int, duration: float) -> Path:
-        """See `Vehicle.travel`."""
-        return fly(self, seed, duration)
+        """Return the path of a duration [s], with modes and banks drawn by a seed."""
+        generator = np.random.default_rng(seed)
+        count = round(duration / CONTROL)
+        modes, commands = draw_commands(self, count, generator)
+        heading = generator.uniform(0.0, 360.0)
+        flown = _fly(self, heading, np.append(np.zeros(round(SETTLED / CONTROL)), commands))
+        return flown_path(flown[-count:], modes)
 
 
 AIRCRAFT = {
@@ -88,26 +83,6 @@ AIRCRAFT = {
     "airliner": Aircraft("737", 20000.0, 280.0, 192.5, 25.0, 0.95, (0.8, 1.6, 3.2), (20.0, 100.0, 500.0)),
     "fighter": Aircraft("f16", 15000.0, 350.0, 221.6, 45.0, 0.73, (0.5, 1.0, 2.0), (20.0, 80.0, 320.0)),
 }
-
-
-@functools.lru_cache(maxsize=512)
-def fly(craft: Aircraft, seed: int, duration: float) -> Path:
-    """Return a flight of a duration [s], with modes and banks drawn by a seed.
-
-    Args:
-        craft: of JSBSim.
-        seed: of the random numbers.
-        duration: [s].
-
-    Raises:
-        ModuleNotFoundError: JSBSim is not installed.
-    """
-    generator = np.random.default_rng(seed)
-    count = round(duration / CONTROL)
-    modes, commands = draw_commands(craft, count, generator)
-    heading = generator.uniform(0.0, 360.0)
-    flown = _fly(craft, heading, np.append(np.zeros(round(SETTLED / CONTROL)), commands))[-count:]
-    return flown_path(flown[:, :2], modes, flown[:, 2])
 
 
 def draw_commands(craft: Aircraft, count: int, generator: np.random.Generator) -> tuple[IntArray, FloatArray]:
@@ -126,36 +101,19 @@ def draw_commands(craft: Aircraft, count: int, generator: np.random.Generator) -
     return modes, banks
 
 
-@contextlib.contextmanager
-def _silent() -> Iterator[None]:
-    """Discard what JSBSim prints when a model is loaded, below Python's standard output."""
-    flush = ctypes.CDLL(None).fflush  # of C, whose buffer would be printed later
-    flush(None)
-    kept, nothing = os.dup(1), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nothing, 1)
-    try:
-        yield
-    finally:
-        flush(None)
-        os.dup2(kept, 1)
-        os.close(kept)
-        os.close(nothing)
-
-
 def _fly(craft: Aircraft, heading: float, commands: FloatArray) -> FloatArray:
-    """Return velocity east and north [m/s] and bank [deg] after every correction of the controls, (n, 3)."""
+    """Return velocity east and north [m/s] after every correction of the controls, (n, 2)."""
     import jsbsim  # an extra
 
-    with _silent():
-        model = jsbsim.FGFDMExec(jsbsim.get_default_root_dir())
-        model.set_debug_level(0)
-        model.load_model(craft.name)
-        model.set_dt(STEP)
-        for name, value in (("h-sl-ft", craft.height), ("vc-kts", craft.airspeed), ("psi-true-deg", heading)):
-            model[f"ic/{name}"] = value
-        model.run_ic()
-        model["propulsion/set-running"] = -1
-        model["simulation/do_simple_trim"] = 1
+    jsbsim.set_logger(jsbsim.FGLogger())  # which prints nothing
+    model = jsbsim.FGFDMExec(jsbsim.get_default_root_dir())
+    model.load_model(craft.name)
+    model.set_dt(STEP)
+    for name, value in (("h-sl-ft", craft.height), ("vc-kts", craft.airspeed), ("psi-true-deg", heading)):
+        model[f"ic/{name}"] = value
+    model.run_ic()
+    model["propulsion/set-running"] = -1
+    model["simulation/do_simple_trim"] = 1
     nodes = model.get_property_manager()
 
     def node(name: str) -> Any:  # None where there is none
@@ -169,11 +127,10 @@ def _fly(craft: Aircraft, heading: float, commands: FloatArray) -> FloatArray:
     speed, knots = read("velocities/vt-fps"), read("velocities/vc-kts")
     east, north = read("velocities/v-east-fps"), read("velocities/v-north-fps")
     aileron, elevator = (node(f"fcs/{name}-cmd-norm") for name in ("aileron", "elevator"))
-    throttles = [node(f"fcs/throttle-cmd-norm[{k}]") for k in range(ENGINES)]
-    throttles = [one for one in throttles if one is not None]
+    throttles = [one for k in range(ENGINES) if (one := node(f"fcs/throttle-cmd-norm[{k}]")) is not None]
     trimmed, power, level = elevator.get_double_value(), throttles[0].get_double_value(), height()
     side, up = 0.0, 0.0  # integrals
-    found = np.empty((len(commands), 3))
+    found = np.empty((len(commands), 2))
     for k, command in enumerate(commands.tolist()):
         error = command - bank()
         if abs(error) < NEAR:
@@ -188,7 +145,7 @@ def _fly(craft: Aircraft, heading: float, commands: FloatArray) -> FloatArray:
             throttle.set_double_value(thrust)
         for _ in range(STEPS):
             model.run()
-        found[k] = FOOT * east(), FOOT * north(), bank()
+        found[k] = FOOT * east(), FOOT * north()
     return found
 
 

@@ -39,7 +39,7 @@ class Airliner(Aircraft):
     module: ClassVar[str] = "bluesky"
 
     def travel(self, seed: int, duration: float) -> Path:
-        """See `Vehicle.travel`."""
+        """See `Aircraft.travel`."""
         return _fly_together(self, seed // TOGETHER, duration)[seed % TOGETHER]
 
 

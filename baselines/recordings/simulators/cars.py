@@ -41,8 +41,8 @@ class RoadNet:
         flags: of `netgenerate`, by which it is made.
         speed: median of the cars [m/s].
         radius: median in turns [m].
-        lasting: see `Vehicle.lasting`, with the mean of both kinds of modes.
-        ticks, noises: see `Vehicle`.
+        lasting: see `Aircraft.lasting`, with the mean of both kinds of modes.
+        ticks, noises: see `Aircraft`.
     """
 
     simulator: ClassVar[str] = "SUMO"
@@ -56,7 +56,7 @@ class RoadNet:
     noises: tuple[float, ...] = (0.5, 1.5, 5.0)
 
     def travel(self, seed: int, duration: float) -> Path:
-        """See `Vehicle.travel`."""
+        """See `Aircraft.travel`."""
         return _drive_together(self, seed // TOGETHER, duration)[seed % TOGETHER]
 
 

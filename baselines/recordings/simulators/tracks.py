@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from baselines.recordings.simulators.aircraft import AIRCRAFT
+from baselines.recordings.simulators.aircraft import AIRCRAFT, Aircraft
 from baselines.recordings.simulators.airliners import AIRLINERS
-from baselines.recordings.simulators.cars import CARS
-from baselines.recordings.simulators.paths import CONTROL, Path, Vehicle
+from baselines.recordings.simulators.cars import CARS, RoadNet
+from baselines.recordings.simulators.paths import CONTROL, Path
 from baselines.recordings.simulators.process_noise import LikeliestNoise
 from baselines.rules.decider import Actions, Observations
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.live import MeasuredTracks
 from hybrid_env.quickest_options import QuickestOptions
 
-VEHICLES: dict[str, Vehicle] = {**AIRCRAFT, **AIRLINERS, **CARS}
+VEHICLES: dict[str, Aircraft | RoadNet] = {**AIRCRAFT, **AIRLINERS, **CARS}
 """What moves in the worlds, by name."""
 
 MINUTES = 15.0
@@ -93,7 +93,7 @@ class GivenTracks(ABC):
         assert seed is not None
         self._points, self._modes, starts = self.travel(seed)
         self._tick = 0
-        self._chooser = LikeliestNoise(self.options) if len(self.worlds) > 1 else None
+        self._chooser = LikeliestNoise(self.options)
         for world in self.worlds:
             world.begin_all(starts, np.diag(self.options.start_variances), self._modes[0])
         return self._measure(), {}
@@ -106,8 +106,6 @@ class GivenTracks(ABC):
         return self._rows()
 
     def _rows(self) -> Observations:
-        if self._chooser is None:
-            return self.world.take_rows()
         return self._chooser.choose(np.stack([world.take_rows() for world in self.worlds]))
 
     def step(self, actions: Actions) -> tuple[Observations, FloatArray, BoolArray, BoolArray, dict[str, Any]]:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from baselines.recordings.simulators.aircraft import AIRCRAFT, fly
+from baselines.recordings.simulators.aircraft import AIRCRAFT
 from baselines.recordings.simulators.paths import CONTROL
 
 
@@ -14,13 +14,13 @@ def test_aircraft_turn_as_commanded_after_they_have_rolled(kind):
     settled = np.full(len(rates), True)
     for switch in (0, *np.flatnonzero(np.diff(path.modes))):
         settled[switch : switch + 1 + round(12.0 / CONTROL)] = False
-        rolled = path.banks[switch + round(0.5 / CONTROL)] - path.banks[switch]
-        assert abs(rolled) < 0.7 * craft.bank  # it takes seconds
+        change = rates[switch + round(0.5 / CONTROL)] - rates[switch]
+        assert abs(change) * craft.lasting[0] < 0.7  # it takes seconds to roll
     signs = np.array([0.0, 1.0, -1.0])[path.modes]
     turning = settled & (path.modes != 0)
-    turned = rates[turning] * signs[turning] * craft.radian
+    turned = rates[turning] * signs[turning] * craft.lasting[0]
     assert 0.7 < turned.min() < turned.max() < 1.5
-    assert np.abs(rates[settled & (path.modes == 0)]).max() * craft.radian < 0.1
+    assert np.abs(rates[settled & (path.modes == 0)]).max() * craft.lasting[0] < 0.1
     speeds = np.hypot(vx, vy)
     assert np.abs(speeds / craft.speed - 1.0).max() < 0.05
     assert np.ptp(speeds) > 0.002 * craft.speed  # it changes in turns
@@ -30,7 +30,7 @@ def test_aircraft_turn_as_commanded_after_they_have_rolled(kind):
 
 def test_flights_are_those_of_their_seeds(capfd):
     pytest.importorskip("jsbsim")
-    first, other = (fly.__wrapped__(AIRCRAFT["airliner"], seed, 20.0).states for seed in (5, 6))
-    np.testing.assert_array_equal(fly.__wrapped__(AIRCRAFT["airliner"], 5, 20.0).states, first)
+    first, other = (AIRCRAFT["airliner"].travel(seed, 20.0).states for seed in (5, 6))
+    np.testing.assert_array_equal(AIRCRAFT["airliner"].travel(5, 20.0).states, first)
     assert not np.array_equal(first, other)
     assert capfd.readouterr().out == ""
