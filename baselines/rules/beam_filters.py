@@ -215,9 +215,8 @@ def _extend(branches: Branches, track: int, children: Branches, model: BeamModel
         row, age = branches.rows[track, b], branches.ages[track, b]
         turns = 1 if branches.modes[track, b] > 0 else 0
         if learns:
-            beliefs = branches.habits.beliefs[track, branches.slots[track, b]]
-            table = model.tables[row, min(age, model.tables.shape[1]) - 1]
-            hazard = expected_hazard(beliefs, table[0], table[1])
+            oldest, slot = min(age, model.tables.shape[1]) - 1, branches.slots[track, b]
+            hazard = expected_hazard(branches.habits, track, slot, model.tables, row, oldest)
         else:
             hazard = model.hazards[2 * row + turns, min(age, model.hazards.shape[1]) - 1]
         weight = branches.filters[track, b // LANES].log_likelihood[b % LANES]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.core.compilation import internal, summing
 
-Laws = NDArray[np.float32]  # (L,) of one number for each law
+Tables = NDArray[np.float32]  # (2, ages, 2, L), see `beam_filters.BeamModel`
 
 SAME = 0  # row of the beliefs in one law for all modes; rows 1 and 2 are straight motion and turns
 NEGLIGIBLE = 1e-3  # probability of a parent whose habits are left out of a mixture
@@ -49,10 +49,9 @@ def begin_habits(habits: Habits, track: int, slots: int, prior: FloatArray, habi
 @internal
 def _begin_segment(habits: Habits, track: int, slot: int, mode: int) -> None:
     """Write what concerns a segment of a mode: the beliefs, and the probabilities of the next modes."""
-    laws, beliefs = habits.laws[track, slot], habits.beliefs[track, slot]
-    same, own = laws[SAME], laws[2 if mode > 0 else 1]
-    for law in range(beliefs.size):
-        beliefs[law] = same[law] + own[law]
+    laws, own = habits.laws, 2 if mode > 0 else 1
+    for law in range(laws.shape[3]):
+        habits.beliefs[track, slot, law] = laws[track, slot, SAME, law] + laws[track, slot, own, law]
     counts, habitual = habits.orders[track, slot, mode], habits.habitual[track, slot]
     total, modes = 0.0, counts.size
     for k in range(modes):
@@ -64,56 +63,52 @@ def _begin_segment(habits: Habits, track: int, slot: int, mode: int) -> None:
 
 
 @summing
-def expected_hazard(beliefs: Laws, lasted: Laws, ended: Laws) -> float:
-    """Return the probability that a segment ends after its present tick, given (L,) beliefs when it began.
+def expected_hazard(habits: Habits, track: int, slot: int, tables: Tables, row: int, age: int) -> float:
+    """Return the probability that a segment ends after its present tick, by the beliefs when it began.
 
-    lasted, ended: (L,) probabilities that it lasts to this tick, and that it ends after it.
+    row, age: of the tables, see `beam_filters.BeamModel`.
     """
     total, ends = np.float32(0.0), np.float32(0.0)
-    for law in range(beliefs.size):
-        total += beliefs[law] * lasted[law]
-        ends += beliefs[law] * ended[law]
+    for law in range(tables.shape[3]):
+        total += habits.beliefs[track, slot, law] * tables[row, age, 0, law]
+        ends += habits.beliefs[track, slot, law] * tables[row, age, 1, law]
     return min(float(ends / total), 1.0) if total > 0.0 else 1.0
 
 
 @summing
 def _sums(
-    same: NDArray[np.float32], own: NDArray[np.float32], ended: NDArray[np.float32]
+    laws: NDArray[np.float32], track: int, slot: int, own: int, tables: Tables, row: int, age: int
 ) -> tuple[np.float32, np.float32, np.float32]:
-    """Return the sums of same x ended, own x ended and own."""
+    """Return the sums of same x ended, own x ended and own; `own` is the row of the present kind of motion."""
     total, part, before = np.float32(0.0), np.float32(0.0), np.float32(0.0)
-    for law in range(ended.size):
-        total += same[law] * ended[law]
-        part += own[law] * ended[law]
-        before += own[law]
+    for law in range(laws.shape[3]):
+        total += laws[track, slot, SAME, law] * tables[row, age, 1, law]
+        part += laws[track, slot, own, law] * tables[row, age, 1, law]
+        before += laws[track, slot, own, law]
     return total, part, before
 
 
 @internal
-def _add_product(
-    target: NDArray[np.float32], scale: np.float32, values: NDArray[np.float32], ended: NDArray[np.float32]
-) -> None:
-    for law in range(ended.size):
-        target[law] += scale * values[law] * ended[law]
+def _add_posterior(
+    laws: NDArray[np.float32], track: int, slot: int, parent: int, weight: float, turns: int,
+    tables: Tables, row: int, age: int,
+) -> None:  # fmt: skip
+    """Add to the laws of a slot those of a parent after the end of its segment, times a weight; see `expected_hazard`.
 
-
-@internal
-def _add_posterior(target: Laws, laws: Laws, weight: float, turns: int, ended: Laws) -> None:
-    """Add the beliefs (3, L) after the end of a segment, times a weight; see `expected_hazard`.
-
-    laws: when it began; turns: 1 if it was a turn.
+    turns: 1 if the segment was a turn. Arrays are indexed and not sliced: a slice of numba counts its references.
     """
-    same, own, before = _sums(laws[SAME], laws[1 + turns], ended)
-    if same + own <= 0.0:
-        target += np.float32(weight) * laws
+    own, other = 1 + turns, 2 - turns
+    joint, apart, before = _sums(laws, track, parent, own, tables, row, age)
+    if joint + apart <= 0.0:
+        laws[track, slot] += np.float32(weight) * laws[track, parent]
         return
-    scale = np.float32(weight / (same + own))
-    _add_product(target[SAME], scale, laws[SAME], ended)
-    _add_product(target[1 + turns], scale, laws[1 + turns], ended)
-    if before > 0.0:
-        goal, values, share = target[2 - turns], laws[2 - turns], scale * own / before
-        for law in range(ended.size):
-            goal[law] += share * values[law]
+    scale = np.float32(weight / (joint + apart))
+    share = scale * apart / before if before > 0.0 else np.float32(0.0)
+    for law in range(laws.shape[3]):
+        ended = scale * tables[row, age, 1, law]
+        laws[track, slot, SAME, law] += ended * laws[track, parent, SAME, law]
+        laws[track, slot, own, law] += ended * laws[track, parent, own, law]
+        laws[track, slot, other, law] += share * laws[track, parent, other, law]
 
 
 @internal
@@ -128,7 +123,7 @@ def free_slots(used: IntArray, habits: Habits) -> IntArray:
 @internal
 def merge_habits(
     habits: Habits, track: int, slot: int, mode: int, weights: FloatArray,
-    slots: IntArray, modes: IntArray, rows: IntArray, ages: IntArray, tables: NDArray[np.float32],
+    slots: IntArray, modes: IntArray, rows: IntArray, ages: IntArray, tables: Tables,
 ) -> None:  # fmt: skip
     """Write the habits of a branch that begins with a switch to a mode: the mixture of its parents."""
     laws, orders = habits.laws[track, slot], habits.orders[track, slot]
@@ -141,19 +136,16 @@ def merge_habits(
     for b in range(weights.size):
         if weights[b] > least:
             share = weights[b] / total
-            ended = tables[rows[b], min(ages[b], tables.shape[1]) - 1, 1]
-            turns = 1 if modes[b] > 0 else 0
-            _add_posterior(laws, habits.laws[track, slots[b]], share, turns, ended)
+            turns, age = 1 if modes[b] > 0 else 0, min(ages[b], tables.shape[1]) - 1
+            _add_posterior(habits.laws, track, slot, slots[b], share, turns, tables, rows[b], age)
             by_chance = (1.0 - habits.habitual[track, slots[b]]) / (orders.shape[0] - 1)
             habitual += share * (1.0 - by_chance / habits.following[track, slots[b], mode])
-            counts = habits.orders[track, slots[b]]
-            for row in range(counts.shape[0]):
-                for column in range(counts.shape[0]):
-                    orders[row, column] += np.float32(share) * counts[row, column]
+            for row in range(orders.shape[0]):
+                for column in range(orders.shape[0]):
+                    orders[row, column] += np.float32(share) * habits.orders[track, slots[b], row, column]
             orders[modes[b], mode] += np.float32(share)
     for row in range(3):
-        values = laws[row]
-        for law in range(values.size):
-            values[law] = values[law] if values[law] > SMALLEST else np.float32(0.0)
+        for law in range(laws.shape[1]):
+            laws[row, law] *= np.float32(laws[row, law] > SMALLEST)
     habits.habitual[track, slot] = habitual
     _begin_segment(habits, track, slot, mode)
