@@ -8,7 +8,7 @@ from typing import Any, Self
 from agents.evaluation.task import Recorded
 from agents.evaluation.unknown import UnknownTask
 from baselines.recordings.simulators.process_noise import FACTORS
-from baselines.recordings.simulators.tracks import MINUTES, VEHICLES, SimulatedTracks, world_options
+from baselines.recordings.simulators.tracks import MINUTES, VEHICLES, simulated_tracks, world_options
 from baselines.rules.rollout import record_in
 from hybrid_env.quickest_options import QuickestOptions
 
@@ -65,7 +65,7 @@ class SimulatorTask(UnknownTask):
         options = self.options_with(changes)
         assert isinstance(options, QuickestOptions)
         factors = FACTORS if self.likeliest else (1.0,)
-        found = record_in(lambda: SimulatedTracks(self.kind, options, episodes, factors), deciders, seed)
+        found = record_in(lambda: simulated_tracks(self.kind, options, episodes, factors), deciders, seed)
         return [self.measured(statements) for statements in found]
 
 

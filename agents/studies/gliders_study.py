@@ -83,12 +83,8 @@ class GliderComparison:
     @property
     def seal(self) -> dict[str, Any]:
         """What `SEAL` holds once these settings are to be fixed."""
-        return current_seal() | {
-            "settings": {
-                f"{level:g}": {name: one[SEALED] for name, one in by_name.items()}
-                for level, by_name in self.chosen.items()
-            }
-        }
+        found = {level: {name: one[SEALED] for name, one in some.items()} for level, some in self.chosen.items()}
+        return current_seal() | {"settings": {f"{level:g}": some for level, some in found.items()}}
 
 
 def select(scores: Scores, level: float) -> int:

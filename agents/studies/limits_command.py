@@ -13,7 +13,7 @@ from agents.interface.help_texts import shown_default
 from agents.interface.output_files import output_folder, write_files
 from agents.interface.parallel import ParallelArguments
 from agents.interface.progress import print_lines, shown
-from agents.interface.world_arguments import TrustArguments
+from agents.interface.world_arguments import DEFAULT_ENV, TrustArguments
 from agents.studies import departures, limits
 from baselines.rules import seeds
 from hybrid_env.checks import check_integer, reject
@@ -33,7 +33,8 @@ class Limits(TrustArguments, ParallelArguments):
     """Evaluate deciders in worlds that depart from what they are told, step by step (heavy tails, process noise,
     radii, durations), beside the best rule that is told; 1,000 episodes take about 20 minutes."""
     deciders: tuple[str, ...] = ()
-    """Further deciders to evaluate on every filter bank with known switch moments, as 'mine.py:MyRule'."""
+    """Further deciders to evaluate on every filter bank with known switch moments, as 'mine.py:MyRule'; with
+    --departures on the published bank only."""
     episodes: int = 3000
     """Number of episodes per rule; a third as many others serve to select thresholds."""
     seed: int = 0
@@ -52,7 +53,7 @@ class Limits(TrustArguments, ParallelArguments):
         if self.deciders and self.env is not None:
             raise reject("deciders", self.deciders, f"none in {quickest}, where compare evaluates them")
         for name in self.deciders:
-            for env in limits.RULES:
+            for env in (DEFAULT_ENV,) if self.departures else limits.RULES:
                 find_family(name, task_of(env).options)
         largest = max(self.episodes, limits.CALIBRATION_EPISODES)
         if self.seed + largest > seeds.SELECTION:

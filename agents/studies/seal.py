@@ -10,19 +10,14 @@ from agents.evaluation.registry import SHIPPED, policy_folder
 from hybrid_env.checks import reject
 
 
-def digests(files: Mapping[str, Path]) -> dict[str, str]:
-    """Return the SHA-256 of files by name."""
-    return {name: sha256(file.read_bytes()).hexdigest() for name, file in files.items()}
-
-
 def current_digests(
     code: Mapping[str, Path], switches: str, learned: Mapping[str, str], agent: str = SHIPPED
 ) -> dict[str, dict[str, str]]:
-    """Return the digests of code by name, of files of an agent of the package for a task, and of its weights."""
+    """Return the SHA-256 of code by name, of files of an agent of the package for a task, and of its weights."""
     folder = policy_folder(agent, switches)
     own = {name: folder.parent / f"{file}.py" for name, file in learned.items()}  # importing them loads PyTorch
-    weights = {file.name: file for file in sorted(folder.glob("policy.*"))}
-    return {"code": digests({**code, **own}), "weights": digests(weights)}
+    parts = {"code": {**code, **own}, "weights": {file.name: file for file in sorted(folder.glob("policy.*"))}}
+    return {part: {name: sha256(file.read_bytes()).hexdigest() for name, file in parts[part].items()} for part in parts}
 
 
 def unbroken_seal(path: Path, found: Mapping[str, Mapping[str, Any]], data: str, names: Sequence[str] = ()) -> Any:

@@ -17,7 +17,7 @@ from agents.interface.parallel import Workers
 from agents.studies.seal import current_digests, unbroken_seal
 from agents.studies.shifts import Shift, differences, differences_json, evaluate_shifts, shift_table
 from baselines.recordings.simulators import aircraft, airliners, cars, paths, process_noise, tracks
-from baselines.recordings.simulators.tracks import VEHICLES, SimulatedTracks
+from baselines.recordings.simulators.tracks import VEHICLES, simulated_tracks
 from baselines.rules import beam, seeds, threshold
 from baselines.rules.decider import UNKNOWN
 from baselines.scoring.estimates import Estimate
@@ -76,8 +76,8 @@ def current_seal() -> dict[str, dict[str, str]]:
 def tables(found: Found) -> list[Any]:
     """Return the table of all worlds, and with several deciders the counts as a sentence."""
     results, _ = found
-    size = results[0].task.size(results[0].own.episodes)
-    tables: list[Any] = [shift_table(results, f"Simulators of others: {size} a world")]
+    title = f"Simulators of others: {results[0].task.size(results[0].own.episodes)} a world"
+    tables: list[Any] = [shift_table(results, title)]
     if len({one.decider for one in results}) > 1:
         first, number = results[0].decider, counts(results)
         tables.append(
@@ -105,11 +105,11 @@ def mismatch(task: SimulatorTask, seed: int) -> float:
     """
     options = task.options_with({})
     assert isinstance(options, QuickestOptions)
-    tracks, layout = SimulatedTracks(task.kind, options, PATHS), QuickestLayout(options.hypotheses)
-    rows, _ = tracks.reset(seed=seed)
+    env, layout = simulated_tracks(task.kind, options, PATHS, (1.0,)), QuickestLayout(options.hypotheses)
+    rows, _ = env.reset(seed=seed)
     squares = []
     for _ in range(options.ticks - 1):
-        rows, *_ = tracks.step(np.zeros(PATHS, np.int64))
+        rows, *_ = env.step(np.zeros(PATHS, np.int64))
         each = sum(layout.read(rows, f"innovation_{axis}") ** 2 for axis in ("along", "across"))
         squares.append(0.5 * (np.exp(layout.read(rows, "log_probability")) * each).sum(-1))
     return float(np.mean(squares))
@@ -123,9 +123,8 @@ def mismatch_figure(results: Sequence[Shift], mismatches: Mapping[str, float]) -
         worlds = sorted((world for world in gains if world.startswith(f"{kind},")), key=lambda world: mismatches[world])
         if not worlds:
             continue
-        found = [gains[world][1] for world in worlds]
-        style = FURTHER_STYLES[sum(map(len, curves.values()))]
-        curve = Curve(kind, style, [mismatches[world] for world in worlds], found, dashes=":", filled=True)
+        places, found = [mismatches[world] for world in worlds], [gains[world][1] for world in worlds]
+        curve = Curve(kind, FURTHER_STYLES[sum(map(len, curves.values()))], places, found, dashes=":", filled=True)
         curves.setdefault(one.simulator, []).append(curve)
     x = Axis("mean squared whitened innovation", levels=(1.0,))
     y = Axis("reward less that of the best tuned rule", levels=(0.0, -ALLOWED))

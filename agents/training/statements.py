@@ -30,7 +30,9 @@ from agents.learned.statement_net import StatementOutputs, count_ages, statement
 from agents.training.run import OwnNetworkRun, Round
 from agents.training.settings import StatementSettings
 from baselines.recordings.log_uniform import log_uniform
-from baselines.recordings.simulators.inexact import InexactTracks, draw_told
+from baselines.recordings.simulators.inexact import draw_told, inexact_travel
+from baselines.recordings.simulators.process_noise import FACTORS
+from baselines.recordings.simulators.tracks import GivenTracks
 from baselines.rules import seeds
 from baselines.rules.measurements import OBSERVED
 from hybrid_env.checks import reject
@@ -261,9 +263,9 @@ class JumpMarkovRun(TrackRun):
 
 
 def make_tracks(world: QuickestOptions, tracks: int, inexact: bool) -> Any:
-    """Return a vector environment, in which objects move as told, or otherwise; see `InexactTracks`."""
+    """Return a vector environment. Objects move as told, or otherwise with rows of the likeliest process noise."""
     if inexact:
-        return InexactTracks(world, tracks)
+        return GivenTracks(inexact_travel, world, tracks, FACTORS)
     return HybridTrackQuickestVectorEnv(tracks, autoreset_mode="Disabled", tick_info=False, **vars(world))
 
 
@@ -273,7 +275,7 @@ def simulate(
     """Return inputs (T, N, M - 1, k), log-probabilities (T, N, M) and true modes (T, N) of one episode each.
 
     The inputs are those of the network of a decider, by default a `StatementDecider`; the network is not used.
-    inexact: whether objects move otherwise than told, see `InexactTracks`.
+    inexact: whether objects move otherwise than told, see `make_tracks`.
     """
     if decider is None:
         decider = StatementDecider(StatementDecider.network(1), world)

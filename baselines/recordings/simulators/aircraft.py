@@ -114,10 +114,7 @@ def _fly(craft: Aircraft, heading: float, commands: FloatArray) -> FloatArray:
     model.run_ic()
     model["propulsion/set-running"] = -1
     model["simulation/do_simple_trim"] = 1
-    nodes = model.get_property_manager()
-
-    def node(name: str) -> Any:  # None where there is none
-        return nodes.get_node(name)
+    node: Any = model.get_property_manager().get_node  # None where there is none
 
     def read(name: str) -> Any:
         return node(name).get_double_value

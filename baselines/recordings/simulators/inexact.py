@@ -11,8 +11,7 @@ import numpy as np
 from numpy.random import Generator
 
 from baselines.recordings.log_uniform import log_uniform
-from baselines.recordings.simulators.process_noise import FACTORS
-from baselines.recordings.simulators.tracks import GivenTracks
+from baselines.recordings.simulators.tracks import Paths
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.durations import ModeDurations, parse_durations
 from hybrid_env.quickest_options import QuickestOptions
@@ -51,28 +50,22 @@ def draw_told(generator: Generator, options: QuickestOptions) -> QuickestOptions
     return replace(options, durations=law, hazard=hazard, measurement_variance=variance, radii=radii)
 
 
-class InexactTracks(GivenTracks):
-    """Tracks that move otherwise than told; rows are those of the likeliest process noise. See `GivenTracks`.
+def inexact_travel(options: QuickestOptions, tracks: int, seed: int) -> Paths:
+    """Return paths of objects that move otherwise than told; the modes are those of the environment.
 
     Tracks with a law of durations for each kind of motion are like those of cars.
     """
-
-    def __init__(self, options: QuickestOptions, tracks: int):
-        super().__init__(options, tracks, FACTORS)
-
-    def travel(self, seed: int) -> tuple[FloatArray, IntArray, FloatArray]:
-        """See `GivenTracks.travel`; the modes are those of the environment of the options."""
-        options, generator = self.options, np.random.default_rng(seed)
-        env = HybridTrackQuickestVectorEnv(self.num_envs, autoreset_mode="Disabled", tick_info=False, **vars(options))
-        env.reset(seed=seed)
-        modes = np.empty((options.ticks, self.num_envs), np.int64)
-        for tick in range(options.ticks):
-            modes[tick] = env.world.field("true_mode")
-            env.step(np.zeros(self.num_envs, np.int64))
-        positions, first = inexact_paths(options, modes, generator)
-        deviation = np.sqrt(options.variances[0])
-        starts = first + np.sqrt(options.start_variances) * generator.standard_normal(first.shape)
-        return positions + deviation * generator.standard_normal(positions.shape), modes, starts
+    generator = np.random.default_rng(seed)
+    env = HybridTrackQuickestVectorEnv(tracks, autoreset_mode="Disabled", tick_info=False, **vars(options))
+    env.reset(seed=seed)
+    modes = np.empty((options.ticks, tracks), np.int64)
+    for tick in range(options.ticks):
+        modes[tick] = env.world.field("true_mode")
+        env.step(np.zeros(tracks, np.int64))
+    positions, first = inexact_paths(options, modes, generator)
+    starts = first + np.sqrt(options.start_variances) * generator.standard_normal(first.shape)
+    noise = np.sqrt(options.variances[0]) * generator.standard_normal(positions.shape)
+    return positions + noise, modes, starts
 
 
 def inexact_paths(options: QuickestOptions, modes: IntArray, generator: Generator) -> tuple[FloatArray, FloatArray]:

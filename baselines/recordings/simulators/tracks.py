@@ -2,8 +2,7 @@
 
 import functools
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -54,13 +53,21 @@ def _path(kind: str, seed: int, duration: float) -> Path:
     return VEHICLES[kind].travel(seed, duration)
 
 
-class GivenTracks(ABC):
+Paths = tuple[FloatArray, IntArray, FloatArray]
+"""Measured positions (T, N, 2) [m], true modes (T, N), and estimates of the states [x, vx, y, vy] one tick before the
+first of them (N, 4), with the error of the options."""
+
+Travel = Callable[[QuickestOptions, int, int], Paths]
+"""Makes the paths of some options, of a number of tracks N and of a seed."""
+
+
+class GivenTracks:
     """Given paths with noise as a vector environment with the rows of `hybrid_env.HybridTrackQuickestEnv`.
 
-    Base class; the subclasses say what moves. Bank and deciders know the mode in which a path begins, and an
-    estimate with the error of the options.
+    Bank and deciders know the mode in which a path begins, and an estimate with the error of the options.
 
     Args:
+        travel: what moves.
         options: of the bank; `tau` and `measurement_variance` are those of the sensor.
         tracks: N.
         factors: process noise of the banks, as factors of that of the options, 1 among them; of several, rows are
@@ -72,26 +79,17 @@ class GivenTracks(ABC):
         world: arrays of the bank with the process noise of the options.
     """
 
-    def __init__(self, options: QuickestOptions, tracks: int, factors: Sequence[float] = (1.0,)):
-        self.options, self.num_envs = options, tracks
+    def __init__(self, travel: Travel, options: QuickestOptions, tracks: int, factors: Sequence[float] = (1.0,)):
+        self.travel, self.options, self.num_envs = travel, options, tracks
         told = [replace(options, process_variance=one * options.process_variance) for one in factors]
         self.worlds = [MeasuredTracks(one, tracks) for one in told]
         self.world = self.worlds[list(factors).index(1.0)]
         self.single_action_space = spaces.Discrete(options.hypotheses)
 
-    @abstractmethod
-    def travel(self, seed: int) -> tuple[FloatArray, IntArray, FloatArray]:
-        """Return paths of N tracks.
-
-        Returns:
-            Measured positions (T, N, 2) [m], true modes (T, N), and estimates of the states [x, vx, y, vy] one tick
-            before the first of them (N, 4), with the error of the options.
-        """
-
     def reset(self, *, seed: int | None = None) -> tuple[Observations, dict[str, Any]]:
         """Begin the paths of the seeds, and measure their first positions."""
         assert seed is not None
-        self._points, self._modes, starts = self.travel(seed)
+        self._points, self._modes, starts = self.travel(self.options, self.num_envs, seed)
         self._tick = 0
         self._chooser = LikeliestNoise(self.options)
         for world in self.worlds:
@@ -117,30 +115,22 @@ class GivenTracks(ABC):
         return rows, np.zeros(self.num_envs), ended, np.zeros(self.num_envs, np.bool_), {}
 
 
-class SimulatedTracks(GivenTracks):
-    """Paths in a simulator, see `GivenTracks`. Track i has the path of seed s + i, whatever noise and tick are.
+def simulated_tracks(kind: str, options: QuickestOptions, tracks: int, factors: Sequence[float]) -> GivenTracks:
+    """Return tracks of a key of `VEHICLES`; other arguments as for `GivenTracks`."""
+    return GivenTracks(functools.partial(simulated_travel, kind), options, tracks, factors)
 
-    Args:
-        kind: key of `VEHICLES`.
-        options, tracks, factors: see `GivenTracks`.
-    """
 
-    def __init__(self, kind: str, options: QuickestOptions, tracks: int, factors: Sequence[float] = (1.0,)):
-        super().__init__(options, tracks, factors)
-        self.kind = kind
-
-    def travel(self, seed: int) -> tuple[FloatArray, IntArray, FloatArray]:
-        """See `GivenTracks.travel`."""
-        options, deviation = self.options, math.sqrt(self.options.variances[0])
-        ends = options.tau * np.arange(options.ticks + 1)
-        moments = CONTROL * np.arange(round(60.0 * MINUTES / CONTROL))
-        rows = np.minimum(np.searchsorted(moments, ends - 0.5 * CONTROL), len(moments) - 1)
-        points, starts, modes = [], [], np.empty((options.ticks, self.num_envs), np.int64)
-        for track in range(self.num_envs):
-            path = _path(self.kind, seed + track, 60.0 * MINUTES)
-            generator = np.random.default_rng([seed + track, NOISE_STREAM])
-            exact = np.stack([np.interp(ends, moments, one) for one in path.states.T], axis=1)
-            starts.append(exact[0] + np.sqrt(options.start_variances) * generator.standard_normal(4))
-            points.append(exact[1:, ::2] + deviation * generator.standard_normal((options.ticks, 2)))
-            modes[:, track] = path.modes[rows[1:]]
-        return np.stack(points, axis=1), modes, np.array(starts)
+def simulated_travel(kind: str, options: QuickestOptions, tracks: int, seed: int) -> Paths:
+    """Return paths of a key of `VEHICLES`. Track i has that of seed s + i, whatever noise and tick are."""
+    deviation, ends = math.sqrt(options.variances[0]), options.tau * np.arange(options.ticks + 1)
+    moments = CONTROL * np.arange(round(60.0 * MINUTES / CONTROL))
+    rows = np.minimum(np.searchsorted(moments, ends - 0.5 * CONTROL), len(moments) - 1)
+    points, starts, modes = [], [], np.empty((options.ticks, tracks), np.int64)
+    for track in range(tracks):
+        path = _path(kind, seed + track, 60.0 * MINUTES)
+        generator = np.random.default_rng([seed + track, NOISE_STREAM])
+        exact = np.stack([np.interp(ends, moments, one) for one in path.states.T], axis=1)
+        starts.append(exact[0] + np.sqrt(options.start_variances) * generator.standard_normal(4))
+        points.append(exact[1:, ::2] + deviation * generator.standard_normal((options.ticks, 2)))
+        modes[:, track] = path.modes[rows[1:]]
+    return np.stack(points, axis=1), modes, np.array(starts)

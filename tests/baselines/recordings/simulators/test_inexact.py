@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from baselines.recordings.simulators import inexact
-from baselines.recordings.simulators.inexact import InexactTracks, draw_told, inexact_paths
+from baselines.recordings.simulators.inexact import draw_told, inexact_paths, inexact_travel
+from baselines.recordings.simulators.process_noise import FACTORS
+from baselines.recordings.simulators.tracks import GivenTracks
 from hybrid_env.durations import ModeDurations
 from hybrid_env.quickest_options import QuickestOptions
 
@@ -54,7 +56,7 @@ def test_rows_do_not_depend_on_units():
     )  # fmt: skip
     rows = []
     for options in (OPTIONS, other):
-        env = InexactTracks(options, 20)
+        env = GivenTracks(inexact_travel, options, 20, FACTORS)
         env.reset(seed=5)
         rows.append(np.array([env.step(np.zeros(20, np.int64))[0] for _ in range(200)]))
     scale = np.ones(rows[0].shape[-1])

@@ -9,7 +9,7 @@ from baselines.recordings.simulators import tracks
 from baselines.recordings.simulators.aircraft import AIRCRAFT
 from baselines.recordings.simulators.paths import CONTROL
 from baselines.recordings.simulators.process_noise import FACTORS, LikeliestNoise
-from baselines.recordings.simulators.tracks import SimulatedTracks, world_options
+from baselines.recordings.simulators.tracks import simulated_tracks, world_options
 from baselines.rules.rollout import record_in
 from hybrid_env.live import MeasuredTracks
 from hybrid_env.quickest_options import QuickestOptions
@@ -24,7 +24,7 @@ def options(monkeypatch):
 
 def test_statements_follow_the_commands(options):
     deciders = [ThresholdDecider(0.6), ThresholdDecider(1.0)]
-    found = record_in(lambda: SimulatedTracks("fighter", options, 3), deciders, 4)
+    found = record_in(lambda: simulated_tracks("fighter", options, 3, (1.0,)), deciders, 4)
     right = [measure_statements(one).right.mean() for one in found]
     assert right[0] > 0.7 > right[1]
     for track in range(3):
