@@ -59,7 +59,7 @@ ROADS: dict[str, tuple[str, list[Level]]] = {
 
 
 def calls(further: Sequence[str], episodes: int, seed: int) -> dict[str, Call]:
-    """Return the parts of the study by name, with `further` deciders for announced switches."""
+    """Return the parts of the study by name, with `further` deciders for announced switches and three hypotheses."""
     found: dict[str, Call] = {}
     for road, (switches, levels) in ROADS.items():
         names = DECIDERS[switches] + (tuple(further) if switches == ANNOUNCED else ())

@@ -150,7 +150,6 @@ def _compare_rule(
     of, settings = np.array([flight.tier.name for flight in flights]), task.all_settings(name)
     told = glider_statements(flights, settings)
     swept = task.score_settings(flights, labels, told)
-    stated: list[IntArray] = []
     scores, every = {}, {}
     for level in LEVELS:
         best = {
@@ -164,11 +163,9 @@ def _compare_rule(
         values = swept.values[np.arange(len(of)), :, chosen][..., None]
         scores[level] = Scores(swept.name, "", (0.0,), swept.columns, values)
         every[level] = {half: settings[k] for half, k in best.items()}
-        if level == LEVELS[1]:
-            stated = [told[settings[k]][row] for row, k in enumerate(chosen)]
     made = glider_statements(copies, list(dict.fromkeys(one[SEALED] for one in every.values())))
     simulated = {level: score_flights(swept.name, copies, copied, made[one[SEALED]]) for level, one in every.items()}
-    return stated, scores, every, simulated
+    return [told[every[LEVELS[1]][half]][row] for row, half in enumerate(of)], scores, every, simulated
 
 
 def samples(flights: Sequence[Flight], labels: Sequence[Labels]) -> dict[str, FloatArray]:

@@ -34,7 +34,7 @@ class Limits(TrustArguments, ParallelArguments):
     radii, durations), beside the best rule that is told; 1,000 episodes take about 20 minutes."""
     deciders: tuple[str, ...] = ()
     """Further deciders to evaluate on every filter bank with known switch moments, as 'mine.py:MyRule'; with
-    --departures on the published bank only."""
+    --departures in HybridTrack-v0 only."""
     episodes: int = 3000
     """Number of episodes per rule; a third as many others serve to select thresholds."""
     seed: int = 0

@@ -70,7 +70,8 @@ def current_seal() -> dict[str, dict[str, str]]:
     """Return the digests of the code of worlds, rules and agent, of its weights, and versions of the simulators."""
     code = {file.stem: file for file in (Path(str(one.__file__)) for one in FROZEN)}
     found = current_digests(code, UNKNOWN, {name: name for name in LEARNED}, simulators.COMPARED[0])
-    return found | {"programs": {one.name: one.version for one in distributions() if one.name in PROGRAMS}}
+    found["programs"] = {name: next((one.version for one in distributions(name=name)), "missing") for name in PROGRAMS}
+    return found
 
 
 def tables(found: Found) -> list[Any]:

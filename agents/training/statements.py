@@ -263,7 +263,7 @@ class JumpMarkovRun(TrackRun):
 
 
 def make_tracks(world: QuickestOptions, tracks: int, inexact: bool) -> Any:
-    """Return a vector environment. Objects move as told, or otherwise with rows of the likeliest process noise."""
+    """Return a vector environment; `inexact` objects move otherwise than told, with rows of the likeliest noise."""
     if inexact:
         return GivenTracks(inexact_travel, world, tracks, FACTORS)
     return HybridTrackQuickestVectorEnv(tracks, autoreset_mode="Disabled", tick_info=False, **vars(world))

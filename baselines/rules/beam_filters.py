@@ -50,7 +50,8 @@ class BeamModel(NamedTuple):
     """What the branches assume.
 
     Rows of `hazards` are 2 `FIRST` and 2 `LATER`, of straight motion and of turns; older segments have its last column.
-    Rows of `tables` are `FIRST` and `LATER`: probabilities that a segment lasts to each age, and that it ends after it.
+    Rows of `tables` are `FIRST` and `LATER`, columns ages less 1: probabilities that a segment lasts to an age (0), and
+    that it ends after it (1), by each law; older segments have the last column.
     A beam that learns the laws uses neither `hazards` nor `order`.
     """
 
@@ -215,8 +216,8 @@ def _extend(branches: Branches, track: int, children: Branches, model: BeamModel
         row, age = branches.rows[track, b], branches.ages[track, b]
         turns = 1 if branches.modes[track, b] > 0 else 0
         if learns:
-            oldest, slot = min(age, model.tables.shape[1]) - 1, branches.slots[track, b]
-            hazard = expected_hazard(branches.habits, track, slot, model.tables, row, oldest)
+            column, slot = min(age, model.tables.shape[1]) - 1, branches.slots[track, b]
+            hazard = expected_hazard(branches.habits, track, slot, model.tables, row, column)
         else:
             hazard = model.hazards[2 * row + turns, min(age, model.hazards.shape[1]) - 1]
         weight = branches.filters[track, b // LANES].log_likelihood[b % LANES]

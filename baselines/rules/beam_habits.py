@@ -63,27 +63,27 @@ def _begin_segment(habits: Habits, track: int, slot: int, mode: int) -> None:
 
 
 @summing
-def expected_hazard(habits: Habits, track: int, slot: int, tables: Tables, row: int, age: int) -> float:
+def expected_hazard(habits: Habits, track: int, slot: int, tables: Tables, row: int, column: int) -> float:
     """Return the probability that a segment ends after its present tick, by the beliefs when it began.
 
-    row, age: of the tables, see `beam_filters.BeamModel`.
+    row, column: of the tables, see `beam_filters.BeamModel`.
     """
     total, ends = np.float32(0.0), np.float32(0.0)
     for law in range(tables.shape[3]):
-        total += habits.beliefs[track, slot, law] * tables[row, age, 0, law]
-        ends += habits.beliefs[track, slot, law] * tables[row, age, 1, law]
+        total += habits.beliefs[track, slot, law] * tables[row, column, 0, law]
+        ends += habits.beliefs[track, slot, law] * tables[row, column, 1, law]
     return min(float(ends / total), 1.0) if total > 0.0 else 1.0
 
 
 @summing
 def _sums(
-    laws: NDArray[np.float32], track: int, slot: int, own: int, tables: Tables, row: int, age: int
+    laws: NDArray[np.float32], track: int, slot: int, own: int, tables: Tables, row: int, column: int
 ) -> tuple[np.float32, np.float32, np.float32]:
-    """Return the sums of same x ended, own x ended and own; `own` is the row of the present kind of motion."""
+    """Return sums over the laws: of `SAME` times the probability of the end, of row `own` times it, of `own` alone."""
     total, part, before = np.float32(0.0), np.float32(0.0), np.float32(0.0)
     for law in range(laws.shape[3]):
-        total += laws[track, slot, SAME, law] * tables[row, age, 1, law]
-        part += laws[track, slot, own, law] * tables[row, age, 1, law]
+        total += laws[track, slot, SAME, law] * tables[row, column, 1, law]
+        part += laws[track, slot, own, law] * tables[row, column, 1, law]
         before += laws[track, slot, own, law]
     return total, part, before
 
@@ -91,21 +91,21 @@ def _sums(
 @internal
 def _add_posterior(
     laws: NDArray[np.float32], track: int, slot: int, parent: int, weight: float, turns: int,
-    tables: Tables, row: int, age: int,
+    tables: Tables, row: int, column: int,
 ) -> None:  # fmt: skip
     """Add to the laws of a slot those of a parent after the end of its segment, times a weight; see `expected_hazard`.
 
-    turns: 1 if the segment was a turn. Arrays are indexed and not sliced: a slice of numba counts its references.
+    turns: 1 if the segment was a turn. Arrays are indexed and not sliced: numba counts references to slices.
     """
     own, other = 1 + turns, 2 - turns
-    joint, apart, before = _sums(laws, track, parent, own, tables, row, age)
+    joint, apart, before = _sums(laws, track, parent, own, tables, row, column)
     if joint + apart <= 0.0:
         laws[track, slot] += np.float32(weight) * laws[track, parent]
         return
     scale = np.float32(weight / (joint + apart))
     share = scale * apart / before if before > 0.0 else np.float32(0.0)
     for law in range(laws.shape[3]):
-        ended = scale * tables[row, age, 1, law]
+        ended = scale * tables[row, column, 1, law]
         laws[track, slot, SAME, law] += ended * laws[track, parent, SAME, law]
         laws[track, slot, own, law] += ended * laws[track, parent, own, law]
         laws[track, slot, other, law] += share * laws[track, parent, other, law]
@@ -136,8 +136,8 @@ def merge_habits(
     for b in range(weights.size):
         if weights[b] > least:
             share = weights[b] / total
-            turns, age = 1 if modes[b] > 0 else 0, min(ages[b], tables.shape[1]) - 1
-            _add_posterior(habits.laws, track, slot, slots[b], share, turns, tables, rows[b], age)
+            turns, column = 1 if modes[b] > 0 else 0, min(ages[b], tables.shape[1]) - 1
+            _add_posterior(habits.laws, track, slot, slots[b], share, turns, tables, rows[b], column)
             by_chance = (1.0 - habits.habitual[track, slots[b]]) / (orders.shape[0] - 1)
             habitual += share * (1.0 - by_chance / habits.following[track, slots[b], mode])
             for row in range(orders.shape[0]):

@@ -65,7 +65,7 @@ class Aircraft:
 
     @property
     def lasting(self) -> tuple[float, float]:
-        """Durations of modes: the least one, of a radian, and the mean of what is exponential beyond it [s]."""
+        """Durations of modes [s]: the least one, of a turn by a radian, and the mean of what is exponential beyond."""
         return self.radius / self.speed, 2.0 * self.radius / self.speed
 
     def travel(self, seed: int, duration: float) -> Path:
@@ -105,7 +105,7 @@ def _fly(craft: Aircraft, heading: float, commands: FloatArray) -> FloatArray:
     """Return velocity east and north [m/s] after every correction of the controls, (n, 2)."""
     import jsbsim  # an extra
 
-    jsbsim.set_logger(jsbsim.FGLogger())  # which prints nothing
+    jsbsim.set_logger(jsbsim.FGLogger())  # of this thread: the base class prints nothing
     model = jsbsim.FGFDMExec(jsbsim.get_default_root_dir())
     model.load_model(craft.name)
     model.set_dt(STEP)

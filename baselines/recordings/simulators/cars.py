@@ -41,7 +41,7 @@ class RoadNet:
         flags: of `netgenerate`, by which it is made.
         speed: median of the cars [m/s].
         radius: median in turns [m].
-        lasting: see `Aircraft.lasting`, with the mean of both kinds of modes.
+        lasting: durations of modes: the least one, and the mean of what is exponential beyond it, of all modes [s].
         ticks, noises: see `Aircraft`.
     """
 

@@ -48,7 +48,7 @@ def world_options(kind: str, tick: float, noise: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
-@functools.lru_cache(128)  # a simulator takes a second for a path, which the nine worlds of a kind share
+@functools.lru_cache(256)  # a simulator takes a second for a path, which the nine worlds of a kind share
 def _path(kind: str, seed: int, duration: float) -> Path:
     return VEHICLES[kind].travel(seed, duration)
 
@@ -67,7 +67,7 @@ class GivenTracks:
     Bank and deciders know the mode in which a path begins, and an estimate with the error of the options.
 
     Args:
-        travel: what moves.
+        travel: makes the paths, see `Travel`.
         options: of the bank; `tau` and `measurement_variance` are those of the sensor.
         tracks: N.
         factors: process noise of the banks, as factors of that of the options, 1 among them; of several, rows are
@@ -104,7 +104,8 @@ class GivenTracks:
         return self._rows()
 
     def _rows(self) -> Observations:
-        return self._chooser.choose(np.stack([world.take_rows() for world in self.worlds]))
+        rows = np.stack([world.take_rows() for world in self.worlds])
+        return rows[0] if len(rows) == 1 else self._chooser.choose(rows)
 
     def step(self, actions: Actions) -> tuple[Observations, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
         """Go on to the next positions after statements (N,); after the last ones the episodes end."""
@@ -121,7 +122,7 @@ def simulated_tracks(kind: str, options: QuickestOptions, tracks: int, factors: 
 
 
 def simulated_travel(kind: str, options: QuickestOptions, tracks: int, seed: int) -> Paths:
-    """Return paths of a key of `VEHICLES`. Track i has that of seed s + i, whatever noise and tick are."""
+    """Return paths of a key of `VEHICLES`. Track i has that of `seed` + i, whatever noise and tick are."""
     deviation, ends = math.sqrt(options.variances[0]), options.tau * np.arange(options.ticks + 1)
     moments = CONTROL * np.arange(round(60.0 * MINUTES / CONTROL))
     rows = np.minimum(np.searchsorted(moments, ends - 0.5 * CONTROL), len(moments) - 1)
