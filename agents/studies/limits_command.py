@@ -31,7 +31,7 @@ class Limits(TrustArguments, ParallelArguments):
     """'HybridTrackQuickest-v0'."""
     departures: bool = False
     """Evaluate deciders in worlds that depart from what they are told, step by step (heavy tails, process noise,
-    radii, durations), beside the best rule that is told; 1,000 episodes take about 20 minutes."""
+    radii, durations), beside the best rule that is told; 200 episodes take about 20 minutes."""
     deciders: tuple[str, ...] = ()
     """Further deciders to evaluate on every filter bank with known switch moments, as 'mine.py:MyRule'; with
     --departures in HybridTrack-v0 only."""
