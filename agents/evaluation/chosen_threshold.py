@@ -2,8 +2,9 @@
 
 For unknown switches the rate is that of wrong changes, 'beam:3/1000' for three in 1,000 ticks.
 
-The threshold is selected on simulated episodes of what the decider is told: the options of the environment
-without the law of the noise, of which nobody tells. Nothing of the episodes that are decided is used.
+The threshold is selected on simulated episodes of what the decider is told: the options of the environment without the
+law of the noise. Nobody tells this law: it is measured, see `measured_noise`, on other episodes than those that are
+decided.
 """
 
 import dataclasses
@@ -12,6 +13,7 @@ import warnings
 
 import numpy as np
 
+from agents.evaluation.measured_noise import measured_noise
 from agents.evaluation.task import Task, sweep
 from agents.evaluation.tasks import ENVIRONMENTS, task_of
 from baselines.rules import seeds
@@ -37,8 +39,8 @@ def chosen_rule(name: str) -> tuple[str, str] | None:
 
 def chosen_family(family: DeciderFamily, options: ModelOptions, ending: str) -> DeciderFamily:
     """Return a decider without a threshold, see `chosen_rule`; it is told all options but the law of the noise."""
-    told = task_of(ENVIRONMENTS[options.switches], {**vars(options), "noise": "gaussian"})
-    name, unit = f"{family.name}:{ending}", RATES[told.switches]
+    task = task_of(ENVIRONMENTS[options.switches], vars(options))
+    name, unit = f"{family.name}:{ending}", RATES[task.switches]
     if len(family.thresholds) == 1:
         raise reject("decider", name, "a decider with a threshold")
     rate = None
@@ -52,6 +54,7 @@ def chosen_family(family: DeciderFamily, options: ModelOptions, ending: str) -> 
 
     @functools.cache
     def chosen() -> float:
+        told = task.changed({"noise": measured_noise(task)})
         scores = sweep(told, family, EPISODES[told.switches], seeds.CHOOSING)
         return float(family.thresholds[told.best(scores)]) if rate is None else _holding(told, family, scores, rate)
 

@@ -1,0 +1,49 @@
+"""The law of the noise, measured from an environment's measurements."""
+
+import pytest
+
+from agents.evaluation import measured_noise
+from agents.evaluation.tasks import BANK, QUICKEST, THREE, task_of
+from hybrid_env.noises import GaussianNoise, LevyNoise, OutlierNoise, StudentNoise
+
+WALKER = {"speed": 1.4, "radii": (2.0,), "measurement_variance": 9.0, "process_variance": 0.01, "tau": 1.0}
+SHIP = {"speed": 8.0, "radii": (400.0, 900.0), "measurement_variance": 100.0, "process_variance": 0.01, "tau": 5.0}
+
+
+def law_of(env_id=THREE, **options):
+    return measured_noise.measured_noise(task_of(env_id, options))
+
+
+@pytest.mark.parametrize(
+    ("env_id", "options"),
+    [(THREE, {}), (THREE, {"missed": 0.2}), (THREE, WALKER), (BANK, {}), (QUICKEST, {}), (QUICKEST, SHIP)],
+)
+def test_normal_noise_is_found_to_be_normal_at_any_scale(env_id, options):
+    assert isinstance(law_of(env_id, **options), GaussianNoise)
+
+
+def test_the_laws_are_told_apart_and_their_numbers_found():
+    found = law_of(noise="outliers 0.05 8")
+    assert isinstance(found, OutlierNoise)
+    assert found.share == pytest.approx(0.05, rel=0.3)  # 25,000 measurements, more than 1,000 outliers
+    assert found.ratio == pytest.approx(8.0, rel=0.2)
+    found = law_of(QUICKEST, noise="student_t 3", **SHIP)
+    assert isinstance(found, StudentNoise)
+    assert found.freedom == pytest.approx(3.0, rel=0.15)
+    found = law_of(noise="levy 1.5 0.7 100")
+    assert isinstance(found, LevyNoise)
+    assert found.index == pytest.approx(1.5, rel=0.1)
+    assert found.scale == pytest.approx(0.7, rel=0.1)
+
+
+def test_the_true_law_is_not_read(monkeypatch):
+    """Only the measurements of the environment with the true law may differ."""
+    seen, true = [], measured_noise._histogram
+
+    def histogram(task, noise, seed):
+        seen.append(str(noise))
+        return true(task, "gaussian", seed)
+
+    monkeypatch.setattr(measured_noise, "_histogram", histogram)
+    assert isinstance(law_of(noise="levy 1.2"), GaussianNoise)
+    assert len(seen) == 2
