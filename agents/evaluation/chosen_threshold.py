@@ -3,8 +3,7 @@
 For unknown switches the rate is that of wrong changes, 'beam:3/1000' for three in 1,000 ticks.
 
 The threshold is selected on simulated episodes of what the decider is told: the options of the environment without the
-law of the noise. Nobody tells this law: it is measured, see `measured_noise`, on other episodes than those that are
-decided.
+law of the noise, which is measured on other episodes than those that are decided, see `measured_noise`.
 """
 
 import dataclasses
@@ -54,7 +53,7 @@ def chosen_family(family: DeciderFamily, options: ModelOptions, ending: str) -> 
 
     @functools.cache
     def chosen() -> float:
-        told = task.changed({"noise": measured_noise(task)})
+        told = task.changed({"noise": measured_noise(options)})
         scores = sweep(told, family, EPISODES[told.switches], seeds.CHOOSING)
         return float(family.thresholds[told.best(scores)]) if rate is None else _holding(told, family, scores, rate)
 

@@ -8,4 +8,5 @@ DRAWN_WORLDS = 4_000_000_000  # random worlds of evaluations are drawn
 DATASET = 5_000_000_000  # data sets for offline learning
 CHOOSING = 6_000_000_000  # deciders without a threshold select one on episodes of what they are told
 SEALED = 7_000_000_000  # paths of simulators stay closed until agent and settings are fixed, see `agents.studies.seal`
+MEASURING = 8_000_000_000  # the law of the noise is measured
 TRAINING = 10**12  # training, 10^9 apart for each training seed

@@ -7,16 +7,25 @@ from agents.evaluation.tasks import BANK, QUICKEST, THREE, task_of
 from hybrid_env.noises import GaussianNoise, LevyNoise, OutlierNoise, StudentNoise
 
 WALKER = {"speed": 1.4, "radii": (2.0,), "measurement_variance": 9.0, "process_variance": 0.01, "tau": 1.0}
+AIRCRAFT = {"speed": 200.0, "radii": (5000.0,), "measurement_variance": 100.0, "process_variance": 0.1, "tau": 4.0}
 SHIP = {"speed": 8.0, "radii": (400.0, 900.0), "measurement_variance": 100.0, "process_variance": 0.01, "tau": 5.0}
 
 
 def law_of(env_id=THREE, **options):
-    return measured_noise.measured_noise(task_of(env_id, options))
+    return measured_noise.measured_noise(task_of(env_id, options).options)
 
 
 @pytest.mark.parametrize(
     ("env_id", "options"),
-    [(THREE, {}), (THREE, {"missed": 0.2}), (THREE, WALKER), (BANK, {}), (QUICKEST, {}), (QUICKEST, SHIP)],
+    [
+        (THREE, {}),
+        (THREE, {"missed": 0.2}),
+        (THREE, WALKER),
+        (BANK, {}),
+        (QUICKEST, {}),
+        (QUICKEST, SHIP),
+        (QUICKEST, AIRCRAFT),
+    ],
 )
 def test_normal_noise_is_found_to_be_normal_at_any_scale(env_id, options):
     assert isinstance(law_of(env_id, **options), GaussianNoise)
@@ -36,13 +45,28 @@ def test_the_laws_are_told_apart_and_their_numbers_found():
     assert found.scale == pytest.approx(0.7, rel=0.1)
 
 
+def test_rare_and_large_outliers_are_found():
+    found = law_of(noise="outliers 0.01 200")
+    assert isinstance(found, OutlierNoise)
+    assert found.share == pytest.approx(0.01, rel=0.3)
+    assert found.ratio == pytest.approx(200.0, rel=0.3)
+
+
+def test_too_few_measurements_count_as_normal():
+    assert isinstance(law_of(noise="levy 1.2", missed=0.95), GaussianNoise)
+
+
+def test_differences_are_those_within_an_episode():
+    assert not measured_noise._histogram(task_of(QUICKEST, {"ticks": 2}).options, "gaussian", 0).any()
+
+
 def test_the_true_law_is_not_read(monkeypatch):
     """Only the measurements of the environment with the true law may differ."""
     seen, true = [], measured_noise._histogram
 
-    def histogram(task, noise, seed):
+    def histogram(options, noise, seed):
         seen.append(str(noise))
-        return true(task, "gaussian", seed)
+        return true(options, "gaussian", seed)
 
     monkeypatch.setattr(measured_noise, "_histogram", histogram)
     assert isinstance(law_of(noise="levy 1.2"), GaussianNoise)
