@@ -52,10 +52,10 @@ def measured_noise(options: ModelOptions) -> Noise:
     if seen.sum() < FEWEST:
         return normal
     least = -float(seen @ np.log(np.maximum(seen, 1.0) / seen.sum()))
-    excess = surprise(normal) - least
-    if 2.0 * excess <= NOT_NORMAL * (np.count_nonzero(seen) - 1):
+    usual = surprise(normal)
+    if 2.0 * (usual - least) <= NOT_NORMAL * (np.count_nonzero(seen) - 1):
         return normal
-    found = [(excess + least, normal), *(_likeliest(kind, surprise) for kind in LAWS)]
+    found = [(usual, normal), *(_likeliest(kind, surprise) for kind in LAWS)]
     return min(found, key=lambda one: one[0])[1]
 
 
