@@ -1,8 +1,6 @@
 from hybrid_env.checks import ArgumentError as ArgumentError
 from hybrid_env.durations import GeometricDurations as GeometricDurations
 from hybrid_env.durations import UniformDurations as UniformDurations
-from hybrid_env.easy_env import HybridTrackEasyEnv as HybridTrackEasyEnv
-from hybrid_env.easy_env import HybridTrackEasyVectorEnv as HybridTrackEasyVectorEnv
 from hybrid_env.env import HybridTrackEnv as HybridTrackEnv
 from hybrid_env.noises import GaussianNoise as GaussianNoise
 from hybrid_env.noises import LevyNoise as LevyNoise
@@ -10,6 +8,8 @@ from hybrid_env.noises import OutlierNoise as OutlierNoise
 from hybrid_env.noises import StudentNoise as StudentNoise
 from hybrid_env.observation import Layout as Layout
 from hybrid_env.observation import QuickestLayout as QuickestLayout
+from hybrid_env.observation import RawLayout as RawLayout
+from hybrid_env.observation import StateLayout as StateLayout
 from hybrid_env.online import KalmanBank as KalmanBank
 from hybrid_env.options import WorldOptions as WorldOptions
 from hybrid_env.quickest_env import HybridTrackQuickestEnv as HybridTrackQuickestEnv

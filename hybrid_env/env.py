@@ -8,11 +8,11 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.checks import ReadOnlyAttributes, check_choice, check_integer, check_reset_options
+from hybrid_env.checks import BoolArray, ReadOnlyAttributes, check_choice, check_flag, check_integer, check_reset_options
 from hybrid_env.core.kernel import DECIDED
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering.evidence import DEFAULT_ALPHA, EvidencePanel, sprt_panel
-from hybrid_env.rendering.history import ACTIVE, History
+from hybrid_env.rendering.history import History, record_declaration
 from hybrid_env.rendering.window import RENDER_FPS, Renderer
 from hybrid_env.world import World, state_of
 
@@ -29,20 +29,21 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
     history: History | None  # ticks of the running episode; None without a render mode
     renderer: Renderer | None
 
-    def __init__(self, render_mode: str | None = None, **options: Any):
+    def __init__(self, render_mode: str | None = None, bank_info: bool = False, **options: Any):
         if render_mode is not None:
             check_choice("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
         self.options = self.options_class.of(**options)
         self.history = self.renderer = None
         rows = self.options.longest_segment + 1 if render_mode is not None and self.options.traced else 0
-        self.world = World(self.options, 1, rows)
+        self.world = World(self.options, 1, rows, bank_info=check_flag("bank_info", bank_info))
         if render_mode is not None:
             self.history = History()
             self.renderer = Renderer(self.options, render_mode == "human", self.evidence_panel)
         self.action_space = self.world.action_space()
         self.observation_space = self.world.observation_space()  # type: ignore[assignment]
 
+        self._bank_info = bank_info
         self._reset_mask = np.ones(1, np.bool_)
         self._started = False
         self._bind_views()
@@ -55,6 +56,14 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
         """Add the last step or reset to the history."""
         raise NotImplementedError
 
+    def action_masks(self) -> BoolArray:
+        """Return which actions count now, (actions,), as sb3-contrib's `MaskablePPO` reads them."""
+        return np.asarray(self.world.action_mask[0] > 0)
+
+    def get_keys_to_action(self) -> dict[tuple[int], int]:
+        """Return actions by key for `gymnasium.utils.play`: w straight, a left, d right, both of the first radius."""
+        return {(ord(key),): action for key, action in self.options.actions_by_key.items()}
+
     def _bind_views(self) -> None:
         """Create views of the single track once, because creating them takes longer than a tick."""
         self._actions = self.world.actions
@@ -64,6 +73,7 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
         views = {name: block[name][..., 0] for name in self.options.tick_names}
         views[field] = self.world.bank.hypotheses[field][0, :, 0]
         views |= {name: array[0] for name, array in self.world.drawn.items()}
+        views["action_mask"] = self.world.action_mask[0]
         # NumPy scalars, because libraries read the dtype of every value
         self._info_readers = [
             (name, view.copy if view.ndim else functools.partial(view.__getitem__, ())) for name, view in views.items()
@@ -75,6 +85,8 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
         info = self._info_names.copy()  # a dictionary of the final size is filled faster
         for name, read in self._info_readers:
             info[name] = read()
+        if self._bank_info:
+            info |= {name: values[0] for name, values in self.world.bank_tick().items()}
         return info
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -86,6 +98,7 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Begin an episode. Without a seed the random stream continues. `options` is not used."""
         check_reset_options(options)
+        self.options.check_longest(None if self.spec is None else self.spec.max_episode_steps)
         super().reset(seed=None if seed is None else check_integer("seed", seed, minimum=0))
         if seed is not None or not self.world.seeded[0]:
             self.world.seed(0, state_of(self.np_random))
@@ -254,6 +267,4 @@ class HybridTrackEnv(TrackEnv):
         return {key: values.reshape(()) if values.dtype == np.bool_ else values[0] for key, values in decisions.items()}
 
     def _record(self, history: History, info: dict[str, Any], finished: bool) -> None:
-        trace = self.world.read_trace(0)
-        active = 0 if finished else int(trace[-1, ACTIVE])
-        history.add(trace, info["log_likelihood"] - info["log_likelihood"][active], info, finished)
+        record_declaration(history, self.world.read_trace(0), info, finished)

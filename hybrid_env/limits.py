@@ -22,6 +22,7 @@ RANGES = {
     "bearing_deviation": (1e-6, 1.0),  # [rad]
     "rate_deviation": (1e-9, 1e9),  # [m/s]
     "delay_cost": (0.0, 1e6),
+    "evidence": (0.0, 1.0 - 1e-9),
     "initial_position": (0.0, 1e12),  # variance / R
     "initial_velocity": (0.0, 1e18),  # variance [m^2/s^2]
 }

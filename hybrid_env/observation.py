@@ -32,13 +32,22 @@ class Layout:
         if self.hypotheses % 2 == 0:
             raise reject("hypotheses", hypotheses, "an odd number >= 3")
         self.slices: dict[str, slice] = {}
-        self.scales = self.hypothesis_features | self.track_features
+        self.scales = self.scales_by_name()
         start = 0
         for name in self.scales:
             size = hypotheses if name in self.hypothesis_features else 1
             self.slices[name] = slice(start, start + size)
             start += size
         self.width = start
+
+    def __repr__(self) -> str:
+        parts = (f"{name} {part.start}:{part.stop}" for name, part in self.slices.items())
+        return f"{type(self).__name__}({self.hypotheses}): {', '.join(parts)}"
+
+    @classmethod
+    def scales_by_name(cls) -> dict[str, float]:
+        """Return the scale of every quantity by its name, in the order of the row."""
+        return cls.hypothesis_features | cls.track_features
 
     @classmethod
     @functools.cache
@@ -79,3 +88,17 @@ class QuickestLayout(Layout):
 
     hypothesis_features = observation_row.QUICKEST_HYPOTHESIS_FEATURES
     track_features = observation_row.QUICKEST_TRACK_FEATURES
+
+
+class RawLayout(Layout):
+    """Position and scale of each quantity in an observation with `observation="raw"`; see `Layout`."""
+
+    hypothesis_features: ClassVar[dict[str, float]] = {}
+    track_features = observation_row.RAW_FEATURES
+
+
+class StateLayout(Layout):
+    """Position and scale of each quantity in an observation with `observation="state"`; see `Layout`."""
+
+    hypothesis_features: ClassVar[dict[str, float]] = {"true_mode": 1.0}
+    track_features = observation_row.STATE_FEATURES

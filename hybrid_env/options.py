@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from hybrid_env import limits
 from hybrid_env.checks import Checked, FloatArray, check_choice, check_flag, check_share, optional, reject
-from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
+from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, OBSERVATIONS, TICK_SCALE
 from hybrid_env.core.records import SEGMENT_COLUMNS, TICK_NAMES
 from hybrid_env.core.state import BANKS, PARAMETERS
 from hybrid_env.limits import axis_variances, check_variances, check_within, distinct_radii
 from hybrid_env.noises import GaussianNoise, Noise, StudentNoise, parse_likelihood, parse_noise
-from hybrid_env.observation import Layout
+from hybrid_env.observation import Layout, RawLayout, StateLayout
 from hybrid_env.scheme import FixedScheme, Scheme, parse_scheme, segment_table
 from hybrid_env.sensors import Radar, Sensor, check_sensors, has_radar, parse_sensors, sensor_table
 
@@ -26,7 +26,8 @@ CHOICES = {
     "bank": tuple(BANKS),
     "follow": ("declared", "bank"),
     "correctness": ("exact", "type"),
-    "actions": ("all", "best"),
+    "actions": ("all", "types", "best"),
+    "observation": OBSERVATIONS,
     "undecided": ("likeliest", "keep"),
 }
 """Options that are one of several words."""
@@ -71,7 +72,6 @@ class ModelOptions(Checked):
     }  # fmt: skip
 
     switches: ClassVar[Literal["announced", "unknown"]]
-    layout_class: ClassVar[type[Layout]]
     tick_names: ClassVar[tuple[str, ...]]  # of the current tick, in the order of `info`
     hypothesis_field: ClassVar[str]  # of every hypothesis, in `info`
     first_action: ClassVar[str]  # meaning of action 0, for messages
@@ -123,6 +123,16 @@ class ModelOptions(Checked):
         return cls(**options)
 
     @property
+    def layout_class(self) -> type[Layout]:
+        """Layout of the rows."""
+        raise NotImplementedError
+
+    @property
+    def longest_episode(self) -> int:
+        """Largest number of steps of an episode."""
+        raise NotImplementedError
+
+    @property
     def hypotheses(self) -> int:
         """M, the number of hypotheses."""
         return 2 * len(self.radii) + 1
@@ -131,6 +141,17 @@ class ModelOptions(Checked):
     def action_count(self) -> int:
         """Number of actions."""
         raise NotImplementedError
+
+    @property
+    def actions_by_key(self) -> dict[str, int]:
+        """Actions of the keys w (straight), a (left) and d (right), both turns of the first radius."""
+        raise NotImplementedError
+
+    def check_longest(self, max_episode_steps: int | None) -> None:
+        """Refuse a limit below the longest episode, which would be truncated without a decision."""
+        if max_episode_steps is not None and self.longest_episode > max_episode_steps:
+            allowed = f"at least {self.longest_episode}, the longest episode of these options, or -1 for no limit"
+            raise reject("max_episode_steps", max_episode_steps, f"{allowed}, as an argument of gym.make")
 
     @property
     def variances(self) -> FloatArray:
@@ -204,18 +225,26 @@ class WorldOptions(ModelOptions):
             the likeliest hypothesis of the declared type (straight, left or right).
         delay_cost: cost of a step, in units of the reward of a correct decision.
         correctness: "exact" requires the hypothesis, "type" only straight, left or right.
-        actions: "all" waits or declares one of M hypotheses; "best" waits or declares the most likely one.
+        evidence: a declaration counts once the posterior of a mode reaches this probability (with
+            `correctness="type"` that of straight, left or right), with equal priors at the switch; before, it waits. 0
+            lets every declaration count.
+        actions: "all" waits or declares one of M hypotheses; "types" waits or declares straight, left or right, which
+            is the most likely hypothesis of this type; "best" waits or declares the most likely one.
+        observation: "bank" is the output of the bank; "raw" the measurement relative to the anchor, without the bank;
+            "state" the true state and the true mode. Actions, rewards and episodes are the same with all three, so that
+            their difference is the worth of a bank, and of what cannot be observed.
         undecided: decision on a segment that ends undecided: "likeliest" for the most likely hypothesis, "keep" for the
             last decided mode, as in the papers.
     """
 
     checks: ClassVar = {
         "scheme": lambda _, value: parse_scheme(value), **ModelOptions.checks, "delay_cost": check_within,
+        "evidence": check_within,
         **{name: partial(check_choice, choices=choices) for name, choices in CHOICES.items()},
         "reset_covariance": optional(check_flag), "recalculation": check_flag, "refine_radius": check_flag,
     }  # fmt: skip
 
-    switches, layout_class, tick_names = "announced", Layout, TICK_NAMES
+    switches, tick_names = "announced", TICK_NAMES
     hypothesis_field, first_action, traced = "log_likelihood", "wait", True
 
     scheme: str | Scheme = "random"
@@ -226,7 +255,9 @@ class WorldOptions(ModelOptions):
     refine_radius: bool = False
     delay_cost: float = 0.02
     correctness: Literal["exact", "type"] = "exact"
-    actions: Literal["all", "best"] = "all"
+    evidence: float = 0.0
+    actions: Literal["all", "types", "best"] = "all"
+    observation: Literal["bank", "raw", "state"] = "bank"
     undecided: Literal["likeliest", "keep"] = "likeliest"
 
     def __post_init__(self) -> None:
@@ -256,7 +287,18 @@ class WorldOptions(ModelOptions):
     @property
     def action_count(self) -> int:
         """Number of actions."""
-        return 2 if self.actions == "best" else self.hypotheses + 1
+        return {"all": self.hypotheses + 1, "types": 4, "best": 2}[self.actions]
+
+    @property
+    def actions_by_key(self) -> dict[str, int]:
+        """See `ModelOptions.actions_by_key`; with `actions="best"` each key declares."""
+        right = {"all": len(self.radii) + 2, "types": 3, "best": 1}[self.actions]
+        return {"w": 1, "a": min(2, right), "d": right}
+
+    @property
+    def layout_class(self) -> type[Layout]:
+        """Layout of the rows, by the option `observation`."""
+        return {"bank": Layout, "raw": RawLayout, "state": StateLayout}[self.observation]
 
     @property
     def table(self) -> FloatArray:
@@ -273,6 +315,14 @@ class WorldOptions(ModelOptions):
         return self.scheme.lengths[1]
 
     @property
+    def longest_episode(self) -> int:
+        """Largest number of steps of an episode: its ticks if every action waits."""
+        assert not isinstance(self.scheme, str)
+        if isinstance(self.scheme, FixedScheme):
+            return sum(piece.length for piece in self.scheme.pieces)
+        return self.scheme.segments * self.scheme.lengths[1]
+
+    @property
     def segments(self) -> int:
         """Number of segments of an episode."""
         assert not isinstance(self.scheme, str)
@@ -281,10 +331,13 @@ class WorldOptions(ModelOptions):
     def bounds(self) -> dict[str, tuple[float, float]]:
         """Return the smallest and largest value of bounded quantities of the observation, scaled."""
         longest = TICK_SCALE * self.longest_segment * (1 + 1e-6)
-        return {
-            "log_ratio": (LOG_SCALE * LOG_FLOOR, 0.0), "log_error_probability": (LOG_SCALE * LOG_FLOOR, 0.0),
-            "previous": (0.0, 1.0), "ticks": (0.0, longest), "ticks_left": (0.0, longest),
-        } | dict.fromkeys(("log_variance", "speed", "anchor_xx", "anchor_vv"), (0.0, np.inf))  # fmt: skip
+        known = {
+            **dict.fromkeys(("log_ratio", "log_error_probability"), (LOG_SCALE * LOG_FLOOR, 0.0)),
+            **dict.fromkeys(("previous", "measured", "true_mode"), (0.0, 1.0)),
+            **dict.fromkeys(("ticks", "ticks_left"), (0.0, longest)),
+            **dict.fromkeys(("log_variance", "speed", "anchor_xx", "anchor_vv"), (0.0, np.inf)),
+        }
+        return {name: both for name, both in known.items() if name in self.layout_class.scales_by_name()}
 
     def largest(self, trace_rows: int) -> dict[str, int]:
         """Return the largest value of every field of the blocks that the kernel uses as index or length."""
@@ -303,7 +356,9 @@ class WorldOptions(ModelOptions):
         record["reset_covariance"] = default if self.reset_covariance is None else self.reset_covariance
         record["oracle"], record["exact_anchor"] = self.bank == "oracle", self.bank != "anchor_aware"
         record["exact"], record["merged"] = self.correctness == "exact", self.follow == "bank"
-        record["declare_best"] = self.actions == "best"
+        record["declare_best"], record["declare_type"] = self.actions == "best", self.actions == "types"
+        record["log_error_allowed"] = math.log1p(-self.evidence)
+        record["observation"] = OBSERVATIONS.index(self.observation)
         record["axes"] = 2 if self.follow == "bank" else self.variances.size  # 1 if those of both axes are equal
         record["recalculated"], record["refined"] = self.hypotheses * self.recalculation, self.refine_radius
         record["keep_undecided"] = self.undecided == "keep"

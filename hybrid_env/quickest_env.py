@@ -2,12 +2,10 @@
 
 from typing import Any
 
-import numpy as np
-
 from hybrid_env.env import TrackEnv
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.rendering.evidence import probability_panel
-from hybrid_env.rendering.history import History
+from hybrid_env.rendering.history import History, record_statement
 
 
 class HybridTrackQuickestEnv(TrackEnv):
@@ -100,7 +98,4 @@ class HybridTrackQuickestEnv(TrackEnv):
     options_class, evidence_panel = QuickestOptions, probability_panel()
 
     def _record(self, history: History, info: dict[str, Any], finished: bool) -> None:
-        if history.started:
-            history.state(int(self._actions[0]))
-        row = [*info["truth"], *info["measurement"], *info["estimate"][[0, 2]], np.nan, info["segment"]]
-        history.add([] if finished else [row], np.exp(info["log_probability"]), info, finished)
+        record_statement(history, int(self._actions[0]), info, finished)

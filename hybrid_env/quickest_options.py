@@ -15,7 +15,7 @@ from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
 from hybrid_env.core.records import TICK_NAMES
 from hybrid_env.durations import DRAWN, Durations, parse_durations
 from hybrid_env.limits import check_ticks, check_within
-from hybrid_env.observation import QuickestLayout
+from hybrid_env.observation import Layout, QuickestLayout
 from hybrid_env.options import ModelOptions
 from hybrid_env.scheme import RandomScheme, segment_table
 
@@ -59,7 +59,7 @@ class QuickestOptions(ModelOptions):
             mean duration.
     """
 
-    switches, layout_class, traced = "unknown", QuickestLayout, False
+    switches, traced = "unknown", False
     tick_names = tuple(name for name in TICK_NAMES if name != "anchor")
     hypothesis_field, first_action, bank_class = "log_probability", "straight", ImmBank
 
@@ -86,9 +86,24 @@ class QuickestOptions(ModelOptions):
         self._check_ratios(self.radii)
 
     @property
+    def layout_class(self) -> type[Layout]:
+        """Layout of the rows."""
+        return QuickestLayout
+
+    @property
+    def longest_episode(self) -> int:
+        """Number of steps of an episode."""
+        return self.ticks
+
+    @property
     def action_count(self) -> int:
         """Number of actions: one for each mode."""
         return self.hypotheses
+
+    @property
+    def actions_by_key(self) -> dict[str, int]:
+        """See `ModelOptions.actions_by_key`."""
+        return {"w": 0, "a": 1, "d": len(self.radii) + 1}
 
     @property
     def law(self) -> Durations:

@@ -12,24 +12,31 @@ if TYPE_CHECKING:
     from hybrid_env.vector_env import HybridTrackVectorEnv, TrackVectorEnv
 
 BANK_RADII = tuple(float(radius) for radius in range(1, 11))  # [m]
+_EVIDENT = {"bank": "anchor_aware", "evidence": 0.95}
 ENVIRONMENTS: dict[str, dict[str, object]] = {
-    "HybridTrack-v0": {},
-    "HybridTrackBank-v0": {"radii": BANK_RADII, "correctness": "type", "delay_cost": 0.01},
-    "HybridTrackEasy-v0": {},
+    "HybridTrack-v0": _EVIDENT,
+    "HybridTrackBank-v0": {
+        **_EVIDENT,
+        "radii": BANK_RADII,
+        "correctness": "type",
+        "actions": "types",
+        "follow": "bank",
+        "delay_cost": 0.01,
+    },
+    "HybridTrackPublished-v0": {},
     "HybridTrackQuickest-v0": {},
     "HybridTrackQuickestBank-v0": {"radii": BANK_RADII},
 }
 """Registered ids and their options that differ from the defaults."""
 
-_CLASSES = (
-    dict.fromkeys(ENVIRONMENTS, ("env:HybridTrackEnv", "vector_env:HybridTrackVectorEnv"))
-    | {"HybridTrackEasy-v0": ("easy_env:HybridTrackEasyEnv", "easy_env:HybridTrackEasyVectorEnv")}
-    | dict.fromkeys(
-        ("HybridTrackQuickest-v0", "HybridTrackQuickestBank-v0"),
-        ("quickest_env:HybridTrackQuickestEnv", "vector_env:HybridTrackQuickestVectorEnv"),
-    )
+_CLASSES = dict.fromkeys(ENVIRONMENTS, ("env:HybridTrackEnv", "vector_env:HybridTrackVectorEnv")) | dict.fromkeys(
+    ("HybridTrackQuickest-v0", "HybridTrackQuickestBank-v0"),
+    ("quickest_env:HybridTrackQuickestEnv", "vector_env:HybridTrackQuickestVectorEnv"),
 )
 """Module and class of the single and of the vector environment of each id."""
+
+MAX_EPISODE_STEPS = 10_000
+"""Bound of the registered ids. Episodes are never truncated: `reset` refuses options whose episodes are longer."""
 
 
 def register_environments() -> None:
@@ -37,7 +44,13 @@ def register_environments() -> None:
     for env_id, options in ENVIRONMENTS.items():
         if env_id not in registry:
             single, vector = (f"hybrid_env.{name}" for name in _CLASSES[env_id])
-            register(id=env_id, entry_point=single, vector_entry_point=vector, kwargs=options)
+            register(
+                id=env_id,
+                entry_point=single,
+                vector_entry_point=vector,
+                kwargs=options,
+                max_episode_steps=MAX_EPISODE_STEPS,
+            )
 
 
 def make_track_vector_env(env_id: str, num_envs: int, **options: Any) -> "TrackVectorEnv":

@@ -1,6 +1,7 @@
 """The vector environments: N tracks in one kernel call."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from numbers import Integral
 from typing import Any, ClassVar
 
@@ -10,89 +11,88 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from hybrid_env.checks import FloatArray, ReadOnlyAttributes, check_flag, check_integer, check_reset_options, reject
+from hybrid_env.checks import (
+    BoolArray,
+    FloatArray,
+    ReadOnlyAttributes,
+    check_choice,
+    check_flag,
+    check_integer,
+    check_reset_options,
+    frozen,
+    reject,
+)
 from hybrid_env.core.kernel import TERMINATED
 from hybrid_env.core.records import DECISION, DECISION_FLAGS
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.rendering.evidence import DEFAULT_ALPHA, EvidencePanel, probability_panel, sprt_panel
+from hybrid_env.rendering.history import History, record_declaration, record_statement
+from hybrid_env.rendering.window import RENDER_FPS, Renderer
 from hybrid_env.world import World, random_states
 
 LARGEST = 2**31 - 1  # tracks, and rows of a trace
 Step = tuple[NDArray[np.float32], FloatArray, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]
 """Observations (N, width), rewards, terminated and truncated (N,), and info."""
 _DECISION_MASKS = tuple(f"_{key}" for key in DECISION + DECISION_FLAGS if key != "has_decision")
-_DICT_METHODS = (
-    "__getitem__", "__setitem__", "__delitem__", "__contains__", "__iter__", "__len__", "__reversed__",
-    "__eq__", "__ne__", "__or__", "__ror__", "__ior__", "__repr__",
-    "get", "keys", "values", "items", "copy", "pop", "popitem", "setdefault", "update", "clear",
-)  # fmt: skip
+RENDERED = 4
+"""Largest number of tracks in a frame, which has two columns."""
 
 
-class LazyInfo(dict[str, Any]):
-    """A dictionary of arrays of N tracks and their masks `_key`, all one array of True, made at its first use: most
-    callers of `step` never read `info`, and its arrays take as long as a step of eight tracks. The state is copied in
-    the step. Code in C that reads the size of a dictionary directly, such as `json.dumps`, sees an empty one until
-    then: pass it `dict(info)`. `make` is called at most once; `made` are further entries.
-    """
+@dataclass(frozen=True)
+class Scene:
+    """A track that is rendered: the ticks of its running episode, and what draws them."""
 
-    __slots__ = ("_made", "_make")
-    fromkeys = staticmethod(dict.fromkeys)  # type: ignore[assignment]
-
-    def __init__(self, make: Callable[[], dict[str, NDArray[Any]]], made: dict[str, Any]):
-        self._make: Callable[[], dict[str, NDArray[Any]]] | None = make
-        self._made = made
-
-    def fill(self) -> None:
-        """Create the entries, unless they exist."""
-        if self._make is not None:
-            arrays, self._make = self._make(), None
-            mask = np.ones(len(arrays["tick"]), np.bool_)
-            dict.update(self, arrays | {f"_{key}": mask for key in arrays} | self._made)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return dict, (dict(self.items()),)  # pickled and copied as a plain dictionary
-
-
-def _fill_first(name: str) -> Callable[..., Any]:
-    method = getattr(dict, name)
-
-    def wrapper(self: LazyInfo, *arguments: Any, **keywords: Any) -> Any:
-        self.fill()
-        return method(self, *arguments, **keywords)
-
-    wrapper.__name__, wrapper.__doc__ = name, method.__doc__
-    return wrapper
-
-
-for _name in _DICT_METHODS:
-    setattr(LazyInfo, _name, _fill_first(_name))
+    history: History
+    renderer: Renderer
 
 
 class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[np.int64], NDArray[Any]]):
     """A vector environment of N tracks, as `HybridTrackVectorEnv`; each environment has a subclass with its options."""
 
     options_class: ClassVar[Any]
+    evidence_panel: ClassVar[EvidencePanel]
     read_only = frozenset(("num_envs", "options", "world"))
 
     def __init__(
-        self, num_envs: int = 1, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, tick_info: bool = True,
-        trace_rows: int = 0, threads: int = 1, **options: Any,
-    ):  # fmt: skip
-        for name in ("render_mode", "max_episode_steps"):
-            if (value := options.pop(name, None)) is not None:
-                allowed = "None for all tracks in one array, or vectorization_mode='sync' of gym.make_vec"
-                raise reject(name, value, allowed)
+        self,
+        num_envs: int = 1,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        tick_info: bool = False,
+        bank_info: bool = False,
+        trace_rows: int = 0,
+        threads: int = 1,
+        render_mode: str | None = None,
+        max_episode_steps: int | None = None,
+        **options: Any,
+    ):
         self.num_envs = check_integer("num_envs", num_envs, maximum=LARGEST)
         try:
             self.autoreset_mode = AutoresetMode(autoreset_mode)
         except ValueError:
             allowed = ", ".join(repr(mode.value) for mode in AutoresetMode)
             raise reject("autoreset_mode", autoreset_mode, allowed) from None
-        self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
+        self.metadata = {
+            "render_modes": ["rgb_array"],
+            "render_fps": RENDER_FPS,
+            "autoreset_mode": self.autoreset_mode,
+        }
+        if render_mode is not None:
+            check_choice("render_mode", render_mode, self.metadata["render_modes"])
+        self.render_mode = render_mode
         self.options = self.options_class.of(**options)
+        self.options.check_longest(max_episode_steps)
         self.tick_info = check_flag("tick_info", tick_info)
+        self.bank_info = check_flag("bank_info", bank_info)
         trace_rows = check_integer("trace_rows", trace_rows, 0, LARGEST)
-        self.world = World(self.options, self.num_envs, trace_rows, check_integer("threads", threads, maximum=1024))
+        if render_mode is not None and self.options.traced:
+            trace_rows = max(trace_rows, self.options.longest_segment + 1)
+        threads = check_integer("threads", threads, maximum=1024)
+        self.world = World(self.options, self.num_envs, trace_rows, threads, self.bank_info)
+        rendered = 0 if render_mode is None else min(RENDERED, self.num_envs)
+        self._scenes = [
+            Scene(History(), Renderer(self.options, human=False, panel=self.evidence_panel)) for _ in range(rendered)
+        ]
         self.single_observation_space = self.world.observation_space()
         self.single_action_space = self.world.action_space()
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
@@ -102,6 +102,8 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
         self._same_step = self.autoreset_mode is AutoresetMode.SAME_STEP
         self._shape = (self.num_envs,)
         self._truncated = np.zeros(self.num_envs, np.bool_)
+        # shared by the info of all steps, and therefore read-only
+        self._every_track = frozen(np.ones(self.num_envs, np.bool_))
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -131,7 +133,11 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
             self.world.seed(chosen, random_states([seeds[i] for i in chosen.tolist()]))
         self.world.reset(mask)
         self._started = True
-        return self.world.take_rows(), self._tick_info(mask)
+        self._record_scenes(mask, mask)
+        info = self._tick_info(mask)
+        if self.tick_info:
+            info |= self._decision_info(np.zeros(self.num_envs, np.bool_))
+        return self.world.take_rows(), info
 
     def _check_seeds(self, seed: Any) -> Sequence[int | None]:
         """Return one seed or None per track."""
@@ -170,7 +176,9 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
             advice = "reset() terminated tracks with a reset_mask first"
             raise gym.error.ResetNeeded(f"step() requires running episodes: {advice}")
         world.actions[:] = actions
+        begins = world.terminated.copy() if self._scenes else self._truncated
         events = world.step()
+        self._record_scenes(self._every_track, begins)
 
         terminated, rewards = world.terminated.copy(), world.rewards.copy()
         final: dict[str, Any] = {}
@@ -182,21 +190,63 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
             final = {"final_obs": final_obs, "final_info": final_info}
             final |= {f"_{key}": terminated.copy() for key in final}
             world.reset(terminated)
-        if events:
+            self._record_scenes(terminated, terminated)
+        if events or self.tick_info:
             final = self._decision_info() | final
-        info = LazyInfo(world.copy_tick(), final) if self.tick_info else final
-        return world.take_rows(), rewards, terminated, self._truncated.copy(), info
+        return world.take_rows(), rewards, terminated, self._truncated.copy(), self._tick_info() | final
 
     def close_extras(self, **kwargs: Any) -> None:
         """End the threads, if there are any."""
         self.world.close()
 
-    def _tick_info(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
-        """Return the info of the current tick, zero for tracks outside a mask, (N,)."""
-        values = self.world.copy_tick()()
-        for array in values.values():
-            array[~mask] = 0
-        mask = mask.copy()
+    def action_masks(self) -> NDArray[np.bool_]:
+        """Return which actions count now, (N, actions)."""
+        return np.asarray(self.world.action_mask > 0)
+
+    def render(self) -> Any:
+        """Return a frame of the first tracks (at most four), (height, width, 3) uint8; None without a render mode."""
+        if not self._scenes:
+            gym.logger.warn("render() has no effect without a render_mode: create it with render_mode='rgb_array'")
+            return None
+        if not self._started:
+            raise gym.error.ResetNeeded("render() requires a running episode: call reset() first")
+        frames = [scene.renderer.draw(scene.history) for scene in self._scenes]
+        frames += [np.full_like(frames[0], 255)] * (len(frames) % 2 if len(frames) > 1 else 0)
+        rows = [np.concatenate(frames[first : first + 2], axis=1) for first in range(0, len(frames), 2)]
+        return np.concatenate(rows)
+
+    def _record_scenes(self, stepped: BoolArray, begins: BoolArray) -> None:
+        """Add the last step of the tracks that are rendered. stepped, begins: (N,) which of them were stepped or reset,
+        and which of these begin an episode.
+        """
+        if not self._scenes:
+            return
+        info, decisions = self.world.copy_tick(), self.world.read_decisions()
+        decided = decisions.pop("has_decision")
+        for track, scene in enumerate(self._scenes):
+            if not stepped[track]:
+                continue
+            told = info | decisions if decided[track] and not begins[track] else info
+            if begins[track]:
+                scene.history.begin()
+            finished = bool(self.world.terminated[track])
+            self._record(scene.history, track, {name: values[track] for name, values in told.items()}, finished)
+
+    def _record(self, history: History, track: int, info: dict[str, Any], finished: bool) -> None:
+        """Add the last step or reset of a track to its history."""
+        raise NotImplementedError
+
+    def _tick_info(self, mask: NDArray[np.bool_] | None = None) -> dict[str, Any]:
+        """Return the info of the current tick, zero for tracks outside a mask, (N,); all tracks without one."""
+        values: dict[str, Any] = {"action_mask": self.world.action_mask.copy(), **self.world.bank_tick()}
+        if self.tick_info:
+            values |= self.world.copy_tick()
+        if mask is None:
+            mask = self._every_track
+        else:
+            mask = mask.copy()
+            for array in values.values():
+                array[~mask] = 0
         return values | {f"_{key}": mask for key in values}
 
     def _decision_info(self, mask: NDArray[np.bool_] | None = None) -> dict[str, Any]:
@@ -216,8 +266,10 @@ class HybridTrackVectorEnv(TrackVectorEnv):
         autoreset_mode: NEXT_STEP resets a terminated track in the next step, whose action is ignored and whose reward
             is 0; SAME_STEP resets it in the same step and returns `final_obs` and `final_info`; DISABLED requires a
             call of `reset(options={"reset_mask": ...})`.
-        tick_info: False omits the description of the current tick from the info of `step`, which is faster for
-            training. Decisions, `final_obs` and `final_info` are always present.
+        tick_info: True adds the description of the current tick to `info`, with the keys of `HybridTrackEnv`, the same
+            ones in every step. Without it `info` has the mask of the actions, decisions in the steps that make some,
+            `final_obs` and `final_info`: eight tracks are then stepped twice as fast.
+        bank_info: True adds what every filter did, see `HybridTrackEnv`.
         trace_rows: number of ticks per step stored in `world.trace`, 0 to store none.
         threads: number of threads that step the tracks in parallel. Results do not depend on it. More than one is
             useful from about 4,000 tracks.
@@ -225,7 +277,10 @@ class HybridTrackVectorEnv(TrackVectorEnv):
     """
 
     options: WorldOptions
-    options_class = WorldOptions
+    options_class, evidence_panel = WorldOptions, sprt_panel(DEFAULT_ALPHA)
+
+    def _record(self, history: History, track: int, info: dict[str, Any], finished: bool) -> None:
+        record_declaration(history, self.world.read_trace(track), info, finished)
 
     def _decision_info(self, mask: NDArray[np.bool_] | None = None) -> dict[str, Any]:
         values = self.world.read_decisions()
@@ -248,4 +303,7 @@ class HybridTrackQuickestVectorEnv(TrackVectorEnv):
     """
 
     options: QuickestOptions
-    options_class = QuickestOptions
+    options_class, evidence_panel = QuickestOptions, probability_panel()
+
+    def _record(self, history: History, track: int, info: dict[str, Any], finished: bool) -> None:
+        record_statement(history, int(self.world.actions[track]), info, finished)

@@ -17,7 +17,7 @@ from hybrid_env.checks import ArgumentError, BoolArray, FloatArray, IntArray, Re
 from hybrid_env.core.arrays import allocate, declared
 from hybrid_env.core.compilation import prepare
 from hybrid_env.core.kernels import KERNELS, RESET, STEP
-from hybrid_env.core.records import DECISION, DECISION_FLAGS, LANES, TICK
+from hybrid_env.core.records import BANK_COLUMNS, DECISION, DECISION_FLAGS, LANES
 from hybrid_env.core.state import Arrays
 from hybrid_env.observation import Layout
 
@@ -36,6 +36,8 @@ class World(ReadOnlyAttributes):
     blocks: NDArray[Any]  # (B,) records with the state of `LANES` tracks
     actions: IntArray  # (N,) of the next step
     observations: NDArray[np.float32]  # (N, width)
+    action_mask: NDArray[np.int8]  # (N, actions) 1 where an action counts; a declaration with 0 waits
+    bank_ticks: FloatArray  # (N, M, columns) every filter at the present tick, if asked for
     rewards: FloatArray  # (N,) of the last step
     terminated: BoolArray  # (N,) whether the episode has ended
     seeded: BoolArray  # (N,) whether the random stream has been seeded
@@ -45,7 +47,9 @@ class World(ReadOnlyAttributes):
     drawn_law: FloatArray  # (N, 2, 2, 3) habits drawn for the episodes, see `core.habits`; else empty
     drawn_order: FloatArray  # (N, M, M)
 
-    def __init__(self, options: Any, tracks: int = 1, trace_rows: int = 0, threads: int = 1):
+    def __init__(
+        self, options: Any, tracks: int = 1, trace_rows: int = 0, threads: int = 1, bank_info: bool = False
+    ):  # fmt: skip
         if trace_rows and not options.traced:
             raise reject("trace_rows", trace_rows, "0: info describes every tick")
         self.options = options
@@ -54,6 +58,7 @@ class World(ReadOnlyAttributes):
         parameters = options.parameters()
         parameters["tracks"], parameters["blocks_count"] = tracks, -(-tracks // LANES)
         parameters["width"], parameters["trace_rows"] = self.layout.width, trace_rows
+        parameters["bank_rows"] = options.hypotheses if bank_info else 0
         sizes = parameters[0]
         bank = options.bank_class
         try:
@@ -65,6 +70,7 @@ class World(ReadOnlyAttributes):
         for name, array in state.items():
             setattr(self, name, array)
         self.bank = bank(**filters)
+        self.action_mask[:] = 1
         self._kept = state | {f"bank.{name}": filters[name] for name in declared(bank, "tracks")}
         self._constant = {name: np.ascontiguousarray(array) for name, array in options.arrays().items()}
         self._bind(parameters, state | filters | self._constant)
@@ -100,10 +106,6 @@ class World(ReadOnlyAttributes):
                 parameters[name] = array.ctypes.data
             self._parameters.append(parameters.copy())
             self._scratch.append(scratch)
-        # the leading bytes of every block, copied as raw memory for speed
-        front = np.dtype((np.void, TICK.itemsize))
-        self._ticks = np.ndarray(self.blocks.shape, front, self.blocks, 0, self.blocks.strides)
-        self._hypothesis_values = self.bank.hypotheses[self.options.hypothesis_field]
         addresses = [parameters.ctypes.data for parameters in self._parameters]
         self._pool: ThreadPoolExecutor | None = None
         self._pool_process = 0
@@ -145,7 +147,7 @@ class World(ReadOnlyAttributes):
     def __getstate__(self) -> dict[str, Any]:
         return {
             "options": self.options, "tracks": self.actions.size, "trace_rows": self.trace.shape[1],
-            "threads": self.threads, "arrays": self.arrays(),
+            "threads": self.threads, "bank_info": self.bank_ticks.size > 0, "arrays": self.arrays(),
         }  # fmt: skip
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -185,17 +187,27 @@ class World(ReadOnlyAttributes):
         by_lane = values if values.ndim == 2 else values.swapaxes(1, 2)
         return by_lane.reshape(-1, *by_lane.shape[2:])[: self.actions.size]
 
-    def copy_tick(self) -> Callable[[], dict[str, NDArray[Any]]]:
-        """Copy the current tick of every track. The returned function creates the info arrays, (N, ...)."""
-        ticks, values = self._ticks.copy(), self._hypothesis_values.copy()
-        drawn = {name: array.copy() for name, array in self.drawn.items()}
+    def copy_tick(self) -> dict[str, NDArray[Any]]:
+        """Return copies of the current tick of every track by their names in `info`, (N, ...)."""
+        ticks = {name: self.field(name) for name in self.options.tick_names}
+        values = self.bank.hypotheses[self.options.hypothesis_field]
+        ticks[self.options.hypothesis_field] = self._flatten_blocks(values.copy())
+        return ticks | {name: array.copy() for name, array in self.drawn.items()}
 
-        def arrays() -> dict[str, NDArray[Any]]:
-            fields = ticks.view(TICK)
-            found = {name: self._flatten_blocks(fields[name]) for name in self.options.tick_names}
-            return found | {self.options.hypothesis_field: self._flatten_blocks(values)} | drawn
-
-        return arrays
+    def bank_tick(self) -> dict[str, FloatArray]:
+        """Return what every filter did at the present tick, as in `info`: (N, M, 2) innovations, (N, M, 2, 2) their
+        covariances, (N, M, 4) estimates, (N, M, 4, 4) covariances. Empty if it is not recorded.
+        """
+        if not self.bank_ticks.size:
+            return {}
+        ends = np.cumsum(list(BANK_COLUMNS.values()))
+        parts = dict(zip(BANK_COLUMNS, np.split(self.bank_ticks, ends[:-1], axis=-1), strict=True))
+        return {
+            "innovations": parts["innovations"].copy(),
+            "innovation_covariances": full_matrices(parts["innovation_covariances"]),
+            "estimates": parts["estimates"].copy(),
+            "covariances": full_matrices(parts["covariances"]),
+        }
 
     @property
     def drawn(self) -> dict[str, FloatArray]:
@@ -244,6 +256,15 @@ class World(ReadOnlyAttributes):
             low[self.layout.slices[name]] = lowest
             high[self.layout.slices[name]] = min(highest, unbounded)
         return spaces.Box(low, high, dtype=np.float32)
+
+
+def full_matrices(triangles: FloatArray) -> FloatArray:
+    """Return symmetric matrices (..., k, k) of their upper triangles row by row, (..., k (k + 1) / 2)."""
+    size = 2 if triangles.shape[-1] == 3 else 4
+    rows, columns = np.triu_indices(size)
+    matrices = np.empty((*triangles.shape[:-1], size, size))
+    matrices[..., rows, columns] = matrices[..., columns, rows] = triangles
+    return matrices
 
 
 def random_states(seeds: Sequence[int | None]) -> NDArray[np.uint64]:

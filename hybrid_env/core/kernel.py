@@ -15,7 +15,8 @@ from hybrid_env.core.banks.mixture import merged_estimate, write_merged_covarian
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.motion import heading_vector
 from hybrid_env.core.noise import draw_noise_ahead, integer_below
-from hybrid_env.core.observation_row import compare_hypotheses, write_segment, write_tick
+from hybrid_env.core.bank_ticks import write_corrected, write_innovations
+from hybrid_env.core.observation_row import compare_hypotheses, compare_types, mask_declarations, write_row
 from hybrid_env.core.records import DECISION, DECISION_FLAGS, LANES, SEGMENT_COLUMNS, state_of, triangle_of, write_lane
 from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move, move_lane, sum_errors
 
@@ -24,6 +25,7 @@ MODE, LENGTH = SEGMENT_COLUMNS.index("mode"), SEGMENT_COLUMNS.index("length")
 DECIDED_MODE, DECIDED_TRUE_MODE, TICKS, DECIDED_LENGTH, SQUARED_ERROR = range(len(DECISION))
 HAS_DECISION, CORRECT, TYPE_CORRECT, FORCED = range(len(DECISION_FLAGS))
 DECIDED, TERMINATED = 1, 2  # events of a step, combined as bits
+RIGHT = 3  # the action that declares a right turn, where actions declare types
 
 
 @inlined
@@ -124,6 +126,9 @@ def chosen_mode(block: Any, lane: int, bank: Any, action: int, setting: Any) -> 
         return block.active_mode[lane]
     if forced or setting.declare_best:
         return likeliest(bank.hypotheses, lane)
+    if setting.declare_type:
+        first_right = bank.hypotheses.size // 2 + 1
+        return likeliest_of_type(bank.hypotheses, lane, first_right if action == RIGHT else action - 1)
     return action - 1
 
 
@@ -140,9 +145,9 @@ def set_anchor(block: Any, lane: int, bank: Any, chosen: int, merged: bool) -> N
 
 
 @internal
-def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any) -> None:
+def _decide(block: Any, lane: int, i: int, action: int, bank: Any, arrays: Any, setting: Any) -> None:
     """Record the decision of track i and fast-forward to the end of the segment."""
-    action, trace, decisions, flags = arrays.actions[i], arrays.trace[i], arrays.decisions, arrays.decision_flags
+    trace, decisions, flags = arrays.trace[i], arrays.decisions, arrays.decision_flags
     n = bank.hypotheses.size // 2
     true_mode = block.true_mode[lane]
     chosen = chosen_mode(block, lane, bank, action, setting)
@@ -186,6 +191,13 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any)
 
 
 @inlined
+def counted_action(arrays: Any, i: int) -> int:
+    """Return the action of track i, or 0 for a declaration that the mask makes wait."""
+    action = arrays.actions[i]
+    return action if action == 0 or arrays.action_mask[i, action] > 0 else 0
+
+
+@inlined
 def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) -> int:
     """Step the tracks of a block; see `kernels.advance_published`. Returns their events, combined as bits."""
     block, scratch = arrays.blocks[b], arrays.scratch[0]
@@ -195,6 +207,7 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) ->
     all_running = True  # all lanes advance in this tick
     for lane in range(lanes):
         i = b * LANES + lane
+        action = counted_action(arrays, i)
         scratch.running[lane] = 1
         if reset and arrays.actions[i] == 0:
             scratch.running[lane] = 0
@@ -214,11 +227,11 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) ->
             arrays.rewards[i] = 0.0
             arrays.terminated[i] = False
             event = DECIDED  # a segment begins
-        elif arrays.actions[i] == 0 and block.tick[lane] < block.length[lane]:
+        elif action == 0 and block.tick[lane] < block.length[lane]:
             arrays.rewards[i] = -setting.delay_cost
             event = 0
         else:
-            _decide(block, lane, i, bank, arrays, setting)
+            _decide(block, lane, i, action, bank, arrays, setting)
             event = DECIDED
             if block.segment[lane] + 1 == setting.segments:
                 arrays.terminated[i] = True
@@ -239,16 +252,24 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) ->
         # unsigned indices need no check for negative values, so that loops over lanes compile to SIMD code
         start, stop = np.uint64(first), np.uint64(last)
         move(block, scratch.noise, start, stop, arrays.sensors, setting)
+        if setting.bank_rows > 0:
+            write_innovations(arrays.bank_ticks, b, block, first, last, bank, setting)
         step_lanes(block, bank, start, stop, arrays.sensors, setting)
+        if setting.bank_rows > 0:
+            write_corrected(arrays.bank_ticks, b, first, last, bank)
         compare_hypotheses(scratch, bank.hypotheses, start, stop)
+        if setting.log_error_allowed < 0.0:
+            if not setting.exact:
+                compare_types(scratch, bank.hypotheses, start, stop)
+            for lane in range(first, last):
+                mask_declarations(arrays.action_mask[b * LANES + lane], scratch, lane, setting)
         for lane in range(first, last):
             i = b * LANES + lane
             if setting.recalculated > 0:
                 sum_errors(block, lane, bank.hypotheses, arrays.errors[b])
             _record_estimate(block, lane, bank.hypotheses, arrays.trace[i], setting.merged)
-            if new_segments & (1 << lane):
-                write_segment(arrays.observations[i], block, lane, arrays.radii, setting)
-            write_tick(arrays.observations[i], block, lane, scratch, bank, setting)
+            begins = new_segments & (1 << lane) != 0
+            write_row(arrays.observations[i], begins, block, lane, scratch, bank, arrays.radii, setting)
     return events
 
 

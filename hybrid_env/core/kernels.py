@@ -15,8 +15,12 @@ from hybrid_env.core.banks.bank import likeliest_of_type
 from hybrid_env.core.banks.imm import ImmBank, begin_imm, imm_banks, imm_of_block, step_imm_irregular
 from hybrid_env.core.banks.published import PublishedBank, published_banks
 from hybrid_env.core.compilation import compiled, internal
-from hybrid_env.core.kernel import HAS_DECISION, begin_bank, chosen_mode, follow_irregular, set_anchor, step_irregular
-from hybrid_env.core.observation_row import compare_hypotheses, write_quickest_row, write_segment, write_tick
+from hybrid_env.core.kernel import (
+    HAS_DECISION, begin_bank, chosen_mode, counted_action, follow_irregular, set_anchor, step_irregular,
+)  # fmt: skip
+from hybrid_env.core.observation_row import (
+    compare_hypotheses, compare_types, mask_declarations, write_quickest_row, write_row,
+)  # fmt: skip
 from hybrid_env.core.quickest_kernel import record_statement
 from hybrid_env.core.records import LANES, state_of, write_lane
 from hybrid_env.core.state import PARAMETERS, arrays_of
@@ -31,7 +35,7 @@ def advance_live(begins: bool, banks: Any, arrays: Any, setting: Any) -> int:
     """Begin a segment, process a measurement, or declare a mode, on the first lane of the first block. With `begins`
     the last segment ends, and the bank starts from its estimate; the first one, whose `segment` is -1, from that of the
     block. Action 0 advances the bank by the `measurement`, and writes the observation until a mode is declared; i + 1
-    declares mode i. Then `estimate` and `covariance` are those of the last decided mode, or merged.
+    declares mode i, once the mask allows it. Then `estimate` and `covariance` are those of the last decided mode, or merged.
     """
     block, bank = arrays.blocks[0], operations.bank_of_block(banks, 0)
     if begins:
@@ -44,8 +48,10 @@ def advance_live(begins: bool, banks: Any, arrays: Any, setting: Any) -> int:
         write_lane(block.anchor, 0, state_of(block.estimate, 0))
         begin_bank(block, 0, bank, arrays.radii, setting)
         return 0
-    action = arrays.actions[0]
-    if action > 0:
+    if arrays.actions[0] > 0:
+        action = counted_action(arrays, 0)
+        if action == 0:
+            return 0
         block.active_mode[0] = chosen_mode(block, 0, bank, action, setting)
         arrays.decision_flags[HAS_DECISION, 0] = True
         set_anchor(block, 0, bank, block.active_mode[0], setting.merged)
@@ -62,9 +68,10 @@ def advance_live(begins: bool, banks: Any, arrays: Any, setting: Any) -> int:
     if not decided:
         scratch, row = arrays.scratch[0], arrays.observations[0]
         compare_hypotheses(scratch, bank.hypotheses, FIRST, LAST)
-        if block.tick[0] == 1:
-            write_segment(row, block, 0, arrays.radii, setting)
-        write_tick(row, block, 0, scratch, bank, setting)
+        if not setting.exact:
+            compare_types(scratch, bank.hypotheses, FIRST, LAST)
+        mask_declarations(arrays.action_mask[0], scratch, 0, setting)
+        write_row(row, block.tick[0] == 1, block, 0, scratch, bank, arrays.radii, setting)
     set_anchor(block, 0, bank, block.active_mode[0], setting.merged)
     return 0
 

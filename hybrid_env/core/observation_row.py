@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.core.arrays import FloatArray, Records
-from hybrid_env.core.banks.bank import estimate_of, likeliest
+from hybrid_env.core.banks.bank import estimate_of, likeliest, mode_type
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import exp, log
 from hybrid_env.core.motion import heading_vector
@@ -42,6 +42,32 @@ QUICKEST_HYPOTHESIS_FEATURES = {
     "log_variance": 1.0, "stated": 1.0,
 }  # fmt: skip
 QUICKEST_TRACK_FEATURES = {"speed": 1.0, "stated_ticks": TICK_SCALE}  # the same with unknown switches
+
+RAW_FEATURES = {
+    "displacement_along": LENGTH_SCALE,
+    "displacement_across": LENGTH_SCALE,
+    "measured": 1.0,
+    "ticks": TICK_SCALE,
+    "ticks_left": TICK_SCALE,
+    "speed": 1.0,
+    "log_noise": 1.0,
+}
+"""Names of the scalars of a row without the bank, and their scales."""
+
+STATE_FEATURES = {
+    "position_along": LENGTH_SCALE,
+    "position_across": LENGTH_SCALE,
+    "velocity_along": 1.0,
+    "velocity_across": 1.0,
+    "ticks": TICK_SCALE,
+    "ticks_left": TICK_SCALE,
+    "log_noise": 1.0,
+}
+"""Names of the scalars of a row of the true state, after the one-hot encoding of the true mode, and their scales."""
+
+OBSERVATIONS = ("bank", "raw", "state")
+"""What a row holds: the output of the bank, the measurement alone, or the true state."""
+BANK_ROW, RAW_ROW, STATE_ROW = range(len(OBSERVATIONS))
 
 BLOCKS, SINGLES = len(HYPOTHESIS_FEATURES), len(TRACK_FEATURES)
 TICKS, TICKS_LEFT, LOG_ERROR, SPEED, ALONG, ACROSS, ANCHOR_XX, ANCHOR_XV, ANCHOR_VV, LOG_NOISE = range(SINGLES)
@@ -122,6 +148,88 @@ def compare_hypotheses(scratch: Any, hypotheses: Records, first: int, last: int)
             scratch.ties[lane] += 0.0 if below else 1.0
     for lane in range(first, last):
         scratch.log_error[lane] = log_error_probability(scratch.log_error[lane] + scratch.ties[lane])
+
+
+@inlined
+def compare_types(scratch: Any, hypotheses: Records, first: int, last: int) -> None:
+    """Compute the log error probability of the likeliest type (straight, left or right) of lanes first .. last - 1,
+    after `compare_hypotheses`.
+    """
+    for lane in range(first, last):
+        for of_type in range(3):
+            scratch.types[of_type, lane] = 0.0
+    for h in range(hypotheses.size):
+        kalman, of_type = hypotheses[h], mode_type(h, hypotheses.size // 2)
+        for lane in range(first, last):
+            ratio = kalman.log_likelihood[lane] - scratch.largest[lane]
+            scratch.types[of_type, lane] += exp(max(ratio, NEGLIGIBLE))
+    for lane in range(first, last):
+        straight, left, right = scratch.types[0, lane], scratch.types[1, lane], scratch.types[2, lane]
+        # the sum of the two smaller ones is not a difference, which would lose the digits of small terms
+        others = min(straight + left, straight + right, left + right)
+        scratch.log_type_error[lane] = log_error_probability(others / max(straight, left, right))
+
+
+@inlined
+def mask_declarations(mask: NDArray[np.int8], scratch: Any, lane: int, setting: Any) -> None:
+    """Write whether declarations count, (actions,): the posterior of a mode, or of a type, reaches `evidence`."""
+    log_error = scratch.log_error[lane] if setting.exact else scratch.log_type_error[lane]
+    # a comparison with NaN is False, so that a declaration counts
+    early = log_error > setting.log_error_allowed
+    for action in range(1, mask.size):
+        mask[action] = 0 if early else 1
+
+
+@internal
+def write_row(
+    row: NDArray[np.float32], begins: bool, block: Any, lane: int, scratch: Any, bank: Any, radii: FloatArray,
+    setting: Any,
+) -> None:  # fmt: skip
+    """Write the row of a track at a tick, after `compare_hypotheses`. begins: whether it is the first of a segment."""
+    if setting.observation == BANK_ROW:
+        if begins:
+            write_segment(row, block, lane, radii, setting)
+        write_tick(row, block, lane, scratch, bank, setting)
+    elif setting.observation == RAW_ROW:
+        write_raw(row, block, lane, setting)
+    else:
+        write_state(row, block, lane, setting)
+
+
+@internal
+def write_raw(row: NDArray[np.float32], block: Any, lane: int, setting: Any) -> None:
+    """Write the measurement relative to the anchor and the time: the row without the bank, see `RAW_FEATURES`."""
+    x, y = block.measurement[0, lane], block.measurement[1, lane]
+    missing = math.isnan(x)
+    from_x = 0.0 if missing else (x - block.anchor[0, lane]) * setting.noise_whitener
+    from_y = 0.0 if missing else (y - block.anchor[2, lane]) * setting.noise_whitener
+    along, across = heading_frame(from_x, from_y, block.heading[0, lane], block.heading[1, lane])
+    row[0], row[1] = LENGTH_SCALE * along, LENGTH_SCALE * across
+    row[2] = 0.0 if missing else 1.0
+    row[3] = TICK_SCALE * block.tick[lane]
+    row[4] = TICK_SCALE * (block.length[lane] - block.tick[lane])
+    row[5] = min(block.speed[lane], LARGEST_ANCHOR)
+    row[6] = setting.log_noise
+
+
+@internal
+def write_state(row: NDArray[np.float32], block: Any, lane: int, setting: Any) -> None:
+    """Write the true mode and the true state relative to the anchor: the row of a problem that is fully observed, see
+    `STATE_FEATURES`.
+    """
+    modes = setting.modes
+    for mode in range(modes):
+        row[mode] = 1.0 if mode == block.true_mode[lane] else 0.0
+    singles = row[modes:]
+    heading_x, heading_y = block.heading[0, lane], block.heading[1, lane]
+    from_x = (block.truth[0, lane] - block.anchor[0, lane]) * setting.noise_whitener
+    from_y = (block.truth[2, lane] - block.anchor[2, lane]) * setting.noise_whitener
+    along, across = heading_frame(from_x, from_y, heading_x, heading_y)
+    singles[0], singles[1] = LENGTH_SCALE * along, LENGTH_SCALE * across
+    singles[2], singles[3] = heading_frame(block.truth[1, lane], block.truth[3, lane], heading_x, heading_y)
+    singles[4] = TICK_SCALE * block.tick[lane]
+    singles[5] = TICK_SCALE * (block.length[lane] - block.tick[lane])
+    singles[6] = setting.log_noise
 
 
 @internal

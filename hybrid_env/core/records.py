@@ -107,8 +107,15 @@ SCRATCH = lanes_of(
     ("largest", np.float64, ()),  # maximum log-likelihood of the hypotheses
     ("ties", np.float64, ()),  # number of other hypotheses with the maximum
     ("log_error", np.float64, ()),  # ln(1 - maximum posterior), equal priors
+    ("types", np.float64, (3,)),  # likelihoods of straight, left and right over the largest of a hypothesis
+    ("log_type_error", np.float64, ()),  # ln(1 - maximum posterior of a type), equal priors of the hypotheses
 )
 """Temporary values of one tick of one block. The blocks of a thread share this memory in the L1 cache."""
+
+BANK_COLUMNS = {"innovations": 2, "innovation_covariances": 3, "estimates": 4, "covariances": 10}
+"""Columns of what is told of a filter at a tick: innovation (x, y) [m], upper triangles of covariances row by row, and
+the corrected estimate [x, vx, y, vy] [m, m/s].
+"""
 
 DECISION = ("decided_mode", "decided_true_mode", "ticks", "decided_length", "decided_squared_error")
 """Rows of the array of decisions made in a step; the last has the bits of a float64. Zero without a decision."""

@@ -26,6 +26,12 @@ class Arrays(NamedTuple):
     actions: Annotated[NDArray[np.int64], Array(np.int64, ("tracks",))]
     blocks: Annotated[Records, Array(BLOCK, ("blocks_count",))]
     observations: Annotated[NDArray[np.float32], Array(np.float32, ("tracks", "width"))]
+    # 1 where an action counts; a declaration with 0 waits
+    action_mask: Annotated[NDArray[np.int8], Array(np.int8, ("tracks", "action_count"))]
+    # every filter at the present tick, if it is asked for
+    bank_ticks: Annotated[
+        FloatArray, Array(np.float64, ("tracks", "bank_rows", sum(records.BANK_COLUMNS.values())))
+    ]
     rewards: Annotated[FloatArray, Array(np.float64, ("tracks",))]
     terminated: Annotated[Flags, Array(np.bool_, ("tracks",))]
     seeded: Annotated[Flags, Array(np.bool_, ("tracks",))]  # whether the random stream has been seeded
@@ -67,6 +73,8 @@ FLOATS = (
     "exact_anchor",  # 1: the anchor-aware bank treats centre and turn rate as exact
     "freedom",  # of the Student t likelihood of the bank; 0 is the normal one
     "log_noise", "noise_whitener",  # ln R, mean of the axes; 1 / sqrt(R) [1/m]
+    # a declaration counts from this ln(1 - posterior) of a mode, or a type, on
+    "log_error_allowed",
     "delay_cost", "change_cost",  # of a step, and of a change of the statement to a wrong mode
     "stay_probability", "switch_probability",  # entries of the transition matrix that the bank assumes
 )  # fmt: skip
@@ -74,6 +82,8 @@ INTEGERS = (
     "noise_law",  # of the measurements, see `noise`
     "radii_count", "columns", "modes",  # n radii, n + 1 with the straight line, M = 2 n + 1 hypotheses
     "axes", "action_count",  # number of distinct covariances, 1 or 2, and of actions
+    "observation",  # what the row holds, see `observation_row.OBSERVATIONS`
+    "bank_rows",  # M if every tick of the bank is recorded, or 0
     "recalculated",  # M if a declaration recalculates the estimates since the switch, or 0
     "segments", "shortest", "longest", "ticks",  # of a random scheme, and of an episode with unknown switches
     "tracks", "blocks_count", "first_block", "last_block",  # blocks first_block .. last_block - 1 are stepped
@@ -83,6 +93,7 @@ INTEGERS = (
 FLAGS = (
     "irregular", "radar",  # measurements may be missing or of different variances; a sensor is a radar
     "exact",  # the radius must be correct, not only the type
+    "declare_type",  # an action declares the most likely hypothesis of a type
     "declare_best", "keep_undecided",  # action 1 declares the most likely hypothesis; see the option `undecided`
     "merged", "refined",  # all filters run on after a decision: the estimate is that of the bank, or of the likeliest
     "reset_covariance", "oracle", "random_scheme",  # an oracle bank is anchored at the true state

@@ -106,3 +106,17 @@ class History:
     def switches(self) -> IntArray:
         """(number of segments so far,) index of the first row of `trace` of each segment."""
         return np.flatnonzero(np.diff(self.trace[:, SEGMENT], prepend=-1.0))
+
+
+def record_declaration(history: History, trace: FloatArray, info: dict[str, Any], finished: bool) -> None:
+    """Add a step with announced switches: its ticks (ticks, len(TRACE_COLUMNS)) and its `info`."""
+    active = 0 if finished else int(trace[-1, ACTIVE])
+    history.add(trace, info["log_likelihood"] - info["log_likelihood"][active], info, finished)
+
+
+def record_statement(history: History, action: int, info: dict[str, Any], finished: bool) -> None:
+    """Add a step with unknown switches: the statement of the last tick and the `info` of the present one."""
+    if history.started:
+        history.state(action)
+    row = [*info["truth"], *info["measurement"], *info["estimate"][[0, 2]], np.nan, info["segment"]]
+    history.add([] if finished else [row], np.exp(info["log_probability"]), info, finished)

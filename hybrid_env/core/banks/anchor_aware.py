@@ -262,6 +262,15 @@ def sense_hypothesis(
 
 
 @internal
+def predicted_position_aware(
+    bank: AnchorAwareBank, hypothesis: int, lane: int, model: Any
+) -> tuple[float, float, float, float, float]:
+    """Return the predicted position x, y of one hypothesis before a tick [m], and its covariance xx, xy, yy [m^2]."""
+    x, _, y, _, covariance = predict_hypothesis(bank.hypotheses[hypothesis], lane, model)
+    return x, y, covariance[0], covariance[2], covariance[13]
+
+
+@internal
 def covariance_aware(bank: AnchorAwareBank, hypothesis: int, lane: int) -> Triangle4:
     """Return the covariance of [x, vx, y, vy] of one hypothesis, upper triangle row by row."""
     return covariance_of(bank.hypotheses[hypothesis], lane)

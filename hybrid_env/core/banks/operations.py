@@ -7,6 +7,7 @@
     predict(bank, lane, model)                           advance every filter of a lane without a measurement
     covariance(bank, hypothesis, lane)                   of [x, vx, y, vy], upper triangle row by row
     correct(bank, lane, hypothesis, block, sensors, model)   correct a predicted filter, with a radar
+    predicted_position(bank, hypothesis, lane, model)    position and its covariance before a tick, of one filter
 
 Calls with the same types share one compiled function: the kernel gives unsigned indices and a `FilterModel`. numba has
 no public name for the class of a named tuple in compiled code: `instance_class` of its type is used here alone.
@@ -25,11 +26,11 @@ OPERATIONS: dict[type, tuple[Callable[..., Any], ...]] = {
     published.PublishedBank: (
         published.published_of_block, published.begin_published, published.step_published,
         published.follow_published, published.predict_published, published.covariance_published,
-        published.correct_published,
+        published.correct_published, published.predicted_position_published,
     ),
     aware.AnchorAwareBank: (
         aware.aware_of_block, aware.begin_aware, aware.step_aware, aware.follow_aware, aware.predict_aware,
-        aware.covariance_aware, aware.correct_aware,
+        aware.covariance_aware, aware.correct_aware, aware.predicted_position_aware,
     ),
 }  # fmt: skip
 """The functions that are compiled for each bank, in the order above."""
@@ -49,4 +50,4 @@ def _operation(number: int) -> Any:
     return operation
 
 
-bank_of_block, begin, step, follow, predict, covariance, correct = map(_operation, range(7))
+bank_of_block, begin, step, follow, predict, covariance, correct, predicted_position = map(_operation, range(8))

@@ -215,6 +215,19 @@ def correct_published(
 
 
 @internal
+def predicted_position_published(
+    bank: PublishedBank, hypothesis: int, lane: int, model: Any
+) -> tuple[float, float, float, float, float]:
+    """Return the predicted position x, y of one hypothesis before a tick [m], and its covariance xx, xy, yy [m^2]."""
+    axes, columns = bank.covariances.shape
+    column = radius_column(hypothesis, columns - 1)
+    x, _, y, _ = predict_estimate(bank.hypotheses[hypothesis], bank.covariances[0, column], lane)
+    variance_x, _, _ = _predicted(bank.covariances[0, column], lane, model.process_variance)
+    variance_y, _, _ = _predicted(bank.covariances[axes - 1, column], lane, model.process_variance)
+    return x, y, variance_x, 0.0, variance_y
+
+
+@internal
 def covariance_published(bank: PublishedBank, hypothesis: int, lane: int) -> Triangle4:
     """Return the covariance of [x, vx, y, vy] of one hypothesis, upper triangle row by row."""
     axes, columns = bank.covariances.shape
