@@ -13,17 +13,12 @@ if TYPE_CHECKING:
 
 BANK_RADII = tuple(float(radius) for radius in range(1, 11))  # [m]
 _EVIDENT = {"bank": "anchor_aware", "evidence": 0.95}
+_TYPES = {"radii": BANK_RADII, "correctness": "type", "delay_cost": 0.01}
 ENVIRONMENTS: dict[str, dict[str, object]] = {
     "HybridTrack-v0": _EVIDENT,
-    "HybridTrackBank-v0": {
-        **_EVIDENT,
-        "radii": BANK_RADII,
-        "correctness": "type",
-        "actions": "types",
-        "follow": "bank",
-        "delay_cost": 0.01,
-    },
+    "HybridTrackBank-v0": {**_EVIDENT, **_TYPES, "actions": "types", "follow": "bank"},
     "HybridTrackPublished-v0": {},
+    "HybridTrackPublishedBank-v0": _TYPES,
     "HybridTrackQuickest-v0": {},
     "HybridTrackQuickestBank-v0": {"radii": BANK_RADII},
 }

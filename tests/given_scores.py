@@ -13,7 +13,7 @@ from baselines.scoring import decisions, statements
 from baselines.scoring.scores import Scores
 
 SEGMENTS = 1000
-ANNOUNCED = AnnouncedTask("hybrid_env:HybridTrack-v0", {"scheme": f"random {SEGMENTS}x50"})
+ANNOUNCED = AnnouncedTask("hybrid_env:HybridTrackPublished-v0", {"scheme": f"random {SEGMENTS}x50"})
 UNKNOWN = UnknownTask("hybrid_env:HybridTrackQuickest-v0", {"ticks": 150, "durations": "uniform 20-40"})
 
 

@@ -21,11 +21,11 @@ STEPS = 2560
 SMALL_PPO = ("n_envs=20", "n_steps=32", "batch_size=320", "n_epochs=2", "policy_kwargs.net_arch=[16]")
 SMALL_ANCHOR = (
     "n_steps=16", "hidden=8", "buffer_size=200", "batches=2", "batch_size=32", "updates_per_world=2",
-    "worlds=[{n_envs: 16}, {n_envs: 4, env: HybridTrackBank-v0}]",
+    "worlds=[{n_envs: 16}, {n_envs: 4, env: HybridTrackPublishedBank-v0}]",
     "drawn_worlds=[{radii: 1, worlds: 1, n_envs: 4}]",
 )  # fmt: skip
 SMALL_STOPPING = (
-    "batch_size=16", "passes=2", "worlds=[{n_envs: 8}, {n_envs: 2, env: HybridTrackBank-v0}]",
+    "batch_size=16", "passes=2", "worlds=[{n_envs: 8}, {n_envs: 2, env: HybridTrackPublishedBank-v0}]",
     "drawn_worlds=[{radii: 1, worlds: 1, n_envs: 2}]",
 )  # fmt: skip
 SMALL_STATEMENTS = (
@@ -42,22 +42,22 @@ SMALL_Q = (
     "policy_kwargs.net_arch=[16]",
 )  # fmt: skip
 KINDS = {
-    "ppo": ("ppo", "HybridTrack-v0", SCHEME, SMALL_PPO), "anchor": ("anchor", "HybridTrack-v0", SCHEME, SMALL_ANCHOR),
-    "stopping": ("stopping", "HybridTrack-v0", SCHEME, SMALL_STOPPING),
-    "reward": ("reward", "HybridTrack-v0", SCHEME, SMALL_REWARD),
-    "tandem": ("tandem", "HybridTrack-v0", SCHEME, SMALL_REWARD),
-    "kalman": ("kalman", "HybridTrack-v0", SCHEME, SMALL_REWARD),
-    "distilled": ("distilled", "HybridTrack-v0", SCHEME, SMALL_REWARD),
-    "transformer": ("transformer", "HybridTrack-v0", SCHEME, SMALL_REWARD),
-    "recurrent-ppo": ("recurrent-ppo", "HybridTrack-v0", SCHEME, (*SMALL_PPO, "policy_kwargs.lstm_hidden_size=8")),
-    "a2c": ("a2c", "HybridTrack-v0", SCHEME, SMALL_A2C), "dqn": ("dqn", "HybridTrack-v0", SCHEME, SMALL_Q),
-    "qrdqn": ("qrdqn", "HybridTrack-v0", SCHEME, (*SMALL_Q, "policy_kwargs.n_quantiles=5")),
+    "ppo": ("ppo", "HybridTrackPublished-v0", SCHEME, SMALL_PPO), "anchor": ("anchor", "HybridTrackPublished-v0", SCHEME, SMALL_ANCHOR),
+    "stopping": ("stopping", "HybridTrackPublished-v0", SCHEME, SMALL_STOPPING),
+    "reward": ("reward", "HybridTrackPublished-v0", SCHEME, SMALL_REWARD),
+    "tandem": ("tandem", "HybridTrackPublished-v0", SCHEME, SMALL_REWARD),
+    "kalman": ("kalman", "HybridTrackPublished-v0", SCHEME, SMALL_REWARD),
+    "distilled": ("distilled", "HybridTrackPublished-v0", SCHEME, SMALL_REWARD),
+    "transformer": ("transformer", "HybridTrackPublished-v0", SCHEME, SMALL_REWARD),
+    "recurrent-ppo": ("recurrent-ppo", "HybridTrackPublished-v0", SCHEME, (*SMALL_PPO, "policy_kwargs.lstm_hidden_size=8")),
+    "a2c": ("a2c", "HybridTrackPublished-v0", SCHEME, SMALL_A2C), "dqn": ("dqn", "HybridTrackPublished-v0", SCHEME, SMALL_Q),
+    "qrdqn": ("qrdqn", "HybridTrackPublished-v0", SCHEME, (*SMALL_Q, "policy_kwargs.n_quantiles=5")),
     "q-linear": ("q-linear", "HybridTrackQuickest-v0", QUICK, SMALL_Q[:-1]),
     "jump-markov": ("jump-markov", "HybridTrackQuickest-v0", QUICK, SMALL_STATEMENTS),
     "ppo-quickest": ("ppo", "HybridTrackQuickest-v0", QUICK, SMALL_PPO),
     "statements": ("statements", "HybridTrackQuickest-v0", QUICK, SMALL_STATEMENTS),
     "rhythm": ("rhythm", "HybridTrackQuickest-v0", QUICK, SMALL_RHYTHM),
-    "flights": ("flights", "HybridTrack-v0", {}, SMALL_FLIGHTS),
+    "flights": ("flights", "HybridTrackPublished-v0", {}, SMALL_FLIGHTS),
 }  # fmt: skip
 """Recipe, environment, its options and changed hyper-parameters."""
 WALL_CLOCK = ("seconds", "time/fps", "time/time_elapsed")

@@ -36,7 +36,7 @@ def test_the_bank_and_its_peer_compute_the_same_likelihoods():
 
 
 def test_simulated_ticks_include_fast_forwarded_ones():
-    env = make_vector_env("hybrid_env:HybridTrack-v0", 400, tick_info=False)
+    env = make_vector_env("hybrid_env:HybridTrackPublished-v0", 400, tick_info=False)
     env.reset(seed=0)
     assert Steps(env, 0.0).ticks_per_step == 1.0
     # a declaration in 25 at tick k of a segment of 75 runs 75 - k ticks more, k about 19 on average:

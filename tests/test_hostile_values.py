@@ -62,7 +62,7 @@ def test_a_journal_with_a_cut_last_line_goes_on_and_a_hostile_one_is_refused(tmp
 @pytest.mark.parametrize("examples", counts(40, 10_000))
 def test_a_damaged_journal_goes_on_or_is_refused(examples, tmp_path):
     ranges = dict([parse_range("n_epochs=1..3")])
-    search = Search("hybrid_env:HybridTrack-v0", {}, "ppo", (), ranges, 0, None)
+    search = Search("hybrid_env:HybridTrackPublished-v0", {}, "ppo", (), ranges, 0, None)
     study = open_study(search, tmp_path)
     study.tell(study.ask(), 0.5)
     content = (tmp_path / JOURNAL).read_bytes()
@@ -79,14 +79,14 @@ def test_a_damaged_journal_goes_on_or_is_refused(examples, tmp_path):
 def test_a_model_that_is_evaluated_elsewhere_than_it_was_trained_is_said():
     from stable_baselines3 import PPO
 
-    model = PPO("MlpPolicy", "hybrid_env:HybridTrackEasy-v0", n_steps=8, batch_size=8, device="cpu")
-    with pytest.warns(UserWarning, match=r"trained in HybridTrackEasy-v0 and is evaluated in HybridTrack-v0"):
-        evaluate(model, "hybrid_env:HybridTrack-v0", episodes=2)
+    model = PPO("MlpPolicy", "hybrid_env:HybridTrack-v0", n_steps=8, batch_size=8, device="cpu")
+    with pytest.warns(UserWarning, match=r"trained in HybridTrack-v0 and is evaluated in HybridTrackPublished-v0"):
+        evaluate(model, "hybrid_env:HybridTrackPublished-v0", episodes=2)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        evaluate(model, "hybrid_env:HybridTrackEasy-v0", episodes=2)
+        evaluate(model, "hybrid_env:HybridTrack-v0", episodes=2)
     with pytest.raises(ArgumentError, match="observation shape"):
-        evaluate(model, "hybrid_env:HybridTrackEasy-v0", episodes=2, radii=(2.0, 5.0))
+        evaluate(model, "hybrid_env:HybridTrack-v0", episodes=2, radii=(2.0, 5.0))
 
 
 def test_a_recorder_sees_the_same_info_at_every_step():

@@ -83,7 +83,6 @@ class AnnouncedTask(Task):
         "sprt", "ATE (SPRT)", "SPRT", "segment", ("accuracy", "ticks"),
         "accuracy {accuracy:.1%}, mean decision time {ticks:.1f} ticks",
     )  # fmt: skip
-    agents: ClassVar = ("ppo", "shipped")
     episodes: ClassVar = 1500
     selection_episodes: ClassVar = seeds.SELECTION_EPISODES
 
@@ -95,7 +94,14 @@ class AnnouncedTask(Task):
 
     @property
     def compared(self) -> tuple[str, ...]:
-        return (self.reference, "fixed", "msprt", "msprt-kept", "calibrated")
+        if self.options.bank == "published":
+            return (self.reference, "fixed", "msprt", "msprt-kept", "calibrated")
+        return (self.reference, "sprt", "msprt-type" if self.options.correctness == "type" else "msprt")
+
+    @property
+    def agents(self) -> tuple[str, ...]:
+        """See `Task.agents`."""
+        return ("ppo", "shipped-threshold", "shipped") if self.options.bank == "published" else ("ppo", "shipped")
 
     def check_episodes(self, name: str, episodes: int) -> None:
         check_episodes(name, episodes, self.options)

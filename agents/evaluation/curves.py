@@ -39,6 +39,7 @@ def means(group: Sequence[Selected], statistic: Statistic) -> FloatArray:
 def curves(groups: Groups, x: Statistic, y: Statistic, above: tuple[float, float]) -> list[Curve]:
     """Return one curve for each name, of the points whose x is above the first number; y is at least the second."""
     styles, found = decider_styles(groups), []
+    several_banks = len({group[0].scores.bank for group in groups.values()}) > 1
     for name, group in groups.items():
         places = means(group, x)
         shown = np.flatnonzero(places > above[0])
@@ -46,6 +47,7 @@ def curves(groups: Groups, x: Statistic, y: Statistic, above: tuple[float, float
             points = zip(*(chosen({name: group}, statistic) for statistic in (x, y)), strict=True)
             selected = [(place, max(value, above[1])) for place, value in points if place > above[0]]
             title = name if len(group) == 1 else f"{name}, {len(group)} seeds"
+            title += f", {group[0].scores.bank.replace('_', '-')} bank" if several_banks else ""
             line, band = (np.maximum(of, above[1]) for of in (means(group, y)[shown], _band(group, y, shown)))
             found.append(Curve(title, styles[name], places[shown], line, bounds=band, selected=selected))
     return found

@@ -13,6 +13,7 @@ import numpy as np
 from agents import learned
 from agents.interface.help_texts import shown_default
 from baselines.rules.decider import ANNOUNCED, FLIGHTS, GLIDERS, UNKNOWN, Decider, DeciderFamily, rules
+from baselines.rules.msprt import TypeDeclarations
 from baselines.rules.own import find_own, own_family, own_names
 from hybrid_env.checks import reject
 
@@ -61,10 +62,11 @@ OWN_NETWORKS = {
 EXCHANGED = (".zip", ".onnx")  # endings of the files of policies that other libraries write
 SHIPPED = "shipped"
 SHIPPED_FOLDERS = {
-    ANNOUNCED: "shipped", UNKNOWN: "shipped_quickest", FLIGHTS: "shipped_flights", GLIDERS: "shipped_gliders",
+    ANNOUNCED: "shipped_stopping", UNKNOWN: "shipped_rhythm", FLIGHTS: "shipped_flights", GLIDERS: "shipped_gliders",
 }  # fmt: skip
 """Folders of the weights that come with the package."""
 NAMED = {
+    "shipped-threshold": (ANNOUNCED, "shipped"), "shipped-margin": (UNKNOWN, "shipped_quickest"),
     "rhythm": (UNKNOWN, "shipped_rhythm"), "robust": (UNKNOWN, "shipped_robust"),
     "stopping": (ANNOUNCED, "shipped_stopping"),
 }  # fmt: skip
@@ -168,14 +170,17 @@ def find_decider(name: Any, options: Any) -> tuple[DeciderFamily, float]:
 
 def load_decider(name: Any, options: Any) -> Decider:
     """Return the decider of a name, see `find_decider`; refuse an environment without the options that it needs."""
-    if getattr(options, "actions", "all") != "all":
-        raise reject("actions", options.actions, "'all': deciders declare hypotheses")
     family, threshold = find_decider(name, options)
     for key, value in family.options.items():
-        if str(getattr(options, key)) != value:
+        if str(getattr(options, key)) != str(value):
             raise reject(key, getattr(options, key), f"{value!r} for the decider {name!r}")
     decider: Decider = family.make(threshold)
-    return decider
+    actions = getattr(options, "actions", "all")
+    if actions == "all":
+        return decider
+    if actions == "types":
+        return TypeDeclarations(decider)
+    raise reject("actions", actions, "'all' or 'types': deciders declare hypotheses")
 
 
 def needed_options(name: Any, switches: str) -> Mapping[str, Any]:

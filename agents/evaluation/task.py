@@ -79,7 +79,6 @@ class Task(ABC):
     paired: ClassVar[str]  # how `against` compares, as a word for headings
     reference: ClassVar[str]  # name of the rule that others are compared with
     wording: ClassVar[Wording]  # of the learning curve of an agent
-    agents: ClassVar[tuple[str, ...]]
     # episodes, selection_episodes: default numbers
     episodes: ClassVar[int]
     selection_episodes: ClassVar[int]
@@ -127,6 +126,11 @@ class Task(ABC):
     def untuned(self) -> Mapping[str, Any]:
         """Changes of options for a decider for which nothing is selected."""
         return {}
+
+    @property
+    @abstractmethod
+    def agents(self) -> tuple[str, ...]:
+        """Names of the agents that are compared by default."""
 
     @property
     @abstractmethod
@@ -240,4 +244,5 @@ def gather(
         for parts in found
     ]
     stacked = {name: np.stack([one[name] for one in extra]) for name in extra[0]}
-    return Scores(family.name, family.symbol, thresholds, task.columns, values, stacked)
+    bank = getattr(task.options_with(family.options), "bank", "")
+    return Scores(family.name, family.symbol, thresholds, task.columns, values, stacked, bank)

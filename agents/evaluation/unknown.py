@@ -74,7 +74,6 @@ class UnknownTask(Task):
         "Filled markers: thresholds selected on other tracks. "
         "A switch that is not detected counts until the end of its segment."
     )
-    agents: ClassVar = ("shipped",)
     episodes: ClassVar = 500
     selection_episodes: ClassVar = 300
 
@@ -85,6 +84,11 @@ class UnknownTask(Task):
         """Return habits of the object; see `Task.shifted`."""
         three = self.options.hypotheses == 3  # as one of their orders
         return {name: one for name, one in RHYTHMS.items() if three or "order" not in one}
+
+    @property
+    def agents(self) -> tuple[str, ...]:
+        """See `Task.agents`."""
+        return ("shipped",)
 
     @property
     def compared(self) -> tuple[str, ...]:

@@ -25,12 +25,14 @@ from agents.learned.policy_file import (
     unreadable_policy,
 )  # fmt: skip
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Actions, Decider, DeciderFamily, Observations
+from baselines.rules.msprt import mode_types
 from baselines.rules.threshold import read_statement
 from hybrid_env.checks import FloatArray, check_integer, reject
 from hybrid_env.observation import Layout
 from hybrid_env.rendering.evidence import EvidencePanel, Threshold, probability_panel
 
 LARGEST_WIDTH = 2000  # of an observation row
+TYPE_ACTIONS = 4  # wait, straight, left, right
 POSTERIOR = "posterior"  # in place of a quantity that is observed
 VALUE_THRESHOLDS = (-1.0, -0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01, 0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 """On the differences of action values, in units of the reward."""
@@ -172,8 +174,9 @@ class PolicyDecider(ActorDecider):
     """Declares a hypothesis once the policy's log-odds of declaring exceed a threshold.
 
     At threshold 0 this is the policy's most probable action; other thresholds trade decision time against
-    accuracy. A policy with M + 1 actions declares the hypothesis with the largest logit, one with 2 actions
-    the most likely hypothesis of the bank. The threshold is on ln p(the declaration) - ln p(wait).
+    accuracy. A policy with M + 1 actions declares the hypothesis with the largest logit, one with 4 actions
+    the most likely hypothesis of the type (straight, left or right) with the largest logit, and one with 2 actions the
+    most likely hypothesis of the bank. The threshold is on ln p(the declaration) - ln p(wait).
     """
 
     task = ANNOUNCED
@@ -186,8 +189,12 @@ class PolicyDecider(ActorDecider):
             logits = self.sample(logits)
         declare = logits[:, 1:].argmax(1)
         odds = logits[np.arange(len(logits)), declare + 1] - logits[:, 0]
+        log_ratio = Layout.of_rows(observation).read(observation, "log_ratio")
         if logits.shape[1] == 2:
-            declare = Layout.of_rows(observation).read(observation, "log_ratio").argmax(-1)
+            declare = log_ratio.argmax(-1)
+        elif logits.shape[1] == TYPE_ACTIONS:
+            of_type = mode_types(log_ratio.shape[1]) == declare[:, None]
+            declare = np.where(of_type, log_ratio, -np.inf).argmax(-1)
         return np.where(odds > (self.threshold if deterministic else 0.0), declare + 1, 0)
 
     def panel(self) -> EvidencePanel:
@@ -203,7 +210,10 @@ class PolicyDecider(ActorDecider):
     def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
         """Return the log-odds of declaring each hypothesis against waiting, (N, M)."""
         logits = self.logits(observation, state, episode_start)[0]
-        return np.broadcast_to(logits[:, 1:] - logits[:, :1], (len(logits), self.hypotheses))
+        odds = logits[:, 1:] - logits[:, :1]
+        if logits.shape[1] == TYPE_ACTIONS:
+            return odds[:, mode_types(self.hypotheses)]
+        return np.broadcast_to(odds, (len(logits), self.hypotheses))
 
 
 class StatementPolicyDecider(ActorDecider):
@@ -273,6 +283,6 @@ def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -
 
 def check_actions(actions: int, hypotheses: int, task: str) -> None:
     """Raise `ArgumentError` if an actor cannot have this number of actions for M hypotheses."""
-    allowed = (hypotheses,) if task == UNKNOWN else (2, hypotheses + 1)
+    allowed = (hypotheses,) if task == UNKNOWN else (2, TYPE_ACTIONS, hypotheses + 1)
     if actions not in allowed:
         raise reject("actions", actions, " or ".join(map(str, allowed)))

@@ -111,8 +111,9 @@ class Continuation:
         try:
             with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
                 extra = {one.removeprefix(EXTRA): file[one] for one in file if one.startswith(EXTRA)}
-                (name, symbol), thresholds, columns = (file[key].tolist() for key in ("names", "thresholds", "columns"))
-                scores = Scores(name, symbol, tuple(thresholds), tuple(columns), file["values"], extra)
+                names, thresholds, columns = (file[key].tolist() for key in ("names", "thresholds", "columns"))
+                name, symbol, bank = names
+                scores = Scores(name, symbol, tuple(thresholds), tuple(columns), file["values"], extra, bank)
                 return scores, int(file["chosen"]), float(file["selected"])
         except DAMAGE:
             return None
@@ -124,7 +125,7 @@ class Continuation:
             return
         output_folder("out", path.parent)
         arrays: dict[str, Any] = {
-            "names": [scores.name, scores.symbol], "thresholds": scores.thresholds, "columns": scores.columns,
+            "names": [scores.name, scores.symbol, scores.bank], "thresholds": scores.thresholds, "columns": scores.columns,
             "values": scores.values, "chosen": chosen, "selected": selected,
         } | {EXTRA + name: array for name, array in scores.extra.items()}  # fmt: skip
         with atomic_file(path) as part, part.open("wb") as file:

@@ -35,7 +35,8 @@ def scores_table(
     if compared:
         notes += f"diff.: {task.goal} less that of {to} on the same episodes.\n"
     quantiles = "delay_quantiles" in rows[0][0].extra
-    heads = ["decider     ", *(metric.head for metric in task.metrics)]
+    has_bank = any(scores.bank for scores, *_ in rows)
+    heads = ["decider     ", *(["bank\nread"] * has_bank), *(metric.head for metric in task.metrics)]
     heads += ["delay\n50,90%"] * quantiles + [f"{task.goal}\ndiff."] * compared
     lines = []
     for scores, figures, difference in rows:
@@ -46,7 +47,8 @@ def scores_table(
         if compared:
             goal = next(metric for metric in task.metrics if metric.name == task.goal)
             cells.append("" if difference is None else estimate_cell(difference, 1.0, goal.digits, sign="+"))
-        lines.append((decider_cell(scores), *cells))
+        bank = [scores.bank.replace("_", "-\n")] * has_bank
+        lines.append((decider_cell(scores), *bank, *cells))
     return filled_table(title, heads, lines, f"{notes}{HALF_WIDTH}\n{task.notes}".strip())
 
 

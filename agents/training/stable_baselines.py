@@ -199,8 +199,8 @@ class LibraryRun(Run):
         return ACTORS[self.task.switches](self.model.policy).trained(name)
 
     def evaluate(self) -> None:
-        """See `Run.evaluate`; only if the actions are declarations of hypotheses, or statements."""
-        if not self.task.waits or self.world.actions == "all":
+        """See `Run.evaluate`; only if the actions are declarations of hypotheses or types, or statements."""
+        if not self.task.waits or self.world.actions != "best":
             super().evaluate()
 
     def recent_means(self) -> tuple[float, float]:

@@ -28,7 +28,10 @@ ALPHAS = (
 """Thresholds of the posterior error probability to sweep."""
 FEW_ALPHAS = (0.6, 0.4, 0.25, 0.15, 0.1, 0.08, 0.05, 0.03, 0.02, 0.01, 3e-3, 3e-4, 1e-5)
 """Some of `ALPHAS`, for deciders that are slow to evaluate, and for tables over many environments."""
-ROBUST = {"likelihood": "student_t 50"}  # options of the bank with the robust likelihood
+PUBLISHED: dict[str, Any] = {"bank": "published", "evidence": 0.0, "follow": "declared"}
+"""Options of the algorithms of the papers: their bank, on which every declaration counts."""
+ROBUST = PUBLISHED | {"likelihood": "student_t 50"}
+"""The same with the robust likelihood."""
 
 
 def rewarded(options: WorldOptions) -> By:
@@ -141,6 +144,14 @@ class TypeMSPRTDecider(MSPRTDecider):
         super().__init__(alpha, by="type")
 
 
+class PublishedMSPRTDecider(MSPRTDecider):
+    """The MSPRT of the published bank, in any environment."""
+
+    name, title = "msprt-published", "MSPRT, published bank"
+    options = PUBLISHED
+    colour = marker = ""
+
+
 class AnchorAwareMSPRTDecider(MSPRTDecider):
     """The MSPRT of the anchor-aware bank, by what the environment rewards."""
 
@@ -168,6 +179,33 @@ class RobustMSPRTDecider(MSPRTDecider):
     name, title = "msprt-robust", "MSPRT, robust"
     options = ROBUST
     colour = marker = ""
+
+
+class TypeDeclarations(Decider):
+    """A decider for an environment with `actions="types"`: what declares a hypothesis declares its type."""
+
+    def __init__(self, decider: Decider):
+        self.decider, self.observes, self.every_tick = decider, decider.observes, decider.every_tick  # type: ignore[misc]
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: BoolArray | None = None, deterministic: bool = True
+    ) -> tuple[Actions, Any]:
+        """See `Decider.predict`: 0 waits, and 1, 2 and 3 declare straight, left and right."""
+        actions, state = self.decider.predict(observation, state, episode_start, deterministic)
+        hypotheses = Layout.of_rows(observation).hypotheses
+        return np.concatenate([[0], mode_types(hypotheses) + 1])[actions], state
+
+    def observe(self, tracks: Any) -> NDArray[Any]:
+        """See `Decider.observe`."""
+        return self.decider.observe(tracks)
+
+    def panel(self) -> EvidencePanel:
+        """See `Decider.panel`."""
+        return self.decider.panel()
+
+    def evidence(self, observation: Any, state: Any = None, episode_start: Any = None) -> FloatArray:
+        """See `Decider.evidence`."""
+        return self.decider.evidence(observation, state, episode_start)
 
 
 class GapDecider(RowRule):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.rules.decider import Actions, Observations
-from baselines.rules.own import Asked, as_decider
+from baselines.rules.own import Adapted, Asked, as_decider
 from baselines.scoring.decisions import Decisions
 from baselines.scoring.statements import Statements
 from hybrid_env.checks import BoolArray, FloatArray, check_integer, reject
@@ -148,13 +148,15 @@ def evaluate_batch(
     options: Mapping[str, Any],
 ) -> Decisions:  # fmt: skip
     """Run a decider on episodes that all run in parallel; see `evaluate`. Progress is the share of decided segments."""
-    env = make_vector_env(env_id, episodes, tick_info=False, **options)
+    given = make_vector_env(env_id, 1, **options)
+    model = decider.model if isinstance(decider, Adapted) else decider
+    # a model of a learning library plays with the actions that it was trained with; all others declare hypotheses
+    trained = getattr(model, "action_space", None) == given.single_action_space
+    env = make_vector_env(env_id, episodes, **(dict(options) if trained else {**options, "actions": "all"}))
     width = getattr(getattr(decider, "observation_space", None), "shape", None)
     if width not in (None, env.single_observation_space.shape):
         allowed = f"one for observations of shape {env.single_observation_space.shape}"
         raise reject("observation shape of the decider", width, allowed)
-    if env.options.actions != "all":
-        raise reject("actions", env.options.actions, "'all': deciders declare hypotheses")
     segments = env.options.segments
     recorded = {name: np.full((episodes, segments), one) for name, one in NO_DECISION.items()}
     finished, unfinished = np.zeros(episodes, np.int64), np.ones(episodes, np.bool_)  # decisions of each track so far

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from baselines.rules.decider import Actions, Decider, Observations
-from baselines.rules.msprt import CLIPPED_RATIO, ROBUST
+from baselines.rules.msprt import CLIPPED_RATIO, PUBLISHED, ROBUST
 from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_between, reject
 from hybrid_env.core.compilation import compiled
 from hybrid_env.observation import Layout
@@ -72,7 +72,7 @@ def _test_tracks(
 
 
 class SPRTDecider(Decider):
-    """The test of ATE as a decider on observations.
+    """The test of ATE on the rows of the environment, whatever its bank.
 
     The ratios in an observation refer to the most likely hypothesis, which the test may have rejected, and they are
     clipped. Where a ratio is clipped, the decider accumulates the log-likelihood from the innovations and their
@@ -83,12 +83,12 @@ class SPRTDecider(Decider):
         beta: type II error probability; None uses alpha.
     """
 
-    name, title, symbol, default = "ate", "ATE (SPRT)", "alpha", 1e-3
+    name, title, symbol, default = "sprt", "SPRT", "alpha", 1e-3
     thresholds = (
         *(0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02, 0.015, 0.01, 7e-3, 5e-3, 3e-3, 2e-3, 1e-3),
         *(5e-4, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10),
     )
-    colour, marker = "#6900ff", "o"
+    colour = marker = ""
 
     def __init__(self, alpha: float = 1e-3, beta: float | None = None):
         self.upper, self.lower = sprt_thresholds(alpha, beta)
@@ -129,6 +129,14 @@ class SPRTDecider(Decider):
         log_likelihood = self.decide(observation, state, episode_start)[1][0]
         active = Layout.of_rows(observation).read(observation, "previous").argmax(-1)
         return log_likelihood - np.take_along_axis(log_likelihood, active[:, None], axis=-1)
+
+
+class ATEDecider(SPRTDecider):
+    """The algorithm of the paper: the test on the published bank, where every declaration counts."""
+
+    name, title = "ate", "ATE (SPRT)"
+    options = PUBLISHED
+    colour, marker = "#6900ff", "o"
 
 
 class RobustSPRTDecider(SPRTDecider):

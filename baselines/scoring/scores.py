@@ -87,6 +87,7 @@ class Scores:
     columns: tuple[str, ...]  # names of F figures
     values: FloatArray  # (E, F, K) figures
     extra: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # (K, ...) by name, what is no mean over episodes
+    bank: str = ""  # that the decider reads, for tables; empty where all environments have the same
 
     @property
     def episodes(self) -> int:

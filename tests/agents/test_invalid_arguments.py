@@ -78,7 +78,7 @@ INVALID_ARGUMENTS = [
     ("limits --episodes 1", "episodes=1"),
     ("limits --seed 1000000000", "seed=1000000000"),
     ("limits --deciders nowhere.py:rule", "nowhere.py"),
-    ("limits --env HybridTrack-v0", "env='HybridTrack-v0'"),
+    ("limits --env HybridTrackPublished-v0", "env='HybridTrackPublished-v0'"),
     ("train --steps 0", "steps=0"),
     ("train --out /dev/null/x", "out="),
     ("train --recipe stew", "recipe='stew'"),

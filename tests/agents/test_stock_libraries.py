@@ -6,7 +6,7 @@ import pytest
 
 import hybrid_env
 
-EASY = "hybrid_env:HybridTrackEasy-v0"
+EASY = "hybrid_env:HybridTrack-v0"
 IDS = tuple(hybrid_env.ENVIRONMENTS)
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # those of other libraries are not ours

@@ -18,7 +18,7 @@ def mode_posteriors(info, by_type):
 @pytest.mark.parametrize("by_type", [False, True])
 def test_a_declaration_waits_until_a_mode_is_more_likely_than_all_others(by_type):
     options = {"radii": (3.0, 5.0)} | ({"correctness": "type"} if by_type else {})
-    easy, plain = gym.make("HybridTrackEasy-v0", **options), gym.make("HybridTrack-v0", **options)
+    easy, plain = gym.make("HybridTrack-v0", **options), gym.make("HybridTrackPublished-v0", **options)
     generator = np.random.default_rng(5)
     waited = declared = 0
     for seed in range(10):

@@ -17,7 +17,7 @@ CHECKED = [
     *((env_id, {}) for env_id in IDS),
     *(
         pytest.param(env_id, options, marks=pytest.mark.filterwarnings("ignore:.*:UserWarning"))
-        for env_id in ("HybridTrack-v0", "HybridTrackQuickest-v0")
+        for env_id in ("HybridTrackPublished-v0", "HybridTrackQuickest-v0")
         for options in ({"missed": 0.1, "noise": "levy 1.5"}, {"sensors": SENSORS})
     ),
 ]
@@ -47,12 +47,12 @@ def test_every_vectorization_mode_gives_the_same_episodes(env_id, mode):
 
 
 def test_forkserver_processes_create_the_environment_by_module_and_id():
-    make = functools.partial(gym.make, "hybrid_env:HybridTrack-v0")
+    make = functools.partial(gym.make, "hybrid_env:HybridTrackPublished-v0")
     env = AsyncVectorEnv([make, make], context="forkserver")
     try:
         rows = env.reset(seed=6)[0]
         assert rows.shape == (2, 28)
-        np.testing.assert_array_equal(rows[1], gym.make("HybridTrack-v0").reset(seed=7)[0])
+        np.testing.assert_array_equal(rows[1], gym.make("HybridTrackPublished-v0").reset(seed=7)[0])
         assert env.step(np.array([0, 1]))[0].shape == (2, 28)
     finally:
         env.close()

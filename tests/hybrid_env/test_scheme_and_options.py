@@ -77,4 +77,4 @@ def test_repeated_registration_of_the_ids_does_not_raise():
     import importlib
 
     importlib.reload(hybrid_env)
-    assert {"HybridTrack-v0", "HybridTrackBank-v0"} <= set(gym.registry)
+    assert {"HybridTrackPublished-v0", "HybridTrackPublishedBank-v0"} <= set(gym.registry)

@@ -24,19 +24,19 @@ SHORT = {"ticks": 40, "durations": "uniform 5-12"}
 UNEQUAL = {"radii": (3.0, 8.0), "measurement_variance": (0.05, 0.2)}
 SENSORS = (Sensor(variance=0.4, period=2), Sensor(variance=0.05, position=(3.0, 4.0), range=4.0))
 MADE = [
+    ("HybridTrackPublished-v0", {}),
+    ("HybridTrackPublishedBank-v0", {}),
     ("HybridTrack-v0", {}),
-    ("HybridTrackBank-v0", {}),
-    ("HybridTrackEasy-v0", {}),
     ("HybridTrackQuickest-v0", SHORT),
     ("HybridTrackQuickest-v0", SHORT | UNEQUAL),
     *(
         (env_id, short | options)
-        for env_id, short in (("HybridTrack-v0", {}), ("HybridTrackQuickest-v0", SHORT))
+        for env_id, short in (("HybridTrackPublished-v0", {}), ("HybridTrackQuickest-v0", SHORT))
         for options in ({"missed": 0.4}, {"sensors": SENSORS}, {"sensors": SENSORS, "missed": 0.4})
     ),
-    ("HybridTrack-v0", {"noise": "levy 1.5 1 44"}),
-    ("HybridTrack-v0", {"bank": "anchor_aware", "noise": "outliers 0.1"}),
-    ("HybridTrack-v0", {"bank": "anchor_aware", "follow": "bank"}),
+    ("HybridTrackPublished-v0", {"noise": "levy 1.5 1 44"}),
+    ("HybridTrackPublished-v0", {"bank": "anchor_aware", "noise": "outliers 0.1"}),
+    ("HybridTrackPublished-v0", {"bank": "anchor_aware", "follow": "bank"}),
     ("HybridTrackQuickest-v0", {"ticks": 40, "durations": "drawn", "order": "drawn", "start": "random"}),
     ("HybridTrackQuickest-v0", {"ticks": 40, "order": "cycle"}),
     ("HybridTrackQuickest-v0", SHORT | {"noise": "student_t 3"}),

@@ -14,7 +14,7 @@ from tools.bench.timing import Measurement, measure_in_turn, speed_ratio
 
 BANK_RADII = tuple(float(radius) for radius in range(1, 11))
 BANKS: dict[str, tuple[float, ...]] = {"3 hypotheses": (5.0,), "21 hypotheses": BANK_RADII}
-ENV_ID = "hybrid_env:HybridTrack-v0"
+ENV_ID = "hybrid_env:HybridTrackPublished-v0"
 QUICKEST_ID = "hybrid_env:HybridTrackQuickest-v0"
 DECLARE_EVERY = 25  # steps, in the runs with declarations
 
@@ -72,7 +72,7 @@ def unknown_switches() -> Iterator[Measurement]:
         quickest = make_track_vector_env(QUICKEST_ID, tracks, tick_info=False)
         quickest.reset(seed=0)
         times = measure_in_turn(waiting_step(quickest), waiting_step(_tracks(tracks)))
-        group = "HybridTrackQuickest-v0 against HybridTrack-v0, tick_info=False"
+        group = "HybridTrackQuickest-v0 against HybridTrackPublished-v0, tick_info=False"
         name = f"3 hypotheses, {tracks:,} track{'s' if tracks > 1 else ''}"
         yield speed_ratio(group, name, *times, 0.25)
 

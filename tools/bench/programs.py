@@ -69,7 +69,7 @@ def training() -> Iterator[Measurement]:
     from agents.training.vec_env import HybridTrackVecEnv
 
     torch.set_num_threads(1)
-    recipe = load_recipe("ppo", "HybridTrack-v0").settings
+    recipe = load_recipe("ppo", "HybridTrackPublished-v0").settings
     assert isinstance(recipe, PPOSettings)
     tracks, rollout = 256, 64
     steps = tracks * rollout

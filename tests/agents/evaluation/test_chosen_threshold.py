@@ -11,7 +11,7 @@ from agents.evaluation.tasks import task_of
 from baselines import MSPRTDecider
 from hybrid_env import ArgumentError
 
-HOME = "HybridTrack-v0"
+HOME = "HybridTrackPublished-v0"
 
 
 @pytest.fixture(scope="module", autouse=True)

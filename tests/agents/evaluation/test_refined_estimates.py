@@ -31,7 +31,7 @@ def errors(name, decider, episodes):
     """Return RMSE and its paired difference, over sqrt(R), of every change."""
     found, first = {}, None
     for change, options in CHANGES.items():
-        task = task_of("hybrid_env:HybridTrack-v0", world(OBJECTS[name], decider) | options)
+        task = task_of("hybrid_env:HybridTrackPublished-v0", world(OBJECTS[name], decider) | options)
         family, threshold = find_decider(decider, task.options)
         scores = sweep(task, family, episodes, 0, lambda share: None, (threshold,))
         first = first or scores

@@ -11,7 +11,7 @@ from baselines import FixedTimeDecider, ThresholdDecider, measure_statements, re
 from baselines.rules.decider import DeciderFamily
 from baselines.rules.rollout import evaluate
 
-ANNOUNCED = AnnouncedTask("hybrid_env:HybridTrack-v0", {"scheme": "random 3x20-40"})
+ANNOUNCED = AnnouncedTask("hybrid_env:HybridTrackPublished-v0", {"scheme": "random 3x20-40"})
 UNKNOWN = UnknownTask("hybrid_env:HybridTrackQuickest-v0", {"ticks": 120, "durations": "uniform 20-40"})
 
 

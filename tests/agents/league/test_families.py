@@ -41,7 +41,7 @@ def test_the_command_trains_a_family_and_goes_on_from_what_is_there(tmp_path, mo
     line = ["league", "tiny.yml", "--training-seeds", "2", "--out", "out", "--jobs", "1"]
     assert main(line) == 0
     first = capsys.readouterr().out
-    assert "Trained families in HybridTrack-v0" in first
+    assert "Trained families in HybridTrackPublished-v0" in first
     assert all((tmp_path / "out" / f"{name}.png").stat().st_size > 10_000 for name in ("league", "training"))
     entry = families.read_entry(tmp_path / "out" / "tiny.json")
     seeds = entry["worlds"][HOME]["seeds"]

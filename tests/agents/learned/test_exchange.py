@@ -15,7 +15,7 @@ from baselines.rules.rollout import evaluate
 from hybrid_env import ArgumentError, HybridTrackVectorEnv, WorldOptions
 
 OPTIONS = WorldOptions(scheme="random 2x20-25")
-ENV = "hybrid_env:HybridTrackEasy-v0"
+ENV = "hybrid_env:HybridTrack-v0"
 RELU = {"activation_fn": torch.nn.ReLU, "net_arch": [16]}
 MODELS = {
     "ppo": lambda: PPO("MlpPolicy", ENV, seed=1),

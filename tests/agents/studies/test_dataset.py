@@ -19,8 +19,8 @@ def root(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     ("env_id", "rule", "flags"), [
-        ("HybridTrack-v0", "ate", "--scheme random --measurement-variance 0.5"),
-        ("HybridTrackBank-v0", "msprt", "--scheme S9"), ("HybridTrackQuickest-v0", "threshold:0.7", "--ticks 40"),
+        ("HybridTrackPublished-v0", "ate", "--scheme random --measurement-variance 0.5"),
+        ("HybridTrackPublishedBank-v0", "msprt", "--scheme S9"), ("HybridTrackQuickest-v0", "threshold:0.7", "--ticks 40"),
     ],
 )  # fmt: skip
 def test_episodes_of_a_data_set_are_those_of_its_environment(root, capsys, env_id, rule, flags):
@@ -66,5 +66,5 @@ def test_a_data_set_is_not_replaced_and_nothing_half_written_stays(root, capsys)
     command = ["dataset", "--episodes", "2", "--scheme", "S9", "--policies", "ate"]
     assert main(command) == 0
     assert main([*command, "random"]) == 2
-    assert "a folder without the data set HybridTrack-v0/ate-v0" in capsys.readouterr().err
-    assert [path.name for path in (root / "HybridTrack-v0").iterdir() if path.is_dir()] == ["ate-v0"]
+    assert "a folder without the data set HybridTrackPublished-v0/ate-v0" in capsys.readouterr().err
+    assert [path.name for path in (root / "HybridTrackPublished-v0").iterdir() if path.is_dir()] == ["ate-v0"]

@@ -20,7 +20,7 @@ from hybrid_env.rendering.window import Renderer
 
 SCHEME = "S8 L8r5"
 STEPS = 10  # fixed:5 waits for four ticks of each segment and declares at the fifth
-DECLARED, STATED = "hybrid_env:HybridTrack-v0", "hybrid_env:HybridTrackQuickest-v0"
+DECLARED, STATED = "hybrid_env:HybridTrackPublished-v0", "hybrid_env:HybridTrackQuickest-v0"
 OPTIONS = {DECLARED: {"scheme": SCHEME}, STATED: {"ticks": 40, "durations": "uniform 10-15"}}
 
 

@@ -10,7 +10,7 @@ from baselines import CusumDecider, SPRTDecider, ThresholdDecider, record_statem
 from baselines.rules.rollout import evaluate
 from baselines.scoring.statements import measure_statements
 
-ENV = "hybrid_env:HybridTrack-v0"
+ENV = "hybrid_env:HybridTrackPublished-v0"
 STATED_ENV = "hybrid_env:HybridTrackQuickest-v0"
 STATED = {"ticks": 150, "durations": "uniform 20-40"}
 

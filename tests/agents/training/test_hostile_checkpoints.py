@@ -16,12 +16,12 @@ from baselines.rules.measurements import OBSERVED
 from hybrid_env import Layout, QuickestLayout, QuickestOptions
 from hybrid_env.registration import environment_options
 
-KNOWN_SWITCHES = "hybrid_env:HybridTrack-v0", {"scheme": "random 2x5-8"}
+KNOWN_SWITCHES = "hybrid_env:HybridTrackPublished-v0", {"scheme": "random 2x5-8"}
 ENVIRONMENTS = {
     "statements": ("hybrid_env:HybridTrackQuickest-v0", {"ticks": 8, "durations": "uniform 2-4"}),
     "jump-markov": ("hybrid_env:HybridTrackQuickest-v0", {"ticks": 8, "durations": "uniform 2-4"}),
     "rhythm": ("hybrid_env:HybridTrackQuickest-v0", {"ticks": 8}),
-    "flights": ("hybrid_env:HybridTrack-v0", {}),
+    "flights": ("hybrid_env:HybridTrackPublished-v0", {}),
 }
 RECIPES = {
     "ppo": ("n_envs=4", "n_steps=16", "batch_size=32", "policy_kwargs.net_arch=[4]"),

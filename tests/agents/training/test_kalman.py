@@ -12,7 +12,7 @@ from agents.training.runs import make_run
 from agents.training.supervised import segment_logs
 from hybrid_env import Layout
 
-ENV = "hybrid_env:HybridTrack-v0"
+ENV = "hybrid_env:HybridTrackPublished-v0"
 
 
 def random_run(options):

@@ -10,7 +10,7 @@ from agents.training.runs import make_run
 from hybrid_env import QuickestLayout
 from hybrid_env.registration import make_track_vector_env
 
-ANNOUNCED, QUICKEST = "hybrid_env:HybridTrack-v0", "hybrid_env:HybridTrackQuickest-v0"
+ANNOUNCED, QUICKEST = "hybrid_env:HybridTrackPublished-v0", "hybrid_env:HybridTrackQuickest-v0"
 SMALL = "buffer_size=5000", "learning_starts=500"
 
 

@@ -13,7 +13,7 @@ from agents.training.runs import make_run
 from agents.training.stable_baselines_settings import PPOSettings
 from hybrid_env.checks import ArgumentError
 
-ENV, QUICKEST = "hybrid_env:HybridTrack-v0", "hybrid_env:HybridTrackQuickest-v0"
+ENV, QUICKEST = "hybrid_env:HybridTrackPublished-v0", "hybrid_env:HybridTrackQuickest-v0"
 SMALL = load_recipe("ppo", ENV, ("n_envs=16", "n_steps=32", "batch_size=256", "policy_kwargs.net_arch=[16]"))
 STUDY = pytest.param(5_000, marks=pytest.mark.study)
 LAUGHS = "a: &a [x, x]\nb: &b [*a, *a, *a, *a, *a]\n" + "".join(
@@ -107,12 +107,12 @@ def test_recipes_are_read_changed_written_and_read_again(tmp_path):
     assert recipe_of("ppo", json.loads(json.dumps(SMALL.as_json()["entry"]))).settings == SMALL.settings
     path = tmp_path / "mine.yml"
     entry = {name: value for name, value in SMALL.as_json()["entry"].items() if name != "n_epochs"}
-    path.write_text(json.dumps({"HybridTrack-v0": entry | {"n_epochs": 3}, "default": entry | {"n_epochs": 5}}))
+    path.write_text(json.dumps({"HybridTrackPublished-v0": entry | {"n_epochs": 3}, "default": entry | {"n_epochs": 5}}))
     assert isinstance(load_recipe(str(path), ENV), Recipe)
     assert load_recipe(str(path), ENV).settings.n_epochs == 3
-    assert load_recipe(str(path), "hybrid_env:HybridTrackBank-v0").settings.n_epochs == 5
-    path.write_text(json.dumps({"HybridTrack-v0": entry}))
-    for env in (ENV, "hybrid_env:HybridTrackBank-v0"):
+    assert load_recipe(str(path), "hybrid_env:HybridTrackPublishedBank-v0").settings.n_epochs == 5
+    path.write_text(json.dumps({"HybridTrackPublished-v0": entry}))
+    for env in (ENV, "hybrid_env:HybridTrackPublishedBank-v0"):
         with pytest.raises(ArgumentError, match="recipe="):
             load_recipe(str(path), env)
 
@@ -183,7 +183,7 @@ def test_the_recipes_of_the_package_are_used(name):
 
 
 def test_a_recipe_for_unknown_switches_alone_is_refused_in_other_environments():
-    with pytest.raises(ArgumentError, match="an entry for HybridTrack-v0 or default"):
+    with pytest.raises(ArgumentError, match="an entry for HybridTrackPublished-v0 or default"):
         load_recipe("q-deep", ENV)
 
 

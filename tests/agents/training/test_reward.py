@@ -13,7 +13,7 @@ from baselines.rules.msprt import mode_types
 from baselines.rules.rollout import evaluate
 from hybrid_env import Layout, WorldOptions
 
-ENV = "hybrid_env:HybridTrack-v0"
+ENV = "hybrid_env:HybridTrackPublished-v0"
 
 
 def test_an_untrained_agent_declares_as_the_bank():

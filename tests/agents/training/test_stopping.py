@@ -13,7 +13,7 @@ from agents.training.stopping import Explorer, expected_reward
 from baselines.rules.rollout import evaluate
 from hybrid_env import HybridTrackVectorEnv, WorldOptions
 
-ENV = "hybrid_env:HybridTrack-v0"
+ENV = "hybrid_env:HybridTrackPublished-v0"
 ALONE = ("drawn_worlds=[]", "worlds=[{n_envs: 48}]", "batch_size=48", "passes=4", "delay_costs=[0.1, 0.1]")
 
 

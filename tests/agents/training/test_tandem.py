@@ -13,7 +13,7 @@ from agents.training.runs import make_run
 from agents.training.supervised import tandem_loss
 from hybrid_env import Layout
 
-ENV = "hybrid_env:HybridTrack-v0"
+ENV = "hybrid_env:HybridTrackPublished-v0"
 MEANS = torch.eye(3)
 """Of the normal vectors with unit covariance in the sequences of three hypotheses."""
 

@@ -20,7 +20,7 @@ from baselines.rules.rollout import evaluate, record_statements
 from hybrid_env import QuickestLayout, QuickestOptions, WorldOptions
 from hybrid_env.checks import ArgumentError
 
-ENV = "hybrid_env:HybridTrack-v0"
+ENV = "hybrid_env:HybridTrackPublished-v0"
 QUICKEST = "hybrid_env:HybridTrackQuickest-v0"
 
 

@@ -11,7 +11,7 @@ from agents.training.runs import make_run
 from baselines.rules.rollout import evaluate
 from hybrid_env import Layout
 
-ENV = "hybrid_env:HybridTrack-v0"
+ENV = "hybrid_env:HybridTrackPublished-v0"
 
 
 @pytest.mark.parametrize("options", [{}, {"radii": (2.0, 5.0), "correctness": "type"}])

@@ -65,7 +65,7 @@ def test_environment_with_ate_reproduces_table_4_and_the_percentages():
     inside = total = 0
     for row, (name, variance) in enumerate(golubkov2018.MEASUREMENT_VARIANCES.items()):
         decisions = evaluate(
-            SPRTDecider(golubkov2018.ALPHA), "hybrid_env:HybridTrackBank-v0", episodes=600, seed=10_000 * row,
+            SPRTDecider(golubkov2018.ALPHA), "hybrid_env:HybridTrackPublishedBank-v0", episodes=600, seed=10_000 * row,
             scheme="golubkov2018", heading=math.pi / 2, initial_error=0, measurement_variance=variance,
             undecided="keep",
         )  # fmt: skip

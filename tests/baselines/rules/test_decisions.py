@@ -11,7 +11,7 @@ from baselines.scoring.decisions import COLUMNS, RMSE, Decisions
 from baselines.scoring.scores import Scores
 from hybrid_env import HybridTrackEnv, WorldOptions
 
-ENV = "hybrid_env:HybridTrack-v0"
+ENV = "hybrid_env:HybridTrackPublished-v0"
 
 
 def test_evaluation_agrees_with_single_environments():

@@ -22,7 +22,7 @@ POSTERIOR = EvidencePanel(
 
 
 def started(scheme="S20 L20r5", **options):
-    env = gym.make("HybridTrack-v0", render_mode="rgb_array", scheme=scheme, **options).unwrapped
+    env = gym.make("HybridTrackPublished-v0", render_mode="rgb_array", scheme=scheme, **options).unwrapped
     env.reset(seed=0)
     return env
 

@@ -19,7 +19,7 @@ EVIDENCE = np.s_[45:325, 516:861]  # pixels inside the panel
 
 
 def make(render_mode="rgb_array", **options):
-    return gym.make("HybridTrack-v0", render_mode=render_mode, **options).unwrapped
+    return gym.make("HybridTrackPublished-v0", render_mode=render_mode, **options).unwrapped
 
 
 def rgb(colour):

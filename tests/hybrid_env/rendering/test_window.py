@@ -12,7 +12,7 @@ from hybrid_env.rendering.window import NoDisplayError, Renderer, display_availa
 
 
 def make(render_mode):
-    return gym.make("HybridTrack-v0", render_mode=render_mode).unwrapped
+    return gym.make("HybridTrackPublished-v0", render_mode=render_mode).unwrapped
 
 
 @pytest.mark.parametrize(("module", "mode"), [("pygame", "human"), ("hybrid_env.rendering.figure", "rgb_array")])
