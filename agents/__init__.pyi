@@ -3,3 +3,4 @@ from agents.functions import evaluate as evaluate
 from agents.functions import load as load
 from agents.functions import train as train
 from agents.recordings.tracking import track_recording as track_recording
+from agents.training.vec_env import as_vec_env as as_vec_env

@@ -1,6 +1,7 @@
 """Deciders by name: classical rules, the shipped agents, and policies in run folders."""
 
 import dataclasses
+import functools
 import importlib
 import os
 from collections.abc import Mapping
@@ -91,7 +92,13 @@ def base_name(name: Any) -> Any:
     from agents.evaluation.chosen_threshold import chosen_rule
 
     chosen = chosen_rule(name) if isinstance(name, str) else None
-    return split_threshold(name)[0] if chosen is None else chosen[0]
+    return split_threshold(rule_name(name))[0] if chosen is None else chosen[0]
+
+
+def rule_name(name: Any) -> Any:
+    """Return the name without a second threshold, as "ate" of "ate:0.001,0.01", or the object itself."""
+    both = _two_thresholds(name) if isinstance(name, str) else None
+    return name if both is None else both[0]
 
 
 def policy_folder(name: str, switches: str) -> Path:
@@ -132,6 +139,9 @@ def find_family(name: Any, options: Any) -> DeciderFamily:
     known = rules(options.switches)
     if name in known:
         return known[name].family(options)
+    both = _two_thresholds(name)
+    if both is not None and both[0] in known:
+        return _family_at(known[both[0]], options, *both)
     folder = policy_folder(name, options.switches)
     if Path(name).suffix in EXCHANGED:
         from agents.learned.exchange import exchanged_family
@@ -151,6 +161,33 @@ def find_family(name: Any, options: Any) -> DeciderFamily:
     if family.hypotheses not in (None, options.hypotheses):
         allowed = f"a policy for {options.hypotheses} hypotheses; this one is for {family.hypotheses}"
         raise reject("decider", name, allowed)
+    return family
+
+
+def _two_thresholds(name: str) -> tuple[str, str, str] | None:
+    """Return rule, first and second threshold of "ate:0.001,0.01" or "ate:,0.01"; None for another form."""
+    base, colon, text = name.partition(":")
+    first, comma, second = text.partition(",")
+    return (base, first, second) if colon and comma and second else None
+
+
+def _family_at(rule: type[Decider], options: Any, name: str, first: str, second: str) -> DeciderFamily:
+    """Return a rule with a given second threshold: at a given first one, or at any if there is none."""
+    whole = f"{name}:{first},{second}"
+    if not rule.second_threshold:
+        raise reject("decider", whole, f"{name!r} with one threshold at most")
+    try:
+        numbers = [float(text) for text in (first, second) if text]
+    except ValueError:
+        raise reject("decider", whole, "numbers after the colon") from None
+    family = rule.family(options)
+    make = functools.partial(rule, **{rule.second_threshold: numbers[-1]})
+    title = f"{family.name}, {rule.second_threshold} {numbers[-1]:g}"
+    family = dataclasses.replace(family, name=title, make=make)
+    make(family.default)
+    if first:
+        make(numbers[0])
+        family = dataclasses.replace(family, thresholds=(numbers[0],), default=numbers[0])
     return family
 
 

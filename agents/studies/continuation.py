@@ -14,7 +14,7 @@ import numpy as np
 import agents
 import baselines
 import hybrid_env
-from agents.evaluation.registry import NAMED, SHIPPED, find_family, is_brought, is_own, policy_folder
+from agents.evaluation.registry import NAMED, SHIPPED, find_family, is_brought, is_own, policy_folder, rule_name
 from agents.evaluation.task import Task
 from agents.interface.output_files import atomic_file, output_folder
 from agents.learned.policy_file import WEIGHTS, package_versions
@@ -62,7 +62,7 @@ class Plan:
             if name not in (SHIPPED, *NAMED) and not is_brought(name):
                 kinds = "'shipped', a run folder, model.zip, policy.onnx, a recipe as YAML"
                 raise reject("agents", name, f"{kinds}, or {', '.join(recipes)}")
-        elif name not in rules(self.task.switches) and not is_own(name):
+        elif rule_name(name) not in rules(self.task.switches) and not is_own(name):
             raise reject("deciders", name, f"{', '.join(rules(self.task.switches))}, or mine.py:MyRule")
         return find_family(name, self.task.options)
 

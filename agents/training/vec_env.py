@@ -12,6 +12,24 @@ from agents.training.checkpoint import track_arrays
 from hybrid_env.registration import make_track_vector_env
 
 
+def as_vec_env(env_id: str = "hybrid_env:HybridTrack-v0", num_envs: int = 64, **options: Any) -> "HybridTrackVecEnv":
+    """Return N tracks of a registered id as a VecEnv of Stable-Baselines3, stepped in one call.
+
+    >>> vec_env = as_vec_env("hybrid_env:HybridTrack-v0", 64)
+    >>> vec_env.reset().shape
+    (64, 28)
+
+    Args:
+        env_id: registered id.
+        num_envs: N, number of tracks.
+        options: of the environment, which override those of the id.
+
+    Raises:
+        ArgumentError: an argument is not allowed.
+    """
+    return HybridTrackVecEnv(env_id, num_envs, **options)
+
+
 class HybridTrackVecEnv(VecEnv):
     """N = `num_envs` parallel tracks as a VecEnv, with episode statistics in `info["episode"]`.
 
@@ -73,7 +91,9 @@ class HybridTrackVecEnv(VecEnv):
     def env_method(
         self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Not supported: the tracks share one environment."""
+        """Return one result per index of `action_masks`; other methods raise `NotImplementedError`."""
+        if method_name == "action_masks":
+            return list(self.env.action_masks()[list(self._get_indices(indices))])
         raise NotImplementedError("the tracks share one environment and have no individual methods")
 
     def env_is_wrapped(self, wrapper_class: Any, indices: VecEnvIndices = None) -> list[bool]:

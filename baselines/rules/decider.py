@@ -33,6 +33,7 @@ class Decider:
         task: what it decides, `ANNOUNCED`, `UNKNOWN`, `FLIGHTS` or `GLIDERS`.
         symbol, thresholds, default: of its threshold: those to sweep, in order of increasing decision time, and the one
             used when none is given.
+        second_threshold: name of a further argument of the class, the number after the comma in "ate:0.001,0.01".
         options: of the environment that it needs, if they differ: another bank that follows the same object.
         colour, marker: in figures, "#rrggbb" and a Matplotlib marker; empty for any.
         observes: "rows" of the environment; "tracks" calls `observe` with the arrays of the environment.
@@ -47,6 +48,7 @@ class Decider:
     symbol: ClassVar[str] = "threshold"
     thresholds: ClassVar[tuple[float, ...]] = ()
     default: ClassVar[float] = 0.0
+    second_threshold: ClassVar[str] = ""
     options: ClassVar[Mapping[str, Any]] = {}
     colour: ClassVar[str] = ""
     marker: ClassVar[str] = ""

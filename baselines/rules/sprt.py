@@ -90,6 +90,8 @@ class SPRTDecider(Decider):
     )
     colour = marker = ""
 
+    second_threshold = "beta"
+
     def __init__(self, alpha: float = 1e-3, beta: float | None = None):
         self.upper, self.lower = sprt_thresholds(alpha, beta)
 
