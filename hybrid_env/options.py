@@ -12,7 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env import limits
-from hybrid_env.checks import Checked, FloatArray, check_choice, check_flag, check_share, optional, reject
+from hybrid_env.checks import (
+    Checked,
+    FloatArray,
+    check_choice,
+    check_flag,
+    check_integer,
+    check_share,
+    optional,
+    ranged,
+    reject,
+)
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, OBSERVATIONS, TICK_SCALE
 from hybrid_env.core.records import SEGMENT_COLUMNS, TICK_NAMES
 from hybrid_env.core.state import BANKS, PARAMETERS
@@ -148,10 +158,12 @@ class ModelOptions(Checked):
         raise NotImplementedError
 
     def check_longest(self, max_episode_steps: int | None) -> None:
-        """Refuse a limit below the longest episode, which would be truncated without a decision."""
-        if max_episode_steps is not None and self.longest_episode > max_episode_steps:
-            allowed = f"at least {self.longest_episode}, the longest episode of these options, or -1 for no limit"
-            raise reject("max_episode_steps", max_episode_steps, f"{allowed}, as an argument of gym.make")
+        """Refuse a limit below the longest episode, which would end without a decision; None and -1 are no limit."""
+        if max_episode_steps is None or check_integer("max_episode_steps", max_episode_steps, -1) == -1:
+            return
+        if self.longest_episode > max_episode_steps:
+            allowed = f"at least {self.longest_episode}, the longest episode of these options"
+            raise reject("max_episode_steps", max_episode_steps, f"{allowed}; the classes of hybrid_env have no limit")
 
     @property
     def variances(self) -> FloatArray:
@@ -239,7 +251,7 @@ class WorldOptions(ModelOptions):
 
     checks: ClassVar = {
         "scheme": lambda _, value: parse_scheme(value), **ModelOptions.checks, "delay_cost": check_within,
-        "evidence": check_within,
+        "evidence": ranged(*limits.RANGES["evidence"], "a probability from 0 to 1 - 1e-9"),
         **{name: partial(check_choice, choices=choices) for name, choices in CHOICES.items()},
         "reset_covariance": optional(check_flag), "recalculation": check_flag, "refine_radius": check_flag,
     }  # fmt: skip

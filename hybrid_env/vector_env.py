@@ -72,11 +72,7 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
         except ValueError:
             allowed = ", ".join(repr(mode.value) for mode in AutoresetMode)
             raise reject("autoreset_mode", autoreset_mode, allowed) from None
-        self.metadata = {
-            "render_modes": ["rgb_array"],
-            "render_fps": RENDER_FPS,
-            "autoreset_mode": self.autoreset_mode,
-        }
+        self.metadata = {"render_modes": ["rgb_array"], "render_fps": RENDER_FPS, "autoreset_mode": self.autoreset_mode}
         if render_mode is not None:
             check_choice("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
@@ -289,7 +285,7 @@ class HybridTrackVectorEnv(TrackVectorEnv):
             for array in values.values():
                 array[~mask] = 0
             decided &= mask
-        elif self._same_step and not decided.any():
+        elif self._same_step and not self.tick_info and not decided.any():
             return {}  # the decisions are in `final_info`
         return values | dict.fromkeys(_DECISION_MASKS, decided)
 

@@ -214,9 +214,7 @@ def test_the_anchor_is_the_mixture_of_the_filters():
     for i in range(3):
         trace = env.world.read_trace(i)[:-1]  # the last row is the first tick of the next segment
         bank = KalmanBank(radii=(3.0, 8.0), measurement_variance=(0.5, 2.0))
-        bank.anchor(anchors[i], (kept[i, 0], kept[i, 1], kept[i, 4]))
-        bank._bank.covariances["xx"][1] = kept[i, 7]
-        bank._bank.covariances["vv"][1] = kept[i, 9]
+        bank.anchor(anchors[i], kept[i][SQUARE])
         for measurement in (first[i], *trace[:, 4:6]):
             log_likelihood = bank.step(measurement)
             weights = posterior(log_likelihood)
@@ -226,10 +224,6 @@ def test_the_anchor_is_the_mixture_of_the_filters():
         expected = np.zeros((4, 4))
         for h in range(5):
             deviation = bank.estimates[h] - mean
-            own = np.zeros((4, 4))
-            for axis in range(2):
-                xx, xv, vv = bank.covariances[h, axis]
-                own[2 * axis : 2 * axis + 2, 2 * axis : 2 * axis + 2] = [[xx, xv], [xv, vv]]
-            expected += weights[h] * (own + np.outer(deviation, deviation))
+            expected += weights[h] * (bank.covariances[h] + np.outer(deviation, deviation))
         found = env.world.field("covariance")[i]
         np.testing.assert_allclose(found, expected[np.triu_indices(4)], rtol=1e-7, atol=1e-12)
