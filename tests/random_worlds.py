@@ -106,7 +106,9 @@ def draw(generator, longest):
         "refine_radius": follow == "declared" and len(radii) > 1 and bool(generator.random() < 0.5),
         "delay_cost": values["delay_cost"],
         "correctness": str(generator.choice(("exact", "type"))),
-        "actions": str(generator.choice(("all", "best"))),
+        "evidence": float(generator.choice((0.0, 0.5, 0.95, RANGES["evidence"][1]))),
+        "actions": str(generator.choice(("all", "types", "best"))),
+        "observation": str(generator.choice(("bank", "bank", "raw", "state"))),
         "undecided": str(generator.choice(("likeliest", "keep"))),
     }
 
@@ -141,7 +143,7 @@ def soak(options, tracks, ticks, seed, **arguments):
     while True:
         assert ((rows >= low) & (rows <= high)).all(), "a row is outside the observation space"
         if done >= ticks:
-            assert np.isfinite(env.world.copy_tick()()["log_likelihood"]).all()
+            assert np.isfinite(env.world.copy_tick()["log_likelihood"]).all()
             assert np.isfinite(env.world.field("estimate")).all()
             return done
         actions = np.where(generator.random(tracks) < rate, generator.integers(0, count, tracks), 0)

@@ -125,7 +125,17 @@ def test_other_covariances_are_refused_in_one_line(covariance):
     assert refused(KalmanBank().anchor, [0.0, 1.0, 0.0, 1.0], covariance).startswith("covariance")
 
 
-MEASUREMENTS = [1.0, [1.0], [1.0, 2.0, 3.0], [np.inf, np.nan], [1.0, -np.inf], [None, 1.0], "ab", [1e31, 0.0], [1j, 0.0]]
+MEASUREMENTS = [
+    1.0,
+    [1.0],
+    [1.0, 2.0, 3.0],
+    [np.inf, np.nan],
+    [1.0, -np.inf],
+    [None, 1.0],
+    "ab",
+    [1e31, 0.0],
+    [1j, 0.0],
+]
 
 
 @pytest.mark.parametrize("measurement", MEASUREMENTS, ids=str)
