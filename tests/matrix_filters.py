@@ -5,6 +5,7 @@ import math
 import numpy as np
 from scipy import stats
 
+from hybrid_env.core.banks.published import PublishedBank
 from hybrid_env.live import SQUARE
 
 FREEDOM = 4.0  # of the robust likelihood in the tests
@@ -244,6 +245,8 @@ def filters_at_switch(env, i):
         return [MatrixExtendedKalmanFilter(anchor, P, radius, *model) for radius in signed]
     if options.parameters()["reset_covariance"][0]:
         P = np.eye(4)
+    if options.bank_class is PublishedBank:  # which filters each axis by itself
+        P = P * np.kron(np.eye(2), np.ones((2, 2)))
     modes = [("S", 0.0), *(("L", r) for r in options.radii), *(("R", r) for r in options.radii)]
     freedom = FREEDOM * (str(options.likelihood) != "gaussian")
     return [MatrixKalmanFilter(anchor, P, mode, radius, *model, freedom) for mode, radius in modes]
