@@ -8,7 +8,7 @@ from gymnasium.envs.registration import load_env_creator, register, registry
 from hybrid_env.checks import reject
 
 if TYPE_CHECKING:
-    from hybrid_env.options import ModelOptions
+    from hybrid_env.model_options import ModelOptions
     from hybrid_env.vector_env import HybridTrackVectorEnv, TrackVectorEnv
 
 BANK_RADII = tuple(float(radius) for radius in range(1, 11))  # [m]

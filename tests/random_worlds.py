@@ -75,7 +75,7 @@ def draw(generator, longest):
     """Draw the keywords of a world, which may be outside the allowed ratios."""
     # from values near 1 to the whole range, and with the turn per tick drawn in its own range
     spread = generator.choice((0.05, 0.15, 0.4, 1.0))
-    values = {name: log_uniform(generator, name, spread) for name in RANGES if name != "heading"}
+    values = {name: log_uniform(generator, name, spread) for name in RANGES if name not in ("heading", "evidence")}
     radii = [values["radii"]]
     if generator.random() < 0.5:
         turn = 10.0 ** generator.uniform(-6, 2)
