@@ -5,7 +5,7 @@ import math
 import reprlib
 from collections.abc import Callable, Iterable, Mapping
 from numbers import Integral, Real
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
+AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 Check = Callable[[str, Any], Any]
 """Takes name and value of an argument, and returns the value as it is stored; others raise `ArgumentError`."""
 
@@ -157,8 +158,10 @@ def _real_array(value: ArrayLike) -> FloatArray | None:
         return None
 
 
-def check_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> FloatArray:
-    """Return a copy as a finite float64 array of a given shape; None in `shape` allows any length >= 1."""
+def check_array(name: str, value: ArrayLike, shape: tuple[int | None, ...], missing: bool = False) -> FloatArray:
+    """Return a copy as a finite float64 array of a given shape; None in `shape` allows any length >= 1, and `missing`
+    allows NaN.
+    """
     expected = "(" + ", ".join("*" if size is None else str(size) for size in shape) + ("," * (len(shape) == 1)) + ")"
     array = _real_array(value)
     if array is None:
@@ -167,7 +170,8 @@ def check_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> F
         length == 0 or (size is not None and length != size) for length, size in zip(array.shape, shape, strict=True)
     ):
         raise ArgumentError(f"{name} has shape {array.shape}: expected {expected}, no dimension of length 0")
-    bad = np.argwhere(~(np.abs(array) <= LARGEST_NUMBER))  # also NaN
+    finite = np.abs(array) <= LARGEST_NUMBER  # False for NaN
+    bad = np.argwhere(~(finite | np.isnan(array)) if missing else ~finite)
     if bad.size:
         index = tuple(int(i) for i in bad[0])
         raise ArgumentError(
@@ -175,6 +179,20 @@ def check_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> F
             f"expected finite numbers up to {LARGEST_NUMBER:g}"
         )
     return array
+
+
+def check_covariance(name: str, value: ArrayLike, size: int) -> FloatArray:
+    """Return a symmetric matrix (size, size) without negative eigenvalues."""
+    matrix = check_array(name, value, (size, size))
+    deviations = np.sqrt(np.diagonal(matrix).clip(0.0))
+    deviations = np.where(deviations > 0.0, deviations, 1.0)
+    with np.errstate(over="ignore"):
+        correlations = matrix / deviations / deviations[:, None]  # units of the values do not matter
+    bounded = (np.abs(correlations) <= 1.0 + 1e-9).all()
+    symmetric = bounded and np.allclose(correlations, correlations.T, rtol=0.0, atol=1e-9)
+    if not symmetric or np.linalg.eigvalsh(correlations).min() < -1e-9:
+        raise reject(name, matrix.tolist(), "a symmetric matrix without negative eigenvalues")
+    return 0.5 * (matrix + matrix.T)
 
 
 def dimensions(value: ArrayLike) -> int:
@@ -185,7 +203,7 @@ def dimensions(value: ArrayLike) -> int:
         return -1
 
 
-def frozen(array: FloatArray) -> FloatArray:
+def frozen(array: AnyArray) -> AnyArray:
     """Return the array, which can no longer be changed in place."""
     array.setflags(write=False)
     return array

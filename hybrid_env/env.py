@@ -8,7 +8,14 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.checks import BoolArray, ReadOnlyAttributes, check_choice, check_flag, check_integer, check_reset_options
+from hybrid_env.checks import (
+    BoolArray,
+    ReadOnlyAttributes,
+    check_choice,
+    check_flag,
+    check_integer,
+    check_reset_options,
+)
 from hybrid_env.core.kernel import DECIDED
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering.evidence import DEFAULT_ALPHA, EvidencePanel, sprt_panel
@@ -98,7 +105,9 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Begin an episode. Without a seed the random stream continues. `options` is not used."""
         check_reset_options(options)
-        self.options.check_longest(None if self.spec is None else self.spec.max_episode_steps)
+        if self.spec is not None and self.spec.id in gym.registry:
+            # `gym.make` does not tell the environment the limit of its wrapper: this is that of the id
+            self.options.check_longest(gym.registry[self.spec.id].max_episode_steps)
         super().reset(seed=None if seed is None else check_integer("seed", seed, minimum=0))
         if seed is not None or not self.world.seeded[0]:
             self.world.seed(0, state_of(self.np_random))
@@ -156,10 +165,10 @@ class HybridTrackEnv(TrackEnv):
     An object moves in a plane along straight lines, left turns and right turns of known radii, with process noise on
     its velocity (the hybrid stochastic model of Golubkov 2018, eq. (1)). Its position is measured with noise at every
     tick. The times at which the mode may switch are known, the new mode is unknown. At each switch a bank of Kalman
-    filters, one per hypothesis, starts from the current estimate, which is called the anchor (eq. (2)). The bank treats
-    the anchor as exact by default; with `bank="anchor_aware"` it accounts for the covariance of the anchor. The agent
-    observes how well each hypothesis explains the measurements, and either waits for the next measurement or declares a
-    hypothesis.
+    filters, one per hypothesis, starts from the current estimate, which is called the anchor (eq. (2)). With
+    `bank="published"` the bank treats the anchor as exact; with `bank="anchor_aware"` it accounts for the covariance of
+    the anchor. The agent observes how well each hypothesis explains the measurements, and either waits for the next
+    measurement or declares a hypothesis.
 
     An episode is one trajectory of several segments. When the agent declares a hypothesis, the segment is
     fast-forwarded: within the same step, the filter of the declared hypothesis runs to the end of the segment, and its
@@ -177,8 +186,13 @@ class HybridTrackEnv(TrackEnv):
     | 0 | wait for the next measurement |
     | i + 1 | declare hypothesis i |
 
-    With `actions="best"` the action space is `Discrete(2)`: wait, or declare the most likely hypothesis. An action
+    With `actions="types"` the action space is `Discrete(4)`: wait, or declare the most likely straight, left or right
+    hypothesis. With `actions="best"` it is `Discrete(2)`: wait, or declare the most likely hypothesis. An action
     outside the space raises `gymnasium.error.InvalidAction`.
+
+    A declaration counts once the posterior of a hypothesis (with `correctness="type"` that of straight, left or right),
+    with equal priors, reaches `evidence`; before, it waits. `info["action_mask"]` and `action_masks()` say which
+    actions count. With `evidence=0` all do.
 
     ## Observation Space
     The observation is a float32 `Box` of shape `(6 M + 10,)`: six blocks of M values, one per hypothesis, followed by
@@ -208,6 +222,10 @@ class HybridTrackEnv(TrackEnv):
     With radars that measure the range rate, it adds to the likelihood of a hypothesis after the position; innovations
     and their variance are those of the position.
 
+    With `observation="raw"` the row has the measurement relative to the anchor without the bank, with
+    `observation="state"` the true mode and the true state; `hybrid_env.RawLayout` and `StateLayout` read them. Actions,
+    rewards and episodes are the same.
+
     A tick may have no measurement (`missed`, or sensors out of range). The filters then only predict: all innovations
     are exactly zero, which they are in no other tick, the ratios do not change, and the displacement is the one that
     the most likely filter predicts.
@@ -225,13 +243,18 @@ class HybridTrackEnv(TrackEnv):
     ## Episode End
     The episode terminates with the decision on the last segment. The observation of this step is the one on which the
     decision was made. Waiting on the last tick of a segment forces a decision in that step, for the most likely
-    hypothesis (with `undecided="keep"`: for the last decided mode). Episodes are never truncated.
+    hypothesis (with `undecided="keep"`: for the last decided mode). Episodes are never truncated: `reset` refuses
+    options whose episodes may be longer than the 10,000 steps for which the ids are registered.
 
     ## Information
     `info` describes the current tick at every step: `segment`, `tick`, `true_mode`, `truth` [x, vx, y, vy],
     `measurement` [x, y] (NaN without one), `anchor` [x, vx, y, vy], `estimate` [x, vx, y, vy] of the active filter,
-    which is that of the last decided mode (with `follow="bank"`: the mean of the posterior over all filters), and
-    `log_likelihood` (M,) since the switch.
+    which is that of the last decided mode (with `follow="bank"`: the mean of the posterior over all filters),
+    `log_likelihood` (M,) since the switch, and `action_mask` (actions,), 1 for actions that count.
+
+    With `bank_info=True` it also tells of every filter, in the axes of the plane and with the names of
+    `hybrid_env.KalmanBank`: `innovations` (M, 2) [m] (NaN without a measurement), `innovation_covariances` (M, 2, 2)
+    [m^2], `estimates` (M, 4) and `covariances` (M, 4, 4).
 
     A step with a decision adds `decided_mode`, `decided_true_mode`, `correct` (by the criterion of the reward),
     `type_correct` (straight, left or right), `ticks` (the decision time since the switch), `forced`, `decided_length`
@@ -239,7 +262,7 @@ class HybridTrackEnv(TrackEnv):
     `recalculation=True` of the recalculated estimates). Units are m, m/s and ticks.
 
     ## Arguments
-    `gym.make` takes `render_mode` ("human" or "rgb_array") and every option of `hybrid_env.WorldOptions`:
+    `gym.make` takes `render_mode` ("human" or "rgb_array"), `bank_info` and every option of `hybrid_env.WorldOptions`:
 
     ```python
     gym.make("hybrid_env:HybridTrack-v0", measurement_variance=0.01, scheme="L50r5 S50 R75r5")
@@ -247,9 +270,10 @@ class HybridTrackEnv(TrackEnv):
 
     | Id | Hypotheses | Defaults |
     |---|---|---|
-    | HybridTrack-v0 | S, L5, R5 | 0.1 s, 2 m/s, Q 0.001, R 0.1, 6 segments of 50 to 100 ticks, cost 0.02 |
-    | HybridTrackBank-v0 | S, L1 .. L10, R1 .. R10 | the same, `correctness="type"`, cost 0.01 |
-    | HybridTrackEasy-v0 | S, L5, R5 | as HybridTrack-v0; early declarations wait, see `HybridTrackEasyEnv` |
+    | HybridTrackPublished-v0 | S, L5, R5 | 0.1 s, 2 m/s, Q 0.001, R 0.1, 6 segments of 50 to 100 ticks, cost 0.02 |
+    | HybridTrackPublishedBank-v0 | S, L1 .. L10, R1 .. R10 | the same, `correctness="type"`, cost 0.01 |
+    | HybridTrack-v0 | S, L5, R5 | as Published, with `bank="anchor_aware"`, `evidence=0.95` |
+    | HybridTrackBank-v0 | S, L1 .. L10, R1 .. R10 | as PublishedBank, with these, `actions="types"`, `follow="bank"` |
 
     ## References
     Golubkov, Tsyganov and Tsyganova 2018 (model, bank, algorithm ATE); Wald 1947 (sequential analysis).

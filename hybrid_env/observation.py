@@ -54,6 +54,10 @@ class Layout:
     def of_width(cls, width: int) -> Self:
         """Return the layout of observations of a given width. Raises `ArgumentError` if there is none."""
         blocks, singles = len(cls.hypothesis_features), len(cls.track_features)
+        if blocks == 0:  # the width does not depend on the number of hypotheses
+            if width != singles:
+                raise reject("width", width, str(singles))
+            return cls(3)
         hypotheses, rest = divmod(width - singles, blocks)
         if rest or hypotheses < 3 or hypotheses % 2 == 0:
             raise reject("width", width, f"{blocks} M + {singles} for M = 3, 5, 7, ... hypotheses")

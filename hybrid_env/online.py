@@ -1,62 +1,96 @@
-"""The published filter bank of one track as a Python object, for notebooks and user code."""
+"""The filter bank of one track as a Python object, for notebooks and user code."""
 
+import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from hybrid_env.checks import FloatArray, ReadOnlyAttributes, check_array, frozen
+from hybrid_env.checks import (
+    FloatArray,
+    ReadOnlyAttributes,
+    check_array,
+    check_choice,
+    check_covariance,
+    dimensions,
+    frozen,
+)
+from hybrid_env.core.bank_ticks import ESTIMATES, ROW_LENGTH, read_bank_ticks, write_estimate, write_innovation
+from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.bank import FilterModel, bank_arrays
-from hybrid_env.core.banks.published import PublishedBank, begin_published, step_published
 from hybrid_env.core.compilation import compiled, prepare
-from hybrid_env.core.records import LANES
+from hybrid_env.core.records import LANES, state_of, triangle_of
+from hybrid_env.core.state import BANKS
 from hybrid_env.limits import axis_variances, check_within, distinct_radii
+
+TRIANGLE = np.triu_indices(4)
+KNOWN_BANKS = tuple(name for name in BANKS if name != "oracle")
+"""The banks that need no true state."""
 
 
 @compiled
 def _begin_one(
-    bank: PublishedBank, anchor: FloatArray, covariance: FloatArray, radii: FloatArray, model: FilterModel
+    bank: Any, rows: FloatArray, anchor: FloatArray, covariance: FloatArray, radii: FloatArray, model: FilterModel
 ) -> None:
-    x, vx, y, vy = anchor
-    xx, xv, vv = covariance
-    begin_published(bank, 0, (x, vx, y, vy), (xx, xv, 0.0, 0.0, vv, 0.0, 0.0, xx, xv, vv), radii, model)
+    """Start every filter from an anchor, (4, 1), with a covariance, (10, 1) upper triangle row by row."""
+    operations.begin(bank, 0, state_of(anchor, 0), triangle_of(covariance, 0), radii, model)
+    for h in range(bank.hypotheses.size):
+        write_estimate(rows[h], bank, h, 0)
 
 
 @compiled
-def _step_one(bank: PublishedBank, measurement: FloatArray, model: FilterModel) -> None:
-    step_published(bank, 0, 1, measurement, model)
+def _step_one(bank: Any, rows: FloatArray, measurement: FloatArray, model: FilterModel) -> None:
+    """Advance every filter by a measurement in lane 0, (2, LANES); NaN is none."""
+    noise = model.variance_x, 0.0, model.variance_y
+    for h in range(bank.hypotheses.size):
+        write_innovation(rows[h], bank, h, 0, measurement, noise, model)
+    if math.isnan(measurement[0, 0]):
+        operations.predict(bank, 0, model)
+    else:
+        operations.step(bank, 0, 1, measurement, model)
+    for h in range(bank.hypotheses.size):
+        write_estimate(rows[h], bank, h, 0)
 
 
 class KalmanBank(ReadOnlyAttributes):
-    """The published bank of Kalman filters for one track. Golubkov 2018, eq. (2) and (4).
+    """The bank of Kalman filters for one track, as in the environments. Golubkov 2018, eq. (2) and (4).
+
+    What the filters tell has the names that `info` has with `bank_info=True`.
 
     Args:
         radii: turn radii [m], each as a left and as a right turn.
         tau: length of a tick [s].
         process_variance: Q [m^2/s^2].
         measurement_variance: R [m^2], one number or (x, y).
+        bank: "published" treats the anchor as exact; "anchor_aware" includes its uncertainty in the state of every
+            turn, see `core.banks.anchor_aware`.
 
     >>> bank = KalmanBank(radii=[5.0], measurement_variance=0.1)
     >>> bank.anchor([0.0, 2.0, 0.0, 0.0])
     >>> bank.step([0.21, -0.03]).shape
     (3,)
+    >>> bank.innovation_covariances.shape
+    (3, 2, 2)
     """
 
-    read_only = frozenset(("radii", "tau", "process_variance", "variances"))
+    read_only = frozenset(("radii", "tau", "process_variance", "variances", "bank"))
 
     def __init__(
         self, radii: ArrayLike = (5.0,), tau: float = 0.1, process_variance: float = 0.001,
-        measurement_variance: float | ArrayLike = 0.1,
+        measurement_variance: float | ArrayLike = 0.1, bank: str = "published",
     ):  # fmt: skip
         self.radii = frozen(np.array(distinct_radii("radii", radii)))
         self.tau = check_within("tau", tau)
         self.process_variance = check_within("process_variance", process_variance)
         self.variances = frozen(axis_variances(measurement_variance))
-        self._bank = bank_arrays(PublishedBank, self.radii.size, self.variances.size)
+        self.bank = check_choice("bank", bank, KNOWN_BANKS)
+        # the axes of an anchor may have different covariances even if they have one measurement variance
+        self._filters = bank_arrays(BANKS[self.bank], self.radii.size, axes=2)
         self._model = FilterModel(self.tau, self.process_variance, float(self.variances[0]), float(self.variances[-1]))
         self._measurement = np.zeros((2, LANES))
+        self._rows = np.full((self.hypotheses, ROW_LENGTH), np.nan)
         self._anchored = False
-        prepare(_step_one, self._bank, self._measurement, self._model)
+        prepare(_step_one, self._filters, self._rows, self._measurement, self._model)
 
     @property
     def hypotheses(self) -> int:
@@ -68,53 +102,53 @@ class KalmanBank(ReadOnlyAttributes):
 
         Args:
             state: (4,) [x, vx, y, vy] [m, m/s].
-            covariance: (3,) xx, xv, vv on each axis; by default the identity, as published.
+            covariance: (3,) xx, xv, vv on each axis, or (4, 4) of the state; by default the identity, as published. The
+                published bank ignores entries between the axes.
         """
         anchor = check_array("state", state, (4,))
-        start = check_array("covariance", covariance, (3,))
-        arguments = self._bank, anchor, start, self.radii, self._model
+        if dimensions(covariance) == 1:
+            xx, xv, vv = check_array("covariance", covariance, (3,))
+            covariance = np.kron(np.eye(2), [[xx, xv], [xv, vv]])
+        triangle = check_covariance("covariance", covariance, 4)[TRIANGLE]
+        arguments = self._filters, self._rows, anchor[:, None], triangle[:, None], self.radii, self._model
         prepare(_begin_one, *arguments)
         _begin_one(*arguments)
+        self._rows[:, :ESTIMATES] = np.nan
         self._anchored = True
 
     def step(self, measurement: ArrayLike) -> FloatArray:
-        """Advance one tick. measurement: (2,) [m]. Returns the cumulative log-likelihoods, (M,)."""
+        """Advance one tick. Returns the cumulative log-likelihoods, (M,).
+
+        measurement: (2,) [m]. With a NaN in it there is none: the filters only predict, and the log-likelihoods stay.
+        """
         if not self._anchored:
             raise RuntimeError("step() called before anchor(): the bank has no initial estimate")
-        self._measurement[:, 0] = check_array("measurement", measurement, (2,))
-        _step_one(self._bank, self._measurement, self._model)
+        position = check_array("measurement", measurement, (2,), missing=True)
+        self._measurement[:, 0] = np.nan if np.isnan(position).any() else position
+        _step_one(self._filters, self._rows, self._measurement, self._model)
         return self.log_likelihood
 
     @property
     def log_likelihood(self) -> FloatArray:
         """(M,) log-likelihood of the measurements since the anchor."""
-        return self._read(self._bank.hypotheses, "log_likelihood")[:, 0]
+        return np.array(self._filters.hypotheses["log_likelihood"][:, 0])
 
     @property
     def estimates(self) -> FloatArray:
         """(M, 4) estimates [x, vx, y, vy] [m, m/s]."""
-        return self._read(self._bank.hypotheses, "x", "vx", "y", "vy")
-
-    @property
-    def innovations(self) -> FloatArray:
-        """(M, 2) innovations of the current tick [m]."""
-        return self._read(self._bank.innovations, "white_x", "white_y") * np.sqrt(self.innovation_variances)
-
-    @property
-    def innovation_variances(self) -> FloatArray:
-        """(M, 2) innovation variance on each axis [m^2]."""
-        return self._read_axes(self._bank.gains, "whitener")[:, :, 0] ** -2.0
+        return read_bank_ticks(self._rows)["estimates"]
 
     @property
     def covariances(self) -> FloatArray:
-        """(M, 2, 3) covariance of (position, velocity) on each axis: xx, xv, vv."""
-        return self._read_axes(self._bank.covariances, "xx", "xv", "vv")
+        """(M, 4, 4) covariances of the estimates."""
+        return read_bank_ticks(self._rows)["covariances"]
 
-    def _read(self, records: NDArray[Any], *names: str) -> FloatArray:
-        """Return a copy of the fields of the single track, (..., fields)."""
-        return np.stack([records[name][..., 0] for name in names], axis=-1)
+    @property
+    def innovations(self) -> FloatArray:
+        """(M, 2) innovations of the current tick [m], NaN without a measurement."""
+        return read_bank_ticks(self._rows)["innovations"]
 
-    def _read_axes(self, records: NDArray[Any], *names: str) -> FloatArray:
-        """Return fields stored per axis and radius as (M, 2, fields)."""
-        turns = list(range(1, self.radii.size + 1))
-        return self._read(records, *names)[[0, -1]][:, [0, *turns, *turns]].swapaxes(0, 1)
+    @property
+    def innovation_covariances(self) -> FloatArray:
+        """(M, 2, 2) covariances of the innovations [m^2]; without a measurement those for one of variance R."""
+        return read_bank_ticks(self._rows)["innovation_covariances"]

@@ -1,26 +1,24 @@
-"""The options of an environment, checked on creation."""
+"""The options of the environment with announced switches, checked on creation."""
 
-import dataclasses
-import difflib
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env import limits
-from hybrid_env.checks import Checked, FloatArray, check_choice, check_flag, check_share, optional, reject
+from hybrid_env.checks import FloatArray, check_choice, check_flag, optional, ranged, reject
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, OBSERVATIONS, TICK_SCALE
 from hybrid_env.core.records import SEGMENT_COLUMNS, TICK_NAMES
-from hybrid_env.core.state import BANKS, PARAMETERS
-from hybrid_env.limits import axis_variances, check_variances, check_within, distinct_radii
-from hybrid_env.noises import GaussianNoise, Noise, StudentNoise, parse_likelihood, parse_noise
+from hybrid_env.core.state import BANKS
+from hybrid_env.limits import check_within
+from hybrid_env.model_options import ModelOptions as ModelOptions
+from hybrid_env.noises import StudentNoise
 from hybrid_env.observation import Layout, RawLayout, StateLayout
 from hybrid_env.scheme import FixedScheme, Scheme, parse_scheme, segment_table
-from hybrid_env.sensors import Radar, Sensor, check_sensors, has_radar, parse_sensors, sensor_table
+from hybrid_env.sensors import has_radar
 
 CHOICES = {
     "bank": tuple(BANKS),
@@ -31,176 +29,6 @@ CHOICES = {
     "undecided": ("likeliest", "keep"),
 }
 """Options that are one of several words."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ModelOptions(Checked):
-    """The options of the model that every environment has; each environment has a subclass.
-
-    Values are converted to plain numbers, strings and tuples, so that arrays and lists that are given may change later.
-    Allowed are radii from 1e-12 to 1e12, speed and tau from 1e-9 to 1e9, standard deviations from 1e-9 to 1e9, and
-    1,000 radii; the object may turn by 100 rad per tick and move by 10^9 standard deviations of a measurement
-    (`hybrid_env.limits`).
-
-    Attributes:
-        radii: turn radii of the bank [m], each as a left and as a right turn: M = 2 n + 1 hypotheses of n radii.
-        speed: initial speed of the object [m/s].
-        heading: initial heading of the object [rad], counter-clockwise from the x axis; None draws it uniformly.
-        tau: length of a tick [s].
-        process_variance: Q, variance of the noise added to each velocity at every tick [m^2/s^2].
-        object_variance: the same of the object, of which the filters are not told; None is Q.
-        measurement_variance: R, variance of each measured coordinate [m^2], one number or (x, y).
-        noise: law of the errors of measurements in units of sqrt(R), see `hybrid_env.noises`: "gaussian", "outliers
-            0.02", "levy 1.5 1 44", "student_t 3", or a law object. The bank does not know it.
-        missed: probability that a tick has no measurement (of each sensor, if there are several), below 1. The filters
-            then only predict; in the observation all innovations are zero, and `info["measurement"]` is NaN.
-        sensors: position sensors and radars (`hybrid_env.Sensor`, `Radar`, or texts: "0.4 period 5 range 30 at 10 20",
-            "radar 5 0.01 rate 0.3") that replace the one of variance R and are fused; a tick in which none measures is
-            like a missed one. R, one number, stays the unit of the observation.
-        likelihood: law of the innovations that the bank assumes: "gaussian", or "student_t 4" for a robust one, by
-            which a measurement far from all predictions changes little (`core.banks.kalman.weigh`).
-        initial_error: (position variance of the first estimate / R, its velocity variance [m^2/s^2]) of a normal error;
-            0 starts at the true state.
-    """
-
-    checks: ClassVar = {
-        "radii": distinct_radii, "speed": check_within, "tau": check_within, "process_variance": check_within,
-        "heading": optional(check_within), "object_variance": optional(check_within),
-        "measurement_variance": lambda _, value: check_variances(value), "noise": lambda _, value: parse_noise(value),
-        "missed": check_share, "sensors": lambda _, value: parse_sensors(value),
-        "likelihood": lambda _, value: parse_likelihood(value), "initial_error": limits.check_initial_error,
-    }  # fmt: skip
-
-    switches: ClassVar[Literal["announced", "unknown"]]
-    tick_names: ClassVar[tuple[str, ...]]  # of the current tick, in the order of `info`
-    hypothesis_field: ClassVar[str]  # of every hypothesis, in `info`
-    first_action: ClassVar[str]  # meaning of action 0, for messages
-    traced: ClassVar[bool]  # whether the kernel can store the ticks of a step, which may be more than one
-
-    radii: tuple[float, ...] = (5.0,)
-    speed: float = 2.0
-    heading: float | None = None
-    tau: float = 0.1
-    process_variance: float = 0.001
-    object_variance: float | None = None
-    measurement_variance: float | tuple[float, float] = 0.1
-    noise: str | Noise = "gaussian"
-    missed: float = 0.0
-    sensors: tuple[Sensor | Radar, ...] = ()
-    likelihood: str | GaussianNoise | StudentNoise = "gaussian"
-    initial_error: float | tuple[float, float] = (0.3, 0.02)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_sensors(self.sensors, self.variances.tolist())
-
-    def _check_ratios(self, radii: Iterable[float]) -> None:
-        """Check the turn per tick, and motion and radii in standard deviations; radii: of bank and object."""
-        assert isinstance(self.initial_error, tuple)
-        smallest, largest, variance = min(radii), max(radii), float(self.variances.min())
-        turn = self.speed * self.tau
-        if turn > limits.LARGEST_TURN * smallest:
-            allowed = f"at most {limits.LARGEST_TURN:g} rad per tick (speed * tau / radius)"
-            allowed = f"at least {turn / limits.LARGEST_TURN:g}, so that the object turns by {allowed}"
-            raise reject("radii", smallest, allowed)
-        fastest = max(self.process_variance, self.object_variance or 0.0, self.initial_error[1])
-        motion = self.tau * max(self.speed, math.sqrt(fastest))
-        least = max(motion / limits.LARGEST_MOTION, largest / limits.LARGEST_CIRCLE) ** 2
-        if variance < least:
-            allowed = f"standard deviations must exceed the motion per tick, and {limits.LARGEST_CIRCLE:g} the radius"
-            raise reject("measurement_variance", variance, f"at least {least:g}: {limits.LARGEST_MOTION:g} {allowed}")
-
-    @classmethod
-    def of(cls, **options: Any) -> Self:
-        """Create options from keywords. An unknown name raises a `TypeError` in the words of Python."""
-        names = [field.name for field in dataclasses.fields(cls)]
-        for name in options:
-            if name not in names:
-                close = difflib.get_close_matches(name[:40], names, 1)
-                hint = f"did you mean {close[0]!r}?" if close else f"expected one of {', '.join(names)}"
-                # libraries that try keywords, such as TorchRL, read these words of Python
-                raise TypeError(f"got an unexpected keyword argument {repr(name)[:40]}: {hint}")
-        return cls(**options)
-
-    @property
-    def layout_class(self) -> type[Layout]:
-        """Layout of the rows."""
-        raise NotImplementedError
-
-    @property
-    def longest_episode(self) -> int:
-        """Largest number of steps of an episode."""
-        raise NotImplementedError
-
-    @property
-    def hypotheses(self) -> int:
-        """M, the number of hypotheses."""
-        return 2 * len(self.radii) + 1
-
-    @property
-    def action_count(self) -> int:
-        """Number of actions."""
-        raise NotImplementedError
-
-    @property
-    def actions_by_key(self) -> dict[str, int]:
-        """Actions of the keys w (straight), a (left) and d (right), both turns of the first radius."""
-        raise NotImplementedError
-
-    def check_longest(self, max_episode_steps: int | None) -> None:
-        """Refuse a limit below the longest episode, which would be truncated without a decision."""
-        if max_episode_steps is not None and self.longest_episode > max_episode_steps:
-            allowed = f"at least {self.longest_episode}, the longest episode of these options, or -1 for no limit"
-            raise reject("max_episode_steps", max_episode_steps, f"{allowed}, as an argument of gym.make")
-
-    @property
-    def variances(self) -> FloatArray:
-        """Measurement variances [m^2]: (1,) if x and y have the same variance, else (2,)."""
-        return axis_variances(self.measurement_variance)
-
-    @property
-    def start_variances(self) -> FloatArray:
-        """Variances of the first estimate [x, vx, y, vy], (4,) [m^2, m^2/s^2]."""
-        assert isinstance(self.initial_error, tuple)
-        position, velocity = self.initial_error
-        x, y = position * np.broadcast_to(self.variances, 2)
-        return np.array([x, velocity, y, velocity])
-
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays of the options that the kernel reads; see `core.state.Arrays`."""
-        return {
-            "radii": np.array(self.radii), "sensors": sensor_table(self.sensors, float(self.variances[0])),
-            "table": self.table, "durations": np.zeros((2, 0)),
-        }  # fmt: skip
-
-    @property
-    def table(self) -> FloatArray:
-        """Segments in order, or the modes to draw from, see `scheme.segment_table`."""
-        raise NotImplementedError
-
-    def parameters(self) -> NDArray[Any]:
-        """Return (1,) record `core.state.PARAMETERS` with the options; the addresses are 0."""
-        assert isinstance(self.initial_error, tuple)
-        assert not isinstance(self.noise, str)
-        record = np.zeros(1, PARAMETERS)
-        for name in ("tau", "process_variance", "speed", "missed", "action_count"):
-            record[name] = getattr(self, name)
-        record["heading"] = math.nan if self.heading is None else self.heading
-        record["initial_position"], record["initial_velocity"] = self.initial_error
-        flown = self.process_variance if self.object_variance is None else self.object_variance
-        record["process_deviation"] = math.sqrt(flown)
-        record["deviation_x"], record["deviation_y"] = np.sqrt(self.variances[[0, -1]])
-        record["variance_x"], record["variance_y"] = self.variances[[0, -1]]
-        record["log_noise"] = np.log(self.variances).mean()
-        record["noise_whitener"] = np.exp(-0.5 * record["log_noise"])
-        record["radii_count"], record["columns"] = len(self.radii), len(self.radii) + 1
-        record["modes"], record["axes"] = self.hypotheses, self.variances.size
-        record["table_rows"], record["sensor_count"] = len(self.table), len(self.sensors)
-        self.noise.write_parameters(record)
-        record["freedom"] = self.likelihood.freedom if isinstance(self.likelihood, StudentNoise) else 0.0
-        record["irregular"] = self.missed > 0.0 or bool(self.sensors)
-        record["radar"] = has_radar(self.sensors)
-        return record
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -239,7 +67,7 @@ class WorldOptions(ModelOptions):
 
     checks: ClassVar = {
         "scheme": lambda _, value: parse_scheme(value), **ModelOptions.checks, "delay_cost": check_within,
-        "evidence": check_within,
+        "evidence": ranged(*limits.RANGES["evidence"], "a probability from 0 to 1 - 1e-9"),
         **{name: partial(check_choice, choices=choices) for name, choices in CHOICES.items()},
         "reset_covariance": optional(check_flag), "recalculation": check_flag, "refine_radius": check_flag,
     }  # fmt: skip

@@ -15,8 +15,8 @@ from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
 from hybrid_env.core.records import TICK_NAMES
 from hybrid_env.durations import DRAWN, Durations, parse_durations
 from hybrid_env.limits import check_ticks, check_within
+from hybrid_env.model_options import ModelOptions
 from hybrid_env.observation import Layout, QuickestLayout
-from hybrid_env.options import ModelOptions
 from hybrid_env.scheme import RandomScheme, segment_table
 
 ORDERS = ("equal", "cycle", DRAWN)  # named values of the option `order`

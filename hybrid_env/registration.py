@@ -8,7 +8,7 @@ from gymnasium.envs.registration import load_env_creator, register, registry
 from hybrid_env.checks import reject
 
 if TYPE_CHECKING:
-    from hybrid_env.options import ModelOptions
+    from hybrid_env.model_options import ModelOptions
     from hybrid_env.vector_env import HybridTrackVectorEnv, TrackVectorEnv
 
 BANK_RADII = tuple(float(radius) for radius in range(1, 11))  # [m]
@@ -31,7 +31,7 @@ _CLASSES = dict.fromkeys(ENVIRONMENTS, ("env:HybridTrackEnv", "vector_env:Hybrid
 """Module and class of the single and of the vector environment of each id."""
 
 MAX_EPISODE_STEPS = 10_000
-"""Bound of the registered ids. Episodes are never truncated: `reset` refuses options whose episodes are longer."""
+"""Limit of the registered ids, for libraries that need one. Options whose episodes are longer are refused."""
 
 
 def register_environments() -> None:
@@ -49,9 +49,10 @@ def register_environments() -> None:
 
 
 def make_track_vector_env(env_id: str, num_envs: int, **options: Any) -> "TrackVectorEnv":
-    """Create the vector environment of a registered id; `options` override the options of the id."""
+    """Create the vector environment of a registered id, for episodes of any length; `options` override its options."""
     vector_class(env_id)
-    return cast("TrackVectorEnv", gym.make_vec(env_id, num_envs, vectorization_mode="vector_entry_point", **options))
+    given = {"vectorization_mode": "vector_entry_point", "max_episode_steps": -1, **options}
+    return cast("TrackVectorEnv", gym.make_vec(env_id, num_envs, **given))
 
 
 def make_vector_env(env_id: str, num_envs: int, **options: Any) -> "HybridTrackVectorEnv":

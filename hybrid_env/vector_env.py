@@ -59,9 +59,9 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
         num_envs: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         tick_info: bool = False,
-        bank_info: bool = False,
         trace_rows: int = 0,
         threads: int = 1,
+        bank_info: bool = False,
         render_mode: str | None = None,
         max_episode_steps: int | None = None,
         **options: Any,
@@ -72,11 +72,7 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
         except ValueError:
             allowed = ", ".join(repr(mode.value) for mode in AutoresetMode)
             raise reject("autoreset_mode", autoreset_mode, allowed) from None
-        self.metadata = {
-            "render_modes": ["rgb_array"],
-            "render_fps": RENDER_FPS,
-            "autoreset_mode": self.autoreset_mode,
-        }
+        self.metadata = {"render_modes": ["rgb_array"], "render_fps": RENDER_FPS, "autoreset_mode": self.autoreset_mode}
         if render_mode is not None:
             check_choice("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
@@ -269,10 +265,12 @@ class HybridTrackVectorEnv(TrackVectorEnv):
         tick_info: True adds the description of the current tick to `info`, with the keys of `HybridTrackEnv`, the same
             ones in every step. Without it `info` has the mask of the actions, decisions in the steps that make some,
             `final_obs` and `final_info`: eight tracks are then stepped twice as fast.
-        bank_info: True adds what every filter did, see `HybridTrackEnv`.
         trace_rows: number of ticks per step stored in `world.trace`, 0 to store none.
         threads: number of threads that step the tracks in parallel. Results do not depend on it. More than one is
             useful from about 4,000 tracks.
+        bank_info: True adds what every filter did, see `HybridTrackEnv`.
+        render_mode: "rgb_array" for frames of the first four tracks.
+        max_episode_steps: longer options are refused; None and -1 are no limit. `gym.make_vec` gives that of the id.
         options: see `WorldOptions`.
     """
 
@@ -289,7 +287,7 @@ class HybridTrackVectorEnv(TrackVectorEnv):
             for array in values.values():
                 array[~mask] = 0
             decided &= mask
-        elif self._same_step and not decided.any():
+        elif self._same_step and not self.tick_info and not decided.any():
             return {}  # the decisions are in `final_info`
         return values | dict.fromkeys(_DECISION_MASKS, decided)
 

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from hybrid_env.checks import ArgumentError, BoolArray, FloatArray, IntArray, ReadOnlyAttributes, reject
 from hybrid_env.core.arrays import allocate, declared
+from hybrid_env.core.bank_ticks import read_bank_ticks
 from hybrid_env.core.compilation import prepare
 from hybrid_env.core.kernels import KERNELS, RESET, STEP
-from hybrid_env.core.records import BANK_COLUMNS, DECISION, DECISION_FLAGS, LANES
+from hybrid_env.core.records import DECISION, DECISION_FLAGS, LANES
 from hybrid_env.core.state import Arrays
 from hybrid_env.observation import Layout
 
@@ -52,6 +53,8 @@ class World(ReadOnlyAttributes):
     ):  # fmt: skip
         if trace_rows and not options.traced:
             raise reject("trace_rows", trace_rows, "0: info describes every tick")
+        if bank_info and options.switches == "unknown":
+            raise reject("bank_info", bank_info, "False with unknown switches, where the filters mix their estimates")
         self.options = options
         self.layout = options.layout_class(options.hypotheses)
         self.threads = min(threads, -(-tracks // LANES))
@@ -195,19 +198,10 @@ class World(ReadOnlyAttributes):
         return ticks | {name: array.copy() for name, array in self.drawn.items()}
 
     def bank_tick(self) -> dict[str, FloatArray]:
-        """Return what every filter did at the present tick, as in `info`: (N, M, 2) innovations, (N, M, 2, 2) their
-        covariances, (N, M, 4) estimates, (N, M, 4, 4) covariances. Empty if it is not recorded.
-        """
+        """Return what every filter did at the present tick, see `read_bank_ticks`; empty if it is not recorded."""
         if not self.bank_ticks.size:
             return {}
-        ends = np.cumsum(list(BANK_COLUMNS.values()))
-        parts = dict(zip(BANK_COLUMNS, np.split(self.bank_ticks, ends[:-1], axis=-1), strict=True))
-        return {
-            "innovations": parts["innovations"].copy(),
-            "innovation_covariances": full_matrices(parts["innovation_covariances"]),
-            "estimates": parts["estimates"].copy(),
-            "covariances": full_matrices(parts["covariances"]),
-        }
+        return read_bank_ticks(self.bank_ticks)
 
     @property
     def drawn(self) -> dict[str, FloatArray]:
@@ -256,15 +250,6 @@ class World(ReadOnlyAttributes):
             low[self.layout.slices[name]] = lowest
             high[self.layout.slices[name]] = min(highest, unbounded)
         return spaces.Box(low, high, dtype=np.float32)
-
-
-def full_matrices(triangles: FloatArray) -> FloatArray:
-    """Return symmetric matrices (..., k, k) of their upper triangles row by row, (..., k (k + 1) / 2)."""
-    size = 2 if triangles.shape[-1] == 3 else 4
-    rows, columns = np.triu_indices(size)
-    matrices = np.empty((*triangles.shape[:-1], size, size))
-    matrices[..., rows, columns] = matrices[..., columns, rows] = triangles
-    return matrices
 
 
 def random_states(seeds: Sequence[int | None]) -> NDArray[np.uint64]:

@@ -15,7 +15,8 @@ def drawn_noise(ticks, tracks, seed=1, **options):
     The first two of a tick are independent draws of N(0, 1); the others are the errors of the measured
     coordinates over sqrt(R). Track i has seed `seed` + i.
     """
-    env = HybridTrackVectorEnv(tracks, scheme=f"S{ticks + 1}", process_variance=Q, measurement_variance=R, **options)
+    options |= {"scheme": f"S{ticks + 1}", "process_variance": Q, "measurement_variance": R}
+    env = HybridTrackVectorEnv(tracks, tick_info=True, **options)
     _, info = env.reset(seed=seed)
     wait, drawn = np.zeros(tracks, np.int64), np.empty((ticks, 4, tracks))
     for k in range(ticks):

@@ -5,6 +5,11 @@ import math
 import numpy as np
 from scipy import stats
 
+from hybrid_env.core.banks.published import PublishedBank
+from hybrid_env.live import SQUARE
+
+FREEDOM = 4.0  # of the robust likelihood in the tests
+
 
 def weigh(innovation, Sigma, freedom):
     """Return weight and log-likelihood of an innovation: normal, or Student's t with degrees of freedom."""
@@ -19,7 +24,8 @@ def correct_by_rate(state, P, rate, place, deviation):
     """Correct a filter by a range rate, linearised at its state; return it with the log-likelihood."""
 
     def range_rate(s):
-        return (s[[0, 2]] - place) @ s[[1, 3]] / np.hypot(*(s[[0, 2]] - place))
+        from_radar = s[[0, 2]] - place
+        return from_radar @ s[[1, 3]] / np.sqrt(from_radar @ from_radar)
 
     H = jacobian(range_rate, state)
     x, y = (state[[0, 2]] - place) / np.hypot(*(state[[0, 2]] - place))
@@ -66,11 +72,11 @@ class MatrixKalmanFilter:
         """One tick; a measurement None only predicts."""
         x = self.Phi @ self.x + self.B
         P = self.Phi @ self.P @ self.Phi.T + self.GQG
+        self.Sigma = self.H @ P @ self.H.T + self.R
         if z is None:
-            self.x, self.P = x, P
+            self.x, self.P, self.innovation = x, P, np.full(2, np.nan)
             return
         self.innovation = z - self.H @ x
-        self.Sigma = self.H @ P @ self.H.T + self.R
         K = P @ self.H.T @ np.linalg.inv(self.Sigma)
         weight, log_likelihood = weigh(self.innovation, self.Sigma, self.freedom)
         self.x = x + weight * K @ self.innovation
@@ -84,7 +90,7 @@ class MatrixKalmanFilter:
 def move(state, tau):
     """Move [x, vx, y, vy, centre_x, centre_y, turn_rate] by one tick. Golubkov 2018, eq. (1), no noise."""
     x, vx, y, vy, cx, cy, w = state
-    c, s = math.cos(w * tau), math.sin(w * tau)
+    c, s = np.cos(w * tau), np.sin(w * tau)
     ratio = s / w if w else tau
     return np.array(
         [cx + c * (x - cx) + ratio * vx, c * vx - w * s * (x - cx),
@@ -95,22 +101,18 @@ def move(state, tau):
 def turn_state(anchor, signed_radius):
     """Return [x, vx, y, vy, centre_x, centre_y, turn_rate] of a turn that begins at [x, vx, y, vy]."""
     x, vx, y, vy = anchor
-    v = math.hypot(vx, vy)
+    v = np.sqrt(vx * vx + vy * vy)
     return np.array([x, vx, y, vy, x - signed_radius * vy / v, y + signed_radius * vx / v, v / abs(signed_radius)])
 
 
 def jacobian(function, state):
-    """Return the Jacobian by central differences."""
-    columns = []
-    for k in range(len(state)):
-        h = 1e-5 * max(1.0, abs(state[k]))
-        step = h * np.eye(len(state))[k]
-        columns.append((function(state + step) - function(state - step)) / (2 * h))
-    return np.array(columns).T
+    """Return the Jacobian by complex steps: f(x + i h) = f(x) + i h f'(x), without a difference that loses digits."""
+    h = 1e-30
+    return np.array([function(state + 1j * h * one).imag / h for one in np.eye(len(state))]).T
 
 
 class MatrixExtendedKalmanFilter:
-    """Extended Kalman filter with seven states. Jacobians are computed by central differences."""
+    """Extended Kalman filter with seven states. Jacobians are computed by complex steps."""
 
     rates = ()  # see `MatrixKalmanFilter`
 
@@ -133,18 +135,18 @@ class MatrixExtendedKalmanFilter:
             F[:4, 6] = 0.0
         s = move(self.s, self.tau)
         P = F @ self.P @ F.T + self.Q
-        if z is None:
-            self.s, self.P = s, P
-            return
         H = np.zeros((2, 7))
         H[0, 0] = H[1, 2] = 1.0
-        Sigma = H @ P @ H.T + (np.diag(self.R) if np.ndim(self.R) == 1 else self.R)
-        innovation = z - H @ s
-        K = P @ H.T @ np.linalg.inv(Sigma)
-        self.s, self.P = s + K @ innovation, P - K @ H @ P
-        quadratic = innovation @ np.linalg.solve(Sigma, innovation)
+        self.Sigma = H @ P @ H.T + (np.diag(self.R) if np.ndim(self.R) == 1 else self.R)
+        if z is None:
+            self.s, self.P, self.innovation = s, P, np.full(2, np.nan)
+            return
+        self.innovation = z - H @ s
+        K = P @ H.T @ np.linalg.inv(self.Sigma)
+        self.s, self.P = s + K @ self.innovation, P - K @ H @ P
+        quadratic = self.innovation @ np.linalg.solve(self.Sigma, self.innovation)
         self.distance = quadratic
-        self.log_likelihood -= 0.5 * (quadratic + math.log(np.linalg.det(2 * math.pi * Sigma)))
+        self.log_likelihood -= 0.5 * (quadratic + math.log(np.linalg.det(2 * math.pi * self.Sigma)))
         for one in self.rates:
             self.s, self.P, log_likelihood = correct_by_rate(self.s, self.P, *one)
             self.log_likelihood += log_likelihood
@@ -213,3 +215,38 @@ def transition_matrix(M, hazard):
     np.fill_diagonal(matrix, 1 - hazard)
     np.testing.assert_allclose(matrix.sum(1), 1)
     return matrix
+
+
+def step_filters(filters, env, i, measurement):
+    """Advance the filters of track i; a measurement of NaN only predicts."""
+    noise, rates = (env.world.field(name)[i] for name in ("noise", "rates"))
+    variance = np.sqrt(np.broadcast_to(env.options.variances, 2))
+    missing = np.isnan(measurement)
+    assert missing[0] == missing[1]
+    radars = [one for one in env.options.sensors if getattr(one, "rate_deviation", None)]
+    for one in filters:
+        ratio = np.eye(2) if missing[0] else noise[[[0, 1], [1, 2]]]
+        one.R = ratio * np.outer(variance, variance)
+        one.rates = [
+            (rate, radar.position, radar.rate_deviation)
+            for rate, radar in zip(rates, radars, strict=False)
+            if not np.isnan(rate)
+        ]
+        one.step(None if missing[0] else measurement)
+
+
+def filters_at_switch(env, i):
+    """Return the filters of track i, before the first tick of its segment."""
+    options, anchor = env.options, env.world.field("anchor")[i]
+    P = env.world.field("covariance")[i][SQUARE]
+    model = options.tau, options.process_variance, None
+    if options.bank == "anchor_aware":
+        signed = (0.0, *options.radii, *(-radius for radius in options.radii))
+        return [MatrixExtendedKalmanFilter(anchor, P, radius, *model) for radius in signed]
+    if options.parameters()["reset_covariance"][0]:
+        P = np.eye(4)
+    if options.bank_class is PublishedBank:  # which filters each axis by itself
+        P = P * np.kron(np.eye(2), np.ones((2, 2)))
+    modes = [("S", 0.0), *(("L", r) for r in options.radii), *(("R", r) for r in options.radii)]
+    freedom = FREEDOM * (str(options.likelihood) != "gaussian")
+    return [MatrixKalmanFilter(anchor, P, mode, radius, *model, freedom) for mode, radius in modes]

@@ -75,7 +75,7 @@ def draw(generator, longest):
     """Draw the keywords of a world, which may be outside the allowed ratios."""
     # from values near 1 to the whole range, and with the turn per tick drawn in its own range
     spread = generator.choice((0.05, 0.15, 0.4, 1.0))
-    values = {name: log_uniform(generator, name, spread) for name in RANGES if name != "heading"}
+    values = {name: log_uniform(generator, name, spread) for name in RANGES if name not in ("heading", "evidence")}
     radii = [values["radii"]]
     if generator.random() < 0.5:
         turn = 10.0 ** generator.uniform(-6, 2)
@@ -106,7 +106,9 @@ def draw(generator, longest):
         "refine_radius": follow == "declared" and len(radii) > 1 and bool(generator.random() < 0.5),
         "delay_cost": values["delay_cost"],
         "correctness": str(generator.choice(("exact", "type"))),
-        "actions": str(generator.choice(("all", "best"))),
+        "evidence": float(generator.choice((0.0, 0.5, 0.95, RANGES["evidence"][1]))),
+        "actions": str(generator.choice(("all", "types", "best"))),
+        "observation": str(generator.choice(("bank", "bank", "raw", "state"))),
         "undecided": str(generator.choice(("likeliest", "keep"))),
     }
 
@@ -141,7 +143,7 @@ def soak(options, tracks, ticks, seed, **arguments):
     while True:
         assert ((rows >= low) & (rows <= high)).all(), "a row is outside the observation space"
         if done >= ticks:
-            assert np.isfinite(env.world.copy_tick()()["log_likelihood"]).all()
+            assert np.isfinite(env.world.copy_tick()["log_likelihood"]).all()
             assert np.isfinite(env.world.field("estimate")).all()
             return done
         actions = np.where(generator.random(tracks) < rate, generator.integers(0, count, tracks), 0)

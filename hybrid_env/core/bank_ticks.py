@@ -1,7 +1,11 @@
-"""What every filter of the bank did at the present tick, in the axes of the plane, for `info`."""
+"""What every filter of the bank did at a tick, in the axes of the plane, for `info` and `KalmanBank`. A row has the
+`BANK_COLUMNS` of one filter.
+"""
 
 import math
 from typing import Any
+
+import numpy as np
 
 from hybrid_env.core.arrays import FloatArray
 from hybrid_env.core.banks import operations
@@ -11,6 +15,37 @@ from hybrid_env.core.records import BANK_COLUMNS, LANES
 
 ESTIMATES = BANK_COLUMNS["innovations"] + BANK_COLUMNS["innovation_covariances"]
 COVARIANCES = ESTIMATES + BANK_COLUMNS["estimates"]
+ROW_LENGTH = COVARIANCES + BANK_COLUMNS["covariances"]
+
+
+@internal
+def write_innovation(
+    row: FloatArray,
+    bank: Any,
+    hypothesis: int,
+    lane: int,
+    measurement: FloatArray,
+    noise: tuple[float, float, float],
+    model: Any,
+) -> None:
+    """Write the innovation of one filter and its covariance, before the filter steps.
+
+    measurement: (2, LANES) [m], of which NaN gives an innovation of NaN; noise: covariance xx, xy, yy of the
+    measurement [m^2].
+    """
+    x, y, xx, xy, yy = operations.predicted_position(bank, hypothesis, lane, model)
+    row[0] = measurement[0, lane] - x
+    row[1] = measurement[1, lane] - y
+    row[2], row[3], row[4] = xx + noise[0], xy + noise[1], yy + noise[2]
+
+
+@internal
+def write_estimate(row: FloatArray, bank: Any, hypothesis: int, lane: int) -> None:
+    """Write the estimate of one filter and its covariance, after the filter has stepped."""
+    for k, value in enumerate(estimate_of(bank.hypotheses, hypothesis, lane)):
+        row[ESTIMATES + k] = value
+    for k, value in enumerate(operations.covariance(bank, hypothesis, lane)):
+        row[COVARIANCES + k] = value
 
 
 @internal
@@ -32,10 +67,7 @@ def write_innovations(
             noise_yy *= block.noise[2, lane]
         for h in range(bank.hypotheses.size):
             row = bank_ticks[b * LANES + lane, h]
-            x, y, xx, xy, yy = operations.predicted_position(bank, h, lane, model)
-            row[0] = block.measurement[0, lane] - x
-            row[1] = block.measurement[1, lane] - y
-            row[2], row[3], row[4] = xx + noise_xx, xy + noise_xy, yy + noise_yy
+            write_innovation(row, bank, h, lane, block.measurement, (noise_xx, noise_xy, noise_yy), model)
 
 
 @internal
@@ -43,8 +75,26 @@ def write_corrected(bank_ticks: FloatArray, b: int, first: int, last: int, bank:
     """Write estimates and covariances of lanes first .. last - 1 of block b, after the filters have stepped."""
     for lane in range(first, last):
         for h in range(bank.hypotheses.size):
-            row = bank_ticks[b * LANES + lane, h]
-            for k, value in enumerate(estimate_of(bank.hypotheses, h, lane)):
-                row[ESTIMATES + k] = value
-            for k, value in enumerate(operations.covariance(bank, h, lane)):
-                row[COVARIANCES + k] = value
+            write_estimate(bank_ticks[b * LANES + lane, h], bank, h, lane)
+
+
+def read_bank_ticks(rows: FloatArray) -> dict[str, FloatArray]:
+    """Return copies of the columns of rows, (..., M, columns), by their names in `info`: (..., M, 2) innovations,
+    (..., M, 2, 2) their covariances, (..., M, 4) estimates, (..., M, 4, 4) covariances.
+    """
+    ends = np.cumsum(list(BANK_COLUMNS.values()))
+    parts = dict(zip(BANK_COLUMNS, np.split(rows, ends[:-1], axis=-1), strict=True))
+    return {
+        "innovations": parts["innovations"].copy(),
+        "innovation_covariances": full_matrices(parts["innovation_covariances"], 2),
+        "estimates": parts["estimates"].copy(),
+        "covariances": full_matrices(parts["covariances"], 4),
+    }
+
+
+def full_matrices(triangles: FloatArray, size: int) -> FloatArray:
+    """Return symmetric matrices (..., size, size) of their upper triangles row by row."""
+    rows, columns = np.triu_indices(size)
+    matrices = np.empty((*triangles.shape[:-1], size, size))
+    matrices[..., rows, columns] = matrices[..., columns, rows] = triangles
+    return matrices

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from hybrid_env.core.arrays import FloatArray, Records
+from hybrid_env.core.bank_ticks import write_corrected, write_innovations
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.bank import IDENTITY, estimate_of, filter_model, likeliest, likeliest_of_type, mode_type
 from hybrid_env.core.banks.mixture import merged_estimate, write_merged_covariance
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.motion import heading_vector
 from hybrid_env.core.noise import draw_noise_ahead, integer_below
-from hybrid_env.core.bank_ticks import write_corrected, write_innovations
 from hybrid_env.core.observation_row import compare_hypotheses, compare_types, mask_declarations, write_row
 from hybrid_env.core.records import DECISION, DECISION_FLAGS, LANES, SEGMENT_COLUMNS, state_of, triangle_of, write_lane
 from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move, move_lane, sum_errors

@@ -16,11 +16,21 @@ from hybrid_env.core.banks.imm import ImmBank, begin_imm, imm_banks, imm_of_bloc
 from hybrid_env.core.banks.published import PublishedBank, published_banks
 from hybrid_env.core.compilation import compiled, internal
 from hybrid_env.core.kernel import (
-    HAS_DECISION, begin_bank, chosen_mode, counted_action, follow_irregular, set_anchor, step_irregular,
-)  # fmt: skip
+    HAS_DECISION,
+    begin_bank,
+    chosen_mode,
+    counted_action,
+    follow_irregular,
+    set_anchor,
+    step_irregular,
+)
 from hybrid_env.core.observation_row import (
-    compare_hypotheses, compare_types, mask_declarations, write_quickest_row, write_row,
-)  # fmt: skip
+    compare_hypotheses,
+    compare_types,
+    mask_declarations,
+    write_quickest_row,
+    write_row,
+)
 from hybrid_env.core.quickest_kernel import record_statement
 from hybrid_env.core.records import LANES, state_of, write_lane
 from hybrid_env.core.state import PARAMETERS, arrays_of
@@ -35,7 +45,8 @@ def advance_live(begins: bool, banks: Any, arrays: Any, setting: Any) -> int:
     """Begin a segment, process a measurement, or declare a mode, on the first lane of the first block. With `begins`
     the last segment ends, and the bank starts from its estimate; the first one, whose `segment` is -1, from that of the
     block. Action 0 advances the bank by the `measurement`, and writes the observation until a mode is declared; i + 1
-    declares mode i, once the mask allows it. Then `estimate` and `covariance` are those of the last decided mode, or merged.
+    declares mode i, once the mask allows it. Then `estimate` and `covariance` are those of the last decided mode, or
+    merged.
     """
     block, bank = arrays.blocks[0], operations.bank_of_block(banks, 0)
     if begins:

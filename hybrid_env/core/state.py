@@ -29,9 +29,7 @@ class Arrays(NamedTuple):
     # 1 where an action counts; a declaration with 0 waits
     action_mask: Annotated[NDArray[np.int8], Array(np.int8, ("tracks", "action_count"))]
     # every filter at the present tick, if it is asked for
-    bank_ticks: Annotated[
-        FloatArray, Array(np.float64, ("tracks", "bank_rows", sum(records.BANK_COLUMNS.values())))
-    ]
+    bank_ticks: Annotated[FloatArray, Array(np.float64, ("tracks", "bank_rows", sum(records.BANK_COLUMNS.values())))]
     rewards: Annotated[FloatArray, Array(np.float64, ("tracks",))]
     terminated: Annotated[Flags, Array(np.bool_, ("tracks",))]
     seeded: Annotated[Flags, Array(np.bool_, ("tracks",))]  # whether the random stream has been seeded

@@ -17,7 +17,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
-from hybrid_env.options import ModelOptions
+from hybrid_env.model_options import ModelOptions
 from hybrid_env.rendering import FRAME_SIZE
 from hybrid_env.rendering.evidence import TYPE_COLOURS, EvidencePanel, mode_colour, mode_name
 from hybrid_env.rendering.history import ACTIVE, TRACE_INDEX, Decision, History

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.extras import explained
-from hybrid_env.options import ModelOptions
+from hybrid_env.model_options import ModelOptions
 from hybrid_env.rendering import FRAME_SIZE
 from hybrid_env.rendering.evidence import EvidencePanel
 from hybrid_env.rendering.history import History

@@ -1,6 +1,8 @@
 """The bank equals the joint normal law of all measurements; its filters in matrix form: `core/test_banks`."""
 
+import copy
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -43,6 +45,45 @@ def test_an_anchor_at_rest_gives_finite_log_likelihoods():
         assert np.isfinite(bank.step([0.1, -0.1])).all()
 
 
+@pytest.mark.parametrize("bank", ["published", "anchor_aware"])
+@pytest.mark.parametrize("missing", [[np.nan, np.nan], [0.3, np.nan], (np.nan, 0.3)])
+def test_a_measurement_with_nan_only_predicts(bank, missing):
+    bank = KalmanBank([2.0, 9.0], bank=bank)
+    bank.anchor([0.0, 1.0, 0.0, 0.5])
+    before = bank.step([0.2, 0.1])
+    start, covariances = bank.estimates, bank.covariances
+    np.testing.assert_array_equal(bank.step(missing), before)
+    assert np.isnan(bank.innovations).all()
+    np.testing.assert_allclose(bank.estimates[0], start[0] + 0.1 * start[0, [1, 1, 3, 3]] * [1, 0, 1, 0])
+    assert (bank.covariances[:, [0, 2], [0, 2]] > covariances[:, [0, 2], [0, 2]]).all()
+    expected = bank.covariances[:, ::2, ::2] + 0.1 * np.eye(2)
+    np.testing.assert_allclose(bank.innovation_covariances, expected, rtol=1e-14)
+
+
+@pytest.mark.parametrize("bank", ["published", "anchor_aware"])
+def test_an_anchor_of_three_numbers_is_that_of_a_matrix(bank):
+    first, second = KalmanBank(bank=bank), KalmanBank(bank=bank)
+    axis = [[0.3, 0.02], [0.02, 0.1]]
+    first.anchor([0.0, 1.0, 0.0, 0.5], (0.3, 0.02, 0.1))
+    second.anchor([0.0, 1.0, 0.0, 0.5], np.kron(np.eye(2), axis))
+    np.testing.assert_array_equal(first.covariances[0], np.kron(np.eye(2), axis))
+    np.testing.assert_array_equal(first.step([0.1, 0.2]), second.step([0.1, 0.2]))
+
+
+@pytest.mark.parametrize("bank", ["published", "anchor_aware"])
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda bank: pickle.loads(pickle.dumps(bank))])
+def test_a_copy_of_a_bank_continues_alike_in_memory_of_its_own(bank, copied):
+    bank = KalmanBank([2.0, 9.0], bank=bank)
+    bank.anchor([0.0, 1.0, 0.0, 0.5])
+    bank.step([0.1, 0.2])
+    other = copied(bank)
+    before = bank.estimates
+    expected = other.step([0.3, 0.4])
+    np.testing.assert_array_equal(bank.estimates, before)
+    np.testing.assert_array_equal(bank.step([0.3, 0.4]), expected)
+    np.testing.assert_array_equal(bank.covariances, other.covariances)
+
+
 def test_step_before_anchor_raises():
     with pytest.raises(RuntimeError, match="anchor"):
         KalmanBank().step([0.0, 0.0])
@@ -55,6 +96,7 @@ INVALID = [
     ({"measurement_variance": 0.0}, "measurement_variance=0.0"),
     ({"measurement_variance": (0.1, -0.1)}, "measurement_variance=-0.1"),
     ({"measurement_variance": "loud"}, "measurement_variance='loud'"),
+    ({"bank": "oracle"}, "bank='oracle'"), ({"bank": None}, "bank=None"),
 ]  # fmt: skip
 
 
@@ -69,3 +111,35 @@ STATES = [[[0.0, 1.0], [2.0]], [1.0] * 3, "1234", [0.0, np.inf, 0.0, 0.0], 1.0, 
 @pytest.mark.parametrize("state", STATES, ids=str)
 def test_other_states_are_refused_in_one_line(state):
     assert refused(KalmanBank().anchor, state).startswith("state")
+
+
+COVARIANCES = [
+    1.0, [1.0, 2.0], "abc", [1.0, np.nan, 1.0], [-1.0, 0.0, 1.0], [1.0, 2.0, 1.0], np.eye(3), -np.eye(4),
+    np.eye(4) + np.eye(4, k=1), np.full((4, 4), 2.0) - np.eye(4), np.diag([1e-320, 1, 1, 1]) + 1e30 * np.eye(4)[::-1],
+    np.ma.masked_array(np.eye(4), np.eye(4) > 0), [[1.0], [2.0, 3.0]],
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("covariance", COVARIANCES, ids=range(len(COVARIANCES)))
+def test_other_covariances_are_refused_in_one_line(covariance):
+    assert refused(KalmanBank().anchor, [0.0, 1.0, 0.0, 1.0], covariance).startswith("covariance")
+
+
+MEASUREMENTS = [
+    1.0,
+    [1.0],
+    [1.0, 2.0, 3.0],
+    [np.inf, np.nan],
+    [1.0, -np.inf],
+    [None, 1.0],
+    "ab",
+    [1e31, 0.0],
+    [1j, 0.0],
+]
+
+
+@pytest.mark.parametrize("measurement", MEASUREMENTS, ids=str)
+def test_other_measurements_are_refused_in_one_line(measurement):
+    bank = KalmanBank()
+    bank.anchor([0.0, 1.0, 0.0, 1.0])
+    assert refused(bank.step, measurement).startswith("measurement")

@@ -44,7 +44,7 @@ CASES = {
 
 def run(tracks, seed, **options):
     """Follow one segment. Returns whitened innovations (T, N, 2) and normalized squared errors (N,)."""
-    env = HybridTrackVectorEnv(tracks, **options)
+    env = HybridTrackVectorEnv(tracks, tick_info=True, **options)
     layout = Layout(env.options.hypotheses)
     rows, info = env.reset(seed=seed)
     mode = int(info["true_mode"][0])

@@ -38,7 +38,7 @@ def test_other_values_are_refused_in_one_line(value):
 @pytest.mark.parametrize("text", LAWS[:3])
 def test_the_environment_draws_durations_and_modes_from_the_law(text):
     tracks, ticks = 2000, 400
-    env = HybridTrackQuickestVectorEnv(tracks, durations=text, ticks=ticks, start="random")
+    env = HybridTrackQuickestVectorEnv(tracks, tick_info=True, durations=text, ticks=ticks, start="random")
     _, info = env.reset(seed=1)
     modes, segments = [info["true_mode"]], [info["segment"]]
     for _ in range(ticks - 1):

@@ -55,7 +55,7 @@ def test_a_drawn_law_and_order_are_those_of_the_episode():
 def test_a_fixed_order_and_laws_by_mode_are_followed():
     order = "0 0.9 0.1, 0.2 0 0.8, 1 0 0"
     law = "straight uniform 20-30, turns uniform 5-6 or uniform 9-9"
-    env = HybridTrackQuickestVectorEnv(200, ticks=500, durations=law, order=order)
+    env = HybridTrackQuickestVectorEnv(200, tick_info=True, ticks=500, durations=law, order=order)
     found = segments_of(*timeline(env, 500, 2)[:2])
     counts = np.zeros((3, 3))
     np.add.at(counts, (found[:, 0], found[:, 1]), 1)

@@ -9,7 +9,9 @@ from hybrid_env.sensors import parse_sensors
 
 def test_fused_errors_have_the_stated_variance():
     sensors = [Sensor(variance=0.4, period=2), Sensor(variance=0.1, position=(0.0, 50.0), range=50.1)]
-    env = HybridTrackVectorEnv(4000, scheme="S9", sensors=sensors, heading=0.0, process_variance=0.0)
+    env = HybridTrackVectorEnv(
+        4000, tick_info=True, scheme="S9", sensors=sensors, heading=0.0, process_variance=0.0
+    )  # fmt: skip
     _, info = env.reset(seed=1)
     seen = []
     for k in range(9):

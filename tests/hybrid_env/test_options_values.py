@@ -61,11 +61,11 @@ NASTY = [
 ]  # fmt: skip
 NUMBERS = [
     "radii", "speed", "heading", "tau", "process_variance", "object_variance", "measurement_variance", "missed",
-    "initial_error", "delay_cost",
+    "initial_error", "delay_cost", "evidence",
 ]  # fmt: skip
 WORDS = [
     "scheme", "noise", "likelihood", "bank", "reset_covariance", "follow", "correctness",
-    "actions", "undecided", "recalculation", "refine_radius",
+    "actions", "observation", "undecided", "recalculation", "refine_radius",
 ]  # fmt: skip
 
 
@@ -118,7 +118,8 @@ OUTSIDE = [
     {"initial_error": (-0.3, 0.0)}, {"initial_error": (math.nan, 0.0)}, {"noise": "outliers -0.1"},
     {"noise": "outliers 1"}, {"noise": "levy 3"}, {"sensors": "radar"}, {"sensors": [5]}, {"missed": 1.0},
     {"delay_cost": -0.01}, {"bank": "aware"}, {"bank": 1}, {"reset_covariance": 1}, {"follow": "both"},
-    {"correctness": "approximate"}, {"actions": "some"}, {"undecided": "forget"},
+    {"correctness": "approximate"}, {"actions": "some"}, {"undecided": "forget"}, {"observation": "pixels"},
+    {"evidence": 1.0}, {"evidence": -0.1}, {"evidence": 95},
     {"refine_radius": True}, {"recalculation": True, "follow": "bank"}, {"reset_covariance": True, "bank": "oracle"},
     {"refine_radius": True, "follow": "bank", "radii": (2.0, 5.0)},
 ]  # fmt: skip
@@ -132,7 +133,7 @@ def test_values_outside_the_range_are_refused_with_the_range(given):
 
 def test_values_at_the_limits_are_accepted():
     others = {"radii": 100.0, "speed": 1e-6, "tau": 1e-6}  # no ratio is too large
-    names = ("speed", "tau", "process_variance", "measurement_variance", "delay_cost", "heading")
+    names = ("speed", "tau", "process_variance", "measurement_variance", "delay_cost", "heading", "evidence")
     for name in names:
         for value in RANGES[name]:
             assert getattr(WorldOptions(**others | {name: value}), name) == value

@@ -10,7 +10,7 @@ SHORT = {"ticks": 40, "durations": "uniform 5-12"}
 
 
 def test_statements_change_nothing_but_rewards_and_their_own_features():
-    envs = [HybridTrackQuickestVectorEnv(20, measurement_variance=0.3) for _ in range(2)]
+    envs = [HybridTrackQuickestVectorEnv(20, tick_info=True, measurement_variance=0.3) for _ in range(2)]
     layout = QuickestLayout(3)
     own = np.zeros(layout.width, bool)
     for name in ("stated", "stated_ticks"):
@@ -47,7 +47,7 @@ def test_rewards_follow_the_statement_and_its_changes():
 
 @pytest.mark.parametrize("text", ["25 + geometric 50", "uniform 50-100"])
 def test_a_known_start_is_a_switch_to_a_mode_that_the_bank_knows(text):
-    env = HybridTrackQuickestVectorEnv(1000, durations=text)
+    env = HybridTrackQuickestVectorEnv(1000, tick_info=True, durations=text)
     _, info = env.reset(seed=2)
     modes = info["true_mode"]
     assert (np.bincount(modes) > 250).all()

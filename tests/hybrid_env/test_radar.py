@@ -45,7 +45,7 @@ def test_the_filters_are_consistent_where_the_model_is_exact(name, doppler):
     radius, options = world(name, doppler)
     tracks = 500
     for bank, mode, kind in (("published", "S40", 0), ("anchor_aware", f"L40r{radius:g}", 1)):
-        env = HybridTrackVectorEnv(tracks, scheme=mode, bank=bank, reset_covariance=False, **options)
+        env = HybridTrackVectorEnv(tracks, tick_info=True, scheme=mode, bank=bank, reset_covariance=False, **options)
         rows, info = env.reset(seed=4)
         for tick in range(40):
             filters = env.world.bank.hypotheses[:, kind]

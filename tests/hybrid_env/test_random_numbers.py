@@ -66,7 +66,7 @@ def test_streams_of_neighbouring_seeds_and_lanes_are_uncorrelated(seeds, ticks):
 
 def test_the_first_draws_of_successive_seeds_are_independent():
     tracks = 100_000
-    env = HybridTrackVectorEnv(tracks, process_variance=0.0, initial_error=0)
+    env = HybridTrackVectorEnv(tracks, tick_info=True, process_variance=0.0, initial_error=0)
     _, info = env.reset(seed=0)
     heading = np.arctan2(info["anchor"][:, 3], info["anchor"][:, 1])
     uniform = (heading / (2.0 * math.pi)) % 1.0

@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env as gymnasium_check
 from gymnasium.vector import AsyncVectorEnv
+from gymnasium.wrappers import TimeAwareObservation
+from hostile_input import refused
 
 import hybrid_env
-from hybrid_env import Sensor
+from hybrid_env import HybridTrackEnv, HybridTrackVectorEnv, Sensor
+from hybrid_env.registration import make_track_vector_env
 
 IDS = tuple(hybrid_env.ENVIRONMENTS)
 SENSORS = (Sensor(variance=0.4, period=2), Sensor(variance=0.05, position=(3.0, 4.0), range=4.0), Sensor(variance=1.0))
@@ -56,3 +59,86 @@ def test_forkserver_processes_create_the_environment_by_module_and_id():
         assert env.step(np.array([0, 1]))[0].shape == (2, 28)
     finally:
         env.close()
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_the_specs_have_a_largest_number_of_steps_that_no_episode_reaches(env_id):
+    assert gym.spec(env_id).max_episode_steps == 10_000
+    env = gym.make(env_id)
+    assert env.spec.max_episode_steps == 10_000
+    assert gym.make_vec(env_id, 2).spec.max_episode_steps == 10_000
+    assert env.unwrapped.options.longest_episode <= 10_000
+
+
+@pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.parametrize("normalized", [True, False])
+def test_the_time_can_be_added_to_the_rows(env_id, normalized):
+    env = TimeAwareObservation(gym.make(env_id), normalize_time=normalized)
+    row, _ = env.reset(seed=0)
+    size = env.unwrapped.observation_space.shape[0]
+    for step in range(4):
+        assert env.observation_space.contains(row)
+        assert row[size:] == pytest.approx(step / 10_000 if normalized else step)
+        row = env.step(0)[0]
+
+
+LONGER = {
+    "HybridTrack-v0": {"scheme": "random 101x50-100"},
+    "HybridTrackPublished-v0": {"scheme": "S10001"},
+    "HybridTrackQuickest-v0": {"ticks": 10_001},
+}
+
+
+@pytest.mark.parametrize("env_id", LONGER)
+def test_options_whose_episodes_would_be_cut_off_are_refused(env_id):
+    options = LONGER[env_id]
+    for message in (
+        refused(gym.make(env_id, **options).reset),
+        refused(gym.make_vec, env_id, 2, **options),
+        refused(gym.make_vec, env_id, 2, max_episode_steps=10_000, **options),
+    ):
+        assert message.startswith("max_episode_steps=10000 is not allowed: expected at least 10")
+
+
+@pytest.mark.parametrize("env_id", LONGER)
+def test_longer_episodes_need_a_larger_limit_or_none(env_id):
+    options = LONGER[env_id]
+    for limit in (-1, 20_000, None):
+        assert gym.make_vec(env_id, 2, max_episode_steps=limit, **options).reset(seed=0)
+    assert make_track_vector_env(env_id, 2, **options).reset(seed=0)
+    assert type(gym.make(env_id).unwrapped)(**options).reset(seed=0)
+
+
+@pytest.mark.parametrize("limit", ["many", 1.5, True, -2, 0, 599])
+def test_other_limits_are_refused_in_one_line(limit):
+    assert refused(HybridTrackVectorEnv, max_episode_steps=limit).startswith("max_episode_steps=")
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_the_environments_can_be_played_with_the_keys_of_gymnasium(env_id, monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    pytest.importorskip("matplotlib")
+    pygame = pytest.importorskip("pygame")
+    from gymnasium.utils.play import PlayableGame
+
+    env = gym.make(env_id, render_mode="rgb_array")
+    env.reset(seed=0)
+    game = PlayableGame(env)
+    keys = env.unwrapped.get_keys_to_action()
+    assert game.relevant_keys == {key for (key,) in keys} == set(map(ord, "wad"))
+    for key in game.relevant_keys:
+        game.process_event(pygame.event.Event(pygame.KEYDOWN, key=key))
+        assert game.pressed_keys == {key}
+        assert env.action_space.contains(keys[(key,)])
+        env.step(keys[(key,)])
+        game.process_event(pygame.event.Event(pygame.KEYUP, key=key))
+    pygame.display.quit()
+
+
+@pytest.mark.parametrize("actions", ["all", "types"])
+def test_the_keys_declare_straight_left_and_right(actions):
+    for key, expected in (("w", {0}), ("a", {1, 2}), ("d", {3, 4})):
+        env = HybridTrackEnv(radii=(3.0, 5.0), actions=actions, correctness="type")
+        env.reset(seed=0)
+        *_, info = env.step(env.get_keys_to_action()[(ord(key),)])
+        assert info["decided_mode"] in expected

@@ -24,7 +24,7 @@ def test_the_log_likelihood_is_that_of_the_bivariate_student_t_distribution():
 def test_an_outlier_moves_the_robust_estimate_less():
     errors = []
     for likelihood in ("gaussian", "student_t 4"):
-        env = HybridTrackVectorEnv(2000, scheme="S40", noise="levy 1.5 1 44", likelihood=likelihood)
+        env = HybridTrackVectorEnv(2000, tick_info=True, scheme="S40", noise="levy 1.5 1 44", likelihood=likelihood)
         env.reset(seed=1)
         for _ in range(39):
             info = env.step(np.zeros(2000, np.int64))[4]

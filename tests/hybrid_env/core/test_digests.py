@@ -8,7 +8,7 @@ import hashlib
 import numpy as np
 import pytest
 
-from hybrid_env import HybridTrackQuickestVectorEnv, HybridTrackVectorEnv
+from hybrid_env import ENVIRONMENTS, HybridTrackQuickestVectorEnv, HybridTrackVectorEnv
 
 BANK = tuple(float(radius) for radius in range(1, 11))
 DIGESTS = [
@@ -51,6 +51,16 @@ DIGESTS = [
         {"reset_covariance": False, "speed": 7.0, "tau": 0.05, "process_variance": 0.01, "actions": "best"},
         "e3915817cf9a6938acc9de6c8b3c8da7b351d83cce9e551cb653229f5b8aacdc",
         id="kept covariance",
+    ),
+    pytest.param(
+        {"bank": "anchor_aware", "evidence": 0.95},
+        "d714b3d8b2fb0f90ae6beae4a37bd6811491b506c8cb8350bb0afe3bb7a01033",
+        id="evidence",
+    ),
+    pytest.param(
+        dict(ENVIRONMENTS["HybridTrackBank-v0"]),
+        "f012dafd6cf1d3df8bc507f91be0cfc0b816ec94a8adfc0bd4d764e8776bd35e",
+        id="types that follow the bank",
     ),
 ]
 
