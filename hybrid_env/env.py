@@ -275,8 +275,8 @@ class HybridTrackEnv(TrackEnv):
     An episode has at most 10,000 steps: options that allow longer ones are refused by `reset`.
 
     ## Version History
-    - v0: before the first release `HybridTrack-v0` and `HybridTrackBank-v0` were what is now `HybridTrackPublished-v0` and
-      `HybridTrackPublishedBank-v0`.
+    - v0: before the first release `HybridTrack-v0` and `HybridTrackBank-v0` were what `HybridTrackPublished-v0` and
+      `HybridTrackPublishedBank-v0` are now.
 
     ## References
     Golubkov, Tsyganov and Tsyganova 2018 (model, bank, algorithm ATE); Wald 1947 (sequential analysis).
