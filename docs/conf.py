@@ -71,7 +71,8 @@ warnings.filterwarnings("ignore", message=".*non-interactive.*")
 
 
 def setup(app):
-    """Compile the kernel before the examples run, so that its notice is not among their output."""
+    """Compile the kernels before the examples run, so that their notices are not among the output."""
     import gymnasium as gym
 
-    gym.make("hybrid_env:HybridTrack-v0").reset(seed=0)
+    for env_id in ("HybridTrack-v0", "HybridTrackPublished-v0"):
+        gym.make(f"hybrid_env:{env_id}").reset(seed=0)

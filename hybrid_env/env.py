@@ -166,9 +166,12 @@ class HybridTrackEnv(TrackEnv):
     its velocity (the hybrid stochastic model of Golubkov 2018, eq. (1)). Its position is measured with noise at every
     tick. The times at which the mode may switch are known, the new mode is unknown. At each switch a bank of Kalman
     filters, one per hypothesis, starts from the current estimate, which is called the anchor (eq. (2)). With
-    `bank="published"` the bank treats the anchor as exact; with `bank="anchor_aware"` it accounts for the covariance of
-    the anchor. The agent observes how well each hypothesis explains the measurements, and either waits for the next
-    measurement or declares a hypothesis.
+    `bank="anchor_aware"` the bank accounts for the covariance of the anchor; with `bank="published"` it takes the
+    anchor for exact. The agent observes how well each hypothesis explains the measurements, and either waits for the
+    next measurement or declares a hypothesis.
+
+    A declaration counts once the posterior of a mode reaches `evidence`, with equal priors at the switch (of straight,
+    left or right, where the type is rewarded). Before, it waits. With `evidence=0` every declaration counts.
 
     An episode is one trajectory of several segments. When the agent declares a hypothesis, the segment is
     fast-forwarded: within the same step, the filter of the declared hypothesis runs to the end of the segment, and its
@@ -186,13 +189,12 @@ class HybridTrackEnv(TrackEnv):
     | 0 | wait for the next measurement |
     | i + 1 | declare hypothesis i |
 
-    With `actions="types"` the action space is `Discrete(4)`: wait, or declare the most likely straight, left or right
-    hypothesis. With `actions="best"` it is `Discrete(2)`: wait, or declare the most likely hypothesis. An action
-    outside the space raises `gymnasium.error.InvalidAction`.
+    With `actions="types"` the action space is `Discrete(4)`: wait, straight, left, right. The most likely hypothesis of
+    the type is declared. With `actions="best"` it is `Discrete(2)`: wait, or declare the most likely hypothesis. An
+    action outside the space raises `gymnasium.error.InvalidAction`.
 
-    A declaration counts once the posterior of a hypothesis (with `correctness="type"` that of straight, left or right),
-    with equal priors, reaches `evidence`; before, it waits. `info["action_mask"]` and `action_masks()` say which
-    actions count. With `evidence=0` all do.
+    `action_masks()` and `info["action_mask"]` say which actions count now. Waiting always does; the declarations do
+    once there is enough evidence. A declaration under the mask waits, and is no error.
 
     ## Observation Space
     The observation is a float32 `Box` of shape `(6 M + 10,)`: six blocks of M values, one per hypothesis, followed by
@@ -230,6 +232,12 @@ class HybridTrackEnv(TrackEnv):
     are exactly zero, which they are in no other tick, the ratios do not change, and the displacement is the one that
     the most likely filter predicts.
 
+    Two twins have the same actions, rewards and episodes, so that their differences are the worth of a bank, and of
+    what cannot be observed. `observation="raw"` is the measurement without the bank (`hybrid_env.RawLayout`):
+    displacement_along, displacement_across, measured (1 if there is a measurement), ticks, ticks_left, speed,
+    log_noise. `observation="state"` hides nothing (`hybrid_env.StateLayout`): the one-hot encoding of the true mode,
+    position and velocity of the object along and across, ticks, ticks_left, log_noise.
+
     ## Rewards
     Every step has the reward `-delay_cost`. A step with a decision has an additional reward of +1 if the decision is
     correct and -1 if it is wrong. The return of a segment decided at its k-th tick is therefore (+1 or -1) - k *
@@ -249,12 +257,12 @@ class HybridTrackEnv(TrackEnv):
     ## Information
     `info` describes the current tick at every step: `segment`, `tick`, `true_mode`, `truth` [x, vx, y, vy],
     `measurement` [x, y] (NaN without one), `anchor` [x, vx, y, vy], `estimate` [x, vx, y, vy] of the active filter,
-    which is that of the last decided mode (with `follow="bank"`: the mean of the posterior over all filters),
-    `log_likelihood` (M,) since the switch, and `action_mask` (actions,), 1 for actions that count.
+    which is that of the last decided mode (with `follow="bank"`: the mean of the posterior over all filters), and
+    `log_likelihood` (M,) since the switch. `action_mask` (actions,) is 1 where an action counts, as int8.
 
-    With `bank_info=True` it also tells of every filter, in the axes of the plane and with the names of
-    `hybrid_env.KalmanBank`: `innovations` (M, 2) [m] (NaN without a measurement), `innovation_covariances` (M, 2, 2)
-    [m^2], `estimates` (M, 4) and `covariances` (M, 4, 4).
+    With `bank_info=True` it also describes every filter, in the axes of the plane: `innovations` (M, 2) [m],
+    `innovation_covariances` (M, 2, 2), `estimates` (M, 4) [x, vx, y, vy] and `covariances` (M, 4, 4). The innovations
+    are those before the correction, and NaN without a measurement; estimates and covariances are those after it.
 
     A step with a decision adds `decided_mode`, `decided_true_mode`, `correct` (by the criterion of the reward),
     `type_correct` (straight, left or right), `ticks` (the decision time since the switch), `forced`, `decided_length`
@@ -268,12 +276,17 @@ class HybridTrackEnv(TrackEnv):
     gym.make("hybrid_env:HybridTrack-v0", measurement_variance=0.01, scheme="L50r5 S50 R75r5")
     ```
 
-    | Id | Hypotheses | Defaults |
-    |---|---|---|
-    | HybridTrackPublished-v0 | S, L5, R5 | 0.1 s, 2 m/s, Q 0.001, R 0.1, 6 segments of 50 to 100 ticks, cost 0.02 |
-    | HybridTrackPublishedBank-v0 | S, L1 .. L10, R1 .. R10 | the same, `correctness="type"`, cost 0.01 |
-    | HybridTrack-v0 | S, L5, R5 | as Published, with `bank="anchor_aware"`, `evidence=0.95` |
-    | HybridTrackBank-v0 | S, L1 .. L10, R1 .. R10 | as PublishedBank, with these, `actions="types"`, `follow="bank"` |
+    All ids have ticks of 0.1 s, 2 m/s, Q 0.001, R 0.1 and 6 segments of 50 to 100 ticks. With 21 hypotheses the type is
+    rewarded, and a tick costs 0.01; with three it costs 0.02.
+
+    | Id | Hypotheses | `bank` | `evidence` | `actions` | `follow` |
+    |---|---|---|---|---|---|
+    | HybridTrack-v0 | S, L5, R5 | anchor_aware | 0.95 | all | declared |
+    | HybridTrackBank-v0 | S, L1 .. L10, R1 .. R10 | anchor_aware | 0.95 | types | bank |
+    | HybridTrackPublished-v0 | S, L5, R5 | published | 0 | all | declared |
+    | HybridTrackPublishedBank-v0 | S, L1 .. L10, R1 .. R10 | published | 0 | all | declared |
+
+    An episode has at most 10,000 steps: options that allow longer ones are refused by `reset`.
 
     ## References
     Golubkov, Tsyganov and Tsyganova 2018 (model, bank, algorithm ATE); Wald 1947 (sequential analysis).

@@ -2,7 +2,7 @@
 Clone a policy from a data set
 ==============================
 
-Offline learning: a small network imitates the shipped agent from recorded episodes only. The data set has the format of
+Offline learning: a small network imitates the shipped agent from recorded episodes only, where the bank is the published one. The data set has the format of
 `Minari <https://minari.farama.org>`_, which other libraries for offline learning read as well.
 """
 
@@ -21,12 +21,13 @@ from agents.cli import main
 
 folder = tempfile.TemporaryDirectory()
 os.environ["MINARI_DATASETS_PATH"] = folder.name
-main(["dataset", "--policies", "shipped", "--episodes", "1000"])
+env_id = "HybridTrackPublished-v0"
+main(["dataset", "--env", env_id, "--policies", "shipped", "--episodes", "1000"])
 
 # %%
 # The rows that the agent saw, and what it did: it nearly always waits.
 
-episodes = list(minari.load_dataset("HybridTrack-v0/shipped-v0"))
+episodes = list(minari.load_dataset(f"{env_id}/shipped-v0"))
 rows = torch.as_tensor(np.concatenate([episode.observations[:-1] for episode in episodes]))
 actions = torch.as_tensor(np.concatenate([episode.actions for episode in episodes]))
 print(f"{len(rows):,} rows of {rows.shape[1]} numbers; it waits in {100 * (actions == 0).float().mean():.0f} %")
@@ -75,9 +76,9 @@ class Clone:
         return np.where(probabilities[:, 0] < self.threshold, declared, 0), None
 
 
-options = gym.make("hybrid_env:HybridTrack-v0").unwrapped.options
+options = gym.make(f"hybrid_env:{env_id}").unwrapped.options
 deciders = {"shipped": load_decider("shipped", options), "clone": Clone(), "ATE": load_decider("ate", options)}
-results = {name: evaluate(decider, episodes=1000) for name, decider in deciders.items()}
+results = {name: evaluate(decider, env_id, episodes=1000) for name, decider in deciders.items()}
 for name, found in results.items():
     low, high = confidence_interval(found.reward.mean(1))
     print(
@@ -86,11 +87,11 @@ for name, found in results.items():
     )
 
 # %%
-# At these thresholds it is better than ATE and worse than its teacher: the shipped agent remembers the segment, and its clone
+# It is better than ATE and worse than its teacher: the shipped agent remembers the segment, and its clone
 # sees the present row only.
 
 figure, axes = plt.subplots(figsize=(6, 3.8), layout="constrained")
-curve = [evaluate(Clone(threshold), episodes=1000) for threshold in (0.7, 0.6, 0.5, 0.4, 0.3, 0.2)]
+curve = [evaluate(Clone(threshold), env_id, episodes=1000) for threshold in (0.7, 0.6, 0.5, 0.4, 0.3, 0.2)]
 axes.plot([one.ticks.mean() for one in curve], [one.reward.mean() for one in curve], "o-", label="clone")
 for (name, found), marker in zip(results.items(), "*os", strict=True):
     if name != "clone":
