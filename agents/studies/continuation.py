@@ -5,7 +5,7 @@ import hashlib
 import json
 import zipfile
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -60,7 +60,7 @@ class Plan:
     @property
     def settings(self) -> dict[str, Any]:
         """Plain values of the settings."""
-        others = {name: value for name, value in vars(self).items() if name != "task"}
+        others = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "task"}
         return {"env_id": self.task.env_id, "options": dict(self.task.given)} | others
 
     def family(self, name: str) -> Any:
@@ -81,7 +81,8 @@ class Plan:
     @cached_property
     def titles(self) -> dict[Any, str]:
         """Titles of all deciders by name, see `distinct_titles`; those of agents are without training seeds."""
-        return dict(zip(self.names, distinct_titles(self.names, [self.family(name).name for name in self.names])))
+        titles = distinct_titles(self.names, [self.family(name).name for name in self.names])
+        return dict(zip(self.names, titles, strict=True))
 
     def check(self) -> None:
         """Raise `ArgumentError` for a name that is unknown, or too many episodes."""

@@ -133,7 +133,8 @@ def score(
         if len(found) != len(true):
             raise ArgumentError(f"{place} has {len(found)} tracks: expected {len(true)}, as the truth")
         coded = [track.coded(codes) for track in found]
-        if not any(NOTHING < mode < known for track in coded for mode in track.modes):
+        spoken = {mode for track in coded for mode in track.modes} - {NOTHING}
+        if spoken and min(spoken) >= known:
             shown = sorted({str(mode) for track in found for mode in track.modes})[:5]
             modes = ", ".join(str(mode) for mode in list(codes)[:known][:5])
             raise reject(place, shown, f"modes of the truth, such as {modes}")
