@@ -136,7 +136,7 @@ def test_a_list_of_statements_may_be_empty():
     times, truth = np.arange(8.0), list("AABBCCAA")
     assert values(score(times, truth, [], statement_times=[]))["misses"] == 1
     several = score([times, times], [truth, truth], [[], truth], statement_times=[[], times])
-    assert values(several)["misses"] == pytest.approx(0.5)
+    assert values(several)["misses"] == pytest.approx(2 / 5)  # the last switch of the first track may still come
     with pytest.raises(ArgumentError, match="times"):
         score([], [], [])
 
