@@ -127,6 +127,13 @@ RULE = "import numpy as np\n{}\ndef rule(rows):\n    return np.full(len(rows), l
 IMPORTS = {"known": "import limits", "not known": "import importlib\nimport limits\nimportlib.import_module('json')"}
 
 
+def forget(*modules):
+    """Forget imported modules, as a new process has."""
+    for module in modules:
+        sys.modules.pop(module, None)
+    own_modules._digest_at_import.cache_clear()
+
+
 @pytest.mark.parametrize("kind", ["file", "module"])
 @pytest.mark.parametrize("imported", IMPORTS)
 @pytest.mark.parametrize("edited", [True, False])
@@ -139,13 +146,12 @@ def test_a_comparison_goes_on_with_the_same_code_only(tmp_path, monkeypatch, swe
     (place / f"{name}.py").write_text(RULE.format(IMPORTS[imported]))
     (place / "limits.py").write_text("ACTION = 1\n")
     agents = ("--agents", f"{name}.py:rule" if kind == "file" else f"{name}:rule", "shipped")
+    forget(name, "limits")
     interrupt(tmp_path / "out", 3, agents)
     swept.clear()
     if edited:
         (place / "limits.py").write_text("ACTION = 2\n")
-    for module in (name, "limits"):  # as in a new process
-        monkeypatch.delitem(sys.modules, module, raising=False)
-    own_modules._digest_at_import.cache_clear()
+    forget(name, "limits")
     assert run(tmp_path / "out", agents) == 0
     assert ("rule" in swept) == (edited or imported == "not known")
 
