@@ -2,7 +2,6 @@
 
 import io
 import json
-import os
 import re
 import zipfile
 from collections.abc import Callable, Sequence
@@ -15,7 +14,7 @@ import torch
 from gymnasium import spaces
 from torch import Tensor, nn
 
-from agents.interface.world_arguments import TRUST
+from agents.interface.world_arguments import trusted
 from agents.learned.policy import ACTORS, LARGEST_WIDTH, VALUE_THRESHOLDS, check_actions, make_policy
 from agents.learned.policy_file import LARGEST_FILE, LAYOUTS, first_line, load_weights
 from baselines.rules.decider import DeciderFamily
@@ -47,8 +46,8 @@ def exchanged_family(path: Path, options: Any) -> DeciderFamily:
     """Return the policy of a file at any threshold.
 
     An actor has thresholds on its log-odds, a network of action values on their differences; an ONNX file
-    that returns actions has none. Nothing is unpickled but tensors, unless the environment variable `TRUST`
-    is 1. The input of "policy.onnx" are rows (N, width), its first output logits (N, A) or actions (N,).
+    that returns actions has none. Nothing is unpickled but tensors, unless policies are `trusted`. The
+    input of "policy.onnx" are rows (N, width), its first output logits (N, A) or actions (N,).
     """
     if not path.is_file() or path.stat().st_size > LARGEST_FILE:
         raise reject("decider", str(path), f"a file of at most {LARGEST_FILE:,} bytes")
@@ -68,7 +67,7 @@ def exchanged_family(path: Path, options: Any) -> DeciderFamily:
 
 def _from_zip(path: Path, options: Any) -> DeciderFamily:
     """Return the policy that a model of Stable-Baselines3 or sb3-contrib saved."""
-    if os.environ.get(TRUST) == "1":
+    if trusted():
         return _unpickled(path, options)
     with zipfile.ZipFile(path) as file:
         if sum(file.getinfo(name).file_size for name in ("data", "policy.pth")) > LARGEST_FILE:

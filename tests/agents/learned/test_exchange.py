@@ -9,8 +9,9 @@ from sb3_contrib import QRDQN, RecurrentPPO
 from stable_baselines3 import A2C, DQN, PPO
 from stable_baselines3.common.torch_layers import FlattenExtractor
 
+from agents.cli import main
 from agents.evaluation.registry import find_decider, find_family
-from agents.interface.world_arguments import TRUST
+from agents.interface.world_arguments import TRUST, trusted
 from baselines.rules.rollout import evaluate
 from hybrid_env import ArgumentError, HybridTrackVectorEnv, WorldOptions
 
@@ -76,6 +77,18 @@ def test_layers_of_ones_own_need_trust(tmp_path, monkeypatch):
     decider = find_family(str(tmp_path / "model.zip"), OPTIONS).make(0.0)
     for seen in rows(3):
         np.testing.assert_array_equal(decider.predict(seen)[0], model.predict(seen, deterministic=True)[0])
+
+
+@pytest.mark.parametrize("ending", ["--episodes 1", "--episodes 0", "--out nothing/here.json"])
+def test_trust_ends_with_its_command(tmp_path, ending, capsys):
+    policy_kwargs = {"features_extractor_class": Doubled}
+    PPO("MlpPolicy", ENV, seed=1, policy_kwargs=policy_kwargs).save(tmp_path / "model.zip")
+    line = ["evaluate", str(tmp_path / "model.zip"), "--env", ENV, "--scheme", "S9"]
+    main([*line, "--trust", *ending.split()])
+    assert not trusted()
+    capsys.readouterr()
+    assert main([*line, "--episodes", "1"]) == 2
+    assert "--trust" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("damage", ["empty", "text", "cut", "no policy", "pickle"])
