@@ -5,6 +5,7 @@ import zipfile
 import numpy as np
 import pytest
 import torch
+from hostile_policies import ENV, OPTIONS, rows
 from sb3_contrib import QRDQN, RecurrentPPO
 from stable_baselines3 import A2C, DQN, PPO
 from stable_baselines3.common.torch_layers import FlattenExtractor
@@ -13,10 +14,8 @@ from agents.cli import main
 from agents.evaluation.registry import find_decider, find_family
 from agents.interface.world_arguments import TRUST, trusted
 from baselines.rules.rollout import evaluate
-from hybrid_env import ArgumentError, HybridTrackVectorEnv, WorldOptions
+from hybrid_env import ArgumentError
 
-OPTIONS = WorldOptions(scheme="random 2x20-25")
-ENV = "hybrid_env:HybridTrackEasy-v0"
 RELU = {"activation_fn": torch.nn.ReLU, "net_arch": [16]}
 MODELS = {
     "ppo": lambda: PPO("MlpPolicy", ENV, seed=1),
@@ -31,14 +30,6 @@ MODELS = {
         policy_kwargs={"lstm_hidden_size": 8, "enable_critic_lstm": False, "n_lstm_layers": 2},
     ),
 }  # fmt: skip
-
-
-def rows(steps=12):
-    """(steps, N, width) rows while nothing is declared."""
-    env = HybridTrackVectorEnv(5, **vars(OPTIONS))
-    found = [env.reset(seed=3)[0]]
-    found += [env.step(np.zeros(5, int))[0] for _ in range(steps - 1)]
-    return np.array(found)
 
 
 @pytest.mark.parametrize("name", MODELS)
