@@ -1,6 +1,5 @@
 """A decider on a live sensor: a measurement at a time gives mode, probabilities, estimate and covariance."""
 
-import copy
 import operator
 from typing import Any, NamedTuple
 
@@ -12,7 +11,7 @@ from baselines.rules.decider import Decider
 from baselines.rules.own import Asked, as_decider, name_of
 from baselines.rules.start import DEVIATIONS, FEW, MANY, PATIENCE, FirstMeasurements, gate_distance, unit_noise
 from hybrid_env import checks
-from hybrid_env.checks import FloatArray, check_array, check_integer, check_number, reject
+from hybrid_env.checks import FloatArray, OwnState, check_array, check_integer, check_number, reject
 from hybrid_env.core.compilation import prepare
 from hybrid_env.limits import check_ticks
 from hybrid_env.live import OnlineTrack, live_track
@@ -47,7 +46,7 @@ class OnlineEstimate(NamedTuple):
     recalculated: tuple[FloatArray, FloatArray] | None = None
 
 
-class OnlineTracker:
+class OnlineTracker(OwnState):
     """A decider behind the bank of its environment, on measurements that come one at a time.
 
     The same measurements, first estimate and switches give the same rows, modes and estimates as in the environment,
@@ -220,9 +219,6 @@ class OnlineTracker:
         if self._ticks is not None:
             self.world.begin_segment(self._ticks)
             self._ticks = None
-
-    def __copy__(self) -> "OnlineTracker":
-        return copy.deepcopy(self)  # two objects that share a bank would disturb each other
 
     def _missing_ticks(self, time: float | None) -> int:
         """Return the number of ticks between the last measurement and a time, without both."""
