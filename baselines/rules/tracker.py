@@ -17,7 +17,7 @@ from hybrid_env.limits import check_ticks
 from hybrid_env.live import OnlineTrack, live_track
 from hybrid_env.options import ModelOptions, WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.sensors import Fused, fuse
+from hybrid_env.sensors import Fused, check_fused, fuse
 
 LONGEST_GAP = 1000  # ticks between two measurements
 
@@ -278,8 +278,10 @@ class OnlineTracker(OwnState):
 
 def _checked(measurement: Any, options: ModelOptions) -> Fused | None:
     """Return a checked measurement; two floats are checked without an array, which would be slow."""
-    if measurement is None or isinstance(measurement, Fused):
-        return measurement
+    if measurement is None:
+        return None
+    if isinstance(measurement, Fused):
+        return check_fused("measurement", measurement)
     if isinstance(measurement, dict):
         return fuse(options.sensors, measurement)
     x, y = measurement if isinstance(measurement, tuple) and len(measurement) == 2 else (None, None)
