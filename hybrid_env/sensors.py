@@ -151,6 +151,25 @@ def fuse(sensors: Sequence[Sensor | Radar], values: Mapping[int, ArrayLike]) -> 
     return Fused((origin[0] + x, origin[1] + y), tuple(covariance), tuple(rates))
 
 
+def check_fused(name: str, value: Fused) -> Fused:
+    """Return what sensors measured as plain floats; raise `ArgumentError` for values that no sensor measures."""
+    x, y = check_array(f"{name}.position", value.position, (2,)).tolist()
+    covariance = None
+    if value.covariance is not None:
+        xx, xy, yy = check_array(f"{name}.covariance", value.covariance, (3,)).tolist()
+        if not (xx > 0.0 and yy > 0.0 and xy * xy <= (1.0 + 1e-9) * xx * yy):  # rounded, if nearly singular
+            raise reject(f"{name}.covariance", value.covariance, "xx, xy, yy of a positive definite matrix")
+        covariance = xx, xy, yy
+    if not isinstance(value.rates, tuple) or len(value.rates) > MOST_RATES:
+        raise reject(f"{name}.rates", value.rates, f"a tuple of at most {MOST_RATES} range rates")
+    return Fused((x, y), covariance, tuple(_check_rate(f"{name}.rates", rate) for rate in value.rates))
+
+
+def _check_rate(name: str, value: Any) -> float:
+    missing = isinstance(value, float) and math.isnan(value)
+    return math.nan if missing else check_number(name, value, "finite numbers, or NaN without one")
+
+
 def parse_sensors(value: Any) -> tuple[Sensor | Radar, ...]:
     """Return the sensors of a list of sensors, mappings or texts. Raises `ArgumentError` for other values."""
     listed = isinstance(value, Sequence) and not isinstance(value, (str, bytes))

@@ -1,6 +1,5 @@
 """A decider on a live sensor: a measurement at a time gives mode, probabilities, estimate and covariance."""
 
-import copy
 import operator
 from typing import Any, NamedTuple
 
@@ -12,13 +11,13 @@ from baselines.rules.decider import Decider
 from baselines.rules.own import Asked, as_decider, name_of
 from baselines.rules.start import DEVIATIONS, FEW, MANY, PATIENCE, FirstMeasurements, gate_distance, unit_noise
 from hybrid_env import checks
-from hybrid_env.checks import FloatArray, check_array, check_integer, check_number, reject
+from hybrid_env.checks import FloatArray, OwnState, check_array, check_integer, check_number, reject
 from hybrid_env.core.compilation import prepare
 from hybrid_env.limits import check_ticks
 from hybrid_env.live import OnlineTrack, live_track
 from hybrid_env.options import ModelOptions, WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.sensors import Fused, fuse
+from hybrid_env.sensors import Fused, check_fused, fuse
 
 LONGEST_GAP = 1000  # ticks between two measurements
 
@@ -47,7 +46,7 @@ class OnlineEstimate(NamedTuple):
     recalculated: tuple[FloatArray, FloatArray] | None = None
 
 
-class OnlineTracker:
+class OnlineTracker(OwnState):
     """A decider behind the bank of its environment, on measurements that come one at a time.
 
     The same measurements, first estimate and switches give the same rows, modes and estimates as in the environment,
@@ -221,9 +220,6 @@ class OnlineTracker:
             self.world.begin_segment(self._ticks)
             self._ticks = None
 
-    def __copy__(self) -> "OnlineTracker":
-        return copy.deepcopy(self)  # two objects that share a bank would disturb each other
-
     def _missing_ticks(self, time: float | None) -> int:
         """Return the number of ticks between the last measurement and a time, without both."""
         if time is None or self._last_time is None:
@@ -282,8 +278,10 @@ class OnlineTracker:
 
 def _checked(measurement: Any, options: ModelOptions) -> Fused | None:
     """Return a checked measurement; two floats are checked without an array, which would be slow."""
-    if measurement is None or isinstance(measurement, Fused):
-        return measurement
+    if measurement is None:
+        return None
+    if isinstance(measurement, Fused):
+        return check_fused("measurement", measurement)
     if isinstance(measurement, dict):
         return fuse(options.sensors, measurement)
     x, y = measurement if isinstance(measurement, tuple) and len(measurement) == 2 else (None, None)

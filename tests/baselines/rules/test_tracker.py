@@ -1,6 +1,7 @@
 """The on-line tracker: times, missing measurements, starts, copies and bad input."""
 
 import copy
+import math
 import pickle
 import re
 
@@ -11,6 +12,7 @@ from matrix_filters import LiteralImm, MatrixExtendedKalmanFilter, MatrixKalmanF
 from baselines import BeamDecider, FixedTimeDecider, MSPRTDecider, OnlineTracker, ThresholdDecider
 from baselines.rules.refiltering import KeptCovarianceDecider
 from hybrid_env import ArgumentError, QuickestOptions, WorldOptions
+from hybrid_env.sensors import Fused
 
 START = [0.0, 2.0, 0.0, 0.3]
 P = np.diag([0.1, 0.04, 0.2, 0.09]) + 0.01 * np.array([[0, 1, 1, 0], [1, 0, 1, 1], [1, 1, 0, 1], [0, 1, 1, 0.0]])
@@ -121,6 +123,30 @@ def test_a_bad_measurement_is_refused_and_changes_nothing(point):
         tracker.update(point, 3.0)
     assert "\n" not in str(caught.value)
     assert_same(tracker.update((3.2, 0.3)), other.update((3.2, 0.3)))
+
+
+RADARS = [{"range_deviation": 0.3, "bearing_deviation": 0.02, "rate_deviation": 0.2, "position": (9.0, 20.0)}]
+FUSED = [
+    Fused((math.nan, 0.0)), Fused((math.inf, 0.0)), Fused((1e31, 0.0)), Fused(("a", 1.0)), Fused(None),
+    Fused((1.0, 2.0, 3.0)), Fused((1.0, 2.0), (math.nan, 0.0, 1.0)), Fused((1.0, 2.0), (-1.0, 0.0, -1.0)),
+    Fused((1.0, 2.0), (1.0, 5.0, 1.0)), Fused((1.0, 2.0), (0.0, 0.0, 0.0)), Fused((1.0, 2.0), (1.0, 2.0)),
+    Fused((1.0, 2.0), None, ("x",)), Fused((1.0, 2.0), None, (math.inf,)), Fused((1.0, 2.0), None, (1.0,) * 99),
+    Fused((1.0, 2.0), None, None),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("gate", [10.0, None])
+@pytest.mark.parametrize("sensors", [(), RADARS], ids=["no sensors", "radar"])
+@pytest.mark.parametrize("value", FUSED)
+def test_what_no_sensor_measures_is_refused_and_the_track_goes_on(value, sensors, gate):
+    tracker = OnlineTracker(QuickestOptions(sensors=sensors), ThresholdDecider(), gate=gate)
+    other = copy.copy(tracker)
+    for point in measurements(8):
+        other.update(point)
+        tracker.update(point)
+    with pytest.raises(ArgumentError, match=r"^measurement\.(position|covariance|rates)"):
+        tracker.update(value)
+    assert_same(tracker.update((1.8, 0.2)), other.update((1.8, 0.2)))
 
 
 @pytest.mark.parametrize(
