@@ -4,9 +4,9 @@ With NumPy's error model a division has no branch that raises, so that loops ove
 the GIL threads step different tracks in parallel. With NUMBA_BOUNDSCHECK=1 every index is checked; the code is then
 only cached in the folder NUMBA_CACHE_DIR, because numba does not tell it from code without checks. numba compares a
 cached function with the file that defines it, but not with those of its callees, and has no checksums. Its public
-interface has no hook for either: this file stands before the method `compile` of every function, takes numba's lock,
-and knows the names of its cache files, `<file>.<function>-*.nbi` and `.nbc` in the folder `stats.cache_path` of a
-function. If these names change, nothing is found, and nothing is removed.
+interface has no hook for either: this file stands before the method `compile` of every function, and knows the
+names of its cache files, `<file>.<function>-*.nbi` and `.nbc` in the folder `stats.cache_path` of a function. If these
+names change, nothing is found, and nothing is removed.
 """
 
 import functools
@@ -14,6 +14,7 @@ import gc
 import itertools
 import os
 import sys
+import threading
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -22,12 +23,12 @@ from typing import Any
 
 import numba
 from numba import njit, typeof
-from numba.core.compiler_lock import global_compiler_lock
 from numba.extending import register_jitable
 
 config: Any = numba.config  # filled at run time
 
 PATTERN = "*.nb[ic]"
+_one_thread = threading.RLock()  # else one with the file of a callee could wait for one that compiles its caller
 _number = itertools.count(1)  # of the functions that this process has compiled
 
 OPTIONS: Any = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
@@ -93,7 +94,7 @@ def _compile(dispatcher: Any, numba_compile: Callable[[Any], Any], types: Any) -
     folder, code = dispatcher.stats.cache_path, dispatcher.py_func.__code__
     # what the names of the files of the function begin with
     name = folder and Path(folder) / f"{Path(code.co_filename).stem}.{dispatcher.py_func.__qualname__}"
-    with global_compiler_lock, _alone(name):  # in this order, as numba compiles callees while it has its lock
+    with _one_thread, _alone(name):
         _remove_damaged(name)
         for found in (_files(name) != [], False):
             if not found:
