@@ -4,9 +4,9 @@ With NumPy's error model a division has no branch that raises, so that loops ove
 the GIL threads step different tracks in parallel. With NUMBA_BOUNDSCHECK=1 every index is checked; the code is then
 only cached in the folder NUMBA_CACHE_DIR, because numba does not tell it from code without checks. numba compares a
 cached function with the file that defines it, but not with those of its callees, and has no checksums. Its public
-interface has no hook for either: this file stands before the method `compile` of every function, and knows the names of
-its cache files, `<file>.<function>-*.nbi` and `.nbc` in the folder `stats.cache_path` of a function. If these names
-change, nothing is found, and nothing is removed.
+interface has no hook for either: this file stands before the method `compile` of every function, and knows the
+names of its cache files, `<file>.<function>-*.nbi` and `.nbc` in the folder `stats.cache_path` of a function. If these
+names change, nothing is found, and nothing is removed.
 """
 
 import functools
@@ -28,7 +28,7 @@ from numba.extending import register_jitable
 config: Any = numba.config  # filled at run time
 
 PATTERN = "*.nb[ic]"
-_one_thread = threading.RLock()  # held while a function is compiled, and again for those that it calls
+_one_thread = threading.RLock()  # else one with the file of a callee could wait for one that compiles its caller
 _number = itertools.count(1)  # of the functions that this process has compiled
 
 OPTIONS: Any = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
