@@ -41,10 +41,10 @@ def read_table(path: str | os.PathLike[str]) -> Table:
         return _read_parquet(content, name)
     if start[:1] == b"<":
         return _read_gpx(content, name)
-    if is_igc(content):
-        log = parse_igc(name, content)
+    log = _log(name, content)
+    if log is not None:
         frame = pd.DataFrame(dict(enumerate((log.times, log.latitudes, log.longitudes))))
-        return Table(name, frame, ("time", "lat", "lon"), row_word="position")
+        return Table(name, frame, ("time", "lat", "lon"), row_word="position", notes=log.notes)
     if start[:4] in (b"PK\x03\x04", b"\xd0\xcf\x11\xe0"):
         raise reject("file", name, f"{ALLOWED}, not a workbook or archive: export it as CSV")
     return _read_text(content, name)
@@ -52,8 +52,21 @@ def read_table(path: str | os.PathLike[str]) -> Table:
 
 def read_igc(path: Path) -> IgcLog | None:
     """Return the log if a file is one. Raises `ArgumentError` if it has no positions."""
-    name, content = _content(path)
-    return parse_igc(name, content) if is_igc(content) else None
+    return _log(*_content(path))
+
+
+def _log(name: str, content: bytes) -> IgcLog | None:
+    """Return the log if the content of a file is one."""
+    if not is_igc(content):
+        return None
+    _check_rows(content.count(b"\nB"), name)
+    return parse_igc(name, content)
+
+
+def _check_rows(rows: int, name: str) -> None:
+    """Check that the rows of a file are not too many, before they are read."""
+    if rows > MAX_ROWS:
+        raise ArgumentError(f"{name}: {rows:,} rows, more than {MAX_ROWS:,}: split the recording")
 
 
 def _content(path: Path) -> tuple[str, bytes]:
@@ -90,8 +103,7 @@ def _read_parquet(content: bytes, name: str) -> Table:
     try:
         file = pyarrow.parquet.ParquetFile(pa.BufferReader(content))
         rows, names = file.metadata.num_rows, file.schema_arrow.names
-        if rows > MAX_ROWS:
-            raise ArgumentError(f"{name}: {rows:,} rows, more than {MAX_ROWS:,}: split the recording")
+        _check_rows(rows, name)
         frame = file.read(use_threads=False).to_pandas(ignore_metadata=True)
     except ArgumentError:
         raise
