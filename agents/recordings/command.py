@@ -1,6 +1,7 @@
 """The command `hybridtrack track`: mode decisions on recordings of positions, one file or many."""
 
 import functools
+import math
 import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -86,9 +87,10 @@ class FileArguments:
             return None
         with suppress(ArgumentError):
             (one,) = parse_sensors([f"radar {self.radar}"])
-            if isinstance(one, Radar):
+            if isinstance(one, Radar) and one.period == 1 and one.range == math.inf:
                 return one
-        raise reject("radar", self.radar, "two standard deviations and more, as in '30 0.01 rate 0.5 at 10 0'")
+        allowed = "two standard deviations, rate and place, as in '30 0.01 rate 0.5 at 10 0', without period and range"
+        raise reject("radar", self.radar, allowed)
 
     def column_names(self) -> dict[str, str]:
         """Return the columns by role."""

@@ -49,6 +49,7 @@ SIMULATED_SEGMENTS = 6  # of an episode, for deciders that are fitted by simulat
 
 STATE = ("x", "vx", "y", "vy")
 NO_ROW = -1
+MOST_BENT = 0.25  # bend of an arc of the length of the bearing error over the range deviation, see `Radar`
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +96,21 @@ class TrackedRecording:
     @property
     def warnings(self) -> list[str]:
         """Plain sentences about what does not fit."""
-        return self.consistency.warnings(self.model)
+        return self.consistency.warnings(self.model) + self._bent()
+
+    def _bent(self) -> list[str]:
+        """A sentence if the arc of the bearing error of a radar is bent more than the filters allow, see `Radar`."""
+        recording, radar = self.recording, self.recording.radar
+        if radar is None:
+            return []
+        farthest = float(np.hypot(*(recording.positions[recording.measured] - radar.position).T).max())
+        bend = farthest * radar.bearing_deviation**2 / radar.range_deviation
+        if bend <= MOST_BENT:
+            return []
+        return [
+            f"the bearing error is too large for the range deviation (range * deviation^2 is {bend:.2g} of it, at most "
+            f"{MOST_BENT:g} is consistent): errors are larger than the covariances say"
+        ]
 
     def mode_names(self) -> list[str]:
         """Names of the modes: S, L, R, with the radius if there are several."""
@@ -239,6 +254,8 @@ def track_recording(
     values = np.asarray(positions, np.float64)
     if values.ndim != 2 or values.shape[1] != radar.values:
         raise reject("positions shape", values.shape, f"(n, {radar.values}), as the radar measures")
+    if (values[:, 0] < 0.0).any():
+        raise reject("positions", float(np.nanmin(values[:, 0])), "ranges >= 0")
     found = [radar.located(row)[:2] for row in values]
     rates = values[:, 2] if radar.values == 3 else None
     return arguments.track(make_recording(times, found, radar=radar, rates=rates))
