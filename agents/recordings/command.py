@@ -131,6 +131,8 @@ class FileArguments:
             check_integer("jobs", self.jobs)
 
     def _folder(self, path: Path) -> Path:
+        if not path.name:  # . and /
+            raise reject("files", str(path), "files, not a folder")
         name = f"{Path(path.name.removesuffix('.gz')).stem}_track"
         if self.out is None:
             return path.with_name(name)

@@ -1,5 +1,6 @@
 """The cells of a file as a table, and from cells to numbers and times."""
 
+import re
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -153,7 +154,7 @@ def _from_dates(cells: "pd.Series[object]", form: str | None) -> "tuple[pd.Serie
     if form is not None:
         try:
             return pd.to_datetime(texts, format=form, utc=True, errors="coerce"), kind
-        except ValueError as error:
+        except (ValueError, LookupError, TypeError, OverflowError, re.error) as error:  # of the pattern that it becomes
             raise reject("time_unit", form, f"a format of dates ({error})") from None
     first, texts = str(texts.iloc[0]), texts.str.replace(",", ".")
     if first.count(":") == 2 and first.find(":") <= 2:

@@ -13,6 +13,7 @@ from pathlib import Path
 import gpxpy
 import pandas as pd
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet
 
@@ -22,14 +23,19 @@ from baselines.recordings.reading.names import role_of
 from hybrid_env.checks import ArgumentError, reject
 
 MAX_BYTES = 250_000_000  # of a file, and of what it holds
+MAX_RATIO, ALWAYS_BYTES = 50, 10_000_000  # size that a gzip file may hold, over its own, and in any case
 MAX_ROWS = 2_500_000  # `hybridtrack track` then needs a few gigabytes of memory at most
 MAX_LINE = 50_000  # characters
 MAX_COLUMNS = 2_000
+MAX_CELLS = 50_000_000
+MAX_TAGS = 10_000_000  # of a GPX file
+MAX_COMMENTS = 10_000  # lines before the header
 HEAD_ROWS = 50  # number of rows from which the delimiter is found
 LONGEST_NAME = 80  # characters of the path in a message
 INDEX = "__index_level_0__"
 ALLOWED = "a CSV, TSV, Parquet, GPX or IGC file"
 DELIMITERS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','", " ": "space"}  # delimiters and their names in messages
+BYTES = pa.types.is_binary, pa.types.is_large_binary, pa.types.is_fixed_size_binary
 TEXT_BYTES = bytes({9, 10, 12, 13, *range(32, 256)})  # bytes that a text may have
 
 
@@ -59,14 +65,18 @@ def _log(name: str, content: bytes) -> IgcLog | None:
     """Return the log if the content of a file is one."""
     if not is_igc(content):
         return None
-    _check_rows(content.count(b"\nB"), name)
+    _check_size(content.count(b"\nB"), name)
     return parse_igc(name, content)
 
 
-def _check_rows(rows: int, name: str) -> None:
-    """Check that the rows of a file are not too many, before they are read."""
+def _check_size(rows: int, name: str, columns: int = 1) -> None:
+    """Check that the rows and cells of a file are not too many, before they are read."""
     if rows > MAX_ROWS:
         raise ArgumentError(f"{name}: {rows:,} rows, more than {MAX_ROWS:,}: split the recording")
+    if columns > MAX_COLUMNS:
+        raise ArgumentError(f"{name}: {columns:,} columns: at most {MAX_COLUMNS:,} are allowed")
+    if rows * columns > MAX_CELLS:
+        raise ArgumentError(f"{name}: {rows:,} rows of {columns:,} columns, more than {MAX_CELLS:,} cells")
 
 
 def _content(path: Path) -> tuple[str, bytes]:
@@ -91,20 +101,28 @@ def _content(path: Path) -> tuple[str, bytes]:
         return name, content
     try:
         with gzip.open(io.BytesIO(content)) as stream:
-            content = stream.read(MAX_BYTES + 1)
+            most_bytes = min(MAX_BYTES, max(MAX_RATIO * len(content), ALWAYS_BYTES))
+            content = stream.read(most_bytes + 1)
     except (OSError, EOFError, zlib.error) as error:
         raise ArgumentError(f"{name}: the gzip file is damaged or cut off ({error})") from None
-    if len(content) > MAX_BYTES:
-        raise reject("file", name, f"at most {most:.0f} MB when decompressed: split the recording")
+    if len(content) > most_bytes:
+        allowed = f"at most {most_bytes / 1e6:.0f} MB when decompressed: decompress it first, or split the recording"
+        raise reject("file", name, allowed)
     return name, content
 
 
 def _read_parquet(content: bytes, name: str) -> Table:
+    notes: list[str] = []
     try:
         file = pyarrow.parquet.ParquetFile(pa.BufferReader(content))
-        rows, names = file.metadata.num_rows, file.schema_arrow.names
-        _check_rows(rows, name)
-        frame = file.read(use_threads=False).to_pandas(ignore_metadata=True)
+        texts = [one.name for one in file.schema_arrow if _is_text(one.type)]
+        # texts that repeat are stored once, and may be far larger than the file
+        file = pyarrow.parquet.ParquetFile(pa.BufferReader(content), read_dictionary=texts)
+        rows, names = file.metadata.num_rows, _flat_columns(file, name, notes)
+        _check_size(rows, name, len(names))
+        table = file.read(columns=names, use_threads=False)
+        _check_bytes(sum(map(_text_bytes, table.columns)), name)
+        frame = table.cast(_without_dictionaries(table.schema)).to_pandas(ignore_metadata=True)
     except ArgumentError:
         raise
     except (pa.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
@@ -114,11 +132,67 @@ def _read_parquet(content: bytes, name: str) -> Table:
     # pandas writes an index without a name as the last column
     order = sorted(range(len(names)), key=lambda k: names[k] != INDEX)
     frame = frame.iloc[:, order].set_axis(range(len(names)), axis=1)
-    return Table(name, frame, tuple("" if names[k] == INDEX else names[k] for k in order))
+    return Table(name, frame, tuple("" if names[k] == INDEX else names[k] for k in order), notes=notes)
+
+
+def _flat_columns(file: pyarrow.parquet.ParquetFile, name: str, notes: list[str]) -> list[str]:
+    """Return the columns whose cells are numbers, texts or times; refuse another one that is needed, and sizes that are
+    too large.
+    """
+    kept, others = [], []
+    for field in file.schema_arrow:
+        kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
+        if not pa.types.is_nested(kind) and not any(test(kind) for test in BYTES):
+            kept.append(field.name)
+        elif role_of(field.name):
+            raise reject(f"{name}: type of {field.name}", str(field.type), "numbers, texts or times")
+        else:
+            others.append(field.name)
+    if others:
+        notes.append(f"columns of other types left out: {', '.join(others[:5])}" + " ..." * (len(others) > 5))
+    groups = [file.metadata.row_group(k) for k in range(file.metadata.num_row_groups)]
+    chunks = [group.column(k) for group in groups for k in range(group.num_columns)]
+    wanted = set(kept)
+    _check_bytes(sum(one.total_uncompressed_size for one in chunks if one.path_in_schema in wanted), name)
+    return kept
+
+
+def _check_bytes(size: int, name: str) -> None:
+    """Check that the cells of a file are not too large."""
+    if size > MAX_BYTES:
+        allowed = f"at most {MAX_BYTES / 1e6:.0f} MB when decompressed, not {size / 1e6:.0f} MB: split the recording"
+        raise reject("file", name, allowed)
+
+
+def _text_bytes(column: pa.ChunkedArray) -> int:
+    """Return the size of the texts of a column that are stored once and repeated."""
+    if not pa.types.is_dictionary(column.type) or not _is_text(column.type.value_type):
+        return 0
+    sizes = [pc.binary_length(chunk.dictionary).take(chunk.indices) for chunk in column.chunks]
+    return sum(pc.sum(one.cast(pa.int64())).as_py() or 0 for one in sizes)
+
+
+def _without_dictionaries(schema: pa.Schema) -> pa.Schema:
+    """Return a schema with the texts themselves."""
+    return pa.schema(
+        [
+            one.with_type(one.type.value_type)
+            if pa.types.is_dictionary(one.type) and _is_text(one.type.value_type)
+            else one
+            for one in schema
+        ]
+    )
+
+
+def _is_text(kind: pa.DataType) -> bool:
+    return pa.types.is_string(kind) or pa.types.is_large_string(kind)
 
 
 def _read_gpx(content: bytes, name: str) -> Table:
     """Read the track points of a GPX file: time, lat, lon, and the track and the segment of each point."""
+    _check_size(content.count(b"<trkpt"), name)
+    if content.count(b"<") > MAX_TAGS:
+        raise ArgumentError(f"{name}: more than {MAX_TAGS:,} tags are not allowed: split the recording")
     try:
         tracks = gpxpy.parse(content.decode("utf-8-sig")).tracks
     except (gpxpy.gpx.GPXException, ValueError, TypeError, LookupError, RecursionError) as error:
@@ -143,6 +217,9 @@ def _read_gpx(content: bytes, name: str) -> Table:
 
 def _read_text(content: bytes, name: str) -> Table:
     notes: list[str] = []
+    # before they are split, with their ends of Unix or of an old Mac
+    if max(content.count(b"\n"), content.count(b"\r")) > MAX_ROWS + MAX_COMMENTS:
+        raise ArgumentError(f"{name}: more than {MAX_ROWS:,} rows are not allowed: split the recording")
     lines, first = _lines(_decoded(content, name, notes), name, notes)
     delimiter = max(DELIMITERS, key=lambda one: _fit(lines[: HEAD_ROWS + 1], one))
     if delimiter == " ":
@@ -153,8 +230,7 @@ def _read_text(content: bytes, name: str) -> Table:
     if header and len(rows) == 1:
         raise reject(f"{name}, line {first}: header", lines[0], "rows of numbers after it")
     names = _names(rows, lines[0]) if header else ("",) * len(rows[0])
-    if len(names) > MAX_COLUMNS:
-        raise ArgumentError(f"{name}: {len(names):,} columns: at most {MAX_COLUMNS:,} are allowed")
+    _check_size(len(lines) - header, name, len(names))
     first += header
     frame = _parsed(lines[header:], delimiter, len(names), name, first)
     return Table(name, frame, names, header, "line", first, notes=notes)
@@ -195,8 +271,10 @@ def _lines(text: str, name: str, notes: list[str]) -> tuple[list[str], int]:
     if empty:
         notes.append(f"{counted(empty, 'empty row')} at the end left out")
     first = 0
-    while first < len(lines) and (not lines[first].strip() or _is_comment(lines[first : first + 2])):
+    while first < min(len(lines), MAX_COMMENTS) and (not lines[first].strip() or _is_comment(lines[first : first + 2])):
         first += 1
+    if first == MAX_COMMENTS:
+        raise ArgumentError(f"{name}: more than {MAX_COMMENTS:,} lines before the header: expected rows of numbers")
     if first == len(lines):
         raise reject("file", name, "rows of numbers, not an empty file")
     if first:

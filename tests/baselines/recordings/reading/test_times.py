@@ -133,3 +133,10 @@ def test_recording_of_arrays():
 def test_arrays_that_are_no_recording(times, positions, message):
     with pytest.raises(ArgumentError, match=message):
         make_recording(times, positions)
+
+
+@pytest.mark.parametrize("form", ["%Y%Y", "%H %H", "%", "%Q", "%Y%", "(%Y", "%Y [", "%*", "%\\", "%G", "%Y-%V-%G-%V"])
+def test_a_format_that_is_none_is_refused_in_one_line(read_times, form):
+    with pytest.raises(ArgumentError) as caught:
+        read_times(AMERICAN, time_unit=form)
+    assert "\n" not in str(caught.value)
