@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -21,7 +21,7 @@ from baselines.recordings.consistency import Consistency, check_consistency
 from baselines.recordings.decisions import ModelUnits, TickDecisions, check_lengths, decide_recording
 from baselines.recordings.model_fit import TrackModel, fit_model
 from baselines.recordings.recording import Recording, make_recording
-from baselines.recordings.scatter import without_jumps, without_outliers
+from baselines.recordings.scatter import standing_ticks, without_jumps, without_outliers
 from baselines.recordings.ticks import TickGrid, tick_grid
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
 from baselines.rules.tracker import OnlineTracker
@@ -75,6 +75,7 @@ class TrackedRecording:
         shared: number of rows whose tick is that of another row, with which they are averaged.
         moved: root mean square of the times by which rows were moved to their ticks, over the tick.
         outliers: number of measurements that were not used, because they are far from their neighbours.
+        standing: number of ticks in which the object stands still.
     """
 
     recording: Recording
@@ -92,11 +93,15 @@ class TrackedRecording:
     shared: int
     moved: float
     outliers: int
+    standing: int = 0
 
     @property
     def warnings(self) -> list[str]:
         """Plain sentences about what does not fit."""
-        return self.consistency.warnings(self.model) + self._bent()
+        found = self.consistency.warnings(self.model) + self._bent()
+        if self.standing:
+            found.append(f"the object stands still in {self.standing} ticks, whose modes have no meaning: cut them out")
+        return found
 
     def _bent(self) -> list[str]:
         """A sentence if the arc of the bearing error of a radar is bent more than the filters allow, see `Radar`."""
@@ -212,7 +217,9 @@ class TrackingArguments(ErrorArguments):
             raise _in_units(error, model) from None
         start = None if self.start is None else np.array(self.start)
         decisions = decide_recording(grid, model, tracker, lengths=lengths, start=start)
-        return row_results(recording, grid, model, name, decisions, check_consistency(grid, model, lengths), outliers)
+        consistency = check_consistency(grid, model, lengths)
+        tracked = row_results(recording, grid, model, name, decisions, consistency, outliers)
+        return replace(tracked, standing=standing_ticks(grid, model.measurement_variance, model.speed * model.tau))
 
     def _decider_name(self) -> str:
         return self.at_error(self.decider or (DECIDER_OF_LENGTHS if self.lengths else DECIDER))
