@@ -11,6 +11,7 @@ from collections import Counter
 from pathlib import Path
 
 import gpxpy
+import gpxpy.gpxfield
 import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -209,10 +210,22 @@ def _read_gpx(content: bytes, name: str) -> Table:
         raise reject("file", name, "a GPX file with track points (trkpt)")
     segments = pd.factorize(frame.pop("segment"))[0]
     times = frame.pop("time").astype(object)
+    if times.isna().any():
+        _check_gpx_times(content, name)
     if times.notna().any():
         frame.insert(0, "time", pd.to_datetime(times, utc=True))
     names = tuple(frame.columns)
     return Table(name, frame.set_axis(range(len(names)), axis=1), names, row_word="point", segments=segments)
+
+
+def _check_gpx_times(content: bytes, name: str) -> None:
+    """Refuse a time of a track that gpxpy does not read; it takes such points for ones without a time."""
+    for cell in re.findall(rb"<(?:\w+:)?time\b[^<>]*>([^<]*)<", content[content.find(b"<trk") :]):
+        text = cell.decode("utf-8", errors="replace").strip()
+        try:
+            gpxpy.gpxfield.parse_time(text)
+        except (gpxpy.gpx.GPXException, ValueError):
+            raise reject(f"{name}: time", text, "an ISO date and time such as 2024-05-01T10:00:00Z") from None
 
 
 def _read_text(content: bytes, name: str) -> Table:
