@@ -1,6 +1,7 @@
 """Tracking of one recording: options of the command and of the function, and what is known afterwards, row by row."""
 
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -8,14 +9,17 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from agents.evaluation.chosen_threshold import reachable
 from agents.evaluation.registry import (
     NAMED,
     SHIPPED,
     ErrorArguments,
     base_name,
+    find_family,
     is_brought,
     load_decider,
     needed_options,
+    split_threshold,
 )
 from baselines.recordings.consistency import Consistency, check_consistency
 from baselines.recordings.decisions import ModelUnits, TickDecisions, check_lengths, decide_recording
@@ -49,6 +53,7 @@ SIMULATED_SEGMENTS = 6  # of an episode, for deciders that are fitted by simulat
 
 STATE = ("x", "vx", "y", "vy")
 NO_ROW = -1
+UNLIKELY, LONG = 0.05, 20  # probability of a stated mode in successive rows, more than decisions take
 MOST_BENT = 0.25  # bend of an arc of the length of the bearing error over the range deviation, see `Radar`
 
 
@@ -76,6 +81,7 @@ class TrackedRecording:
         moved: root mean square of the times by which rows were moved to their ticks, over the tick.
         outliers: number of measurements that were not used, because they are far from their neighbours.
         standing: number of ticks in which the object stands still.
+        unlikely: number of rows whose stated mode is improbable for long, with unknown switches.
     """
 
     recording: Recording
@@ -94,6 +100,7 @@ class TrackedRecording:
     moved: float
     outliers: int
     standing: int = 0
+    unlikely: int = 0
 
     @property
     def warnings(self) -> list[str]:
@@ -101,6 +108,11 @@ class TrackedRecording:
         found = self.consistency.warnings(self.model) + self._bent()
         if self.standing:
             found.append(f"the object stands still in {self.standing} ticks, whose modes have no meaning: cut them out")
+        if self.unlikely:
+            found.append(
+                f"the stated mode has a probability below {UNLIKELY:g} in {self.unlikely} rows: the threshold of the "
+                "decider may be too high for another one to be stated"
+            )
         return found
 
     def _bent(self) -> list[str]:
@@ -219,7 +231,8 @@ class TrackingArguments(ErrorArguments):
         decisions = decide_recording(grid, model, tracker, lengths=lengths, start=start)
         consistency = check_consistency(grid, model, lengths)
         tracked = row_results(recording, grid, model, name, decisions, consistency, outliers)
-        return replace(tracked, standing=standing_ticks(grid, model.measurement_variance, model.speed * model.tau))
+        standing = standing_ticks(grid, model.measurement_variance, model.speed * model.tau)
+        return replace(tracked, standing=standing, unlikely=0 if lengths else _unlikely_rows(tracked))
 
     def _decider_name(self) -> str:
         return self.at_error(self.decider or (DECIDER_OF_LENGTHS if self.lengths else DECIDER))
@@ -237,7 +250,21 @@ class TrackingArguments(ErrorArguments):
             law = GeometricDurations(model.duration) if self.durations is None else self.durations
             ticks = min(max(len(piece.measurements) for piece in grid.pieces), MAX_LENGTH)
             world = QuickestOptions(**options, durations=law, start="random", ticks=ticks)
+            _warn_of_threshold(name, world)
         return OnlineTracker(world, load_decider(name, world))
+
+
+def _warn_of_threshold(name: str, world: QuickestOptions) -> None:
+    """Warn of a given threshold that not every mode reaches."""
+    base, threshold = split_threshold(name)
+    if threshold is None:
+        return
+    highest = reachable(find_family(base, world), world)
+    if threshold > highest:
+        why = (
+            f"with these durations and noise not every mode reaches more than {highest:.3g}, and it may never be stated"
+        )
+        warnings.warn(f"decider {name!r}: {why}: choose a smaller threshold", stacklevel=2)
 
 
 def track_recording(
@@ -279,6 +306,14 @@ def _in_units(error: ArgumentError, model: TrackModel) -> ArgumentError:
         f"{model.measurement_variance:.4g}, Q = {model.process_variance:.4g}, radii {radii} and a tick of "
         f"{model.tau:.4g}: check units"
     )
+
+
+def _unlikely_rows(tracked: TrackedRecording) -> int:
+    """Return the number of rows in runs of `LONG` and more whose stated mode is less probable than `UNLIKELY`."""
+    of_mode = tracked.probabilities[np.arange(len(tracked.modes)), tracked.modes]
+    borders = np.flatnonzero(np.diff(of_mode < UNLIKELY, prepend=False, append=False))
+    lengths = np.diff(borders)[::2]
+    return int(lengths[lengths >= LONG].sum())
 
 
 def row_results(

@@ -1,6 +1,7 @@
 """Tracking of recordings of objects of any size, with and without known switches."""
 
 import re
+import warnings
 
 import numpy as np
 import pytest
@@ -255,3 +256,33 @@ def test_radii_that_no_object_has_are_refused_with_the_cause(radius, message):
         return
     with pytest.raises(ArgumentError, match=f"stands still .* radius {radius:g}, {message}.*--radii"):
         _check_radii([radius], 12.0, 0.5)
+
+
+ROAD_MODES, ROAD_LENGTHS = "RSLS", (20, 90, 20, 90)
+
+
+@pytest.fixture(scope="module")
+def road():
+    """The measured positions of a car that mostly drives straight on, (220, 2)."""
+    return CAR.simulate(1, 3, ROAD_MODES, ROAD_LENGTHS).measurements[0]
+
+
+@pytest.mark.parametrize(
+    "options", [{"error": "1/1000"}, {"error": "0.1/1000"}, {"error": "1/1000", "durations": "geometric 15"}]
+)
+@pytest.mark.filterwarnings("ignore:IMM threshold cannot hold")
+def test_an_error_rate_makes_no_mode_unreachable(options, road):
+    found = track_recording(TIMES, road, radii=(CAR.radius,), **options)
+    assert (found.modes == np.repeat([2, 0, 1, 0], ROAD_LENGTHS)).mean() > 0.85
+    assert not any("stated mode" in text for text in found.warnings)
+
+
+@pytest.mark.parametrize("decider", ["threshold", "beam"])
+def test_a_threshold_that_a_mode_never_reaches_is_warned_of(decider, road):
+    with pytest.warns(UserWarning, match=f"decider '{decider}:0.9999'.*not every mode reaches more than 0.9"):
+        found = track_recording(TIMES, road, radii=(CAR.radius,), decider=f"{decider}:0.9999")
+    assert any("the stated mode has a probability below 0.05 in" in text for text in found.warnings)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = track_recording(TIMES, road, radii=(CAR.radius,), decider=f"{decider}:0.8")
+    assert found.warnings == []
