@@ -23,7 +23,8 @@ from agents.interface.parallel import Workers
 from agents.interface.progress import print_lines, progress_display
 from agents.interface.world_arguments import TrustArguments
 from agents.recordings.figure import check_plotly, draw_recording, write_map
-from agents.recordings.tracking import TrackedRecording, TrackingArguments, piece_table, row_table
+from agents.recordings.tables import piece_table, row_table
+from agents.recordings.tracking import TrackedRecording, TrackingArguments
 from baselines.recordings.reading.names import ROLES
 from hybrid_env.checks import ArgumentError, check_between, check_integer, check_positive, reject
 from hybrid_env.sensors import Radar, parse_sensors

@@ -51,7 +51,6 @@ DECIDER, DECIDER_OF_LENGTHS = "threshold", "msprt-aware"  # default deciders: wi
 SIMULATED_SEGMENTS = 6  # of an episode, for deciders that are fitted by simulation
 
 
-STATE = ("x", "vx", "y", "vy")
 NO_ROW = -1
 UNLIKELY, LONG = 0.05, 20  # probability of a stated mode in successive rows, more than decisions take
 MOST_BENT = 0.25  # bend of an arc of the length of the bearing error over the range deviation, see `Radar`
@@ -342,31 +341,3 @@ def row_results(
         recording=recording, model=model, decider=decider, pieces=np.concatenate(pieces), outliers=outliers,
         consistency=consistency, tau=grid.tau, shared=grid.shared, moved=grid.moved, **arrays,
     )  # fmt: skip
-
-
-def piece_table(tracked: TrackedRecording) -> dict[str, list[Any]]:
-    """Columns of modes.csv. Rows are counted from 1. Cells that do not apply are empty."""
-    times = tracked.recording.times
-    first, end, modes, when = tracked.pieces.T
-    letters, radii = tracked.of_modes(modes)
-    return {
-        "piece": list(range(1, len(first) + 1)), "first_row": (first + 1).tolist(), "last_row": end.tolist(),
-        "begin": times[first].tolist(), "end": times[end - 1].tolist(), "mode": letters.tolist(),
-        "radius": ["" if np.isnan(radius) else radius for radius in radii.tolist()],
-        "decided_at": [times[row] if row >= 0 else "" for row in when.tolist()], "undecided": (when < 0).tolist(),
-    }  # fmt: skip
-
-
-def row_table(tracked: TrackedRecording) -> dict[str, Any]:
-    """Columns of estimates.csv, nan where there is no number. The first three are those of a recording."""
-    recording = tracked.recording
-    triangle = [(i, j) for i in range(4) for j in range(i, 4)]
-    letters, radii = tracked.of_modes(tracked.modes)
-    return {
-        "t": recording.times, **dict(zip("xy", recording.positions.T, strict=True)),
-        "mode": letters, "radius": radii, "decided": tracked.decided,
-        **{f"p_{n.replace(' ', '_')}": tracked.probabilities[:, k] for k, n in enumerate(tracked.mode_names())},
-        **{f"estimate_{name}": tracked.estimates[:, k] for k, name in enumerate(STATE)},
-        **{f"cov_{STATE[i]}_{STATE[j]}": tracked.covariances[:, i, j] for i, j in triangle},
-        **{f"residual_{axis}": tracked.residuals[:, k] for k, axis in enumerate("xy")},
-    }  # fmt: skip

@@ -25,8 +25,8 @@ THRESHOLD = 0.8  # of the default decider: fewer changes than at its own default
 class ModeDetector(BaseChangeDetector):
     """Changes between straight motion, left and right turns in the positions of one object.
 
-    `fit` finds noise, radii and durations by maximum likelihood, `model_`; `predict` states a mode at every position and
-    returns where it has changed: by hindsight, as the decider states a change some rows later.
+    `fit` finds noise, radii and durations by maximum likelihood, `model_`; `predict` states a mode at every position
+    and returns where it has changed: by hindsight, as the decider states a change some rows later.
 
     Args:
         decider: a decider for unknown switch moments; None is `ThresholdDecider(0.8)`.

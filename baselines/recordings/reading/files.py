@@ -14,29 +14,22 @@ import gpxpy
 import gpxpy.gpxfield
 import pandas as pd
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.csv
-import pyarrow.parquet
 
+from baselines.recordings.reading import sizes
 from baselines.recordings.reading.cells import MISSING, Table, counted
 from baselines.recordings.reading.igc import IgcLog, is_igc, parse_igc
 from baselines.recordings.reading.names import role_of
+from baselines.recordings.reading.parquet import read_parquet
+from baselines.recordings.reading.sizes import check_size
 from hybrid_env.checks import ArgumentError, reject
 
-MAX_BYTES = 250_000_000  # of a file, and of what it holds
-MAX_RATIO, ALWAYS_BYTES = 50, 10_000_000  # size that a gzip file may hold, over its own, and in any case
-MAX_ROWS = 2_500_000  # `hybridtrack track` then needs a few gigabytes of memory at most
 MAX_LINE = 50_000  # characters
-MAX_COLUMNS = 2_000
-MAX_CELLS = 50_000_000
-MAX_TAGS = 10_000_000  # of a GPX file
 MAX_COMMENTS = 10_000  # lines before the header
 HEAD_ROWS = 50  # number of rows from which the delimiter is found
 LONGEST_NAME = 80  # characters of the path in a message
-INDEX = "__index_level_0__"
 ALLOWED = "a CSV, TSV, Parquet, GPX or IGC file"
 DELIMITERS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','", " ": "space"}  # delimiters and their names in messages
-BYTES = pa.types.is_binary, pa.types.is_large_binary, pa.types.is_fixed_size_binary
 TEXT_BYTES = bytes({9, 10, 12, 13, *range(32, 256)})  # bytes that a text may have
 
 
@@ -45,7 +38,7 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     name, content = _content(Path(path))
     start = content[:1000].removeprefix(b"\xef\xbb\xbf").lstrip()
     if start[:4] == b"PAR1":
-        return _read_parquet(content, name)
+        return read_parquet(content, name)
     if start[:1] == b"<":
         return _read_gpx(content, name)
     log = _log(name, content)
@@ -66,18 +59,8 @@ def _log(name: str, content: bytes) -> IgcLog | None:
     """Return the log if the content of a file is one."""
     if not is_igc(content):
         return None
-    _check_size(content.count(b"\nB"), name)
+    check_size(content.count(b"\nB"), name)
     return parse_igc(name, content)
-
-
-def _check_size(rows: int, name: str, columns: int = 1) -> None:
-    """Check that the rows and cells of a file are not too many, before they are read."""
-    if rows > MAX_ROWS:
-        raise ArgumentError(f"{name}: {rows:,} rows, more than {MAX_ROWS:,}: split the recording")
-    if columns > MAX_COLUMNS:
-        raise ArgumentError(f"{name}: {columns:,} columns: at most {MAX_COLUMNS:,} are allowed")
-    if rows * columns > MAX_CELLS:
-        raise ArgumentError(f"{name}: {rows:,} rows of {columns:,} columns, more than {MAX_CELLS:,} cells")
 
 
 def _content(path: Path) -> tuple[str, bytes]:
@@ -88,7 +71,7 @@ def _content(path: Path) -> tuple[str, bytes]:
             raise reject("file", name, f"{ALLOWED}, not a folder")
         if not path.is_file():  # for example a named pipe, which would wait for its writer
             raise reject("file", name, f"an existing file: {ALLOWED}")
-        size, most = path.stat().st_size / 1e6, MAX_BYTES / 1e6
+        size, most = path.stat().st_size / 1e6, sizes.MAX_BYTES / 1e6
         if size > most:
             allowed = f"a file of at most {most:.0f} MB, not {size:.0f} MB: split the recording"
             raise reject("file", name, allowed)
@@ -102,7 +85,7 @@ def _content(path: Path) -> tuple[str, bytes]:
         return name, content
     try:
         with gzip.open(io.BytesIO(content)) as stream:
-            most_bytes = min(MAX_BYTES, max(MAX_RATIO * len(content), ALWAYS_BYTES))
+            most_bytes = min(sizes.MAX_BYTES, max(sizes.MAX_RATIO * len(content), sizes.ALWAYS_BYTES))
             content = stream.read(most_bytes + 1)
     except (OSError, EOFError, zlib.error) as error:
         raise ArgumentError(f"{name}: the gzip file is damaged or cut off ({error})") from None
@@ -112,88 +95,11 @@ def _content(path: Path) -> tuple[str, bytes]:
     return name, content
 
 
-def _read_parquet(content: bytes, name: str) -> Table:
-    notes: list[str] = []
-    try:
-        file = pyarrow.parquet.ParquetFile(pa.BufferReader(content))
-        texts = [one.name for one in file.schema_arrow if _is_text(one.type)]
-        # texts that repeat are stored once, and may be far larger than the file
-        file = pyarrow.parquet.ParquetFile(pa.BufferReader(content), read_dictionary=texts)
-        rows, names = file.metadata.num_rows, _flat_columns(file, name, notes)
-        _check_size(rows, name, len(names))
-        table = file.read(columns=names, use_threads=False)
-        _check_bytes(sum(map(_text_bytes, table.columns)), name)
-        frame = table.cast(_without_dictionaries(table.schema)).to_pandas(ignore_metadata=True)
-    except ArgumentError:
-        raise
-    except (pa.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
-        raise ArgumentError(f"{name}: the Parquet file is damaged ({error})") from None
-    if not rows:
-        raise reject("file", name, "a file with rows, not an empty table")
-    # pandas writes an index without a name as the last column
-    order = sorted(range(len(names)), key=lambda k: names[k] != INDEX)
-    frame = frame.iloc[:, order].set_axis(range(len(names)), axis=1)
-    return Table(name, frame, tuple("" if names[k] == INDEX else names[k] for k in order), notes=notes)
-
-
-def _flat_columns(file: pyarrow.parquet.ParquetFile, name: str, notes: list[str]) -> list[str]:
-    """Return the columns whose cells are numbers, texts or times; refuse another one that is needed, and sizes that are
-    too large.
-    """
-    kept, others = [], []
-    for field in file.schema_arrow:
-        kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
-        if not pa.types.is_nested(kind) and not any(test(kind) for test in BYTES):
-            kept.append(field.name)
-        elif role_of(field.name):
-            raise reject(f"{name}: type of {field.name}", str(field.type), "numbers, texts or times")
-        else:
-            others.append(field.name)
-    if others:
-        notes.append(f"columns of other types left out: {', '.join(others[:5])}" + " ..." * (len(others) > 5))
-    groups = [file.metadata.row_group(k) for k in range(file.metadata.num_row_groups)]
-    chunks = [group.column(k) for group in groups for k in range(group.num_columns)]
-    wanted = set(kept)
-    _check_bytes(sum(one.total_uncompressed_size for one in chunks if one.path_in_schema in wanted), name)
-    return kept
-
-
-def _check_bytes(size: int, name: str) -> None:
-    """Check that the cells of a file are not too large."""
-    if size > MAX_BYTES:
-        allowed = f"at most {MAX_BYTES / 1e6:.0f} MB when decompressed, not {size / 1e6:.0f} MB: split the recording"
-        raise reject("file", name, allowed)
-
-
-def _text_bytes(column: pa.ChunkedArray) -> int:
-    """Return the size of the texts of a column that are stored once and repeated."""
-    if not pa.types.is_dictionary(column.type) or not _is_text(column.type.value_type):
-        return 0
-    sizes = [pc.binary_length(chunk.dictionary).take(chunk.indices) for chunk in column.chunks]
-    return sum(pc.sum(one.cast(pa.int64())).as_py() or 0 for one in sizes)
-
-
-def _without_dictionaries(schema: pa.Schema) -> pa.Schema:
-    """Return a schema with the texts themselves."""
-    return pa.schema(
-        [
-            one.with_type(one.type.value_type)
-            if pa.types.is_dictionary(one.type) and _is_text(one.type.value_type)
-            else one
-            for one in schema
-        ]
-    )
-
-
-def _is_text(kind: pa.DataType) -> bool:
-    return pa.types.is_string(kind) or pa.types.is_large_string(kind)
-
-
 def _read_gpx(content: bytes, name: str) -> Table:
     """Read the track points of a GPX file: time, lat, lon, and the track and the segment of each point."""
-    _check_size(content.count(b"<trkpt"), name)
-    if content.count(b"<") > MAX_TAGS:
-        raise ArgumentError(f"{name}: more than {MAX_TAGS:,} tags are not allowed: split the recording")
+    check_size(content.count(b"<trkpt"), name)
+    if content.count(b"<") > sizes.MAX_TAGS:
+        raise ArgumentError(f"{name}: more than {sizes.MAX_TAGS:,} tags are not allowed: split the recording")
     try:
         tracks = gpxpy.parse(content.decode("utf-8-sig")).tracks
     except (gpxpy.gpx.GPXException, ValueError, TypeError, LookupError, RecursionError) as error:
@@ -231,8 +137,8 @@ def _check_gpx_times(content: bytes, name: str) -> None:
 def _read_text(content: bytes, name: str) -> Table:
     notes: list[str] = []
     # before they are split, with their ends of Unix or of an old Mac
-    if max(content.count(b"\n"), content.count(b"\r")) > MAX_ROWS + MAX_COMMENTS:
-        raise ArgumentError(f"{name}: more than {MAX_ROWS:,} rows are not allowed: split the recording")
+    if max(content.count(b"\n"), content.count(b"\r")) > sizes.MAX_ROWS + MAX_COMMENTS:
+        raise ArgumentError(f"{name}: more than {sizes.MAX_ROWS:,} rows are not allowed: split the recording")
     lines, first = _lines(_decoded(content, name, notes), name, notes)
     delimiter = max(DELIMITERS, key=lambda one: _fit(lines[: HEAD_ROWS + 1], one))
     if delimiter == " ":
@@ -243,7 +149,7 @@ def _read_text(content: bytes, name: str) -> Table:
     if header and len(rows) == 1:
         raise reject(f"{name}, line {first}: header", lines[0], "rows of numbers after it")
     names = _names(rows, lines[0]) if header else ("",) * len(rows[0])
-    _check_size(len(lines) - header, name, len(names))
+    check_size(len(lines) - header, name, len(names))
     first += header
     frame = _parsed(lines[header:], delimiter, len(names), name, first)
     return Table(name, frame, names, header, "line", first, notes=notes)
@@ -295,8 +201,8 @@ def _lines(text: str, name: str, notes: list[str]) -> tuple[list[str], int]:
     lines = lines[first:]
     if lines[0].lstrip().startswith("#"):
         lines[0] = lines[0].lstrip().removeprefix("#").strip()
-    if len(lines) > MAX_ROWS + 1:
-        raise ArgumentError(f"{name}: more than {MAX_ROWS:,} rows are not allowed: split the recording")
+    if len(lines) > sizes.MAX_ROWS + 1:
+        raise ArgumentError(f"{name}: more than {sizes.MAX_ROWS:,} rows are not allowed: split the recording")
     blank = next((number for number, line in enumerate(lines) if not line or line.isspace()), None)
     if blank is not None:
         raise ArgumentError(f"{name}, line {first + blank + 1}: a blank line is not allowed: remove it")

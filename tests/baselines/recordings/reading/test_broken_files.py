@@ -11,8 +11,8 @@ import pyarrow.parquet
 import pytest
 from hostile_input import accepted, attack, damaged
 
-from baselines.recordings.reading import files
-from baselines.recordings.reading.files import MAX_BYTES, MAX_LINE
+from baselines.recordings.reading import sizes
+from baselines.recordings.reading.files import MAX_LINE
 from baselines.recordings.reading.read import read_recordings
 from hybrid_env.checks import ArgumentError
 
@@ -110,10 +110,10 @@ def test_a_damaged_file_is_read_or_refused(read, kind, examples):
 def test_size_and_rows_are_bounded(read, tmp_path, monkeypatch):
     path = tmp_path / "large.csv"
     path.write_text("x,y\n")
-    os.truncate(path, MAX_BYTES + 1)  # sparse, of zeros
+    os.truncate(path, sizes.MAX_BYTES + 1)  # sparse, of zeros
     with pytest.raises(ArgumentError, match="at most 250 MB"):
         read_recordings(path)
-    monkeypatch.setattr(files, "MAX_BYTES", 1_000_000)
+    monkeypatch.setattr(sizes, "MAX_BYTES", 1_000_000)
     bomb = gzip.compress(b"t,x,y\n" + b"1,2,3\n" * 10_000_000)
     assert len(bomb) < 1_000_000
     tracemalloc.start()
@@ -123,11 +123,11 @@ def test_size_and_rows_are_bounded(read, tmp_path, monkeypatch):
         assert tracemalloc.get_traced_memory()[1] < 10_000_000
     finally:
         tracemalloc.stop()
-    monkeypatch.setattr(files, "MAX_ROWS", 30)
+    monkeypatch.setattr(sizes, "MAX_ROWS", 30)
     assert len(read("t,x,y\n" + ROWS).recordings[0].times) == 30
     with pytest.raises(ArgumentError, match="more than 30 rows"):
         read("t,x,y\n" + ROWS + "3.0,1,2\n")
-    monkeypatch.setattr(files, "MAX_ROWS", 29)
+    monkeypatch.setattr(sizes, "MAX_ROWS", 29)
     with pytest.raises(ArgumentError, match="more than 29"):
         read(PARQUET)
 
