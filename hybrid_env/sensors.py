@@ -81,7 +81,8 @@ class Radar(_Placed):
 
     Range and bearing are converted to a position and its covariance, see `hybrid_env.core.polar`. The filters are
     consistent as long as range * bearing_deviation^2, the bend of an arc of the length of the bearing error, is smaller
-    than the range deviation.
+    than a quarter of the range deviation: the mean squared error is then at most 5 % above its covariance, 14 % at
+    half of it and 37 % at all of it.
 
     Attributes:
         range_deviation: standard deviation of the range [m].

@@ -27,8 +27,10 @@ class OnlineEstimate(NamedTuple):
 
     Attributes:
         mode: the stated or last declared mode: 0 straight, then the left and the right turns in the order of the radii.
-        decided: False while the first measurements are collected, and with announced switches from a switch to the
-            declaration of its mode; then `mode` is the one before.
+        decided: False while the first measurements are collected; then with unknown switches as long as the mode is
+            only assumed: until the evidence for it reaches the threshold of the decider, the statement changes, or from
+            the start if `begin` is told the mode or the decider has no such threshold. With announced switches False
+            from a switch to the declaration of its mode; then `mode` is the one before.
         probabilities: (M,) of the modes.
         estimate: (4,) [x, vx, y, vy] [m, m/s]; NaN before the first measurement.
         covariance: (4, 4) of the estimate; variances that nothing is known of are infinite.
@@ -121,6 +123,7 @@ class OnlineTracker(OwnState):
             raise reject("covariance", covariance, "None without an estimate")
         first = None if estimate is None else self._checked_estimate(estimate, covariance)
         self._mode = known
+        self._assumed = mode is None and not self.world.announced
         self._collected = FirstMeasurements(self.options, MANY if self.world.announced else FEW) if not first else None
         if first is not None:
             self.world.begin_track(*first, known)
@@ -189,16 +192,21 @@ class OnlineTracker(OwnState):
                 self._refused += 1
                 self._skip()
         found = OnlineEstimate(
-            world.mode, world.decided, world.probabilities(), world.estimate(), world.covariance(), agrees,
-            world.recalculated,
+            world.mode, world.decided and not self._assumed, world.probabilities(), world.estimate(),
+            world.covariance(), agrees, world.recalculated,
         )  # fmt: skip
         if self._refused >= PATIENCE:  # the track begins anew; with announced switches in the same segment
-            passed, left = self._last_time, world.ticks_left
+            kept = self._last_time, world.ticks_left, self._assumed
             self.begin(mode=world.mode)
-            self._last_time, self._ticks = passed, left
+            self._last_time, self._ticks, self._assumed = kept
             assert self._collected is not None
             self._collected.estimate = world.estimate()  # until the first of them
         return found
+
+    @property
+    def collects(self) -> bool:
+        """Whether the next measurement is one of the first, after which the bank begins."""
+        return self._collected is not None
 
     def _skip(self) -> None:
         """Advance by one tick without a measurement."""
@@ -250,10 +258,17 @@ class OnlineTracker(OwnState):
 
     def _ask_decider(self) -> int:
         """Return the action of the decider on the present row."""
-        seen = self.decider.observe(self.world)
-        actions, self._decider_state = self._ask(seen, self._decider_state, self._episode_start)
+        seen, first, evidence = self.decider.observe(self.world), self._episode_start, None
+        levels = [one.levels[-1] for one in self.decider.panel().thresholds] if self._assumed else []
+        if levels:
+            evidence = self.decider.evidence(seen, self._decider_state, first)[0]
+        actions, self._decider_state = self._ask(seen, self._decider_state, first)
+        action = operator.index(actions[0])
+        if self._assumed:
+            changed = not first[0] and action != self.world.mode
+            self._assumed = not changed and evidence is not None and evidence[action] < min(levels)
         self._episode_start = np.zeros(1, np.bool_)
-        return operator.index(actions[0])
+        return action
 
     def _try_decider(self) -> None:
         """Ask the decider about a row, so that its code is compiled and a wrong decider is found at once."""

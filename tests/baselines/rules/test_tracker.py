@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from matrix_filters import LiteralImm, MatrixExtendedKalmanFilter, MatrixKalmanFilter
 
-from baselines import BeamDecider, FixedTimeDecider, MSPRTDecider, OnlineTracker, ThresholdDecider
+from baselines import BeamDecider, CusumDecider, FixedTimeDecider, MSPRTDecider, OnlineTracker, ThresholdDecider
 from baselines.rules.refiltering import KeptCovarianceDecider
 from hybrid_env import ArgumentError, QuickestOptions, WorldOptions
 from hybrid_env.sensors import Fused
@@ -196,3 +196,37 @@ def test_copies_go_on_alike_and_independently(known, after, how):
     found = [tracker.update(points[k], 0.1 * k) for k in range(after, 60)]
     for k in range(after, 60):
         assert_same(other.update(points[k], 0.1 * k), found[k - after])
+
+
+def decided_from(decider, mode=None, count=60):
+    """The first tick with `decided`, from which on it stays, and the largest probabilities of all ticks before it."""
+    tracker = OnlineTracker(QuickestOptions(measurement_variance=0.01), decider)
+    tracker.begin(START, P, mode)
+    found = [tracker.update(point) for point in measurements(count, scale=0.1)]
+    decided = [now.decided for now in found]
+    first = decided.index(True) if any(decided) else count
+    assert all(decided[first:])
+    return first, [now.probabilities.max() for now in found[: first + 1]]
+
+
+@pytest.mark.parametrize("threshold", [0.4, 0.6, 0.7, 0.8])
+@pytest.mark.parametrize("kind", [ThresholdDecider, BeamDecider])
+def test_a_first_statement_is_decided_from_the_crossing_of_the_threshold_on(kind, threshold):
+    decider = (
+        kind(threshold) if kind is ThresholdDecider else kind(QuickestOptions(measurement_variance=0.01), threshold)
+    )
+    first, largest = decided_from(decider)
+    if kind is ThresholdDecider:
+        assert (np.array(largest[:-1]) < threshold).all()
+        assert largest[-1] >= threshold
+    assert 0 < first < 60
+
+
+def test_a_mode_is_decided_at_once_if_it_is_known_or_nothing_can_be_crossed():
+    assert decided_from(ThresholdDecider(0.8), mode=0)[0] == 0
+    assert decided_from(ThresholdDecider(0.0))[0] == 0
+    assert decided_from(CusumDecider())[0] == 0
+
+
+def test_what_is_never_crossed_is_never_decided():
+    assert decided_from(ThresholdDecider(1.0))[0] == 60
