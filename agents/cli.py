@@ -15,7 +15,7 @@ import gymnasium as gym
 import tyro
 
 from agents.interface.help_texts import as_command
-from agents.interface.world_arguments import TRUST
+from agents.interface.world_arguments import trusted, trusting
 from agents.league.command import League
 from agents.recordings.command import Track
 from agents.reproduction.command import Reproduce
@@ -178,11 +178,13 @@ def _run(arguments: Sequence[str]) -> int:
         else:
             print("examples:", *EXAMPLES.get(arguments[0], EXAMPLES[""]), sep="\n  ")
         return int(stop.code or 0)
-    if getattr(command, "trust", False):
-        os.environ[TRUST] = "1"
-    with warnings.catch_warnings():
+    trust = trusted() or getattr(command, "trust", False)
+    with warnings.catch_warnings(), trusting(trust):
         warnings.showwarning = lambda message, *_: _report(f"warning: {message}")
-        command.run()
+        try:
+            command.run()
+        except SystemExit as stop:
+            raise ArgumentError(f"code of a decider ended the program (status {stop.code})") from stop
     return 0
 
 

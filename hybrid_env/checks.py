@@ -1,11 +1,12 @@
 """Argument checks, and types of arrays. An error is one line: the argument, its value, the allowed values."""
 
+import copy
 import functools
 import math
 import reprlib
 from collections.abc import Callable, Iterable, Mapping
 from numbers import Integral, Real
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,7 +34,14 @@ class ArgumentError(ValueError):
         super().__init__(_shorten(" ".join(message.split()), LONGEST_MESSAGE))
 
 
-class ReadOnlyAttributes:
+class OwnState:
+    """A class whose copies share no state with it: a step, which changes arrays in place, does not move the others."""
+
+    def __copy__(self) -> Self:
+        return copy.deepcopy(self)
+
+
+class ReadOnlyAttributes(OwnState):
     """A class whose attributes named in `read_only` are set once, because compiled code relies on them."""
 
     read_only: ClassVar[frozenset[str]] = frozenset()

@@ -81,7 +81,7 @@ class OnlineTrack(World):
 
     @property
     def decided(self) -> bool:
-        """Whether `mode` has been decided, not assumed: since the switch, if switches are announced."""
+        """Whether a mode has been stated, or since the switch declared, if switches are announced."""
         return bool(self.blocks["time"].item(0, 0) > 0)
 
     @property

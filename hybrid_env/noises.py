@@ -28,7 +28,9 @@ _TEXT = re.compile(rf"([a-z_]+)((?:\s+{_NUMBER}){{0,3}})\s*")
 
 @dataclass(frozen=True)
 class Noise(Checked):
-    """A law of the measurement noise: each subclass is a law, whose fields are the numbers of its text."""
+    """A law of the measurement noise: each subclass here is a law, whose fields are the numbers of its text. Others,
+    which the kernel cannot draw, are refused.
+    """
 
     example: ClassVar[str]  # its text, which begins with its name
     law: ClassVar[int]  # of `core.noise`
@@ -112,9 +114,12 @@ GRAMMAR = ", ".join(repr(law.example) for law in _LAWS.values()) + ", or a law o
 
 
 def parse_noise(value: Any, name: str = "noise", grammar: str = GRAMMAR) -> Noise:
-    """Parse a text; a law is returned as it is. name, grammar: the argument and what is allowed, for the message."""
-    if isinstance(value, Noise):
-        return value
+    """Parse a text or check a law. name, grammar: the argument and what is allowed, for the message.
+
+    The kernel draws the laws of this module only: other subclasses of `Noise` raise `ArgumentError`.
+    """
+    if type(value) in _LAWS.values():
+        return dataclasses.replace(value)  # checks the numbers again, as a copy may have others
     found = _TEXT.fullmatch(value.strip()) if isinstance(value, str) else None
     if found and found[1] in _LAWS:
         law = _LAWS[found[1]]

@@ -20,6 +20,8 @@ class Layout:
     >>> layout = Layout(3)
     >>> layout.width
     28
+    >>> repr(layout)[:50]
+    'Layout(3): log_ratio 0:3, innovation_along 3:6, in'
     >>> layout.read(np.zeros((5, 28), np.float32), "log_ratio").shape
     (5, 3)
     """
@@ -39,10 +41,6 @@ class Layout:
             self.slices[name] = slice(start, start + size)
             start += size
         self.width = start
-
-    def __repr__(self) -> str:
-        parts = (f"{name} {part.start}:{part.stop}" for name, part in self.slices.items())
-        return f"{type(self).__name__}({self.hypotheses}): {', '.join(parts)}"
 
     @classmethod
     def scales_by_name(cls) -> dict[str, float]:
@@ -70,6 +68,10 @@ class Layout:
         if rows.ndim != 2:
             raise reject("observation shape", rows.shape, "(N, width), one row per track")
         return cls.of_width(rows.shape[1])
+
+    def __repr__(self) -> str:
+        places = (f"{name} {place.start}:{place.stop}" for name, place in self.slices.items())
+        return f"{type(self).__name__}({self.hypotheses}): {', '.join(places)}"
 
     def read(self, observation: NDArray[Any], name: str) -> FloatArray:
         """Return a quantity without its scale, (..., M) per hypothesis or (...) per track.

@@ -81,7 +81,8 @@ class Radar(_Placed):
 
     Range and bearing are converted to a position and its covariance, see `hybrid_env.core.polar`. The filters are
     consistent as long as range * bearing_deviation^2, the bend of an arc of the length of the bearing error, is smaller
-    than the range deviation.
+    than a quarter of the range deviation: the mean squared error is then at most 5 % above its covariance, 14 % at
+    half of it and 37 % at all of it.
 
     Attributes:
         range_deviation: standard deviation of the range [m].
@@ -149,6 +150,25 @@ def fuse(sensors: Sequence[Sensor | Radar], values: Mapping[int, ArrayLike]) -> 
         raise reject("measurement", dict(values), allowed)
     x, y, *covariance = fused_position(information)
     return Fused((origin[0] + x, origin[1] + y), tuple(covariance), tuple(rates))
+
+
+def check_fused(name: str, value: Fused) -> Fused:
+    """Return what sensors measured as plain floats; raise `ArgumentError` for values that no sensor measures."""
+    x, y = check_array(f"{name}.position", value.position, (2,)).tolist()
+    covariance = None
+    if value.covariance is not None:
+        xx, xy, yy = check_array(f"{name}.covariance", value.covariance, (3,)).tolist()
+        if not (xx > 0.0 and yy > 0.0 and xy * xy <= (1.0 + 1e-9) * xx * yy):  # rounded, if nearly singular
+            raise reject(f"{name}.covariance", value.covariance, "xx, xy, yy of a positive definite matrix")
+        covariance = xx, xy, yy
+    if not isinstance(value.rates, tuple) or len(value.rates) > MOST_RATES:
+        raise reject(f"{name}.rates", value.rates, f"a tuple of at most {MOST_RATES} range rates")
+    return Fused((x, y), covariance, tuple(_check_rate(f"{name}.rates", rate) for rate in value.rates))
+
+
+def _check_rate(name: str, value: Any) -> float:
+    missing = isinstance(value, float) and math.isnan(value)
+    return math.nan if missing else check_number(name, value, "finite numbers, or NaN without one")
 
 
 def parse_sensors(value: Any) -> tuple[Sensor | Radar, ...]:

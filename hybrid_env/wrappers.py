@@ -5,6 +5,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from hybrid_env.checks import OwnState
 from hybrid_env.env import HybridTrackEnv
 
 NO_DECISION: dict[str, Any] = {
@@ -15,7 +16,7 @@ NO_DECISION: dict[str, Any] = {
 """What `info` tells of a decision in a step without one."""
 
 
-class CompleteInfo(gym.Wrapper[Any, Any, Any, Any]):
+class CompleteInfo(OwnState, gym.Wrapper[Any, Any, Any, Any]):
     """Adds `NO_DECISION` to the `info` of `HybridTrackEnv` in steps without a decision: recorders such as Minari's
     `DataCollector(env, record_infos=True)` need the same structure at every step.
     """

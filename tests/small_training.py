@@ -41,24 +41,27 @@ SMALL_Q = (
     "n_envs=20", "train_freq=16", "learning_starts=320", "buffer_size=1000", "batch_size=32",
     "policy_kwargs.net_arch=[16]",
 )  # fmt: skip
+PUBLISHED = "HybridTrackPublished-v0"
 KINDS = {
-    "ppo": ("ppo", "HybridTrackPublished-v0", SCHEME, SMALL_PPO), "anchor": ("anchor", "HybridTrackPublished-v0", SCHEME, SMALL_ANCHOR),
-    "stopping": ("stopping", "HybridTrackPublished-v0", SCHEME, SMALL_STOPPING),
-    "reward": ("reward", "HybridTrackPublished-v0", SCHEME, SMALL_REWARD),
-    "tandem": ("tandem", "HybridTrackPublished-v0", SCHEME, SMALL_REWARD),
-    "kalman": ("kalman", "HybridTrackPublished-v0", SCHEME, SMALL_REWARD),
-    "distilled": ("distilled", "HybridTrackPublished-v0", SCHEME, SMALL_REWARD),
-    "transformer": ("transformer", "HybridTrackPublished-v0", SCHEME, SMALL_REWARD),
-    "recurrent-ppo": ("recurrent-ppo", "HybridTrackPublished-v0", SCHEME, (*SMALL_PPO, "policy_kwargs.lstm_hidden_size=8")),
-    "a2c": ("a2c", "HybridTrackPublished-v0", SCHEME, SMALL_A2C), "dqn": ("dqn", "HybridTrackPublished-v0", SCHEME, SMALL_Q),
-    "qrdqn": ("qrdqn", "HybridTrackPublished-v0", SCHEME, (*SMALL_Q, "policy_kwargs.n_quantiles=5")),
+    "ppo": ("ppo", PUBLISHED, SCHEME, SMALL_PPO),
+    "anchor": ("anchor", PUBLISHED, SCHEME, SMALL_ANCHOR),
+    "stopping": ("stopping", PUBLISHED, SCHEME, SMALL_STOPPING),
+    "reward": ("reward", PUBLISHED, SCHEME, SMALL_REWARD),
+    "tandem": ("tandem", PUBLISHED, SCHEME, SMALL_REWARD),
+    "kalman": ("kalman", PUBLISHED, SCHEME, SMALL_REWARD),
+    "distilled": ("distilled", PUBLISHED, SCHEME, SMALL_REWARD),
+    "transformer": ("transformer", PUBLISHED, SCHEME, SMALL_REWARD),
+    "recurrent-ppo": ("recurrent-ppo", PUBLISHED, SCHEME, (*SMALL_PPO, "policy_kwargs.lstm_hidden_size=8")),
+    "a2c": ("a2c", PUBLISHED, SCHEME, SMALL_A2C),
+    "dqn": ("dqn", PUBLISHED, SCHEME, SMALL_Q),
+    "qrdqn": ("qrdqn", PUBLISHED, SCHEME, (*SMALL_Q, "policy_kwargs.n_quantiles=5")),
     "q-linear": ("q-linear", "HybridTrackQuickest-v0", QUICK, SMALL_Q[:-1]),
     "jump-markov": ("jump-markov", "HybridTrackQuickest-v0", QUICK, SMALL_STATEMENTS),
     "ppo-quickest": ("ppo", "HybridTrackQuickest-v0", QUICK, SMALL_PPO),
     "statements": ("statements", "HybridTrackQuickest-v0", QUICK, SMALL_STATEMENTS),
     "rhythm": ("rhythm", "HybridTrackQuickest-v0", QUICK, SMALL_RHYTHM),
-    "flights": ("flights", "HybridTrackPublished-v0", {}, SMALL_FLIGHTS),
-}  # fmt: skip
+    "flights": ("flights", PUBLISHED, {}, SMALL_FLIGHTS),
+}
 """Recipe, environment, its options and changed hyper-parameters."""
 WALL_CLOCK = ("seconds", "time/fps", "time/time_elapsed")
 

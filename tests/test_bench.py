@@ -45,6 +45,15 @@ def test_simulated_ticks_include_fast_forwarded_ones():
     assert Steps(env, 0.04).ticks_per_step == pytest.approx(3.2, rel=0.15)
 
 
+def test_the_benchmark_of_gymnasium_counts_the_steps_of_both_environments(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(timing, "WHOLE_SECONDS", 0)
+    main(["gymnasium", "--out", str(tmp_path)])
+    found = json.loads((tmp_path / "bench.json").read_text())["measurements"]
+    assert [one["name"].split(",")[0] for one in found] == ["HybridTrack-v0", "CartPole-v1"] * 3
+    assert all(one["value"] > 0 and one["unit"] == "steps/s" for one in found)
+    assert capsys.readouterr().out.count("steps/s") == 6
+
+
 def test_groups_are_printed_and_written(short, capsys, tmp_path):
     main(["single", "quickest", "online", "bank", "--out", str(tmp_path)])
     printed = capsys.readouterr().out

@@ -17,13 +17,17 @@ from agents.evaluation.task import Task, sweep
 from agents.evaluation.tasks import ENVIRONMENTS, task_of
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, DeciderFamily
+from baselines.rules.threshold import ThresholdDecider
 from baselines.scoring.scores import Scores
 from hybrid_env.checks import FloatArray, reject
 from hybrid_env.options import ModelOptions
+from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.vector_env import HybridTrackQuickestVectorEnv
 
 AUTO = "auto"
 EPISODES = {ANNOUNCED: 400, UNKNOWN: 60}  # that are simulated at every threshold
 NEARBY = 1.6  # factor between three thresholds at which more episodes are simulated for a rate
+REACHING = 20  # episodes in which it is looked which thresholds are reached
 MORE = 3  # as many of them, in units of EPISODES
 RATES = {ANNOUNCED: "%", UNKNOWN: "/1000"}
 """Units of the rates that can be asked for: wrong declarations, and wrong changes in ticks."""
@@ -54,12 +58,37 @@ def chosen_family(family: DeciderFamily, options: ModelOptions, ending: str) -> 
     @functools.cache
     def chosen() -> float:
         told = task.changed({"noise": measured_noise(options)})
-        scores = sweep(told, family, EPISODES[told.switches], seeds.CHOOSING)
-        return float(family.thresholds[told.best(scores)]) if rate is None else _holding(told, family, scores, rate)
+        highest = reachable(family, told.options)
+        within = dataclasses.replace(family, thresholds=tuple(one for one in family.thresholds if one <= highest))
+        scores = sweep(told, within, EPISODES[told.switches], seeds.CHOOSING)
+        return float(within.thresholds[told.best(scores)]) if rate is None else _holding(told, within, scores, rate)
 
     return dataclasses.replace(
         family, name=name, symbol="", thresholds=(0.0,), default=0.0, make=lambda _: family.make(chosen())
     )
+
+
+def reachable(family: DeciderFamily, options: ModelOptions) -> float:
+    """Return the largest threshold on probabilities that every mode reaches in half of the simulated episodes in which
+    it is true, so that no mode is never stated; infinity for other thresholds, and for announced switches.
+    """
+    if not isinstance(options, QuickestOptions) or family.symbol != ThresholdDecider.symbol:
+        return np.inf
+    decider = family.make(family.default)
+    env = HybridTrackQuickestVectorEnv(REACHING, autoreset_mode="Disabled", tick_info=False, **vars(options))
+    env.reset(seed=seeds.CHOOSING)
+    largest = np.zeros((REACHING, options.hypotheses))
+    state, first, tracks = None, np.ones(REACHING, np.bool_), np.arange(REACHING)
+    for _ in range(options.ticks):
+        seen, true = decider.observe(env.world), env.world.field("true_mode").copy()
+        evidence = decider.evidence(seen, state, first)
+        largest[tracks, true] = np.maximum(largest[tracks, true], evidence[tracks, true])
+        actions, state = decider.predict(seen, state, first)
+        env.step(actions)
+        first = np.zeros(REACHING, np.bool_)
+    reached = np.where(largest > 0.0, largest, np.nan)
+    seen_modes = ~np.isnan(reached).all(0)
+    return float(np.nanmedian(reached[:, seen_modes], axis=0).min())
 
 
 def _rates(told: Task, scores: Scores) -> FloatArray:

@@ -4,7 +4,7 @@ import dataclasses
 import functools
 import importlib
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,8 +15,10 @@ from agents import learned
 from agents.interface.help_texts import shown_default
 from baselines.rules.decider import ANNOUNCED, FLIGHTS, GLIDERS, UNKNOWN, Decider, DeciderFamily, rules
 from baselines.rules.msprt import TypeDeclarations
-from baselines.rules.own import find_own, own_family, own_names
+from baselines.rules.own import find_own, own_family, own_names, own_options
 from hybrid_env.checks import reject
+from hybrid_env.options import WorldOptions
+from hybrid_env.quickest_options import QuickestOptions
 
 TASKS = {
     ANNOUNCED: "known switch moments", UNKNOWN: "unknown switch moments", FLIGHTS: "recorded flights",
@@ -191,6 +193,25 @@ def _family_at(rule: type[Decider], options: Any, name: str, first: str, second:
     return family
 
 
+def distinct_titles(names: Sequence[Any], titles: Sequence[str]) -> list[str]:
+    """Return the titles of deciders; one that is not of the package and has the title of another is called by its name.
+
+    The name is then the path of a file or folder. Raises `ArgumentError` where objects, which have no names, have equal
+    titles.
+    """
+    bases = [base_name(name) for name in names]
+    found = []
+    for base, title in zip(bases, titles, strict=True):
+        same = [other for other, theirs in zip(bases, titles, strict=True) if theirs == title]
+        if all(other is base or other == base for other in same):
+            found.append(title)
+        elif not isinstance(base, str):
+            raise reject("deciders", title, "different titles of deciders that are objects")
+        else:
+            found.append(base if base.endswith(".yml") or is_brought(base) else title)
+    return found
+
+
 def find_decider(name: Any, options: Any) -> tuple[DeciderFamily, float]:
     """Return the family and the threshold of "ate", "ate:1e-6", "beam:0.7", "runs/ppo" or "runs/ppo:-2"."""
     base, threshold = split_threshold(name)
@@ -223,9 +244,9 @@ def load_decider(name: Any, options: Any) -> Decider:
 def needed_options(name: Any, switches: str) -> Mapping[str, Any]:
     """Return the options of an environment that a classical rule needs, see `Decider.options`."""
     base = base_name(name)
-    rule = rules(switches).get(base) or find_own(base)
-    found: Mapping[str, Any] = getattr(rule, "options", {})
-    return found
+    rule = rules(switches).get(base)
+    kind = QuickestOptions if switches == UNKNOWN else WorldOptions
+    return own_options(find_own(base), base, kind) if rule is None else rule.options
 
 
 @dataclass(kw_only=True)

@@ -37,7 +37,7 @@ def read_json(path: Path, largest: int = LARGEST_FILE) -> Any:
 
 
 def parse_yaml(text: str) -> Any:
-    """Parse YAML without aliases; numbers as in `read_json`. Raises ValueError."""
+    """Parse YAML without aliases; numbers as in `read_json`, and none with colons. Raises ValueError."""
     if len(text) > LARGEST_FILE:
         raise ValueError(f"longer than {LARGEST_FILE:,} characters")
     if text.count("[") + text.count("{") > MOST_BRACKETS:
@@ -46,27 +46,40 @@ def parse_yaml(text: str) -> Any:
         return yaml.load(text, _Loader)
     except RecursionError:
         raise ValueError("nested too deeply") from None
-    except (yaml.YAMLError, LookupError, AttributeError) as error:  # the last two with tags such as !!bool x
+    except (yaml.YAMLError, LookupError, AttributeError, ArithmeticError, TypeError) as error:
+        # those that are not of YAML come from tags such as !!bool x, and from escapes of large numbers
         raise ValueError(str(error) or "not YAML") from None
 
 
 class _Loader(yaml.SafeLoader):
-    """Refuses aliases, because a few nested ones stand for gigabytes."""
+    """Refuses aliases, because a few nested ones stand for gigabytes, and what YAML 1.1 alone takes for a number."""
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         if self.check_event(yaml.AliasEvent):
             raise ValueError("aliases are not allowed")
         return super().compose_node(parent, index)
 
+    def construct_scalar(self, node: yaml.ScalarNode | yaml.MappingNode) -> Any:
+        text = super().construct_scalar(node)
+        text.encode()  # half of a character, which an escape can stand for, cannot be printed
+        return text
+
     def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
-        return _checked(super().construct_yaml_int(node))
+        return _checked(super().construct_yaml_int(_decimal(node)))
 
     def construct_yaml_float(self, node: yaml.ScalarNode) -> float:
-        return _checked(super().construct_yaml_float(node))
+        return _checked(super().construct_yaml_float(_decimal(node)))
 
 
 _Loader.add_constructor("tag:yaml.org,2002:int", _Loader.construct_yaml_int)
 _Loader.add_constructor("tag:yaml.org,2002:float", _Loader.construct_yaml_float)
+
+
+def _decimal(node: yaml.ScalarNode) -> yaml.ScalarNode:
+    """Return the node of a number; `ValueError` if it is of base 60, such as 1:59:59."""
+    if ":" in str(node.value):
+        raise ValueError("a number has colons: quote a time, or give it in seconds")
+    return node
 
 
 def _checked(number: Any) -> Any:

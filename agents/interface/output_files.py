@@ -20,6 +20,7 @@ from hybrid_env.checks import ArgumentError, reject
 
 PART_PREFIX = ".hybridtrack-"
 WRITTEN_ROWS = 50_000
+WRITTEN_BYTES = 2**20
 MOST_NAMED = 8  # files in a line
 STALE_AFTER = 86_400.0  # seconds; a temporary file without a change for so long is of a killed process
 
@@ -81,6 +82,22 @@ def atomic_folder(name: str, path: Path) -> Iterator[Path]:
         shutil.rmtree(part, ignore_errors=True)
         with suppress(OSError):
             path.rmdir()  # only if it is empty
+
+
+def check_space(folder: Path, size: int) -> None:
+    """Raise `OSError` if a number of bytes cannot be written to a folder, for libraries that crash where there is none.
+
+    The bytes are written and removed again, because quotas and limits of the process are not known otherwise.
+    """
+    path = folder / f"{PART_PREFIX}{secrets.token_hex(8)}.part"
+    try:
+        with path.open("xb") as file:
+            for first in range(0, size, WRITTEN_BYTES):
+                file.write(bytes(min(WRITTEN_BYTES, size - first)))
+            file.flush()
+            os.fsync(file.fileno())
+    finally:
+        path.unlink(missing_ok=True)
 
 
 def _remove_stale_parts(folder: Path) -> None:

@@ -15,6 +15,7 @@ import joblib
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from agents.interface.help_texts import shown_default
+from agents.interface.world_arguments import trusted, trusting
 from hybrid_env.checks import ArgumentError, check_choice, check_integer, reject
 
 Call = Callable[[], Any]
@@ -56,7 +57,7 @@ class Workers:
         if self.engine == "ray":
             ended = _ray(calls, self.jobs)
         elif self.jobs == 1 or len(calls) <= 1:
-            ended = (_named(*call) for call in calls.items())
+            ended = ((name, call()) for name, call in calls.items())
         else:
             ended = _processes(calls, min(self.jobs, len(calls)))
         early: dict[Name, Any] = {}
@@ -70,12 +71,12 @@ class Workers:
 
 def _processes(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, Any]]:
     """Results with their names as they come, from processes of this machine."""
-    left = dict(calls)
+    left, trust = dict(calls), trusted()
     for _ in range(LARGEST_RETRIES + 1):
         with joblib.parallel_config(backend="loky", n_jobs=jobs, inner_max_num_threads=1):
             parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch=jobs)
             try:
-                for name, result in parallel(joblib.delayed(_in_worker)(*call) for call in list(left.items())):
+                for name, result in parallel(joblib.delayed(_in_worker)(*call, trust) for call in list(left.items())):
                     del left[name]
                     yield name, result
                 return
@@ -84,14 +85,16 @@ def _processes(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, An
     raise _lost()
 
 
-def _named(name: Name, call: Call) -> tuple[Name, Any]:
-    return name, call()
+def _named(name: Name, call: Call, trust: bool) -> tuple[Name, Any]:
+    """Run a call. A worker may be that of an earlier command: it trusts what this command trusts."""
+    with trusting(trust):
+        return name, call()
 
 
-def _in_worker(name: Name, call: Call) -> tuple[Name, Any]:
-    result = call()
+def _in_worker(name: Name, call: Call, trust: bool) -> tuple[Name, Any]:
+    result = _named(name, call, trust)
     _keep_imported()
-    return name, result
+    return result
 
 
 @functools.cache
@@ -112,12 +115,12 @@ def _ray(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, Any]]:
         local: dict[str, Any] = {} if os.environ.get("RAY_ADDRESS") else {"num_cpus": jobs}
         ray.init(log_to_driver=False, runtime_env={"env_vars": threads}, logging_level="error", **local)
     task = ray.remote(max_retries=LARGEST_RETRIES, num_cpus=1)(_named)
-    waiting = list(calls.items())[::-1]
+    waiting, trust = list(calls.items())[::-1], trusted()
     running: list[Any] = []
     try:
         while waiting or running:
             while waiting and len(running) < jobs:
-                running.append(task.remote(*waiting.pop()))
+                running.append(task.remote(*waiting.pop(), trust))
             (done,), running = ray.wait(running, num_returns=1)
             yield ray.get(done)
     except ray.exceptions.RayTaskError as error:

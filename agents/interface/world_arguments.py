@@ -1,8 +1,11 @@
 """Environment options as command-line flags, shared by all commands that create an environment."""
 
+import contextlib
 import dataclasses
+import os
 import re
 import typing
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -96,6 +99,25 @@ class WorldArguments(_Flags):
             return self.env_id, self.world_options()
         trained = {name: value for name, value in card["options"].items() if name != "actions"}
         return card["environment"], trained | self.world_options(card["environment"])
+
+
+def trusted() -> bool:
+    """Return whether policies of others may be unpickled."""
+    return os.environ.get(TRUST) == "1"
+
+
+@contextlib.contextmanager
+def trusting(trust: bool) -> Iterator[None]:
+    """Say whether policies of others may be unpickled in this process while the block runs."""
+    before = os.environ.pop(TRUST, None)
+    if trust:
+        os.environ[TRUST] = "1"
+    try:
+        yield
+    finally:
+        os.environ.pop(TRUST, None)
+        if before is not None:
+            os.environ[TRUST] = before
 
 
 @dataclass(kw_only=True)

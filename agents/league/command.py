@@ -8,7 +8,7 @@ import tyro
 from rich.console import Console
 
 from agents.evaluation.cells import filled_table, markdown_table
-from agents.evaluation.registry import NAMED, SHIPPED, find_family, is_brought
+from agents.evaluation.registry import NAMED, SHIPPED, distinct_titles, find_family, is_brought
 from agents.interface.help_texts import shown_default
 from agents.interface.output_files import output_folder, write_files
 from agents.interface.parallel import ParallelArguments
@@ -54,7 +54,13 @@ class League(TrustArguments, ParallelArguments):
         from agents.league.table import league_figure, league_markdown, league_table, shipped_entries, world_table
         from agents.training.recipe import recipe_names
 
-        entries = {entry["title"]: entry for entry in (*shipped_entries(), *map(read_entry, self.table))}
+        entries = {entry["title"]: entry for entry in shipped_entries()}
+        shipped = set(entries)
+        for path in self.table:
+            entry = read_entry(path)
+            if entries.setdefault(entry["title"], entry) != entry:
+                owner = "the package" if entry["title"] in shipped else "another file"
+                raise reject("table", str(path), f"a title that {owner} has not; this one is {entry['title']!r}")
         known = {SHIPPED, *NAMED, *rules(ANNOUNCED), *rules(UNKNOWN)}
         trained = set(recipe_names()) - set(NAMED)  # a name of weights of the package means those
         recipes = [name for name in self.deciders if name in trained or name.endswith(".yml")]
@@ -63,12 +69,18 @@ class League(TrustArguments, ParallelArguments):
                 families.home_of(name)
             elif name not in known and not is_brought(name):
                 find_family(name, world_task("R = 0.1").options)
+        titles = distinct_titles(self.deciders, [families.title_of(name) for name in self.deciders])
+        for position, (name, title) in enumerate(zip(self.deciders, titles, strict=True)):
+            if title in shipped and name not in known | trained:  # such as a run folder "runs/ppo"
+                titles[position] = name
+            if (name in recipes and titles[position] != title) or titles.count(title) > 1:
+                raise reject("deciders", name, f"a title of its own; {title!r} is that of another decider")
         folder, console = output_folder("out", self.out), Console(emoji=False)
         played, runs = [], {}
         with progress_display(console) as progress:
             parts = {name: 2 * self.training_seeds if name in recipes else len(WORLDS) for name in self.deciders}
             bar = progress.add_task("Playing", total=sum(parts.values()), note="")
-            for name in self.deciders:
+            for name, title in zip(self.deciders, titles, strict=True):
 
                 def done(part: str | int, name: str = name) -> None:
                     progress.update(bar, advance=1, note=f"{name} seed {part}" if isinstance(part, int) else part)
@@ -77,7 +89,7 @@ class League(TrustArguments, ParallelArguments):
                     seeds, steps = self.training_seeds, self.steps
                     entry, runs[name] = families.play_family(name, seeds, steps, workers, folder, done)
                 else:
-                    entry = play(name, workers, done)
+                    entry = play(name, workers, done, title=title)
                 file = "".join(one if one.isalnum() else "-" for one in entry["title"]) + ".json"
                 write_files(folder, {file: entry})
                 played.append(entry)

@@ -109,6 +109,18 @@ def home_of(recipe: str) -> tuple[str, str]:
     raise reject("deciders", recipe, "a recipe for HybridTrack-v0 or HybridTrackQuickest-v0")
 
 
+def title_of(name: str) -> str:
+    """Return the title of a decider or of a recipe; the name itself if it decides in no environment of the league."""
+    if name.endswith(".yml"):
+        return str(load_recipe(name, home_of(name)[0]).name)
+    for _, world in HOMES.values():
+        try:
+            return find_family(name, world_task(world).options).name
+        except ArgumentError:  # it is for the other environment
+            pass
+    return name
+
+
 def train(recipe: str, number: int, steps: int | None, out: Path) -> Path:
     """Train an agent of a recipe in a run folder below `out`, or go on with it; return the run folder."""
     env_id, world = home_of(recipe)

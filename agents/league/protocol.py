@@ -22,11 +22,20 @@ from agents.studies.shifts import evaluate_world
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Decider
 from baselines.rules.own import as_decider
 from baselines.scoring.scores import Scores
-from hybrid_env.checks import ArgumentError, reject
+from hybrid_env.checks import ArgumentError, check_choice, check_number, check_positive, optional, ranged, reject
 
 PROTOCOL = 1  # number of the protocol; it rises when worlds, episodes or metrics change
 LARGEST = 2**20  # bytes of a file
 REWARD = "<f4"  # little-endian float32
+ROUNDING = 1e-5  # of a mean of such rewards
+KINDS = ("informed", "recurrent", "memoryless", "classical")
+COSTS = {
+    "calibration": optional(ranged(-1.0, 1.0)),
+    "microseconds": optional(check_positive),
+    "seconds": optional(check_positive),
+}
+"""Figures of the cost of a family, with the checks of their values."""
+check_reward = ranged(-10.0, 1.0)  # of an episode; the largest is that of right decisions without delay
 SEED = 600_000_000  # of the first reported episode; no other study reports these episodes
 EPISODES = {ANNOUNCED: 600, UNKNOWN: 150}  # reported episodes of each world; as many others select the threshold
 WORLDS: dict[str, tuple[str, dict[str, Any]]] = {
@@ -54,7 +63,11 @@ def world_task(world: str) -> Task:
 
 
 def play(
-    name: str, workers: Workers, on_progress: Callable[[str], None], worlds: Sequence[str] | None = None
+    name: str,
+    workers: Workers,
+    on_progress: Callable[[str], None],
+    worlds: Sequence[str] | None = None,
+    title: str | None = None,
 ) -> dict[str, Any]:
     """Play a decider in all worlds, or some, and return its entry.
 
@@ -67,7 +80,7 @@ def play(
     if not played:
         raise ArgumentError(next(iter(found.values()))["refused"])
     titles, kinds = ([one.pop(key) for one in played] for key in ("title", "kind"))
-    return make_entry(name, titles[0], kinds[0], found)
+    return make_entry(name, titles[0] if title is None else title, kinds[0], found)
 
 
 def _play(name: str, world: str) -> dict[str, Any]:
@@ -124,7 +137,55 @@ def read_entry(path: Path) -> dict[str, Any]:
     if (protocol, package) != (PROTOCOL, mine):
         now = f"protocol {PROTOCOL} of version {mine}"
         raise reject("table", str(path), f"{now}; this one is protocol {protocol} of version {package}")
+    try:
+        _check_entry(entry)
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise reject("table", str(path), f"a file as the league writes it ({error})") from None
     return dict(entry)
+
+
+def _check_entry(entry: dict[str, Any]) -> None:
+    """Check types, kind, worlds, lengths and ranges of an entry: a digest can be made by anyone."""
+    for name in ("title", "decider"):
+        text = entry[name]
+        if not isinstance(text, str) or not text.isprintable() or text != text.strip() or not text:
+            raise reject(name, text, "a text of one line")
+    check_choice("kind", entry["kind"], KINDS)
+    for world, content in entry["worlds"].items():
+        check_choice("world", world, WORLDS)
+        if content.keys() != {"refused"}:
+            _check_world(world, content)
+        elif not isinstance(content["refused"], str):
+            raise reject("refused", content["refused"], "a text")
+    seeds = {world: len(content["seeds"]) for world, content in entry["worlds"].items() if "seeds" in content}
+    if seeds or "cost" in entry:
+        if set(seeds) not in map(set, GROUPS.values()) or len(set(seeds.values())) > 1:
+            raise reject("seeds", seeds, "as many in each world of one environment")
+        if [*entry["cost"]] != [*COSTS]:
+            raise reject("cost", entry["cost"], f"the figures {', '.join(COSTS)}")
+        for name, check in COSTS.items():
+            check(name, entry["cost"][name])
+
+
+def _check_world(world: str, content: dict[str, Any]) -> None:
+    """Check what a decider did in a world: its threshold, metrics and rewards, whose mean is that of the metrics."""
+    task = world_task(world)
+    if content.keys() - {"seeds"} != {"threshold", "metrics", "rewards"}:
+        raise reject(world, list(content), "threshold, metrics and rewards")
+    check_number("threshold", content["threshold"])
+    if content["metrics"].keys() != {metric.name for metric in task.metrics}:
+        raise reject("metrics", list(content["metrics"]), f"those of {task.title}")
+    for name, metric in content["metrics"].items():
+        for part in ("value", "low", "high"):
+            optional(check_number)(f"{name} {part}", metric.get(part))
+    rewards = np.frombuffer(base64.b64decode(content["rewards"], validate=True), REWARD)
+    if len(rewards) != EPISODES[task.switches]:
+        raise reject(f"rewards in {world}", len(rewards), f"{EPISODES[task.switches]} numbers")
+    for reward in (*rewards.tolist(), *content.get("seeds", [])):
+        check_reward(f"reward in {world}", reward)
+    means = [content["metrics"][task.goal]["value"], *([np.mean(content["seeds"])] if "seeds" in content else [])]
+    if not np.allclose(means, rewards.mean(dtype=np.float64), rtol=0.0, atol=ROUNDING):
+        raise reject(f"mean reward in {world}", means[0], "that of the rewards")
 
 
 def pack(rewards: NDArray[np.float64]) -> str:

@@ -13,11 +13,10 @@ from rich.table import Table
 from agents.evaluation.cells import filled_table, markdown_table
 from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import decider_styles
-from agents.league.protocol import GROUPS, QUICKEST, WORLDS, read_entry, scores_of
+from agents.league.protocol import GROUPS, KINDS, QUICKEST, WORLDS, read_entry, scores_of
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import mean
 
-KINDS = ("informed", "recurrent", "memoryless", "classical")
 ENTRIES = Path(__file__).parent / "entries"
 REWARD = mean("reward")
 

@@ -39,7 +39,7 @@ NEGLIGIBLE_TURN = 1e-3  # difference of turn angles per tick [rad] below which a
 COMPONENTS = 4
 INITIAL_LOG_SCALES = (0.0, 1.2, 2.4, 3.6)  # of the standard deviations, relative to those that the bank states
 INITIAL_LOG_WEIGHTS = (0.0, -1.0, -3.0, -5.0)
-LOWER = torch.tril_indices(4, 4, -1)
+LOWER = torch.tril_indices(4, 4, -1, device="cpu")
 SMALLEST_SCALE, LARGEST_SCALE = -6.0, 9.0
 NUMBERS = 1 + 4 + 4 + LOWER.shape[1]  # weight, mean, scales and correlations of a component
 FLOOR = 1e-3  # of the stated variances, relative to R and to R / tau^2 of the thousandth part

@@ -1,11 +1,10 @@
 """Policies that other libraries write: the zip files of Stable-Baselines3 and sb3-contrib, and ONNX files."""
 
-import io
-import json
-import os
+import itertools
+import pickle
 import re
-import zipfile
-from collections.abc import Callable, Sequence
+import warnings
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,11 +12,15 @@ from typing import Any
 import numpy as np
 import torch
 from gymnasium import spaces
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import Tensor, nn
 
-from agents.interface.world_arguments import TRUST
-from agents.learned.policy import ACTORS, LARGEST_WIDTH, VALUE_THRESHOLDS, check_actions, make_policy
-from agents.learned.policy_file import LARGEST_FILE, LAYOUTS, first_line, load_weights
+from agents.interface.world_arguments import trusted
+from agents.learned.onnx_file import read_network
+from agents.learned.policy import ACTORS, VALUE_THRESHOLDS, check_actions, make_policy
+from agents.learned.policy_file import LARGEST_FILE, LARGEST_WIDTH, LAYOUTS, check_finite, first_line, load_weights
+from agents.learned.torch_defaults import own_defaults
+from agents.learned.zip_file import read_model
 from baselines.rules.decider import DeciderFamily
 from baselines.rules.own import own_family
 from hybrid_env.checks import ArgumentError, reject
@@ -25,6 +28,8 @@ from hybrid_env.checks import ArgumentError, reject
 HOW_TO_TRUST = "--trust unpickles it, which runs the code in the file"
 QUANTILES = 200  # of QR-DQN, by default
 ACTIVATIONS = {kind.__name__: kind for kind in (nn.Tanh, nn.ReLU, nn.ELU, nn.LeakyReLU, nn.SiLU, nn.GELU)}
+STATISTICS = "vecnormalize.pkl", "vec_normalize.pkl"
+"""Usual names of the file of `VecNormalize`."""
 HEADS = {"pi": "policy_net", "vf": "value_net"}
 VALUE_NETS = {"q_net.q_net": "DQN", "quantile_net.quantile_net": "QR-DQN"}
 
@@ -43,12 +48,13 @@ class RowNetwork(nn.Module):
         return self.network(rows)
 
 
+@own_defaults()
 def exchanged_family(path: Path, options: Any) -> DeciderFamily:
     """Return the policy of a file at any threshold.
 
     An actor has thresholds on its log-odds, a network of action values on their differences; an ONNX file
-    that returns actions has none. Nothing is unpickled but tensors, unless the environment variable `TRUST`
-    is 1. The input of "policy.onnx" are rows (N, width), its first output logits (N, A) or actions (N,).
+    that returns actions has none. Nothing is unpickled but tensors, unless policies are `trusted`. The
+    input of "policy.onnx" are rows (N, width), its first output logits (N, A) or actions (N,).
     """
     if not path.is_file() or path.stat().st_size > LARGEST_FILE:
         raise reject("decider", str(path), f"a file of at most {LARGEST_FILE:,} bytes")
@@ -68,13 +74,12 @@ def exchanged_family(path: Path, options: Any) -> DeciderFamily:
 
 def _from_zip(path: Path, options: Any) -> DeciderFamily:
     """Return the policy that a model of Stable-Baselines3 or sb3-contrib saved."""
-    if os.environ.get(TRUST) == "1":
+    if trusted():
         return _unpickled(path, options)
-    with zipfile.ZipFile(path) as file:
-        if sum(file.getinfo(name).file_size for name in ("data", "policy.pth")) > LARGEST_FILE:
-            raise ValueError(f"its policy is larger than {LARGEST_FILE:,} bytes")
-        data = json.loads(file.read("data"))
-        weights = torch.load(io.BytesIO(file.read("policy.pth")), map_location="cpu", weights_only=True)
+    data, weights = read_model(path)
+    if data.get("_last_original_obs") is not None:
+        where = _statistics_file(path) or f"a {STATISTICS[0]} beside it"
+        _warn_of_raw_rows(path, f"--trust unpickles their statistics from {where}")
     kwargs = data.get("policy_kwargs") or {}
     for name, kind in VALUE_NETS.items():
         if f"{name}.0.weight" in weights:
@@ -98,6 +103,8 @@ def _from_zip(path: Path, options: Any) -> DeciderFamily:
     width, actions = first.shape[1], len(weights["action_net.bias"])
     if max(width, actions, settings.get("lstm_hidden_size", 0), *widths["pi"], *widths["vf"]) > LARGEST_WIDTH:
         raise ValueError(f"it is wider than {LARGEST_WIDTH}")
+    if _size(width, actions, settings) > sum(tensor.numel() for tensor in weights.values()):
+        raise ValueError(f"its layers are larger than its weights; {HOW_TO_TRUST}")
     space = spaces.Box(-np.inf, np.inf, (width,), np.float32)
     policy = make_policy(space, spaces.Discrete(actions), settings, algo="ppo" if lstm is None else "recurrent_ppo")
     try:
@@ -108,10 +115,26 @@ def _from_zip(path: Path, options: Any) -> DeciderFamily:
 
 
 def _actor(policy: Any, path: Path, options: Any) -> DeciderFamily:
-    task, (width,) = options.switches, policy.observation_space.shape
-    check_actions(int(policy.action_space.n), LAYOUTS[task].of_width(width).hypotheses, task)
+    """Return a policy at any threshold, after a call with two rows."""
+    task, (width,), actions = options.switches, policy.observation_space.shape, int(policy.action_space.n)
+    check_actions(actions, LAYOUTS[task].of_width(width).hypotheses, task)
     policy.eval()
-    return ACTORS[task](policy).trained(path.stem)
+    decider = ACTORS[task](policy)
+    logits, _ = decider.logits(np.zeros((2, width), np.float32))
+    if logits.shape != (2, actions) or not np.isfinite(logits).all():
+        raise ValueError(f"it returns {logits.shape} numbers for two rows, or some that are not finite")
+    return decider.trained(path.stem)
+
+
+def _size(width: int, actions: int, settings: dict[str, Any]) -> int:
+    """Return the number of weights of an actor and its critic with some settings, at least."""
+    hidden = settings.get("lstm_hidden_size", 0)
+    size, first = 0, hidden or width
+    for head, outputs in (("pi", actions), ("vf", 1)):
+        sizes = [first, *settings["net_arch"][head], outputs]
+        size += sum((given + 1) * units for given, units in itertools.pairwise(sizes))
+    recurrent = settings.get("n_lstm_layers", 0) * (1 + settings.get("enable_critic_lstm", False))
+    return size + recurrent * 4 * hidden * (hidden + 2) + bool(hidden) * 4 * hidden * width
 
 
 def _layers(weights: dict[str, Tensor], name: str) -> list[str]:
@@ -154,7 +177,11 @@ def _unpickled(path: Path, options: Any) -> DeciderFamily:
     both = data["observation_space"], data["action_space"]
     policy = data["policy_class"](*both, lambda _: 0.0, **data["policy_kwargs"])
     policy.load_state_dict(params["policy"])
+    for name, weights in policy.state_dict().items():
+        check_finite(name, weights)
     policy.set_training_mode(False)
+    if data.get("_last_original_obs") is not None:
+        _normalise(policy, path)
     if hasattr(policy, "action_net") and hasattr(policy, "mlp_extractor"):
         return _actor(policy, path, options)
     return replace(own_family(policy, str(path), options), name=path.stem)
@@ -162,23 +189,39 @@ def _unpickled(path: Path, options: Any) -> DeciderFamily:
 
 def _from_onnx(path: Path, options: Any) -> DeciderFamily:
     """Return the policy of an ONNX file: logits as an actor, actions as they are."""
-    import onnxruntime
+    network, (width, *actions) = read_network(path)
+    if not actions:
+        return replace(own_family(network, str(path), options), name=path.stem)
+    return _actor(RowNetwork(lambda rows: torch.from_numpy(network(rows.numpy())), width, *actions), path, options)
 
-    settings = onnxruntime.SessionOptions()
-    settings.intra_op_num_threads = settings.inter_op_num_threads = 1
-    session = onnxruntime.InferenceSession(path, settings, providers=["CPUExecutionProvider"])
-    given, out = session.get_inputs(), session.get_outputs()[0]
-    if len(given) != 1 or given[0].type != "tensor(float)" or len(given[0].shape) != 2:
-        raise ValueError("its input is not float32 rows (N, width)")
-    tracks, width = given[0].shape
-    if isinstance(tracks, int):
-        raise ValueError(f"it is for {tracks} rows: export it with a free first dimension")
 
-    def run(rows: Any) -> Any:
-        return session.run([out.name], {given[0].name: np.asarray(rows, np.float32)})[0]
+def _statistics_file(path: Path) -> Path | None:
+    """Return the file of the statistics that belong to a model, as Stable-Baselines3 and its zoo name it, or None."""
+    of_checkpoint = re.sub(r"(\d+_steps)$", r"vecnormalize_\1", path.stem)
+    names = (f"{of_checkpoint}.pkl", f"{path.stem}/{STATISTICS[0]}", *STATISTICS)
+    files = (path.parent / name for name in names)
+    return next((file for file in files if file.is_file()), None)
 
-    shape: Sequence[Any] = np.shape(run(np.zeros((1, width), np.float32)))
-    if len(shape) == 1:
-        return replace(own_family(run, str(path), options), name=path.stem)
-    network = RowNetwork(lambda rows: torch.from_numpy(run(rows.numpy())), width, shape[1])
-    return _actor(network, path, options)
+
+def _normalise(policy: nn.Module, path: Path) -> None:
+    """Let a policy see normalised observations, by the statistics in the file beside its own, which is unpickled."""
+    from stable_baselines3.common.vec_env import VecNormalize
+
+    file = _statistics_file(path)
+    if file is None:
+        _warn_of_raw_rows(path, f"there is no {STATISTICS[0]} beside it")
+        return
+    statistics = pickle.loads(file.read_bytes())
+    if not isinstance(statistics, VecNormalize):
+        raise ValueError(f"{file.name} is not of VecNormalize but of {type(statistics).__name__}")
+
+    def normalised(_: nn.Module, given: tuple[Tensor]) -> tuple[Tensor]:
+        return (torch.from_numpy(np.asarray(statistics.normalize_obs(given[0].numpy()), np.float32)),)
+
+    for part in policy.modules():
+        if isinstance(part, BaseFeaturesExtractor):
+            part.register_forward_pre_hook(normalised)
+
+
+def _warn_of_raw_rows(path: Path, remedy: str) -> None:
+    warnings.warn(f"{path.name} was trained on normalised observations and sees others: {remedy}", stacklevel=2)

@@ -27,7 +27,7 @@ LARGEST_LOG = 12.0  # magnitude of the logarithm of a deviation of the innovatio
 
 RESIDUAL, TURN, SCALE, CONTEXT = slice(0, 2), 2, slice(3, 4), slice(4, 9)  # of the inputs of a filter
 SMALLEST = 1e-12
-SENSOR = torch.eye(2, 4)
+SENSOR = torch.eye(2, 4, dtype=torch.float32, device="cpu")
 
 
 class KalmanState(NamedTuple):

@@ -16,6 +16,7 @@ from stable_baselines3.dqn.policies import DQNPolicy
 from torch import Tensor
 
 from agents.learned.policy_file import (
+    LARGEST_WIDTH,
     LAYOUTS,
     VALUE_ALGORITHMS,
     card_task,
@@ -24,14 +25,14 @@ from agents.learned.policy_file import (
     save_policy,
     unreadable_policy,
 )  # fmt: skip
-from baselines.rules.decider import ANNOUNCED, UNKNOWN, Actions, Decider, DeciderFamily, Observations
+from agents.learned.torch_defaults import NetworkDecider, own_defaults
+from baselines.rules.decider import ANNOUNCED, UNKNOWN, Actions, DeciderFamily, Observations
 from baselines.rules.msprt import mode_types
 from baselines.rules.threshold import read_statement
 from hybrid_env.checks import FloatArray, check_integer, reject
 from hybrid_env.observation import Layout
 from hybrid_env.rendering.evidence import EvidencePanel, Threshold, probability_panel
 
-LARGEST_WIDTH = 2000  # of an observation row
 TYPE_ACTIONS = 4  # wait, straight, left, right
 POSTERIOR = "posterior"  # in place of a quantity that is observed
 VALUE_THRESHOLDS = (-1.0, -0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01, 0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
@@ -105,7 +106,7 @@ def value_network(policy: Any) -> Any:
     return getattr(policy, "q_net", getattr(policy, "quantile_net", None))
 
 
-class ActorDecider(Decider):
+class ActorDecider(NetworkDecider):
     """Base class of the deciders of a trained actor; the subclasses choose actions from its logits.
 
     Action values of DQN and QR-DQN take the place of logits, and their differences that of log-odds. A network from
@@ -258,6 +259,7 @@ def save_actor(folder: Path, policy: BasePolicy, card: dict[str, Any], task: str
     save_policy(folder, policy.state_dict(), card, task)
 
 
+@own_defaults()
 def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -> BasePolicy:
     """Return the policy for the weights and card that `policy_file.load_policy` read; refuse them if they differ."""
     try:

@@ -14,6 +14,7 @@ from torch import Tensor
 from agents.interface.input_files import read_json
 from agents.interface.output_files import atomic_file, write_json
 from agents.interface.world_arguments import CARD
+from agents.learned.torch_defaults import own_defaults
 from baselines.rules.decider import ANNOUNCED, FLIGHTS, GLIDERS, UNKNOWN
 from hybrid_env.checks import check_flag, check_integer, reject
 from hybrid_env.observation import Layout, QuickestLayout
@@ -31,6 +32,8 @@ ALGORITHMS = {
 
 LARGEST_FILE = 2**27  # bytes
 LARGEST_HEADER = 2**20  # bytes
+LARGEST_WIDTH = 2000  # of an observation row
+LONGEST_LINE = 200  # characters of a reason in a message
 LARGEST_WEIGHT = 1e6  # decisions of larger weights could overflow
 
 
@@ -60,6 +63,7 @@ def card_task(card: Mapping[str, Any]) -> str:
     return next(task for task in tasks if card["observation_scales"] == _scales(LAYOUTS[task]))
 
 
+@own_defaults()
 def load_policy(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
     """Read weights and card of any agent; refuse damaged files, and a policy trained with other observation scales."""
     try:
@@ -88,11 +92,15 @@ def _read_tensors(path: Path) -> dict[str, Tensor]:
         for name in file.keys():  # noqa: SIM118
             if file.get_slice(name).get_dtype() != "F32":
                 raise ValueError(f"{name} in {path.name} is not of float32 numbers")
-            tensor = tensors[name] = file.get_tensor(name)
-            if not (tensor.abs() <= LARGEST_WEIGHT).all():
-                allowed = f"finite numbers of magnitude at most {LARGEST_WEIGHT:g}"
-                raise ValueError(f"{name} in {path.name} is not of {allowed}")
+            tensors[name] = check_finite(f"{name} in {path.name}", file.get_tensor(name))
     return tensors
+
+
+def check_finite(name: str, weights: Tensor) -> Tensor:
+    """Return weights; `ValueError` if one is not finite or too large."""
+    if not (weights.abs() <= LARGEST_WEIGHT).all():
+        raise ValueError(f"{name} is not of finite numbers of magnitude at most {LARGEST_WEIGHT:g}")
+    return weights
 
 
 def check_tensor_file(path: Path, largest: int) -> None:
@@ -108,6 +116,7 @@ def check_tensor_file(path: Path, largest: int) -> None:
 Network = TypeVar("Network", bound=torch.nn.Module)
 
 
+@own_defaults()
 def load_network(
     folder: Path, weights: Mapping[str, Tensor], card: dict[str, Any], kind: Callable[[int], Network]
 ) -> Network:
@@ -144,8 +153,8 @@ def unreadable_policy(folder: Path, error: Exception) -> ValueError:
 
 
 def first_line(error: Exception) -> str:
-    """Return the first line of an error message."""
-    return (str(error).splitlines() or [type(error).__name__])[0]
+    """Return the first line of an error message, cut to `LONGEST_LINE` characters."""
+    return (str(error).splitlines() or [type(error).__name__])[0][:LONGEST_LINE]
 
 
 LARGEST_HIDDEN = 512  # units of a hidden layer of the anchor agent

@@ -7,7 +7,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from baselines.rules.decider import Actions, Decider, DeciderFamily, Observations
+from agents.learned.torch_defaults import NetworkDecider
+from baselines.rules.decider import Actions, DeciderFamily, Observations
 from baselines.rules.msprt import FEW_ALPHAS, mode_types, posterior_of
 from hybrid_env.checks import FloatArray, IntArray, reject
 from hybrid_env.observation import Layout
@@ -15,7 +16,7 @@ from hybrid_env.options import WorldOptions
 from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel
 
 
-class PosteriorDecider(Decider):
+class PosteriorDecider(NetworkDecider):
     """Declares the best hypothesis once the expected loss of the declaration is at most alpha.
 
     The threshold alpha is in units of a wrong declaration, in (0, 1].

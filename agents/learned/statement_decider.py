@@ -10,14 +10,15 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from agents.learned.statement_net import INPUTS, StatementNet, count_ages, statement_inputs
-from baselines.rules.decider import UNKNOWN, Actions, Decider, DeciderFamily, Observations
+from agents.learned.torch_defaults import NetworkDecider
+from baselines.rules.decider import UNKNOWN, Actions, DeciderFamily, Observations
 from baselines.rules.threshold import read_statement
 from hybrid_env.checks import check_number, reject
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.quickest_options import QuickestOptions
 
 
-class UtilityDecider(Decider):
+class UtilityDecider(NetworkDecider):
     """States the mode with the largest utility, where keeping the statement has a utility of its own.
 
     Base class; the subclasses give the inputs of the network.

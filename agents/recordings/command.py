@@ -1,6 +1,7 @@
 """The command `hybridtrack track`: mode decisions on recordings of positions, one file or many."""
 
 import functools
+import math
 import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -22,7 +23,8 @@ from agents.interface.parallel import Workers
 from agents.interface.progress import print_lines, progress_display
 from agents.interface.world_arguments import TrustArguments
 from agents.recordings.figure import check_plotly, draw_recording, write_map
-from agents.recordings.tracking import TrackedRecording, TrackingArguments, piece_table, row_table
+from agents.recordings.tables import piece_table, row_table
+from agents.recordings.tracking import TrackedRecording, TrackingArguments
 from baselines.recordings.reading.names import ROLES
 from hybrid_env.checks import ArgumentError, check_between, check_integer, check_positive, reject
 from hybrid_env.sensors import Radar, parse_sensors
@@ -86,9 +88,10 @@ class FileArguments:
             return None
         with suppress(ArgumentError):
             (one,) = parse_sensors([f"radar {self.radar}"])
-            if isinstance(one, Radar):
+            if isinstance(one, Radar) and one.period == 1 and one.range == math.inf:
                 return one
-        raise reject("radar", self.radar, "two standard deviations and more, as in '30 0.01 rate 0.5 at 10 0'")
+        allowed = "two standard deviations, rate and place, as in '30 0.01 rate 0.5 at 10 0', without period and range"
+        raise reject("radar", self.radar, allowed)
 
     def column_names(self) -> dict[str, str]:
         """Return the columns by role."""
@@ -129,6 +132,8 @@ class FileArguments:
             check_integer("jobs", self.jobs)
 
     def _folder(self, path: Path) -> Path:
+        if not path.name:  # . and /
+            raise reject("files", str(path), "files, not a folder")
         name = f"{Path(path.name.removesuffix('.gz')).stem}_track"
         if self.out is None:
             return path.with_name(name)

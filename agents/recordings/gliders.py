@@ -11,7 +11,7 @@ from agents.figures.tracks import recording_figure, runs
 from agents.interface.output_files import atomic_folder, write_files, write_table
 from agents.recordings.command import Report
 from baselines.recordings.flights.circling import AirMotion, air_motion, circles
-from baselines.recordings.flights.flight import Flight
+from baselines.recordings.flights.flight import LONGEST_STEP, Flight
 from baselines.recordings.flights.gliders import glider_flight
 from baselines.recordings.flights.labels import MODE_NAMES
 from baselines.recordings.reading.igc import DAY, IgcLog
@@ -36,10 +36,11 @@ def track_glider(name: str, log: IgcLog, folder: Path, picture: bool) -> Report:
         raise ArgumentError(f"{name} has no 20 positions without a gap of a minute: expected a flight")
     (motion,) = air_motion([flight])
     modes, _ = circles(flight, motion.rates)
+    begins = [first for first, _ in flight.pieces]  # a gap ends a circle
     stated = glider_statements([flight], [LIVE])[LIVE][0]
     rows = [
         (number, *circle_row(flight, motion, stated, float(log.times[0]), *run))
-        for number, run in enumerate((run for run in runs(modes) if run[2]), start=1)
+        for number, run in enumerate((run for run in runs(modes, begins) if run[2]), start=1)
     ]
     columns = {column: [row[k] for row in rows] for k, column in enumerate(HEADS)}
     files = ["circles.csv", "track.png"][: 1 + picture]
@@ -56,9 +57,17 @@ def track_glider(name: str, log: IgcLog, folder: Path, picture: bool) -> Report:
         for row in rows[:MAX_PRINTED]
     ]
     more = f"... and {len(rows) - MAX_PRINTED} more in circles.csv" if len(rows) > MAX_PRINTED else ""
+    seconds = sum(float(flight.times[end - 1] - flight.times[first]) for first, end in flight.pieces)
     circling = f"{len(rows)} times circling, {np.mean(modes != 0):.0%} of the time, {sum(columns['turns']):.0f} turns"
+    lines = [f"{name}: {seconds / 3600.0:.2f} h, {circling}", *(f"{name}: {note}" for note in log.notes)]
+    gaps = np.diff(flight.times)[np.diff(flight.times) > LONGEST_STEP]
+    if gaps.size:
+        lines.append(
+            f"{name}: gaps of more than a minute, or steps of the clock, which end a circle: {gaps.size}, up to "
+            f"{gaps.max():,.0f} s"
+        )
     table = filled_table("Circles", [head for head, _ in HEADS.values()], shown, more)
-    return Report((f"{name}: {flight.hours:.2f} h, {circling}",), table, tuple(folder / file for file in files))
+    return Report(tuple(lines), table, tuple(folder / file for file in files))
 
 
 def circle_row(

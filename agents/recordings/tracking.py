@@ -1,27 +1,31 @@
 """Tracking of one recording: options of the command and of the function, and what is known afterwards, row by row."""
 
 import math
+import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from agents.evaluation.chosen_threshold import reachable
 from agents.evaluation.registry import (
     NAMED,
     SHIPPED,
     ErrorArguments,
     base_name,
+    find_family,
     is_brought,
     load_decider,
     needed_options,
+    split_threshold,
 )
 from baselines.recordings.consistency import Consistency, check_consistency
 from baselines.recordings.decisions import ModelUnits, TickDecisions, check_lengths, decide_recording
 from baselines.recordings.model_fit import TrackModel, fit_model
 from baselines.recordings.recording import Recording, make_recording
-from baselines.recordings.scatter import without_jumps, without_outliers
+from baselines.recordings.scatter import standing_ticks, without_jumps, without_outliers
 from baselines.recordings.ticks import TickGrid, tick_grid
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
 from baselines.rules.tracker import OnlineTracker
@@ -47,8 +51,9 @@ DECIDER, DECIDER_OF_LENGTHS = "threshold", "msprt-aware"  # default deciders: wi
 SIMULATED_SEGMENTS = 6  # of an episode, for deciders that are fitted by simulation
 
 
-STATE = ("x", "vx", "y", "vy")
 NO_ROW = -1
+UNLIKELY, LONG = 0.05, 20  # probability of a stated mode in successive rows, more than decisions take
+MOST_BENT = 0.25  # bend of an arc of the length of the bearing error over the range deviation, see `Radar`
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +79,8 @@ class TrackedRecording:
         shared: number of rows whose tick is that of another row, with which they are averaged.
         moved: root mean square of the times by which rows were moved to their ticks, over the tick.
         outliers: number of measurements that were not used, because they are far from their neighbours.
+        standing: number of ticks in which the object stands still.
+        unlikely: number of rows whose stated mode is improbable for long, with unknown switches.
     """
 
     recording: Recording
@@ -91,11 +98,35 @@ class TrackedRecording:
     shared: int
     moved: float
     outliers: int
+    standing: int = 0
+    unlikely: int = 0
 
     @property
     def warnings(self) -> list[str]:
         """Plain sentences about what does not fit."""
-        return self.consistency.warnings(self.model)
+        found = self.consistency.warnings(self.model) + self._bent()
+        if self.standing:
+            found.append(f"the object stands still in {self.standing} ticks, whose modes have no meaning: cut them out")
+        if self.unlikely:
+            found.append(
+                f"the stated mode has a probability below {UNLIKELY:g} in {self.unlikely} rows: the threshold of the "
+                "decider may be too high for another one to be stated"
+            )
+        return found
+
+    def _bent(self) -> list[str]:
+        """A sentence if the arc of the bearing error of a radar is bent more than the filters allow, see `Radar`."""
+        recording, radar = self.recording, self.recording.radar
+        if radar is None:
+            return []
+        farthest = float(np.hypot(*(recording.positions[recording.measured] - radar.position).T).max())
+        bend = farthest * radar.bearing_deviation**2 / radar.range_deviation
+        if bend <= MOST_BENT:
+            return []
+        return [
+            f"the bearing error is too large for the range deviation (range * deviation^2 is {bend:.2g} of it, at most "
+            f"{MOST_BENT:g} is consistent): errors are larger than the covariances say"
+        ]
 
     def mode_names(self) -> list[str]:
         """Names of the modes: S, L, R, with the radius if there are several."""
@@ -197,7 +228,10 @@ class TrackingArguments(ErrorArguments):
             raise _in_units(error, model) from None
         start = None if self.start is None else np.array(self.start)
         decisions = decide_recording(grid, model, tracker, lengths=lengths, start=start)
-        return row_results(recording, grid, model, name, decisions, check_consistency(grid, model, lengths), outliers)
+        consistency = check_consistency(grid, model, lengths)
+        tracked = row_results(recording, grid, model, name, decisions, consistency, outliers)
+        standing = standing_ticks(grid, model.measurement_variance, model.speed * model.tau)
+        return replace(tracked, standing=standing, unlikely=0 if lengths else _unlikely_rows(tracked))
 
     def _decider_name(self) -> str:
         return self.at_error(self.decider or (DECIDER_OF_LENGTHS if self.lengths else DECIDER))
@@ -215,7 +249,21 @@ class TrackingArguments(ErrorArguments):
             law = GeometricDurations(model.duration) if self.durations is None else self.durations
             ticks = min(max(len(piece.measurements) for piece in grid.pieces), MAX_LENGTH)
             world = QuickestOptions(**options, durations=law, start="random", ticks=ticks)
+            _warn_of_threshold(name, world)
         return OnlineTracker(world, load_decider(name, world))
+
+
+def _warn_of_threshold(name: str, world: QuickestOptions) -> None:
+    """Warn of a given threshold that not every mode reaches."""
+    base, threshold = split_threshold(name)
+    if threshold is None:
+        return
+    highest = reachable(find_family(base, world), world)
+    if threshold > highest:
+        why = (
+            f"with these durations and noise not every mode reaches more than {highest:.3g}, and it may never be stated"
+        )
+        warnings.warn(f"decider {name!r}: {why}: choose a smaller threshold", stacklevel=2)
 
 
 def track_recording(
@@ -239,6 +287,8 @@ def track_recording(
     values = np.asarray(positions, np.float64)
     if values.ndim != 2 or values.shape[1] != radar.values:
         raise reject("positions shape", values.shape, f"(n, {radar.values}), as the radar measures")
+    if (values[:, 0] < 0.0).any():
+        raise reject("positions", float(np.nanmin(values[:, 0])), "ranges >= 0")
     found = [radar.located(row)[:2] for row in values]
     rates = values[:, 2] if radar.values == 3 else None
     return arguments.track(make_recording(times, found, radar=radar, rates=rates))
@@ -255,6 +305,14 @@ def _in_units(error: ArgumentError, model: TrackModel) -> ArgumentError:
         f"{model.measurement_variance:.4g}, Q = {model.process_variance:.4g}, radii {radii} and a tick of "
         f"{model.tau:.4g}: check units"
     )
+
+
+def _unlikely_rows(tracked: TrackedRecording) -> int:
+    """Return the number of rows in runs of `LONG` and more whose stated mode is less probable than `UNLIKELY`."""
+    of_mode = tracked.probabilities[np.arange(len(tracked.modes)), tracked.modes]
+    borders = np.flatnonzero(np.diff(of_mode < UNLIKELY, prepend=False, append=False))
+    lengths = np.diff(borders)[::2]
+    return int(lengths[lengths >= LONG].sum())
 
 
 def row_results(
@@ -283,31 +341,3 @@ def row_results(
         recording=recording, model=model, decider=decider, pieces=np.concatenate(pieces), outliers=outliers,
         consistency=consistency, tau=grid.tau, shared=grid.shared, moved=grid.moved, **arrays,
     )  # fmt: skip
-
-
-def piece_table(tracked: TrackedRecording) -> dict[str, list[Any]]:
-    """Columns of modes.csv. Rows are counted from 1. Cells that do not apply are empty."""
-    times = tracked.recording.times
-    first, end, modes, when = tracked.pieces.T
-    letters, radii = tracked.of_modes(modes)
-    return {
-        "piece": list(range(1, len(first) + 1)), "first_row": (first + 1).tolist(), "last_row": end.tolist(),
-        "begin": times[first].tolist(), "end": times[end - 1].tolist(), "mode": letters.tolist(),
-        "radius": ["" if np.isnan(radius) else radius for radius in radii.tolist()],
-        "decided_at": [times[row] if row >= 0 else "" for row in when.tolist()], "undecided": (when < 0).tolist(),
-    }  # fmt: skip
-
-
-def row_table(tracked: TrackedRecording) -> dict[str, Any]:
-    """Columns of estimates.csv, nan where there is no number. The first three are those of a recording."""
-    recording = tracked.recording
-    triangle = [(i, j) for i in range(4) for j in range(i, 4)]
-    letters, radii = tracked.of_modes(tracked.modes)
-    return {
-        "t": recording.times, **dict(zip("xy", recording.positions.T, strict=True)),
-        "mode": letters, "radius": radii, "decided": tracked.decided,
-        **{f"p_{n.replace(' ', '_')}": tracked.probabilities[:, k] for k, n in enumerate(tracked.mode_names())},
-        **{f"estimate_{name}": tracked.estimates[:, k] for k, name in enumerate(STATE)},
-        **{f"cov_{STATE[i]}_{STATE[j]}": tracked.covariances[:, i, j] for i, j in triangle},
-        **{f"residual_{axis}": tracked.residuals[:, k] for k, axis in enumerate("xy")},
-    }  # fmt: skip

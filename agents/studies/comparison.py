@@ -12,12 +12,12 @@ from matplotlib.figure import Figure
 from rich.progress import Progress
 
 from agents.evaluation.curves import Selected
-from agents.evaluation.registry import find_family
+from agents.evaluation.registry import find_family, is_own
 from agents.evaluation.task import Levels, OnProgress, Task, sweep
 from agents.figures.decider_colours import name_without_seed
 from agents.interface.output_files import finite
 from agents.interface.parallel import Call, Workers
-from agents.studies.continuation import Continuation, Plan, weights_digest
+from agents.studies.continuation import Continuation, Plan, content_digest
 from baselines.rules import seeds
 from baselines.rules.decider import DeciderFamily
 from baselines.scoring.estimates import Estimate
@@ -68,12 +68,17 @@ class Comparison:
 
     @property
     def seed_groups(self) -> dict[str, list[Entry]]:
-        """Entries by name; those whose names differ only in the training seed form one group."""
+        """Entries by name; agents whose names differ only in the training seed form one group."""
         groups: dict[tuple[str, str, int], list[Entry]] = {}
         for entry in self.entries:
-            key = name_without_seed(entry.name), entry.scores.symbol, len(entry.scores.thresholds)
+            is_agent = entry.decider in self.plan.agents and not is_own(entry.decider)
+            name = name_without_seed(entry.name) if is_agent else entry.name
+            key = name, entry.scores.symbol, len(entry.scores.thresholds)
             groups.setdefault(key, []).append(entry)
-        return {entries[0].name if len(entries) == 1 else key[0]: entries for key, entries in groups.items()}
+        names = {entry.name for entry in self.entries}
+        labels = [f"{name} seeds" if name in names else name for name, *_ in groups]
+        parts = zip(labels, groups.values(), strict=True)
+        return {entries[0].name if len(entries) == 1 else label: entries for label, entries in parts}
 
     @functools.cache  # noqa: B019
     def figure(self, entry: Entry, name: str) -> Estimate:
@@ -173,13 +178,17 @@ def score(plan: Plan, folder: Path | None, name: str, number: int, full: bool, p
     """
     display = Progress(disable=True) if progress is None else progress
     continuation = Continuation(plan.settings, folder)
-    found, run_folder = plan.family(name), None
+    found, run_folder, title = plan.family(name), None, plan.titles[name]
     if isinstance(found, DeciderFamily):
-        family, weights = found, weights_digest(name, plan.task.switches)
+        family, content = found, content_digest(name, plan.task.switches)
     else:
         family, run_folder = train_agent(found, plan, number, display, continuation)
-        weights = "" if run_folder is None else weights_digest(str(run_folder), plan.task.switches)
-    key = [family.name, family.thresholds, family.options, weights, full]
+        content = None if run_folder is None else content_digest(str(run_folder), plan.task.switches)
+        title += f" seed {number}" if plan.training_seeds > 1 else ""
+    family = replace(family, name=title)
+    if content is None:  # other code may have the same name the next time
+        continuation = Continuation(plan.settings, None)
+    key = [family.name, family.thresholds, family.options, content, full]
     saved = continuation.load(key)
     if saved is None:
         bar = display.add_task("Scoring", total=2.0, note=family.name)

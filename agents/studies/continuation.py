@@ -5,7 +5,8 @@ import hashlib
 import json
 import zipfile
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +15,23 @@ import numpy as np
 import agents
 import baselines
 import hybrid_env
-from agents.evaluation.registry import NAMED, SHIPPED, find_family, is_brought, is_own, policy_folder, rule_name
+from agents.evaluation.registry import (
+    NAMED,
+    SHIPPED,
+    base_name,
+    distinct_titles,
+    find_family,
+    is_brought,
+    is_own,
+    policy_folder,
+    rule_name,
+)
 from agents.evaluation.task import Task
 from agents.interface.output_files import atomic_file, output_folder
+from agents.interface.world_arguments import CARD, trusted
 from agents.learned.policy_file import WEIGHTS, package_versions
 from baselines.rules.decider import DeciderFamily, rules
+from baselines.rules.own import own_digest
 from baselines.scoring.scores import Scores
 from hybrid_env.checks import reject
 
@@ -48,7 +61,7 @@ class Plan:
     @property
     def settings(self) -> dict[str, Any]:
         """Plain values of the settings."""
-        others = {name: value for name, value in vars(self).items() if name != "task"}
+        others = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "task"}
         return {"env_id": self.task.env_id, "options": dict(self.task.given)} | others
 
     def family(self, name: str) -> Any:
@@ -66,12 +79,17 @@ class Plan:
             raise reject("deciders", name, f"{', '.join(rules(self.task.switches))}, or mine.py:MyRule")
         return find_family(name, self.task.options)
 
+    @cached_property
+    def titles(self) -> dict[Any, str]:
+        """Titles of all deciders by name, see `distinct_titles`; those of agents are without training seeds."""
+        titles = distinct_titles(self.names, [self.family(name).name for name in self.names])
+        return dict(zip(self.names, titles, strict=True))
+
     def check(self) -> None:
         """Raise `ArgumentError` for a name that is unknown, or too many episodes."""
         self.task.check_episodes("episodes", self.episodes)
         self.task.check_episodes("selection-episodes", self.selection_episodes)
-        for name in self.names:
-            self.family(name)
+        assert self.titles  # looks every name up
 
     def calls(self) -> list[tuple[str, int]]:
         """Return name and training seed of everything that is scored."""
@@ -124,10 +142,15 @@ class Continuation:
         if path is None:
             return
         output_folder("out", path.parent)
-        arrays: dict[str, Any] = {
-            "names": [scores.name, scores.symbol, scores.bank], "thresholds": scores.thresholds, "columns": scores.columns,
-            "values": scores.values, "chosen": chosen, "selected": selected,
-        } | {EXTRA + name: array for name, array in scores.extra.items()}  # fmt: skip
+        arrays: dict[str, Any] = {EXTRA + name: array for name, array in scores.extra.items()}
+        arrays |= {
+            "names": [scores.name, scores.symbol, scores.bank],
+            "thresholds": scores.thresholds,
+            "columns": scores.columns,
+            "values": scores.values,
+            "chosen": chosen,
+            "selected": selected,
+        }
         with atomic_file(path) as part, part.open("wb") as file:
             np.savez(file, **arrays)
 
@@ -146,13 +169,20 @@ class Continuation:
         return self.folder / UNFINISHED / f"{digest([plan, key])[:16]}.npz"
 
 
-def weights_digest(name: Any, switches: str) -> str:
-    """Digest of the weights of 'shipped' or of a run folder, or of the file of a decider; else empty."""
-    if not isinstance(name, str):
+def content_digest(name: Any, switches: str) -> str | None:
+    """Digest of what a decider is beside this package: the weights and the card of an agent, the file of a policy, or
+    the sources of a user's rule. None if it is not known, and empty for a rule of the package.
+    """
+    base = base_name(name)
+    if not isinstance(base, str) or (trusted() and Path(base).suffix == ".zip"):  # it may run any code
+        return None
+    if base in rules(switches):
         return ""
-    paths = policy_folder(name, switches) / WEIGHTS, Path(name), Path(name.rpartition(":")[0])
-    found = [path.read_bytes() for path in paths if path.is_file()]
-    return hashlib.sha256(found[0]).hexdigest() if found else ""
+    folder = policy_folder(base, switches)
+    paths = [folder / WEIGHTS, folder / CARD] if folder.is_dir() else [Path(base)]
+    if not all(path.is_file() for path in paths):
+        return own_digest(base) if is_own(base) else None
+    return hashlib.sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()
 
 
 def digest(values: Any) -> str:

@@ -1,9 +1,10 @@
 """The command `hybridtrack dataset`: episodes of deciders for offline learning, or radar tracks."""
 
+import contextlib
 import os
 import re
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -19,7 +20,7 @@ from agents.evaluation.registry import find_decider
 from agents.evaluation.task import Task
 from agents.evaluation.tasks import task_of
 from agents.interface.help_texts import shown_default
-from agents.interface.output_files import atomic_folder, write_files
+from agents.interface.output_files import atomic_folder, check_space, write_files
 from agents.interface.progress import progress_display
 from agents.interface.world_arguments import TrustArguments, WorldArguments
 from baselines.rules import seeds
@@ -29,6 +30,8 @@ from hybrid_env.registration import make_track_vector_env
 
 ROOT = "MINARI_DATASETS_PATH"  # by this variable Minari finds its data sets
 MOST_EPISODES = 10_000  # they are in memory until they are written, some 50 kB each
+LARGEST_SEED = 2**63 - 1 - MOST_EPISODES  # HDF5 stores seeds of 64 bits
+BYTES_OF_AN_EPISODE, BYTES_OF_A_DATA_SET = 24_576, 262_144  # in HDF5, beside the arrays
 RANDOM = "random"
 
 
@@ -95,7 +98,7 @@ class Dataset(WorldArguments, TrustArguments):
         from minari.storage.datasets_root_dir import get_dataset_path
 
         check_integer("episodes", self.episodes, maximum=MOST_EPISODES)
-        check_integer("seed", seed, minimum=0)
+        check_integer("seed", seed, minimum=0, maximum=LARGEST_SEED)
         task = task_of(*self.world_of(""))
         folder = self.out or get_dataset_path()
         names = {f"{task.title}/{re.sub(r'[^a-zA-Z0-9]+', '_', name)}-v0": name for name in self.policies}
@@ -112,25 +115,21 @@ class Dataset(WorldArguments, TrustArguments):
                 task.options_with(family.options)  # checks them
                 title = f"{family.name} at {threshold:g}"
                 found.append((identity, title, family.options, family.make(threshold)))
-        before = os.environ.get(ROOT)
-        try:
-            with atomic_folder("out", folder) as part:
-                os.environ[ROOT] = str(part.resolve())  # Minari writes to no relative path
-                for identity, title, changes, decider in found:
-                    print(self._write(task, identity, title, {**task.given, **changes}, decider, seed))
-        finally:
-            os.environ.pop(ROOT)
-            if before is not None:
-                os.environ[ROOT] = before
+        with atomic_folder("out", folder) as part, _minari_root(part.resolve()):  # Minari writes to no relative path
+            for identity, title, changes, decider in found:
+                print(self._write(part, task, identity, title, {**task.given, **changes}, decider, seed))
         print(f"Data {folder}")
 
-    def _write(self, task: Task, identity: str, title: str, options: dict[str, Any], decider: Any, seed: int) -> str:
-        """Write one data set; return its line."""
+    def _write(
+        self, part: Path, task: Task, identity: str, title: str, options: dict[str, Any], decider: Any, seed: int
+    ) -> str:
+        """Write one data set into a folder; return its line."""
         import minari
         from minari.data_collector import EpisodeBuffer
 
         episodes = record(task.env_id, options, decider, self.episodes, seed)
         returns = np.array([episode["rewards"].sum() for episode in episodes])
+        check_space(part, stored_bytes(episodes))  # h5py ends the process where there is none
         about = f"{self.episodes} episodes of {title} in {task.title}"
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # without an e-mail address and a link
@@ -141,6 +140,26 @@ class Dataset(WorldArguments, TrustArguments):
             )  # fmt: skip
         size = f"{self.episodes} episodes, {written.total_steps:,} steps"
         return f"{identity}: {size}, mean return {returns.mean():.3f}"
+
+
+@contextlib.contextmanager
+def _minari_root(folder: Path) -> Iterator[None]:
+    """Let Minari write to a folder while the block runs."""
+    before = os.environ.get(ROOT)
+    os.environ[ROOT] = str(folder)
+    try:
+        yield
+    finally:
+        os.environ.pop(ROOT, None)
+        if before is not None:
+            os.environ[ROOT] = before
+
+
+def stored_bytes(episodes: Sequence[Mapping[str, Any]]) -> int:
+    """Return an upper bound of the bytes in which Minari stores episodes, see `record`."""
+    arrays = sum(value.nbytes for episode in episodes for value in episode.values() if isinstance(value, np.ndarray))
+    modes = sum(episode["infos"]["true_mode"].nbytes for episode in episodes)
+    return int(arrays + modes) + BYTES_OF_AN_EPISODE * len(episodes) + BYTES_OF_A_DATA_SET
 
 
 def record(env_id: str, options: dict[str, Any], decider: Any, episodes: int, seed: int) -> list[dict[str, Any]]:

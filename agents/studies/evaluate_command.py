@@ -1,13 +1,13 @@
 """The command `hybridtrack evaluate`: metrics of deciders, nominal or under distribution shift."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import tyro
 from rich.console import Console
 
-from agents.evaluation.registry import ErrorArguments, find_decider, find_family, split_threshold
+from agents.evaluation.registry import ErrorArguments, distinct_titles, find_decider, find_family, split_threshold
 from agents.evaluation.task import Task, sweep
 from agents.evaluation.tasks import task_of
 from agents.evaluation.worlds import NOMINAL, draw_worlds
@@ -100,17 +100,18 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
             family, threshold = find_decider(name, task.options)
             task.options_with(family.options)
             found.append((task, family, threshold))
+        titles = distinct_titles(deciders, [family.name for _, family, _ in found])
         groups: dict[str, list[Any]] = {}
         rows: list[dict[str, Any]] = []
         with progress_display(console) as progress:
             bar = progress.add_task("Evaluating", total=len(found), note="")
-            for name, (task, family, threshold) in zip(deciders, found, strict=True):
+            for name, title, (task, family, threshold) in zip(deciders, titles, found, strict=True):
 
                 def show(share: float, before: int = len(rows)) -> None:
                     progress.update(bar, completed=before + share)
 
                 progress.update(bar, note=name)
-                scores = sweep(task, family, self.episodes, self.seed, show, (threshold,))
+                scores = sweep(task, replace(family, name=title), self.episodes, self.seed, show, (threshold,))
                 figures = {metric.name: scores.estimate(metric.statistic) for metric in task.metrics}
                 groups.setdefault(f"{task.env_id} {task.given}", []).append((task, scores, figures))
                 row: dict[str, Any] = {

@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from agents.evaluation.cells import filled_table
-from agents.evaluation.registry import find_family
+from agents.evaluation.registry import distinct_titles, find_family
 from agents.evaluation.task import Task, sweep
 from agents.evaluation.worlds import NOMINAL
 from agents.interface.parallel import Workers
@@ -37,6 +37,11 @@ class Shift:
     def decider(self) -> str:
         """Name of the decider."""
         return self.own.name
+
+    def called(self, title: str) -> "Shift":
+        """Return the scores under another name of the decider."""
+        own, nominal = replace(self.own, name=title), replace(self.nominal, name=title)
+        return replace(self, own=own, nominal=nominal)
 
     @property
     def reward(self) -> Estimate:
@@ -83,7 +88,10 @@ def evaluate_shifts(
             usual = at_home.own.thresholds[0] if at_home else find_family(name, task.options).default
             others[f"{name}: {world}"] = functools.partial(alone, name, world, task, usual, tuned=name not in untuned)
     found |= workers.results(others, on_progress)
-    return [found[f"{name}: {world}"] for name in names for world in worlds]
+    options = next(iter(worlds.values())).options
+    titles = distinct_titles(names, [find_family(name, options).name for name in names])
+    pairs = zip(names, titles, strict=True)
+    return [found[f"{name}: {world}"].called(title) for name, title in pairs for world in worlds]
 
 
 def evaluate_world(

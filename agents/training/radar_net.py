@@ -15,6 +15,7 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
 from agents.interface.output_files import atomic_file
+from agents.learned.torch_defaults import own_defaults
 from baselines.estimation.run_filter import Estimates, Filtered
 from baselines.papers.novospaskyi.dataset import HORIZONS, REGION, RadarData, truth_ahead
 from baselines.papers.novospaskyi.radars import NOISES, SIGMA, draw_noise
@@ -106,6 +107,7 @@ def _frame(velocity: Tensor, innovation: Tensor) -> Tensor:
     return torch.stack(rows, dim=-1).unflatten(-1, (3, 3))
 
 
+@own_defaults()
 @torch.no_grad()
 def filter_with(net: RadarNet, measurements: FloatArray, times: FloatArray) -> Filtered:
     """Return the estimates of tracks with forecasts at `HORIZONS`, as `run_filter`; measurements (K, N, 3) [m]."""
@@ -125,6 +127,7 @@ def _states(positions: Tensor, velocities: Tensor) -> FloatArray:
     return np.asarray(torch.stack([positions, velocities], dim=-1).flatten(-2).numpy(), np.float64)
 
 
+@own_defaults()
 def radar_net(data: RadarData, file: Path, on_progress: Callable[[float], None], updates: int = UPDATES) -> RadarNet:
     """Return the network of a file, or train it with a number of updates and write the file.
 

@@ -15,6 +15,7 @@ from torch.optim import Optimizer
 
 from agents.interface.output_files import output_folder, write_json
 from agents.learned.policy_file import package_versions, save_policy
+from agents.learned.torch_defaults import own_defaults
 from agents.training import checkpoint, run_folder
 from agents.training.learning_curve import LearningCurve, environment_curve
 from agents.training.recipe import Recipe
@@ -54,6 +55,7 @@ class Run(ABC):
     next_command: ClassVar[str] = "hybridtrack evaluate"
     """Command that evaluates a run folder."""
 
+    @own_defaults()
     def __init__(
         self, env_id: str, options: dict[str, Any], recipe: Recipe, seed: int, folder: Path | None, steps: int,
         resume: bool = False,
@@ -116,6 +118,7 @@ class Run(ABC):
     def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
         """Write weights and card of the current agent."""
 
+    @own_defaults()
     def train(self, on_progress: Callable[[TrainingProgress], None] | None = None, save_every: float = 10.0) -> None:
         """Train for the remaining steps, with a checkpoint every `save_every` seconds.
 

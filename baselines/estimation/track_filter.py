@@ -7,10 +7,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baselines.estimation.motion_models import check_per_item
-from hybrid_env.checks import LARGEST_NUMBER, FloatArray, check_array, check_integer, check_number, dimensions, reject
+from hybrid_env.checks import (
+    LARGEST_NUMBER,
+    FloatArray,
+    OwnState,
+    check_array,
+    check_integer,
+    check_number,
+    dimensions,
+    reject,
+)
 
 
-class TrackFilter(ABC):
+class TrackFilter(OwnState, ABC):
     """A filter for the positions of B tracks in d dimensions.
 
     A track begins with its first measurement, or for all tracks with `begin_from`. Until then its state is NaN. A

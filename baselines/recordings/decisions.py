@@ -57,8 +57,8 @@ class TickDecisions:
     switches lies between two of them, and its mode is that at its end; otherwise it is a run of one mode.
     """
 
-    modes: IntArray  # (T,) stated or last decided; ticks before the first decision have its mode
-    decided: BoolArray  # (T,) False before the first statement, and with known switches before that of a piece
+    modes: IntArray  # (T,) stated or last decided; ticks before the first one have its mode
+    decided: BoolArray  # (T,) see `OnlineEstimate.decided`
     probabilities: FloatArray  # (T, M) of the modes
     estimates: FloatArray  # (T, 4) [x, vx, y, vy]
     covariances: FloatArray  # (T, 4, 4); infinite for the velocity after a single measurement
@@ -101,6 +101,7 @@ def _decide_piece(
         np.zeros(total, np.int64), np.zeros(total, np.bool_), np.empty((total, M)), np.empty((total, 4)),
         np.empty((total, 4, 4)), np.full((len(lengths), 4), -1),
     )  # fmt: skip
+    has_mode = np.zeros(total, np.bool_)  # whether it is that of the decider
     if start is not None:
         tracker.begin((start - origin) * scales, np.zeros((4, 4)))
     else:  # from the first measurements, with known switches those of the first piece
@@ -120,6 +121,7 @@ def _decide_piece(
             measurement = Fused((x, y), options.sensors[0].noise(x, y), (float(rates[k]),))
         now = tracker.update(measurement)
         found.modes[k], found.decided[k] = now.mode, now.decided
+        has_mode[k] = now.decided if lengths else not tracker.collects
         found.probabilities[k] = now.probabilities
         found.estimates[k], found.covariances[k] = now.estimate, now.covariance
         if now.recalculated is not None:
@@ -135,7 +137,7 @@ def _decide_piece(
             one[3] = first + decided[0]
         elif options.undecided == "likeliest":
             one[2] = found.probabilities[end - 1].argmax()
-    stated = np.flatnonzero(found.decided)
+    stated = np.flatnonzero(has_mode)
     if stated.size:
         found.modes[: stated[0]] = found.modes[stated[0]]
     if lengths:
@@ -144,8 +146,9 @@ def _decide_piece(
     begin = np.flatnonzero(np.diff(found.modes, prepend=-1))
     end = np.append(begin[1:], len(found.modes))
     when = np.where(found.decided[begin], begin, -1)
-    if stated.size and not found.decided[0]:
-        when[0] = stated[0]
+    decided = np.flatnonzero(found.decided[: end[0]])
+    if decided.size:
+        when[0] = decided[0]
     return replace(found, pieces=np.stack([begin, end, found.modes[begin], when], axis=1))
 
 

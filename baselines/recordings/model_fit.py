@@ -32,6 +32,7 @@ SMALLEST_PROCESS_NOISE = 1e-10  # Q tau^2 / R
 MAX_RADII = 3
 EVALUATIONS = 60  # of the simplex method
 DISTINCT = 0.25  # smallest difference of the logarithms of two radii that are proposed together
+SMALLEST_RADIUS = 3.0  # of a turn that is told from a standing object, over the standard deviation of the noise
 CLEARLY = 5.0  # difference of log-likelihoods beyond the criterion: the filters are only an approximation
 
 
@@ -84,9 +85,10 @@ def fit_model(
     grid: TickGrid, radii: Sequence[float] | None = None, measurement_variance: float | None = None,
     process_variance: float | None = None, duration: float | None = None, lengths: Sequence[int] = (),
 ) -> TrackModel:  # fmt: skip
-    """Find what is not given of a model by maximum likelihood; a recording that does not move is refused. Without radii
-    [unit of length], one to three are proposed, as many as the Bayesian information criterion allows. With a radar R is
-    its `nominal_variance`. With lengths, the ticks between known switches, the mean duration has no effect.
+    """Find what is not given of a model by maximum likelihood; a recording that does not move is refused, and one that
+    stands for a while, see `_check_radii`. Without radii [unit of length], one to three are proposed, as many as the
+    Bayesian information criterion allows. With a radar R is its `nominal_variance`. With lengths, the ticks between
+    known switches, the mean duration has no effect.
     """
     tau = grid.tau
     if grid.radar is not None:
@@ -127,12 +129,27 @@ def fit_model(
     if duration is None:
         duration = _counted_duration(likelihood.chunks, best)
         free.append("duration")
+    variance = best.measurement_variance * rough if measurement_variance is None else measurement_variance
+    if turns and {"radii", "measurement_variance"} <= set(free):
+        _check_radii([radius * scale for radius in best.radii], max(speed, SMALLEST_NOISE * scale), math.sqrt(variance))
     return TrackModel(
         tuple(radii) if radii is not None else tuple(sorted(radius * scale for radius in best.radii)),
-        best.measurement_variance * rough if measurement_variance is None else measurement_variance,
+        variance,
         best.process_variance * rough / tau**2 if process_variance is None else process_variance,
         duration, max(speed, SMALLEST_NOISE * scale) / tau, tau, tuple(free), turns, better,
     )  # fmt: skip
+
+
+def _check_radii(radii: Sequence[float], step: float, deviation: float) -> None:
+    """Refuse found radii that no object has which moves by a step in a tick: they are the noise while it stands."""
+    for radius in radii:
+        small = radius < SMALLEST_RADIUS * deviation < SMALLEST_RADIUS * step
+        if small or step / radius > 2.0 * math.pi:
+            why = f"below {SMALLEST_RADIUS:g} standard deviations ({deviation:.3g}) of the noise"
+            raise ArgumentError(
+                f"the object stands still in a part of the recording, which looks like turns of radius {radius:.3g}, "
+                f"{why if small else 'more than a turn in a tick'}: cut that part out, or give --radii"
+            )
 
 
 def nominal_variance(grid: TickGrid) -> float:

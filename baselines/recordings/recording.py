@@ -1,5 +1,6 @@
 """A recording: the measured positions of one object, in the units of its file."""
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -57,6 +58,9 @@ def make_recording(
         time_unit: unit of time; None is `s`, and `ticks` without times.
         further: `unit`, `epoch`, `projection`, `radar` and `rates` of `Recording`.
     """
+    radar = further.get("radar")
+    if radar is not None and (radar.period != 1 or math.isfinite(radar.range)):
+        raise reject("radar", radar, "no period and no range: a recording holds what was measured")
     values = np.array(positions, np.float64)
     if values.ndim != 2 or values.shape[1] != 2:
         raise ArgumentError(f"positions has shape {values.shape}: expected (n, 2)")

@@ -15,6 +15,7 @@ FAR = 7.0  # an outlier is this many standard deviations from its neighbours
 LONGEST_BURST = 10  # measurements between two jumps that are errors of the sensor
 USUAL, FASTEST = 0.9, 5.0  # quantile of the steps, and how many times it motion may reach
 
+STANDING, WIDEST = 10, 6.0  # measurements of an object that stands, and standard deviations between any two of them
 MOST_OUTLIERS = 0.1  # with a larger share far from their neighbours, the noise is not what its estimate says
 
 
@@ -120,6 +121,25 @@ def _split(piece: Piece, runs: list[IntArray], noise: float, step: float) -> lis
         values, rates = piece.measurements[first:end], piece.rates[first:end]
         found.append(Piece(piece.first + a, piece.first + b, ticks, late, values, rates))
     return found
+
+
+def standing_ticks(grid: TickGrid, variance: float, speed: float) -> int:
+    """Return the number of ticks in which the object stands: `STANDING` successive measurements are not farther apart
+    than noise, of a variance [unit of length squared] or as estimated, although the speed [unit of length / tick] takes
+    it far beyond.
+    """
+    apart = WIDEST * math.sqrt(max(variance, noise_estimate(grid) or 0.0))
+    if speed * STANDING < 5.0 * apart:
+        return 0
+    total = 0
+    for piece in grid.pieces:
+        rows = np.flatnonzero(~np.isnan(piece.measurements[:, 0]))
+        if len(rows) < STANDING:
+            continue
+        windows = np.lib.stride_tricks.sliding_window_view(piece.measurements[rows], STANDING, axis=0)
+        still = np.flatnonzero((np.ptp(windows, axis=2) < apart).all(1))
+        total += len(np.unique(still[:, None] + np.arange(STANDING)))
+    return total
 
 
 def median_speed(grid: TickGrid, noise: float) -> float:

@@ -13,7 +13,7 @@ from scipy.special import logsumexp
 
 from baselines.rules.decider import Observations
 from baselines.rules.measurements import in_heading_frame, in_rows, in_world, sensors_of
-from hybrid_env.checks import BoolArray, FloatArray
+from hybrid_env.checks import BoolArray, FloatArray, OwnState
 from hybrid_env.core.arrays import aligned_zeros
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.anchor_aware import AnchorAwareBank
@@ -128,7 +128,7 @@ def _filter_tick(
                 target[2] = innovation.log_variance[lane]
 
 
-class ComponentFilters:
+class ComponentFilters(OwnState):
     """One bank for each of N tracks and of C components of the distribution of its anchor. With `robust` a measurement
     that no hypothesis explains is an outlier, with a larger variance. There are filters for every law of `LAWS`,
     weighted by the likelihood of all measurements of the episode, and for three orientations of the heading frame if

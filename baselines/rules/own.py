@@ -1,5 +1,6 @@
 """Deciders that users bring: functions, classes and objects in Python, files, modules and entry points."""
 
+import contextlib
 import copy
 import functools
 import importlib
@@ -9,21 +10,26 @@ import sys
 import time
 import traceback
 import warnings
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 from gymnasium.error import InvalidAction
 
+from baselines.rules import own_modules
 from baselines.rules.decider import Actions, Decider, DeciderFamily
-from hybrid_env.checks import ArgumentError, BoolArray, check_number, reject
+from baselines.rules.own_modules import file_digest, import_file, import_named, named_digest
+from hybrid_env.checks import ArgumentError, BoolArray, check_choice, check_flag, check_number, reject
 
 ENTRY_POINTS = "hybridtrack.deciders"  # group of entry points by which packages name deciders
 SLOW_CALL, SLOW_TOTAL = 0.05, 20.0  # seconds; above both the user is told
 OURS = ("agents.", "baselines.")
+FILTER_OPTIONS = ("bank", "evidence", "follow", "reset_covariance", "likelihood", "hazard")
+"""Options that a decider may ask for: those of the filters, which leave the object and its measurements as they are."""
+ORACLE, TRUE_ANCHOR = "oracle", "true anchor"  # bank that is told where the object is; how titles name this
 
 
 class Adapted(Decider):
@@ -67,14 +73,15 @@ class Asked:
         if self._trusted:
             return self.decider.predict(seen, state, starts, deterministic=True)
         began = time.perf_counter()
-        try:
+        with _one_line(self.decider):
             actions, state = self.decider.predict(seen, state, starts, deterministic=True)
-        except (ArgumentError, InvalidAction):
-            raise
-        except Exception as error:
-            raise _failure(self.decider, error) from error
         self._watch(time.perf_counter() - began, len(seen))
         return self._checked(actions, len(seen)), state
+
+    def observe(self, tracks: Any) -> Any:
+        """Return what the decider observes of the arrays of an environment, see `Decider.observe`."""
+        with _one_line(self.decider):
+            return self.decider.observe(tracks)
 
     def _checked(self, actions: Any, tracks: int) -> Actions:
         try:
@@ -101,21 +108,25 @@ class Asked:
 
 def find_own(name: str) -> Any:
     """Return the object of "mine.py:MyRule", "package.module:Rule" or an entry point; None for another form."""
-    found = [point for point in entry_points(group=ENTRY_POINTS) if point.name == name]
+    point = _entry_point(name)
     where, colon, attribute = name.rpartition(":")
-    if not found and not (colon and attribute.isidentifier() and _is_source(where)):
+    if point is None and not (colon and attribute.isidentifier() and _is_source(where)):
         return None
-    place = name if found else where
-    try:
-        return found[0].load() if found else _load(where, attribute)
-    except AttributeError as error:
-        if isinstance(error.__context__, ImportError) or (attribute and attribute in str(error)):
-            raise reject("decider", name, f"a name that {place} defines") from error
-        raise _failure(place, error) from error
-    except ArgumentError:
-        raise
-    except (Exception, SystemExit) as error:
-        raise _failure(place, error) from error
+    place = name if point is not None else where
+    with _one_line(place):
+        try:
+            return _load(where, attribute) if point is None else _load_point(point)
+        except AttributeError as error:
+            if isinstance(error.__context__, ImportError) or (attribute and attribute in str(error)):
+                raise reject("decider", name, f"a name that {place} defines") from error
+            raise
+
+
+def own_digest(name: str) -> str | None:
+    """Return the digest of the sources of a decider that `find_own` has found; None if it is not known."""
+    point = _entry_point(name)
+    where = name.rpartition(":")[0] if point is None else point.module
+    return file_digest(Path(where).resolve()) if where.endswith(".py") else named_digest(where)
 
 
 def own_names() -> list[str]:
@@ -123,45 +134,95 @@ def own_names() -> list[str]:
     return sorted(point.name for point in entry_points(group=ENTRY_POINTS))
 
 
+def _entry_point(name: str) -> EntryPoint | None:
+    return next((point for point in entry_points(group=ENTRY_POINTS) if point.name == name), None)
+
+
 def own_family(model: Any, name: str, options: Any) -> DeciderFamily:
     """Return a user's decider at any threshold, for the options of an environment. With an attribute `thresholds` it is
     swept: a class is created with a threshold, a function called with it as its second argument, and an object gets it
-    as `threshold`. `default`, `title`, `symbol`, `task` and `options` are read if they exist, see `Decider`; the name
-    is for messages.
+    as `threshold`. `default`, `title`, `symbol`, `task`, `options` and `informed` are read if they exist, see
+    `Decider`; one that asks for the oracle bank is informed. The name is for messages. Raises `ArgumentError` for an
+    attribute that is not allowed.
     """
+    with _one_line(name):
+        return _family(model, name, options)
+
+
+def _family(model: Any, name: str, options: Any) -> DeciderFamily:
     task = getattr(model, "task", options.switches)
     if task != options.switches:
         raise reject("decider", name, f"one for {options.switches} switches; this one is for {task}")
-    given, rule = getattr(model, "thresholds", ()), isinstance(model, type) and issubclass(model, Decider)
+    rule = isinstance(model, type) and issubclass(model, Decider)
+    thresholds = _thresholds(model, name)
+    default = _default(model, name, thresholds)
+    title = _text(model, "title", name) or name_of(model)
+    symbol = _text(model, "symbol", name) or Decider.symbol
+    check_choice("observes", getattr(model, "observes", Decider.observes), ("rows", "tracks"))
+    needs = own_options(model, name, type(options))
+    if needs:
+        replace(options, **needs)  # checks the values
+    informed = check_flag("informed", getattr(model, "informed", False))
+    if needs.get("bank") == ORACLE:
+        informed, title = True, title if TRUE_ANCHOR in title else f"{title}, {TRUE_ANCHOR}"
+    known = model.family(options) if rule and thresholds else None
+
+    def make(threshold: float) -> Decider:
+        with _one_line(name):
+            made = model if known is None else known.make(threshold)
+            if known is None and thresholds:
+                made = _at_threshold(model, threshold)
+            decider = as_decider(made() if isinstance(made, type) else made)
+            if isinstance(decider, Adapted):
+                decider.task = task  # type: ignore[misc]
+            if informed:
+                decider.informed = True  # type: ignore[misc]
+        return decider
+
+    if known is not None:
+        return replace(known, name=title, make=make)
+    return DeciderFamily(title, symbol if thresholds else "", thresholds or (0.0,), default, make, options=needs)
+
+
+def own_options(model: Any, name: str, kind: type) -> dict[str, Any]:
+    """Return the options of the class `kind` that a user's decider asks for; refuse others than `FILTER_OPTIONS`."""
+    needs = getattr(model, "options", {})
+    known = [option for option in FILTER_OPTIONS if hasattr(kind, option)]
+    if not isinstance(needs, Mapping) or not all(option in known for option in needs):
+        raise reject("options", needs, f"a mapping with some of {', '.join(known)} in {name}")
+    return dict(needs)
+
+
+def _thresholds(model: Any, name: str) -> tuple[float, ...]:
+    given = getattr(model, "thresholds", ())
     try:
-        thresholds = tuple(check_number("thresholds", one) for one in given)
+        thresholds = tuple(check_number("thresholds", number) for number in given)
     except TypeError:
         raise reject("thresholds", given, f"a sequence of numbers in {name}") from None
     if len(set(thresholds)) < len(thresholds):
         raise reject("thresholds", given, f"different numbers in {name}")
-    title = str(getattr(model, "title", "") or name_of(model))
-    if rule and thresholds:
-        return replace(model.family(options), name=title)
-    default = getattr(model, "default", None)
-    if default not in thresholds:
-        default = thresholds[len(thresholds) // 2] if thresholds else 0.0
+    return thresholds
 
-    def make(threshold: float) -> Decider:
-        try:
-            made = _at_threshold(model, threshold) if thresholds else model
-            made = made() if isinstance(made, type) else made
-        except ArgumentError:
-            raise
-        except Exception as error:
-            raise _failure(name, error) from error
-        decider = as_decider(made)
-        if isinstance(decider, Adapted):
-            decider.task = task  # type: ignore[misc]
-        return decider
 
-    symbol = str(getattr(model, "symbol", Decider.symbol)) if thresholds else ""
-    needs = dict(getattr(model, "options", {}))
-    return DeciderFamily(title, symbol, thresholds or (0.0,), float(default), make, options=needs)
+def _default(model: Any, name: str, thresholds: tuple[float, ...]) -> float:
+    """Return the default threshold: the attribute if there is one, else that in the middle."""
+    given = getattr(model, "default", None)
+    if given is not None:
+        check_number("default", given, f"a number in {name}")
+    if not thresholds:
+        return 0.0
+    inherited = isinstance(model, Decider) or (isinstance(model, type) and issubclass(model, Decider))
+    if given not in thresholds and given is not None and not inherited:
+        raise reject("default", given, f"one of the thresholds in {name}")
+    return float(given) if given in thresholds else thresholds[len(thresholds) // 2]
+
+
+def _text(model: Any, attribute: str, name: str) -> str:
+    """Return an attribute that is a text of one line; empty if there is none."""
+    text = getattr(model, attribute, None)
+    if text is not None and not (isinstance(text, str) and text.isprintable()):
+        raise reject(attribute, text, f"a text of one line in {name}")
+    return text or ""
 
 
 def _at_threshold(model: Any, threshold: float) -> Any:
@@ -201,11 +262,22 @@ def _code(model: Any) -> Any:
     return getattr(inspect.unwrap(call), "__code__", None)
 
 
+@contextlib.contextmanager
+def _one_line(decider: Any) -> Iterator[None]:
+    """Turn what a user's code raises into an error of one line. It may not end the program either."""
+    try:
+        yield
+    except (ArgumentError, InvalidAction):
+        raise
+    except (Exception, SystemExit) as error:
+        raise _failure(decider, error) from error
+
+
 def _failure(decider: Any, error: BaseException) -> ArgumentError:
     """Return the error of one line for an exception in a user's code: decider, file, line, what happened."""
     frames = traceback.extract_tb(error.__traceback__)
     code = None if isinstance(decider, str) else _code(decider)
-    hidden = (__file__, importlib.__file__, "<frozen")
+    hidden = (__file__, own_modules.__file__, importlib.__file__, contextlib.__file__, "<frozen")
     outside = [one for one in frames if not one.filename.startswith(hidden)]
     own = [one for one in outside if code is not None and one.filename == code.co_filename]
     places = [f" in {Path(one.filename).name} line {one.lineno}" for one in own or outside]
@@ -242,22 +314,14 @@ def _load(where: str, attribute: str) -> Any:
     """Return an attribute of a Python file or a module."""
     if not where.endswith(".py"):
         _search(Path.cwd())
-        return getattr(importlib.import_module(where), attribute)
+        return getattr(import_named(where), attribute)
     path = Path(where).resolve()
     if not path.is_file():
         raise reject("decider", f"{where}:{attribute}", "a file that exists")
-    return getattr(_module(path, path.stat().st_mtime_ns), attribute)
+    return getattr(import_file(path), attribute)
 
 
-@functools.cache
-def _module(path: Path, changed: int) -> ModuleType:
-    """Import a Python file, once for each version of it; modules beside it can be imported."""
-    name = f"own_deciders_{path.stem}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    _search(path.parent)
-    sys.modules[name] = module  # dataclasses look their module up
-    spec.loader.exec_module(module)
-    return module
+def _load_point(point: EntryPoint) -> Any:
+    """Return the object that an entry point names."""
+    import_named(point.module)
+    return point.load()

@@ -60,7 +60,7 @@ def rollout(env: Any, model: Any, seed: int, unfinished: BoolArray | None = None
     starts, terminated = np.ones(tracks, np.bool_), np.zeros(tracks, np.bool_)
     now = Now(0, rows, rows, None, starts, terminated, actions, np.zeros(tracks), info)
     while True:
-        now.seen = now.observation if decider.observes == "rows" else decider.observe(env.world)
+        now.seen = now.observation if decider.observes == "rows" else ask.observe(env.world)
         yield now
         if drops and unfinished is not None:
             left = unfinished[running]

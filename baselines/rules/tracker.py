@@ -1,6 +1,5 @@
 """A decider on a live sensor: a measurement at a time gives mode, probabilities, estimate and covariance."""
 
-import copy
 import operator
 from typing import Any, NamedTuple
 
@@ -12,13 +11,13 @@ from baselines.rules.decider import Decider
 from baselines.rules.own import Asked, as_decider, name_of
 from baselines.rules.start import DEVIATIONS, FEW, MANY, PATIENCE, FirstMeasurements, gate_distance, unit_noise
 from hybrid_env import checks
-from hybrid_env.checks import FloatArray, check_array, check_integer, check_number, reject
+from hybrid_env.checks import FloatArray, OwnState, check_array, check_integer, check_number, reject
 from hybrid_env.core.compilation import prepare
 from hybrid_env.limits import check_ticks
 from hybrid_env.live import OnlineTrack, live_track
 from hybrid_env.options import ModelOptions, WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.sensors import Fused, fuse
+from hybrid_env.sensors import Fused, check_fused, fuse
 
 LONGEST_GAP = 1000  # ticks between two measurements
 
@@ -28,8 +27,10 @@ class OnlineEstimate(NamedTuple):
 
     Attributes:
         mode: the stated or last declared mode: 0 straight, then the left and the right turns in the order of the radii.
-        decided: False while the first measurements are collected, and with announced switches from a switch to the
-            declaration of its mode; then `mode` is the one before.
+        decided: False while the first measurements are collected; then with unknown switches as long as the mode is
+            only assumed: until the evidence for it reaches the threshold of the decider, the statement changes, or from
+            the start if `begin` is told the mode or the decider has no such threshold. With announced switches False
+            from a switch to the declaration of its mode; then `mode` is the one before.
         probabilities: (M,) of the modes.
         estimate: (4,) [x, vx, y, vy] [m, m/s]; NaN before the first measurement.
         covariance: (4, 4) of the estimate; variances that nothing is known of are infinite.
@@ -47,7 +48,7 @@ class OnlineEstimate(NamedTuple):
     recalculated: tuple[FloatArray, FloatArray] | None = None
 
 
-class OnlineTracker:
+class OnlineTracker(OwnState):
     """A decider behind the bank of its environment, on measurements that come one at a time.
 
     The same measurements, first estimate and switches give the same rows, modes and estimates as in the environment,
@@ -122,6 +123,7 @@ class OnlineTracker:
             raise reject("covariance", covariance, "None without an estimate")
         first = None if estimate is None else self._checked_estimate(estimate, covariance)
         self._mode = known
+        self._assumed = mode is None and not self.world.announced
         self._collected = FirstMeasurements(self.options, MANY if self.world.announced else FEW) if not first else None
         if first is not None:
             self.world.begin_track(*first, known)
@@ -190,16 +192,21 @@ class OnlineTracker:
                 self._refused += 1
                 self._skip()
         found = OnlineEstimate(
-            world.mode, world.decided, world.probabilities(), world.estimate(), world.covariance(), agrees,
-            world.recalculated,
+            world.mode, world.decided and not self._assumed, world.probabilities(), world.estimate(),
+            world.covariance(), agrees, world.recalculated,
         )  # fmt: skip
         if self._refused >= PATIENCE:  # the track begins anew; with announced switches in the same segment
-            passed, left = self._last_time, world.ticks_left
+            kept = self._last_time, world.ticks_left, self._assumed
             self.begin(mode=world.mode)
-            self._last_time, self._ticks = passed, left
+            self._last_time, self._ticks, self._assumed = kept
             assert self._collected is not None
             self._collected.estimate = world.estimate()  # until the first of them
         return found
+
+    @property
+    def collects(self) -> bool:
+        """Whether the next measurement is one of the first, after which the bank begins."""
+        return self._collected is not None
 
     def _skip(self) -> None:
         """Advance by one tick without a measurement."""
@@ -220,9 +227,6 @@ class OnlineTracker:
         if self._ticks is not None:
             self.world.begin_segment(self._ticks)
             self._ticks = None
-
-    def __copy__(self) -> "OnlineTracker":
-        return copy.deepcopy(self)  # two objects that share a bank would disturb each other
 
     def _missing_ticks(self, time: float | None) -> int:
         """Return the number of ticks between the last measurement and a time, without both."""
@@ -254,10 +258,17 @@ class OnlineTracker:
 
     def _ask_decider(self) -> int:
         """Return the action of the decider on the present row."""
-        seen = self.decider.observe(self.world)
-        actions, self._decider_state = self._ask(seen, self._decider_state, self._episode_start)
+        seen, first, evidence = self.decider.observe(self.world), self._episode_start, None
+        levels = [one.levels[-1] for one in self.decider.panel().thresholds] if self._assumed else []
+        if levels:
+            evidence = self.decider.evidence(seen, self._decider_state, first)[0]
+        actions, self._decider_state = self._ask(seen, self._decider_state, first)
+        action = operator.index(actions[0])
+        if self._assumed:
+            changed = not first[0] and action != self.world.mode
+            self._assumed = not changed and evidence is not None and evidence[action] < min(levels)
         self._episode_start = np.zeros(1, np.bool_)
-        return operator.index(actions[0])
+        return action
 
     def _try_decider(self) -> None:
         """Ask the decider about a row, so that its code is compiled and a wrong decider is found at once."""
@@ -282,8 +293,10 @@ class OnlineTracker:
 
 def _checked(measurement: Any, options: ModelOptions) -> Fused | None:
     """Return a checked measurement; two floats are checked without an array, which would be slow."""
-    if measurement is None or isinstance(measurement, Fused):
-        return measurement
+    if measurement is None:
+        return None
+    if isinstance(measurement, Fused):
+        return check_fused("measurement", measurement)
     if isinstance(measurement, dict):
         return fuse(options.sensors, measurement)
     x, y = measurement if isinstance(measurement, tuple) and len(measurement) == 2 else (None, None)

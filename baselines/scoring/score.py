@@ -109,7 +109,8 @@ def score(
         times: (n,) increasing times of the truth, numbers or datetimes (seconds); a list of them for several tracks.
         truth: (n,) true modes, or a list of such arrays.
         statements: (n,) stated modes, or a list of such arrays; of several sets a dict by their names.
-        statement_times: as `statements`, with their times; None are those of the truth.
+        statement_times: as `statements`, with their times; None are those of the truth. Both may be empty, of a track
+            on which nothing is stated.
         per: time in which false changes are counted, in the unit of the times; an hour if these are seconds.
         normal: true mode, away from which a false change is a false alarm, counted in the time in which it is true.
     """
@@ -129,11 +130,15 @@ def score(
     for name, stated in sets.items():
         place = f"statements[{name!r}]" if isinstance(statements, Mapping) else "statements"
         own = statement_times.get(name) if isinstance(statement_times, Mapping) else statement_times
-        found = _tracks("times" if own is None else "statement_times", times if own is None else own, place, stated)
+        found = _tracks(
+            "times" if own is None else "statement_times", times if own is None else own, place, stated, True
+        )
         if len(found) != len(true):
             raise ArgumentError(f"{place} has {len(found)} tracks: expected {len(true)}, as the truth")
+        found = [track if track.modes else _Track(at.times[:1], [None]) for track, at in zip(found, true, strict=True)]
         coded = [track.coded(codes) for track in found]
-        if not any(NOTHING < mode < known for track in coded for mode in track.modes):
+        spoken = {mode for track in coded for mode in track.modes} - {NOTHING}
+        if spoken and min(spoken) >= known:
             shown = sorted({str(mode) for track in found for mode in track.modes})[:5]
             modes = ", ".join(str(mode) for mode in list(codes)[:known][:5])
             raise reject(place, shown, f"modes of the truth, such as {modes}")
@@ -142,8 +147,8 @@ def score(
     return TimelineScores(scores, timelines, tuple(codes), period, normal)
 
 
-def _tracks(name: str, times: Any, word: str, modes: Any) -> list[_Track]:
-    """Return the tracks of one or several arrays of times and modes."""
+def _tracks(name: str, times: Any, word: str, modes: Any, may_be_empty: bool = False) -> list[_Track]:
+    """Return the tracks of one or several arrays of times and modes; those of statements may be empty."""
     first = next(iter(times), 0.0) if dimensions(times) == 1 else times
     if dimensions(times) == 1 and (isinstance(first, str) or dimensions(first) != 1):
         times, modes = [times], [modes]
@@ -159,7 +164,8 @@ def _tracks(name: str, times: Any, word: str, modes: Any) -> list[_Track]:
         if dimensions(values) != 1 or len(values) != len(clock):
             shape = np.shape(values)
             raise ArgumentError(f"{word} has shape {shape} for {len(clock)} {place}: expected one mode for each")
-        found.append(_Track(_times(place, clock), np.asarray(values, object).tolist()))
+        is_empty = may_be_empty and not len(clock)
+        found.append(_Track(np.zeros(0) if is_empty else _times(place, clock), np.asarray(values, object).tolist()))
     return found
 
 

@@ -4,8 +4,9 @@ With NumPy's error model a division has no branch that raises, so that loops ove
 the GIL threads step different tracks in parallel. With NUMBA_BOUNDSCHECK=1 every index is checked; the code is then
 only cached in the folder NUMBA_CACHE_DIR, because numba does not tell it from code without checks. numba compares a
 cached function with the file that defines it, but not with those of its callees, and has no checksums. Its public
-interface has no hook for either: this file knows the names of its cache files, `<file>.<function>-*.nbi` and `.nbc` in
-the folder `stats.cache_path` of a function. If these names change, nothing is found, and nothing is removed.
+interface has no hook for either: this file stands before the method `compile` of every function, and knows the
+names of its cache files, `<file>.<function>-*.nbi` and `.nbc` in the folder `stats.cache_path` of a function. If these
+names change, nothing is found, and nothing is removed.
 """
 
 import functools
@@ -13,6 +14,7 @@ import gc
 import itertools
 import os
 import sys
+import threading
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -26,6 +28,7 @@ from numba.extending import register_jitable
 config: Any = numba.config  # filled at run time
 
 PATTERN = "*.nb[ic]"
+_one_thread = threading.RLock()  # else one with the file of a callee could wait for one that compiles its caller
 _number = itertools.count(1)  # of the functions that this process has compiled
 
 OPTIONS: Any = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
@@ -44,15 +47,19 @@ on the processor: not for environments and banks.
 
 
 def compiled(function: Callable[..., Any]) -> Any:
-    """Decorator of a function called from Python, after `prepare`. Its machine code is cached on disk."""
+    """Decorator of a function called from Python. Its machine code is cached on disk: it is compiled or loaded at its
+    first call, or by `prepare`.
+    """
     if config.DISABLE_JIT:
         return function
     cached = not config.BOUNDSCHECK or bool(config.CACHE_DIR)
     try:
         dispatcher = njit(**OPTIONS, cache=cached)(function)
     except RuntimeError:  # numba found no folder that it can write to
-        return njit(**OPTIONS)(function)
+        dispatcher = njit(**OPTIONS)(function)
     drop_stale_files(dispatcher.stats.cache_path, function.__module__.partition(".")[0])
+    # numba calls it for each new types of arguments, also where compiled code calls the function
+    dispatcher.compile = functools.partial(_compile, dispatcher, dispatcher.compile)
     return dispatcher
 
 
@@ -69,19 +76,25 @@ def drop_stale_files(cache: str | None, package: str) -> None:
 
 
 def prepare(dispatcher: Any, *arguments: Any) -> None:
-    """Compile a `compiled` function for the types of these arguments, or load it from the cache. One line on stderr
-    announces each compilation. Of several processes one compiles, and the others load its files. Damaged files are
-    removed; if that is not allowed, or with NUMBA_DISABLE_JIT, `RuntimeError` is raised.
+    """Compile a `compiled` function for the types of these arguments before it is called. Raises `RuntimeError` with
+    NUMBA_DISABLE_JIT.
     """
     if config.DISABLE_JIT:
         raise RuntimeError("NUMBA_DISABLE_JIT is set: only the scalar formulas run without compilation")
-    types = tuple(map(typeof, arguments))
+    dispatcher.compile(tuple(map(typeof, arguments)))
+
+
+def _compile(dispatcher: Any, numba_compile: Callable[[Any], Any], types: Any) -> Any:
+    """Compile a function for types of its arguments, or load it from the cache; return its entry point. One line on
+    stderr announces each compilation. Of several processes one compiles, and the others load its files. Damaged files
+    are removed; `OSError` is raised if that is not allowed.
+    """
     if types in dispatcher.signatures:
-        return
+        return numba_compile(types)
     folder, code = dispatcher.stats.cache_path, dispatcher.py_func.__code__
     # what the names of the files of the function begin with
     name = folder and Path(folder) / f"{Path(code.co_filename).stem}.{dispatcher.py_func.__qualname__}"
-    with _alone(name):
+    with _one_thread, _alone(name):
         _remove_damaged(name)
         for found in (_files(name) != [], False):
             if not found:
@@ -89,12 +102,12 @@ def prepare(dispatcher: Any, *arguments: Any) -> None:
             collects = gc.isenabled()
             gc.disable()  # it would take a fifth of the time of a compilation
             try:
-                dispatcher.compile(types)
+                entry = numba_compile(types)
                 _save_checksums(name)
-                return
+                return entry
             except Exception:  # unpickling a damaged file can raise anything
                 if types in dispatcher.signatures:
-                    return  # compiled, but not saved: the disk is full or read-only
+                    return numba_compile(types)  # compiled, but not saved: the disk is full or read-only
                 if not found:
                     raise
                 _remove(name)
@@ -126,12 +139,16 @@ def _checksum(path: Path) -> str:
 
 
 def _remove_damaged(name: Path | None) -> None:
-    """Remove all files of a function if one of them differs from its checksum."""
-    if name is not None and (checksums := name.with_name(f"{name.name}.checksums")).exists():
-        known = set(checksums.read_text(errors="replace").splitlines())
-        names = {line.partition(" ")[2] for line in known}
-        if any(path.name in names and _checksum(path) not in known for path in _files(name)):
-            _remove(name)
+    """Remove all files of a function if they are not those of its checksums."""
+    if name is None:
+        return
+    try:
+        known = name.with_name(f"{name.name}.checksums").read_text(errors="replace").splitlines()
+        damaged = known != [_checksum(path) for path in _files(name)]
+    except OSError:  # there are no checksums, or a file cannot be read
+        damaged = True
+    if damaged:
+        _remove(name)
 
 
 def _save_checksums(name: Path | None) -> None:
@@ -145,12 +162,12 @@ def _save_checksums(name: Path | None) -> None:
 
 
 def _remove(name: Path | None) -> None:
-    """Remove the files of a function. Raises `RuntimeError` if that is not allowed."""
+    """Remove the files of a function. Raises `OSError` if that is not allowed."""
     try:
         for path in _files(name):
             path.unlink(missing_ok=True)
     except OSError:
-        raise RuntimeError(f"the compilation cache {name} is damaged: remove it, or set NUMBA_CACHE_DIR") from None
+        raise OSError(f"the compilation cache {name} is damaged: remove it, or set NUMBA_CACHE_DIR") from None
 
 
 def _announce(dispatcher: Any, name: Path | None) -> None:

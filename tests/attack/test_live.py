@@ -1,5 +1,6 @@
 """Live tracks under attack: an update is refused in one line or finite, and the track is found again."""
 
+import copy
 import functools
 
 import numpy as np
@@ -9,6 +10,7 @@ from online_episodes import COMMON
 
 from baselines import BeamDecider, CusumDecider, MSPRTDecider, OnlineTracker, SPRTDecider, ThresholdDecider
 from hybrid_env import QuickestOptions, WorldOptions
+from hybrid_env.sensors import Fused
 
 DISTURBED, STEADY = 40, 50
 FOUND = 263, 515, 3146  # once without an estimate after a new start, or never found again
@@ -17,7 +19,14 @@ DECIDERS = {
     "beam": lambda options: BeamDecider(options, branches=5), "msprt": lambda options: MSPRTDecider(0.02),
     "ate": lambda options: SPRTDecider(0.05),
 }  # fmt: skip
-KINDS = ["errors", "place", "jump", "zero", "missing", "gap", "value", "time"]
+KINDS = ["errors", "place", "jump", "zero", "missing", "gap", "value", "sensor", "copy", "time"]
+
+
+def sensor_value(generator):
+    """Return what a caller may take for the measurement of sensors, with any values."""
+    anything = [*VALUES, np.nan, -1.0, 0.0, 1e30, (1.0, 2.0), (1.0, 0.0, 1.0), (1.0, 2.0, 1.0)]
+    one, two, three = (anything[k] for k in generator.integers(len(anything), size=3))
+    return {0: one} if generator.random() < 0.3 else Fused((one, 1.0) if generator.random() < 0.5 else two, two, three)
 
 
 @functools.cache
@@ -69,11 +78,15 @@ def attack_live(seed):
         elif kind == "value":
             near = generator.random() < 0.5
             given = tuple(10.0 ** generator.uniform(-300, 31, 2)) if near else VALUES[generator.integers(len(VALUES))]
+        elif kind == "sensor":
+            given = sensor_value(generator)
+        elif kind == "copy":
+            accepted(functools.partial(copy.copy(tracker).update, (1e3, -1e3), time))
         elif kind == "time":
             time = generator.choice([clock - 3.0 * tau, clock + 0.4 * tau, clock * 1e9, np.nan, np.inf])
         found = accepted(functools.partial(tracker.update, given, time))
         if found is None:
-            assert kind in ("value", "time"), (seed, k, kind)
+            assert kind in ("value", "sensor", "time"), (seed, k, kind)
             continue
         measured |= given is not None
         assert np.isfinite(found.estimate).all() or not measured, (seed, k, kind)

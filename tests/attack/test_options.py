@@ -18,6 +18,7 @@ from random_worlds import random_options, soak
 from hybrid_env import FixedScheme, RandomScheme, Segment, WorldOptions
 from hybrid_env.checks import ArgumentError
 from hybrid_env.limits import RANGES
+from hybrid_env.noises import GaussianNoise, LevyNoise, Noise, OutlierNoise, StudentNoise
 from hybrid_env.registration import ENVIRONMENTS, environment_options
 
 NAMES = sorted(field.name for field in dataclasses.fields(WorldOptions))
@@ -59,7 +60,20 @@ others = st.one_of(
     st.dictionaries(st.text(), numbers, max_size=2),
     st.sampled_from([object(), len, int, np.timedelta64(5, "s"), decimal.Decimal(5), datetime.date(2020, 1, 1)]),
 )
-values = st.one_of(numbers, sequences, words, others)
+
+
+@st.composite
+def laws(draw):
+    """Return a law of noise, of the package or an own subclass, whose numbers may have been replaced."""
+    base = draw(st.sampled_from([Noise, GaussianNoise, OutlierNoise, LevyNoise, StudentNoise]))
+    own = {"example": draw(st.text()), "law": draw(numbers), "numbers": draw(st.tuples(numbers, numbers, numbers))}
+    law = object.__new__(type("OwnNoise", (base,), own) if draw(st.booleans()) else base)
+    for field in dataclasses.fields(base):
+        object.__setattr__(law, field.name, draw(numbers))
+    return law
+
+
+values = st.one_of(numbers, sequences, words, others, laws())
 
 
 @st.composite
@@ -146,6 +160,7 @@ PLACES = [
     for one in ENVIRONMENTS for tracks in (0, 3) for name in (*OF_ENV[one], *OF_VECTOR, "seed")
 ]  # fmt: skip
 KINDS = {
+    "noise": (lambda law: check_world({"scheme": "random 3x1-5", "noise": law}), [laws()]),
     "gym.make": (lambda place, value: check_env(*place, value), [st.sampled_from(PLACES), values]),
     "one value": (check_value, [st.integers(0, 2**32), st.sampled_from(NAMES) | st.text(min_size=1), values]),
     "numbers": (

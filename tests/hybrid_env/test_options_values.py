@@ -5,6 +5,7 @@ import dataclasses
 import datetime
 import decimal
 import fractions
+import functools
 import math
 import pickle
 
@@ -13,9 +14,19 @@ import pytest
 from hostile_input import refused
 from random_worlds import unit_scales
 
-from hybrid_env import FixedScheme, HybridTrackVectorEnv, Layout, RandomScheme, Segment, WorldOptions, parse_scheme
+from hybrid_env import (
+    FixedScheme,
+    HybridTrackVectorEnv,
+    Layout,
+    QuickestOptions,
+    RandomScheme,
+    Segment,
+    WorldOptions,
+    parse_scheme,
+)
 from hybrid_env.limits import LARGEST_TURN, MAX_PIECES, MAX_RADII, RANGES
-from hybrid_env.noises import GaussianNoise
+from hybrid_env.noises import GaussianNoise, LevyNoise, Noise, OutlierNoise, StudentNoise
+from hybrid_env.simulation import simulate
 
 
 def plain(value):
@@ -129,6 +140,59 @@ OUTSIDE = [
 def test_values_outside_the_range_are_refused_with_the_range(given):
     message = refused(WorldOptions, **given)
     assert any(name in message.partition("=")[0] for name in ("radii", "measurement_variance", *given))
+
+
+def own_law(base, example, law, numbers):
+    """Return a law that is not one of the package: a subclass of a class of `hybrid_env.noises`."""
+    return type("OwnNoise", (base,), {"example": example, "law": law, "numbers": numbers})
+
+
+def changed(law, **numbers):
+    """Return a law whose numbers were replaced after their check."""
+    for name, number in numbers.items():
+        object.__setattr__(law, name, number)
+    return law
+
+
+OWN_LAWS = {
+    "unknown number": own_law(Noise, "own", 4, (0.0, 1.0, math.inf))(),
+    "negative number": own_law(Noise, "own", -1, (0.0, 1.0, math.inf))(),
+    "number of a text": own_law(Noise, "own", "4", (0.0, 1.0, math.inf))(),
+    "known number": own_law(Noise, "own", 2, (1.5, 1.0, 44.0))(),
+    "name of a law": own_law(Noise, "gaussian", 9, (0.0, 1.0, math.inf))(),
+    "too few parameters": own_law(Noise, "own", 1, (0.0,))(),
+    "too many parameters": own_law(Noise, "own", 1, (0.0, 1.0, 2.0, 3.0))(),
+    "not finite": own_law(Noise, "own", 2, (math.nan, math.inf, math.nan))(),
+    "nothing declared": type("OwnNoise", (Noise,), {})(),
+    "of normal noise": own_law(GaussianNoise, "gaussian", 0, (0.0, 2.0, math.inf))(),
+    "of a law with numbers": own_law(LevyNoise, "levy 1.5 1 44", 9, ("index", "scale", "clip"))(1.5),
+    "the base": Noise(),
+    "a class": GaussianNoise,
+}
+CHANGED_LAWS = {
+    "NaN": changed(StudentNoise(3.0), freedom=math.nan),
+    "infinite": changed(OutlierNoise(0.1), ratio=math.inf),
+    "out of range": changed(LevyNoise(1.5), index=9.0),
+    "a text": changed(LevyNoise(1.5), clip="44"),
+}
+
+
+@pytest.mark.parametrize("law", (OWN_LAWS | CHANGED_LAWS).values(), ids=OWN_LAWS | CHANGED_LAWS)
+@pytest.mark.parametrize(
+    "use", [WorldOptions, QuickestOptions, functools.partial(simulate, "S9")], ids=["world", "quickest", "simulate"]
+)
+def test_a_law_of_noise_that_the_kernel_cannot_draw_is_refused(use, law):
+    refused(use, noise=law)
+
+
+@pytest.mark.parametrize("law", OWN_LAWS.values(), ids=OWN_LAWS)
+def test_a_bank_cannot_assume_an_own_law_of_noise(law):
+    refused(WorldOptions, likelihood=law)
+
+
+@pytest.mark.parametrize("law", [GaussianNoise(), OutlierNoise(0.1), LevyNoise(1.5, 1.0, 44.0), StudentNoise(3.0)])
+def test_a_law_of_noise_of_the_package_is_stored_as_it_is(law):
+    assert WorldOptions(noise=law).noise == law == WorldOptions(noise=str(law)).noise
 
 
 def test_values_at_the_limits_are_accepted():

@@ -39,8 +39,8 @@ def test_options_and_arrays_of_an_environment_cannot_be_replaced(make):
 def test_a_copy_has_memory_of_its_own_and_continues_alike(make, options, tracks, threads):
     env = make(tracks, threads=threads, **options)
     env.reset(seed=0)
-    copies = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]
-    for world in (copies[0].world, copies[1].world, copy.copy(env.world)):
+    copies = [copy.deepcopy(env), copy.copy(env), pickle.loads(pickle.dumps(env))]
+    for world in (*(other.world for other in copies), copy.copy(env.world)):
         for name, array in world.arrays().items():
             np.testing.assert_array_equal(array, env.world.arrays()[name])
             assert not np.shares_memory(array, env.world.arrays()[name])

@@ -5,7 +5,16 @@ import numpy as np
 import pytest
 
 import hybrid_env
-from hybrid_env import FixedScheme, HybridTrackEnv, Layout, RandomScheme, Segment, WorldOptions, parse_scheme
+from hybrid_env import (
+    FixedScheme,
+    HybridTrackEnv,
+    Layout,
+    QuickestLayout,
+    RandomScheme,
+    Segment,
+    WorldOptions,
+    parse_scheme,
+)
 from hybrid_env.checks import ArgumentError
 from hybrid_env.scheme import SCHEMES, segment_table
 
@@ -71,6 +80,16 @@ def test_a_layout_is_determined_by_its_width_and_invalid_widths_raise():
     for width in (0, 27, 29, 40):
         with pytest.raises(ArgumentError, match="observation shape"):
             Layout(3).read(np.zeros((5, width), np.float32), "log_ratio")
+
+
+@pytest.mark.parametrize("kind", [Layout, QuickestLayout])
+@pytest.mark.parametrize("hypotheses", [3, 21])
+def test_a_layout_shows_where_its_quantities_are(kind, hypotheses):
+    layout = kind(hypotheses)
+    title, _, listed = repr(layout).partition(": ")
+    assert title == f"{kind.__name__}({hypotheses})"
+    places = dict(entry.split(" ") for entry in listed.split(", "))
+    assert places == {name: f"{place.start}:{place.stop}" for name, place in layout.slices.items()}
 
 
 def test_repeated_registration_of_the_ids_does_not_raise():

@@ -16,6 +16,7 @@ from tools.bench.timing import Measurement, markdown, words
 GROUPS: dict[str, Callable[[], Iterator[Measurement]]] = {
     "single": environments.single_environment,
     "vector": environments.vector_environment,
+    "gymnasium": environments.gymnasium_benchmark,
     "quickest": environments.unknown_switches,
     "threads": environments.threads,
     "banks": environments.banks,

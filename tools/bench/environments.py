@@ -6,11 +6,13 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.utils import performance
 from gymnasium.vector import SyncVectorEnv, VectorEnv
 
 from hybrid_env import HybridTrackEnv, HybridTrackVectorEnv
 from hybrid_env.registration import make_track_vector_env, make_vector_env
-from tools.bench.timing import Measurement, measure_in_turn, speed_ratio
+from tools.bench import timing
+from tools.bench.timing import Measurement, figure, measure_in_turn, speed_ratio
 
 BANK_RADII = tuple(float(radius) for radius in range(1, 11))
 BANKS: dict[str, tuple[float, ...]] = {"3 hypotheses": (5.0,), "21 hypotheses": BANK_RADII}
@@ -64,6 +66,18 @@ def vector_environment() -> Iterator[Measurement]:
     times = measure_in_turn(waiting_step(_tracks(64)), _cartpole_step(64, sync))
     group = "vector environment against CartPole in SyncVectorEnv"
     yield speed_ratio(group, "3 hypotheses, 64 tracks", *times)
+
+
+def gymnasium_benchmark() -> Iterator[Measurement]:
+    """Steps a second of Gymnasium's own `benchmark_vector_step`, of N tracks and of CartPole. Two of three random
+    actions are declarations, which run the rest of a segment within the step, mostly more than 50 ticks.
+    """
+    for tracks in (8, 64, 1024):
+        for env_id in (ENV_ID, "CartPole-v1"):
+            env = gym.make_vec(env_id, tracks, vectorization_mode="vector_entry_point")
+            rates = [performance.benchmark_vector_step(env, timing.WHOLE_SECONDS, seed=0) for _ in range(3)]
+            name = f"{env_id.removeprefix('hybrid_env:')}, {tracks:,} tracks"
+            yield figure("benchmark_vector_step of Gymnasium, random actions", name, rates, "steps/s")
 
 
 def unknown_switches() -> Iterator[Measurement]:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 REPETITIONS = 7
 SECONDS = 0.05  # of one measurement, about
+WHOLE_SECONDS = 1  # of one measurement by Gymnasium
 
 
 @dataclass(frozen=True)

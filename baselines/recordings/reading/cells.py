@@ -1,5 +1,6 @@
 """The cells of a file as a table, and from cells to numbers and times."""
 
+import re
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -129,6 +130,12 @@ def _from_numbers(table: Table, column: int, values: FloatArray, unit: str | Non
         name = f"{table.file}: unit of {table.label(column)}"
         raise reject(name, unit, f"one of {', '.join(SECONDS)}: see --time-unit")
     _check_times(table, column, values)
+    clock = _clock_seconds(values) if unit is None else None
+    if clock is not None:
+        if np.ptp(values // 1e6):  # a date stands before the time of day
+            allowed = "--time-unit with a format such as '%Y%m%d%H%M%S'"
+            raise reject(f"{table.file}: {table.label(column)}", table.frame[column].iloc[0], allowed)
+        return Times(clock, None, "hours, minutes and seconds (HHMMSS)")
     since_1970 = epoch_unit(values)
     if since_1970 is None or unit not in (None, since_1970):
         scale = SECONDS[unit.lower()] if unit else 1.0
@@ -142,6 +149,20 @@ def _from_numbers(table: Table, column: int, values: FloatArray, unit: str | Non
     return Times(seconds, f"{date.isoformat()}Z", f"{EPOCH_UNITS[since_1970]} since 1970")
 
 
+def _clock_seconds(values: FloatArray) -> FloatArray | None:
+    """Return the seconds of numbers that are times of day such as 101559, None if they are not: minutes and seconds
+    never exceed 59, and the steps, which jump by 40 at each minute, are more even without that.
+    """
+    hours, minutes, seconds = values // 1e4 % 100, values // 100 % 100, values % 100
+    if values.min() < 0.0 or hours.max() > 23 or minutes.max() > 59 or seconds.max() >= 60.0:
+        return None
+    clock = 3600.0 * hours + 60.0 * minutes + seconds
+    steps, clock_steps = np.diff(values[np.diff(values, prepend=-1.0) != 0.0]), np.diff(np.unique(clock))
+    if len(steps) < 2 or len(clock_steps) < 2 or not np.ptp(clock_steps) < np.ptp(steps):
+        return None
+    return clock
+
+
 def _from_dates(cells: "pd.Series[object]", form: str | None) -> "tuple[pd.Series[object], str]":
     """Dates, durations or times of day of cells, NaT where they are none, and how they were understood."""
     if pd.api.types.is_timedelta64_dtype(cells):
@@ -153,7 +174,7 @@ def _from_dates(cells: "pd.Series[object]", form: str | None) -> "tuple[pd.Serie
     if form is not None:
         try:
             return pd.to_datetime(texts, format=form, utc=True, errors="coerce"), kind
-        except ValueError as error:
+        except (ValueError, LookupError, TypeError, OverflowError, re.error) as error:  # of the pattern that it becomes
             raise reject("time_unit", form, f"a format of dates ({error})") from None
     first, texts = str(texts.iloc[0]), texts.str.replace(",", ".")
     if first.count(":") == 2 and first.find(":") <= 2:

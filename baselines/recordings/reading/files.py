@@ -11,23 +11,23 @@ from collections import Counter
 from pathlib import Path
 
 import gpxpy
+import gpxpy.gpxfield
 import pandas as pd
 import pyarrow as pa
 import pyarrow.csv
-import pyarrow.parquet
 
+from baselines.recordings.reading import sizes
 from baselines.recordings.reading.cells import MISSING, Table, counted
 from baselines.recordings.reading.igc import IgcLog, is_igc, parse_igc
 from baselines.recordings.reading.names import role_of
+from baselines.recordings.reading.parquet import read_parquet
+from baselines.recordings.reading.sizes import check_size
 from hybrid_env.checks import ArgumentError, reject
 
-MAX_BYTES = 250_000_000  # of a file, and of what it holds
-MAX_ROWS = 2_500_000  # `hybridtrack track` then needs a few gigabytes of memory at most
 MAX_LINE = 50_000  # characters
-MAX_COLUMNS = 2_000
+MAX_COMMENTS = 10_000  # lines before the header
 HEAD_ROWS = 50  # number of rows from which the delimiter is found
 LONGEST_NAME = 80  # characters of the path in a message
-INDEX = "__index_level_0__"
 ALLOWED = "a CSV, TSV, Parquet, GPX or IGC file"
 DELIMITERS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','", " ": "space"}  # delimiters and their names in messages
 TEXT_BYTES = bytes({9, 10, 12, 13, *range(32, 256)})  # bytes that a text may have
@@ -38,13 +38,13 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     name, content = _content(Path(path))
     start = content[:1000].removeprefix(b"\xef\xbb\xbf").lstrip()
     if start[:4] == b"PAR1":
-        return _read_parquet(content, name)
+        return read_parquet(content, name)
     if start[:1] == b"<":
         return _read_gpx(content, name)
-    if is_igc(content):
-        log = parse_igc(name, content)
+    log = _log(name, content)
+    if log is not None:
         frame = pd.DataFrame(dict(enumerate((log.times, log.latitudes, log.longitudes))))
-        return Table(name, frame, ("time", "lat", "lon"), row_word="position")
+        return Table(name, frame, ("time", "lat", "lon"), row_word="position", notes=log.notes)
     if start[:4] in (b"PK\x03\x04", b"\xd0\xcf\x11\xe0"):
         raise reject("file", name, f"{ALLOWED}, not a workbook or archive: export it as CSV")
     return _read_text(content, name)
@@ -52,8 +52,15 @@ def read_table(path: str | os.PathLike[str]) -> Table:
 
 def read_igc(path: Path) -> IgcLog | None:
     """Return the log if a file is one. Raises `ArgumentError` if it has no positions."""
-    name, content = _content(path)
-    return parse_igc(name, content) if is_igc(content) else None
+    return _log(*_content(path))
+
+
+def _log(name: str, content: bytes) -> IgcLog | None:
+    """Return the log if the content of a file is one."""
+    if not is_igc(content):
+        return None
+    check_size(content.count(b"\nB"), name)
+    return parse_igc(name, content)
 
 
 def _content(path: Path) -> tuple[str, bytes]:
@@ -64,7 +71,7 @@ def _content(path: Path) -> tuple[str, bytes]:
             raise reject("file", name, f"{ALLOWED}, not a folder")
         if not path.is_file():  # for example a named pipe, which would wait for its writer
             raise reject("file", name, f"an existing file: {ALLOWED}")
-        size, most = path.stat().st_size / 1e6, MAX_BYTES / 1e6
+        size, most = path.stat().st_size / 1e6, sizes.MAX_BYTES / 1e6
         if size > most:
             allowed = f"a file of at most {most:.0f} MB, not {size:.0f} MB: split the recording"
             raise reject("file", name, allowed)
@@ -78,35 +85,21 @@ def _content(path: Path) -> tuple[str, bytes]:
         return name, content
     try:
         with gzip.open(io.BytesIO(content)) as stream:
-            content = stream.read(MAX_BYTES + 1)
+            most_bytes = min(sizes.MAX_BYTES, max(sizes.MAX_RATIO * len(content), sizes.ALWAYS_BYTES))
+            content = stream.read(most_bytes + 1)
     except (OSError, EOFError, zlib.error) as error:
         raise ArgumentError(f"{name}: the gzip file is damaged or cut off ({error})") from None
-    if len(content) > MAX_BYTES:
-        raise reject("file", name, f"at most {most:.0f} MB when decompressed: split the recording")
+    if len(content) > most_bytes:
+        allowed = f"at most {most_bytes / 1e6:.0f} MB when decompressed: decompress it first, or split the recording"
+        raise reject("file", name, allowed)
     return name, content
-
-
-def _read_parquet(content: bytes, name: str) -> Table:
-    try:
-        file = pyarrow.parquet.ParquetFile(pa.BufferReader(content))
-        rows, names = file.metadata.num_rows, file.schema_arrow.names
-        if rows > MAX_ROWS:
-            raise ArgumentError(f"{name}: {rows:,} rows, more than {MAX_ROWS:,}: split the recording")
-        frame = file.read(use_threads=False).to_pandas(ignore_metadata=True)
-    except ArgumentError:
-        raise
-    except (pa.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
-        raise ArgumentError(f"{name}: the Parquet file is damaged ({error})") from None
-    if not rows:
-        raise reject("file", name, "a file with rows, not an empty table")
-    # pandas writes an index without a name as the last column
-    order = sorted(range(len(names)), key=lambda k: names[k] != INDEX)
-    frame = frame.iloc[:, order].set_axis(range(len(names)), axis=1)
-    return Table(name, frame, tuple("" if names[k] == INDEX else names[k] for k in order))
 
 
 def _read_gpx(content: bytes, name: str) -> Table:
     """Read the track points of a GPX file: time, lat, lon, and the track and the segment of each point."""
+    check_size(content.count(b"<trkpt"), name)
+    if content.count(b"<") > sizes.MAX_TAGS:
+        raise ArgumentError(f"{name}: more than {sizes.MAX_TAGS:,} tags are not allowed: split the recording")
     try:
         tracks = gpxpy.parse(content.decode("utf-8-sig")).tracks
     except (gpxpy.gpx.GPXException, ValueError, TypeError, LookupError, RecursionError) as error:
@@ -123,14 +116,29 @@ def _read_gpx(content: bytes, name: str) -> Table:
         raise reject("file", name, "a GPX file with track points (trkpt)")
     segments = pd.factorize(frame.pop("segment"))[0]
     times = frame.pop("time").astype(object)
+    if times.isna().any():
+        _check_gpx_times(content, name)
     if times.notna().any():
         frame.insert(0, "time", pd.to_datetime(times, utc=True))
     names = tuple(frame.columns)
     return Table(name, frame.set_axis(range(len(names)), axis=1), names, row_word="point", segments=segments)
 
 
+def _check_gpx_times(content: bytes, name: str) -> None:
+    """Refuse a time of a track that gpxpy does not read; it takes such points for ones without a time."""
+    for cell in re.findall(rb"<(?:\w+:)?time\b[^<>]*>([^<]*)<", content[content.find(b"<trk") :]):
+        text = cell.decode("utf-8", errors="replace").strip()
+        try:
+            gpxpy.gpxfield.parse_time(text)
+        except (gpxpy.gpx.GPXException, ValueError):
+            raise reject(f"{name}: time", text, "an ISO date and time such as 2024-05-01T10:00:00Z") from None
+
+
 def _read_text(content: bytes, name: str) -> Table:
     notes: list[str] = []
+    # before they are split, with their ends of Unix or of an old Mac
+    if max(content.count(b"\n"), content.count(b"\r")) > sizes.MAX_ROWS + MAX_COMMENTS:
+        raise ArgumentError(f"{name}: more than {sizes.MAX_ROWS:,} rows are not allowed: split the recording")
     lines, first = _lines(_decoded(content, name, notes), name, notes)
     delimiter = max(DELIMITERS, key=lambda one: _fit(lines[: HEAD_ROWS + 1], one))
     if delimiter == " ":
@@ -141,8 +149,7 @@ def _read_text(content: bytes, name: str) -> Table:
     if header and len(rows) == 1:
         raise reject(f"{name}, line {first}: header", lines[0], "rows of numbers after it")
     names = _names(rows, lines[0]) if header else ("",) * len(rows[0])
-    if len(names) > MAX_COLUMNS:
-        raise ArgumentError(f"{name}: {len(names):,} columns: at most {MAX_COLUMNS:,} are allowed")
+    check_size(len(lines) - header, name, len(names))
     first += header
     frame = _parsed(lines[header:], delimiter, len(names), name, first)
     return Table(name, frame, names, header, "line", first, notes=notes)
@@ -183,8 +190,10 @@ def _lines(text: str, name: str, notes: list[str]) -> tuple[list[str], int]:
     if empty:
         notes.append(f"{counted(empty, 'empty row')} at the end left out")
     first = 0
-    while first < len(lines) and (not lines[first].strip() or _is_comment(lines[first : first + 2])):
+    while first < min(len(lines), MAX_COMMENTS) and (not lines[first].strip() or _is_comment(lines[first : first + 2])):
         first += 1
+    if first == MAX_COMMENTS:
+        raise ArgumentError(f"{name}: more than {MAX_COMMENTS:,} lines before the header: expected rows of numbers")
     if first == len(lines):
         raise reject("file", name, "rows of numbers, not an empty file")
     if first:
@@ -192,8 +201,8 @@ def _lines(text: str, name: str, notes: list[str]) -> tuple[list[str], int]:
     lines = lines[first:]
     if lines[0].lstrip().startswith("#"):
         lines[0] = lines[0].lstrip().removeprefix("#").strip()
-    if len(lines) > MAX_ROWS + 1:
-        raise ArgumentError(f"{name}: more than {MAX_ROWS:,} rows are not allowed: split the recording")
+    if len(lines) > sizes.MAX_ROWS + 1:
+        raise ArgumentError(f"{name}: more than {sizes.MAX_ROWS:,} rows are not allowed: split the recording")
     blank = next((number for number, line in enumerate(lines) if not line or line.isspace()), None)
     if blank is not None:
         raise ArgumentError(f"{name}, line {first + blank + 1}: a blank line is not allowed: remove it")

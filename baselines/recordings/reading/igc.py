@@ -11,9 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hybrid_env.checks import ArgumentError, FloatArray
+from hybrid_env.checks import ArgumentError, BoolArray, FloatArray
 
 DAY = 86400.0
+LONGEST_STEP = 60.0  # after a longer step from one record to the next [s] the clock was set, or there is a gap
+FEW = 10  # records between two of these steps that the clock was wrong for, if the others fit without them
 RECORD = re.compile(
     rb"^(B(\d\d)(\d\d)(\d\d)(\d\d)(\d{5})([NS])(\d{3})(\d{5})([EW])[AV]([-\d]\d{4})([-\d]\d{4}))([^\r\n]*)",
     re.MULTILINE,
@@ -30,6 +32,8 @@ class IgcLog(NamedTuple):
         altitudes: (n,) by pressure, or by satellites where the log has no pressure [m].
         step: resolution of latitude [m].
         records: (n,) the first 35 columns of each B record, for other readers.
+        left_out: number of positions whose time does not fit those around them.
+        set_back: number of times that the clock was set back; from then on `times` are of the next day.
     """
 
     times: FloatArray
@@ -38,6 +42,18 @@ class IgcLog(NamedTuple):
     altitudes: FloatArray
     step: float
     records: tuple[bytes, ...]
+    left_out: int = 0
+    set_back: int = 0
+
+    @property
+    def notes(self) -> list[str]:
+        """What was wrong with the clock, in words."""
+        found = []
+        if self.left_out:
+            found.append(f"positions left out whose time does not fit: {self.left_out:,}")
+        if self.set_back:
+            found.append(f"times that the clock was set back, where a new piece begins: {self.set_back:,}")
+        return found
 
 
 def is_igc(content: bytes) -> bool:
@@ -46,7 +62,8 @@ def is_igc(content: bytes) -> bool:
 
 
 def parse_igc(name: str, content: bytes) -> IgcLog:
-    """Return the positions of a log. Records whose time is not after the one before are left out.
+    """Return the positions of a log, without those whose time is not after the one before, or has jumped for a few
+    records. Where the clock was set back for good, the times go on a day later.
 
     Args:
         name: of the log, for messages.
@@ -61,8 +78,7 @@ def parse_igc(name: str, content: bytes) -> IgcLog:
     columns = list(zip(*found, strict=True))
     numbers = [np.array(columns[k]).astype(np.float64) for k in (1, 2, 3, 4, 5, 7, 8, 10, 11)]
     hours, minutes, seconds, *parts, pressure, satellites = numbers
-    times = 3600.0 * hours + 60.0 * minutes + seconds
-    times += DAY * np.cumsum(np.diff(times, prepend=times[0]) < -0.5 * DAY)
+    clock = 3600.0 * hours + 60.0 * minutes + seconds
     head, angles, step = content[: content.index(columns[0][0])], [], 0.0
     for k, signs, negative, word in ((0, 6, b"S", b"LAD"), (2, 9, b"W", b"LOD")):
         more, digits = _more_digits(head, word, columns[12])
@@ -70,14 +86,44 @@ def parse_igc(name: str, content: bytes) -> IgcLog:
         angles.append(np.where(np.array(columns[signs]) == negative, -degrees, degrees))
         step = METRES / 60_000.0 / 10.0**digits
     latitudes, longitudes = angles
-    place = (np.abs(latitudes) <= 90.0) & (np.abs(longitudes) <= 180.0)
-    times[~place | ((latitudes == 0.0) & (longitudes == 0.0))] = -np.inf
-    kept = np.flatnonzero(times > np.append(-np.inf, np.maximum.accumulate(times)[:-1]))
+    known = (np.abs(latitudes) <= 90.0) & (np.abs(longitudes) <= 180.0)
+    places = np.flatnonzero(known & ((latitudes != 0.0) | (longitudes != 0.0)))
+    fitting = places[_fits(clock[places])]
+    steps = np.diff(clock[fitting], prepend=clock[fitting][:1]) % DAY
+    steps -= DAY * (steps >= DAY - LONGEST_STEP)  # a late record
+    times = clock[fitting][:1] + np.cumsum(steps)
+    later = times > np.append(-np.inf, np.maximum.accumulate(times)[:-1])
+    times, kept = times[later], fitting[later]
     if len(kept) < 2:
         raise ArgumentError(f"{name} has {len(kept)} positions: expected at least two")
     altitudes = pressure if np.ptp(pressure) > 0.0 else satellites
     records = tuple(columns[0][k] for k in kept)
-    return IgcLog(times[kept], latitudes[kept], longitudes[kept], altitudes[kept], step, records)
+    set_back = int((np.diff(times) > 0.5 * DAY).sum())
+    left_out = len(places) - len(kept)
+    return IgcLog(times, latitudes[kept], longitudes[kept], altitudes[kept], step, records, left_out, set_back)
+
+
+def _fits(clock: FloatArray) -> BoolArray:
+    """Return which times of day (n,) [s] fit those around them: all but a few between two jumps of the clock, unless
+    they lie between the time before and the next of many.
+    """
+    fits = np.ones(len(clock), np.bool_)
+    if not len(clock):
+        return fits
+    steps = np.diff(clock, prepend=clock[0]) % DAY
+    jumps = np.flatnonzero((steps > LONGEST_STEP) & (steps < DAY - LONGEST_STEP))
+    begins, ends = np.append(0, jumps), np.append(jumps, len(clock))
+    counts = ends - begins
+    many = counts > min(FEW, int(counts.max()) - 1)
+    last_many = clock[ends[many][-1] - 1]
+    # with none of many after it, a time is right in the half day that follows
+    bounds = np.append(clock[begins[many]], last_many + 0.5 * DAY)[np.cumsum(many) - many]
+    before = bounds[0] - 0.5 * DAY
+    for begin, end, bound, sure in zip(begins.tolist(), ends.tolist(), bounds.tolist(), many.tolist(), strict=True):
+        first, last, longest = ((time - before) % DAY for time in (clock[begin], clock[end - 1], bound))
+        fits[begin:end] = sure or first <= last < longest
+        before = clock[end - 1] if fits[begin] else before
+    return fits
 
 
 def _more_digits(head: bytes, word: bytes, tails: Sequence[bytes]) -> tuple[FloatArray, int]:

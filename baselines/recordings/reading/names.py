@@ -35,7 +35,25 @@ ROLE_OF = {name: role for role, names in (ROLES | {"object": OBJECTS}).items() f
 # Names of an index: the number of the row, as spreadsheets and pandas write it.
 INDEX = ("", "unnamed_0", "index", "row", "nr", "no")
 DEGREES = ("deg", "degree", "degrees", "°")
-LENGTHS = ("m", "km", "cm", "mm", "um", "ft", "yd", "mi", "nmi", "px", "rad", *DEGREES)
+LENGTHS = (
+    "m",
+    "km",
+    "cm",
+    "mm",
+    "um",
+    "ft",
+    "yd",
+    "mi",
+    "nmi",
+    "px",
+    "rad",
+    "mrad",
+    "mil",
+    "mils",
+    "gon",
+    "grad",
+    *DEGREES,
+)
 # Units of time [s].
 SECONDS = {
     "s": 1.0, "sec": 1.0, "secs": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "millis": 1e-3,

@@ -31,14 +31,15 @@ class Places(NamedTuple):
     rates: FloatArray | None = None  # (n,) range rates of a radar
 
 
-def _read(table: Table, column: int, largest: float) -> Numbers:
-    """Parse a column of numbers of a magnitude, or empty cells."""
-    found = parse_numbers(table.frame[column])
-    wrong = np.union1d(found.wrong, np.flatnonzero(np.abs(found.values) > largest))
+def _read(table: Table, column: int, largest: float, smallest: float | None = None) -> Numbers:
+    """Parse a column of numbers of a magnitude, or empty cells. smallest: None is minus the largest."""
+    found, least = parse_numbers(table.frame[column]), -largest if smallest is None else smallest
+    wrong = np.union1d(found.wrong, np.flatnonzero((found.values > largest) | (found.values < least)))
     if wrong.size:
         cell = table.frame[column].iloc[wrong[0]]
         shown = cell if isinstance(cell, (str, float, int, bool)) else str(cell)
-        allowed = f"a finite number of magnitude at most {largest:g}, or an empty cell"
+        limits = f"of magnitude at most {largest:g}" if smallest is None else f"from {smallest:g} to {largest:g}"
+        allowed = f"a finite number {limits}, or an empty cell"
         raise reject(table.place(int(wrong[0]), column), shown, allowed)
     return found
 
@@ -71,12 +72,20 @@ def read_polar(table: Table, found: Columns, radar: Radar) -> Places:
     names = ("range", "bearing", "rate")[: radar.values]
     if names[-1] not in found.roles:
         raise ArgumentError(f"{table.file}: no column range_rate: name it by --columns rate=...")
-    ranges, bearings, *rates = (_read(table, found.roles[name], MAX_VALUE).values for name in names)
-    radians = split_unit(table.names[found.roles["bearing"]])[1] == "rad"
+    least = {"range": 0.0}
+    ranges, bearings, *rates = (_read(table, found.roles[name], MAX_VALUE, least.get(name)).values for name in names)
+    length, angle, *speed = (split_unit(table.names[found.roles[name]])[1] for name in names)
+    if angle not in (None, "rad", *DEGREES):
+        raise reject(f"{table.file}: unit of {table.label(found.roles['bearing'])}", angle, "deg or rad")
+    if length is not None and speed not in ([], [None], [f"{length}/s"]):
+        raise reject(
+            f"{table.file}: unit of {table.label(found.roles['rate'])}", speed[0], f"{length}/s, as of the range"
+        )
+    radians = angle == "rad"
     table.notes.append(f"bearings in {'radians from the x axis' if radians else 'degrees from north'}")
     rows = np.column_stack([ranges, bearings if radians else np.radians(90.0 - bearings)])
     positions = np.array([radar.located(row)[:2] for row in rows])
-    return Places(positions, split_unit(table.names[found.roles["range"]])[1], False, *rates)
+    return Places(positions, length, False, *rates)
 
 
 def check_positions(table: Table, places: Places, seconds: FloatArray, rows: IntArray, marked: bool) -> None:

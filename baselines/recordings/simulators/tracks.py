@@ -15,7 +15,7 @@ from baselines.recordings.simulators.cars import CARS, RoadNet
 from baselines.recordings.simulators.paths import CONTROL, Path
 from baselines.recordings.simulators.process_noise import LikeliestNoise
 from baselines.rules.decider import Actions, Observations
-from hybrid_env.checks import BoolArray, FloatArray, IntArray
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, OwnState
 from hybrid_env.live import MeasuredTracks
 from hybrid_env.quickest_options import QuickestOptions
 
@@ -61,7 +61,7 @@ Travel = Callable[[QuickestOptions, int, int], Paths]
 """Makes the paths of some options, of a number of tracks N and of a seed."""
 
 
-class GivenTracks:
+class GivenTracks(OwnState):
     """Given paths with noise as a vector environment with the rows of `hybrid_env.HybridTrackQuickestEnv`.
 
     Bank and deciders know the mode in which a path begins, and an estimate with the error of the options.

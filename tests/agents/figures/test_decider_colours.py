@@ -89,7 +89,12 @@ def test_no_decider_has_the_colour_of_a_mode_type_with_colour_blindness(vision):
 
 
 def test_training_seeds_and_default_run_folders_have_the_style_of_their_recipe():
-    for name in ("ppo seed 3", "ppo-seed3", "HybridTrackPublished-v0-ppo-seed0", "HybridTrackPublishedBank-v0-ppo-seed12"):
+    for name in (
+        "ppo seed 3",
+        "ppo-seed3",
+        "HybridTrackPublished-v0-ppo-seed0",
+        "HybridTrackPublishedBank-v0-ppo-seed12",
+    ):
         assert decider_style(name) == AGENT_STYLES["ppo"]
     assert name_without_seed("anchor seed 1") == "anchor"
     assert name_without_seed("seed") == "seed"

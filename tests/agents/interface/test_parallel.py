@@ -10,6 +10,7 @@ from small_training import small_recipe
 from agents.cli import main
 from agents.interface import parallel
 from agents.interface.parallel import Workers
+from agents.interface.world_arguments import trusted, trusting
 from hybrid_env.checks import ArgumentError
 
 
@@ -73,3 +74,11 @@ def test_a_comparison_in_two_processes_writes_the_bytes_of_the_serial_one(tmp_pa
     command += ["--steps", "1280", "--episodes", "4", "--selection-episodes", "4"]
     command += ["--scheme", "random 2x20-30"]
     compare_in_one_and_two_processes(command, tmp_path)
+
+
+def test_workers_trust_what_the_command_trusts_and_no_longer():
+    calls = dict.fromkeys(range(4), trusted)
+    for trust in (True, False, True):
+        with trusting(trust):
+            assert {found for _, found in Workers(2).results(calls)} == {trust}
+    assert not trusted()

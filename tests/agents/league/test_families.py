@@ -22,7 +22,8 @@ def small(monkeypatch):
     for module in (protocol, table):
         monkeypatch.setattr(module, "WORLDS", few)
     groups = {env_id: [world for world in worlds if world in few] for env_id, worlds in protocol.GROUPS.items()}
-    monkeypatch.setattr(families, "GROUPS", groups)
+    for module in (families, protocol):
+        monkeypatch.setattr(module, "GROUPS", groups)
 
 
 def test_interquartile_mean_is_that_of_the_middle_half_and_its_interval_resamples_each_world():

@@ -2,12 +2,13 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from agents.cli import main
 from agents.interface.parallel import Workers
 from agents.league import protocol, table
-from agents.league.protocol import WORLDS, play
+from agents.league.protocol import EPISODES, WORLDS, play
 from agents.league.table import league_figure, league_markdown, reward, shipped_entries
 from baselines.rules.decider import ANNOUNCED, UNKNOWN
 from hybrid_env import ArgumentError
@@ -85,13 +86,94 @@ def test_the_command_shows_files_and_refuses_those_that_were_changed(folder, cap
     assert not (folder / "none").exists()
 
 
+FORGED = {
+    "title": ["", " beam", "two\nlines", 5, None],
+    "kind": ["oracle", 5, None],
+    "worlds": [5, {"Mars": {"refused": "no"}}, {"R = 0.1": 5}, {"R = 0.1": {"refused": 5}}, {"R = 0.1": {}}],
+    "cost": [5, {}, {"calibration": None, "microseconds": -1.0, "seconds": 1.0}],
+}
+FORGED_PLAY = {
+    "threshold": ["a", None, True],
+    "metrics": [5, {}, {"reward": {"value": "a"}}, {"reward": 5}],
+    "rewards": [
+        5,
+        "?",
+        "AAAA",
+        protocol.pack(np.full(8, 9.99)),
+        protocol.pack(np.full(8, np.nan)),
+        protocol.pack(np.full(8, 0.1)),
+        protocol.pack(np.zeros(7)),
+    ],
+    "seeds": [5, ["a"], [9.99], [0.1]],
+    "more": [5],
+}
+
+
+@pytest.mark.parametrize(("name", "value"), [(name, value) for name, values in FORGED.items() for value in values])
+def test_a_forged_file_is_refused_in_one_line(entry, tmp_path, name, value):
+    refused(entry | {name: value}, tmp_path)
+
+
+@pytest.mark.parametrize(("name", "value"), [(name, value) for name, values in FORGED_PLAY.items() for value in values])
+def test_a_forged_world_is_refused_in_one_line(entry, tmp_path, name, value):
+    refused(entry | {"worlds": {"R = 0.1": entry["worlds"]["R = 0.1"] | {name: value}}}, tmp_path)
+
+
+@pytest.fixture(scope="module")
+def entry():
+    """An entry that may be read."""
+    names = {metric.name: {"value": None} for metric in protocol.world_task("R = 0.1").metrics}
+    content = {
+        "threshold": 0.0,
+        "metrics": names | {"reward": {"value": 0.5, "low": 0.4, "high": 0.6}},
+        "rewards": protocol.pack(np.full(8, 0.5)),
+    }
+    return protocol.make_entry("mine.py:rule", "rule", "memoryless", {"R = 0.1": content})
+
+
+def refused(content, folder):
+    path = folder / "forged.json"
+    path.write_text(json.dumps(_signed(content)))
+    with pytest.raises(ArgumentError, match="a file as the league writes it") as error:
+        protocol.read_entry(path)
+    assert "\n" not in str(error.value)
+
+
+def test_a_file_with_a_title_of_the_package_or_of_another_file_is_refused(entry, tmp_path, monkeypatch, capsys):
+    own, other = (tmp_path / name for name in ("own.json", "other.json"))
+    own.write_text(json.dumps(entry))
+    assert protocol.read_entry(own) == entry
+    ours = _signed(entry | {"decider": "beam", "title": "beam"})
+    monkeypatch.setattr(table, "shipped_entries", lambda: [ours])
+    line = ["league", "--out", str(tmp_path / "out"), "--table", str(own), str(other)]
+    for title, owner in (("beam", "the package"), ("rule", "another file")):
+        other.write_text(json.dumps(_signed(entry | {"title": title, "kind": "recurrent"})))
+        assert main(line) == 2
+        assert f"a title that {owner} has not; this one is '{title}'" in capsys.readouterr().err
+    for same in (entry, ours):
+        other.write_text(json.dumps(same))
+        assert main(line) == 0
+
+
+def test_own_deciders_with_titles_of_the_package_or_of_others_are_called_by_their_paths(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(table, "shipped_entries", list)
+    monkeypatch.chdir(folder)
+    (folder / "other.py").write_text(RULE + "\nfirst.title = 'other'\n")
+    (folder / "same.py").write_text(RULE)
+    assert main(["league", "mine.py:first", "other.py:first", "same.py:first", "--out", str(tmp_path)]) == 0
+    titles = {protocol.read_entry(path)["title"] for path in tmp_path.glob("*.json")}
+    assert titles == {"mine.py:first", "other", "same.py:first"}
+
+
 def _signed(found):
     content = {key: value for key, value in found.items() if key != "digest"}
     return content | {"digest": protocol._digest(content)}
 
 
 def test_the_entries_of_the_package_are_of_this_protocol(monkeypatch):
-    monkeypatch.setattr(table, "WORLDS", WORLDS)
+    for module in (protocol, table):
+        monkeypatch.setattr(module, "WORLDS", WORLDS)
+    monkeypatch.setattr(protocol, "EPISODES", EPISODES)
     entries = shipped_entries()
     titles = [one["title"] for one in entries]
     assert {"ATE (SPRT)", "MSPRT", "shipped", "ppo", "beam"} <= set(titles)

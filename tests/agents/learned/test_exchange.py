@@ -5,17 +5,17 @@ import zipfile
 import numpy as np
 import pytest
 import torch
+from hostile_policies import ENV, OPTIONS, rows
 from sb3_contrib import QRDQN, RecurrentPPO
 from stable_baselines3 import A2C, DQN, PPO
 from stable_baselines3.common.torch_layers import FlattenExtractor
 
+from agents.cli import main
 from agents.evaluation.registry import find_decider, find_family
-from agents.interface.world_arguments import TRUST
+from agents.interface.world_arguments import TRUST, trusted
 from baselines.rules.rollout import evaluate
-from hybrid_env import ArgumentError, HybridTrackVectorEnv, WorldOptions
+from hybrid_env import ArgumentError
 
-OPTIONS = WorldOptions(scheme="random 2x20-25")
-ENV = "hybrid_env:HybridTrack-v0"
 RELU = {"activation_fn": torch.nn.ReLU, "net_arch": [16]}
 MODELS = {
     "ppo": lambda: PPO("MlpPolicy", ENV, seed=1),
@@ -30,14 +30,6 @@ MODELS = {
         policy_kwargs={"lstm_hidden_size": 8, "enable_critic_lstm": False, "n_lstm_layers": 2},
     ),
 }  # fmt: skip
-
-
-def rows(steps=12):
-    """(steps, N, width) rows while nothing is declared."""
-    env = HybridTrackVectorEnv(5, **vars(OPTIONS))
-    found = [env.reset(seed=3)[0]]
-    found += [env.step(np.zeros(5, int))[0] for _ in range(steps - 1)]
-    return np.array(found)
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -76,6 +68,18 @@ def test_layers_of_ones_own_need_trust(tmp_path, monkeypatch):
     decider = find_family(str(tmp_path / "model.zip"), OPTIONS).make(0.0)
     for seen in rows(3):
         np.testing.assert_array_equal(decider.predict(seen)[0], model.predict(seen, deterministic=True)[0])
+
+
+@pytest.mark.parametrize("ending", ["--episodes 1", "--episodes 0", "--out nothing/here.json"])
+def test_trust_ends_with_its_command(tmp_path, ending, capsys):
+    policy_kwargs = {"features_extractor_class": Doubled}
+    PPO("MlpPolicy", ENV, seed=1, policy_kwargs=policy_kwargs).save(tmp_path / "model.zip")
+    line = ["evaluate", str(tmp_path / "model.zip"), "--env", ENV, "--scheme", "S9"]
+    main([*line, "--trust", *ending.split()])
+    assert not trusted()
+    capsys.readouterr()
+    assert main([*line, "--episodes", "1"]) == 2
+    assert "--trust" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("damage", ["empty", "text", "cut", "no policy", "pickle"])

@@ -9,6 +9,7 @@ from agents import track_recording
 from agents.recordings.command import Track
 from baselines import read_recordings
 from hybrid_env import ArgumentError, Radar
+from hybrid_env.sensors import parse_sensors
 
 RADAR = Radar(range_deviation=30.0, bearing_deviation=0.015, rate_deviation=0.3, position=(3000.0, -8700.0))
 TEXT = "30 0.015 rate 0.3 at 3000 -8700"
@@ -86,5 +87,54 @@ def test_what_does_not_fit_a_radar_is_refused(polar, tmp_path):
         read_recordings(wrong, radar=RADAR)
     with pytest.raises(ArgumentError, match=r"measurement_variance=1.0.*none with radar"):
         track_recording(TIMES, polar, radar=RADAR, measurement_variance=1.0)
+    negative = polar.copy()
+    negative[5, 0] = -3.0
+    with pytest.raises(ArgumentError, match=r"positions=-3\.0"):
+        track_recording(TIMES, negative, radar=RADAR)
+    below = write(tmp_path / "d.csv", negative, "time,range,bearing,range_rate")
+    with pytest.raises(ArgumentError, match=r"line 7: range=-3.0.*from 0 to"):
+        read_recordings(below, radar=RADAR)
     with pytest.raises(ArgumentError, match=r"positions shape=.*\(n, 3\)"):
         track_recording(TIMES, polar[:, :2], radar=RADAR)
+
+
+@pytest.mark.parametrize("further", ["period 5", "range 2", "range 2 period 5 at 1 1"])
+def test_a_radar_of_a_recording_has_neither_period_nor_range(further, polar, tmp_path):
+    path = write(tmp_path / "a.csv", polar[:, :2], "time,range,bearing [rad]")
+    with pytest.raises(ArgumentError, match=r"radar='30 0.01 .*without period and range"):
+        Track(files=(path,), radar=f"30 0.01 {further}").run()
+    radar = parse_sensors([f"radar 30 0.01 {further}"])[0]
+    with pytest.raises(ArgumentError, match=r"radar=.*no period and no range"):
+        track_recording(TIMES, polar[:, :2], radar=radar)
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        ("time,range,bearing [mrad],range_rate", r"unit of bearing \[mrad\]='mrad'.*deg or rad"),
+        ("time,range,bearing_mrad,range_rate", "unit of bearing_mrad='mrad'.*deg or rad"),
+        ("time,range,bearing (mil),range_rate", "'mil'.*deg or rad"),
+        ("time,range,azimuth/gon,range_rate", "'gon'.*deg or rad"),
+        ("time,range [m],bearing,range_rate [km/h]", r"range_rate \[km/h\]='km/h'.*m/s, as of the range"),
+    ],
+)
+def test_other_units_of_a_radar_are_refused(names, message, polar, tmp_path):
+    with pytest.raises(ArgumentError, match=message):
+        read_recordings(write(tmp_path / "a.csv", polar, names), radar=RADAR)
+
+
+def test_a_bearing_error_that_bends_too_much_is_said(polar):
+    plain = track_recording(
+        TIMES,
+        polar[:, :2],
+        radar=Radar(range_deviation=30.0, bearing_deviation=0.015, position=RADAR.position),
+        radii=(RADIUS,),
+    )
+    bent = track_recording(
+        TIMES,
+        polar[:, :2],
+        radar=Radar(range_deviation=30.0, bearing_deviation=0.06, position=RADAR.position),
+        radii=(RADIUS,),
+    )
+    assert not any("bearing error" in text for text in plain.warnings)
+    assert any("bearing error is too large" in text for text in bent.warnings)

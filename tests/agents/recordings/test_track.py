@@ -114,6 +114,15 @@ def test_a_broken_recording_gets_one_line_and_changes_nothing(name, tmp_path, ca
     assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
+@pytest.mark.parametrize("name", [".", "..", "/", "sub", "./", "nothing.csv"])
+def test_a_folder_gets_one_line(name, tmp_path, capsys, monkeypatch):
+    (tmp_path / "sub").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert main(["track", name]) == 2
+    [line] = capsys.readouterr().err.splitlines()
+    assert "is not allowed: expected" in line
+
+
 def test_existing_results_are_not_overwritten_without_a_word(tmp_path, capsys):
     path = tmp_path / "walk.csv"
     write(path)

@@ -1,6 +1,7 @@
 """Tracking of recordings of objects of any size, with and without known switches."""
 
 import re
+import warnings
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from agents.evaluation.registry import load_decider, needed_options
 from agents.recordings.command import report_lines
 from agents.recordings.tracking import track_recording
 from baselines.recordings.decisions import ModelUnits, decide_recording
-from baselines.recordings.model_fit import TrackModel
+from baselines.recordings.model_fit import TrackModel, _check_radii
 from baselines.recordings.recording import make_recording
 from baselines.recordings.ticks import tick_grid
 from baselines.rules.tracker import OnlineTracker
@@ -223,3 +224,67 @@ def test_very_short_recordings_have_results(rows, options):
 def test_a_recording_that_does_not_move_is_refused():
     with pytest.raises(ArgumentError, match="does not move"):
         track_recording(None, np.ones((50, 2)))
+
+
+def with_stops(speed, noise, stops=True):
+    """Positions (300, 2) of an object that stands twice for 60 ticks, or never."""
+    moves = np.repeat([1.0, 0.0, 1.0, 0.0, 1.0] if stops else [1.0] * 5, 60)[:, None]
+    heading = np.cumsum(np.where(np.arange(300) // 20 % 3 == 1, 0.15, 0.0) * moves[:, 0])
+    path = np.cumsum(speed * moves * np.stack([np.cos(heading), np.sin(heading)], 1), axis=0)
+    return path + noise * np.random.default_rng(2).normal(size=path.shape)
+
+
+@pytest.mark.parametrize(("speed", "noise", "unit"), [(12.0, 0.5, 1.0), (1.2, 0.01, 1.0), (12.0, 0.5, 0.001)])
+@pytest.mark.parametrize("radii", [(), (8.0,)])
+def test_an_object_that_stands_for_a_while_is_said(speed, noise, unit, radii):
+    given = tuple(radius * speed / 1.2 * unit for radius in radii)
+    try:
+        said = track_recording(np.arange(300.0), unit * with_stops(speed, noise), radii=given).warnings
+    except ArgumentError as error:
+        said = [str(error)]
+    assert any("stands still" in text for text in said), said
+    moving = track_recording(np.arange(300.0), unit * with_stops(speed, noise, stops=False), radii=given)
+    assert not any("stands still" in text for text in moving.warnings)
+
+
+@pytest.mark.parametrize(
+    ("radius", "message"), [(0.2, "below 3 standard deviations"), (1.6, "more than a turn in a tick"), (2.0, None)]
+)
+def test_radii_that_no_object_has_are_refused_with_the_cause(radius, message):
+    if message is None:
+        _check_radii([radius], 12.0, 0.5)
+        return
+    with pytest.raises(ArgumentError, match=f"stands still .* radius {radius:g}, {message}.*--radii"):
+        _check_radii([radius], 12.0, 0.5)
+
+
+ROAD_MODES, ROAD_LENGTHS = "RSLS", (20, 90, 20, 90)
+
+
+@pytest.fixture(scope="module")
+def road():
+    """The measured positions of a car that mostly drives straight on, (220, 2)."""
+    return CAR.simulate(1, 3, ROAD_MODES, ROAD_LENGTHS).measurements[0]
+
+
+@pytest.mark.parametrize(
+    "options", [{"error": "1/1000"}, {"error": "0.1/1000"}, {"error": "1/1000", "durations": "geometric 15"}]
+)
+@pytest.mark.filterwarnings("ignore:IMM threshold cannot hold")
+def test_an_error_rate_makes_no_mode_unreachable(options, road):
+    found = track_recording(TIMES, road, radii=(CAR.radius,), **options)
+    # a small rate makes decisions late
+    assert (found.modes == np.repeat([2, 0, 1, 0], ROAD_LENGTHS)).mean() > 0.75
+    assert set(found.modes) == {0, 1, 2}
+    assert found.unlikely < 40
+
+
+@pytest.mark.parametrize("decider", ["threshold", "beam"])
+def test_a_threshold_that_a_mode_never_reaches_is_warned_of(decider, road):
+    with pytest.warns(UserWarning, match=f"decider '{decider}:0.9999'.*not every mode reaches more than 0.9"):
+        found = track_recording(TIMES, road, radii=(CAR.radius,), decider=f"{decider}:0.9999")
+    assert any("the stated mode has a probability below 0.05 in" in text for text in found.warnings)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = track_recording(TIMES, road, radii=(CAR.radius,), decider=f"{decider}:0.8")
+    assert found.warnings == []

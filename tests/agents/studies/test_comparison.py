@@ -7,8 +7,12 @@ import pytest
 from given_scores import ANNOUNCED, UNKNOWN, announced_scores, comparison, unknown_scores
 from rich.console import Console
 
+from agents.cli import main
 from agents.figures.decider_colours import decider_style
+from agents.studies.comparison import score
+from agents.studies.continuation import Plan
 from agents.studies.tables import chosen_table, levels_table, spread_lines
+from hybrid_env import ArgumentError
 
 ATE = announced_scores("ATE (SPRT)", [0.7, 0.9, 0.96, 0.985], [15, 20, 26, 32])
 PPO = announced_scores("ppo", [0.6, 0.95, 0.99, 1.0], [5, 12, 16, 30])
@@ -106,3 +110,62 @@ def test_json_has_every_figure_and_null_where_one_is_undefined(result):
         first, _, last = (one["at_equal_wrong_changes"]["full_delay"] for one in data["deciders"])
         assert first["value"] == pytest.approx(16.0 + 8.0 / 3.0)
         assert last == {"value": None, "low": None, "high": None}
+
+
+def test_rules_are_never_seeds_of_one_training():
+    rules = [announced_scores(f"mine seed {k}", [0.6, 0.95, 0.99, 1.0], np.array([5, 12, 16, 30])) for k in range(2)]
+    result = comparison(ANNOUNCED, ATE, *rules)
+    assert {name: len(group) for name, group in result.seed_groups.items()} == dict.fromkeys(
+        [ATE.name, "mine seed 0", "mine seed 1"], 1
+    )
+    assert spread_lines(result) == []
+
+
+RULE = "def rule(rows):\n    return rows[:, 0].astype(int) * 0 + {}\n"
+TITLED = RULE + "rule.title = 'ATE (SPRT)'\n"
+
+
+@pytest.fixture
+def sources(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for folder, source in (("a", RULE), ("b", RULE), ("c", TITLED)):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "mine.py").write_text(source.format(1))
+
+
+@pytest.mark.parametrize(
+    ("names", "titles"),
+    [
+        (["ate", "a/mine.py:rule"], ["ATE (SPRT)", "rule"]),
+        (["ate", "a/mine.py:rule", "b/mine.py:rule"], ["ATE (SPRT)", "a/mine.py:rule", "b/mine.py:rule"]),
+        (["ate", "c/mine.py:rule"], ["ATE (SPRT)", "c/mine.py:rule"]),
+    ],
+)
+def test_equal_titles_are_told_apart_by_their_paths(sources, names, titles):
+    plan = Plan(ANNOUNCED, tuple(names), (), 2, 0, 2)
+    assert [*plan.titles.values()] == titles
+    assert "titles" not in plan.settings
+    last = names[-1]
+    if last.endswith("rule"):
+        assert score(plan, None, last, 0, True, None).name == titles[-1]
+
+
+def test_evaluate_tells_equal_titles_apart_too(sources, tmp_path, capsys):
+    rules = ["a/mine.py:rule", "b/mine.py:rule"]
+    out = tmp_path / "out.json"
+    for flags in ([], ["--noises", "student_t 5", "--jobs", "1"]):
+        assert main(["evaluate", *rules, "--episodes", "2", "--out", str(out), *flags]) == 0
+        data = json.loads(out.read_text())
+        names = [row["name"] for row in data] if not flags else [row["decider"] for row in data["results"]]
+        assert set(names) == set(rules)
+
+
+def test_objects_of_one_title_are_refused():
+    def rule(rows):
+        return rows
+
+    class Rule:
+        title, predict = "rule", rule
+
+    with pytest.raises(ArgumentError, match="different titles"):
+        Plan(ANNOUNCED, (rule, Rule()), (), 2, 0, 2).check()

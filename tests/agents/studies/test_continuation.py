@@ -2,14 +2,16 @@
 
 import json
 import shlex
+import sys
 
 import pytest
 from small_training import small_recipe
 
 from agents.cli import main
 from agents.studies import comparison
-from agents.studies.continuation import TRAINED, UNFINISHED
+from agents.studies.continuation import TRAINED, UNFINISHED, content_digest
 from agents.training.run import Run
+from baselines.rules import own_modules
 
 LINE = "compare --episodes 4 --selection-episodes 4 --deciders ml fixed --scheme random\\ 2x20-25 --seed 5"
 NO_AGENTS = ("--agents",)
@@ -119,3 +121,51 @@ def test_damaged_or_other_results_are_not_used(tmp_path, swept):
     swept.clear()
     assert run(tmp_path, NO_AGENTS, LINE.replace("--seed 5", "--seed 6")) == 0
     assert swept == ["ML at the end"] * 2 + ["fixed time"] * 2
+
+
+RULE = "import numpy as np\n{}\ndef rule(rows):\n    return np.full(len(rows), limits.ACTION)\n"
+IMPORTS = {"known": "import limits", "not known": "import importlib\nimport limits\nimportlib.import_module('json')"}
+
+
+def forget(*modules):
+    """Forget imported modules, as a new process has."""
+    for module in modules:
+        sys.modules.pop(module, None)
+    own_modules._digest_at_import.cache_clear()
+
+
+@pytest.mark.parametrize("kind", ["file", "module"])
+@pytest.mark.parametrize("imported", IMPORTS)
+@pytest.mark.parametrize("edited", [True, False])
+def test_a_comparison_goes_on_with_the_same_code_only(tmp_path, monkeypatch, swept, kind, imported, edited):
+    place = tmp_path / "place"
+    place.mkdir()
+    monkeypatch.chdir(place)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    name = f"mine_{imported.replace(' ', '_')}_{edited}"
+    (place / f"{name}.py").write_text(RULE.format(IMPORTS[imported]))
+    (place / "limits.py").write_text("ACTION = 1\n")
+    agents = ("--agents", f"{name}.py:rule" if kind == "file" else f"{name}:rule", "shipped")
+    forget(name, "limits")
+    interrupt(tmp_path / "out", 3, agents)
+    swept.clear()
+    if edited:
+        (place / "limits.py").write_text("ACTION = 2\n")
+    forget(name, "limits")
+    assert run(tmp_path / "out", agents) == 0
+    assert ("rule" in swept) == (edited or imported == "not known")
+
+
+def test_a_run_folder_that_was_trained_again_is_scored_again(tmp_path):
+    folder = tmp_path / "run"
+    folder.mkdir()
+    for name in ("policy.safetensors", "policy.json"):
+        (folder / name).write_text("1")
+    for name in (str(folder), f"{folder}:auto"):
+        before = content_digest(name, "announced")
+        assert before == content_digest(name, "announced")
+        for file in ("policy.safetensors", "policy.json"):
+            (folder / file).write_text((folder / file).read_text() + "1")
+            assert content_digest(name, "announced") not in (None, "", before)
+    assert content_digest("ate", "announced") == ""
+    assert content_digest(print, "announced") is None

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from agents.cli import main
+from agents.studies import dataset_command
 
 minari = pytest.importorskip("minari")
 pytest.importorskip("h5py")
@@ -20,7 +21,8 @@ def root(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("env_id", "rule", "flags"), [
         ("HybridTrackPublished-v0", "ate", "--scheme random --measurement-variance 0.5"),
-        ("HybridTrackPublishedBank-v0", "msprt", "--scheme S9"), ("HybridTrackQuickest-v0", "threshold:0.7", "--ticks 40"),
+        ("HybridTrackPublishedBank-v0", "msprt", "--scheme S9"),
+        ("HybridTrackQuickest-v0", "threshold:0.7", "--ticks 40"),
     ],
 )  # fmt: skip
 def test_episodes_of_a_data_set_are_those_of_its_environment(root, capsys, env_id, rule, flags):
@@ -52,7 +54,8 @@ def test_episodes_of_a_data_set_are_those_of_its_environment(root, capsys, env_i
     ("flags", "message"), [
         ("", "policies=()"), ("--policies ate ate", "policies=('ate', 'ate')"),
         ("--policies fortune", "decider='fortune'"), ("--policies ate --episodes 10001", "episodes=10001"),
-        ("--policies ate --out /dev/null/x", "out="),
+        ("--policies ate --out /dev/null/x", "out="), ("--policies ate --seed -1", "seed=-1"),
+        (f"--policies ate --seed {10**29}", f"seed={10**29}"), (f"--policies ate --seed {2**63}", "seed="),
     ],
 )  # fmt: skip
 def test_what_cannot_be_written_is_refused_in_one_line(root, capsys, flags, message):
@@ -68,3 +71,35 @@ def test_a_data_set_is_not_replaced_and_nothing_half_written_stays(root, capsys)
     assert main([*command, "random"]) == 2
     assert "a folder without the data set HybridTrackPublished-v0/ate-v0" in capsys.readouterr().err
     assert [path.name for path in (root / "HybridTrackPublished-v0").iterdir() if path.is_dir()] == ["ate-v0"]
+
+
+def test_an_out_that_cannot_be_made_is_said_without_a_root_of_minari(monkeypatch, capsys):
+    monkeypatch.delenv("MINARI_DATASETS_PATH", raising=False)
+    assert main(["dataset", "--policies", "ate", "--scheme", "S9", "--episodes", "1", "--out", "/dev/null/x"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "out='/dev/null/x' is not allowed" in line
+    assert "MINARI_DATASETS_PATH" not in os.environ
+
+
+def test_a_disk_without_space_is_one_line_and_nothing_stays(root, capsys):
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, before[1]))
+    try:
+        assert main(["dataset", "--policies", "ate", "--scheme", "S9", "--episodes", "20"]) == 2
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "a folder that can be written (File too large)" in line
+    assert not root.exists() or not list(root.iterdir())
+
+
+@pytest.mark.parametrize(
+    "flags", ["--scheme S9 --episodes 9", "--scheme S400 --episodes 9", "--scheme S9 --episodes 1"]
+)
+def test_a_data_set_is_not_larger_than_the_space_that_is_asked_for(root, monkeypatch, flags):
+    bounds = []
+    monkeypatch.setattr(dataset_command, "check_space", lambda folder, size: bounds.append(size))
+    assert main(f"dataset --policies random {flags}".split()) == 0
+    used = sum(path.stat().st_size for path in root.rglob("*") if path.is_file())
+    assert used < bounds[0] < 3 * used + 500_000

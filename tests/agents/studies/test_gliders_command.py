@@ -129,3 +129,24 @@ def test_a_log_is_tracked_by_its_circles(tmp_path, capsys):
     assert (tmp_path / "flight_track" / "track.png").stat().st_size > 10_000
     assert not main(["track", str(path), "--decider", "threshold", "--out", str(tmp_path / "any"), "--no-picture"])
     assert (tmp_path / "any" / "modes.csv").is_file()
+
+
+@pytest.mark.parametrize(("edit", "turns", "said"), [("ahead", 4.0, "does not fit: 1"), ("back", 4.0, "set back")])
+def test_a_wrong_clock_is_said_and_ends_a_circle(edit, turns, said, tmp_path, capsys):
+    lines = made_up_log(7).split(b"\r\n")
+    first = next(k for k, line in enumerate(lines) if line.startswith(b"B"))
+    wrong = range(first + 130, first + 131) if edit == "ahead" else range(first + 130, first + 600)
+    for k in wrong:  # in the first circle
+        lines[k] = b"B%02d" % (int(lines[k][1:3]) + (3 if edit == "ahead" else -2)) + lines[k][3:]
+    path = tmp_path / "flight.igc"
+    path.write_bytes(b"\r\n".join(lines))
+    assert not main(["track", str(path), "--no-picture"])
+    printed = capsys.readouterr().out
+    assert said in printed
+    assert ("steps of the clock, which end a circle: 1" in printed) == (edit == "back")
+    with (tmp_path / "flight_track" / "circles.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    left = [float(row["turns"]) for row in rows[: 1 if edit == "ahead" else 2]]
+    assert [row["side"] for row in rows] == ["left"] * len(left) + ["right", "right", "left"]
+    assert sum(left) == pytest.approx(turns, abs=0.6)
+    assert max(float(row["seconds"]) for row in rows) < 100

@@ -43,3 +43,13 @@ def test_a_track_that_is_missing_is_one_line(files, capsys):
     assert main(["score", str(files / "truth.csv"), str(files / "some.csv")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "also c" in line
+
+
+@pytest.mark.parametrize("some", [True, False])
+def test_a_silent_detector_is_scored_and_not_refused(files, capsys, some):
+    truth = {"a": "AAAABBBBCCDDD", "b": "AAAABBBBBBBBB", "c": "BBBAAAAAAAAAA"}
+    write(files / "silent.csv", {name: [""] * (len(modes) if some else 1) for name, modes in truth.items()})
+    assert main(["score", str(files / "truth.csv"), str(files / "silent.csv")]) == 0
+    printed = capsys.readouterr().out
+    assert "silent" in printed
+    assert "100.0" in printed

@@ -107,7 +107,9 @@ def test_recipes_are_read_changed_written_and_read_again(tmp_path):
     assert recipe_of("ppo", json.loads(json.dumps(SMALL.as_json()["entry"]))).settings == SMALL.settings
     path = tmp_path / "mine.yml"
     entry = {name: value for name, value in SMALL.as_json()["entry"].items() if name != "n_epochs"}
-    path.write_text(json.dumps({"HybridTrackPublished-v0": entry | {"n_epochs": 3}, "default": entry | {"n_epochs": 5}}))
+    path.write_text(
+        json.dumps({"HybridTrackPublished-v0": entry | {"n_epochs": 3}, "default": entry | {"n_epochs": 5}})
+    )
     assert isinstance(load_recipe(str(path), ENV), Recipe)
     assert load_recipe(str(path), ENV).settings.n_epochs == 3
     assert load_recipe(str(path), "hybrid_env:HybridTrackPublishedBank-v0").settings.n_epochs == 5

@@ -1,5 +1,6 @@
 """The mode detector passes the estimator checks of scikit-learn as skchange's own detectors do."""
 
+import numpy as np
 import pytest
 
 from baselines import ShiryaevRobertsDecider
@@ -37,6 +38,17 @@ def test_it_finds_the_switches_of_a_simulated_track(decider, unit):
     found = detector.predict(track)
     assert hausdorff_metric([80, 160, 220], found) <= 15
     assert detector.predict_modes(track)[[40, 140, 210, 290]].tolist() == [0, 1, 0, 2]
+
+
+@pytest.mark.parametrize("decider", [None, ShiryaevRobertsDecider(8.0)])
+def test_changes_are_where_they_happened_not_where_they_were_decided(decider):
+    switches, errors = np.array([80, 160, 220]), []
+    for seed in range(6):
+        track = simulate("S80 L80r5 S60 R80r5", seed=seed, measurement_variance=0.01).measurements[0]
+        found = ModeDetector(decider).fit(track).predict(track)
+        errors += [found[np.abs(found - switch).argmin()] - switch for switch in switches]
+    assert abs(np.mean(errors)) < 3.0  # decisions are 11 rows late
+    assert np.quantile(np.abs(errors), 0.9) <= 6
 
 
 def test_a_decider_for_announced_switches_is_refused():

@@ -1,5 +1,6 @@
 """Deciders that users bring: found by file, module and entry point, swept, and refused in one line."""
 
+import re
 import sys
 from importlib.metadata import EntryPoint
 
@@ -146,3 +147,99 @@ def test_what_cannot_be_used_is_one_line(source, monkeypatch, name, message):
     with pytest.raises(ArgumentError, match=message) as error:
         load_decider(name, OPTIONS)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("attribute", "value"),
+    [
+        ("options", {"nope": 1}),
+        ("options", 5),
+        ("options", [("bank", "oracle")]),
+        ("options", {"bank": "none"}),
+        ("options", {"bank": 3}),
+        ("options", {3: 3}),
+        ("options", {"measurement_variance": 1e-9}),
+        ("options", {"hazard": 0.1}),
+        ("title", 5),
+        ("title", "two\nlines"),
+        ("symbol", 5),
+        ("default", "a"),
+        ("default", 7),
+        ("default", float("nan")),
+        ("task", 5),
+        ("task", "nothing"),
+        ("thresholds", 5),
+        ("thresholds", ["a"]),
+        ("thresholds", {1: None, "b": None}),
+        ("observes", "nothing"),
+        ("informed", "yes"),
+    ],
+)
+@pytest.mark.parametrize("kind", ["function", "class"])
+def test_an_attribute_that_is_not_allowed_is_one_line(attribute, value, kind):
+    def rule(rows, threshold):
+        return np.ones(len(rows), np.int64)
+
+    class Rule(SPRTDecider):
+        pass
+
+    if kind == "class" and (attribute, value) == ("default", 7):
+        pytest.skip("a subclass may inherit a default that is not swept")
+    model = rule if kind == "function" else Rule
+    rule.thresholds = (0.1, 0.2)
+    setattr(model, attribute, value)
+    with pytest.raises(ArgumentError) as error:
+        find_family(model, OPTIONS)
+    assert "\n" not in str(error.value)
+    words = {"task": "this one is for", "options": "options=|bank="}
+    assert re.search(words.get(attribute, f"{attribute}="), str(error.value))
+
+
+def leaves(rows):
+    sys.exit(0)
+
+
+class LeavesWhenMade:
+    def __init__(self):
+        raise SystemExit
+
+    predict = None
+
+
+class LeavesWhenItObserves(SPRTDecider):
+    observes = "tracks"
+
+    def observe(self, tracks):
+        sys.exit()
+
+
+@pytest.mark.parametrize("model", [leaves, LeavesWhenMade, LeavesWhenItObserves])
+def test_a_rule_that_ends_the_program_is_one_line(model):
+    family = find_family(model, OPTIONS)
+    with pytest.raises(ArgumentError, match=r"failed in test_own.py line .*: SystemExit"):
+        played(family, family.default)
+
+
+def test_an_interrupt_by_the_user_stays_one():
+    def interrupted(rows):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        evaluate(interrupted, episodes=1)
+
+
+@pytest.mark.parametrize("kind", ["function", "class"])
+def test_a_rule_that_asks_for_the_oracle_bank_is_marked_as_informed(kind):
+    def rule(rows):
+        return np.ones(len(rows), np.int64)
+
+    class Rule(SPRTDecider):
+        title = "mine"
+
+    model = rule if kind == "function" else Rule
+    assert not find_family(model, OPTIONS).make(0.1).informed
+    model.options = {"bank": "oracle"}
+    family = find_family(model, OPTIONS)
+    assert family.name.endswith(", true anchor")
+    assert family.options == {"bank": "oracle"}
+    assert family.make(0.1).informed

@@ -1,6 +1,7 @@
 """The on-line tracker: times, missing measurements, starts, copies and bad input."""
 
 import copy
+import math
 import pickle
 import re
 
@@ -8,9 +9,10 @@ import numpy as np
 import pytest
 from matrix_filters import LiteralImm, MatrixExtendedKalmanFilter, MatrixKalmanFilter
 
-from baselines import BeamDecider, FixedTimeDecider, MSPRTDecider, OnlineTracker, ThresholdDecider
+from baselines import BeamDecider, CusumDecider, FixedTimeDecider, MSPRTDecider, OnlineTracker, ThresholdDecider
 from baselines.rules.refiltering import KeptCovarianceDecider
 from hybrid_env import ArgumentError, QuickestOptions, WorldOptions
+from hybrid_env.sensors import Fused
 
 START = [0.0, 2.0, 0.0, 0.3]
 P = np.diag([0.1, 0.04, 0.2, 0.09]) + 0.01 * np.array([[0, 1, 1, 0], [1, 0, 1, 1], [1, 1, 0, 1], [0, 1, 1, 0.0]])
@@ -123,6 +125,30 @@ def test_a_bad_measurement_is_refused_and_changes_nothing(point):
     assert_same(tracker.update((3.2, 0.3)), other.update((3.2, 0.3)))
 
 
+RADARS = [{"range_deviation": 0.3, "bearing_deviation": 0.02, "rate_deviation": 0.2, "position": (9.0, 20.0)}]
+FUSED = [
+    Fused((math.nan, 0.0)), Fused((math.inf, 0.0)), Fused((1e31, 0.0)), Fused(("a", 1.0)), Fused(None),
+    Fused((1.0, 2.0, 3.0)), Fused((1.0, 2.0), (math.nan, 0.0, 1.0)), Fused((1.0, 2.0), (-1.0, 0.0, -1.0)),
+    Fused((1.0, 2.0), (1.0, 5.0, 1.0)), Fused((1.0, 2.0), (0.0, 0.0, 0.0)), Fused((1.0, 2.0), (1.0, 2.0)),
+    Fused((1.0, 2.0), None, ("x",)), Fused((1.0, 2.0), None, (math.inf,)), Fused((1.0, 2.0), None, (1.0,) * 99),
+    Fused((1.0, 2.0), None, None),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("gate", [10.0, None])
+@pytest.mark.parametrize("sensors", [(), RADARS], ids=["no sensors", "radar"])
+@pytest.mark.parametrize("value", FUSED)
+def test_what_no_sensor_measures_is_refused_and_the_track_goes_on(value, sensors, gate):
+    tracker = OnlineTracker(QuickestOptions(sensors=sensors), ThresholdDecider(), gate=gate)
+    other = copy.copy(tracker)
+    for point in measurements(8):
+        other.update(point)
+        tracker.update(point)
+    with pytest.raises(ArgumentError, match=r"^measurement\.(position|covariance|rates)"):
+        tracker.update(value)
+    assert_same(tracker.update((1.8, 0.2)), other.update((1.8, 0.2)))
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -170,3 +196,37 @@ def test_copies_go_on_alike_and_independently(known, after, how):
     found = [tracker.update(points[k], 0.1 * k) for k in range(after, 60)]
     for k in range(after, 60):
         assert_same(other.update(points[k], 0.1 * k), found[k - after])
+
+
+def decided_from(decider, mode=None, count=60):
+    """The first tick with `decided`, from which on it stays, and the largest probabilities of all ticks before it."""
+    tracker = OnlineTracker(QuickestOptions(measurement_variance=0.01), decider)
+    tracker.begin(START, P, mode)
+    found = [tracker.update(point) for point in measurements(count, scale=0.1)]
+    decided = [now.decided for now in found]
+    first = decided.index(True) if any(decided) else count
+    assert all(decided[first:])
+    return first, [now.probabilities.max() for now in found[: first + 1]]
+
+
+@pytest.mark.parametrize("threshold", [0.4, 0.6, 0.7, 0.8])
+@pytest.mark.parametrize("kind", [ThresholdDecider, BeamDecider])
+def test_a_first_statement_is_decided_from_the_crossing_of_the_threshold_on(kind, threshold):
+    decider = (
+        kind(threshold) if kind is ThresholdDecider else kind(QuickestOptions(measurement_variance=0.01), threshold)
+    )
+    first, largest = decided_from(decider)
+    if kind is ThresholdDecider:
+        assert (np.array(largest[:-1]) < threshold).all()
+        assert largest[-1] >= threshold
+    assert 0 < first < 60
+
+
+def test_a_mode_is_decided_at_once_if_it_is_known_or_nothing_can_be_crossed():
+    assert decided_from(ThresholdDecider(0.8), mode=0)[0] == 0
+    assert decided_from(ThresholdDecider(0.0))[0] == 0
+    assert decided_from(CusumDecider())[0] == 0
+
+
+def test_what_is_never_crossed_is_never_decided():
+    assert decided_from(ThresholdDecider(1.0))[0] == 60

@@ -122,6 +122,25 @@ def test_times_may_be_dates():
         assert values(score(times, list("aabbbb"), list("aaabbb"))) == pytest.approx(expected, nan_ok=True)
 
 
+@pytest.mark.parametrize("nothing", [None, "", float("nan")])
+def test_a_detector_that_never_states_anything_misses_all(nothing):
+    truth = list("AABBCCAA")
+    result = score(np.arange(8.0), truth, {"silent": [nothing] * 8, "right": truth})
+    found = values(result, "silent")
+    assert (found["agreement"], found["misses"], found["false_changes"], found["changes_per_switch"]) == (0, 1, 0, 0)
+    assert np.isnan(found["delay"])
+    assert result.differences["right"]["misses"].value == -1.0
+
+
+def test_a_list_of_statements_may_be_empty():
+    times, truth = np.arange(8.0), list("AABBCCAA")
+    assert values(score(times, truth, [], statement_times=[]))["misses"] == 1
+    several = score([times, times], [truth, truth], [[], truth], statement_times=[[], times])
+    assert values(several)["misses"] == pytest.approx(2 / 5)  # the last switch of the first track may still come
+    with pytest.raises(ArgumentError, match="times"):
+        score([], [], [])
+
+
 TIMES, TRUTH = [0.0, 1.0, 2.0], ["a", "b", "b"]
 
 

@@ -33,8 +33,17 @@ from hybrid_env.core.compilation import compiled, prepare
 def element(x, i):
     return x[i] + 1.0
 
+@compiled
+def other(x, i):
+    return x[i] + 2.0
+
+@compiled
+def of_both(x, i):
+    return element(x, i) + other(x, i)
+
 prepare(element, np.ones(3), 1)
 """
+COMPILED = 3  # functions of the program: one is prepared, one calls the others, one is also called from Python
 
 
 @pytest.fixture
@@ -47,9 +56,11 @@ def run(tmp_path, monkeypatch, capsys):
     def run(index=1):
         module = runpy.run_path(str(path), run_name="program")
         assert module["element"](np.ones(3), index) == 2.0
+        assert module["of_both"](np.ones(3), index) == 5.0
+        assert module["other"](np.ones(3), index) == 3.0
         lines = capsys.readouterr().err.splitlines()
         until = "not kept, as" if numba.config.CACHE_DIR in UNWRITABLE else "kept for"
-        said = rf"compiling program.element \(number \d+; most commands need 1 to 5\), up to 15 s, {until} "
+        said = rf"compiling program.\w+ \(number \d+; most commands need 1 to 5\), up to 15 s, {until} "
         assert all(re.search(said, line) for line in lines)
         return len(lines)
 
@@ -57,7 +68,11 @@ def run(tmp_path, monkeypatch, capsys):
 
 
 def test_only_the_first_process_announces_a_compilation(run):
-    assert [run(), run()] == [1, 0]
+    assert [run(), run()] == [COMPILED, 0]
+
+
+def _empty(path):
+    path.write_bytes(b"")
 
 
 def _truncate(path):
@@ -72,18 +87,43 @@ def _flip(path):  # without the checksum, damaged machine code would be executed
 
 def _replace_by_text(path):
     path.write_text("not a cache\n")
-    for checksums in path.parent.glob("*.checksums"):
-        checksums.unlink()
 
 
-@pytest.mark.parametrize(
-    ("suffix", "damage"), [("nbi", _truncate), ("nbc", _truncate), ("nbc", _flip), ("nbc", _replace_by_text)]
-)
-def test_a_damaged_cache_is_replaced(tmp_path, run, suffix, damage):
+def _take_that_of_another_function(path):
+    others = [other for other in path.parent.glob(f"*{path.suffix}") if other != path]
+    path.write_bytes(others[0].read_bytes())
+
+
+DAMAGES = [_empty, _truncate, _flip, _replace_by_text, Path.unlink]
+
+
+@pytest.mark.parametrize("name", ["element", "other", "of_both"])
+@pytest.mark.parametrize("damage", [*DAMAGES, _take_that_of_another_function])
+@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
+def test_a_damaged_cache_is_replaced(tmp_path, run, suffix, damage, name):
     run()
-    (path,) = (tmp_path / "cache").rglob(f"program.element-*.{suffix}")
+    (path,) = (tmp_path / "cache").rglob(f"program.{name}-*.{suffix}")
     damage(path)
     assert [run(), run()] == [1, 0]
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_cache_of_damaged_files_alone_is_replaced(tmp_path, run, damage):
+    run()
+    files = [path for path in (tmp_path / "cache").rglob("*") if path.is_file() and path.suffix != ".lock"]
+    assert {path.suffix for path in files} == {".nbi", ".nbc", ".checksums"}
+    for path in files:
+        damage(path)
+    assert [run(), run()] == [COMPILED, 0]
+
+
+def test_a_cache_that_cannot_be_removed_is_named_in_one_line(tmp_path, run):
+    run()
+    (path,) = (tmp_path / "cache").rglob("program.element-*.nbi")
+    path.unlink()
+    path.mkdir()
+    with pytest.raises(OSError, match=r"^the compilation cache .*program.element is damaged: remove it, or set"):
+        run()
 
 
 @pytest.mark.parametrize("folder", UNWRITABLE[1:])
@@ -92,7 +132,7 @@ def test_a_cache_that_cannot_be_written_is_not_used(tmp_path, run, monkeypatch, 
     for name in ("XDG_CACHE_HOME", "HOME"):
         monkeypatch.setenv(name, folder)
     (tmp_path / "__pycache__").write_text("a file where numba would make a folder")
-    assert [run(), run()] == [1, 1]
+    assert [run(), run()] == [COMPILED, COMPILED]
 
 
 def test_checked_indices_raise(tmp_path, run, monkeypatch):

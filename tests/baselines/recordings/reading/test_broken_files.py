@@ -6,11 +6,13 @@ import tracemalloc
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet
 import pytest
 from hostile_input import accepted, attack, damaged
 
-from baselines.recordings.reading import files
-from baselines.recordings.reading.files import MAX_BYTES, MAX_LINE
+from baselines.recordings.reading import sizes
+from baselines.recordings.reading.files import MAX_LINE
 from baselines.recordings.reading.read import read_recordings
 from hybrid_env.checks import ArgumentError
 
@@ -108,10 +110,10 @@ def test_a_damaged_file_is_read_or_refused(read, kind, examples):
 def test_size_and_rows_are_bounded(read, tmp_path, monkeypatch):
     path = tmp_path / "large.csv"
     path.write_text("x,y\n")
-    os.truncate(path, MAX_BYTES + 1)  # sparse, of zeros
+    os.truncate(path, sizes.MAX_BYTES + 1)  # sparse, of zeros
     with pytest.raises(ArgumentError, match="at most 250 MB"):
         read_recordings(path)
-    monkeypatch.setattr(files, "MAX_BYTES", 1_000_000)
+    monkeypatch.setattr(sizes, "MAX_BYTES", 1_000_000)
     bomb = gzip.compress(b"t,x,y\n" + b"1,2,3\n" * 10_000_000)
     assert len(bomb) < 1_000_000
     tracemalloc.start()
@@ -121,13 +123,69 @@ def test_size_and_rows_are_bounded(read, tmp_path, monkeypatch):
         assert tracemalloc.get_traced_memory()[1] < 10_000_000
     finally:
         tracemalloc.stop()
-    monkeypatch.setattr(files, "MAX_ROWS", 30)
+    monkeypatch.setattr(sizes, "MAX_ROWS", 30)
     assert len(read("t,x,y\n" + ROWS).recordings[0].times) == 30
     with pytest.raises(ArgumentError, match="more than 30 rows"):
         read("t,x,y\n" + ROWS + "3.0,1,2\n")
-    monkeypatch.setattr(files, "MAX_ROWS", 29)
+    monkeypatch.setattr(sizes, "MAX_ROWS", 29)
     with pytest.raises(ArgumentError, match="more than 29"):
         read(PARQUET)
+
+
+POINT = b'<trkpt lat="5" lon="3"/>'
+BOMBS = {
+    "ratio": (gzip.compress(b"t,x,y\n" + b"1,2,3\n" * 4_000_000), "MB when decompressed"),
+    "rows": (b"t,x,y\n" + b"1,2,3\n" * 3_000_000, "more than 2,500,000 rows"),
+    "rows of a Mac": (b"t,x,y\r" + b"1,2,3\r" * 3_000_000, "more than 2,500,000 rows"),
+    "blank rows": (b"t,x,y\n" + b"\n" * 3_000_000, "more than 2,500,000 rows"),
+    "comments": (b"#\n" * 2_000_000, "more than 10,000 lines before the header"),
+    "cells": (b"x,y" + b",a" * 1990 + b"\n" + (b"1,2" + b"," * 1990 + b"\n") * 26_000, "more than 50,000,000 cells"),
+    "points": (b"<gpx><trk><trkseg>" + POINT * 2_600_000 + b"</trkseg></trk></gpx>", "2,600,000 rows, more than"),
+    "tags": (b"<gpx><trk><trkseg>" + b"<a/>" * 11_000_000 + b"</trkseg></trk></gpx>", "more than 10,000,000 tags"),
+    "fixes": (b"AXXX\n" + b"B1200004630000N00915000EA0010000100\n" * 2_600_000, "2,600,000 rows, more than"),
+}
+
+
+@pytest.mark.parametrize("kind", BOMBS)
+def test_what_would_need_much_memory_is_refused_before_it_is_read(read, kind):
+    content, message = BOMBS[kind]
+    tracemalloc.start()
+    try:
+        with pytest.raises(ArgumentError, match=message):
+            read(content)
+        assert tracemalloc.get_traced_memory()[1] < 500_000_000
+    finally:
+        tracemalloc.stop()
+
+
+def parquet(**columns):
+    stream = pa.BufferOutputStream()
+    pyarrow.parquet.write_table(pa.table(columns), stream, compression="zstd")
+    return stream.getvalue().to_pybytes()
+
+
+@pytest.mark.parametrize("kind", [pa.string(), pa.large_string()])
+def test_texts_and_cells_that_a_parquet_file_repeats_are_bounded(read, kind):
+    rows = np.arange(13_000.0)
+    texts = pa.array(["a" * 20_000] * len(rows), kind).dictionary_encode()
+    content = parquet(t=rows, x=rows, y=rows, note=texts)
+    assert len(content) < 500_000
+    with pytest.raises(ArgumentError, match="at most 250 MB when decompressed, not 260 MB"):
+        read(content)
+    zeros = np.zeros(600_000)
+    with pytest.raises(ArgumentError, match="600,000 rows of 100 columns, more than 50,000,000 cells"):
+        read(parquet(**{f"c{k}": zeros for k in range(100)}))
+
+
+@pytest.mark.parametrize("cell", [b"\xff", [1, 2], {"a": 1}])
+@pytest.mark.parametrize("name", ["t", "x", "id"])
+def test_columns_of_other_types_are_refused_where_they_are_needed(read, name, cell):
+    columns = {"t": np.arange(9.0), "x": np.arange(9.0), "y": np.arange(9.0) ** 2, "id": ["a"] * 9}
+    with pytest.raises(ArgumentError, match=f"type of {name}=.*expected numbers, texts or times"):
+        read(parquet(**columns | {name: pa.array([cell] * 9)}))
+    file = read(parquet(**columns, geometry=pa.array([cell] * 9)))
+    assert "columns of other types left out: geometry" in file.summary
+    assert len(file.recordings[0].times) == 9
 
 
 def test_what_is_not_a_regular_file_is_refused_without_waiting(tmp_path):

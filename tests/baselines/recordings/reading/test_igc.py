@@ -45,3 +45,59 @@ def test_a_log_is_a_recording_without_the_name_of_the_pilot(tmp_path):
     assert (len(recording.times), recording.unit) == (600, "m")
     assert "Nobody" not in file.summary + recording.name
     assert not is_igc(b"T,X,Y\n0,1,2\n")
+
+
+CLOCK = 43_200 + np.arange(120)
+
+
+def log_at(clock):
+    """A log with a position at every time of day [s]."""
+    texts = [f"{time // 3600:02d}{time // 60 % 60:02d}{time % 60:02d}" for time in (np.array(clock) % 86_400).tolist()]
+    return ("AXXX\n" + "".join(f"B{text}4630000N00915000EA0010000100\n" for text in texts)).encode()
+
+
+def with_clock(first, end, seconds):
+    """Times of day of which some are wrong by a number of seconds."""
+    return CLOCK + seconds * ((np.arange(120) >= first) & (np.arange(120) < end))
+
+
+@pytest.mark.parametrize("seconds", [3 * 3600, -3 * 3600, 11 * 3600, -11 * 3600, 600, -600])
+@pytest.mark.parametrize(("first", "end"), [(50, 51), (50, 53), (117, 120), (0, 3)])
+def test_a_few_positions_with_a_wrong_clock_do_not_take_others_along(first, end, seconds):
+    log = parse_igc("log", log_at(with_clock(first, end, seconds)))
+    assert set(CLOCK) - set(CLOCK[first:end]) <= set(log.times)
+    apart = (first == 0 and seconds < 0) or (end == 120 and seconds > 0)  # as before and after a gap
+    assert log.left_out == (0 if apart else end - first)
+    assert bool(log.notes) != apart
+
+
+@pytest.mark.parametrize("hours", [-2, -0.1, -11, 1, 11])
+def test_a_clock_that_is_set_begins_a_new_piece_with_all_positions(hours):
+    seconds = round(3600 * hours)
+    log = parse_igc("log", log_at(with_clock(60, 120, seconds)))
+    assert (len(log.times), log.left_out, log.set_back) == (120, 0, int(hours < 0))
+    np.testing.assert_array_equal(np.diff(log.times), np.where(np.arange(119) == 59, seconds % 86_400 + 1, 1))
+    assert ("set back" in "".join(log.notes)) == (hours < 0)
+
+
+def test_wrong_clocks_one_after_the_other_and_at_midnight():
+    clock = 86_340 + np.arange(120)
+    clock[[40, 41, 90]] += [7200, 30_000, -9000]
+    log = parse_igc("log", log_at(clock))
+    assert log.left_out == 3
+    np.testing.assert_array_equal(log.times, np.delete(86_340 + np.arange(120), [40, 41, 90]))
+
+
+@pytest.mark.parametrize("late", [range(100, 106), [100, 101], [30]])
+def test_late_and_repeated_positions_are_left_out_and_counted(late):
+    clock = np.insert(CLOCK, 110, CLOCK[list(late)])
+    log = parse_igc("log", log_at(clock))
+    np.testing.assert_array_equal(log.times, CLOCK)
+    assert log.left_out == len(late)
+
+
+def test_a_slow_logger_loses_nothing():
+    clock = 43_200 + 300 * np.arange(30)
+    log = parse_igc("log", log_at(clock))
+    np.testing.assert_array_equal(log.times, clock)
+    assert not log.notes

@@ -133,3 +133,76 @@ def test_recording_of_arrays():
 def test_arrays_that_are_no_recording(times, positions, message):
     with pytest.raises(ArgumentError, match=message):
         make_recording(times, positions)
+
+
+@pytest.mark.parametrize("form", ["%Y%Y", "%H %H", "%", "%Q", "%Y%", "(%Y", "%Y [", "%*", "%\\", "%G", "%Y-%V-%G-%V"])
+def test_a_format_that_is_none_is_refused_in_one_line(read_times, form):
+    with pytest.raises(ArgumentError) as caught:
+        read_times(AMERICAN, time_unit=form)
+    assert "\n" not in str(caught.value)
+
+
+def clock_cells(seconds, prefix=""):
+    """Times of day as numbers, 101500 for a quarter past ten."""
+    start = START + pd.Timedelta("15min")
+    dates = start + pd.to_timedelta(seconds, unit="s")
+    texts = dates.strftime("%H%M%S.%f" if np.any(np.array(seconds) % 1) else "%H%M%S")
+    return [prefix + text for text in texts]
+
+
+@pytest.mark.parametrize("step", [0.7, 1.0, 2.0, 7.0, 30.0, 400.0])
+@pytest.mark.parametrize("prefix", ["", "20260501"])
+def test_times_of_day_as_numbers_are_not_taken_for_seconds(read_times, step, prefix):
+    recording, summary = read_times(clock_cells(3.0 * step * np.arange(ROWS), prefix), "TIME")
+    np.testing.assert_allclose(np.diff(recording.times), 3.0 * step, atol=0.01)  # numbers of 14 digits
+    assert "hours, minutes and seconds (HHMMSS)" in summary
+
+
+def test_times_of_day_over_several_dates_need_a_format(read_times):
+    dates = START + pd.to_timedelta(3600.0 * np.arange(ROWS), unit="s")
+    with pytest.raises(ArgumentError, match="--time-unit with a format"):
+        read_times(dates.strftime("%Y%m%d%H%M%S"), "TIME")
+    recording, _ = read_times(dates.strftime("%Y%m%d%H%M%S"), "TIME", time_unit="%Y%m%d%H%M%S")
+    np.testing.assert_allclose(np.diff(recording.times), 3600.0)
+
+
+@pytest.mark.parametrize(
+    "seconds",
+    [
+        np.arange(ROWS),
+        100.0 * np.arange(ROWS),
+        7.0 + 3.0 * np.arange(ROWS),
+        np.arange(ROWS) ** 1.5,
+        59.0 * np.arange(ROWS),
+    ],
+)
+def test_seconds_stay_seconds(read_times, seconds):
+    np.testing.assert_allclose(read_times(seconds)[0].times, seconds)
+    clock = clock_cells(3.0 * np.arange(ROWS))
+    np.testing.assert_allclose(read_times(clock, time_unit="s")[0].times, np.array(clock, float))
+
+
+@pytest.mark.parametrize(
+    "time",
+    [
+        "01.05.2024 10:00:0{}",
+        "171455760{}",
+        "10:00:0{}",
+        "2024/05/01 10:00:0{}",
+        "May 1 2024 10:00:0{}",
+        "2024-05-01",
+        "soon",
+    ],
+)
+@pytest.mark.parametrize("wrong", [range(9), [4]])
+def test_times_of_a_gpx_file_that_cannot_be_read_are_refused(read, time, wrong):
+    times = [time.format(k) if k in wrong else f"2024-05-01T10:00:0{k}Z" for k in range(9)]
+    points = "".join(f'<trkpt lat="55.00{k}" lon="3"><time>{one}</time></trkpt>' for k, one in enumerate(times))
+    with pytest.raises(ArgumentError, match=r"walk.csv: time='.*an ISO date and time"):
+        read(f'<gpx version="1.1"><trk><trkseg>{points}</trkseg></trk></gpx>')
+
+
+def test_a_gpx_file_without_times_has_ticks(read):
+    points = "".join(f'<trkpt lat="55.00{k}" lon="3"/>' for k in range(9))
+    metadata = "<metadata><time>yesterday</time></metadata>"
+    assert "no times: a row is a tick" in read(f"<gpx>{metadata}<trk><trkseg>{points}</trkseg></trk></gpx>").summary

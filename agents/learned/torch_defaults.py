@@ -1,0 +1,35 @@
+"""PyTorch as this package uses it: float32 on the CPU, whatever defaults a program has set before."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from typing import Any
+
+import torch
+
+from baselines.rules.decider import Decider
+
+
+@contextmanager
+def own_defaults() -> Iterator[None]:
+    """Set PyTorch's default type and device to those of this package; also a decorator of functions.
+
+    At the end the defaults are those of before.
+    """
+    dtype, device = torch.get_default_dtype(), torch.get_default_device()
+    torch.set_default_dtype(torch.float32)
+    try:
+        # a device context slows every call of PyTorch, so that there is one only where it changes something
+        with nullcontext() if device.type == "cpu" else torch.device("cpu"):
+            yield
+    finally:
+        torch.set_default_dtype(dtype)
+
+
+class NetworkDecider(Decider):
+    """Base class of the deciders with a network, all of whose methods run with `own_defaults`."""
+
+    def __init_subclass__(cls, **keywords: Any):
+        super().__init_subclass__(**keywords)
+        for name in ("observe", "predict", "decide", "evidence"):
+            if name in vars(cls):
+                setattr(cls, name, own_defaults()(vars(cls)[name]))

@@ -1,0 +1,51 @@
+"""YAML of users: what is no plain value is refused in one line, and times are not taken for numbers."""
+
+import pytest
+from hostile_input import refused
+
+from agents.interface.input_files import parse_yaml
+from agents.training.recipe import load_recipe
+
+ENV = "hybrid_env:HybridTrack-v0"
+NO_VALUES = {
+    "a time": "1:59:59",
+    "a time with a fraction": "1:59:59.5",
+    "a negative time": "-1:30",
+    "a time of many parts": "1" + ":59" * 300,
+    "a time of many parts with a fraction": "1" + ":59" * 300 + ".5",
+    "a time with a tag": "!!float '1:30'",
+    "an escape of a large number": r'"\UFFFFFFFF"',
+    "an escape beyond the last character": r'"\U00110000"',
+    "an escape of half a character": r'"\ud800"',
+    "an escape without digits": r'"\xzz"',
+    "an unknown escape": r'"\q"',
+    "a large number": "9" * 5000,
+    "a large number of base 2": "0b" + "1" * 5000,
+    "a number of no digits": "0x_",
+    "an infinite number": ".inf",
+    "a text as a number": "!!float x",
+    "a text as a truth value": "!!bool x",
+    "a text as a date": "!!timestamp x",
+    "a date that does not exist": "2001-99-14",
+    "a time zone that does not exist": "2001-01-01 00:00:00 +99:99",
+    "a text as bytes": "!!binary 'x'",
+    "a list as an ordered mapping": "!!omap [x]",
+    "a mapping as a number": "!!int {}",
+}
+
+
+@pytest.mark.parametrize("kind", NO_VALUES)
+def test_yaml_that_is_no_plain_value_is_refused_in_one_line(kind, tmp_path):
+    text = NO_VALUES[kind]
+    with pytest.raises(ValueError, match=r".+"):
+        parse_yaml(text)
+    path = tmp_path / "recipe.yml"
+    for entry in (f"default: {text}", f"default: {{algo: ppo, n_steps: {text}}}", f"default: {{? {text} : 1}}"):
+        path.write_text(entry)
+        refused(load_recipe, str(path), ENV)
+    assert "set=" in refused(load_recipe, "ppo", ENV, [f"learning_rate={text}"])
+
+
+def test_a_quoted_time_is_a_text_and_numbers_are_as_before():
+    values = parse_yaml(r'{a: "1:59:59", b: 1.5, c: 1_000, d: 0x10, e: "\u00e4\U0001F600", f: 1e-3, g: -0.5}')
+    assert values == {"a": "1:59:59", "b": 1.5, "c": 1000, "d": 16, "e": "\u00e4\U0001f600", "f": "1e-3", "g": -0.5}
