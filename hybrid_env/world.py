@@ -190,11 +190,14 @@ class World(ReadOnlyAttributes):
         by_lane = values if values.ndim == 2 else values.swapaxes(1, 2)
         return by_lane.reshape(-1, *by_lane.shape[2:])[: self.actions.size]
 
+    def hypothesis_values(self) -> FloatArray:
+        """Return a copy of the log-likelihoods since the switch, or of the log probabilities of the modes, (N, M)."""
+        return self._flatten_blocks(self.bank.hypotheses[self.options.hypothesis_field].copy())
+
     def copy_tick(self) -> dict[str, NDArray[Any]]:
         """Return copies of the current tick of every track by their names in `info`, (N, ...)."""
         ticks = {name: self.field(name) for name in self.options.tick_names}
-        values = self.bank.hypotheses[self.options.hypothesis_field]
-        ticks[self.options.hypothesis_field] = self._flatten_blocks(values.copy())
+        ticks[self.options.hypothesis_field] = self.hypothesis_values()
         return ticks | {name: array.copy() for name, array in self.drawn.items()}
 
     def bank_tick(self) -> dict[str, FloatArray]:

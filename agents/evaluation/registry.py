@@ -183,7 +183,7 @@ def _family_at(rule: type[Decider], options: Any, name: str, first: str, second:
     except ValueError:
         raise reject("decider", whole, "numbers after the colon") from None
     family = rule.family(options)
-    make = functools.partial(rule, **{rule.second_threshold: numbers[-1]})
+    make: Any = functools.partial(rule, **{rule.second_threshold: numbers[-1]})
     title = f"{family.name}, {rule.second_threshold} {numbers[-1]:g}"
     family = dataclasses.replace(family, name=title, make=make)
     make(family.default)

@@ -81,7 +81,7 @@ class MeasurementDecider(Decider, Generic[State]):
         """Return measurement, merged estimate, covariance, log probabilities of the modes, and what sensors add."""
         parts = [tracks.field(name) for name in ("measurement", "estimate", "covariance")]
         sensed = [tracks.field(name) for name in ("noise", "rates")] if tracks.options.sensors else []
-        return np.hstack([*parts, tracks.copy_tick()()["log_probability"], *sensed])
+        return np.hstack([*parts, tracks.hypothesis_values(), *sensed])
 
     def decide(
         self, observation: FloatArray, state: State | None, episode_start: BoolArray | None
