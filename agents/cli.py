@@ -184,6 +184,8 @@ def _run(arguments: Sequence[str]) -> int:
         try:
             command.run()
         except SystemExit as stop:
+            if isinstance(stop.__context__, BrokenPipeError):  # rich ends the program where nobody reads its output
+                raise
             raise ArgumentError(f"code of a decider ended the program (status {stop.code})") from stop
     return 0
 

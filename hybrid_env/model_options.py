@@ -103,7 +103,7 @@ class ModelOptions(Checked):
         for name in options:
             if name not in names:
                 close = difflib.get_close_matches(name[:40], names, 1)
-                hint = f"did you mean {close[0]!r}?" if close else f"expected one of {', '.join(names)}"
+                hint = f"did you mean {close[0]!r}?" if close else f"the options are those of {cls.__name__}"
                 # libraries that try keywords, such as TorchRL, read these words of Python
                 raise TypeError(f"got an unexpected keyword argument {repr(name)[:40]}: {hint}")
         return cls(**options)

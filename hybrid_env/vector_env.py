@@ -77,6 +77,7 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
             check_choice("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
         self.options = self.options_class.of(**options)
+        self.options.check_longest(max_episode_steps)
         self.tick_info = check_flag("tick_info", tick_info)
         self.bank_info = check_flag("bank_info", bank_info)
         trace_rows = check_integer("trace_rows", trace_rows, 0, LARGEST)
@@ -258,7 +259,6 @@ class HybridTrackVectorEnv(TrackVectorEnv):
 
     Args:
         num_envs: N, number of tracks.
-        max_episode_steps: bound in the spec of the id, which has no effect: episodes are never truncated.
         autoreset_mode: NEXT_STEP resets a terminated track in the next step, whose action is ignored and whose reward
             is 0; SAME_STEP resets it in the same step and returns `final_obs` and `final_info`; DISABLED requires a
             call of `reset(options={"reset_mask": ...})`.

@@ -52,7 +52,7 @@ def first_estimate(options, seed):
 
 def same_as_quickest(decider, seed, ticks=150, **options):
     """Check that the tracker equals `HybridTrackQuickestEnv` in every tick; return the statements."""
-    env = HybridTrackQuickestVectorEnv(1, ticks=ticks, **options)
+    env = HybridTrackQuickestVectorEnv(1, tick_info=True, ticks=ticks, **options)
     rows, info = env.reset(seed=seed)
     tracker = OnlineTracker(env.options, copy.deepcopy(decider), gate=None)
     tracker.begin(*first_estimate(env.options, seed), info["true_mode"][0] if env.options.start == "known" else None)
@@ -76,7 +76,7 @@ def same_as_quickest(decider, seed, ticks=150, **options):
 
 def same_as_announced(decider, seed, **options):
     """Check that the tracker equals `HybridTrackEnv` in every tick; return the decided modes and forced."""
-    env = HybridTrackVectorEnv(1, trace_rows=MOST_ROWS, **options)
+    env = HybridTrackVectorEnv(1, tick_info=True, trace_rows=MOST_ROWS, **options)
     rows, info = env.reset(seed=seed)
     world, tau = env.world, env.options.tau
     tracker = OnlineTracker(env.options, copy.deepcopy(decider), gate=None)

@@ -60,7 +60,7 @@ KINDS = {
     "ppo-quickest": ("ppo", "HybridTrackQuickest-v0", QUICK, SMALL_PPO),
     "statements": ("statements", "HybridTrackQuickest-v0", QUICK, SMALL_STATEMENTS),
     "rhythm": ("rhythm", "HybridTrackQuickest-v0", QUICK, SMALL_RHYTHM),
-    "flights": ("flights", PUBLISHED, {}, SMALL_FLIGHTS),
+    "flights": ("flights", "HybridTrack-v0", {}, SMALL_FLIGHTS),
 }
 """Recipe, environment, its options and changed hyper-parameters."""
 WALL_CLOCK = ("seconds", "time/fps", "time/time_elapsed")

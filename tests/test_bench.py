@@ -49,7 +49,7 @@ def test_the_benchmark_of_gymnasium_counts_the_steps_of_both_environments(monkey
     monkeypatch.setattr(timing, "WHOLE_SECONDS", 0)
     main(["gymnasium", "--out", str(tmp_path)])
     found = json.loads((tmp_path / "bench.json").read_text())["measurements"]
-    assert [one["name"].split(",")[0] for one in found] == ["HybridTrack-v0", "CartPole-v1"] * 3
+    assert [one["name"].split(",")[0] for one in found] == ["HybridTrackPublished-v0", "CartPole-v1"] * 3
     assert all(one["value"] > 0 and one["unit"] == "steps/s" for one in found)
     assert capsys.readouterr().out.count("steps/s") == 6
 

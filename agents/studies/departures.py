@@ -25,8 +25,8 @@ from hybrid_env import RandomScheme
 TOLD = {ANNOUNCED: ("calibrated", "calibrated-robust"), UNKNOWN: ("beam",)}
 """Rules that are told the truth; the best of them at each level is the reference."""
 DECIDERS = {
-    ANNOUNCED: ("shipped", "stopping", "msprt", "ate"),
-    UNKNOWN: ("shipped", "rhythm", "robust", "beam-adaptive", "beam-default", "threshold"),
+    ANNOUNCED: ("shipped", "shipped-threshold", "msprt", "ate"),
+    UNKNOWN: ("shipped", "shipped-margin", "robust", "beam-adaptive", "beam-default", "threshold"),
 }
 """Deciders that are not told."""
 RADIUS, VARIANCE = 5.0, 0.001  # listed radius [m] and Q [m^2/s^2]

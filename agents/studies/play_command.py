@@ -12,7 +12,7 @@ from PIL import Image
 from rich.console import Console
 from rich.progress import Progress
 
-from agents.evaluation.registry import ErrorArguments, load_decider
+from agents.evaluation.registry import ErrorArguments, find_decider, load_decider
 from agents.evaluation.task import Task
 from agents.evaluation.tasks import task_of
 from agents.figures.tracks import TrackRecord
@@ -55,6 +55,8 @@ class Episodes:
     """Episodes of a decider on one track; `decider` replaces that of the name, and needs `changes` of the options."""
 
     def __init__(self, task: Task, name: str, decider: Any = None, changes: Any = None):
+        if decider is None:
+            changes = find_decider(name, task.options)[0].options | (changes or {})
         self.task, self.name = task.changed(changes or {}), name
         env = gym.make(task.env_id, render_mode="rgb_array", **self.task.given).unwrapped
         assert isinstance(env, TrackEnv)

@@ -207,7 +207,7 @@ class StoppingSettings(WorldsSettings):
     passes: int  # times that the segments of a round are used
     # smallest and largest delay cost; half of the environments have one drawn between them
     delay_costs: tuple[float, float] = (0.003, 0.05)
-    agent: str = "shipped"  # or the run folder of an anchor agent, with as many hidden units
+    agent: str = "shipped-threshold"  # or the run folder of an anchor agent, with as many hidden units
 
     largest = NetworkSettings.largest | {"batch_size": LARGEST_COUNT, "passes": 1000}
 
@@ -218,7 +218,7 @@ class StoppingSettings(WorldsSettings):
             raise reject("worlds", self.worlds, f"at most {LARGEST_ROUND:,} tracks, drawn_worlds included")
         object.__setattr__(self, "delay_costs", _factors("delay_costs", self.delay_costs))
         if not isinstance(self.agent, str):
-            raise reject("agent", self.agent, "'shipped' or a run folder")
+            raise reject("agent", self.agent, "'shipped-threshold' or a run folder")
 
 
 @dataclass(frozen=True, kw_only=True)

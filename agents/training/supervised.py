@@ -13,7 +13,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.evaluation.registry import SHIPPED, find_family
+from agents.evaluation.registry import find_family
 from agents.learned.kalman_net import KalmanBank, KalmanDecider, evidence, filter_inputs
 from agents.learned.posterior_decider import PosteriorDecider
 from agents.learned.reward_net import DistilledDecider
@@ -135,7 +135,7 @@ class DistilledRun(RewardRun):
 
     def labels(self, found: Segments) -> Sequence[NDArray[Any]]:
         """See `RewardRun.labels`: the posterior of the teacher on each row."""
-        family = find_family(SHIPPED, self.world)
+        family = find_family("shipped-threshold", self.world)
         rows = found.lengths.reshape(-1, self.world.segments).sum(1)
         return (taught(family.make(family.default), found.rows, rows).astype(np.float32),)
 

@@ -54,7 +54,7 @@ def test_compare_prints_tables_and_writes_figures_and_data(capsys, tmp_path, mon
     line = "compare --episodes 20 --selection-episodes 20 --steps 2048 --agents ppo --scheme random\\ 2x30-40"
     assert main([*shlex.split(line), "--out", str(out)]) == 0
     printed = capsys.readouterr().out
-    for words in ("On the operating curves", "Error rate", "published bank"):
+    for words in ("On the operating curves", "Error rate", "anchor-aware bank"):
         assert words in printed
     data = json.loads((out / "compare.json").read_text())
     names = [entry["name"] for entry in data["deciders"]]

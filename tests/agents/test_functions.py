@@ -20,7 +20,7 @@ def first(rows):
 
 
 def test_evaluate_returns_the_figures_of_the_command(tmp_path):
-    found = agents.evaluate("msprt:0.02", "HybridTrackPublished-v0", episodes=10, seed=3, **WORLD)
+    found = agents.evaluate("msprt:0.02", "HybridTrack-v0", episodes=10, seed=3, **WORLD)
     out = tmp_path / "out.json"
     flags = f"--episodes 10 --seed 3 --out {out} --scheme"
     assert main(["evaluate", "msprt:0.02", *flags.split(), WORLD["scheme"]]) == 0

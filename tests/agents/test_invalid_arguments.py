@@ -48,6 +48,8 @@ INVALID_WORLD_ARGUMENTS = [
     ("--undecided shrug", "undecided"),
     ("--reset-covariance 2", "2"),
     ("--follow both", "follow"),
+    ("--evidence 1", "evidence=1.0"),
+    ("--observation nothing", "observation"),
     ("--recalculation --follow bank", "recalculation=True"),
     ("--refine-radius", "refine_radius=True"),
     ("--ticks 5", "ticks=5"),

@@ -1,6 +1,7 @@
 """The registered ids with the checkers, vectorization modes and subprocesses of other libraries."""
 
 import functools
+import warnings
 
 import gymnasium as gym
 import numpy as np
@@ -119,7 +120,10 @@ def test_the_environments_can_be_played_with_the_keys_of_gymnasium(env_id, monke
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     pytest.importorskip("matplotlib")
     pygame = pytest.importorskip("pygame")
-    from gymnasium.utils.play import PlayableGame
+    with warnings.catch_warnings():
+        # it asks matplotlib for a window, which it does not need for a game
+        warnings.simplefilter("ignore")
+        from gymnasium.utils.play import PlayableGame
 
     env = gym.make(env_id, render_mode="rgb_array")
     env.reset(seed=0)

@@ -1,5 +1,6 @@
 """The anchor agent: invariances, which the agent of rewards and the learned stop share, loss and decisions."""
 
+import functools
 from dataclasses import replace
 
 import numpy as np
@@ -14,8 +15,10 @@ from agents.learned.anchor_net import Scales
 from agents.learned.reward_net import RewardDecider, RewardNet
 from agents.learned.stopping_decider import StoppingDecider, StoppingNetworks
 from baselines import SPRTDecider
-from baselines.rules.rollout import evaluate
+from baselines.rules import rollout
 from hybrid_env import HybridTrackVectorEnv, Layout, WorldOptions
+
+evaluate = functools.partial(rollout.evaluate, env_id="hybrid_env:HybridTrackPublished-v0")
 
 TRACKS, TICKS = 16, 150
 
@@ -178,7 +181,7 @@ def test_a_wrong_radius_costs_what_the_network_predicts_where_only_the_type_is_r
 
 @pytest.mark.parametrize("options", [{}, {"measurement_variance": 1.0}])
 def test_the_shipped_agent_beats_the_sprt_at_any_threshold(options):
-    decider = load_decider("shipped", WorldOptions(**options))
+    decider = load_decider("shipped-threshold", WorldOptions(**options))
     reward = evaluate(decider, episodes=100, seed=50, **options).reward.mean(1)
     for alpha in (0.1, 1e-2, 1e-3, 1e-6):
         gain = reward - evaluate(SPRTDecider(alpha), episodes=100, seed=50, **options).reward.mean(1)
@@ -189,5 +192,5 @@ def test_the_shipped_agent_beats_the_sprt_at_any_threshold(options):
 @pytest.mark.parametrize("name", ["R 0.1", "axes", "walker"])
 def test_the_shipped_agent_decides_on_a_live_sensor_as_in_the_environment(name, correctness):
     options = {"correctness": correctness, **COMMON[name]}
-    decided = same_as_announced(load_decider("shipped:0.03", WorldOptions(**options)), seed=6, **options)
+    decided = same_as_announced(load_decider("shipped-threshold:0.03", WorldOptions(**options)), seed=6, **options)
     assert not all(forced for _, forced in decided)

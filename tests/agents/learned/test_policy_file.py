@@ -23,7 +23,7 @@ from hybrid_env.registration import make_track_vector_env
 
 @pytest.fixture
 def folder(tmp_path):
-    shutil.copytree(policy_folder("shipped", ANNOUNCED), tmp_path / "run")
+    shutil.copytree(policy_folder("shipped-threshold", ANNOUNCED), tmp_path / "run")
     return tmp_path / "run"
 
 

@@ -69,8 +69,8 @@ def test_a_data_set_is_not_replaced_and_nothing_half_written_stays(root, capsys)
     command = ["dataset", "--episodes", "2", "--scheme", "S9", "--policies", "ate"]
     assert main(command) == 0
     assert main([*command, "random"]) == 2
-    assert "a folder without the data set HybridTrackPublished-v0/ate-v0" in capsys.readouterr().err
-    assert [path.name for path in (root / "HybridTrackPublished-v0").iterdir() if path.is_dir()] == ["ate-v0"]
+    assert "a folder without the data set HybridTrack-v0/ate-v0" in capsys.readouterr().err
+    assert [path.name for path in (root / "HybridTrack-v0").iterdir() if path.is_dir()] == ["ate-v0"]
 
 
 def test_an_out_that_cannot_be_made_is_said_without_a_root_of_minari(monkeypatch, capsys):

@@ -44,6 +44,7 @@ def fail():
 def play(env=None, **arguments):
     if env != STATED:
         arguments = {"scheme": SCHEME, "decider": "fixed:5"} | arguments
+        env = env or DECLARED
     Play(**{"env": env, "seed": 3} | OPTIONS.get(env, {}) | arguments).run()
 
 

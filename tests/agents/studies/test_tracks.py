@@ -1,5 +1,7 @@
 """One track with the decisions or statements of deciders, as it is drawn."""
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -7,8 +9,10 @@ from agents.evaluation.tasks import task_of
 from agents.figures.tracks import UNDECIDED
 from agents.studies.play_command import Episodes
 from baselines import CusumDecider, SPRTDecider, ThresholdDecider, record_statements
-from baselines.rules.rollout import evaluate
+from baselines.rules import rollout
 from baselines.scoring.statements import measure_statements
+
+evaluate = functools.partial(rollout.evaluate, env_id="hybrid_env:HybridTrackPublished-v0")
 
 ENV = "hybrid_env:HybridTrackPublished-v0"
 STATED_ENV = "hybrid_env:HybridTrackQuickest-v0"

@@ -19,7 +19,7 @@ def test_the_teacher_states_the_same_as_when_it_sees_each_episode_alone(options)
     run = make_run(ENV, options, load_recipe("distilled", ENV, ("n_envs=4", "hidden=8")))
     found = Explorer(DistilledDecider(run.net, run.world), np.random.default_rng(1)).segments(run.env, 5)
     counts = found.lengths.reshape(4, -1).sum(1)
-    family = find_family("shipped", run.world)
+    family = find_family("shipped-threshold", run.world)
     posterior = taught(family.make(0.02), found.rows, counts)
     begin, state, alone = counts[0], None, family.make(0.02)
     for k, row in enumerate(found.rows[begin : begin + counts[1]]):

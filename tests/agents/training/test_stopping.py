@@ -1,5 +1,7 @@
 """Training of the learned stop."""
 
+import functools
+
 import numpy as np
 import pytest
 import torch
@@ -10,8 +12,10 @@ from agents.learned.stopping_decider import StoppingDecider
 from agents.training.recipe import load_recipe
 from agents.training.runs import make_run
 from agents.training.stopping import Explorer, expected_reward
-from baselines.rules.rollout import evaluate
+from baselines.rules import rollout
 from hybrid_env import HybridTrackVectorEnv, WorldOptions
+
+evaluate = functools.partial(rollout.evaluate, env_id="hybrid_env:HybridTrackPublished-v0")
 
 ENV = "hybrid_env:HybridTrackPublished-v0"
 ALONE = ("drawn_worlds=[]", "worlds=[{n_envs: 48}]", "batch_size=48", "passes=4", "delay_costs=[0.1, 0.1]")
@@ -68,7 +72,7 @@ def test_the_stop_is_trained_for_a_delay_cost():
 
 
 def test_an_agent_with_another_number_of_units_is_refused_in_one_line():
-    with pytest.raises(ValueError, match="agent='shipped'") as caught:
+    with pytest.raises(ValueError, match="agent='shipped") as caught:
         make_run(ENV, {}, load_recipe("stopping", ENV, (*ALONE, "hidden=32")))
     assert "\n" not in str(caught.value)
 
@@ -84,6 +88,6 @@ def test_without_a_threshold_the_agent_earns_as_much_as_with_its_best_threshold(
         1
     )
     for threshold in (0.005, 0.02, 0.08):
-        shipped = load_decider(f"shipped:{threshold}", WorldOptions(**options))
+        shipped = load_decider(f"shipped-threshold:{threshold}", WorldOptions(**options))
         gain = reward - evaluate(shipped, episodes=150, seed=50, **options).reward.mean(1)
         assert gain.mean() > max(-3.0 * gain.std() / np.sqrt(len(gain)), least)

@@ -1,12 +1,16 @@
 """ATE on recordings agrees with ATE in the environment and with an independent implementation."""
 
+import functools
+
 import numpy as np
 import pytest
 
 from baselines import SPRTDecider, track_ate
-from baselines.rules.rollout import evaluate
+from baselines.rules import rollout
 from hybrid_env import HybridTrackVectorEnv
 from hybrid_env.core.records import TRACE_COLUMNS
+
+evaluate = functools.partial(rollout.evaluate, env_id="hybrid_env:HybridTrackPublished-v0")
 
 MEASURED = [TRACE_COLUMNS.index("measured_x"), TRACE_COLUMNS.index("measured_y")]
 ESTIMATED = [TRACE_COLUMNS.index("estimate_x"), TRACE_COLUMNS.index("estimate_y")]
@@ -15,7 +19,7 @@ TRUE = [TRACE_COLUMNS.index("x"), TRACE_COLUMNS.index("y")]
 
 def record_episodes(tracks: int, alpha: float = 1e-3, **options):
     """Run one episode per track with the decider. Returns first anchors, traces and decisions."""
-    env = HybridTrackVectorEnv(tracks, trace_rows=201, **options)
+    env = HybridTrackVectorEnv(tracks, tick_info=True, trace_rows=201, **options)
     decider = SPRTDecider(alpha)
     observation, info = env.reset(seed=77)
     starts = info["anchor"].copy()

@@ -1,5 +1,6 @@
 """MSPRT and gap rule against independently computed posteriors and against the error bound of the MSPRT."""
 
+import functools
 import math
 
 import numpy as np
@@ -7,15 +8,17 @@ import pytest
 from scipy.special import softmax
 
 from baselines import GapDecider, MSPRTDecider
-from baselines.rules.rollout import evaluate
+from baselines.rules import rollout
 from hybrid_env import HybridTrackVectorEnv
+
+evaluate = functools.partial(rollout.evaluate, env_id="hybrid_env:HybridTrackPublished-v0")
 
 RADII = (3.0, 5.0, 9.0)
 
 
 @pytest.mark.parametrize("rule", ["posterior", "type", "gap"])
 def test_rules_decide_as_posteriors_from_log_likelihoods(rule):
-    env = HybridTrackVectorEnv(64, radii=RADII, correctness="type")
+    env = HybridTrackVectorEnv(64, tick_info=True, radii=RADII, correctness="type")
     rows, info = env.reset(seed=3)
     kind = np.array([0, 1, 1, 1, 2, 2, 2])
     declared = 0

@@ -1,5 +1,6 @@
 """Deciders that users bring: found by file, module and entry point, swept, and refused in one line."""
 
+import functools
 import re
 import sys
 from importlib.metadata import EntryPoint
@@ -9,9 +10,10 @@ import pytest
 
 from agents.evaluation.registry import find_decider, find_family, load_decider
 from baselines import SPRTDecider
-from baselines.rules import own
-from baselines.rules.rollout import evaluate
+from baselines.rules import own, rollout
 from hybrid_env import ArgumentError, WorldOptions
+
+evaluate = functools.partial(rollout.evaluate, env_id="hybrid_env:HybridTrackPublished-v0")
 
 OPTIONS = WorldOptions(scheme="random 2x20-25")
 SOURCE = '''

@@ -65,7 +65,7 @@ def test_a_track_soon_is_as_good_as_one_that_begins_with_the_estimate_of_the_env
     options = QuickestOptions(start="random", ticks=120, **COMMON[name])
     agree = []
     for seed in range(12):
-        env = HybridTrackQuickestVectorEnv(1, **vars(options))
+        env = HybridTrackQuickestVectorEnv(1, tick_info=True, **vars(options))
         rows, info = env.reset(seed=seed)
         tracker, decider = OnlineTracker(options, ThresholdDecider()), ThresholdDecider()
         for k in range(options.ticks):
