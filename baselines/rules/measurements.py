@@ -79,6 +79,8 @@ class MeasurementDecider(Decider, Generic[State]):
 
     def observe(self, tracks: World) -> FloatArray:
         """Return measurement, merged estimate, covariance, log probabilities of the modes, and what sensors add."""
+        if tracks.options.switches != self.task:
+            raise reject("options", type(tracks.options).__name__, f"those of {self.task} switches")
         parts = [tracks.field(name) for name in ("measurement", "estimate", "covariance")]
         sensed = [tracks.field(name) for name in ("noise", "rates")] if tracks.options.sensors else []
         return np.hstack([*parts, tracks.hypothesis_values(), *sensed])

@@ -88,7 +88,7 @@ class SPRTDecider(Decider):
         *(0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02, 0.015, 0.01, 7e-3, 5e-3, 3e-3, 2e-3, 1e-3),
         *(5e-4, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10),
     )
-    colour, marker = "#0a7d5a", "s"
+    colour = marker = ""
 
     second_threshold = "beta"
 

@@ -63,7 +63,8 @@ def test_perceptual_difference_of_black_and_white_is_100():
 def test_every_rule_and_common_agent_has_a_style_of_its_own(task):
     titles = {kind.title for kind in rules(task).values()}
     assert titles - set(STYLES[task]) <= {"ATE (SPRT), robust", "MSPRT, robust", "MSPRT, true anchor", "TEASER"} | {
-        "MSPRT, published bank"
+        "MSPRT, published bank",
+        "SPRT",
     }
     styles = STYLES[task].values()
     assert len({style.colour for style in styles}) == len({style.marker for style in styles}) == len(styles)

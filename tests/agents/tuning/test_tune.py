@@ -25,7 +25,7 @@ from hybrid_env.checks import ArgumentError
 
 ENV = "hybrid_env:HybridTrackPublished-v0"
 RANGES = ("learning_rate=0.001..0.02", "batch_size=160|320", "n_epochs=1..3")
-FLAGS = ("--steps", "1280", "--scheme", SCHEME["scheme"], "--set", *SMALL_PPO, "--search", *RANGES)
+FLAGS = ("--env", ENV, "--steps", "1280", "--scheme", SCHEME["scheme"], "--set", *SMALL_PPO, "--search", *RANGES)
 
 
 def tune(folder, trials, *more):
