@@ -29,7 +29,7 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs") / "mine"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(GliderRun, "curve_flights", (2,))
-        env = "hybrid_env:HybridTrackPublished-v0"
+        env = "hybrid_env:HybridTrack-v0"
         make_run(env, {}, load_recipe("gliders", env, SMALL), 0, folder, 30_000).train()
     return folder
 

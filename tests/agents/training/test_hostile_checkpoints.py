@@ -21,7 +21,7 @@ ENVIRONMENTS = {
     "statements": ("hybrid_env:HybridTrackQuickest-v0", {"ticks": 8, "durations": "uniform 2-4"}),
     "jump-markov": ("hybrid_env:HybridTrackQuickest-v0", {"ticks": 8, "durations": "uniform 2-4"}),
     "rhythm": ("hybrid_env:HybridTrackQuickest-v0", {"ticks": 8}),
-    "flights": ("hybrid_env:HybridTrackPublished-v0", {}),
+    "flights": ("hybrid_env:HybridTrack-v0", {}),
 }
 RECIPES = {
     "ppo": ("n_envs=4", "n_steps=16", "batch_size=32", "policy_kwargs.net_arch=[4]"),

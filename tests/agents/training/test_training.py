@@ -92,7 +92,7 @@ def test_training_for_seconds_earns_more_than_the_bank(kind, changes, steps, thr
     run = make_run(ENV, {}, load_recipe(kind, ENV, changes), seed=1, steps=steps)
     run.train()
     deciders = MSPRTDecider(thresholds[0]), run.family("").make(thresholds[1])
-    bank, agent = (evaluate(one, episodes=100, seed=5).reward for one in deciders)
+    bank, agent = (evaluate(one, ENV, episodes=100, seed=5).reward for one in deciders)
     gain = agent - bank
     assert gain.mean() > 3.0 * gain.mean(1).std() / np.sqrt(len(gain)) > 0.0
 
@@ -175,7 +175,7 @@ def test_the_learning_curve_measures_fixed_episodes_of_the_environment(kind, tmp
         (QUICKEST, {}, "reward", [], "env="), (ENV, {"sensors": ("0.1",)}, "distilled", ["n_envs=4"], "sensors"),
         (ENV, {"actions": "best"}, "reward", [], "actions='best'"),
         (ENV, {}, "reward", ["n_envs=100000"], "n_envs=100000"), (ENV, {}, "statements", [], "env="),
-        (QUICKEST, {}, "flights", [], "env="), (ENV, {"tau": 0.2}, "flights", [], "options="),
+        (QUICKEST, {}, "flights", [], "env="), ("hybrid_env:HybridTrack-v0", {"tau": 0.2}, "flights", [], "options="),
         (ENV, {}, "anchor", ["worlds=[{n_envs: 8, options: {actions: best}}]"], "actions='best'"),
     ],
 )  # fmt: skip
