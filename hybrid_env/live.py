@@ -245,4 +245,6 @@ def live_track(options: Any) -> OnlineTrack:
         raise reject("options", options, "WorldOptions or QuickestOptions")
     if options.bank == "oracle":
         raise reject("bank", options.bank, "'published' or 'anchor_aware': the true state is unknown")
+    if options.observation != "bank":
+        raise reject("observation", options.observation, "'bank': deciders on a live sensor read its rows")
     return AnnouncedTrack(options)

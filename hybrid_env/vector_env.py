@@ -172,9 +172,10 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
             advice = "reset() terminated tracks with a reset_mask first"
             raise gym.error.ResetNeeded(f"step() requires running episodes: {advice}")
         world.actions[:] = actions
-        begins = world.terminated.copy() if self._scenes else self._truncated
+        before = world.terminated.copy() if self._scenes else self._truncated
         events = world.step()
-        self._record_scenes(self._every_track, begins)
+        if self._scenes:
+            self._record_scenes(self._every_track, before)
 
         terminated, rewards = world.terminated.copy(), world.rewards.copy()
         final: dict[str, Any] = {}
@@ -189,7 +190,12 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
             self._record_scenes(terminated, terminated)
         if events or self.tick_info:
             final = self._decision_info() | final
-        return world.take_rows(), rewards, terminated, self._truncated.copy(), self._tick_info() | final
+        if self.tick_info or self.bank_info:
+            info = self._tick_info()
+        else:  # most callers train: nothing else is made
+            info = {"action_mask": world.action_mask.copy(), "_action_mask": self._every_track}
+        info |= final
+        return world.take_rows(), rewards, terminated, self._truncated.copy(), info
 
     def close_extras(self, **kwargs: Any) -> None:
         """End the threads, if there are any."""

@@ -16,7 +16,15 @@ from hybrid_env.core.banks.mixture import merged_estimate, write_merged_covarian
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.motion import heading_vector
 from hybrid_env.core.noise import draw_noise_ahead, integer_below
-from hybrid_env.core.observation_row import compare_hypotheses, compare_types, mask_declarations, write_row
+from hybrid_env.core.observation_row import (
+    BANK_ROW,
+    compare_hypotheses,
+    compare_types,
+    mask_declarations,
+    write_segment,
+    write_tick,
+    write_twin,
+)
 from hybrid_env.core.records import DECISION, DECISION_FLAGS, LANES, SEGMENT_COLUMNS, state_of, triangle_of, write_lane
 from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move, move_lane, sum_errors
 
@@ -268,8 +276,13 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) ->
             if setting.recalculated > 0:
                 sum_errors(block, lane, bank.hypotheses, arrays.errors[b])
             _record_estimate(block, lane, bank.hypotheses, arrays.trace[i], setting.merged)
-            begins = new_segments & (1 << lane) != 0
-            write_row(arrays.observations[i], begins, block, lane, scratch, bank, arrays.radii, setting)
+            row = arrays.observations[i]
+            if setting.observation != BANK_ROW:
+                write_twin(row, block, lane, setting)
+                continue
+            if new_segments & (1 << lane):
+                write_segment(row, block, lane, arrays.radii, setting)
+            write_tick(row, block, lane, scratch, bank, setting)
     return events
 
 

@@ -29,7 +29,8 @@ from hybrid_env.core.observation_row import (
     compare_types,
     mask_declarations,
     write_quickest_row,
-    write_row,
+    write_segment,
+    write_tick,
 )
 from hybrid_env.core.quickest_kernel import record_statement
 from hybrid_env.core.records import LANES, state_of, write_lane
@@ -82,7 +83,9 @@ def advance_live(begins: bool, banks: Any, arrays: Any, setting: Any) -> int:
         if not setting.exact:
             compare_types(scratch, bank.hypotheses, FIRST, LAST)
         mask_declarations(arrays.action_mask[0], scratch, 0, setting)
-        write_row(row, block.tick[0] == 1, block, 0, scratch, bank, arrays.radii, setting)
+        if block.tick[0] == 1:
+            write_segment(row, block, 0, arrays.radii, setting)
+        write_tick(row, block, 0, scratch, bank, setting)
     set_anchor(block, 0, bank, block.active_mode[0], setting.merged)
     return 0
 

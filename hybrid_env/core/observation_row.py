@@ -181,16 +181,9 @@ def mask_declarations(mask: NDArray[np.int8], scratch: Any, lane: int, setting: 
 
 
 @internal
-def write_row(
-    row: NDArray[np.float32], begins: bool, block: Any, lane: int, scratch: Any, bank: Any, radii: FloatArray,
-    setting: Any,
-) -> None:  # fmt: skip
-    """Write the row of a track at a tick, after `compare_hypotheses`. begins: whether it is the first of a segment."""
-    if setting.observation == BANK_ROW:
-        if begins:
-            write_segment(row, block, lane, radii, setting)
-        write_tick(row, block, lane, scratch, bank, setting)
-    elif setting.observation == RAW_ROW:
+def write_twin(row: NDArray[np.float32], block: Any, lane: int, setting: Any) -> None:
+    """Write the row of a track at a tick where it is not that of the bank."""
+    if setting.observation == RAW_ROW:
         write_raw(row, block, lane, setting)
     else:
         write_state(row, block, lane, setting)
