@@ -170,8 +170,9 @@ class HybridTrackEnv(TrackEnv):
     anchor for exact. The agent observes how well each hypothesis explains the measurements, and either waits for the
     next measurement or declares a hypothesis.
 
-    A declaration counts once the posterior of a mode reaches `evidence`, with equal priors at the switch (of straight,
-    left or right, where the type is rewarded). Before, it waits. With `evidence=0` every declaration counts.
+    A declaration counts once a posterior reaches `evidence`: that of a mode, or where the type is rewarded that of
+    straight, left or right. All hypotheses have equal priors at the switch. Before, a declaration waits. With
+    `evidence=0` every declaration counts.
 
     An episode is one trajectory of several segments. When the agent declares a hypothesis, the segment is
     fast-forwarded: within the same step, the filter of the declared hypothesis runs to the end of the segment, and its

@@ -54,8 +54,8 @@ class WorldOptions(ModelOptions):
         delay_cost: cost of a step, in units of the reward of a correct decision.
         correctness: "exact" requires the hypothesis, "type" only straight, left or right.
         evidence: a declaration counts once the posterior of a mode reaches this probability (with
-            `correctness="type"` that of straight, left or right), with equal priors at the switch; before, it waits. 0
-            lets every declaration count.
+            `correctness="type"` that of straight, left or right); before, it waits. All hypotheses have equal priors
+            at the switch. 0 lets every declaration count.
         actions: "all" waits or declares one of M hypotheses; "types" waits or declares straight, left or right, which
             is the most likely hypothesis of this type; "best" waits or declares the most likely one.
         observation: "bank" is the output of the bank; "raw" the measurement relative to the anchor, without the bank;

@@ -270,7 +270,7 @@ class HybridTrackVectorEnv(TrackVectorEnv):
             call of `reset(options={"reset_mask": ...})`.
         tick_info: True adds the description of the current tick to `info`, with the keys of `HybridTrackEnv`, the same
             ones in every step. Without it `info` has the mask of the actions, decisions in the steps that make some,
-            `final_obs` and `final_info`: eight tracks are then stepped twice as fast.
+            `final_obs` and `final_info`, which takes less time.
         trace_rows: number of ticks per step stored in `world.trace`, 0 to store none.
         threads: number of threads that step the tracks in parallel. Results do not depend on it. More than one is
             useful from about 4,000 tracks.

@@ -1,4 +1,4 @@
-"""Deciders that choose their threshold: 'shipped:auto' for the reward, 'shipped:2%' for an error rate.
+"""Deciders that choose their threshold: 'msprt:auto' for the reward, 'msprt:2%' for an error rate.
 
 For unknown switches the rate is that of wrong changes, 'beam:3/1000' for three in 1,000 ticks.
 
@@ -35,7 +35,7 @@ LARGEST_RATE = 50.0
 
 
 def chosen_rule(name: str) -> tuple[str, str] | None:
-    """Return the decider and the ending of "shipped:auto", "shipped:2%" or "beam:3/1000"; None for other names."""
+    """Return the decider and the ending of "msprt:auto", "msprt:2%" or "beam:3/1000"; None for other names."""
     base, colon, ending = name.rpartition(":")
     return (base, ending) if colon and (ending == AUTO or ending.endswith(tuple(RATES.values()))) else None
 

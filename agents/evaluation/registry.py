@@ -73,7 +73,7 @@ NAMED = {
     "rhythm": (UNKNOWN, "shipped_rhythm"), "robust": (UNKNOWN, "shipped_robust"),
     "stopping": (ANNOUNCED, "shipped_stopping"),
 }  # fmt: skip
-"""Task and folder of the agents that come with the package beside the shipped ones."""
+"""Task and folder of further names: former shipped agents, 'robust', and other names of the shipped ones."""
 
 
 def split_threshold(name: Any) -> tuple[Any, float | None]:
@@ -232,12 +232,19 @@ def load_decider(name: Any, options: Any) -> Decider:
     for key, value in family.options.items():
         if str(getattr(options, key)) != str(value):
             raise reject(key, getattr(options, key), f"{value!r} for the decider {name!r}")
-    decider: Decider = family.make(threshold)
+    return for_actions(family.make(threshold), options)
+
+
+def for_actions(decider: Decider, options: Any) -> Decider:
+    """Return a decider that declares hypotheses for the actions of an environment."""
     actions = getattr(options, "actions", "all")
     if actions == "all":
         return decider
+    space = getattr(getattr(decider, "model", None), "action_space", None)
+    if space is not None and int(space.n) == options.action_count:
+        return decider  # a model of a learning library, trained with these actions
     if actions == "types":
-        return TypeDeclarations(decider)
+        return TypeDeclarations(decider, options.hypotheses)
     raise reject("actions", actions, "'all' or 'types': deciders declare hypotheses")
 
 
@@ -255,7 +262,7 @@ class ErrorArguments:
 
     error: Annotated[str | None, shown_default("the usual threshold")] = None
     """Rate to hold: '2%' of wrong decisions, or with unknown switches '2/1000', wrong changes in ticks. The
-    threshold is chosen for it by simulation, as with the name 'shipped:2%'."""
+    threshold is chosen for it by simulation, as with the name 'msprt:2%'."""
 
     def at_error(self, name: str) -> str:
         """Return the name of a decider with the rate that is asked for."""

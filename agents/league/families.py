@@ -106,7 +106,7 @@ def home_of(recipe: str) -> tuple[str, str]:
             errors.append(error)
     if errors:
         raise errors[0]
-    raise reject("deciders", recipe, "a recipe for HybridTrack-v0 or HybridTrackQuickest-v0")
+    raise reject("deciders", recipe, "a recipe for HybridTrackPublished-v0 or HybridTrackQuickest-v0")
 
 
 def title_of(name: str) -> str:

@@ -69,10 +69,13 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
     switches: {announced}. Unknown switches: {unknown}. With --flights: {flights}, with an optional
     ':threshold', or the folder of an agent. With --gliders: {gliders}, 'agent', or the folder of
     an agent."""
-    agents: Annotated[tuple[str, ...] | None, shown_default("ppo shipped; shipped for unknown switches")] = None
-    """Learned agents: recipes to train during the run ('ppo', 'anchor' ...), 'shipped', 'stopping',
-    'rhythm' or 'robust' (weights in the package), run folders, or policies of other libraries ('model.zip',
-    'policy.onnx')."""
+    agents: Annotated[
+        tuple[str, ...] | None,
+        shown_default("ppo shipped, with the published bank also shipped-threshold; shipped for unknown switches"),
+    ] = None
+    """Learned agents: recipes to train during the run ('ppo', 'anchor' ...), 'shipped',
+    'shipped-threshold', 'shipped-margin' or 'robust' (weights in the package), run folders, or policies of
+    other libraries ('model.zip', 'policy.onnx')."""
     accuracy: Annotated[float | None, shown_default("the threshold with the best reward")] = None
     """Select the fastest threshold that reaches this accuracy."""
     curves: bool = True

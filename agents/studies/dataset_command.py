@@ -16,7 +16,7 @@ import tyro
 from numpy.typing import NDArray
 from rich.console import Console
 
-from agents.evaluation.registry import find_decider
+from agents.evaluation.registry import find_decider, for_actions
 from agents.evaluation.task import Task
 from agents.evaluation.tasks import task_of
 from agents.interface.help_texts import shown_default
@@ -112,9 +112,9 @@ class Dataset(WorldArguments, TrustArguments):
                 found.append((identity, name, {}, random_policy(task.options.action_count)))
             else:
                 family, threshold = find_decider(name, task.options)
-                task.options_with(family.options)  # checks them
+                options = task.options_with(family.options)
                 title = f"{family.name} at {threshold:g}"
-                found.append((identity, title, family.options, family.make(threshold)))
+                found.append((identity, title, family.options, for_actions(family.make(threshold), options)))
         with atomic_folder("out", folder) as part, _minari_root(part.resolve()):  # Minari writes to no relative path
             for identity, title, changes, decider in found:
                 print(self._write(part, task, identity, title, {**task.given, **changes}, decider, seed))

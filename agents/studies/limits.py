@@ -131,7 +131,7 @@ def rule_on_bank(env_id: str, noise: float, bank: str, rule: str, episodes: int,
 
 
 def bank_calibration(bank: str, noise: float, seed: int) -> list[Row]:
-    """Return the calibration of a bank at a noise level on HybridTrack-v0."""
+    """Return the calibration of a bank at a noise level on HybridTrackPublished-v0."""
     options = {"measurement_variance": noise, **CALIBRATION_BANKS[bank]}
     rows = calibration_rows(CALIBRATION_EPISODES, seed, options)
     return [{"bank": bank, "noise": noise, **row} for row in rows]
@@ -212,7 +212,7 @@ def markdown(parts: Mapping[str, Sequence[Row]]) -> str:
     steps, rules = (gain.format("per segment"), parts["steps"], _gain_cell), (times, parts["rules"], _times_cell)
     calibration = (
         "### Calibration of the banks: accuracy / mean posterior of the most probable hypothesis, %\n\n"
-        "HybridTrack-v0, no decisions; in brackets the largest calibration error (mean posterior minus "
+        "HybridTrackPublished-v0, no decisions; in brackets the largest calibration error (mean posterior minus "
         "accuracy in a bin of the posterior).\n\n"
     )
     cells: dict[tuple[str, str], list[str]] = {}

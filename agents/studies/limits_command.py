@@ -8,12 +8,12 @@ from rich.console import Console
 from rich.markdown import Markdown
 
 from agents.evaluation.registry import find_family
-from agents.evaluation.tasks import QUICKEST, task_of
+from agents.evaluation.tasks import QUICKEST, THREE, task_of
 from agents.interface.help_texts import shown_default
 from agents.interface.output_files import output_folder, write_files
 from agents.interface.parallel import ParallelArguments
 from agents.interface.progress import print_lines, shown
-from agents.interface.world_arguments import DEFAULT_ENV, TrustArguments
+from agents.interface.world_arguments import TrustArguments
 from agents.studies import departures, limits
 from baselines.rules import seeds
 from hybrid_env.checks import check_integer, reject
@@ -27,14 +27,14 @@ class Limits(TrustArguments, ParallelArguments):
     --env HybridTrackQuickest-v0, rules for unknown switch moments are evaluated, in about an hour.
     """
 
-    env: Annotated[str | None, shown_default("both environments with known switch moments")] = None
+    env: Annotated[str | None, shown_default("HybridTrackPublished-v0 and HybridTrackPublishedBank-v0")] = None
     """'HybridTrackQuickest-v0'."""
     departures: bool = False
     """Evaluate deciders in worlds that depart from what they are told, step by step (heavy tails, process noise,
     radii, durations), beside the best rule that is told; 200 episodes take about 20 minutes."""
     deciders: tuple[str, ...] = ()
     """Further deciders to evaluate on every filter bank with known switch moments, as 'mine.py:MyRule'; with
-    --departures in HybridTrack-v0 only."""
+    --departures in HybridTrackPublished-v0 only."""
     episodes: int = 3000
     """Number of episodes per rule; a third as many others serve to select thresholds."""
     seed: int = 0
@@ -53,7 +53,7 @@ class Limits(TrustArguments, ParallelArguments):
         if self.deciders and self.env is not None:
             raise reject("deciders", self.deciders, f"none in {quickest}, where compare evaluates them")
         for name in self.deciders:
-            for env in (DEFAULT_ENV,) if self.departures else limits.RULES:
+            for env in (THREE,) if self.departures else limits.RULES:
                 find_family(name, task_of(env).options)
         largest = max(self.episodes, limits.CALIBRATION_EPISODES)
         if self.seed + largest > seeds.SELECTION:

@@ -58,7 +58,9 @@ class Episodes:
         if decider is None:
             changes = find_decider(name, task.options)[0].options | (changes or {})
         self.task, self.name = task.changed(changes or {}), name
-        env = gym.make(task.env_id, render_mode="rgb_array", **self.task.given).unwrapped
+        # deciders declare hypotheses also where the actions of the environment are types
+        all_actions = {"actions": "all"} if getattr(task.options, "actions", "all") == "types" else {}
+        env = gym.make(task.env_id, render_mode="rgb_array", **self.task.given, **all_actions).unwrapped
         assert isinstance(env, TrackEnv)
         self.env, self.decider = env, load_decider(name, env.options) if decider is None else decider
 

@@ -184,16 +184,16 @@ class RobustMSPRTDecider(MSPRTDecider):
 class TypeDeclarations(Decider):
     """A decider for an environment with `actions="types"`: what declares a hypothesis declares its type."""
 
-    def __init__(self, decider: Decider):
+    def __init__(self, decider: Decider, hypotheses: int):
         self.decider, self.observes, self.every_tick = decider, decider.observes, decider.every_tick  # type: ignore[misc]
+        self._types = np.concatenate([[0], mode_types(hypotheses) + 1])
 
     def predict(
         self, observation: Any, state: Any = None, episode_start: BoolArray | None = None, deterministic: bool = True
     ) -> tuple[Actions, Any]:
         """See `Decider.predict`: 0 waits, and 1, 2 and 3 declare straight, left and right."""
         actions, state = self.decider.predict(observation, state, episode_start, deterministic)
-        hypotheses = Layout.of_rows(observation).hypotheses
-        return np.concatenate([[0], mode_types(hypotheses) + 1])[actions], state
+        return np.where(np.asarray(actions) < 0, actions, self._types[actions]), state
 
     def observe(self, tracks: Any) -> NDArray[Any]:
         """See `Decider.observe`."""

@@ -65,7 +65,8 @@ class Asked:
 
     def __init__(self, decider: Decider, action_count: int):
         self.decider, self.action_count = decider, action_count
-        self._trusted = type(decider).__module__.startswith(OURS) and not isinstance(decider, Adapted)
+        inner = getattr(decider, "decider", decider)  # of `TypeDeclarations`
+        self._trusted = type(inner).__module__.startswith(OURS) and not isinstance(inner, Adapted)
         self._seconds, self._calls, self._told = 0.0, 0, False
 
     def __call__(self, seen: Any, state: Any, starts: BoolArray) -> tuple[Actions, Any]:

@@ -156,7 +156,8 @@ def fit_calibrated_anchor(world: WorldOptions, episodes: int, seed: int, robust:
     prior: AnchorPrior | None = None
     rows = world.longest_segment + 1  # a segment decided at once, and the first tick of the next
     for first in (seed, seed + episodes):
-        env = HybridTrackVectorEnv(episodes, tick_info=False, trace_rows=rows, **vars(world))
+        options = {**vars(world), "actions": "all"}  # the decider declares hypotheses
+        env = HybridTrackVectorEnv(episodes, trace_rows=rows, **options)
         decider, running = CalibratedAnchorDecider(world, prior, FITTED_ALPHA, robust), np.ones(episodes, np.bool_)
         errors, types, correct = [], [], []
         truth = np.empty(0)

@@ -152,6 +152,8 @@ def evaluate_batch(
     model = decider.model if isinstance(decider, Adapted) else decider
     # a model of a learning library plays with the actions that it was trained with; all others declare hypotheses
     trained = getattr(model, "action_space", None) == given.single_action_space
+    if not trained and given.options.actions == "best":
+        raise reject("actions", "best", "'all' or 'types': deciders declare hypotheses")
     env = make_vector_env(env_id, episodes, **(dict(options) if trained else {**options, "actions": "all"}))
     width = getattr(getattr(decider, "observation_space", None), "shape", None)
     if width not in (None, env.single_observation_space.shape):
