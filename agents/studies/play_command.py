@@ -55,12 +55,13 @@ class Episodes:
     """Episodes of a decider on one track; `decider` replaces that of the name, and needs `changes` of the options."""
 
     def __init__(self, task: Task, name: str, decider: Any = None, changes: Any = None):
+        changes = dict(changes or {})
         if decider is None:
-            changes = find_decider(name, task.options)[0].options | (changes or {})
-        self.task, self.name = task.changed(changes or {}), name
-        # deciders declare hypotheses also where the actions of the environment are types
-        all_actions = {"actions": "all"} if getattr(task.options, "actions", "all") == "types" else {}
-        env = gym.make(task.env_id, render_mode="rgb_array", **self.task.given, **all_actions).unwrapped
+            changes = find_decider(name, task.options)[0].options | changes
+        if getattr(task.options, "actions", "all") == "types":
+            changes["actions"] = "all"  # deciders declare hypotheses
+        self.task, self.name = task.changed(changes), name
+        env = gym.make(task.env_id, render_mode="rgb_array", **self.task.given).unwrapped
         assert isinstance(env, TrackEnv)
         self.env, self.decider = env, load_decider(name, env.options) if decider is None else decider
 
