@@ -189,18 +189,21 @@ def check_array(name: str, value: ArrayLike, shape: tuple[int | None, ...], miss
     return array
 
 
-def check_covariance(name: str, value: ArrayLike, size: int) -> FloatArray:
-    """Return a symmetric matrix (size, size) without negative eigenvalues."""
-    matrix = check_array(name, value, (size, size))
-    deviations = np.sqrt(np.diagonal(matrix).clip(0.0))
+def check_covariance(name: str, matrix: FloatArray, definite: bool = True) -> FloatArray:
+    """Return symmetric matrices (..., n, n) without negative eigenvalues, and with none 0 if `definite`."""
+    deviations = np.sqrt(np.diagonal(matrix, axis1=-2, axis2=-1).clip(0.0))
     deviations = np.where(deviations > 0.0, deviations, 1.0)
     with np.errstate(over="ignore"):
-        correlations = matrix / deviations / deviations[:, None]  # units of the values do not matter
+        # units of the values do not matter
+        correlations = matrix / deviations[..., None] / deviations[..., None, :]
+    transposed = np.swapaxes(correlations, -1, -2)
     bounded = (np.abs(correlations) <= 1.0 + 1e-9).all()
-    symmetric = bounded and np.allclose(correlations, correlations.T, rtol=0.0, atol=1e-9)
-    if not symmetric or np.linalg.eigvalsh(correlations).min() < -1e-9:
-        raise reject(name, matrix.tolist(), "a symmetric matrix without negative eigenvalues")
-    return 0.5 * (matrix + matrix.T)
+    symmetric = bounded and np.allclose(correlations, transposed, rtol=0.0, atol=1e-9)
+    smallest = np.linalg.eigvalsh(correlations).min() if symmetric else -np.inf
+    if smallest < -1e-9 or (definite and smallest <= 1e-15):
+        kind = "positive definite" if definite else "without negative eigenvalues"
+        raise reject(name, matrix.tolist(), f"symmetric matrices, {kind}")
+    return 0.5 * (matrix + np.swapaxes(matrix, -1, -2))
 
 
 def dimensions(value: ArrayLike) -> int:

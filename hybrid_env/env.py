@@ -225,10 +225,6 @@ class HybridTrackEnv(TrackEnv):
     With radars that measure the range rate, it adds to the likelihood of a hypothesis after the position; innovations
     and their variance are those of the position.
 
-    With `observation="raw"` the row has the measurement relative to the anchor without the bank, with
-    `observation="state"` the true mode and the true state; `hybrid_env.RawLayout` and `StateLayout` read them. Actions,
-    rewards and episodes are the same.
-
     A tick may have no measurement (`missed`, or sensors out of range). The filters then only predict: all innovations
     are exactly zero, which they are in no other tick, the ratios do not change, and the displacement is the one that
     the most likely filter predicts.
@@ -286,8 +282,6 @@ class HybridTrackEnv(TrackEnv):
     | HybridTrackBank-v0 | S, L1 .. L10, R1 .. R10 | anchor_aware | 0.95 | types | bank |
     | HybridTrackPublished-v0 | S, L5, R5 | published | 0 | all | declared |
     | HybridTrackPublishedBank-v0 | S, L1 .. L10, R1 .. R10 | published | 0 | all | declared |
-
-    An episode has at most 10,000 steps: options that allow longer ones are refused by `reset`.
 
     ## References
     Golubkov, Tsyganov and Tsyganova 2018 (model, bank, algorithm ATE); Wald 1947 (sequential analysis).

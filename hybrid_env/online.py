@@ -109,7 +109,9 @@ class KalmanBank(ReadOnlyAttributes):
         if dimensions(covariance) == 1:
             xx, xv, vv = check_array("covariance", covariance, (3,))
             covariance = np.kron(np.eye(2), [[xx, xv], [xv, vv]])
-        triangle = check_covariance("covariance", covariance, 4)[TRIANGLE]
+        triangle = check_covariance("covariance", check_array("covariance", covariance, (4, 4)), definite=False)[
+            TRIANGLE
+        ]
         arguments = self._filters, self._rows, anchor[:, None], triangle[:, None], self.radii, self._model
         prepare(_begin_one, *arguments)
         _begin_one(*arguments)

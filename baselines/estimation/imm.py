@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from baselines.estimation.kalman import KalmanFilter, resized
 from baselines.estimation.motion_models import check_per_item
-from baselines.estimation.track_filter import TrackFilter, check_covariance
-from hybrid_env.checks import FloatArray, check_array, reject
+from baselines.estimation.track_filter import TrackFilter
+from hybrid_env.checks import FloatArray, check_array, check_covariance, reject
 
 SMALLEST = 1e-300  # smaller probabilities count as this one
 

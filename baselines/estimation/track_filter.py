@@ -12,6 +12,7 @@ from hybrid_env.checks import (
     FloatArray,
     OwnState,
     check_array,
+    check_covariance,
     check_integer,
     check_number,
     dimensions,
@@ -119,16 +120,3 @@ def measurement_covariance(name: str, value: ArrayLike, axes: int, tracks: int |
     if ndim < 2:
         return check_covariance(name, np.diag(check_per_item(name, value, axes)))
     return check_covariance(name, check_array(name, value, (axes, axes) if ndim == 2 else (tracks, axes, axes)))
-
-
-def check_covariance(name: str, matrix: FloatArray, definite: bool = True) -> FloatArray:
-    """Return symmetric matrices (..., n, n) without negative eigenvalues, and with none 0 if `definite`."""
-    deviations = np.sqrt(np.diagonal(matrix, axis1=-2, axis2=-1).clip(0.0))
-    deviations = np.where(deviations > 0.0, deviations, 1.0)
-    scaled = matrix / deviations[..., None] / deviations[..., None, :]  # units of the values do not matter
-    symmetric = np.allclose(scaled, np.swapaxes(scaled, -1, -2), rtol=0.0, atol=1e-9)
-    smallest = np.linalg.eigvalsh(scaled).min() if symmetric else -np.inf
-    if smallest < -1e-9 or (definite and smallest <= 1e-15):
-        kind = "positive definite" if definite else "without negative eigenvalues"
-        raise reject(name, matrix.tolist(), f"symmetric matrices, {kind}")
-    return 0.5 * (matrix + np.swapaxes(matrix, -1, -2))

@@ -6,12 +6,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baselines.estimation.track_filter import check_covariance
 from baselines.rules.decider import Decider
 from baselines.rules.own import Asked, as_decider, name_of
 from baselines.rules.start import DEVIATIONS, FEW, MANY, PATIENCE, FirstMeasurements, gate_distance, unit_noise
 from hybrid_env import checks
-from hybrid_env.checks import FloatArray, OwnState, check_array, check_integer, check_number, reject
+from hybrid_env.checks import FloatArray, OwnState, check_array, check_covariance, check_integer, check_number, reject
 from hybrid_env.core.compilation import prepare
 from hybrid_env.limits import check_ticks
 from hybrid_env.live import OnlineTrack, live_track
