@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: compare test lint types study coverage bench pythons docs dist clean
+.PHONY: compare test lint types studies study coverage bench pythons docs dist clean
 
 compare: $(INSTALLED)
 	$(BIN)/hybridtrack compare $(ARGS)
@@ -16,9 +16,14 @@ lint: $(INSTALLED)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/codespell
+	$(BIN)/python -m tools.house
 
 types: $(INSTALLED)
 	$(BIN)/mypy
+
+# every study in its quick form, and the tests of the studies
+studies: $(INSTALLED)
+	$(BIN)/python -m pytest studies -n auto --maxprocesses 8 $(ARGS)
 
 # long statistical tests and attacks, then the quick tests with every index of compiled code checked
 study: $(INSTALLED)

@@ -26,7 +26,9 @@ def description(text: str, source: str | None) -> str:
         picture, words, path = link.groups()
         if source is None:
             return "" if picture else words
-        return f"{picture}[{words}]({source.rstrip('/')}/{'raw' if picture else 'blob'}/HEAD/{path})"
+        return (
+            f"{picture}[{words}]({source.rstrip('/')}/{'raw' if picture else 'blob'}/HEAD/{path})"
+        )
 
     return RELATIVE_LINK.sub(absolute, text)
 

@@ -1,4 +1,6 @@
-"""The console script `hybridtrack`. Each subcommand is defined in a file of its own; errors are one line."""
+"""The console script `hybridtrack`. Each subcommand is defined in a file of its own; errors are
+one line.
+"""
 
 import contextlib
 import functools
@@ -58,7 +60,10 @@ EXAMPLES = {
         "hybridtrack train --env HybridTrackQuickest-v0 --recipe statements",
     ),
     "tune": (
-        "hybridtrack tune --trials 20 --jobs 2              # writes runs/tune-HybridTrack-v0-ppo/best.yml",
+        (
+            "hybridtrack tune --trials 20 --jobs 2              # writes"
+            " runs/tune-HybridTrack-v0-ppo/best.yml"
+        ),
         "hybridtrack tune --search learning_rate=0.001..0.03 'batch_size=512|2048' --steps 500000",
     ),
     "evaluate": (
@@ -68,18 +73,27 @@ EXAMPLES = {
         "hybridtrack evaluate shipped beam threshold:0.7 --env HybridTrackQuickest-v0",
     ),
     "compare": (
-        "hybridtrack compare                                # trains PPO, draws the operating curves",
+        (
+            "hybridtrack compare                                # trains PPO, draws the operating"
+            " curves"
+        ),
         "hybridtrack compare --agents shipped runs/anchor --measurement-variance 1",
         "hybridtrack compare --agents ppo --training-seeds 5 --jobs 2 --out results/seeds",
         "hybridtrack compare --deciders ate mine.py:MyRule --agents model.zip",
         "hybridtrack compare --no-curves --episodes 300     # a first look",
-        "hybridtrack compare --env HybridTrackBank-v0 --deciders ate msprt-type bayes --accuracy 0.9",
+        (
+            "hybridtrack compare --env HybridTrackBank-v0 --deciders ate msprt-type bayes"
+            " --accuracy 0.9"
+        ),
     ),
     "play": (
         "hybridtrack play --decider shipped                 # in a window",
         "hybridtrack play --decider msprt:0.02 --out episode.gif",
         "hybridtrack play --env HybridTrackQuickest-v0 --decider beam --out episode.png",
-        "hybridtrack play --scheme 'L60r3 R75r5 S50' --radii 3 5 --out flight.gif --record flight.csv",
+        (
+            "hybridtrack play --scheme 'L60r3 R75r5 S50' --radii 3 5 --out flight.gif --record"
+            " flight.csv"
+        ),
     ),
     "track": (
         "hybridtrack track flight.csv --lengths 50 --radii 3 5 10",
@@ -96,11 +110,17 @@ EXAMPLES = {
     ),
     "score": (
         "hybridtrack score truth.csv imm.csv mine.csv --out score.json",
-        "hybridtrack score truth.csv mine.csv --columns time=1 mode=4 --per min --picture score.png",
+        (
+            "hybridtrack score truth.csv mine.csv --columns time=1 mode=4 --per min --picture"
+            " score.png"
+        ),
     ),
     "dataset": (
         "hybridtrack dataset --policies ate shipped random --out datasets",
-        "hybridtrack dataset radar --out radar --score      # flights past radars, and filters on them",
+        (
+            "hybridtrack dataset radar --out radar --score      # flights past radars, and filters"
+            " on them"
+        ),
         "hybridtrack dataset --policies threshold shipped random --env HybridTrackQuickest-v0",
     ),
     "league": (
@@ -110,7 +130,8 @@ EXAMPLES = {
 }
 """Lines below the help of each command; a test parses them."""
 
-MAX_MESSAGE = 270  # characters; the middle of a longer message is left out
+# Characters; the middle of a longer message is left out.
+MAX_MESSAGE = 270
 
 
 def one_line(message: str) -> str:
@@ -124,31 +145,43 @@ def one_line(message: str) -> str:
 
 def parse(arguments: Sequence[str]) -> Any:
     """Return the command of command-line arguments, ready to run."""
-    config = (tyro.conf.DisallowNone,)  # a flag is left out, not given as "None"
+    # A flag is left out, not given as "None".
+    config = (tyro.conf.DisallowNone,)
     name = arguments[0] if arguments else ""
-    if name in COMMANDS:  # the flags of one command are parsed much sooner than those of all
+    # The flags of one command are parsed much sooner than those of all.
+    if name in COMMANDS:
         kind, description = as_command(COMMANDS[name])
-        return tyro.cli(kind, prog=f"hybridtrack {name}", args=arguments[1:], description=description, config=config)
+        return tyro.cli(
+            kind,
+            prog=f"hybridtrack {name}",
+            args=arguments[1:],
+            description=description,
+            config=config,
+        )
     kinds: list[Any] = []
     for name, (kind, description) in zip(COMMANDS, map(as_command, COMMANDS.values()), strict=True):
         first = tyro.conf.subcommand(name, description=description.partition("\n")[0])
         kinds.append(Annotated[kind, first])
     every: Any = functools.reduce(operator.or_, kinds)
     return tyro.cli(
-        every, prog="hybridtrack", args=arguments, config=config,
+        every,
+        prog="hybridtrack",
+        args=arguments,
+        config=config,
         description="Quickest decisions on motion modes with classical rules and learned agents.",
-    )  # fmt: skip
+    )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command, with the arguments of the process if there are none.
 
-    Returns the exit status: 0, 1 if the reader of the output has closed it, 2 for an invalid argument or a file that
-    cannot be read or written, or 130 after an interrupt by the user.
+    Returns the exit status: 0, 1 if the reader of the output has closed it, 2 for an invalid
+    argument or a file that cannot be read or written, or 130 after an interrupt by the user.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # names of files may contain any bytes
+            # Names of files may contain any bytes.
+            stream.reconfigure(errors="backslashreplace")
     try:
         status = _run(sys.argv[1:] if arguments is None else arguments)
         if sys.stdout is not None:
@@ -184,9 +217,12 @@ def _run(arguments: Sequence[str]) -> int:
         try:
             command.run()
         except SystemExit as stop:
-            if isinstance(stop.__context__, BrokenPipeError):  # rich ends the program where nobody reads its output
+            # Rich ends the program where nobody reads its output.
+            if isinstance(stop.__context__, BrokenPipeError):
                 raise
-            raise ArgumentError(f"code of a decider ended the program (status {stop.code})") from stop
+            raise ArgumentError(
+                f"code of a decider ended the program (status {stop.code})"
+            ) from stop
     return 0
 
 

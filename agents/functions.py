@@ -1,4 +1,5 @@
-"""The commands as Python functions, for programs and notebooks: `load`, `evaluate`, `compare` and `train`.
+"""The commands as Python functions, for programs and notebooks: `load`, `evaluate`, `compare`
+and `train`.
 
 `env_id` is a registered id, and `options` are those of the environment, as in `gym.make`.
 """
@@ -24,7 +25,8 @@ from hybrid_env.checks import check_integer, reject
 
 
 def load(decider: Any, env_id: str = DEFAULT_ENV, **options: Any) -> Decider:
-    """Return a decider by name: "ate:1e-6", "shipped", a run folder, "model.zip", "mine.py:Rule", or itself.
+    """Return a decider by name: "ate:1e-6", "shipped", a run folder, "model.zip",
+    "mine.py:Rule", or itself.
 
     Raises:
         ArgumentError: no decider of the environment has this name, or an option is not allowed.
@@ -33,9 +35,15 @@ def load(decider: Any, env_id: str = DEFAULT_ENV, **options: Any) -> Decider:
 
 
 def evaluate(
-    decider: Any, env_id: str = DEFAULT_ENV, *, episodes: int = 1000, seed: int = 0, **options: Any
+    decider: Any,
+    env_id: str = DEFAULT_ENV,
+    *,
+    episodes: int = 1000,
+    seed: int = 0,
+    **options: Any,
 ) -> dict[str, Estimate]:
-    """Return the metrics of a decider with their 95 % confidence intervals, as `hybridtrack evaluate`.
+    """Return the metrics of a decider with their 95 % confidence intervals, as `hybridtrack
+    evaluate`.
 
     Args:
         decider: a name, a function of the observations, or an object with `predict`, see `load`.
@@ -54,16 +62,22 @@ def evaluate(
 
 
 def compare(
-    deciders: Sequence[Any] | None = None, agents: Sequence[Any] | None = None, env_id: str = DEFAULT_ENV, *,
-    out: str | os.PathLike[str] | None = None, **options: Any,
-) -> comparison.Comparison:  # fmt: skip
+    deciders: Sequence[Any] | None = None,
+    agents: Sequence[Any] | None = None,
+    env_id: str = DEFAULT_ENV,
+    *,
+    out: str | os.PathLike[str] | None = None,
+    **options: Any,
+) -> comparison.Comparison:
     """Train agents and score all deciders on the same episodes, as `hybridtrack compare`.
 
     Args:
-        deciders: rules, the reference first, see `load`; None for the usual ones of the environment.
+        deciders: rules, the reference first, see `load`; None for the usual ones of the
+            environment.
         agents: recipes to train, or agents, see `load`; None for the usual ones.
         env_id: of the environment.
-        out: folder for the trained agents, from which an interrupted comparison goes on; None writes nothing.
+        out: folder for the trained agents, from which an interrupted comparison goes on; None
+            writes nothing.
         options: of the environment, and the other flags of `hybridtrack compare`: episodes, seed,
             selection_episodes, steps, training_seeds, accuracy, curves, jobs.
 
@@ -73,15 +87,25 @@ def compare(
     names = [None if given is None else tuple(given) for given in (deciders, agents)]
     command = Compare(deciders=names[0], agents=names[1], env=env_id, **options)
     if out is not None and not all(isinstance(name, str) for some in names for name in some or ()):
-        raise reject("out", out, "None with deciders that are no names: a folder cannot tell them apart")
+        raise reject(
+            "out",
+            out,
+            "None with deciders that are no names: a folder cannot tell them apart",
+        )
     folder = None if out is None else Path(out)
     return comparison.compare(command.plan(), command.workers(), Progress(disable=True), folder)
 
 
 def train(
-    recipe: str = "ppo", env_id: str = DEFAULT_ENV, *, out: str | os.PathLike[str] | None = None, seed: int = 0,
-    steps: int | None = None, changes: Sequence[str] = (), **options: Any,
-) -> Decider:  # fmt: skip
+    recipe: str = "ppo",
+    env_id: str = DEFAULT_ENV,
+    *,
+    out: str | os.PathLike[str] | None = None,
+    seed: int = 0,
+    steps: int | None = None,
+    changes: Sequence[str] = (),
+    **options: Any,
+) -> Decider:
     """Train an agent, as `hybridtrack train`, and return it.
 
     Args:

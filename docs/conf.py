@@ -71,7 +71,7 @@ warnings.filterwarnings("ignore", message=".*non-interactive.*")
 
 
 def setup(app):
-    """Compile the kernels before the examples run, so that their notices are not among the output."""
+    """Compile the kernels before the examples run, so that these show no notices of it."""
     import gymnasium as gym
 
     for env_id in ("HybridTrack-v0", "HybridTrackPublished-v0"):

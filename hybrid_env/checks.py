@@ -1,4 +1,6 @@
-"""Argument checks, and types of arrays. An error is one line: the argument, its value, the allowed values."""
+"""Argument checks, and types of arrays. An error is one line: the argument, its value, the
+allowed values.
+"""
 
 import copy
 import functools
@@ -16,38 +18,51 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 Check = Callable[[str, Any], Any]
-"""Takes name and value of an argument, and returns the value as it is stored; others raise `ArgumentError`."""
+"""Takes name and value of an argument, and returns the value as it is stored; others raise
+`ArgumentError`.
+"""
 
-LONGEST_VALUE = 120  # characters of a value in a message
-LONGEST_MESSAGE = 300  # characters
-LARGEST_NUMBER = 1e30  # magnitude of an element of an array; its square must not overflow
+# Characters of a value in a message.
+LONGEST_VALUE = 120
+# Characters.
+LONGEST_MESSAGE = 300
+# Magnitude of an element of an array; its square must not overflow.
+LARGEST_NUMBER = 1e30
 
-_short = reprlib.Repr()  # does not print all of a nested or a large value
+# Does not print all of a nested or a large value.
+_short = reprlib.Repr()
 _short.maxstring = _short.maxother = _short.maxlong = LONGEST_VALUE
 _short.maxlevel = 3
 
 
 class ArgumentError(ValueError):
-    """An argument has a value that is not allowed: the error of all classes and functions. The message is one line."""
+    """An argument has a value that is not allowed: the error of all classes and functions. The
+    message is one line.
+    """
 
     def __init__(self, message: str):
         super().__init__(_shorten(" ".join(message.split()), LONGEST_MESSAGE))
 
 
 class OwnState:
-    """A class whose copies share no state with it: a step, which changes arrays in place, does not move the others."""
+    """A class whose copies share no state with it: a step, which changes arrays in place, does
+    not move the others.
+    """
 
     def __copy__(self) -> Self:
         return copy.deepcopy(self)
 
 
 class ReadOnlyAttributes(OwnState):
-    """A class whose attributes named in `read_only` are set once, because compiled code relies on them."""
+    """A class whose attributes named in `read_only` are set once, because compiled code relies
+    on them.
+    """
 
     read_only: ClassVar[frozenset[str]] = frozenset()
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if name in self.read_only and hasattr(self, name):  # reading __dict__ would slow down all attributes
+        # Reading __dict__ would slow down all attributes.
+        if name in self.read_only and hasattr(self, name):
             raise AttributeError(f"{type(self).__name__}.{name} is read-only")
         super().__setattr__(name, value)
 
@@ -74,20 +89,30 @@ def reject(name: str, value: Any, allowed: str) -> ArgumentError:
     """Return the error for a value that is not allowed. The caller raises it."""
     try:
         shown = _short.repr(value.item() if isinstance(value, np.generic) else value)
-    except Exception:  # of the value's own __repr__, or an integer with too many digits
+    except Exception:
+        # Of the value's own __repr__, or an integer with too many digits.
         shown = f"<{type(value).__name__}>"
-    return ArgumentError(f"{name}={_shorten(shown, LONGEST_VALUE)} is not allowed: expected {allowed}")
+    return ArgumentError(
+        f"{name}={_shorten(shown, LONGEST_VALUE)} is not allowed: expected {allowed}"
+    )
 
 
 def check_number(
-    name: str, value: Any, allowed: str = "a finite number", low: float = -math.inf, high: float = math.inf
+    name: str,
+    value: Any,
+    allowed: str = "a finite number",
+    low: float = -math.inf,
+    high: float = math.inf,
 ) -> float:
-    """Return a finite float from `low` to `high`. Bools, strings, NaN, infinities and durations are none."""
+    """Return a finite float from `low` to `high`. Bools, strings, NaN, infinities and durations
+    are none.
+    """
     if isinstance(value, (bool, np.bool_, np.timedelta64)) or not isinstance(value, Real):
         raise reject(name, value, allowed)
     try:
         number = float(value)
-    except (OverflowError, ValueError):  # an integer may be too large
+    except (OverflowError, ValueError):
+        # An integer may be too large.
         raise reject(name, value, allowed) from None
     if not math.isfinite(number) or not low <= number <= high:
         raise reject(name, value, allowed)
@@ -96,7 +121,12 @@ def check_number(
 
 def ranged(low: float, high: float, allowed: str = "") -> Check:
     """Return the check of a number from `low` to `high`."""
-    return functools.partial(check_number, allowed=allowed or f"a number from {low:g} to {high:g}", low=low, high=high)
+    return functools.partial(
+        check_number,
+        allowed=allowed or f"a number from {low:g} to {high:g}",
+        low=low,
+        high=high,
+    )
 
 
 def optional(check: Check) -> Check:
@@ -121,7 +151,9 @@ def check_between(name: str, value: Any, low: float, high: float) -> float:
 
 def check_integer(name: str, value: Any, minimum: int = 1, maximum: int | None = None) -> int:
     """Return an integer >= `minimum`, and <= `maximum` unless that is None."""
-    allowed = f"an integer >= {minimum}" if maximum is None else f"an integer from {minimum} to {maximum}"
+    allowed = (
+        f"an integer >= {minimum}" if maximum is None else f"an integer from {minimum} to {maximum}"
+    )
     if isinstance(value, (bool, np.bool_, np.timedelta64)) or not isinstance(value, Integral):
         raise reject(name, value, allowed)
     number = int(value)
@@ -153,7 +185,8 @@ def check_flag(name: str, value: Any) -> bool:
 
 def _real_array(value: ArrayLike) -> FloatArray | None:
     """Return a copy as a float64 array, None if not every element is a real number."""
-    if np.ma.is_masked(value):  # the mask would be lost
+    # The mask would be lost.
+    if np.ma.is_masked(value):
         return None
     try:
         array = np.asarray(value)
@@ -162,23 +195,38 @@ def _real_array(value: ArrayLike) -> FloatArray | None:
         ):
             return None
         return np.array(array, dtype=np.float64) if array.dtype.kind in "fiuO" else None
-    except (TypeError, ValueError, OverflowError, MemoryError, RuntimeError):  # also tensors with gradients
+    except (TypeError, ValueError, OverflowError, MemoryError, RuntimeError):
+        # Also tensors with gradients.
         return None
 
 
-def check_array(name: str, value: ArrayLike, shape: tuple[int | None, ...], missing: bool = False) -> FloatArray:
-    """Return a copy as a finite float64 array of a given shape; None in `shape` allows any length >= 1, and `missing`
-    allows NaN.
+def check_array(
+    name: str,
+    value: ArrayLike,
+    shape: tuple[int | None, ...],
+    missing: bool = False,
+) -> FloatArray:
+    """Return a copy as a finite float64 array of a given shape; None in `shape` allows any length
+    >= 1, and `missing` allows NaN.
     """
-    expected = "(" + ", ".join("*" if size is None else str(size) for size in shape) + ("," * (len(shape) == 1)) + ")"
+    expected = (
+        "("
+        + ", ".join("*" if size is None else str(size) for size in shape)
+        + ("," * (len(shape) == 1))
+        + ")"
+    )
     array = _real_array(value)
     if array is None:
         raise reject(name, value, f"an array of finite numbers of shape {expected}, none masked")
     if array.ndim != len(shape) or any(
-        length == 0 or (size is not None and length != size) for length, size in zip(array.shape, shape, strict=True)
+        length == 0 or (size is not None and length != size)
+        for length, size in zip(array.shape, shape, strict=True)
     ):
-        raise ArgumentError(f"{name} has shape {array.shape}: expected {expected}, no dimension of length 0")
-    finite = np.abs(array) <= LARGEST_NUMBER  # False for NaN
+        raise ArgumentError(
+            f"{name} has shape {array.shape}: expected {expected}, no dimension of length 0"
+        )
+    # False for NaN.
+    finite = np.abs(array) <= LARGEST_NUMBER
     bad = np.argwhere(~(finite | np.isnan(array)) if missing else ~finite)
     if bad.size:
         index = tuple(int(i) for i in bad[0])
@@ -190,11 +238,13 @@ def check_array(name: str, value: ArrayLike, shape: tuple[int | None, ...], miss
 
 
 def check_covariance(name: str, matrix: FloatArray, definite: bool = True) -> FloatArray:
-    """Return symmetric matrices (..., n, n) without negative eigenvalues, and with none 0 if `definite`."""
+    """Return symmetric matrices (..., n, n) without negative eigenvalues, and with none 0 if
+    `definite`.
+    """
     deviations = np.sqrt(np.diagonal(matrix, axis1=-2, axis2=-1).clip(0.0))
     deviations = np.where(deviations > 0.0, deviations, 1.0)
     with np.errstate(over="ignore"):
-        # units of the values do not matter
+        # Units of the values do not matter.
         correlations = matrix / deviations[..., None] / deviations[..., None, :]
     transposed = np.swapaxes(correlations, -1, -2)
     bounded = (np.abs(correlations) <= 1.0 + 1e-9).all()
@@ -210,7 +260,8 @@ def dimensions(value: ArrayLike) -> int:
     """Return the number of dimensions of an array, -1 if the value is not an array."""
     try:
         return np.ndim(value)
-    except (TypeError, ValueError, RuntimeError):  # rows of different lengths
+    except (TypeError, ValueError, RuntimeError):
+        # Rows of different lengths.
         return -1
 
 

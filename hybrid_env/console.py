@@ -1,4 +1,6 @@
-"""The console script `hybridtrack`, which also runs where another distribution has packages of our names."""
+"""The console script `hybridtrack`, which also runs where another distribution has packages of
+our names.
+"""
 
 import importlib
 import sys
@@ -10,8 +12,11 @@ PACKAGES = ("agents", "baselines")
 
 
 def main() -> int:
-    """Run `agents.cli.main`, or say which extra it needs or which distribution stands in its place."""
-    if sys.argv[1:] == ["--version"]:  # the commands load slowly
+    """Run `agents.cli.main`, or say which extra it needs or which distribution stands in its
+    place.
+    """
+    # The commands load slowly.
+    if sys.argv[1:] == ["--version"]:
         print(f"hybridtrack {metadata.version(DISTRIBUTION)}")
         return 0
     try:
@@ -40,8 +45,8 @@ def _foreign(error: Exception) -> str | None:
         return None
     reason = " ".join(str(error).split())[:100]
     return (
-        f"the package {' and '.join(shown)} stands in the place of that of {DISTRIBUTION} ({reason}): "
-        f"install {DISTRIBUTION} in a virtual environment of its own"
+        f"the package {' and '.join(shown)} stands in the place of that of {DISTRIBUTION}"
+        f" ({reason}): install {DISTRIBUTION} in a virtual environment of its own"
     )
 
 

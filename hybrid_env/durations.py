@@ -1,9 +1,10 @@
 """Laws of the duration of a segment, for switches at unknown moments.
 
-A law is written as text: "geometric 75" is a geometric distribution on 1, 2, ... with a mean of 75 ticks, "25 +
-geometric 50" adds 25 ticks, and "uniform 50-100" has equally likely durations from 50 to 100 ticks. "uniform 30-40 or
-uniform 80-90" is one or the other with equal probability, and "straight uniform 90-100, turns geometric 30" differs
-between straight motion and turns. "drawn" draws a law for every episode.
+A law is written as text: "geometric 75" is a geometric distribution on 1, 2, ... with a mean of 75
+ticks, "25 + geometric 50" adds 25 ticks, and "uniform 50-100" has equally likely durations from 50
+to 100 ticks. "uniform 30-40 or uniform 80-90" is one or the other with equal probability, and
+"straight uniform 90-100, turns geometric 30" differs between straight motion and turns. "drawn"
+draws a law for every episode.
 """
 
 import re
@@ -51,7 +52,9 @@ class GeometricDurations(Checked):
         return self.offset + self.mean
 
     def survival(self, ticks: int) -> FloatArray:
-        """Return the probabilities that a duration is longer than 0, 1, ..., `ticks`, (ticks + 1,)."""
+        """Return the probabilities that a duration is longer than 0, 1, ..., `ticks`, (ticks +
+        1,).
+        """
         beyond = np.maximum(np.arange(ticks + 1.0) - self.offset, 0.0)
         return np.asarray((1.0 - 1.0 / self.mean) ** beyond)
 
@@ -61,8 +64,8 @@ class GeometricDurations(Checked):
 
 @dataclass(frozen=True)
 class DrawnDurations(GeometricDurations):
-    """A law drawn anew for every episode, see `hybrid_env.core.habits`; given as "drawn". Filters and rules that assume
-    a law assume the default one, whose attributes these are.
+    """A law drawn anew for every episode, see `hybrid_env.core.habits`; given as "drawn". Filters
+    and rules that assume a law assume the default one, whose attributes these are.
     """
 
     mean: float = 50.0
@@ -84,7 +87,11 @@ class UniformDurations(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.shortest > self.longest:
-            raise reject("longest", self.longest, f"at least {self.shortest}, the shortest duration")
+            raise reject(
+                "longest",
+                self.longest,
+                f"at least {self.shortest}, the shortest duration",
+            )
 
     @property
     def mean_duration(self) -> float:
@@ -92,7 +99,9 @@ class UniformDurations(Checked):
         return 0.5 * (self.shortest + self.longest)
 
     def survival(self, ticks: int) -> FloatArray:
-        """Return the probabilities that a duration is longer than 0, 1, ..., `ticks`, (ticks + 1,)."""
+        """Return the probabilities that a duration is longer than 0, 1, ..., `ticks`, (ticks +
+        1,).
+        """
         left = (self.longest - np.arange(ticks + 1.0)) / (self.longest - self.shortest + 1.0)
         return np.asarray(left.clip(0.0, 1.0))
 
@@ -120,13 +129,17 @@ class _Pair:
 
 @dataclass(frozen=True)
 class TwoDurations(_Pair):
-    """One of two laws, each geometric or uniform, with equal probability, drawn anew for every segment."""
+    """One of two laws, each geometric or uniform, with equal probability, drawn anew for every
+    segment.
+    """
 
     one: GeometricDurations | UniformDurations
     other: GeometricDurations | UniformDurations
 
     def survival(self, ticks: int) -> FloatArray:
-        """Return the probabilities that a duration is longer than 0, 1, ..., `ticks`, (ticks + 1,)."""
+        """Return the probabilities that a duration is longer than 0, 1, ..., `ticks`, (ticks +
+        1,).
+        """
         return 0.5 * (self.one.survival(ticks) + self.other.survival(ticks))
 
     def __str__(self) -> str:
@@ -188,7 +201,8 @@ def duration_probabilities(law: SimpleDurations, ticks: int) -> FloatArray:
 
 
 def remaining_probabilities(law: SimpleDurations, ticks: int) -> FloatArray:
-    """Return the probabilities that 1, ..., `ticks` ticks of a segment remain at a random moment long after the first
-    switch, (ticks,): P(duration >= r) / E[duration], as long segments are observed more often.
+    """Return the probabilities that 1, ..., `ticks` ticks of a segment remain at a random moment
+    long after the first switch, (ticks,): P(duration >= r) / E[duration], as long segments are
+    observed more often.
     """
     return law.survival(ticks)[:-1] / law.mean_duration

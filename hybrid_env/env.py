@@ -27,13 +27,17 @@ from hybrid_env.world import World, state_of
 class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
     """An environment of one track; each environment has a subclass that names its options."""
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["human", "rgb_array"], "render_fps": RENDER_FPS}  # type: ignore[misc]
+    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
+        "render_modes": ["human", "rgb_array"],
+        "render_fps": RENDER_FPS,
+    }
 
     read_only = frozenset(("options", "world"))
 
     options_class: ClassVar[Any]
     evidence_panel: ClassVar[EvidencePanel]
-    history: History | None  # ticks of the running episode; None without a render mode
+    # Ticks of the running episode; None without a render mode.
+    history: History | None
     renderer: Renderer | None
 
     def __init__(self, render_mode: str | None = None, bank_info: bool = False, **options: Any):
@@ -42,7 +46,11 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
         self.render_mode = render_mode
         self.options = self.options_class.of(**options)
         self.history = self.renderer = None
-        rows = self.options.longest_segment + 1 if render_mode is not None and self.options.traced else 0
+        rows = (
+            self.options.longest_segment + 1
+            if render_mode is not None and self.options.traced
+            else 0
+        )
         self.world = World(self.options, 1, rows, bank_info=check_flag("bank_info", bank_info))
         if render_mode is not None:
             self.history = History()
@@ -68,28 +76,34 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
         return np.asarray(self.world.action_mask[0] > 0)
 
     def get_keys_to_action(self) -> dict[tuple[int], int]:
-        """Return actions by key for `gymnasium.utils.play`: w straight, a left, d right, both of the first radius."""
+        """Return actions by key for `gymnasium.utils.play`: w straight, a left, d right, both of
+        the first radius.
+        """
         return {(ord(key),): action for key, action in self.options.actions_by_key.items()}
 
     def _bind_views(self) -> None:
         """Create views of the single track once, because creating them takes longer than a tick."""
         self._actions = self.world.actions
         self._observation = self.world.observations[0]
-        self._reward, self._terminated = self.world.rewards, self.world.terminated
-        block, field = self.world.blocks[0], self.options.hypothesis_field
+        self._reward = self.world.rewards
+        self._terminated = self.world.terminated
+        block = self.world.blocks[0]
+        field = self.options.hypothesis_field
         views = {name: block[name][..., 0] for name in self.options.tick_names}
         views[field] = self.world.bank.hypotheses[field][0, :, 0]
         views |= {name: array[0] for name, array in self.world.drawn.items()}
         views["action_mask"] = self.world.action_mask[0]
-        # NumPy scalars, because libraries read the dtype of every value
+        # NumPy scalars, because libraries read the dtype of every value.
         self._info_readers = [
-            (name, view.copy if view.ndim else functools.partial(view.__getitem__, ())) for name, view in views.items()
+            (name, view.copy if view.ndim else functools.partial(view.__getitem__, ()))
+            for name, view in views.items()
         ]
         self._info_names: dict[str, Any] = dict.fromkeys(views)
 
     def _info(self) -> dict[str, Any]:
         """Return the info of the current tick: NumPy scalars, and copies of arrays."""
-        info = self._info_names.copy()  # a dictionary of the final size is filled faster
+        # A dictionary of the final size is filled faster.
+        info = self._info_names.copy()
         for name, read in self._info_readers:
             info[name] = read()
         if self._bank_info:
@@ -98,15 +112,20 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._bind_views()  # copied and unpickled views do not share memory with the world
+        # Copied and unpickled views do not share memory with the world.
+        self._bind_views()
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+        self,
+        *,
+        seed: int | None = None,
+        options: dict[str, Any] | None = None,
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Begin an episode. Without a seed the random stream continues. `options` is not used."""
         check_reset_options(options)
         if self.spec is not None and self.spec.id in gym.registry:
-            # `gym.make` does not tell the environment the limit of its wrapper: this is that of the id
+            # `gym.make` does not tell the environment the limit of its wrapper: this is that of the
+            # id.
             self.options.check_longest(gym.registry[self.spec.id].max_episode_steps)
         super().reset(seed=None if seed is None else check_integer("seed", seed, minimum=0))
         if seed is not None or not self.world.seeded[0]:
@@ -122,7 +141,9 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
         return self._observation.copy(), info
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Apply an action of the action space, others raise `InvalidAction`, and advance the track."""
+        """Apply an action of the action space, others raise `InvalidAction`, and advance the
+        track.
+        """
         try:
             index = operator.index(action)
         except TypeError:
@@ -143,7 +164,9 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
         return self._observation.copy(), self._reward.item(0), self._terminated.item(0), False, info
 
     def render(self) -> Any:
-        """Render the episode so far: returns a (height, width, 3) uint8 frame in the mode "rgb_array"."""
+        """Render the episode so far: returns a (height, width, 3) uint8 frame in the mode
+        "rgb_array".
+        """
         if self.history is None or self.renderer is None:
             advice = "create the environment with render_mode='rgb_array' or 'human'"
             gym.logger.warn(f"render() has no effect without a render_mode: {advice}")
@@ -162,46 +185,51 @@ class HybridTrackEnv(TrackEnv):
     """Decide quickly and correctly which mode of motion an object has switched to.
 
     ## Description
-    An object moves in a plane along straight lines, left turns and right turns of known radii, with process noise on
-    its velocity (the hybrid stochastic model of Golubkov 2018, eq. (1)). Its position is measured with noise at every
-    tick. The times at which the mode may switch are known, the new mode is unknown. At each switch a bank of Kalman
-    filters, one per hypothesis, starts from the current estimate, which is called the anchor (eq. (2)). With
-    `bank="anchor_aware"` the bank accounts for the covariance of the anchor; with `bank="published"` it takes the
-    anchor for exact. The agent observes how well each hypothesis explains the measurements, and either waits for the
-    next measurement or declares a hypothesis.
+    An object moves in a plane along straight lines, left turns and right turns of known radii, with
+    process noise on its velocity (the hybrid stochastic model of Golubkov 2018, eq. (1)). Its
+    position is measured with noise at every tick. The times at which the mode may switch are known,
+    the new mode is unknown. At each switch a bank of Kalman filters, one per hypothesis, starts
+    from the current estimate, which is called the anchor (eq. (2)). With `bank="anchor_aware"` the
+    bank accounts for the covariance of the anchor; with `bank="published"` it takes the anchor for
+    exact. The agent observes how well each hypothesis explains the measurements, and either waits
+    for the next measurement or declares a hypothesis.
 
-    A declaration counts once a posterior reaches `evidence`: that of a mode, or where the type is rewarded that of
-    straight, left or right. All hypotheses have equal priors at the switch. Before, a declaration waits. With
-    `evidence=0` every declaration counts.
+    A declaration counts once a posterior reaches `evidence`: that of a mode, or where the type is
+    rewarded that of straight, left or right. All hypotheses have equal priors at the switch.
+    Before, a declaration waits. With `evidence=0` every declaration counts.
 
-    An episode is one trajectory of several segments. When the agent declares a hypothesis, the segment is
-    fast-forwarded: within the same step, the filter of the declared hypothesis runs to the end of the segment, and its
-    estimate is the anchor of the next segment. A wrong decision therefore also degrades the estimates of the next
-    segment. With `follow="bank"` all filters run on, and the next anchor is the mean of their posterior, so that a
-    wrong decision costs its reward only. With `refine_radius=True` they run on, and the likeliest one of the declared
-    type gives estimate and anchor.
+    An episode is one trajectory of several segments. When the agent declares a hypothesis, the
+    segment is fast-forwarded: within the same step, the filter of the declared hypothesis runs to
+    the end of the segment, and its estimate is the anchor of the next segment. A wrong decision
+    therefore also degrades the estimates of the next segment. With `follow="bank"` all filters run
+    on, and the next anchor is the mean of their posterior, so that a wrong decision costs its
+    reward only. With `refine_radius=True` they run on, and the likeliest one of the declared type
+    gives estimate and anchor.
 
     ## Action Space
-    The action space is `Discrete(M + 1)` for M hypotheses. Hypothesis 0 is straight motion, followed by the left turns
-    and then the right turns, in the order of `radii`.
+    The action space is `Discrete(M + 1)` for M hypotheses. Hypothesis 0 is straight motion,
+    followed by the left turns and then the right turns, in the order of `radii`.
 
     | Num | Action |
     |---|---|
     | 0 | wait for the next measurement |
     | i + 1 | declare hypothesis i |
 
-    With `actions="types"` the action space is `Discrete(4)`: wait, straight, left, right. The most likely hypothesis of
-    the type is declared. With `actions="best"` it is `Discrete(2)`: wait, or declare the most likely hypothesis. An
-    action outside the space raises `gymnasium.error.InvalidAction`.
+    With `actions="types"` the action space is `Discrete(4)`: wait, straight, left, right. The most
+    likely hypothesis of the type is declared. With `actions="best"` it is `Discrete(2)`: wait, or
+    declare the most likely hypothesis. An action outside the space raises
+    `gymnasium.error.InvalidAction`.
 
-    `action_masks()` and `info["action_mask"]` say which actions count now. Waiting always does; the declarations do
-    once there is enough evidence. A declaration under the mask waits, and is no error.
+    `action_masks()` and `info["action_mask"]` say which actions count now. Waiting always does; the
+    declarations do once there is enough evidence. A declaration under the mask waits, and is no
+    error.
 
     ## Observation Space
-    The observation is a float32 `Box` of shape `(6 M + 10,)`: six blocks of M values, one per hypothesis, followed by
-    ten scalars. Each quantity is multiplied by its scale, which Min and Max do not include; `hybrid_env.Layout` reads
-    quantities by name and removes the scale. R is the geometric mean of the two measurement variances. "Along" and
-    "across" (positive to the left) refer to the heading of the anchor.
+    The observation is a float32 `Box` of shape `(6 M + 10,)`: six blocks of M values, one per
+    hypothesis, followed by ten scalars. Each quantity is multiplied by its scale, which Min and Max
+    do not include; `hybrid_env.Layout` reads quantities by name and removes the scale. R is the
+    geometric mean of the two measurement variances. "Along" and "across" (positive to the left)
+    refer to the heading of the anchor.
 
     | Num | Name | Observation | Min | Max | Scale |
     |---|---|---|---|---|---|
@@ -222,59 +250,67 @@ class HybridTrackEnv(TrackEnv):
     | 6 M + 8 | anchor_vv | its velocity variance / R [1/s^2] | 0 | | 1 |
     | 6 M + 9 | log_noise | log R, with R in m^2 | | | 1 |
 
-    With radars that measure the range rate, it adds to the likelihood of a hypothesis after the position; innovations
-    and their variance are those of the position.
+    With radars that measure the range rate, it adds to the likelihood of a hypothesis after the
+    position; innovations and their variance are those of the position.
 
-    A tick may have no measurement (`missed`, or sensors out of range). The filters then only predict: all innovations
-    are exactly zero, which they are in no other tick, the ratios do not change, and the displacement is the one that
-    the most likely filter predicts.
+    A tick may have no measurement (`missed`, or sensors out of range). The filters then only
+    predict: all innovations are exactly zero, which they are in no other tick, the ratios do not
+    change, and the displacement is the one that the most likely filter predicts.
 
-    Two twins have the same actions, rewards and episodes, so that their differences are the worth of a bank, and of
-    what cannot be observed. `observation="raw"` is the measurement without the bank (`hybrid_env.RawLayout`):
-    displacement_along, displacement_across, measured (1 if there is a measurement), ticks, ticks_left, speed,
-    log_noise. `observation="state"` hides nothing (`hybrid_env.StateLayout`): the one-hot encoding of the true mode,
-    position and velocity of the object along and across, ticks, ticks_left, log_noise.
+    Two twins have the same actions, rewards and episodes, so that their differences are the worth
+    of a bank, and of what cannot be observed. `observation="raw"` is the measurement without the
+    bank (`hybrid_env.RawLayout`): displacement_along, displacement_across, measured (1 if there is
+    a measurement), ticks, ticks_left, speed, log_noise. `observation="state"` hides nothing
+    (`hybrid_env.StateLayout`): the one-hot encoding of the true mode, position and velocity of the
+    object along and across, ticks, ticks_left, log_noise.
 
     ## Rewards
-    Every step has the reward `-delay_cost`. A step with a decision has an additional reward of +1 if the decision is
-    correct and -1 if it is wrong. The return of a segment decided at its k-th tick is therefore (+1 or -1) - k *
-    delay_cost. Train with a discount factor of 1: the delay cost already penalizes late decisions.
+    Every step has the reward `-delay_cost`. A step with a decision has an additional reward of +1
+    if the decision is correct and -1 if it is wrong. The return of a segment decided at its k-th
+    tick is therefore (+1 or -1) - k * delay_cost. Train with a discount factor of 1: the delay cost
+    already penalizes late decisions.
 
     ## Starting State
-    The object starts at the origin with the given `speed` and a uniformly random heading. On each axis the error of the
-    first estimate is drawn from N(0, 0.3 R) for position and from N(0, 0.02 m^2/s^2) for velocity, as after a typical
-    segment (`initial_error`). `reset` returns the observation of the first tick of the first segment.
+    The object starts at the origin with the given `speed` and a uniformly random heading. On each
+    axis the error of the first estimate is drawn from N(0, 0.3 R) for position and from N(0, 0.02
+    m^2/s^2) for velocity, as after a typical segment (`initial_error`). `reset` returns the
+    observation of the first tick of the first segment.
 
     ## Episode End
-    The episode terminates with the decision on the last segment. The observation of this step is the one on which the
-    decision was made. Waiting on the last tick of a segment forces a decision in that step, for the most likely
-    hypothesis (with `undecided="keep"`: for the last decided mode). Episodes are never truncated: `reset` refuses
-    options whose episodes may be longer than the 10,000 steps for which the ids are registered.
+    The episode terminates with the decision on the last segment. The observation of this step is
+    the one on which the decision was made. Waiting on the last tick of a segment forces a decision
+    in that step, for the most likely hypothesis (with `undecided="keep"`: for the last decided
+    mode). Episodes are never truncated: `reset` refuses options whose episodes may be longer than
+    the 10,000 steps for which the ids are registered.
 
     ## Information
-    `info` describes the current tick at every step: `segment`, `tick`, `true_mode`, `truth` [x, vx, y, vy],
-    `measurement` [x, y] (NaN without one), `anchor` [x, vx, y, vy], `estimate` [x, vx, y, vy] of the active filter,
-    which is that of the last decided mode (with `follow="bank"`: the mean of the posterior over all filters), and
-    `log_likelihood` (M,) since the switch. `action_mask` (actions,) is 1 where an action counts, as int8.
+    `info` describes the current tick at every step: `segment`, `tick`, `true_mode`, `truth` [x, vx,
+    y, vy], `measurement` [x, y] (NaN without one), `anchor` [x, vx, y, vy], `estimate` [x, vx, y,
+    vy] of the active filter, which is that of the last decided mode (with `follow="bank"`: the mean
+    of the posterior over all filters), and `log_likelihood` (M,) since the switch. `action_mask`
+    (actions,) is 1 where an action counts, as int8.
 
-    With `bank_info=True` it also describes every filter, in the axes of the plane: `innovations` (M, 2) [m],
-    `innovation_covariances` (M, 2, 2), `estimates` (M, 4) [x, vx, y, vy] and `covariances` (M, 4, 4). The innovations
-    are those before the correction, and NaN without a measurement; estimates and covariances are those after it.
+    With `bank_info=True` it also describes every filter, in the axes of the plane: `innovations`
+    (M, 2) [m], `innovation_covariances` (M, 2, 2), `estimates` (M, 4) [x, vx, y, vy] and
+    `covariances` (M, 4, 4). The innovations are those before the correction, and NaN without a
+    measurement; estimates and covariances are those after it.
 
-    A step with a decision adds `decided_mode`, `decided_true_mode`, `correct` (by the criterion of the reward),
-    `type_correct` (straight, left or right), `ticks` (the decision time since the switch), `forced`, `decided_length`
-    (of the segment) and `decided_squared_error` (of the estimated position, summed over the segment, after
-    `recalculation=True` of the recalculated estimates). Units are m, m/s and ticks.
+    A step with a decision adds `decided_mode`, `decided_true_mode`, `correct` (by the criterion of
+    the reward), `type_correct` (straight, left or right), `ticks` (the decision time since the
+    switch), `forced`, `decided_length` (of the segment) and `decided_squared_error` (of the
+    estimated position, summed over the segment, after `recalculation=True` of the recalculated
+    estimates). Units are m, m/s and ticks.
 
     ## Arguments
-    `gym.make` takes `render_mode` ("human" or "rgb_array"), `bank_info` and every option of `hybrid_env.WorldOptions`:
+    `gym.make` takes `render_mode` ("human" or "rgb_array"), `bank_info` and every option of
+    `hybrid_env.WorldOptions`:
 
     ```python
     gym.make("hybrid_env:HybridTrack-v0", measurement_variance=0.01, scheme="L50r5 S50 R75r5")
     ```
 
-    All ids have ticks of 0.1 s, 2 m/s, Q 0.001, R 0.1 and 6 segments of 50 to 100 ticks. With 21 hypotheses the type is
-    rewarded, and a tick costs 0.01; with three it costs 0.02.
+    All ids have ticks of 0.1 s, 2 m/s, Q 0.001, R 0.1 and 6 segments of 50 to 100 ticks. With 21
+    hypotheses the type is rewarded, and a tick costs 0.01; with three it costs 0.02.
 
     | Id | Hypotheses | `bank` | `evidence` | `actions` | `follow` |
     |---|---|---|---|---|---|
@@ -284,19 +320,25 @@ class HybridTrackEnv(TrackEnv):
     | HybridTrackPublishedBank-v0 | S, L1 .. L10, R1 .. R10 | published | 0 | all | declared |
 
     ## References
-    Golubkov, Tsyganov and Tsyganova 2018 (model, bank, algorithm ATE); Wald 1947 (sequential analysis).
+    Golubkov, Tsyganov and Tsyganova 2018 (model, bank, algorithm ATE); Wald 1947 (sequential
+    analysis).
     """
 
     options: WorldOptions
-    options_class, evidence_panel = WorldOptions, sprt_panel(DEFAULT_ALPHA)
+    options_class = WorldOptions
+    evidence_panel = sprt_panel(DEFAULT_ALPHA)
 
     def _step_info(self, events: int) -> dict[str, Any]:
         if not events & DECIDED:
             return {}
         decisions = self.world.read_decisions()
         del decisions["has_decision"]
-        # flags as arrays without dimensions: Gymnasium's vectorizers would make objects of bool scalars
-        return {key: values.reshape(()) if values.dtype == np.bool_ else values[0] for key, values in decisions.items()}
+        # Flags as arrays without dimensions: Gymnasium's vectorizers would make objects of bool
+        # scalars.
+        return {
+            key: values.reshape(()) if values.dtype == np.bool_ else values[0]
+            for key, values in decisions.items()
+        }
 
     def _record(self, history: History, info: dict[str, Any], finished: bool) -> None:
         record_declaration(history, self.world.read_trace(0), info, finished)

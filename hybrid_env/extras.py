@@ -1,4 +1,6 @@
-"""What is loaded when it is first used: optional dependencies, and names at the top of a package (PEP 562, SPEC 1)."""
+"""What is loaded when it is first used: optional dependencies, and names at the top of a package
+(PEP 562, SPEC 1).
+"""
 
 import importlib
 import re
@@ -11,13 +13,19 @@ from typing import Any
 
 DISTRIBUTION = "hybrid-track"
 OTHER_NAMES = {
-    "PIL": "pillow", "bluesky": "bluesky-simulator", "pygame": "pygame-ce", "sumo": "eclipse-sumo", "yaml": "pyyaml",
-}  # fmt: skip
+    "PIL": "pillow",
+    "bluesky": "bluesky-simulator",
+    "pygame": "pygame-ce",
+    "sumo": "eclipse-sumo",
+    "yaml": "pyyaml",
+}
 """Distributions that are not called as their modules."""
 
 
 class MissingExtraError(ModuleNotFoundError):
-    """A module of an optional dependency is missing. The message is one line that says how to install it."""
+    """A module of an optional dependency is missing. The message is one line that says how to
+    install it.
+    """
 
 
 @contextmanager
@@ -30,7 +38,8 @@ def explained() -> Iterator[None]:
         if extra is None:
             raise
         raise MissingExtraError(
-            f"{error.name} is missing: this needs the extra [{extra}]: pip install '{DISTRIBUTION}[{extra}]'",
+            f"{error.name} is missing: this needs the extra [{extra}]: pip install"
+            f" '{DISTRIBUTION}[{extra}]'",
             name=error.name,
         ) from None
 
@@ -48,7 +57,9 @@ def extra_of(module: str) -> str | None:
 
 
 def lazy_names(package: str) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
-    """Return `__all__`, `__getattr__` and `__dir__` of a package, by the imports in its `__init__.pyi`."""
+    """Return `__all__`, `__getattr__` and `__dir__` of a package, by the imports in its
+    `__init__.pyi`.
+    """
     stub = Path(str(sys.modules[package].__file__)).with_suffix(".pyi").read_text(encoding="utf-8")
     modules = {name: module for module, name in re.findall(r"^from (\S+) import (\w+)", stub, re.M)}
 

@@ -23,45 +23,62 @@ from hybrid_env.sensors import Radar, Sensor, check_sensors, has_radar, parse_se
 class ModelOptions(Checked):
     """The options of the model that every environment has; each environment has a subclass.
 
-    Values are converted to plain numbers, strings and tuples, so that arrays and lists that are given may change later.
-    Allowed are radii from 1e-12 to 1e12, speed and tau from 1e-9 to 1e9, standard deviations from 1e-9 to 1e9, and
-    1,000 radii; the object may turn by 100 rad per tick and move by 10^9 standard deviations of a measurement
-    (`hybrid_env.limits`).
+    Values are converted to plain numbers, strings and tuples, so that arrays and lists that are
+    given may change later. Allowed are radii from 1e-12 to 1e12, speed and tau from 1e-9 to 1e9,
+    standard deviations from 1e-9 to 1e9, and 1,000 radii; the object may turn by 100 rad per tick
+    and move by 10^9 standard deviations of a measurement (`hybrid_env.limits`).
 
     Attributes:
-        radii: turn radii of the bank [m], each as a left and as a right turn: M = 2 n + 1 hypotheses of n radii.
+        radii: turn radii of the bank [m], each as a left and as a right turn: M = 2 n + 1
+            hypotheses of n radii.
         speed: initial speed of the object [m/s].
-        heading: initial heading of the object [rad], counter-clockwise from the x axis; None draws it uniformly.
+        heading: initial heading of the object [rad], counter-clockwise from the x axis; None draws
+            it uniformly.
         tau: length of a tick [s].
         process_variance: Q, variance of the noise added to each velocity at every tick [m^2/s^2].
         object_variance: the same of the object, of which the filters are not told; None is Q.
         measurement_variance: R, variance of each measured coordinate [m^2], one number or (x, y).
-        noise: law of the errors of measurements in units of sqrt(R), see `hybrid_env.noises`: "gaussian", "outliers
-            0.02", "levy 1.5 1 44", "student_t 3", or a law object. The bank does not know it.
-        missed: probability that a tick has no measurement (of each sensor, if there are several), below 1. The filters
-            then only predict; in the observation all innovations are zero, and `info["measurement"]` is NaN.
-        sensors: position sensors and radars (`hybrid_env.Sensor`, `Radar`, or texts: "0.4 period 5 range 30 at 10 20",
-            "radar 5 0.01 rate 0.3") that replace the one of variance R and are fused; a tick in which none measures is
-            like a missed one. R, one number, stays the unit of the observation.
-        likelihood: law of the innovations that the bank assumes: "gaussian", or "student_t 4" for a robust one, by
-            which a measurement far from all predictions changes little (`core.banks.kalman.weigh`).
-        initial_error: (position variance of the first estimate / R, its velocity variance [m^2/s^2]) of a normal error;
-            0 starts at the true state.
+        noise: law of the errors of measurements in units of sqrt(R), see `hybrid_env.noises`:
+            "gaussian", "outliers 0.02", "levy 1.5 1 44", "student_t 3", or a law object. The bank
+            does not know it.
+        missed: probability that a tick has no measurement (of each sensor, if there are several),
+            below 1. The filters then only predict; in the observation all innovations are zero, and
+            `info["measurement"]` is NaN.
+        sensors: position sensors and radars (`hybrid_env.Sensor`, `Radar`, or texts: "0.4 period 5
+            range 30 at 10 20", "radar 5 0.01 rate 0.3") that replace the one of variance R and are
+            fused; a tick in which none measures is like a missed one. R, one number, stays the unit
+            of the observation.
+        likelihood: law of the innovations that the bank assumes: "gaussian", or "student_t 4" for a
+            robust one, by which a measurement far from all predictions changes little
+            (`core.banks.kalman.weigh`).
+        initial_error: (position variance of the first estimate / R, its velocity variance
+            [m^2/s^2]) of a normal error; 0 starts at the true state.
     """
 
     checks: ClassVar = {
-        "radii": distinct_radii, "speed": check_within, "tau": check_within, "process_variance": check_within,
-        "heading": optional(check_within), "object_variance": optional(check_within),
-        "measurement_variance": lambda _, value: check_variances(value), "noise": lambda _, value: parse_noise(value),
-        "missed": check_share, "sensors": lambda _, value: parse_sensors(value),
-        "likelihood": lambda _, value: parse_likelihood(value), "initial_error": limits.check_initial_error,
-    }  # fmt: skip
+        "radii": distinct_radii,
+        "speed": check_within,
+        "tau": check_within,
+        "process_variance": check_within,
+        "heading": optional(check_within),
+        "object_variance": optional(check_within),
+        "measurement_variance": lambda _, value: check_variances(value),
+        "noise": lambda _, value: parse_noise(value),
+        "missed": check_share,
+        "sensors": lambda _, value: parse_sensors(value),
+        "likelihood": lambda _, value: parse_likelihood(value),
+        "initial_error": limits.check_initial_error,
+    }
 
     switches: ClassVar[Literal["announced", "unknown"]]
-    tick_names: ClassVar[tuple[str, ...]]  # of the current tick, in the order of `info`
-    hypothesis_field: ClassVar[str]  # of every hypothesis, in `info`
-    first_action: ClassVar[str]  # meaning of action 0, for messages
-    traced: ClassVar[bool]  # whether the kernel can store the ticks of a step, which may be more than one
+    # Of the current tick, in the order of `info`.
+    tick_names: ClassVar[tuple[str, ...]]
+    # Of every hypothesis, in `info`.
+    hypothesis_field: ClassVar[str]
+    # Meaning of action 0, for messages.
+    first_action: ClassVar[str]
+    # Whether the kernel can store the ticks of a step, which may be more than one.
+    traced: ClassVar[bool]
 
     radii: tuple[float, ...] = (5.0,)
     speed: float = 2.0
@@ -81,30 +98,49 @@ class ModelOptions(Checked):
         check_sensors(self.sensors, self.variances.tolist())
 
     def _check_ratios(self, radii: Iterable[float]) -> None:
-        """Check the turn per tick, and motion and radii in standard deviations; radii: of bank and object."""
+        """Check the turn per tick, and motion and radii in standard deviations; radii: of bank
+        and object.
+        """
         assert isinstance(self.initial_error, tuple)
-        smallest, largest, variance = min(radii), max(radii), float(self.variances.min())
+        smallest = min(radii)
+        largest = max(radii)
+        variance = float(self.variances.min())
         turn = self.speed * self.tau
         if turn > limits.LARGEST_TURN * smallest:
             allowed = f"at most {limits.LARGEST_TURN:g} rad per tick (speed * tau / radius)"
-            allowed = f"at least {turn / limits.LARGEST_TURN:g}, so that the object turns by {allowed}"
+            allowed = (
+                f"at least {turn / limits.LARGEST_TURN:g}, so that the object turns by {allowed}"
+            )
             raise reject("radii", smallest, allowed)
         fastest = max(self.process_variance, self.object_variance or 0.0, self.initial_error[1])
         motion = self.tau * max(self.speed, math.sqrt(fastest))
         least = max(motion / limits.LARGEST_MOTION, largest / limits.LARGEST_CIRCLE) ** 2
         if variance < least:
-            allowed = f"standard deviations must exceed the motion per tick, and {limits.LARGEST_CIRCLE:g} the radius"
-            raise reject("measurement_variance", variance, f"at least {least:g}: {limits.LARGEST_MOTION:g} {allowed}")
+            allowed = (
+                "standard deviations must exceed the motion per tick, and"
+                f" {limits.LARGEST_CIRCLE:g} the radius"
+            )
+            raise reject(
+                "measurement_variance",
+                variance,
+                f"at least {least:g}: {limits.LARGEST_MOTION:g} {allowed}",
+            )
 
     @classmethod
     def of(cls, **options: Any) -> Self:
-        """Create options from keywords. An unknown name raises a `TypeError` in the words of Python."""
+        """Create options from keywords. An unknown name raises a `TypeError` in the words of
+        Python.
+        """
         names = [field.name for field in dataclasses.fields(cls)]
         for name in options:
             if name not in names:
                 close = difflib.get_close_matches(name[:40], names, 1)
-                hint = f"did you mean {close[0]!r}?" if close else f"the options are those of {cls.__name__}"
-                # libraries that try keywords, such as TorchRL, read these words of Python
+                hint = (
+                    f"did you mean {close[0]!r}?"
+                    if close
+                    else f"the options are those of {cls.__name__}"
+                )
+                # Libraries that try keywords, such as TorchRL, read these words of Python.
                 raise TypeError(f"got an unexpected keyword argument {repr(name)[:40]}: {hint}")
         return cls(**options)
 
@@ -130,16 +166,27 @@ class ModelOptions(Checked):
 
     @property
     def actions_by_key(self) -> dict[str, int]:
-        """Actions of the keys w (straight), a (left) and d (right), both turns of the first radius."""
+        """Actions of the keys w (straight), a (left) and d (right), both turns of the first
+        radius.
+        """
         raise NotImplementedError
 
     def check_longest(self, max_episode_steps: int | None) -> None:
-        """Refuse a limit below the longest episode, which would end without a decision; None and -1 are no limit."""
-        if max_episode_steps is None or check_integer("max_episode_steps", max_episode_steps, -1) == -1:
+        """Refuse a limit below the longest episode, which would end without a decision; None and
+        -1 are no limit.
+        """
+        if (
+            max_episode_steps is None
+            or check_integer("max_episode_steps", max_episode_steps, -1) == -1
+        ):
             return
         if self.longest_episode > max_episode_steps:
             allowed = f"at least {self.longest_episode}, the longest episode of these options"
-            raise reject("max_episode_steps", max_episode_steps, f"{allowed}; the classes of hybrid_env have no limit")
+            raise reject(
+                "max_episode_steps",
+                max_episode_steps,
+                f"{allowed}; the classes of hybrid_env have no limit",
+            )
 
     @property
     def variances(self) -> FloatArray:
@@ -157,9 +204,11 @@ class ModelOptions(Checked):
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays of the options that the kernel reads; see `core.state.Arrays`."""
         return {
-            "radii": np.array(self.radii), "sensors": sensor_table(self.sensors, float(self.variances[0])),
-            "table": self.table, "durations": np.zeros((2, 0)),
-        }  # fmt: skip
+            "radii": np.array(self.radii),
+            "sensors": sensor_table(self.sensors, float(self.variances[0])),
+            "table": self.table,
+            "durations": np.zeros((2, 0)),
+        }
 
     @property
     def table(self) -> FloatArray:
@@ -185,7 +234,9 @@ class ModelOptions(Checked):
         record["modes"], record["axes"] = self.hypotheses, self.variances.size
         record["table_rows"], record["sensor_count"] = len(self.table), len(self.sensors)
         self.noise.write_parameters(record)
-        record["freedom"] = self.likelihood.freedom if isinstance(self.likelihood, StudentNoise) else 0.0
+        record["freedom"] = (
+            self.likelihood.freedom if isinstance(self.likelihood, StudentNoise) else 0.0
+        )
         record["irregular"] = self.missed > 0.0 or bool(self.sensors)
         record["radar"] = has_radar(self.sensors)
         return record

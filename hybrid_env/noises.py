@@ -1,9 +1,10 @@
-"""Laws of the measurement noise, in units of the standard deviation sqrt(R) of a measured coordinate.
+"""Laws of the measurement noise, in units of the standard deviation sqrt(R) of a measured
+coordinate.
 
-A law is written as text: "gaussian"; "outliers 0.02 5", where 2 % of the measurements have 5 times the standard
-deviation; "levy 1.5 1 44", a symmetric alpha-stable law of index 1.5 and scale 1, clipped to +-44; "student_t 3" with 3
-degrees of freedom. The last numbers may be left out. A bank assumes normal noise of variance R, or with the option
-`likelihood` Student's t.
+A law is written as text: "gaussian"; "outliers 0.02 5", where 2 % of the measurements have 5 times
+the standard deviation; "levy 1.5 1 44", a symmetric alpha-stable law of index 1.5 and scale 1,
+clipped to +-44; "student_t 3" with 3 degrees of freedom. The last numbers may be left out. A bank
+assumes normal noise of variance R, or with the option `likelihood` Student's t.
 """
 
 import dataclasses
@@ -17,9 +18,12 @@ from numpy.typing import NDArray
 from hybrid_env.checks import Checked, check_share, ranged, reject
 from hybrid_env.core.noise import GAUSSIAN, LEVY, OUTLIERS, STUDENT_T
 
-LARGEST_ERROR = 1e6  # magnitude of a measurement error over sqrt(R)
-LARGEST_RATIO = 1e3  # of the standard deviations of outliers and other measurements
-LARGEST_FREEDOM = 1e6  # from here on Student's t equals the normal distribution in all digits that matter
+# Magnitude of a measurement error over sqrt(R).
+LARGEST_ERROR = 1e6
+# Of the standard deviations of outliers and other measurements.
+LARGEST_RATIO = 1e3
+# From here on Student's t equals the normal distribution in all digits that matter.
+LARGEST_FREEDOM = 1e6
 LIKELIHOODS = "'gaussian', 'student_t 4', or one of these laws of hybrid_env.noises"
 
 _NUMBER = r"[0-9]{0,20}\.?[0-9]{1,20}(?:[eE][-+]?[0-9]{1,3})?"
@@ -28,18 +32,25 @@ _TEXT = re.compile(rf"([a-z_]+)((?:\s+{_NUMBER}){{0,3}})\s*")
 
 @dataclass(frozen=True)
 class Noise(Checked):
-    """A law of the measurement noise: each subclass here is a law, whose fields are the numbers of its text. Others,
-    which the kernel cannot draw, are refused.
+    """A law of the measurement noise: each subclass here is a law, whose fields are the numbers of
+    its text. Others, which the kernel cannot draw, are refused.
     """
 
-    example: ClassVar[str]  # its text, which begins with its name
-    law: ClassVar[int]  # of `core.noise`
-    numbers: ClassVar[tuple[str | float, ...]]  # shape, scale and clip for the kernel: a number or the name of a field
+    # Its text, which begins with its name.
+    example: ClassVar[str]
+    # Of `core.noise`.
+    law: ClassVar[int]
+    # Shape, scale and clip for the kernel: a number or the name of a field.
+    numbers: ClassVar[tuple[str | float, ...]]
 
     def write_parameters(self, record: NDArray[Any]) -> None:
         """Write the law into a (1,) record `core.state.PARAMETERS`."""
         record["noise_law"] = self.law
-        for name, one in zip(("noise_shape", "noise_scale", "noise_clip"), self.numbers, strict=True):
+        for name, one in zip(
+            ("noise_shape", "noise_scale", "noise_clip"),
+            self.numbers,
+            strict=True,
+        ):
             record[name] = getattr(self, one) if isinstance(one, str) else one
 
     def __str__(self) -> str:
@@ -51,19 +62,24 @@ class Noise(Checked):
 class GaussianNoise(Noise):
     """Independent normal errors of variance R."""
 
-    example, law, numbers = "gaussian", GAUSSIAN, (0.0, 1.0, math.inf)
+    example = "gaussian"
+    law = GAUSSIAN
+    numbers = (0.0, 1.0, math.inf)
 
 
 @dataclass(frozen=True)
 class OutlierNoise(Noise):
-    """Normal errors; in a share of the measurements both coordinates have a larger standard deviation.
+    """Normal errors; in a share of the measurements both coordinates have a larger standard
+    deviation.
 
     Attributes:
         share: of outliers, at least 0 and below 1.
         ratio: of the standard deviations of outliers and other measurements.
     """
 
-    example, law, numbers = "outliers 0.02", OUTLIERS, ("share", "ratio", math.inf)
+    example = "outliers 0.02"
+    law = OUTLIERS
+    numbers = ("share", "ratio", math.inf)
 
     checks: ClassVar = {"share": check_share, "ratio": ranged(1.0, LARGEST_RATIO)}
 
@@ -75,9 +91,10 @@ class OutlierNoise(Noise):
 class LevyNoise(Noise):
     """Symmetric alpha-stable errors of each coordinate, independent and clipped.
 
-    The characteristic function is `exp(-|scale t|^index)`: normal with variance 2 scale^2 at index 2, Cauchy at index
-    1. Below index 2 the variance is infinite before the clipping. It is drawn as in Chambers, Mallows & Stuck 1976, "A
-    method for simulating stable random variables".
+    The characteristic function is `exp(-|scale t|^index)`: normal with variance 2 scale^2 at index
+    2, Cauchy at index
+    1. Below index 2 the variance is infinite before the clipping. It is drawn as in Chambers,
+    Mallows & Stuck 1976, "A method for simulating stable random variables".
 
     Attributes:
         index: alpha, from 0.5 to 2.
@@ -85,9 +102,15 @@ class LevyNoise(Noise):
         clip: largest magnitude of an error, in units of sqrt(R).
     """
 
-    example, law, numbers = "levy 1.5 1 44", LEVY, ("index", "scale", "clip")
+    example = "levy 1.5 1 44"
+    law = LEVY
+    numbers = ("index", "scale", "clip")
 
-    checks: ClassVar = {"index": ranged(0.5, 2.0), "scale": ranged(1e-3, 1e3), "clip": ranged(1e-3, LARGEST_ERROR)}
+    checks: ClassVar = {
+        "index": ranged(0.5, 2.0),
+        "scale": ranged(1e-3, 1e3),
+        "clip": ranged(1e-3, LARGEST_ERROR),
+    }
 
     index: float
     scale: float = 1.0
@@ -96,36 +119,48 @@ class LevyNoise(Noise):
 
 @dataclass(frozen=True)
 class StudentNoise(Noise):
-    """Errors with the bivariate Student t distribution of scale matrix R, clipped at `LARGEST_ERROR`.
+    """Errors with the bivariate Student t distribution of scale matrix R, clipped at
+    `LARGEST_ERROR`.
 
-    Large errors of both coordinates occur together. A coordinate has the variance R freedom / (freedom - 2), with
-    degrees of freedom from 1 (Cauchy) to `LARGEST_FREEDOM`.
+    Large errors of both coordinates occur together. A coordinate has the variance R freedom /
+    (freedom - 2), with degrees of freedom from 1 (Cauchy) to `LARGEST_FREEDOM`.
     """
 
-    example, law, numbers = "student_t 3", STUDENT_T, ("freedom", 1.0, LARGEST_ERROR)
+    example = "student_t 3"
+    law = STUDENT_T
+    numbers = ("freedom", 1.0, LARGEST_ERROR)
 
     checks: ClassVar = {"freedom": ranged(1.0, LARGEST_FREEDOM)}
 
     freedom: float
 
 
-_LAWS: dict[str, type[Noise]] = {law.example.partition(" ")[0]: law for law in Noise.__subclasses__()}
+_LAWS: dict[str, type[Noise]] = {
+    law.example.partition(" ")[0]: law for law in Noise.__subclasses__()
+}
 GRAMMAR = ", ".join(repr(law.example) for law in _LAWS.values()) + ", or a law of hybrid_env.noises"
 
 
 def parse_noise(value: Any, name: str = "noise", grammar: str = GRAMMAR) -> Noise:
-    """Parse a text or check a law. name, grammar: the argument and what is allowed, for the message.
+    """Parse a text or check a law. name, grammar: the argument and what is allowed, for the
+    message.
 
-    The kernel draws the laws of this module only: other subclasses of `Noise` raise `ArgumentError`.
+    The kernel draws the laws of this module only: other subclasses of `Noise` raise
+    `ArgumentError`.
     """
     if type(value) in _LAWS.values():
-        return dataclasses.replace(value)  # checks the numbers again, as a copy may have others
+        # Checks the numbers again, as a copy may have others.
+        return dataclasses.replace(value)
     found = _TEXT.fullmatch(value.strip()) if isinstance(value, str) else None
     if found and found[1] in _LAWS:
         law = _LAWS[found[1]]
         numbers = [float(number) for number in found[2].split()]
         fields = dataclasses.fields(law)
-        if sum(field.default is dataclasses.MISSING for field in fields) <= len(numbers) <= len(fields):
+        if (
+            sum(field.default is dataclasses.MISSING for field in fields)
+            <= len(numbers)
+            <= len(fields)
+        ):
             try:
                 return law(*numbers)
             except ValueError as error:

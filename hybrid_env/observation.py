@@ -50,9 +50,13 @@ class Layout:
     @classmethod
     @functools.cache
     def of_width(cls, width: int) -> Self:
-        """Return the layout of observations of a given width. Raises `ArgumentError` if there is none."""
-        blocks, singles = len(cls.hypothesis_features), len(cls.track_features)
-        if blocks == 0:  # the width does not depend on the number of hypotheses
+        """Return the layout of observations of a given width. Raises `ArgumentError` if there is
+        none.
+        """
+        blocks = len(cls.hypothesis_features)
+        singles = len(cls.track_features)
+        # The width does not depend on the number of hypotheses.
+        if blocks == 0:
             if width != singles:
                 raise reject("width", width, str(singles))
             return cls(3)
@@ -63,7 +67,9 @@ class Layout:
 
     @classmethod
     def of_rows(cls, observation: NDArray[Any]) -> Self:
-        """Return the layout of a batch of observations, (N, width). Raises `ArgumentError` otherwise."""
+        """Return the layout of a batch of observations, (N, width). Raises `ArgumentError`
+        otherwise.
+        """
         rows = np.asarray(observation)
         if rows.ndim != 2:
             raise reject("observation shape", rows.shape, "(N, width), one row per track")
@@ -90,21 +96,27 @@ class Layout:
 
 
 class QuickestLayout(Layout):
-    """Position and scale of each quantity in an observation of `HybridTrackQuickestEnv`; see `Layout`."""
+    """Position and scale of each quantity in an observation of `HybridTrackQuickestEnv`; see
+    `Layout`.
+    """
 
     hypothesis_features = observation_row.QUICKEST_HYPOTHESIS_FEATURES
     track_features = observation_row.QUICKEST_TRACK_FEATURES
 
 
 class RawLayout(Layout):
-    """Position and scale of each quantity in an observation with `observation="raw"`; see `Layout`."""
+    """Position and scale of each quantity in an observation with `observation="raw"`; see
+    `Layout`.
+    """
 
     hypothesis_features: ClassVar[dict[str, float]] = {}
     track_features = observation_row.RAW_FEATURES
 
 
 class StateLayout(Layout):
-    """Position and scale of each quantity in an observation with `observation="state"`; see `Layout`."""
+    """Position and scale of each quantity in an observation with `observation="state"`; see
+    `Layout`.
+    """
 
     hypothesis_features: ClassVar[dict[str, float]] = {"true_mode": 1.0}
     track_features = observation_row.STATE_FEATURES

@@ -15,7 +15,13 @@ from hybrid_env.checks import (
     dimensions,
     frozen,
 )
-from hybrid_env.core.bank_ticks import ESTIMATES, ROW_LENGTH, read_bank_ticks, write_estimate, write_innovation
+from hybrid_env.core.bank_ticks import (
+    ESTIMATES,
+    ROW_LENGTH,
+    read_bank_ticks,
+    write_estimate,
+    write_innovation,
+)
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.bank import FilterModel, bank_arrays
 from hybrid_env.core.compilation import compiled, prepare
@@ -30,9 +36,16 @@ KNOWN_BANKS = tuple(name for name in BANKS if name != "oracle")
 
 @compiled
 def _begin_one(
-    bank: Any, rows: FloatArray, anchor: FloatArray, covariance: FloatArray, radii: FloatArray, model: FilterModel
+    bank: Any,
+    rows: FloatArray,
+    anchor: FloatArray,
+    covariance: FloatArray,
+    radii: FloatArray,
+    model: FilterModel,
 ) -> None:
-    """Start every filter from an anchor, (4, 1), with a covariance, (10, 1) upper triangle row by row."""
+    """Start every filter from an anchor, (4, 1), with a covariance, (10, 1) upper triangle row
+    by row.
+    """
     operations.begin(bank, 0, state_of(anchor, 0), triangle_of(covariance, 0), radii, model)
     for h in range(bank.hypotheses.size):
         write_estimate(rows[h], bank, h, 0)
@@ -53,7 +66,8 @@ def _step_one(bank: Any, rows: FloatArray, measurement: FloatArray, model: Filte
 
 
 class KalmanBank(ReadOnlyAttributes):
-    """The bank of Kalman filters for one track, as in the environments. Golubkov 2018, eq. (2) and (4).
+    """The bank of Kalman filters for one track, as in the environments. Golubkov 2018, eq. (2)
+    and (4).
 
     What the filters tell has the names that `info` has with `bank_info=True`.
 
@@ -62,8 +76,8 @@ class KalmanBank(ReadOnlyAttributes):
         tau: length of a tick [s].
         process_variance: Q [m^2/s^2].
         measurement_variance: R [m^2], one number or (x, y).
-        bank: "published" treats the anchor as exact; "anchor_aware" includes its uncertainty in the state of every
-            turn, see `core.banks.anchor_aware`.
+        bank: "published" treats the anchor as exact; "anchor_aware" includes its uncertainty in the
+            state of every turn, see `core.banks.anchor_aware`.
 
     >>> bank = KalmanBank(radii=[5.0], measurement_variance=0.1)
     >>> bank.anchor([0.0, 2.0, 0.0, 0.0])
@@ -76,17 +90,27 @@ class KalmanBank(ReadOnlyAttributes):
     read_only = frozenset(("radii", "tau", "process_variance", "variances", "bank"))
 
     def __init__(
-        self, radii: ArrayLike = (5.0,), tau: float = 0.1, process_variance: float = 0.001,
-        measurement_variance: float | ArrayLike = 0.1, bank: str = "published",
-    ):  # fmt: skip
+        self,
+        radii: ArrayLike = (5.0,),
+        tau: float = 0.1,
+        process_variance: float = 0.001,
+        measurement_variance: float | ArrayLike = 0.1,
+        bank: str = "published",
+    ):
         self.radii = frozen(np.array(distinct_radii("radii", radii)))
         self.tau = check_within("tau", tau)
         self.process_variance = check_within("process_variance", process_variance)
         self.variances = frozen(axis_variances(measurement_variance))
         self.bank = check_choice("bank", bank, KNOWN_BANKS)
-        # the axes of an anchor may have different covariances even if they have one measurement variance
+        # The axes of an anchor may have different covariances even if they have one measurement
+        # variance.
         self._filters = bank_arrays(BANKS[self.bank], self.radii.size, axes=2)
-        self._model = FilterModel(self.tau, self.process_variance, float(self.variances[0]), float(self.variances[-1]))
+        self._model = FilterModel(
+            self.tau,
+            self.process_variance,
+            float(self.variances[0]),
+            float(self.variances[-1]),
+        )
         self._measurement = np.zeros((2, LANES))
         self._rows = np.full((self.hypotheses, ROW_LENGTH), np.nan)
         self._anchored = False
@@ -102,17 +126,26 @@ class KalmanBank(ReadOnlyAttributes):
 
         Args:
             state: (4,) [x, vx, y, vy] [m, m/s].
-            covariance: (3,) xx, xv, vv on each axis, or (4, 4) of the state; by default the identity, as published. The
-                published bank ignores entries between the axes.
+            covariance: (3,) xx, xv, vv on each axis, or (4, 4) of the state; by default the
+                identity, as published. The published bank ignores entries between the axes.
         """
         anchor = check_array("state", state, (4,))
         if dimensions(covariance) == 1:
             xx, xv, vv = check_array("covariance", covariance, (3,))
             covariance = np.kron(np.eye(2), [[xx, xv], [xv, vv]])
-        triangle = check_covariance("covariance", check_array("covariance", covariance, (4, 4)), definite=False)[
-            TRIANGLE
-        ]
-        arguments = self._filters, self._rows, anchor[:, None], triangle[:, None], self.radii, self._model
+        triangle = check_covariance(
+            "covariance",
+            check_array("covariance", covariance, (4, 4)),
+            definite=False,
+        )[TRIANGLE]
+        arguments = (
+            self._filters,
+            self._rows,
+            anchor[:, None],
+            triangle[:, None],
+            self.radii,
+            self._model,
+        )
         prepare(_begin_one, *arguments)
         _begin_one(*arguments)
         self._rows[:, :ESTIMATES] = np.nan
@@ -121,7 +154,8 @@ class KalmanBank(ReadOnlyAttributes):
     def step(self, measurement: ArrayLike) -> FloatArray:
         """Advance one tick. Returns the cumulative log-likelihoods, (M,).
 
-        measurement: (2,) [m]. With a NaN in it there is none: the filters only predict, and the log-likelihoods stay.
+        measurement: (2,) [m]. With a NaN in it there is none: the filters only predict, and the
+        log-likelihoods stay.
         """
         if not self._anchored:
             raise RuntimeError("step() called before anchor(): the bank has no initial estimate")
@@ -152,5 +186,7 @@ class KalmanBank(ReadOnlyAttributes):
 
     @property
     def innovation_covariances(self) -> FloatArray:
-        """(M, 2, 2) covariances of the innovations [m^2]; without a measurement those for one of variance R."""
+        """(M, 2, 2) covariances of the innovations [m^2]; without a measurement those for one of
+        variance R.
+        """
         return read_bank_ticks(self._rows)["innovation_covariances"]

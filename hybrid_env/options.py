@@ -33,47 +33,62 @@ CHOICES = {
 
 @dataclass(frozen=True, kw_only=True)
 class WorldOptions(ModelOptions):
-    """The options of `HybridTrackEnv`, which are keywords of `gym.make`: these and those of `ModelOptions`.
+    """The options of `HybridTrackEnv`, which are keywords of `gym.make`: these and those of
+    `ModelOptions`.
 
     Attributes:
-        scheme: segments of an episode: "random" (6 segments of 50 to 100 ticks, all modes equally likely), "random
-            4x20-60", "L50r3 R75r5 S50", a key of `SCHEMES`, or a scheme object.
-        bank: "published" treats the anchor as exact; "anchor_aware" includes the uncertainty of the anchor in the state
-            of every turn, see `core.banks.anchor_aware`; "oracle" is the published bank anchored at the true state, an
-            upper bound for evaluation that is not available in practice.
-        reset_covariance: True starts every segment with P := I, as published; False carries over the covariance of the
-            estimate. None means True for the published bank that follows the declared filter, and False otherwise.
-        follow: what runs on to the end of a segment after a decision. "declared", as published: the filter of the
-            declared hypothesis, whose estimate is the next anchor. "bank": all filters; the estimate and the next
-            anchor are the mean of the posterior over all hypotheses, with its covariance (`core.banks.mixture`), so
-            that a wrong decision costs its reward and nothing else.
-        recalculation: a declaration recalculates the estimates since the switch by the filter of its mode (Tsyganov
-            2019). `decided_squared_error` counts these; the next anchor is the same.
-        refine_radius: after a declaration all filters run on; estimate, last decided mode and next anchor are those of
-            the likeliest hypothesis of the declared type (straight, left or right).
+        scheme: segments of an episode: "random" (6 segments of 50 to 100 ticks, all modes equally
+            likely), "random 4x20-60", "L50r3 R75r5 S50", a key of `SCHEMES`, or a scheme object.
+        bank: "published" treats the anchor as exact; "anchor_aware" includes the uncertainty of the
+            anchor in the state of every turn, see `core.banks.anchor_aware`; "oracle" is the
+            published bank anchored at the true state, an upper bound for evaluation that is not
+            available in practice.
+        reset_covariance: True starts every segment with P := I, as published; False carries over
+            the covariance of the estimate. None means True for the published bank that follows the
+            declared filter, and False otherwise.
+        follow: what runs on to the end of a segment after a decision. "declared", as published: the
+            filter of the declared hypothesis, whose estimate is the next anchor. "bank": all
+            filters; the estimate and the next anchor are the mean of the posterior over all
+            hypotheses, with its covariance (`core.banks.mixture`), so that a wrong decision costs
+            its reward and nothing else.
+        recalculation: a declaration recalculates the estimates since the switch by the filter of
+            its mode (Tsyganov 2019). `decided_squared_error` counts these; the next anchor is the
+            same.
+        refine_radius: after a declaration all filters run on; estimate, last decided mode and next
+            anchor are those of the likeliest hypothesis of the declared type (straight, left or
+            right).
         delay_cost: cost of a step, in units of the reward of a correct decision.
         correctness: "exact" requires the hypothesis, "type" only straight, left or right.
         evidence: a declaration counts once the posterior of a mode reaches this probability (with
-            `correctness="type"` that of straight, left or right); before, it waits. All hypotheses have equal priors
-            at the switch. 0 lets every declaration count.
-        actions: "all" waits or declares one of M hypotheses; "types" waits or declares straight, left or right, which
-            is the most likely hypothesis of this type; "best" waits or declares the most likely one.
-        observation: "bank" is the output of the bank; "raw" the measurement relative to the anchor, without the bank;
-            "state" the true state and the true mode. Actions, rewards and episodes are the same with all three, so that
-            their difference is the worth of a bank, and of what cannot be observed.
-        undecided: decision on a segment that ends undecided: "likeliest" for the most likely hypothesis, "keep" for the
-            last decided mode, as in the papers.
+            `correctness="type"` that of straight, left or right); before, it waits. All hypotheses
+            have equal priors at the switch. 0 lets every declaration count.
+        actions: "all" waits or declares one of M hypotheses; "types" waits or declares straight,
+            left or right, which is the most likely hypothesis of this type; "best" waits or
+            declares the most likely one.
+        observation: "bank" is the output of the bank; "raw" the measurement relative to the anchor,
+            without the bank; "state" the true state and the true mode. Actions, rewards and
+            episodes are the same with all three, so that their difference is the worth of a bank,
+            and of what cannot be observed.
+        undecided: decision on a segment that ends undecided: "likeliest" for the most likely
+            hypothesis, "keep" for the last decided mode, as in the papers.
     """
 
     checks: ClassVar = {
-        "scheme": lambda _, value: parse_scheme(value), **ModelOptions.checks, "delay_cost": check_within,
+        "scheme": lambda _, value: parse_scheme(value),
+        **ModelOptions.checks,
+        "delay_cost": check_within,
         "evidence": ranged(*limits.RANGES["evidence"], "a probability from 0 to 1 - 1e-9"),
         **{name: partial(check_choice, choices=choices) for name, choices in CHOICES.items()},
-        "reset_covariance": optional(check_flag), "recalculation": check_flag, "refine_radius": check_flag,
-    }  # fmt: skip
+        "reset_covariance": optional(check_flag),
+        "recalculation": check_flag,
+        "refine_radius": check_flag,
+    }
 
-    switches, tick_names = "announced", TICK_NAMES
-    hypothesis_field, first_action, traced = "log_likelihood", "wait", True
+    switches = "announced"
+    tick_names = TICK_NAMES
+    hypothesis_field = "log_likelihood"
+    first_action = "wait"
+    traced = True
 
     scheme: str | Scheme = "random"
     bank: str = "published"
@@ -91,7 +106,11 @@ class WorldOptions(ModelOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.reset_covariance and self.bank == "oracle":
-            raise reject("reset_covariance", True, "False or None with bank='oracle', whose anchor is exact")
+            raise reject(
+                "reset_covariance",
+                True,
+                "False or None with bank='oracle', whose anchor is exact",
+            )
         for name in ("recalculation", "refine_radius"):
             if getattr(self, name) and self.follow == "bank":
                 raise reject(name, True, "False with follow='bank', which merges all filters")
@@ -104,7 +123,11 @@ class WorldOptions(ModelOptions):
         missing = sorted(of_scheme - set(self.radii))
         if self.correctness == "exact" and missing:
             shown = ", ".join(map(str, missing[:3])) + (", ..." if len(missing) > 3 else "")
-            raise reject("radii", self.radii, f"radii that include {shown} of the scheme, or correctness='type'")
+            raise reject(
+                "radii",
+                self.radii,
+                f"radii that include {shown} of the scheme, or correctness='type'",
+            )
         self._check_ratios(of_scheme | set(self.radii))
 
     @property
@@ -115,18 +138,34 @@ class WorldOptions(ModelOptions):
     @property
     def action_count(self) -> int:
         """Number of actions."""
-        return {"all": self.hypotheses + 1, "types": 4, "best": 2}[self.actions]
+        return {
+            "all": self.hypotheses + 1,
+            "types": 4,
+            "best": 2,
+        }[self.actions]
 
     @property
     def actions_by_key(self) -> dict[str, int]:
         """See `ModelOptions.actions_by_key`; with `actions="best"` each key declares."""
-        right = {"all": len(self.radii) + 2, "types": 3, "best": 1}[self.actions]
-        return {"w": 1, "a": min(2, right), "d": right}
+        right = {
+            "all": len(self.radii) + 2,
+            "types": 3,
+            "best": 1,
+        }[self.actions]
+        return {
+            "w": 1,
+            "a": min(2, right),
+            "d": right,
+        }
 
     @property
     def layout_class(self) -> type[Layout]:
         """Layout of the rows, by the option `observation`."""
-        return {"bank": Layout, "raw": RawLayout, "state": StateLayout}[self.observation]
+        return {
+            "bank": Layout,
+            "raw": RawLayout,
+            "state": StateLayout,
+        }[self.observation]
 
     @property
     def table(self) -> FloatArray:
@@ -154,10 +193,16 @@ class WorldOptions(ModelOptions):
     def segments(self) -> int:
         """Number of segments of an episode."""
         assert not isinstance(self.scheme, str)
-        return len(self.scheme.pieces) if isinstance(self.scheme, FixedScheme) else self.scheme.segments
+        return (
+            len(self.scheme.pieces)
+            if isinstance(self.scheme, FixedScheme)
+            else self.scheme.segments
+        )
 
     def bounds(self) -> dict[str, tuple[float, float]]:
-        """Return the smallest and largest value of bounded quantities of the observation, scaled."""
+        """Return the smallest and largest value of bounded quantities of the observation,
+        scaled.
+        """
         longest = TICK_SCALE * self.longest_segment * (1 + 1e-6)
         known = {
             **dict.fromkeys(("log_ratio", "log_error_probability"), (LOG_SCALE * LOG_FLOOR, 0.0)),
@@ -165,15 +210,24 @@ class WorldOptions(ModelOptions):
             **dict.fromkeys(("ticks", "ticks_left"), (0.0, longest)),
             **dict.fromkeys(("log_variance", "speed", "anchor_xx", "anchor_vv"), (0.0, np.inf)),
         }
-        return {name: both for name, both in known.items() if name in self.layout_class.scales_by_name()}
+        return {
+            name: both for name, both in known.items() if name in self.layout_class.scales_by_name()
+        }
 
     def largest(self, trace_rows: int) -> dict[str, int]:
-        """Return the largest value of every field of the blocks that the kernel uses as index or length."""
-        modes, longest = self.hypotheses, self.longest_segment
+        """Return the largest value of every field of the blocks that the kernel uses as index or
+        length.
+        """
+        modes = self.hypotheses
+        longest = self.longest_segment
         return {
-            "segment": self.segments - 1, "true_mode": modes - 1, "active_mode": modes - 1,
-            "length": longest, "tick": longest, "trace_length": trace_rows,
-        }  # fmt: skip
+            "segment": self.segments - 1,
+            "true_mode": modes - 1,
+            "active_mode": modes - 1,
+            "length": longest,
+            "tick": longest,
+            "trace_length": trace_rows,
+        }
 
     def parameters(self) -> NDArray[Any]:
         """See `ModelOptions.parameters`."""
@@ -181,14 +235,26 @@ class WorldOptions(ModelOptions):
         record = super().parameters()
         record["delay_cost"], record["segments"] = self.delay_cost, self.segments
         default = self.bank == "published" and self.follow == "declared"
-        record["reset_covariance"] = default if self.reset_covariance is None else self.reset_covariance
-        record["oracle"], record["exact_anchor"] = self.bank == "oracle", self.bank != "anchor_aware"
+        record["reset_covariance"] = (
+            default if self.reset_covariance is None else self.reset_covariance
+        )
+        record["oracle"], record["exact_anchor"] = (
+            self.bank == "oracle",
+            self.bank != "anchor_aware",
+        )
         record["exact"], record["merged"] = self.correctness == "exact", self.follow == "bank"
-        record["declare_best"], record["declare_type"] = self.actions == "best", self.actions == "types"
+        record["declare_best"], record["declare_type"] = (
+            self.actions == "best",
+            self.actions == "types",
+        )
         record["log_error_allowed"] = math.log1p(-self.evidence)
         record["observation"] = OBSERVATIONS.index(self.observation)
-        record["axes"] = 2 if self.follow == "bank" else self.variances.size  # 1 if those of both axes are equal
-        record["recalculated"], record["refined"] = self.hypotheses * self.recalculation, self.refine_radius
+        # 1 if those of both axes are equal.
+        record["axes"] = 2 if self.follow == "bank" else self.variances.size
+        record["recalculated"], record["refined"] = (
+            self.hypotheses * self.recalculation,
+            self.refine_radius,
+        )
         record["keep_undecided"] = self.undecided == "keep"
         if not isinstance(self.scheme, FixedScheme):
             record["random_scheme"] = True

@@ -19,14 +19,18 @@ from hybrid_env.model_options import ModelOptions
 from hybrid_env.observation import Layout, QuickestLayout
 from hybrid_env.scheme import RandomScheme, segment_table
 
-ORDERS = ("equal", "cycle", DRAWN)  # named values of the option `order`
+# Named values of the option `order`.
+ORDERS = ("equal", "cycle", DRAWN)
 
 
 def check_order(order: Any, modes: int) -> str | tuple[tuple[float, ...], ...]:
     """Return a name, or a matrix as a tuple of rows. Raises `ArgumentError` for other values."""
     if isinstance(order, str) and order in ORDERS:
         return order
-    allowed = f"equal, cycle, drawn, or a ({modes}, {modes}) matrix with a zero diagonal and rows that sum to 1"
+    allowed = (
+        f"equal, cycle, drawn, or a ({modes}, {modes}) matrix with a zero diagonal and rows that"
+        " sum to 1"
+    )
     rows = [row.split() for row in order.split(",")] if isinstance(order, str) else order
     with suppress(TypeError, ValueError):
         matrix = np.array(rows, np.float64)
@@ -42,32 +46,40 @@ def check_order(order: Any, modes: int) -> str | tuple[tuple[float, ...], ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class QuickestOptions(ModelOptions):
-    """The options of `HybridTrackQuickestEnv`, which are keywords of `gym.make`: these and `ModelOptions`.
+    """The options of `HybridTrackQuickestEnv`, which are keywords of `gym.make`: these and
+    `ModelOptions`.
 
     Attributes:
         ticks: length of an episode [ticks].
-        durations: law of the duration of a segment, see `hybrid_env.durations`: "25 + geometric 50", "geometric 75",
-            "uniform 50-100", "drawn" for another law in every episode, or a law object.
-        order: law of the next mode: "equal", all other modes equally likely; "cycle", straight, left turns, right
-            turns, and again; or an (M, M) matrix of the probabilities of the next mode (column) by the present one,
-            with zeros on the diagonal, also as text: "0 0.9 0.1, 0.5 0 0.5, 1 0 0"; or "drawn", another one in every
-            episode.
-        start: "known" begins an episode at a switch to a random mode, which the bank knows; "random" begins at a random
-            moment of a segment whose mode the bank does not know.
-        change_cost: cost of a change of the statement to a wrong mode, in units of the reward of a tick.
-        hazard: probability of a switch per tick that the bank assumes, at most (M - 1) / M; None is the inverse of the
-            mean duration.
+        durations: law of the duration of a segment, see `hybrid_env.durations`: "25 + geometric
+            50", "geometric 75", "uniform 50-100", "drawn" for another law in every episode, or a
+            law object.
+        order: law of the next mode: "equal", all other modes equally likely; "cycle", straight,
+            left turns, right turns, and again; or an (M, M) matrix of the probabilities of the next
+            mode (column) by the present one, with zeros on the diagonal, also as text: "0 0.9 0.1,
+            0.5 0 0.5, 1 0 0"; or "drawn", another one in every episode.
+        start: "known" begins an episode at a switch to a random mode, which the bank knows;
+            "random" begins at a random moment of a segment whose mode the bank does not know.
+        change_cost: cost of a change of the statement to a wrong mode, in units of the reward of a
+            tick.
+        hazard: probability of a switch per tick that the bank assumes, at most (M - 1) / M; None is
+            the inverse of the mean duration.
     """
 
-    switches, traced = "unknown", False
+    switches = "unknown"
+    traced = False
     tick_names = tuple(name for name in TICK_NAMES if name != "anchor")
-    hypothesis_field, first_action, bank_class = "log_probability", "straight", ImmBank
+    hypothesis_field = "log_probability"
+    first_action = "straight"
+    bank_class = ImmBank
 
     checks: ClassVar = {
-        **ModelOptions.checks, "ticks": check_ticks, "durations": lambda _, value: parse_durations(value),
+        **ModelOptions.checks,
+        "ticks": check_ticks,
+        "durations": lambda _, value: parse_durations(value),
         "start": partial(check_choice, choices=("known", "random")),
         "change_cost": partial(check_within, limits="delay_cost"),
-    }  # fmt: skip
+    }
 
     ticks: int = 600
     durations: str | Durations = "25 + geometric 50"
@@ -82,7 +94,11 @@ class QuickestOptions(ModelOptions):
         if self.hazard is not None:
             largest = 1.0 - 1.0 / self.hypotheses
             allowed = f"a number from 0 to {largest:.6g}, or None"
-            object.__setattr__(self, "hazard", check_number("hazard", self.hazard, allowed, 0.0, largest))
+            object.__setattr__(
+                self,
+                "hazard",
+                check_number("hazard", self.hazard, allowed, 0.0, largest),
+            )
         self._check_ratios(self.radii)
 
     @property
@@ -103,7 +119,11 @@ class QuickestOptions(ModelOptions):
     @property
     def actions_by_key(self) -> dict[str, int]:
         """See `ModelOptions.actions_by_key`."""
-        return {"w": 0, "a": 1, "d": len(self.radii) + 1}
+        return {
+            "w": 0,
+            "a": 1,
+            "d": len(self.radii) + 1,
+        }
 
     @property
     def law(self) -> Durations:
@@ -137,10 +157,16 @@ class QuickestOptions(ModelOptions):
 
     @property
     def duration_laws(self) -> FloatArray:
-        """Probabilities of 1, ..., `ticks` ticks, (4, ticks): of a first straight segment or turn, and of others."""
-        first = laws.remaining_probabilities if self.start == "random" else laws.duration_probabilities
+        """Probabilities of 1, ..., `ticks` ticks, (4, ticks): of a first straight segment or
+        turn, and of others.
+        """
+        first = (
+            laws.remaining_probabilities if self.start == "random" else laws.duration_probabilities
+        )
         both = laws.laws_by_mode(self.law)
-        return np.stack([of(law, self.ticks) for of in (first, laws.duration_probabilities) for law in both])
+        return np.stack(
+            [of(law, self.ticks) for of in (first, laws.duration_probabilities) for law in both]
+        )
 
     @property
     def order_matrix(self) -> FloatArray:
@@ -148,27 +174,42 @@ class QuickestOptions(ModelOptions):
         if isinstance(self.order, tuple):
             return np.array(self.order)
         others = np.eye(self.hypotheses)
-        return np.roll(others, 1, axis=1) if self.order == "cycle" else (1.0 - others) / (self.hypotheses - 1)
+        return (
+            np.roll(others, 1, axis=1)
+            if self.order == "cycle"
+            else (1.0 - others) / (self.hypotheses - 1)
+        )
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """See `ModelOptions.arrays`."""
         cumulative = {"durations": np.cumsum(self.duration_laws, axis=1)}
-        return super().arrays() | cumulative | ({} if self.order in ("equal", DRAWN) else {"order": self.order_matrix})
+        return (
+            super().arrays()
+            | cumulative
+            | ({} if self.order in ("equal", DRAWN) else {"order": self.order_matrix})
+        )
 
     def bounds(self) -> dict[str, tuple[float, float]]:
         """See `WorldOptions.bounds`."""
         return {
-            "log_probability": (LOG_SCALE * LOG_FLOOR, 0.0), "log_ratio": (LOG_FLOOR, 0.0), "stated": (0.0, 1.0),
+            "log_probability": (LOG_SCALE * LOG_FLOOR, 0.0),
+            "log_ratio": (LOG_FLOOR, 0.0),
+            "stated": (0.0, 1.0),
             "stated_ticks": (0.0, TICK_SCALE * self.ticks * (1 + 1e-6)),
-        } | dict.fromkeys(("log_variance", "speed"), (0.0, np.inf))  # fmt: skip
+        } | dict.fromkeys(("log_variance", "speed"), (0.0, np.inf))
 
     def largest(self, trace_rows: int) -> dict[str, int]:
         """See `WorldOptions.largest`."""
         modes, ticks = self.hypotheses, self.ticks
         return {
-            "segment": ticks - 1, "true_mode": modes - 1, "stated_mode": modes - 1, "tick": ticks,
-            "length": ticks + 1, "time": ticks, "stated_ticks": ticks,
-        }  # fmt: skip
+            "segment": ticks - 1,
+            "true_mode": modes - 1,
+            "stated_mode": modes - 1,
+            "tick": ticks,
+            "length": ticks + 1,
+            "time": ticks,
+            "stated_ticks": ticks,
+        }
 
     def parameters(self) -> NDArray[Any]:
         """See `ModelOptions.parameters`."""

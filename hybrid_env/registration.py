@@ -11,12 +11,22 @@ if TYPE_CHECKING:
     from hybrid_env.model_options import ModelOptions
     from hybrid_env.vector_env import HybridTrackVectorEnv, TrackVectorEnv
 
-BANK_RADII = tuple(float(radius) for radius in range(1, 11))  # [m]
+# [m]
+BANK_RADII = tuple(float(radius) for radius in range(1, 11))
 _EVIDENT = {"bank": "anchor_aware", "evidence": 0.95}
-_TYPES = {"radii": BANK_RADII, "correctness": "type", "delay_cost": 0.01}
+_TYPES = {
+    "radii": BANK_RADII,
+    "correctness": "type",
+    "delay_cost": 0.01,
+}
 ENVIRONMENTS: dict[str, dict[str, object]] = {
     "HybridTrack-v0": _EVIDENT,
-    "HybridTrackBank-v0": {**_EVIDENT, **_TYPES, "actions": "types", "follow": "bank"},
+    "HybridTrackBank-v0": {
+        **_EVIDENT,
+        **_TYPES,
+        "actions": "types",
+        "follow": "bank",
+    },
     "HybridTrackPublished-v0": {},
     "HybridTrackPublishedBank-v0": _TYPES,
     "HybridTrackQuickest-v0": {},
@@ -24,14 +34,19 @@ ENVIRONMENTS: dict[str, dict[str, object]] = {
 }
 """Registered ids and their options that differ from the defaults."""
 
-_CLASSES = dict.fromkeys(ENVIRONMENTS, ("env:HybridTrackEnv", "vector_env:HybridTrackVectorEnv")) | dict.fromkeys(
+_CLASSES = dict.fromkeys(
+    ENVIRONMENTS,
+    ("env:HybridTrackEnv", "vector_env:HybridTrackVectorEnv"),
+) | dict.fromkeys(
     ("HybridTrackQuickest-v0", "HybridTrackQuickestBank-v0"),
     ("quickest_env:HybridTrackQuickestEnv", "vector_env:HybridTrackQuickestVectorEnv"),
 )
 """Module and class of the single and of the vector environment of each id."""
 
 MAX_EPISODE_STEPS = 10_000
-"""Limit of the registered ids, for libraries that need one. Options whose episodes are longer are refused."""
+"""Limit of the registered ids, for libraries that need one. Options whose episodes are longer
+are refused.
+"""
 
 
 def register_environments() -> None:
@@ -49,9 +64,15 @@ def register_environments() -> None:
 
 
 def make_track_vector_env(env_id: str, num_envs: int, **options: Any) -> "TrackVectorEnv":
-    """Create the vector environment of a registered id, for episodes of any length; `options` override its options."""
+    """Create the vector environment of a registered id, for episodes of any length; `options`
+    override its options.
+    """
     vector_class(env_id)
-    given = {"vectorization_mode": "vector_entry_point", "max_episode_steps": -1, **options}
+    given = {
+        "vectorization_mode": "vector_entry_point",
+        "max_episode_steps": -1,
+        **options,
+    }
     return cast("TrackVectorEnv", gym.make_vec(env_id, num_envs, **given))
 
 
@@ -68,13 +89,23 @@ def environment_options(env_id: str) -> "type[ModelOptions]":
 
 
 def vector_class(env_id: str, kind: str = "TrackVectorEnv") -> Any:
-    """Return the class of the vector environment of an id, which must be of this package and of a kind."""
+    """Return the class of the vector environment of an id, which must be of this package and of
+    a kind.
+    """
     from hybrid_env import vector_env
 
     entries = {name: spec.vector_entry_point for name, spec in registry.items()}
-    own = {name: entry for name, entry in entries.items() if isinstance(entry, str) and entry.startswith("hybrid_env.")}
+    own = {
+        name: entry
+        for name, entry in entries.items()
+        if isinstance(entry, str) and entry.startswith("hybrid_env.")
+    }
     classes: dict[str, Any] = {name: load_env_creator(entry) for name, entry in own.items()}
-    known = {name: found for name, found in classes.items() if issubclass(found, getattr(vector_env, kind))}
+    known = {
+        name: found
+        for name, found in classes.items()
+        if issubclass(found, getattr(vector_env, kind))
+    }
     if (name := env_id.removeprefix("hybrid_env:")) not in known:
         raise reject("env", env_id, "one of " + ", ".join(known))
     return known[name]

@@ -1,6 +1,6 @@
-"""Schemes: the mode, length and radius of every segment of a trajectory. A scheme is written as in the papers, one word
-per segment: "L50r3 R75r5 S50" is a left turn of 50 ticks with a radius of 3 m, a right turn of 75 ticks with a radius
-of 5 m, and a straight line of 50 ticks.
+"""Schemes: the mode, length and radius of every segment of a trajectory. A scheme is written as in
+the papers, one word per segment: "L50r3 R75r5 S50" is a left turn of 50 ticks with a radius of 3 m,
+a right turn of 75 ticks with a radius of 5 m, and a straight line of 50 ticks.
 """
 
 import re
@@ -14,7 +14,9 @@ from numpy.typing import ArrayLike
 from hybrid_env.checks import ArgumentError, Checked, FloatArray, check_choice, optional, reject
 from hybrid_env.limits import MAX_PIECES, check_ticks, check_within, distinct_radii, two_values
 
-GRAMMAR = "words such as 'S50' or 'L50r3' (mode, ticks, radius), 'random 6x50-100', or a key of SCHEMES"
+GRAMMAR = (
+    "words such as 'S50' or 'L50r3' (mode, ticks, radius), 'random 6x50-100', or a key of SCHEMES"
+)
 
 _INTEGER = "[0-9]{1,20}"
 _SEGMENT = re.compile(rf"([SLR])({_INTEGER})(?:r((?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]+)?))?")
@@ -32,9 +34,10 @@ class Segment(Checked):
     """
 
     checks: ClassVar = {
-        "mode": partial(check_choice, choices=("S", "L", "R")), "length": check_ticks,
+        "mode": partial(check_choice, choices=("S", "L", "R")),
+        "length": check_ticks,
         "radius": optional(partial(check_within, limits="radii")),
-    }  # fmt: skip
+    }
 
     mode: str
     length: int
@@ -43,7 +46,11 @@ class Segment(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         if (self.mode == "S") != (self.radius is None):
-            raise reject("radius", self.radius, "None for a straight segment, a number > 0 for a turn")
+            raise reject(
+                "radius",
+                self.radius,
+                "None for a straight segment, a number > 0 for a turn",
+            )
 
     @property
     def signed_radius(self) -> float:
@@ -75,7 +82,9 @@ class FixedScheme(Checked):
 
 
 def _check_lengths(name: str, value: Any) -> tuple[int, int]:
-    shortest, longest = (check_ticks(name, length) for length in two_values(name, value, "(shortest, longest)"))
+    shortest, longest = (
+        check_ticks(name, length) for length in two_values(name, value, "(shortest, longest)")
+    )
     if shortest > longest:
         raise reject(name, value, "(shortest, longest)")
     return shortest, longest
@@ -91,7 +100,11 @@ class RandomScheme(Checked):
         radii: turn radii of the object [m]; None uses the radii of the bank.
     """
 
-    checks: ClassVar = {"segments": check_ticks, "lengths": _check_lengths, "radii": optional(distinct_radii)}
+    checks: ClassVar = {
+        "segments": check_ticks,
+        "lengths": _check_lengths,
+        "radii": optional(distinct_radii),
+    }
 
     segments: int = 6
     lengths: tuple[int, int] = (50, 100)
@@ -112,7 +125,9 @@ SCHEMES = {
 
 
 def parse_scheme(value: "str | Scheme") -> Scheme:
-    """Parse a string; a scheme object is returned as it is. Raises `ArgumentError` for other values."""
+    """Parse a string; a scheme object is returned as it is. Raises `ArgumentError` for other
+    values.
+    """
     if isinstance(value, (FixedScheme, RandomScheme)):
         return value
     if not isinstance(value, str) or not value.strip():
@@ -143,7 +158,9 @@ def _parse_word(scheme: str, word: str) -> Segment:
 
 
 def nearest_mode(signed_radius: float, radii: ArrayLike) -> int:
-    """Return the index of the hypothesis on the same side with the closest curvature; 0 is straight."""
+    """Return the index of the hypothesis on the same side with the closest curvature; 0 is
+    straight.
+    """
     if signed_radius == 0.0:
         return 0
     bank: FloatArray = np.asarray(radii, dtype=np.float64)
@@ -152,8 +169,8 @@ def nearest_mode(signed_radius: float, radii: ArrayLike) -> int:
 
 
 def segment_table(scheme: Scheme, radii: ArrayLike) -> FloatArray:
-    """Return the segment table, (segments, columns), with columns `core.records.SEGMENT_COLUMNS`. A random scheme has
-    one row per mode, equally likely, with length 0.
+    """Return the segment table, (segments, columns), with columns `core.records.SEGMENT_COLUMNS`. A
+    random scheme has one row per mode, equally likely, with length 0.
     """
     bank = np.asarray(radii, dtype=np.float64)
     if isinstance(scheme, FixedScheme):
@@ -161,4 +178,7 @@ def segment_table(scheme: Scheme, radii: ArrayLike) -> FloatArray:
     else:
         own = bank if scheme.radii is None else np.asarray(scheme.radii)
         segments = [(signed, 0) for signed in (0.0, *own, *-own)]
-    return np.array([(signed, nearest_mode(signed, bank), length) for signed, length in segments], np.float64)
+    return np.array(
+        [(signed, nearest_mode(signed, bank), length) for signed, length in segments],
+        np.float64,
+    )

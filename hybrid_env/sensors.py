@@ -1,4 +1,6 @@
-"""Position sensors and radars of any accuracy, period and range, whose measurements of a tick are fused."""
+"""Position sensors and radars of any accuracy, period and range, whose measurements of a tick
+are fused.
+"""
 
 import math
 import re
@@ -10,13 +12,29 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_env.checks import ArgumentError, Checked, FloatArray, check_array, check_number, optional, ranged, reject
-from hybrid_env.core.polar import Position, add_information, fused_position, position_noise, to_position
+from hybrid_env.checks import (
+    ArgumentError,
+    Checked,
+    FloatArray,
+    check_array,
+    check_number,
+    optional,
+    ranged,
+    reject,
+)
+from hybrid_env.core.polar import (
+    Position,
+    add_information,
+    fused_position,
+    position_noise,
+    to_position,
+)
 from hybrid_env.core.records import MOST_RATES, SENSOR
 from hybrid_env.limits import RANGES, check_ticks, check_within, two_values
 
 MOST_SENSORS = 100
-LARGEST_VARIANCE_RATIO = 1e12  # variance of a sensor over R, and R over it
+# Variance of a sensor over R, and R over it.
+LARGEST_VARIANCE_RATIO = 1e12
 GRAMMAR = (
     f"a list of at most {MOST_SENSORS}: hybrid_env.Sensor, Radar, mappings, or texts such as "
     "'0.4 period 5 range 30 at 10 20', 'radar 5 0.01 rate 0.3'"
@@ -25,7 +43,8 @@ GRAMMAR = (
 
 _TEXT = re.compile(
     r"(?:(?P<variance>\S+)|radar (?P<range_deviation>\S+) (?P<bearing_deviation>\S+))"
-    r"(?: period (?P<period>\S+)| range (?P<range>\S+)| rate (?P<rate_deviation>\S+)| at (?P<x>\S+) (?P<y>\S+))*"
+    r"(?: period (?P<period>\S+)| range (?P<range>\S+)| rate (?P<rate_deviation>\S+)| at (?P<x>\S+)"
+    r" (?P<y>\S+))*"
 )
 
 
@@ -37,27 +56,35 @@ def _check_position(name: str, value: Any) -> tuple[float, ...]:
 
 def _check_range(name: str, value: Any) -> float:
     infinite = isinstance(value, float) and value == math.inf
-    return math.inf if infinite else check_number(name, value, "a number > 0, or inf", math.ulp(0.0))
+    return (
+        math.inf if infinite else check_number(name, value, "a number > 0, or inf", math.ulp(0.0))
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Placed(Checked):
     """Where and when a sensor measures."""
 
-    checks: ClassVar = {"position": _check_position, "period": check_ticks, "range": _check_range}
+    checks: ClassVar = {
+        "position": _check_position,
+        "period": check_ticks,
+        "range": _check_range,
+    }
 
     position: tuple[float, float] = (0.0, 0.0)
     period: int = 1
     range: float = math.inf
 
-    values: ClassVar[int] = 2  # number of values that it measures
+    # Number of values that it measures.
+    values: ClassVar[int] = 2
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sensor(_Placed):
     """A sensor that measures the position of the object with an error of its own.
 
-    It measures in the ticks 1, 1 + period, 1 + 2 period, ... of an episode in which the object is in range.
+    It measures in the ticks 1, 1 + period, 1 + 2 period, ... of an episode in which the object is
+    in range.
 
     Attributes:
         variance: of each measured coordinate [m^2].
@@ -66,7 +93,9 @@ class Sensor(_Placed):
         range: largest distance of the object at which it is measured [m].
     """
 
-    checks: ClassVar = {"variance": partial(check_within, limits="measurement_variance")} | _Placed.checks
+    checks: ClassVar = {
+        "variance": partial(check_within, limits="measurement_variance")
+    } | _Placed.checks
 
     variance: float
 
@@ -77,23 +106,27 @@ class Sensor(_Placed):
 
 @dataclass(frozen=True, kw_only=True)
 class Radar(_Placed):
-    """A sensor that measures range and bearing of the object, and by option its range rate (Doppler).
+    """A sensor that measures range and bearing of the object, and by option its range rate
+    (Doppler).
 
-    Range and bearing are converted to a position and its covariance, see `hybrid_env.core.polar`. The filters are
-    consistent as long as range * bearing_deviation^2, the bend of an arc of the length of the bearing error, is smaller
-    than a quarter of the range deviation: the mean squared error is then at most 5 % above its covariance, 14 % at
-    half of it and 37 % at all of it.
+    Range and bearing are converted to a position and its covariance, see `hybrid_env.core.polar`.
+    The filters are consistent as long as range * bearing_deviation^2, the bend of an arc of the
+    length of the bearing error, is smaller than a quarter of the range deviation: the mean squared
+    error is then at most 5 % above its covariance, 14 % at half of it and 37 % at all of it.
 
     Attributes:
         range_deviation: standard deviation of the range [m].
         bearing_deviation: of the bearing [rad].
-        rate_deviation: of the range rate [m/s]; None measures none. At most four radars of a list do.
+        rate_deviation: of the range rate [m/s]; None measures none. At most four radars of a list
+            do.
         position, period, range: see `Sensor`.
     """
 
     checks: ClassVar = {
-        "range_deviation": check_within, "bearing_deviation": check_within, "rate_deviation": optional(check_within),
-    } | _Placed.checks  # fmt: skip
+        "range_deviation": check_within,
+        "bearing_deviation": check_within,
+        "rate_deviation": optional(check_within),
+    } | _Placed.checks
 
     range_deviation: float
     bearing_deviation: float
@@ -105,10 +138,16 @@ class Radar(_Placed):
         return 2 if self.rate_deviation is None else 3
 
     def located(self, values: FloatArray) -> Position:
-        """Return the position of a measured (range, bearing, ...) and its covariance; bearings start at the x axis."""
+        """Return the position of a measured (range, bearing, ...) and its covariance; bearings
+        start at the x axis.
+        """
         distance, bearing = values[:2].tolist()
         x, y, *covariance = to_position(
-            distance, math.cos(bearing), math.sin(bearing), self.range_deviation, self.bearing_deviation
+            distance,
+            math.cos(bearing),
+            math.sin(bearing),
+            self.range_deviation,
+            self.bearing_deviation,
         )
         return self.position[0] + x, self.position[1] + y, *covariance
 
@@ -118,24 +157,36 @@ class Radar(_Placed):
         return position_noise(x - self.position[0], y - self.position[1], *deviations)
 
     def scaled(self, length: float, velocity: float) -> "Radar":
-        """Return the same radar at the origin, in other units: the scales of lengths and velocities."""
+        """Return the same radar at the origin, in other units: the scales of lengths and
+        velocities.
+        """
         rate = None if self.rate_deviation is None else velocity * self.rate_deviation
-        return replace(self, position=(0.0, 0.0), range_deviation=length * self.range_deviation, rate_deviation=rate)
+        return replace(
+            self,
+            position=(0.0, 0.0),
+            range_deviation=length * self.range_deviation,
+            rate_deviation=rate,
+        )
 
 
 class Fused(NamedTuple):
     """What sensors measured in a tick."""
 
-    position: tuple[float, float]  # (x, y) [m]
-    covariance: tuple[float, float, float] | None = None  # xx, xy, yy of its error [m^2]; None is variance R
-    rates: tuple[float, ...] = ()  # of each radar with a range rate, in the order of the list [m/s]; NaN without one
+    # (x, y) [m]
+    position: tuple[float, float]
+    # Xx, xy, yy of its error [m^2]; None is variance R.
+    covariance: tuple[float, float, float] | None = None
+    # Of each radar with a range rate, in the order of the list [m/s]; NaN without one.
+    rates: tuple[float, ...] = ()
 
 
 def fuse(sensors: Sequence[Sensor | Radar], values: Mapping[int, ArrayLike]) -> Fused:
-    """Return what some of the sensors measured in a tick. values: of each sensor that measured, by its place in the
-    list: (x, y), (range, bearing) or (range, bearing, range rate) [m, rad, m/s].
+    """Return what some of the sensors measured in a tick. values: of each sensor that measured, by
+    its place in the list: (x, y), (range, bearing) or (range, bearing, range rate) [m, rad, m/s].
     """
-    information, rates, origin = (0.0,) * 5, [], None
+    information = (0.0,) * 5
+    rates = []
+    origin = None
     for k, sensor in enumerate(sensors):
         found = None
         if k in values:
@@ -153,17 +204,28 @@ def fuse(sensors: Sequence[Sensor | Radar], values: Mapping[int, ArrayLike]) -> 
 
 
 def check_fused(name: str, value: Fused) -> Fused:
-    """Return what sensors measured as plain floats; raise `ArgumentError` for values that no sensor measures."""
+    """Return what sensors measured as plain floats; raise `ArgumentError` for values that no
+    sensor measures.
+    """
     x, y = check_array(f"{name}.position", value.position, (2,)).tolist()
     covariance = None
     if value.covariance is not None:
         xx, xy, yy = check_array(f"{name}.covariance", value.covariance, (3,)).tolist()
-        if not (xx > 0.0 and yy > 0.0 and xy * xy <= (1.0 + 1e-9) * xx * yy):  # rounded, if nearly singular
-            raise reject(f"{name}.covariance", value.covariance, "xx, xy, yy of a positive definite matrix")
+        # Rounded, if nearly singular.
+        if not (xx > 0.0 and yy > 0.0 and xy * xy <= (1.0 + 1e-9) * xx * yy):
+            raise reject(
+                f"{name}.covariance",
+                value.covariance,
+                "xx, xy, yy of a positive definite matrix",
+            )
         covariance = xx, xy, yy
     if not isinstance(value.rates, tuple) or len(value.rates) > MOST_RATES:
         raise reject(f"{name}.rates", value.rates, f"a tuple of at most {MOST_RATES} range rates")
-    return Fused((x, y), covariance, tuple(_check_rate(f"{name}.rates", rate) for rate in value.rates))
+    return Fused(
+        (x, y),
+        covariance,
+        tuple(_check_rate(f"{name}.rates", rate) for rate in value.rates),
+    )
 
 
 def _check_rate(name: str, value: Any) -> float:
@@ -172,7 +234,9 @@ def _check_rate(name: str, value: Any) -> float:
 
 
 def parse_sensors(value: Any) -> tuple[Sensor | Radar, ...]:
-    """Return the sensors of a list of sensors, mappings or texts. Raises `ArgumentError` for other values."""
+    """Return the sensors of a list of sensors, mappings or texts. Raises `ArgumentError` for
+    other values.
+    """
     listed = isinstance(value, Sequence) and not isinstance(value, (str, bytes))
     if not listed or len(value) > MOST_SENSORS:
         raise reject("sensors", value, GRAMMAR)
@@ -197,7 +261,9 @@ def _attributes(text: str) -> dict[str, Any]:
     found = _TEXT.fullmatch(" ".join(text.split()))
     if found is None:
         raise ValueError(repr(text))
-    values: dict[str, Any] = {name: float(word) for name, word in found.groupdict().items() if word is not None}
+    values: dict[str, Any] = {
+        name: float(word) for name, word in found.groupdict().items() if word is not None
+    }
     if "x" in values:
         values["position"] = values.pop("x"), values.pop("y")
     return values | ({"period": int(found["period"])} if found["period"] else {})
@@ -209,7 +275,9 @@ def has_radar(sensors: Sequence[Sensor | Radar]) -> bool:
 
 
 def check_sensors(sensors: Sequence[Sensor | Radar], variances: Sequence[float]) -> None:
-    """Check that R, the variances of the axes [m^2], is one number, and those of the sensors are not too different."""
+    """Check that R, the variances of the axes [m^2], is one number, and those of the sensors are
+    not too different.
+    """
     if not sensors:
         return
     if len(variances) > 1:
@@ -218,7 +286,9 @@ def check_sensors(sensors: Sequence[Sensor | Radar], variances: Sequence[float])
     for sensor in sensors:
         variance = _variance(sensor)
         if not 1.0 / LARGEST_VARIANCE_RATIO <= variance / variances[0] <= LARGEST_VARIANCE_RATIO:
-            allowed = f"variances within a factor {LARGEST_VARIANCE_RATIO:g} of measurement_variance"
+            allowed = (
+                f"variances within a factor {LARGEST_VARIANCE_RATIO:g} of measurement_variance"
+            )
             raise reject("sensors", variance, allowed)
 
 
@@ -228,7 +298,8 @@ def _variance(sensor: Sensor | Radar) -> float:
 
 def sensor_table(sensors: Sequence[Sensor | Radar], variance: float) -> NDArray[Any]:
     """Return (k,) records `SENSOR` for the kernel; variance: R [m^2]."""
-    table, rates = np.zeros(len(sensors), SENSOR), 0
+    table = np.zeros(len(sensors), SENSOR)
+    rates = 0
     table["rate_row"] = -1
     for row, sensor in zip(table, sensors, strict=True):
         row["x"], row["y"] = sensor.position
@@ -238,5 +309,9 @@ def sensor_table(sensors: Sequence[Sensor | Radar], variance: float) -> NDArray[
         if isinstance(sensor, Radar):
             row["bearing_deviation"] = sensor.bearing_deviation
             if sensor.rate_deviation is not None:
-                row["rate_deviation"], row["rate_row"], rates = sensor.rate_deviation, rates, rates + 1
+                row["rate_deviation"], row["rate_row"], rates = (
+                    sensor.rate_deviation,
+                    rates,
+                    rates + 1,
+                )
     return table

@@ -27,7 +27,8 @@ class Simulation:
         truth: (n, T, 4) true states [x, vx, y, vy] [m, m/s].
         measurements: (n, T, 2) measured positions [m].
         lengths: (K,) segment lengths [ticks].
-        signed_radii: (K,) turn radii [m], positive to the left, negative to the right, 0 if straight.
+        signed_radii: (K,) turn radii [m], positive to the left, negative to the right, 0 if
+            straight.
     """
 
     truth: FloatArray
@@ -38,9 +39,16 @@ class Simulation:
 
 @compiled
 def _simulate(
-    blocks: Any, lengths: IntArray, table: FloatArray, options: Any, sensors: Any, truth: FloatArray, points: FloatArray
+    blocks: Any,
+    lengths: IntArray,
+    table: FloatArray,
+    options: Any,
+    sensors: Any,
+    truth: FloatArray,
+    points: FloatArray,
 ) -> None:
-    draws, setting = np.empty((NOISE_ROWS, LANES)), options[0]
+    draws = np.empty((NOISE_ROWS, LANES))
+    setting = options[0]
     for b in range(blocks.size):
         block = blocks[b]
         k = 0
@@ -58,11 +66,18 @@ def _simulate(
 
 
 def simulate(
-    scheme: str | FixedScheme, runs: int = 1, seed: int = 0, *, start: ArrayLike = (0.0, 0.0, 0.0, 2.0),
-    tau: float = 0.1, process_variance: float = 0.001, measurement_variance: float | ArrayLike = 0.1,
+    scheme: str | FixedScheme,
+    runs: int = 1,
+    seed: int = 0,
+    *,
+    start: ArrayLike = (0.0, 0.0, 0.0, 2.0),
+    tau: float = 0.1,
+    process_variance: float = 0.001,
+    measurement_variance: float | ArrayLike = 0.1,
     noise: str | Noise = "gaussian",
-) -> Simulation:  # fmt: skip
-    """Simulate runs of a fixed scheme. Golubkov 2018, eq. (1); the default start is that of the papers.
+) -> Simulation:
+    """Simulate runs of a fixed scheme. Golubkov 2018, eq. (1); the default start is that of the
+    papers.
 
     Args:
         scheme: a fixed scheme or its text.
@@ -85,7 +100,9 @@ def simulate(
     blocks["random_state"] = streams.reshape(number, LANES, 4).swapaxes(1, 2)
     blocks["truth"] = check_array("start", start, (4,))[:, None]
     lengths = np.array([segment.length for segment in fixed.pieces])
-    radii = sorted({segment.radius for segment in fixed.pieces if segment.radius is not None}) or [1.0]
+    radii = sorted({segment.radius for segment in fixed.pieces if segment.radius is not None}) or [
+        1.0
+    ]
     table = segment_table(fixed, radii)
     truth = np.empty((number * LANES, lengths.sum(), 4))
     measurements = np.empty((number * LANES, lengths.sum(), 2))

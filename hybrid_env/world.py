@@ -13,7 +13,14 @@ from gymnasium import spaces
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
-from hybrid_env.checks import ArgumentError, BoolArray, FloatArray, IntArray, ReadOnlyAttributes, reject
+from hybrid_env.checks import (
+    ArgumentError,
+    BoolArray,
+    FloatArray,
+    IntArray,
+    ReadOnlyAttributes,
+    reject,
+)
 from hybrid_env.core.arrays import allocate, declared
 from hybrid_env.core.bank_ticks import read_bank_ticks
 from hybrid_env.core.compilation import prepare
@@ -24,37 +31,60 @@ from hybrid_env.observation import Layout
 
 
 class World(ReadOnlyAttributes):
-    """State of N tracks under the options of an environment, stepped by some threads. The arrays cannot be replaced,
-    because the kernel has their addresses. A trace has `trace_rows` ticks of the last step, with announced switches; 0
-    stores none.
+    """State of N tracks under the options of an environment, stepped by some threads. The arrays
+    cannot be replaced, because the kernel has their addresses. A trace has `trace_rows` ticks of
+    the last step, with announced switches; 0 stores none.
     """
 
     read_only = frozenset(("options", "layout", "threads", "bank", *declared(Arrays, "tracks")))
     kernels: ClassVar[dict[type, Any]] = KERNELS
 
     layout: Layout
-    bank: Any  # named tuple of the arrays of all banks; `bank.hypotheses` is (B, M)
-    blocks: NDArray[Any]  # (B,) records with the state of `LANES` tracks
-    actions: IntArray  # (N,) of the next step
-    observations: NDArray[np.float32]  # (N, width)
-    action_mask: NDArray[np.int8]  # (N, actions) 1 where an action counts; a declaration with 0 waits
-    bank_ticks: FloatArray  # (N, M, columns) every filter at the present tick, if asked for
-    rewards: FloatArray  # (N,) of the last step
-    terminated: BoolArray  # (N,) whether the episode has ended
-    seeded: BoolArray  # (N,) whether the random stream has been seeded
-    trace: FloatArray  # (N, trace rows, len(TRACE_COLUMNS))
-    decisions: IntArray  # (len(DECISION), N) of the last step, with announced switches
-    decision_flags: BoolArray  # (len(DECISION_FLAGS), N)
-    drawn_law: FloatArray  # (N, 2, 2, 3) habits drawn for the episodes, see `core.habits`; else empty
-    drawn_order: FloatArray  # (N, M, M)
+    # Named tuple of the arrays of all banks; `bank.hypotheses` is (B, M).
+    bank: Any
+    # (B,) records with the state of `LANES` tracks.
+    blocks: NDArray[Any]
+    # (N,) of the next step.
+    actions: IntArray
+    # (N, width)
+    observations: NDArray[np.float32]
+    # (N, actions) 1 where an action counts; a declaration with 0 waits.
+    action_mask: NDArray[np.int8]
+    # (N, M, columns) every filter at the present tick, if asked for.
+    bank_ticks: FloatArray
+    # (N,) of the last step.
+    rewards: FloatArray
+    # (N,) whether the episode has ended.
+    terminated: BoolArray
+    # (N,) whether the random stream has been seeded.
+    seeded: BoolArray
+    # (N, trace rows, len(TRACE_COLUMNS))
+    trace: FloatArray
+    # (len(DECISION), N) of the last step, with announced switches.
+    decisions: IntArray
+    # (len(DECISION_FLAGS), N)
+    decision_flags: BoolArray
+    # (N, 2, 2, 3) habits drawn for the episodes, see `core.habits`; else empty.
+    drawn_law: FloatArray
+    # (N, M, M)
+    drawn_order: FloatArray
 
     def __init__(
-        self, options: Any, tracks: int = 1, trace_rows: int = 0, threads: int = 1, bank_info: bool = False
-    ):  # fmt: skip
+        self,
+        options: Any,
+        tracks: int = 1,
+        trace_rows: int = 0,
+        threads: int = 1,
+        bank_info: bool = False,
+    ):
         if trace_rows and not options.traced:
             raise reject("trace_rows", trace_rows, "0: info describes every tick")
         if bank_info and options.switches == "unknown":
-            raise reject("bank_info", bank_info, "False with unknown switches, where the filters mix their estimates")
+            raise reject(
+                "bank_info",
+                bank_info,
+                "False with unknown switches, where the filters mix their estimates",
+            )
         self.options = options
         self.layout = options.layout_class(options.hypotheses)
         self.threads = min(threads, -(-tracks // LANES))
@@ -75,7 +105,9 @@ class World(ReadOnlyAttributes):
         self.bank = bank(**filters)
         self.action_mask[:] = 1
         self._kept = state | {f"bank.{name}": filters[name] for name in declared(bank, "tracks")}
-        self._constant = {name: np.ascontiguousarray(array) for name, array in options.arrays().items()}
+        self._constant = {
+            name: np.ascontiguousarray(array) for name, array in options.arrays().items()
+        }
         self._bind(parameters, state | filters | self._constant)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
@@ -83,7 +115,9 @@ class World(ReadOnlyAttributes):
         return dict(self._kept)
 
     def largest(self) -> dict[str, int]:
-        """Return the largest value of every field of the blocks that the kernel uses as index or length."""
+        """Return the largest value of every field of the blocks that the kernel uses as index or
+        length.
+        """
         return dict(self.options.largest(self.trace.shape[1]))
 
     def action_space(self) -> spaces.Discrete:
@@ -92,16 +126,21 @@ class World(ReadOnlyAttributes):
 
     def invalid_action(self, action: Any) -> gym.error.InvalidAction:
         """Return the error for an action outside the space."""
-        allowed = f"an integer from 0 ({self.options.first_action}) to {self.options.action_count - 1}"
+        allowed = (
+            f"an integer from 0 ({self.options.first_action}) to {self.options.action_count - 1}"
+        )
         return gym.error.InvalidAction(str(reject("action", action, allowed)))
 
     def _bind(self, parameters: NDArray[Any], arrays: dict[str, NDArray[Any]]) -> None:
-        """Write the array addresses into one parameter record per thread, with scratch memory for each."""
+        """Write the array addresses into one parameter record per thread, with scratch memory
+        for each.
+        """
         self._advance = self.kernels[self.options.bank_class]
         prepare(self._advance, 0, 0)
         cuts = np.linspace(0, len(self.blocks), self.threads + 1).astype(np.int64)
         temporary = declared(Arrays, "thread") | declared(self.options.bank_class, "thread")
-        self._parameters, self._scratch = [], []
+        self._parameters = []
+        self._scratch = []
         for thread in range(self.threads):
             scratch = {name: allocate(one, parameters[0]) for name, one in temporary.items()}
             parameters["first_block"], parameters["last_block"] = cuts[thread : thread + 2]
@@ -113,31 +152,41 @@ class World(ReadOnlyAttributes):
         self._pool: ThreadPoolExecutor | None = None
         self._pool_process = 0
         self._run: Callable[[int], int] = functools.partial(self._advance, addresses[0])
-        # once after a step or reset: a new array (N, width)
+        # Once after a step or reset: a new array (N, width).
         self.take_rows: Callable[[], NDArray[np.float32]] = self.observations.copy
         if self.threads > 1:
             ranges = [slice(*(LANES * cuts[k : k + 2]).tolist()) for k in range(self.threads)]
-            self._run = functools.partial(self._run_threads, list(zip(addresses, ranges, strict=True)))
+            self._run = functools.partial(
+                self._run_threads,
+                list(zip(addresses, ranges, strict=True)),
+            )
             self.take_rows = lambda: self._rows
 
     def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Copy the state of a world with the same options and number of tracks from its `arrays()`. If an array is
-        missing or has another type or shape, or an index is out of range, nothing is copied.
+        """Copy the state of a world with the same options and number of tracks from its `arrays()`.
+        If an array is missing or has another type or shape, or an index is out of range, nothing is
+        copied.
         """
         own = self.arrays()
         for name, array in own.items():
             other = arrays.get(name)
-            if not isinstance(other, np.ndarray) or (other.dtype, other.shape) != (array.dtype, array.shape):
+            if not isinstance(other, np.ndarray) or (other.dtype, other.shape) != (
+                array.dtype,
+                array.shape,
+            ):
                 raise ArgumentError(
-                    f"the state of the tracks has no array {name} of {array.dtype.itemsize} bytes an element and shape "
-                    f"{array.shape}: it was saved by another version of hybrid_env or with other options"
+                    f"the state of the tracks has no array {name} of {array.dtype.itemsize} bytes"
+                    f" an element and shape {array.shape}: it was saved by another version of"
+                    " hybrid_env or with other options"
                 )
         self.check_blocks(arrays["blocks"], arrays["seeded"])
         for name, array in own.items():
             array[...] = arrays[name]
 
     def check_blocks(self, blocks: NDArray[Any], seeded: BoolArray) -> None:
-        """Check the fields of blocks that the kernel uses as indices, lengths of loops and, where seeded, seeds."""
+        """Check the fields of blocks that the kernel uses as indices, lengths of loops and,
+        where seeded, seeds.
+        """
         for name, last in self.largest().items():
             values = blocks[name]
             if (values < 0).any() or (values > last).any():
@@ -149,25 +198,32 @@ class World(ReadOnlyAttributes):
 
     def __getstate__(self) -> dict[str, Any]:
         return {
-            "options": self.options, "tracks": self.actions.size, "trace_rows": self.trace.shape[1],
-            "threads": self.threads, "bank_info": self.bank_ticks.size > 0, "arrays": self.arrays(),
-        }  # fmt: skip
+            "options": self.options,
+            "tracks": self.actions.size,
+            "trace_rows": self.trace.shape[1],
+            "threads": self.threads,
+            "bank_info": self.bank_ticks.size > 0,
+            "arrays": self.arrays(),
+        }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        # new arrays: those of a copy are neither aligned nor in huge pages, and may be read-only
+        # New arrays: those of a copy are neither aligned nor in huge pages, and may be read-only.
         arrays = state.pop("arrays")
         self.__init__(**state)  # type: ignore[misc]
         self.restore(arrays)
 
     def _run_threads(self, shares: list[tuple[int, slice]], command: int) -> int:
-        """Step and copy every share of the tracks in a thread; the calling thread takes the first share."""
-        if self._pool is None or self._pool_process != os.getpid():  # a forked process has no threads
+        """Step and copy every share of the tracks in a thread; the calling thread takes the
+        first share.
+        """
+        # A forked process has no threads.
+        if self._pool is None or self._pool_process != os.getpid():
             self._pool, self._pool_process = ThreadPoolExecutor(self.threads - 1), os.getpid()
         pool = self._pool
         self._rows = np.empty_like(self.observations)
         jobs = [pool.submit(self._run_share, *share, command) for share in shares[1:]]
         events = [self._run_share(*shares[0], command), *(job.result() for job in jobs)]
-        # every thread checks all actions, so that all report the same invalid one
+        # Every thread checks all actions, so that all report the same invalid one.
         return events[0] if events[0] < 0 else functools.reduce(operator.or_, events)
 
     def _run_share(self, address: int, tracks: slice, command: int) -> int:
@@ -191,7 +247,9 @@ class World(ReadOnlyAttributes):
         return by_lane.reshape(-1, *by_lane.shape[2:])[: self.actions.size]
 
     def hypothesis_values(self) -> FloatArray:
-        """Return a copy of the log-likelihoods since the switch, or of the log probabilities of the modes, (N, M)."""
+        """Return a copy of the log-likelihoods since the switch, or of the log probabilities of
+        the modes, (N, M).
+        """
         return self._flatten_blocks(self.bank.hypotheses[self.options.hypothesis_field].copy())
 
     def copy_tick(self) -> dict[str, NDArray[Any]]:
@@ -201,19 +259,25 @@ class World(ReadOnlyAttributes):
         return ticks | {name: array.copy() for name, array in self.drawn.items()}
 
     def bank_tick(self) -> dict[str, FloatArray]:
-        """Return what every filter did at the present tick, see `read_bank_ticks`; empty if it is not recorded."""
+        """Return what every filter did at the present tick, see `read_bank_ticks`; empty if it
+        is not recorded.
+        """
         if not self.bank_ticks.size:
             return {}
         return read_bank_ticks(self.bank_ticks)
 
     @property
     def drawn(self) -> dict[str, FloatArray]:
-        """Views of the habits that are drawn for every episode, (N, ...), by their names in `info`."""
+        """Views of the habits that are drawn for every episode, (N, ...), by their names in
+        `info`.
+        """
         habits = {"law": self.drawn_law, "order": self.drawn_order}
         return {name: array for name, array in habits.items() if array.size}
 
     def read_decisions(self) -> dict[str, NDArray[Any]]:
-        """Return copies of `DECISION` and `DECISION_FLAGS` of the last step, (N,), zero if undecided."""
+        """Return copies of `DECISION` and `DECISION_FLAGS` of the last step, (N,), zero if
+        undecided.
+        """
         values: dict[str, NDArray[Any]] = dict(zip(DECISION, self.decisions.copy(), strict=True))
         values["decided_squared_error"] = values["decided_squared_error"].view(np.float64)
         return values | dict(zip(DECISION_FLAGS, self.decision_flags.copy(), strict=True))
@@ -224,7 +288,9 @@ class World(ReadOnlyAttributes):
         return self.trace[track, : self.blocks["trace_length"][block, lane]].copy()
 
     def seed(self, tracks: int | IntArray, states: NDArray[np.uint64]) -> None:
-        """Set the random streams of one or n tracks. states: (4,) or (n, 4), see `random_states`."""
+        """Set the random streams of one or n tracks. states: (4,) or (n, 4), see
+        `random_states`.
+        """
         blocks, lanes = np.divmod(tracks, LANES)
         self.blocks["random_state"][blocks, :, lanes] = states
         self.seeded[tracks] = True
@@ -235,9 +301,9 @@ class World(ReadOnlyAttributes):
         self._run(RESET)
 
     def step(self) -> int:
-        """Step every track with `actions`; a terminated track begins its next episode. Returns the events of the
-        kernel, combined as bits: `DECIDED`, `TERMINATED`. An action outside the space raises `InvalidAction`, and no
-        track is stepped.
+        """Step every track with `actions`; a terminated track begins its next episode. Returns the
+        events of the kernel, combined as bits: `DECIDED`, `TERMINATED`. An action outside the space
+        raises `InvalidAction`, and no track is stepped.
         """
         events = self._run(STEP)
         if events < 0:
@@ -257,8 +323,12 @@ class World(ReadOnlyAttributes):
 
 def random_states(seeds: Sequence[int | None]) -> NDArray[np.uint64]:
     """Return the initial states of random streams, (n, 4), of seeds >= 0; None is a random one."""
-    # raw words are faster, and those of `state_of`, which rejects a word of zero, once in 2^62 tracks
-    states = np.array([np.random.PCG64(seed).random_raw(4) for seed in seeds], np.uint64).reshape(-1, 4)
+    # Raw words are faster, and those of `state_of`, which rejects a word of zero, once in 2^62
+    # tracks.
+    states = np.array([np.random.PCG64(seed).random_raw(4) for seed in seeds], np.uint64).reshape(
+        -1,
+        4,
+    )
     for i in np.flatnonzero((states == 0).any(1)).tolist():
         states[i] = state_of(seeding.np_random(seeds[i])[0])
     return states

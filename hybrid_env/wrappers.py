@@ -9,16 +9,21 @@ from hybrid_env.checks import OwnState
 from hybrid_env.env import HybridTrackEnv
 
 NO_DECISION: dict[str, Any] = {
-    "decided_mode": np.int64(-1), "decided_true_mode": np.int64(-1), "correct": np.array(False),
-    "type_correct": np.array(False), "ticks": np.int64(0), "forced": np.array(False),
-    "decided_length": np.int64(0), "decided_squared_error": np.float64(0.0),
-}  # fmt: skip
+    "decided_mode": np.int64(-1),
+    "decided_true_mode": np.int64(-1),
+    "correct": np.array(False),
+    "type_correct": np.array(False),
+    "ticks": np.int64(0),
+    "forced": np.array(False),
+    "decided_length": np.int64(0),
+    "decided_squared_error": np.float64(0.0),
+}
 """What `info` tells of a decision in a step without one."""
 
 
 class CompleteInfo(OwnState, gym.Wrapper[Any, Any, Any, Any]):
-    """Adds `NO_DECISION` to the `info` of `HybridTrackEnv` in steps without a decision: recorders such as Minari's
-    `DataCollector(env, record_infos=True)` need the same structure at every step.
+    """Adds `NO_DECISION` to the `info` of `HybridTrackEnv` in steps without a decision: recorders
+    such as Minari's `DataCollector(env, record_infos=True)` need the same structure at every step.
     """
 
     def __init__(self, env: gym.Env[Any, Any]):

@@ -13,16 +13,57 @@ from hypothesis import strategies as st
 
 from hybrid_env.checks import ArgumentError
 
-LONGEST = 300  # characters of a message
+# Characters of a message.
+LONGEST = 300
 CPU_SECONDS = 2.0
-MEMORY = 1_000_000_000  # bytes
+# Bytes.
+MEMORY = 1_000_000_000
 
 VALUES = [
-    None, True, False, 0, 1, -1, 2, 7, 1.5, 1e-300, 1e308, 2**31, 10**9, 10**15, 10**30, 10**400,
-    float("nan"), float("inf"), -float("inf"), "", "1", "1e400", "lin_1", "ppo", "anchor", "x" * 20_000,
-    "\ud800", "a\nb[/b]", "../..", "/dev/zero", [], {}, [None], [[]], [1] * 3000, [10**9], {"a": 1},
-    {"trace_rows": 10**9}, {"n_envs": 10**9}, "random 1000000x1000000", "S1000000", [5.0, 5.0], [10**9] * 9,
-]  # fmt: skip
+    None,
+    True,
+    False,
+    0,
+    1,
+    -1,
+    2,
+    7,
+    1.5,
+    1e-300,
+    1e308,
+    2**31,
+    10**9,
+    10**15,
+    10**30,
+    10**400,
+    float("nan"),
+    float("inf"),
+    -float("inf"),
+    "",
+    "1",
+    "1e400",
+    "lin_1",
+    "ppo",
+    "anchor",
+    "x" * 20_000,
+    "\ud800",
+    "a\nb[/b]",
+    "../..",
+    "/dev/zero",
+    [],
+    {},
+    [None],
+    [[]],
+    [1] * 3000,
+    [10**9],
+    {"a": 1},
+    {"trace_rows": 10**9},
+    {"n_envs": 10**9},
+    "random 1000000x1000000",
+    "S1000000",
+    [5.0, 5.0],
+    [10**9] * 9,
+]
 NESTED: list = []
 for _ in range(200):
     NESTED = [NESTED]
@@ -32,9 +73,12 @@ VALUES.append(NESTED)
 def profile(examples):
     """Settings of a property test with so many examples."""
     return settings(
-        max_examples=examples, deadline=None, derandomize=examples < 1_000, database=None,
+        max_examples=examples,
+        deadline=None,
+        derandomize=examples < 1_000,
+        database=None,
         suppress_health_check=list(HealthCheck),
-    )  # fmt: skip
+    )
 
 
 def attack(examples, values, use):
@@ -43,7 +87,9 @@ def attack(examples, values, use):
 
 
 def places(document):
-    """Paths of all values inside a document of dictionaries and lists, with that of the document itself."""
+    """Paths of all values inside a document of dictionaries and lists, with that of the document
+    itself.
+    """
     inner = {}
     if isinstance(document, dict | list):
         inner = document if isinstance(document, dict) else dict(enumerate(document))
@@ -73,13 +119,22 @@ def mutated(draw, document):
 
 @st.composite
 def damaged(draw, content):
-    """The bytes, some replaced, inserted, removed, cut off or flipped; more often near the start."""
+    """The bytes, some replaced, inserted, removed, cut off or flipped; more often near the
+    start.
+    """
     content = bytearray(content)
     last = draw(st.sampled_from([16, 200, len(content)]))
     for _ in range(draw(st.integers(1, 4))):
-        at = draw(st.integers(0, max(0, min(last, len(content)) - 1)))
+        at = draw(
+            st.integers(
+                0,
+                max(0, min(last, len(content)) - 1),
+            )
+        )
         change = draw(st.sampled_from(["replace", "insert", "remove", "cut", "repeat", "flip"]))
-        some = draw(st.binary(min_size=1, max_size=8) | st.sampled_from([b"\0", b"\n", b'"', b"[" * 3000]))
+        some = draw(
+            st.binary(min_size=1, max_size=8) | st.sampled_from([b"\0", b"\n", b'"', b"[" * 3000])
+        )
         if change == "replace":
             content[at : at + len(some)] = some
         elif change == "insert":
@@ -96,11 +151,13 @@ def damaged(draw, content):
 
 
 def accepted(action):
-    """Run an action; return its result, or None if it raised an `ArgumentError` with one short line.
+    """Run an action; return its result, or None if it raised an `ArgumentError` with one short
+    line.
 
     Fails if the action takes too much processor time or memory. Any other exception ends the test.
     """
-    before, started = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    started = time.process_time()
     try:
         return action()
     except ArgumentError as error:
@@ -119,7 +176,8 @@ def refused(function, *arguments, **keywords):
         function(*arguments, **keywords)
     message = str(caught.value)
     assert len(message) <= LONGEST
-    assert message.isprintable()  # also no line break
+    # Also no line break.
+    assert message.isprintable()
     assert "expected" in message
     return message
 

@@ -1,4 +1,6 @@
-"""Files of policies of other libraries, sound ones and hostile ones of many kinds; all are for three hypotheses."""
+"""Files of policies of other libraries, sound ones and hostile ones of many kinds; all are for
+three hypotheses.
+"""
 
 import io
 import itertools
@@ -27,9 +29,11 @@ def actor_weights():
     """Weights of a small actor and critic of Stable-Baselines3."""
     generator = torch.Generator().manual_seed(0)
     shapes = {
-        "mlp_extractor.policy_net.0": (HIDDEN, WIDTH), "mlp_extractor.value_net.0": (HIDDEN, WIDTH),
-        "action_net": (ACTIONS, HIDDEN), "value_net": (1, HIDDEN),
-    }  # fmt: skip
+        "mlp_extractor.policy_net.0": (HIDDEN, WIDTH),
+        "mlp_extractor.value_net.0": (HIDDEN, WIDTH),
+        "action_net": (ACTIONS, HIDDEN),
+        "value_net": (1, HIDDEN),
+    }
     weights = {}
     for name, shape in shapes.items():
         weights[f"{name}.weight"] = torch.randn(shape, generator=generator)
@@ -40,9 +44,11 @@ def actor_weights():
 def value_weights(width=WIDTH):
     """Weights of a network of action values."""
     return {
-        "q_net.q_net.0.weight": torch.zeros(HIDDEN, width), "q_net.q_net.0.bias": torch.zeros(HIDDEN),
-        "q_net.q_net.2.weight": torch.zeros(ACTIONS, HIDDEN), "q_net.q_net.2.bias": torch.zeros(ACTIONS),
-    }  # fmt: skip
+        "q_net.q_net.0.weight": torch.zeros(HIDDEN, width),
+        "q_net.q_net.0.bias": torch.zeros(HIDDEN),
+        "q_net.q_net.2.weight": torch.zeros(ACTIONS, HIDDEN),
+        "q_net.q_net.2.bias": torch.zeros(ACTIONS),
+    }
 
 
 def stored(weights, compression=zipfile.ZIP_STORED, more=()):
@@ -85,14 +91,18 @@ def layers(count, name="mlp_extractor.policy_net.{}.bias", units=2000):
 
 def recurrent(count, hidden):
     """Weights with layers of an LSTM, of which the file stores little."""
-    wide = {f"lstm_actor.weight_ih_l{k}": torch.zeros(1).expand(4 * hidden, WIDTH) for k in range(count)}
+    wide = {
+        f"lstm_actor.weight_ih_l{k}": torch.zeros(1).expand(4 * hidden, WIDTH) for k in range(count)
+    }
     return actor_weights() | wide
 
 
 def shared(count):
     """Weights that all share the numbers of one."""
     one = torch.zeros(2000, 2000)
-    return actor_weights() | {f"mlp_extractor.policy_net.{2 * k}.weight": one for k in range(1, count)}
+    return actor_weights() | {
+        f"mlp_extractor.policy_net.{2 * k}.weight": one for k in range(1, count)
+    }
 
 
 class Calls:
@@ -126,13 +136,20 @@ HOSTILE_ZIPS = {
     "whole numbers": lambda: (of_type(torch.int64), "{}"),
     "complex": lambda: (of_type(torch.complex64), "{}"),
     "bytes": lambda: (of_type(torch.float8_e4m3fn), "{}"),
-    "sparse": lambda: ({name: tensor.to_sparse() for name, tensor in actor_weights().items()}, "{}"),
+    "sparse": lambda: (
+        {name: tensor.to_sparse() for name, tensor in actor_weights().items()},
+        "{}",
+    ),
     "meta": lambda: ({name: tensor.to("meta") for name, tensor in actor_weights().items()}, "{}"),
     "a list": lambda: (list(actor_weights().values()), "{}"),
     "no tensors": lambda: (dict.fromkeys(actor_weights(), 1.0), "{}"),
     "strides": lambda: (strided(10**8), "{}"),
     "strides of the right width": lambda: (
-        value_weights() | {f"q_net.q_net.{2 * k}.weight": torch.zeros(1).expand(30_000, 30_000) for k in range(2, 9)},
+        value_weights()
+        | {
+            f"q_net.q_net.{2 * k}.weight": torch.zeros(1).expand(30_000, 30_000)
+            for k in range(2, 9)
+        },
         "{}",
     ),
     "shared numbers": lambda: (shared(100), "{}"),
@@ -149,15 +166,27 @@ HOSTILE_ZIPS = {
     "large data": lambda: (actor_weights(), json.dumps({"x": [[]] * 2_000_000})),
     "nested data": lambda: (actor_weights(), nested_data()),
     "data of another form": lambda: (actor_weights(), "[1]"),
-    "activation": lambda: (actor_weights(), json.dumps({"policy_kwargs": {"activation_fn": "x" * 10_000}})),
+    "activation": lambda: (
+        actor_weights(),
+        json.dumps({"policy_kwargs": {"activation_fn": "x" * 10_000}}),
+    ),
     "quantiles": lambda: (
-        {name.replace("q_net.q_net", "quantile_net.quantile_net"): part for name, part in value_weights().items()},
+        {
+            name.replace("q_net.q_net", "quantile_net.quantile_net"): part
+            for name, part in value_weights().items()
+        },
         json.dumps({"policy_kwargs": {"n_quantiles": 3}}),
     ),
-    "zeros": lambda: (stored(actor_weights(), zipfile.ZIP_DEFLATED, [("archive/zeros", bytes(2**27))]), "{}"),
-    "records": lambda: (stored(actor_weights(), more=[(f"archive/{k}", b"") for k in range(5000)]), "{}"),
+    "zeros": lambda: (
+        stored(actor_weights(), zipfile.ZIP_DEFLATED, [("archive/zeros", bytes(2**27))]),
+        "{}",
+    ),
+    "records": lambda: (
+        stored(actor_weights(), more=[(f"archive/{k}", b"") for k in range(5000)]),
+        "{}",
+    ),
     "text": lambda: (b"not a zip file", "{}"),
-}  # fmt: skip
+}
 
 
 def write_onnx(path, nodes, weights=(), shape=("N", ACTIONS), kind=1, **keywords):
@@ -167,10 +196,15 @@ def write_onnx(path, nodes, weights=(), shape=("N", ACTIONS), kind=1, **keywords
     helper = onnx.helper
     given = helper.make_tensor_value_info("x", onnx.TensorProto.FLOAT, ["N", WIDTH])
     out = helper.make_tensor_value_info("y", kind, shape)
-    constants = [onnx.numpy_helper.from_array(np.asarray(values), name) for name, values in dict(weights).items()]
+    constants = [
+        onnx.numpy_helper.from_array(np.asarray(values), name)
+        for name, values in dict(weights).items()
+    ]
     graph = helper.make_graph(nodes, "policy", [given], [out], constants, **keywords)
     versions = [helper.make_opsetid("", 17), helper.make_opsetid("own", 1)]
-    path.write_bytes(helper.make_model(graph, opset_imports=versions, ir_version=8).SerializeToString())
+    path.write_bytes(
+        helper.make_model(graph, opset_imports=versions, ir_version=8).SerializeToString()
+    )
     return path
 
 
@@ -186,9 +220,21 @@ def loop():
 
     info = helper.make_tensor_value_info
     inner = [node("Identity", "go_on", "again"), node("Identity", "rows", "same")]
-    given = [info("k", TensorProto.INT64, []), info("go_on", TensorProto.BOOL, []), info("rows", 1, ["N", ACTIONS])]
-    body = helper.make_graph(inner, "body", given, [info("again", TensorProto.BOOL, []), info("same", 1, None)])
-    return [node("MatMul", "x w", "logits"), helper.make_node("Loop", ["", "true", "logits"], ["y"], body=body)]
+    given = [
+        info("k", TensorProto.INT64, []),
+        info("go_on", TensorProto.BOOL, []),
+        info("rows", 1, ["N", ACTIONS]),
+    ]
+    body = helper.make_graph(
+        inner,
+        "body",
+        given,
+        [info("again", TensorProto.BOOL, []), info("same", 1, None)],
+    )
+    return [
+        node("MatMul", "x w", "logits"),
+        helper.make_node("Loop", ["", "true", "logits"], ["y"], body=body),
+    ]
 
 
 def branch():
@@ -196,46 +242,79 @@ def branch():
     from onnx import helper
 
     parts = [
-        helper.make_graph([node("MatMul", "x w", name)], name, [], [helper.make_tensor_value_info(name, 1, None)])
+        helper.make_graph(
+            [node("MatMul", "x w", name)],
+            name,
+            [],
+            [helper.make_tensor_value_info(name, 1, None)],
+        )
         for name in ("yes", "no")
     ]
-    return [node("If", "true", "y", then_branch=parts[0], else_branch=parts[1])]
+    return [
+        node(
+            "If",
+            "true",
+            "y",
+            then_branch=parts[0],
+            else_branch=parts[1],
+        )
+    ]
 
 
 def doubled(times):
     """Rows that are joined to themselves many times."""
     names = ["x", *(f"x{k}" for k in range(times))]
-    joined = [node("Concat", f"{name} {name}", after, axis=0) for name, after in itertools.pairwise(names)]
+    joined = [
+        node("Concat", f"{name} {name}", after, axis=0) for name, after in itertools.pairwise(names)
+    ]
     return [*joined, node("MatMul", f"{names[-1]} w", "all"), node("Slice", "all zero count", "y")]
 
 
 def network(number=0.0):
     weights = np.random.default_rng(0).normal(size=(WIDTH, ACTIONS)).astype(np.float32)
     weights[1, 2] += np.float32(number)
-    return {"w": weights, "true": np.array(True), "zero": np.array([0]), "count": np.array([2])}
+    return {
+        "w": weights,
+        "true": np.array(True),
+        "zero": np.array([0]),
+        "count": np.array([2]),
+    }
 
 
 def constant(shape):
     """Weights and a node that returns them, whatever the rows are."""
-    return {"nodes": [node("Identity", "w", "y")], "weights": {"w": np.ones(shape, np.float32)}, "shape": None}
+    return {
+        "nodes": [node("Identity", "w", "y")],
+        "weights": {"w": np.ones(shape, np.float32)},
+        "shape": None,
+    }
 
 
 LARGE = np.array([1 << 17, 1 << 16])
 HOSTILE_ONNX = {
     "loop": lambda: {"nodes": loop(), "weights": network()},
-    "branch": lambda: {"nodes": branch(), "weights": network(), "shape": None},
+    "branch": lambda: {
+        "nodes": branch(),
+        "weights": network(),
+        "shape": None,
+    },
     "nan": lambda: {"nodes": [node("MatMul", "x w", "y")], "weights": network(np.nan)},
     "infinite": lambda: {"nodes": [node("MatMul", "x w", "y")], "weights": network(np.inf)},
     "nan that is not used": lambda: {
-        "nodes": [node("MatMul", "x w", "y")], "weights": network() | {"more": np.array([np.nan], np.float32)},
+        "nodes": [node("MatMul", "x w", "y")],
+        "weights": network() | {"more": np.array([np.nan], np.float32)},
     },
     "nan in a node": lambda: {
-        "nodes": [node("Constant", "", "c", value_floats=[float("nan")] * 4), node("MatMul", "x w", "z"),
-                  node("Add", "z c", "y")],
+        "nodes": [
+            node("Constant", "", "c", value_floats=[float("nan")] * 4),
+            node("MatMul", "x w", "z"),
+            node("Add", "z c", "y"),
+        ],
         "weights": network(),
     },
     "nan in the output": lambda: {
-        "nodes": [node("MatMul", "x w", "z"), node("Log", "z", "l"), node("Sub", "l l", "y")], "weights": network(),
+        "nodes": [node("MatMul", "x w", "z"), node("Log", "z", "l"), node("Sub", "l l", "y")],
+        "weights": network(),
     },
     "one row": lambda: constant((1, ACTIONS)),
     "two rows": lambda: constant((2, ACTIONS)),
@@ -245,30 +324,48 @@ HOSTILE_ONNX = {
     "one number": lambda: constant(()),
     "rank 3": lambda: constant((1, ACTIONS, 2)),
     "rank 3 of rows": lambda: {
-        "nodes": [node("MatMul", "x w", "z"), node("Unsqueeze", "z zero", "u"),
-                  node("Transpose", "u", "y", perm=[1, 0, 2])],
-        "weights": network(), "shape": None,
+        "nodes": [
+            node("MatMul", "x w", "z"),
+            node("Unsqueeze", "z zero", "u"),
+            node("Transpose", "u", "y", perm=[1, 0, 2]),
+        ],
+        "weights": network(),
+        "shape": None,
     },
     "columns": lambda: {
-        "nodes": [node("MatMul", "x w", "z"), node("Transpose", "z", "y")], "weights": network(), "shape": None,
+        "nodes": [node("MatMul", "x w", "z"), node("Transpose", "z", "y")],
+        "weights": network(),
+        "shape": None,
     },
     "too many actions": lambda: {"nodes": [node("Identity", "x", "y")], "shape": None},
-    "actions as fractions": lambda: {"nodes": [node("ReduceMean", "x", "y", axes=[1], keepdims=0)], "shape": ["N"]},
+    "actions as fractions": lambda: {
+        "nodes": [node("ReduceMean", "x", "y", axes=[1], keepdims=0)],
+        "shape": ["N"],
+    },
     "operator of its own": lambda: {"nodes": [node("Net", "x", "y", domain="own")]},
     "random numbers": lambda: {"nodes": [node("RandomNormalLike", "x", "y")], "shape": None},
     "doubled rows": lambda: {"nodes": doubled(26), "weights": network()},
     "large constant": lambda: {
-        "nodes": [node("ConstantOfShape", "size", "c"), node("ReduceMean", "c", "m", keepdims=0),
-                  node("MatMul", "x w", "z"), node("Add", "z m", "y")],
+        "nodes": [
+            node("ConstantOfShape", "size", "c"),
+            node("ReduceMean", "c", "m", keepdims=0),
+            node("MatMul", "x w", "z"),
+            node("Add", "z m", "y"),
+        ],
         "weights": network() | {"size": LARGE},
     },
     "expanded": lambda: {
-        "nodes": [node("Expand", "first size", "c"), node("ReduceMean", "c", "m", keepdims=0),
-                  node("MatMul", "x w", "z"), node("Add", "z m", "y")],
+        "nodes": [
+            node("Expand", "first size", "c"),
+            node("ReduceMean", "c", "m", keepdims=0),
+            node("MatMul", "x w", "z"),
+            node("Add", "z m", "y"),
+        ],
         "weights": network() | {"size": LARGE, "first": np.ones((1, 1), np.float32)},
     },
     "nodes": lambda: {
-        "nodes": [node("Identity", "x", f"x{k}") for k in range(10_000)] + [node("MatMul", "x w", "y")],
+        "nodes": [node("Identity", "x", f"x{k}") for k in range(10_000)]
+        + [node("MatMul", "x w", "y")],
         "weights": network(),
     },
-}  # fmt: skip
+}

@@ -4,21 +4,30 @@ import numpy as np
 from filterpy.common import Q_continuous_white_noise, Q_discrete_white_noise
 from scipy.linalg import block_diag, expm
 
-ORDERS = {"CV": 2, "CA": 3, "CJ": 4}
+ORDERS = {
+    "CV": 2,
+    "CA": 3,
+    "CJ": 4,
+}
 
 
 def matrices(model, dt):
     """F and Q of the whole state, from filterpy's Q and the exponential of the generator."""
     m = ORDERS[model.name]
     transition = expm(np.eye(m, k=1) * dt)
-    one = Q_continuous_white_noise if model.discretization == "continuous" else Q_discrete_white_noise
+    one = (
+        Q_continuous_white_noise if model.discretization == "continuous" else Q_discrete_white_noise
+    )
     noise = [intensity * one(m, dt) for intensity in model.noise]
     return block_diag(*[transition] * model.axes), block_diag(*noise)
 
 
 def positions_of(model):
     """H, (d, n)."""
-    return np.kron(np.eye(model.axes), np.eye(1, ORDERS[model.name]))
+    return np.kron(
+        np.eye(model.axes),
+        np.eye(1, ORDERS[model.name]),
+    )
 
 
 def draw(rng, mean, covariance, size):
@@ -29,16 +38,23 @@ def draw(rng, mean, covariance, size):
 
 
 def simulate(rng, model, times, start_covariance, noise, tracks):
-    """States (T, B, n) and measurements (T, B, d) of tracks that begin at time 0 with this covariance."""
+    """States (T, B, n) and measurements (T, B, d) of tracks that begin at time 0 with this
+    covariance.
+    """
     state = draw(rng, 0.0, start_covariance, tracks)
-    states, last = [], 0.0
+    states = []
+    last = 0.0
     for time in times:
         transition, spread = matrices(model, time - last)
         state = state @ transition.T + draw(rng, 0.0, spread, tracks)
         states.append(state)
         last = time
     states = np.array(states)
-    errors = draw(rng, 0.0, noise, len(times) * tracks).reshape(len(times), tracks, -1)
+    errors = draw(rng, 0.0, noise, len(times) * tracks).reshape(
+        len(times),
+        tracks,
+        -1,
+    )
     return states, states @ positions_of(model).T + errors
 
 

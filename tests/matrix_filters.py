@@ -8,11 +8,14 @@ from scipy import stats
 from hybrid_env.core.banks.published import PublishedBank
 from hybrid_env.live import SQUARE
 
-FREEDOM = 4.0  # of the robust likelihood in the tests
+# Of the robust likelihood in the tests.
+FREEDOM = 4.0
 
 
 def weigh(innovation, Sigma, freedom):
-    """Return weight and log-likelihood of an innovation: normal, or Student's t with degrees of freedom."""
+    """Return weight and log-likelihood of an innovation: normal, or Student's t with degrees of
+    freedom.
+    """
     squared = innovation @ np.linalg.solve(Sigma, innovation)
     if freedom:
         density = stats.multivariate_t(shape=Sigma, df=freedom)
@@ -21,7 +24,9 @@ def weigh(innovation, Sigma, freedom):
 
 
 def correct_by_rate(state, P, rate, place, deviation):
-    """Correct a filter by a range rate, linearised at its state; return it with the log-likelihood."""
+    """Correct a filter by a range rate, linearised at its state; return it with the
+    log-likelihood.
+    """
 
     def range_rate(s):
         from_radar = s[[0, 2]] - place
@@ -32,7 +37,8 @@ def correct_by_rate(state, P, rate, place, deviation):
     angle = np.array([-y, x]) @ P[:3:2, :3:2] @ [-y, x] / np.sum((state[[0, 2]] - place) ** 2)
     second_order = 0.5 * angle**2 * np.sum(state[[1, 3]] ** 2) + angle * (P[1, 1] + P[3, 3])
     sigma = H @ P @ H + deviation**2 + second_order
-    innovation, K = rate - range_rate(state), P @ H / sigma
+    innovation = rate - range_rate(state)
+    K = P @ H / sigma
     likelihood = stats.norm.logpdf(innovation, scale=math.sqrt(sigma))
     return state + K * innovation, P - np.outer(K, H @ P), likelihood
 
@@ -40,7 +46,8 @@ def correct_by_rate(state, P, rate, place, deviation):
 class MatrixKalmanFilter:
     """Kalman filter with four states. Golubkov 2018, eq. (1) and (2), with Sigma = H P H' + R."""
 
-    rates = ()  # (range rate, place of the radar, deviation) of radars in the next tick
+    # (range rate, place of the radar, deviation) of radars in the next tick.
+    rates = ()
 
     def __init__(self, state, P, mode, radius, tau, Q, R, freedom=0):
         xs, vx, ys, vy = state
@@ -52,7 +59,8 @@ class MatrixKalmanFilter:
             self.B = np.zeros(4)
         else:
             w = math.hypot(vx, vy) / radius
-            c, s = math.cos(w * tau), math.sin(w * tau)
+            c = math.cos(w * tau)
+            s = math.sin(w * tau)
             block = np.array([[c, s / w], [-w * s, c]])
             sign = 1.0 if mode == "L" else -1.0
             self.B = np.array(
@@ -88,25 +96,49 @@ class MatrixKalmanFilter:
 
 
 def move(state, tau):
-    """Move [x, vx, y, vy, centre_x, centre_y, turn_rate] by one tick. Golubkov 2018, eq. (1), no noise."""
+    """Move [x, vx, y, vy, centre_x, centre_y, turn_rate] by one tick. Golubkov 2018, eq. (1), no
+    noise.
+    """
     x, vx, y, vy, cx, cy, w = state
-    c, s = np.cos(w * tau), np.sin(w * tau)
+    c = np.cos(w * tau)
+    s = np.sin(w * tau)
     ratio = s / w if w else tau
     return np.array(
-        [cx + c * (x - cx) + ratio * vx, c * vx - w * s * (x - cx),
-         cy + c * (y - cy) + ratio * vy, c * vy - w * s * (y - cy), cx, cy, w]
-    )  # fmt: skip
+        [
+            cx + c * (x - cx) + ratio * vx,
+            c * vx - w * s * (x - cx),
+            cy + c * (y - cy) + ratio * vy,
+            c * vy - w * s * (y - cy),
+            cx,
+            cy,
+            w,
+        ]
+    )
 
 
 def turn_state(anchor, signed_radius):
-    """Return [x, vx, y, vy, centre_x, centre_y, turn_rate] of a turn that begins at [x, vx, y, vy]."""
+    """Return [x, vx, y, vy, centre_x, centre_y, turn_rate] of a turn that begins at [x, vx, y,
+    vy].
+    """
     x, vx, y, vy = anchor
     v = np.sqrt(vx * vx + vy * vy)
-    return np.array([x, vx, y, vy, x - signed_radius * vy / v, y + signed_radius * vx / v, v / abs(signed_radius)])
+    return np.array(
+        [
+            x,
+            vx,
+            y,
+            vy,
+            x - signed_radius * vy / v,
+            y + signed_radius * vx / v,
+            v / abs(signed_radius),
+        ]
+    )
 
 
 def jacobian(function, state):
-    """Return the Jacobian by complex steps: f(x + i h) = f(x) + i h f'(x), without a difference that loses digits."""
+    """Return the Jacobian by complex steps: f(x + i h) = f(x) + i h f'(x), without a difference
+    that loses digits.
+    """
     h = 1e-30
     return np.array([function(state + 1j * h * one).imag / h for one in np.eye(len(state))]).T
 
@@ -114,7 +146,8 @@ def jacobian(function, state):
 class MatrixExtendedKalmanFilter:
     """Extended Kalman filter with seven states. Jacobians are computed by complex steps."""
 
-    rates = ()  # see `MatrixKalmanFilter`
+    # See `MatrixKalmanFilter`.
+    rates = ()
 
     def __init__(self, anchor, P, signed_radius, tau, Q, R):
         self.tau, self.R = tau, R
@@ -131,7 +164,8 @@ class MatrixExtendedKalmanFilter:
     def step(self, z):
         """One tick; a measurement None only predicts."""
         F = jacobian(lambda state: move(state, self.tau), self.s)
-        if self.s[6] == 0.0:  # the turn rate of the straight line is exactly zero
+        # The turn rate of the straight line is exactly zero.
+        if self.s[6] == 0.0:
             F[:4, 6] = 0.0
         s = move(self.s, self.tau)
         P = F @ self.P @ F.T + self.Q
@@ -153,9 +187,12 @@ class MatrixExtendedKalmanFilter:
 
 
 class LiteralImm:
-    """IMM as in Blom & Bar-Shalom 1988: mixing, filtering, probabilities, output, with probabilities."""
+    """IMM as in Blom & Bar-Shalom 1988: mixing, filtering, probabilities, output, with
+    probabilities.
+    """
 
-    rates = ()  # see `MatrixKalmanFilter`
+    # See `MatrixKalmanFilter`.
+    rates = ()
 
     def __init__(self, estimate, P, curvatures, transition, tau, Q, R, freedom=0):
         self.freedom = freedom
@@ -169,7 +206,10 @@ class LiteralImm:
         """One tick; a measurement None only predicts."""
         prior = self.transition.T @ self.probability
         weights = self.transition * self.probability[:, None] / prior
-        mixed = [sum(w * x for w, x in zip(weights[:, j], self.states, strict=True)) for j in range(len(prior))]
+        mixed = [
+            sum(w * x for w, x in zip(weights[:, j], self.states, strict=True))
+            for j in range(len(prior))
+        ]
         spread = [
             sum(
                 w * (P + np.outer(x - mixed[j], x - mixed[j]))
@@ -181,7 +221,8 @@ class LiteralImm:
         self.log_likelihood = np.empty(len(prior))
         for j, curvature in enumerate(self.curvatures):
             F = turn_matrix(mixed[j], curvature, self.tau)
-            x, P = F @ mixed[j], F @ spread[j] @ F.T + self.GQG
+            x = F @ mixed[j]
+            P = F @ spread[j] @ F.T + self.GQG
             if z is None:
                 self.states[j], self.covariances[j], self.log_likelihood[j] = x, P, 0.0
                 continue
@@ -191,7 +232,11 @@ class LiteralImm:
             weight, self.log_likelihood[j] = weigh(innovation, Sigma, self.freedom)
             self.states[j], self.covariances[j] = x + weight * K @ innovation, P - K @ H @ P
             for one in self.rates:
-                self.states[j], self.covariances[j], more = correct_by_rate(self.states[j], self.covariances[j], *one)
+                self.states[j], self.covariances[j], more = correct_by_rate(
+                    self.states[j],
+                    self.covariances[j],
+                    *one,
+                )
                 self.log_likelihood[j] += more
         self.probability = prior * np.exp(self.log_likelihood)
         self.probability /= self.probability.sum()
@@ -205,7 +250,8 @@ class LiteralImm:
 def turn_matrix(state, curvature, tau):
     """Return the transition matrix of [x, vx, y, vy] in a coordinated turn."""
     a = curvature * math.hypot(state[1], state[3]) * tau
-    C, S = math.cos(a), math.sin(a)
+    C = math.cos(a)
+    S = math.sin(a)
     along, across = (tau * S / a, tau * (1 - C) / a) if a else (tau, 0.0)
     return np.array([[1, along, 0, -across], [0, C, 0, -S], [0, across, 1, along], [0, S, 0, C]])
 
@@ -245,7 +291,8 @@ def filters_at_switch(env, i):
         return [MatrixExtendedKalmanFilter(anchor, P, radius, *model) for radius in signed]
     if options.parameters()["reset_covariance"][0]:
         P = np.eye(4)
-    if options.bank_class is PublishedBank:  # which filters each axis by itself
+    # Which filters each axis by itself.
+    if options.bank_class is PublishedBank:
         P = P * np.kron(np.eye(2), np.ones((2, 2)))
     modes = [("S", 0.0), *(("L", r) for r in options.radii), *(("R", r) for r in options.radii)]
     freedom = FREEDOM * (str(options.likelihood) != "gaussian")

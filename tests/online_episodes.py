@@ -1,4 +1,6 @@
-"""Episodes of the environments, and the on-line tracker on their measurements, compared tick by tick."""
+"""Episodes of the environments, and the on-line tracker on their measurements, compared tick by
+tick.
+"""
 
 import copy
 
@@ -18,25 +20,42 @@ COMMON = {
     "R 1": {"measurement_variance": 1.0},
     "axes": {"measurement_variance": (0.05, 0.2), "radii": (2.0, 5.0)},
     "walker": {
-        "speed": 1.4, "radii": (1.0, 3.0), "tau": 0.5, "process_variance": 4e-4,
-        "measurement_variance": 0.04, "initial_error": (1.0, 0.01),
+        "speed": 1.4,
+        "radii": (1.0, 3.0),
+        "tau": 0.5,
+        "process_variance": 4e-4,
+        "measurement_variance": 0.04,
+        "initial_error": (1.0, 0.01),
     },
     "car": {
-        "speed": 15.0, "radii": (20.0, 60.0), "tau": 0.1, "process_variance": 0.01,
-        "measurement_variance": 1.0, "initial_error": (1.0, 1.0),
+        "speed": 15.0,
+        "radii": (20.0, 60.0),
+        "tau": 0.1,
+        "process_variance": 0.01,
+        "measurement_variance": 1.0,
+        "initial_error": (1.0, 1.0),
     },
     "ship": {
-        "speed": 8.0, "radii": (300.0,), "tau": 5.0, "process_variance": 1e-3,
-        "measurement_variance": 100.0, "initial_error": (1.0, 0.1),
+        "speed": 8.0,
+        "radii": (300.0,),
+        "tau": 5.0,
+        "process_variance": 1e-3,
+        "measurement_variance": 100.0,
+        "initial_error": (1.0, 0.1),
     },
     "aircraft": {
-        "speed": 250.0, "radii": (5e3, 1.5e4), "tau": 1.0, "process_variance": 0.5,
-        "measurement_variance": 2500.0, "initial_error": (1.0, 100.0),
+        "speed": 250.0,
+        "radii": (5e3, 1.5e4),
+        "tau": 1.0,
+        "process_variance": 0.5,
+        "measurement_variance": 2500.0,
+        "initial_error": (1.0, 100.0),
     },
-}  # fmt: skip
+}
 """Options of objects of very different size, and of the environment at several noises."""
 
-MOST_ROWS = 101  # ticks of a step: a segment of 100 and the first tick of the next
+# Ticks of a step: a segment of 100 and the first tick of the next.
+MOST_ROWS = 101
 
 _draw = compiled(draw_first_estimate)
 
@@ -46,44 +65,83 @@ def first_estimate(options, seed):
     world = World(options, 1)
     world.seed(0, random_states([seed])[0])
     block = world.blocks[0]
-    _draw(block, np.zeros((5, LANES)), 0, options.parameters()[0])
+    _draw(
+        block,
+        np.zeros((5, LANES)),
+        0,
+        options.parameters()[0],
+    )
     return block["estimate"][:, 0].copy(), block["covariance"][:, 0][SQUARE]
 
 
 def same_as_quickest(decider, seed, ticks=150, **options):
-    """Check that the tracker equals `HybridTrackQuickestEnv` in every tick; return the statements."""
+    """Check that the tracker equals `HybridTrackQuickestEnv` in every tick; return the
+    statements.
+    """
     env = HybridTrackQuickestVectorEnv(1, tick_info=True, ticks=ticks, **options)
     rows, info = env.reset(seed=seed)
     tracker = OnlineTracker(env.options, copy.deepcopy(decider), gate=None)
-    tracker.begin(*first_estimate(env.options, seed), info["true_mode"][0] if env.options.start == "known" else None)
-    observe, state, start = getattr(decider, "observe", None), None, np.ones(1, np.bool_)
-    modes, decided = [], False
+    tracker.begin(
+        *first_estimate(env.options, seed),
+        info["true_mode"][0] if env.options.start == "known" else None,
+    )
+    observe = getattr(decider, "observe", None)
+    state = None
+    start = np.ones(1, np.bool_)
+    modes = []
+    decided = False
     for k in range(ticks):
-        now = tracker.update(tuple(info["measurement"][0].tolist()), env.options.tau * k)
-        actions, state = decider.predict(rows if observe is None else observe(env.world), state, start)
+        now = tracker.update(
+            tuple(info["measurement"][0].tolist()),
+            env.options.tau * k,
+        )
+        actions, state = decider.predict(
+            rows if observe is None else observe(env.world),
+            state,
+            start,
+        )
         start = np.zeros(1, np.bool_)
         assert tracker.world.observations.tobytes() == rows.tobytes()
-        decided = decided or now.decided  # from then on always
+        # From then on always.
+        decided = decided or now.decided
         changed = bool(modes) and actions[0] != modes[-1]
-        assert (now.mode, now.decided) == (actions[0], decided or changed or env.options.start == "known")
-        np.testing.assert_array_equal(now.probabilities, np.exp(info["log_probability"][0]))
+        assert (now.mode, now.decided) == (
+            actions[0],
+            decided or changed or env.options.start == "known",
+        )
+        np.testing.assert_array_equal(
+            now.probabilities,
+            np.exp(info["log_probability"][0]),
+        )
         np.testing.assert_array_equal(now.estimate, info["estimate"][0])
-        np.testing.assert_array_equal(now.covariance, env.world.field("covariance")[0][SQUARE])
+        np.testing.assert_array_equal(
+            now.covariance,
+            env.world.field("covariance")[0][SQUARE],
+        )
         modes.append(now.mode)
         rows, *_, info = env.step(actions)
     return modes
 
 
 def same_as_announced(decider, seed, **options):
-    """Check that the tracker equals `HybridTrackEnv` in every tick; return the decided modes and forced."""
+    """Check that the tracker equals `HybridTrackEnv` in every tick; return the decided modes and
+    forced.
+    """
     env = HybridTrackVectorEnv(1, tick_info=True, trace_rows=MOST_ROWS, **options)
     rows, info = env.reset(seed=seed)
     world, tau = env.world, env.options.tau
     tracker = OnlineTracker(env.options, copy.deepcopy(decider), gate=None)
-    tracker.begin(info["anchor"][0], world.field("covariance")[0][SQUARE])
+    tracker.begin(
+        info["anchor"][0],
+        world.field("covariance")[0][SQUARE],
+    )
     tracker.switch(int(world.field("length")[0]))
-    state, start = None, np.ones(1, np.bool_)
-    decided, time, truth, past = [], 5.0, [], None
+    state = None
+    start = np.ones(1, np.bool_)
+    decided = []
+    time = 5.0
+    truth = []
+    past = None
     while True:
         if len(truth) == 2:
             tracker = copy.copy(tracker)
@@ -94,7 +152,11 @@ def same_as_announced(decider, seed, **options):
         assert tracker.world.observations.tobytes() == rows.tobytes()
         likelihood = info["log_likelihood"][0]
         posterior = np.exp(likelihood - likelihood.max())
-        np.testing.assert_allclose(now.probabilities, posterior / posterior.sum(), rtol=1e-14)
+        np.testing.assert_allclose(
+            now.probabilities,
+            posterior / posterior.sum(),
+            rtol=1e-14,
+        )
         assert now.decided == bool(actions[0])
         if not now.decided or env.options.follow == "bank":
             np.testing.assert_array_equal(now.estimate, info["estimate"][0])
@@ -106,7 +168,8 @@ def same_as_announced(decider, seed, **options):
         decided.append((int(info["decided_mode"][0]), bool(info["forced"][0])))
         ahead = world.read_trace(0)
         if not terminated[0]:
-            ahead = ahead[:-1]  # the last row is the first tick of the next segment
+            # The last row is the first tick of the next segment.
+            ahead = ahead[:-1]
         for row in ahead:
             now = tracker.update(tuple(row[4:6].tolist()), time)
             time += tau
@@ -115,9 +178,16 @@ def same_as_announced(decider, seed, **options):
             assert now.mode == row[8]
             assert now.recalculated is None
         assert (past is not None) == (env.options.recalculation and not info["forced"][0])
-        if past is not None:  # a declaration recalculates the estimates since the switch
-            errors = np.vstack([past[0][:, ::2], ahead[:, 6:8]]) - np.vstack([*truth, ahead[:, 0:3:2]])
-            np.testing.assert_allclose((errors**2).sum(), info["decided_squared_error"][0], rtol=1e-12)
+        # A declaration recalculates the estimates since the switch.
+        if past is not None:
+            errors = np.vstack([past[0][:, ::2], ahead[:, 6:8]]) - np.vstack(
+                [*truth, ahead[:, 0:3:2]]
+            )
+            np.testing.assert_allclose(
+                (errors**2).sum(),
+                info["decided_squared_error"][0],
+                rtol=1e-12,
+            )
             assert past[1].shape == (len(past[0]), 4, 4)
         truth = []
         if terminated[0]:
@@ -125,4 +195,7 @@ def same_as_announced(decider, seed, **options):
         tracker.switch(int(world.field("length")[0]))
         if not info["forced"][0]:
             np.testing.assert_array_equal(now.estimate, info["anchor"][0])
-            np.testing.assert_array_equal(now.covariance, world.field("covariance")[0][SQUARE])
+            np.testing.assert_array_equal(
+                now.covariance,
+                world.field("covariance")[0][SQUARE],
+            )

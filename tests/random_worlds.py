@@ -2,7 +2,15 @@
 
 import numpy as np
 
-from hybrid_env import FixedScheme, HybridTrackVectorEnv, Radar, RandomScheme, Segment, Sensor, WorldOptions
+from hybrid_env import (
+    FixedScheme,
+    HybridTrackVectorEnv,
+    Radar,
+    RandomScheme,
+    Segment,
+    Sensor,
+    WorldOptions,
+)
 from hybrid_env.checks import ArgumentError
 from hybrid_env.limits import LARGEST_TURN, RANGES
 
@@ -22,13 +30,24 @@ NOISES = (
 
 
 def log_uniform(generator, name, spread):
-    """Draw an option from its range, whose logarithm is scaled by `spread`; sometimes its limit or 0."""
+    """Draw an option from its range, whose logarithm is scaled by `spread`; sometimes its limit
+    or 0.
+    """
     low, high = RANGES[name]
     if low == 0.0 and generator.random() < 0.2:
         return 0.0
     if generator.random() < 0.03:
         return float(generator.choice((low, high)))
-    return float(10.0 ** (spread * generator.uniform(np.log10(low or 1.0 / high), np.log10(high))))
+    return float(
+        10.0
+        ** (
+            spread
+            * generator.uniform(
+                np.log10(low or 1.0 / high),
+                np.log10(high),
+            )
+        )
+    )
 
 
 def random_scheme(generator, radii, longest):
@@ -41,7 +60,13 @@ def random_scheme(generator, radii, longest):
     pieces = []
     for length in lengths[:count, 0].tolist():
         mode = str(generator.choice(("S", "L", "R")))
-        pieces.append(Segment(mode, length, None if mode == "S" else float(generator.choice(radii))))
+        pieces.append(
+            Segment(
+                mode,
+                length,
+                None if mode == "S" else float(generator.choice(radii)),
+            )
+        )
     return FixedScheme(tuple(pieces))
 
 
@@ -54,7 +79,9 @@ def random_sensors(generator, values, radii):
         Radar(
             range_deviation=float(np.clip(deviation * 10.0 ** generator.normal(), 1e-9, 1e9)),
             bearing_deviation=float(10.0 ** generator.uniform(-6, 0)),
-            rate_deviation=float(10.0 ** generator.uniform(-9, 9)) if generator.random() < 0.5 else None,
+            rate_deviation=float(10.0 ** generator.uniform(-9, 9))
+            if generator.random() < 0.5
+            else None,
             position=tuple((generator.normal(size=2) * max(radii)).clip(-1e12, 1e12).tolist()),
             period=int(generator.integers(1, 9)),
         )
@@ -62,10 +89,18 @@ def random_sensors(generator, values, radii):
     ]
     return radars + [
         Sensor(
-            variance=float(np.clip(values["measurement_variance"] * 10.0 ** generator.normal(0, 2), 1e-18, 1e18)),
+            variance=float(
+                np.clip(
+                    values["measurement_variance"] * 10.0 ** generator.normal(0, 2),
+                    1e-18,
+                    1e18,
+                )
+            ),
             position=tuple((generator.normal(size=2) * max(radii)).clip(-1e12, 1e12).tolist()),
             period=int(generator.integers(1, 30)),
-            range=float(10.0 ** generator.normal(0, 2) * max(radii)) if generator.random() < 0.5 else np.inf,
+            range=float(10.0 ** generator.normal(0, 2) * max(radii))
+            if generator.random() < 0.5
+            else np.inf,
         )
         for _ in range(generator.integers(1, 5))
     ]
@@ -73,9 +108,13 @@ def random_sensors(generator, values, radii):
 
 def draw(generator, longest):
     """Draw the keywords of a world, which may be outside the allowed ratios."""
-    # from values near 1 to the whole range, and with the turn per tick drawn in its own range
+    # From values near 1 to the whole range, and with the turn per tick drawn in its own range.
     spread = generator.choice((0.05, 0.15, 0.4, 1.0))
-    values = {name: log_uniform(generator, name, spread) for name in RANGES if name not in ("heading", "evidence")}
+    values = {
+        name: log_uniform(generator, name, spread)
+        for name in RANGES
+        if name not in ("heading", "evidence")
+    }
     radii = [values["radii"]]
     if generator.random() < 0.5:
         turn = 10.0 ** generator.uniform(-6, 2)
@@ -114,7 +153,9 @@ def draw(generator, longest):
 
 
 def random_options(generator, longest=None):
-    """Draw keywords of an allowed world, with segments of up to `longest` ticks, by default 3 to 3,000."""
+    """Draw keywords of an allowed world, with segments of up to `longest` ticks, by default 3 to
+    3,000.
+    """
     while True:
         try:
             options = draw(generator, longest or 3.0 * 10.0 ** generator.uniform(0, 3))
@@ -125,7 +166,8 @@ def random_options(generator, longest=None):
 
 
 def soak(options, tracks, ticks, seed, **arguments):
-    """Step a world with random actions, also after terminations, and check every row, reward and end.
+    """Step a world with random actions, also after terminations, and check every row, reward and
+    end.
 
     Returns:
         number of ticks of all tracks, including those after decisions.
@@ -134,7 +176,8 @@ def soak(options, tracks, ticks, seed, **arguments):
     generator = np.random.default_rng(seed)
     rate = 10.0 ** generator.uniform(-2.5, 0.0)
     low, high = env.single_observation_space.low, env.single_observation_space.high
-    count, cost = env.single_action_space.n, env.options.delay_cost
+    count = env.single_action_space.n
+    cost = env.options.delay_cost
     longest = env.options.segments * env.options.longest_segment
     rows, _ = env.reset(seed=seed)
     age = np.ones(tracks, np.int64)
@@ -146,10 +189,21 @@ def soak(options, tracks, ticks, seed, **arguments):
             assert np.isfinite(env.world.hypothesis_values()).all()
             assert np.isfinite(env.world.field("estimate")).all()
             return done
-        actions = np.where(generator.random(tracks) < rate, generator.integers(0, count, tracks), 0)
+        actions = np.where(
+            generator.random(tracks) < rate,
+            generator.integers(0, count, tracks),
+            0,
+        )
         rows, rewards, terminated, _, info = env.step(actions)
         decided = info.get("_ticks", np.zeros(tracks, bool))
-        expected = np.where(decided, np.where(info.get("correct", False), 1.0, -1.0), 0.0) - cost
+        expected = (
+            np.where(
+                decided,
+                np.where(info.get("correct", False), 1.0, -1.0),
+                0.0,
+            )
+            - cost
+        )
         np.testing.assert_array_equal(rewards, np.where(restart, 0.0, expected))
         age = np.where(restart, 1, age + 1)
         assert (age <= longest + 1).all(), "an episode does not end"
@@ -169,8 +223,17 @@ def unit_scales(options, length, time):
     scaled["measurement_variance"] = options["measurement_variance"] * length**2
     position, velocity = options["initial_error"]
     scaled["initial_error"] = (position, velocity * (length / time) ** 2)
-    units = {"variance": length**2, "position": length, "range": length, "period": 1}
-    units |= {"range_deviation": length, "bearing_deviation": 1, "rate_deviation": length / time}
+    units = {
+        "variance": length**2,
+        "position": length,
+        "range": length,
+        "period": 1,
+    }
+    units |= {
+        "range_deviation": length,
+        "bearing_deviation": 1,
+        "rate_deviation": length / time,
+    }
     scaled["sensors"] = [
         {key: np.multiply(value, units[key]).tolist() for key, value in one.items()}
         for one in options.get("sensors", ())

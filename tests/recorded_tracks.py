@@ -46,15 +46,25 @@ class Object:
 
     def simulate(self, runs=1, seed=1, modes=MODES, lengths=LENGTHS):
         """Simulation of the modes, (runs, T, 2) measurements."""
-        words = [f"{m}{n}" + ("" if m == "S" else f"r{self.radius}") for m, n in zip(modes, lengths, strict=True)]
+        words = [
+            f"{m}{n}" + ("" if m == "S" else f"r{self.radius}")
+            for m, n in zip(modes, lengths, strict=True)
+        ]
         return simulate(
-            " ".join(words), runs, seed, start=self.start, tau=self.tau,
-            process_variance=self.process_variance, measurement_variance=self.measurement_variance,
-        )  # fmt: skip
+            " ".join(words),
+            runs,
+            seed,
+            start=self.start,
+            tau=self.tau,
+            process_variance=self.process_variance,
+            measurement_variance=self.measurement_variance,
+        )
 
 
 OBJECTS = {
-    "readme": Object(2.0, 5.0, 0.1, np.sqrt(0.1), 1e-4), "walker": Object(1.4, 10.0, 1.0, 1.0),
-    "car": Object(20.0, 200.0, 1.0, 2.0), "aircraft": Object(250.0, 5000.0, 1.0, 10.0),
+    "readme": Object(2.0, 5.0, 0.1, np.sqrt(0.1), 1e-4),
+    "walker": Object(1.4, 10.0, 1.0, 1.0),
+    "car": Object(20.0, 200.0, 1.0, 2.0),
+    "aircraft": Object(250.0, 5000.0, 1.0, 10.0),
     "ship": Object(8.0, 500.0, 10.0, 8.0),
-}  # fmt: skip
+}

@@ -1,4 +1,5 @@
-"""Trains a small agent in a folder, or resumes it: in this process, or in another one that is killed.
+"""Trains a small agent in a folder, or resumes it: in this process, or in another one that is
+killed.
 
 Usage: python small_training.py <kind> <folder> <steps> <seconds between checkpoints>
 """
@@ -18,29 +19,57 @@ from agents.training.runs import make_run, resume_run
 from agents.training.simulated_flights import FlightRun
 
 STEPS = 2560
-SMALL_PPO = ("n_envs=20", "n_steps=32", "batch_size=320", "n_epochs=2", "policy_kwargs.net_arch=[16]")
+SMALL_PPO = (
+    "n_envs=20",
+    "n_steps=32",
+    "batch_size=320",
+    "n_epochs=2",
+    "policy_kwargs.net_arch=[16]",
+)
 SMALL_ANCHOR = (
-    "n_steps=16", "hidden=8", "buffer_size=200", "batches=2", "batch_size=32", "updates_per_world=2",
+    "n_steps=16",
+    "hidden=8",
+    "buffer_size=200",
+    "batches=2",
+    "batch_size=32",
+    "updates_per_world=2",
     "worlds=[{n_envs: 16}, {n_envs: 4, env: HybridTrackPublishedBank-v0}]",
     "drawn_worlds=[{radii: 1, worlds: 1, n_envs: 4}]",
-)  # fmt: skip
+)
 SMALL_STOPPING = (
-    "batch_size=16", "passes=2", "worlds=[{n_envs: 8}, {n_envs: 2, env: HybridTrackPublishedBank-v0}]",
+    "batch_size=16",
+    "passes=2",
+    "worlds=[{n_envs: 8}, {n_envs: 2, env: HybridTrackPublishedBank-v0}]",
     "drawn_worlds=[{radii: 1, worlds: 1, n_envs: 2}]",
-)  # fmt: skip
+)
 SMALL_STATEMENTS = (
-    "n_envs=8", "batch_size=8", "n_steps=25", "hidden=6", "durations=[uniform 5-20, geometric 30]",
-)  # fmt: skip
-SMALL_RHYTHM = ("n_envs=8", "batch_size=8", "n_steps=25", "hidden=6", "durations=[drawn, geometric 30]", "ticks=50")
+    "n_envs=8",
+    "batch_size=8",
+    "n_steps=25",
+    "hidden=6",
+    "durations=[uniform 5-20, geometric 30]",
+)
+SMALL_RHYTHM = (
+    "n_envs=8",
+    "batch_size=8",
+    "n_steps=25",
+    "hidden=6",
+    "durations=[drawn, geometric 30]",
+    "ticks=50",
+)
 SMALL_FLIGHTS = ("flights=[2, 2, 2, 1]", "rows=100", "passes=1", "n_steps=50", "hidden=6")
 QUICK = {"ticks": 50, "durations": "uniform 5-20"}
 SCHEME = {"scheme": "random 2x20-30"}
 SMALL_REWARD = ("n_envs=8", "hidden=6", "batch_size=16")
 SMALL_A2C = ("n_envs=20", "n_steps=32", "policy_kwargs.net_arch=[16]")
 SMALL_Q = (
-    "n_envs=20", "train_freq=16", "learning_starts=320", "buffer_size=1000", "batch_size=32",
+    "n_envs=20",
+    "train_freq=16",
+    "learning_starts=320",
+    "buffer_size=1000",
+    "batch_size=32",
     "policy_kwargs.net_arch=[16]",
-)  # fmt: skip
+)
 PUBLISHED = "HybridTrackPublished-v0"
 KINDS = {
     "ppo": ("ppo", PUBLISHED, SCHEME, SMALL_PPO),
@@ -51,7 +80,12 @@ KINDS = {
     "kalman": ("kalman", PUBLISHED, SCHEME, SMALL_REWARD),
     "distilled": ("distilled", PUBLISHED, SCHEME, SMALL_REWARD),
     "transformer": ("transformer", PUBLISHED, SCHEME, SMALL_REWARD),
-    "recurrent-ppo": ("recurrent-ppo", PUBLISHED, SCHEME, (*SMALL_PPO, "policy_kwargs.lstm_hidden_size=8")),
+    "recurrent-ppo": (
+        "recurrent-ppo",
+        PUBLISHED,
+        SCHEME,
+        (*SMALL_PPO, "policy_kwargs.lstm_hidden_size=8"),
+    ),
     "a2c": ("a2c", PUBLISHED, SCHEME, SMALL_A2C),
     "dqn": ("dqn", PUBLISHED, SCHEME, SMALL_Q),
     "qrdqn": ("qrdqn", PUBLISHED, SCHEME, (*SMALL_Q, "policy_kwargs.n_quantiles=5")),
@@ -98,7 +132,9 @@ def outcome(folder):
     weights, card = load_policy(folder)
     card["measured"].pop("seconds")
     card.pop("seconds")
-    return json.dumps([rows, card]), {name: value.numpy().tobytes() for name, value in weights.items()}
+    return json.dumps([rows, card]), {
+        name: value.numpy().tobytes() for name, value in weights.items()
+    }
 
 
 def interrupt_at(steps):
@@ -131,4 +167,9 @@ def main(kind, folder, steps, save_every):
 if __name__ == "__main__":
     torch.set_num_threads(1)
     log_often()
-    main(sys.argv[1], Path(sys.argv[2]), int(sys.argv[3]), float(sys.argv[4]))
+    main(
+        sys.argv[1],
+        Path(sys.argv[2]),
+        int(sys.argv[3]),
+        float(sys.argv[4]),
+    )

@@ -45,6 +45,7 @@ def test_the_wheel_has_the_three_packages_only():
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     chosen = settings["tool"]["setuptools"]["packages"]["find"]["include"]
     packages = {name.partition(".")[0] for name in find_packages(str(ROOT), include=chosen)}
+
     assert packages == {"hybrid_env", "baselines", "agents"}
 
 
@@ -52,7 +53,10 @@ def test_another_distribution_with_a_package_of_our_name_is_said_in_one_line(mon
     def foreign(name):
         raise ModuleNotFoundError(f"No module named {name!r}")
 
-    packages = {"agents": [console.DISTRIBUTION, "other-agents"], "baselines": [console.DISTRIBUTION]}
+    packages = {
+        "agents": [console.DISTRIBUTION, "other-agents"],
+        "baselines": [console.DISTRIBUTION],
+    }
     monkeypatch.setattr(console.metadata, "packages_distributions", lambda: packages)
     with monkeypatch.context() as patch:
         patch.setattr(console.importlib, "import_module", foreign)
@@ -66,7 +70,9 @@ def test_another_distribution_with_a_package_of_our_name_is_said_in_one_line(mon
 
 def test_the_version_is_that_of_the_distribution(monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["hybridtrack", "--version"])
-    monkeypatch.setattr(console.importlib, "import_module", None)  # no command is loaded
+    # No command is loaded.
+    monkeypatch.setattr(console.importlib, "import_module", None)
+
     assert console.main() == 0
     assert capsys.readouterr().out == f"hybridtrack {console.metadata.version('hybrid-track')}\n"
 
@@ -77,7 +83,12 @@ def test_a_missing_extra_is_said_in_one_line(monkeypatch, capsys):
 
     monkeypatch.setattr(console.importlib, "import_module", missing)
     monkeypatch.setattr(console.metadata, "packages_distributions", dict)
-    monkeypatch.setattr(console.metadata, "requires", lambda name: ['torch>=2.8; extra == "agents"'])
+    monkeypatch.setattr(
+        console.metadata,
+        "requires",
+        lambda name: ['torch>=2.8; extra == "agents"'],
+    )
+
     assert console.main() == 2
     advice = "torch is missing: this needs the extra [agents]: pip install 'hybrid-track[agents]'"
     assert capsys.readouterr().err == f"hybridtrack: {advice}\n"
@@ -87,9 +98,28 @@ def test_a_missing_extra_is_said_in_one_line(monkeypatch, capsys):
 def wheel(tmp_path_factory):
     """The built wheel; sources are copied, since a build writes beside them."""
     folder = tmp_path_factory.mktemp("wheel")
-    skip = shutil.ignore_patterns(".*", "tests", "docs", "build", "__pycache__", "*.egg-info", "runs", "results")
+    skip = shutil.ignore_patterns(
+        ".*",
+        "tests",
+        "docs",
+        "build",
+        "__pycache__",
+        "*.egg-info",
+        "runs",
+        "results",
+    )
     shutil.copytree(ROOT, folder / "source", ignore=skip)
-    line = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "-w", "."]
+    line = [
+        sys.executable,
+        "-m",
+        "pip",
+        "wheel",
+        "-q",
+        "--no-deps",
+        "--no-build-isolation",
+        "-w",
+        ".",
+    ]
     subprocess.run([*line, "./source"], cwd=folder, check=True)
     (found,) = folder.glob("hybrid_track-*.whl")
     return found
@@ -99,20 +129,39 @@ def wheel(tmp_path_factory):
 @pytest.mark.parametrize("name", ["agents", "baselines"])
 @pytest.mark.parametrize("in_place", [False, True])
 def test_the_wheel_beside_a_foreign_package_says_so_in_one_line(name, in_place, wheel, tmp_path):
-    line = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target", tmp_path / "own", wheel]
+    line = [
+        sys.executable,
+        "-m",
+        "pip",
+        "install",
+        "-q",
+        "--no-deps",
+        "--target",
+        tmp_path / "own",
+        wheel,
+    ]
     subprocess.run(line, check=True)
 
     def command(*arguments):
-        # -S: an editable installation would also find modules inside of a foreign package
+        # -S: an editable installation would also find modules inside of a foreign package.
         folders = tmp_path / "foreign", tmp_path / "own", sysconfig.get_path("purelib")
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, folders))}
         line = [sys.executable, "-S", "-P", "-m", "hybrid_env.console", *arguments]
-        return subprocess.run(line, env=environment, cwd=tmp_path, capture_output=True, text=True)
+        return subprocess.run(
+            line,
+            env=environment,
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+        )
 
     assert command("--version").returncode == 0
     place = tmp_path / ("own" if in_place else "foreign")
-    if in_place:  # another wheel was installed over this one
-        (place / name / "__init__.py").write_text("from agents.run import Runner\nfrom baselines.run import x\n")
+    # Another wheel was installed over this one.
+    if in_place:
+        (place / name / "__init__.py").write_text(
+            "from agents.run import Runner\nfrom baselines.run import x\n"
+        )
     else:
         (place / name).mkdir(parents=True)
         (place / name / "__init__.py").write_text("")

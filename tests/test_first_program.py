@@ -1,4 +1,4 @@
-"""The program that README, the start page and the gallery show first: ten lines of Stable-Baselines3."""
+"""The program that README, the start page and the gallery show first."""
 
 import contextlib
 import io
@@ -30,7 +30,8 @@ def test_the_program_prints_what_the_readme_says():
         exec(PROGRAM, {})
     shown, found = rewards(README), rewards(printed.getvalue())
     assert set(found) == set(shown) == {"PPO", "ATE", "SPRT"}
-    # Rules have no chance in them. The seed of PPO is drawn; over five seeds its reward was 0.620 to 0.624.
+    # Rules have no chance in them. The seed of PPO is drawn; over five seeds its reward was 0.620
+    # to 0.624.
     assert found["ATE"] == shown["ATE"]
     assert found["SPRT"] == shown["SPRT"]
     assert found["PPO"] == pytest.approx(shown["PPO"], abs=0.015)

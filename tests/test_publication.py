@@ -27,7 +27,11 @@ def test_the_paper_has_the_form_of_the_journal():
 
 
 def test_references_of_the_paper_are_in_its_bibliography_and_the_other_way_round():
-    entries = re.findall(r"^@\w+\{(\w+),$", (ROOT / "paper.bib").read_text(encoding="utf-8"), re.MULTILINE)
+    entries = re.findall(
+        r"^@\w+\{(\w+),$",
+        (ROOT / "paper.bib").read_text(encoding="utf-8"),
+        re.MULTILINE,
+    )
     assert len(set(entries)) == len(entries)
     assert set(re.findall(r"@(\w+)", BODY)) == set(entries)
     labels = re.findall(r"\\label\{(\w+)\}", BODY)
@@ -37,6 +41,7 @@ def test_references_of_the_paper_are_in_its_bibliography_and_the_other_way_round
 def test_figures_of_the_paper_are_those_of_the_readme():
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     table = [line for line in BODY.splitlines() if line.startswith("|")]
+
     assert len(table) == 7
     assert all(line in readme.splitlines() for line in table)
     words = " ".join(BODY.split()).partition("it earns ")[2].partition(". ")[0]
@@ -50,8 +55,13 @@ def test_workflows_run_targets_of_make_and_name_no_other_host(path):
     text = path.read_text(encoding="utf-8")
     jobs = yaml.safe_load(text)["jobs"]
     steps = [step for job in jobs.values() for step in job["steps"]]
-    targets = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    targets = re.findall(
+        r"^(\w+):",
+        (ROOT / "Makefile").read_text(encoding="utf-8"),
+        re.MULTILINE,
+    )
     commands = [step["run"].split() for step in steps if "run" in step]
+
     assert commands
     assert all(words[0] == "make" and words[1] in targets and len(words) == 2 for words in commands)
     used = [step["uses"] for step in steps if "uses" in step]
@@ -68,12 +78,19 @@ def test_a_release_is_uploaded_by_trusted_publishing():
     assert "secrets" not in text
 
 
-@pytest.mark.parametrize("folder", [*SHIPPED_FOLDERS.values(), *(folder for _, folder in NAMED.values())])
+@pytest.mark.parametrize(
+    "folder",
+    [*SHIPPED_FOLDERS.values(), *(folder for _, folder in NAMED.values())],
+)
 def test_the_site_has_a_card_of_every_set_of_weights(folder):
-    spec = importlib.util.spec_from_file_location("embedded_texts", ROOT / "docs/_ext/embedded_texts.py")
+    spec = importlib.util.spec_from_file_location(
+        "embedded_texts",
+        ROOT / "docs/_ext/embedded_texts.py",
+    )
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     page = (ROOT / "docs" / "models.md").read_text(encoding="utf-8")
+
     assert ("card", folder) in module.MARK.findall(page)
     card = module.card(folder)
     assert re.search(r"\| weights \| \d{1,2},\d{3} numbers, [3-8]\d,\d{3} bytes \|", card)

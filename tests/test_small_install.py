@@ -9,14 +9,27 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-SOURCES = ("hybrid_env", "baselines", "agents", "pyproject.toml", "setup.py", "README.md", "LICENSE")
+SOURCES = (
+    "hybrid_env",
+    "baselines",
+    "agents",
+    "pyproject.toml",
+    "setup.py",
+    "README.md",
+    "LICENSE",
+)
 FOLDERS = ("tests/hybrid_env", "tests/baselines/rules", "tests/baselines/scoring")
 
 pytestmark = pytest.mark.study
 
 
 def run(*command, cwd):
-    return subprocess.run([*map(str, command)], cwd=cwd, capture_output=True, text=True)
+    return subprocess.run(
+        [*map(str, command)],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +41,17 @@ def python(tmp_path_factory):
     for name in SOURCES:
         copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
         copy(ROOT / name, source / name)
-    build = run(sys.executable, "-m", "pip", "wheel", "--no-deps", "-w", folder, source, cwd=folder)
+    build = run(
+        sys.executable,
+        "-m",
+        "pip",
+        "wheel",
+        "--no-deps",
+        "-w",
+        folder,
+        source,
+        cwd=folder,
+    )
     assert build.returncode == 0, build.stderr
     (wheel,) = folder.glob("*.whl")
     venv.create(folder / "venv", with_pip=True)
@@ -42,10 +65,32 @@ def python(tmp_path_factory):
 
 
 def test_the_base_install_has_few_packages_and_says_which_extra_is_missing(python):
-    listed = run(python, "-m", "pip", "list", "--format", "freeze", cwd=python.parent).stdout.lower().splitlines()
+    listed = (
+        run(
+            python,
+            "-m",
+            "pip",
+            "list",
+            "--format",
+            "freeze",
+            cwd=python.parent,
+        )
+        .stdout.lower()
+        .splitlines()
+    )
     names = {line.partition("==")[0] for line in listed}
+
     assert {"gymnasium", "numba", "numpy", "scipy", "hybrid-track"} <= names
-    assert not names & {"torch", "pandas", "matplotlib", "rich", "tyro", "pyarrow", "optuna", "pygame-ce"}
+    assert not names & {
+        "torch",
+        "pandas",
+        "matplotlib",
+        "rich",
+        "tyro",
+        "pyarrow",
+        "optuna",
+        "pygame-ce",
+    }
     command = python.with_name("hybridtrack")
     version = run(command, "--version", cwd=python.parent)
     assert (version.returncode, version.stdout.split()[0]) == (0, "hybridtrack")
@@ -53,11 +98,22 @@ def test_the_base_install_has_few_packages_and_says_which_extra_is_missing(pytho
         found = run(command, name, cwd=python.parent)
         assert found.returncode == 2
         assert found.stderr.splitlines() == [
-            "hybridtrack: tyro is missing: this needs the extra [agents]: pip install 'hybrid-track[agents]'"
+            "hybridtrack: tyro is missing: this needs the extra [agents]: pip install"
+            " 'hybrid-track[agents]'"
         ]
 
 
 def test_environments_rules_and_live_tracker_need_the_base_install_only(python):
     folder = python.parents[2]
-    tests = run(python, "-m", "pytest", "-q", "--ignore", "tests/hybrid_env/rendering", *FOLDERS, cwd=folder)
+    tests = run(
+        python,
+        "-m",
+        "pytest",
+        "-q",
+        "--ignore",
+        "tests/hybrid_env/rendering",
+        *FOLDERS,
+        cwd=folder,
+    )
+
     assert tests.returncode == 0, tests.stdout[-3000:]

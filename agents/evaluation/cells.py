@@ -1,4 +1,6 @@
-"""Tables for the terminal and in Markdown; estimates with their intervals as cells and words of lines."""
+"""Tables for the terminal and in Markdown; estimates with their intervals as cells and words of
+lines.
+"""
 
 from collections.abc import Iterable, Sequence
 
@@ -11,16 +13,34 @@ from baselines.scoring.estimates import Estimate
 
 
 def filled_table(
-    title: str, heads: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "", texts: int = 1
+    title: str,
+    heads: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    caption: str = "",
+    texts: int = 1,
 ) -> Table:
-    """Return a table whose first columns, `texts` of them, are of text; an empty row draws a line."""
+    """Return a table whose first columns, `texts` of them, are of text; an empty row draws a
+    line.
+    """
     table = Table(
-        title=escape(title), min_width=len(title), caption=escape(caption) or None, caption_justify="left",
-        box=box.SIMPLE_HEAD, padding=(0, int(len(heads) <= 7), 0, 0),  # fits into 80 columns
-    )  # fmt: skip
-    for column, head in enumerate(heads):  # long names are wrapped, numbers are not
+        title=escape(title),
+        min_width=len(title),
+        caption=escape(caption) or None,
+        caption_justify="left",
+        # Fits into 80 columns.
+        box=box.SIMPLE_HEAD,
+        padding=(0, int(len(heads) <= 7), 0, 0),
+    )
+    # Long names are wrapped, numbers are not.
+    for column, head in enumerate(heads):
         words = column < texts
-        table.add_column(head, "", justify="left" if words else "right", overflow="fold", no_wrap=not words)
+        table.add_column(
+            head,
+            "",
+            justify="left" if words else "right",
+            overflow="fold",
+            no_wrap=not words,
+        )
     for row in rows:
         table.add_row(*row) if row else table.add_section()
     return table
@@ -32,8 +52,16 @@ def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "".join([head, "|" + "---|" * len(heads) + "\n", *lines])
 
 
-def estimate_cell(estimate: Estimate, scale: float, digits: int, undefined: str = "-", sign: str = "") -> str:
-    """Return the value of an estimate, times `scale`, and below it the half width of its interval if it has one."""
+def estimate_cell(
+    estimate: Estimate,
+    scale: float,
+    digits: int,
+    undefined: str = "-",
+    sign: str = "",
+) -> str:
+    """Return the value of an estimate, times `scale`, and below it the half width of its
+    interval if it has one.
+    """
     if not np.isfinite(estimate.value):
         return undefined
     value = f"{scale * estimate.value:{sign}.{digits}f}"
@@ -53,6 +81,8 @@ def bounds_cell(estimate: Estimate, digits: int, scale: float = 1.0) -> str:
 
 
 def in_brackets(estimate: Estimate, digits: int, scale: float = 1.0, sign: str = "") -> str:
-    """Return the value of an estimate with its confidence interval in one line; "+" shows the signs."""
+    """Return the value of an estimate with its confidence interval in one line; "+" shows the
+    signs.
+    """
     value, low, high = (f"{scale * one:{sign}.{digits}f}" for one in vars(estimate).values())
     return f"{value} [{low}, {high}]" if np.isfinite(estimate.value) else "not reached"

@@ -9,7 +9,13 @@ from typing import Any
 import numpy as np
 
 from agents.evaluation.cells import bounds_cell
-from agents.evaluation.registry import SHIPPED, find_decider, learned_family, policy_folder, split_threshold
+from agents.evaluation.registry import (
+    SHIPPED,
+    find_decider,
+    learned_family,
+    policy_folder,
+    split_threshold,
+)
 from agents.evaluation.task import Metric
 from baselines.estimation.turn_beam import run_turn_beam
 from baselines.estimation.turns import run_turn_imm
@@ -47,22 +53,32 @@ def value(scores: Scores, name: str = "agreement") -> float:
 
 
 def figure_cell(scores: Scores, metric: Metric, bracketed: str = "") -> str:
-    """Return a figure, in brackets another one, and below it its interval; one digit less from 10 on."""
+    """Return a figure, in brackets another one, and below it its interval; one digit less from
+    10 on.
+    """
 
     def short(number: float) -> str:
         digits = metric.digits - (round(abs(number), metric.digits) >= 10.0)
         return f"{number:.{digits}f}" if np.isfinite(number) else "-"
 
-    found, low, high = (short(metric.scale * one) for one in vars(scores.estimate(metric.statistic)).values())
+    found, low, high = (
+        short(metric.scale * one) for one in vars(scores.estimate(metric.statistic)).values()
+    )
     other = f" ({short(value(scores, bracketed))})" if bracketed else ""
     return f"{found}{other}\n{low}-{high}"
 
 
 def less_first(scores: Mapping[str, Scores], name: str, rows: list[int]) -> Estimate | None:
-    """Return the agreement of a decider on some flights less that of the first decider; None for that one."""
+    """Return the agreement of a decider on some flights less that of the first decider; None for
+    that one.
+    """
     first = next(iter(scores))
     agreement = STATISTICS["agreement"]
-    return None if name == first else scores[name].some(rows).difference(scores[first].some(rows), agreement)
+    return (
+        None
+        if name == first
+        else scores[name].some(rows).difference(scores[first].some(rows), agreement)
+    )
 
 
 def less_cell(less: Estimate | None) -> str:
@@ -71,13 +87,19 @@ def less_cell(less: Estimate | None) -> str:
 
 
 def rule_or_folder(name: str, task: str) -> Any:
-    """Return the class of a rule for recorded flights, or the folder of an agent: the shipped one, or another."""
+    """Return the class of a rule for recorded flights, or the folder of an agent: the shipped
+    one, or another.
+    """
     known = rules(task)
     if name in known:
         return known[name]
     folder = policy_folder(SHIPPED if name == AGENT else name, task)
     if not folder.is_dir():
-        raise reject("deciders", name, f"{', '.join((*known, AGENT))} with --{task}, or the folder of an agent")
+        raise reject(
+            "deciders",
+            name,
+            f"{', '.join((*known, AGENT))} with --{task}, or the folder of an agent",
+        )
     return folder
 
 
@@ -85,13 +107,16 @@ def rule_or_folder(name: str, task: str) -> Any:
 class FlightTask:
     """What is decided on recorded flights.
 
-    The form "native" is the positions as reported, with filters for turn rates; "semi-real" their smoothed path with
-    white noise in the setting of HybridTrackQuickest-v0, with its deciders.
+    The form "native" is the positions as reported, with filters for turn rates; "semi-real" their
+    smoothed path with white noise in the setting of HybridTrackQuickest-v0, with its deciders.
     """
 
-    source: Path | None  # folder or wheel of the package `traffic`; None for the installed package
-    identities: tuple[str, ...]  # of the flights; without any those of `SCORED`
-    tiers: tuple[str, ...]  # names of the tiers; of the default flights only these are used
+    # Folder or wheel of the package `traffic`; None for the installed package.
+    source: Path | None
+    # Of the flights; without any those of `SCORED`.
+    identities: tuple[str, ...]
+    # Names of the tiers; of the default flights only these are used.
+    tiers: tuple[str, ...]
     form: str
 
     @property
@@ -102,7 +127,8 @@ class FlightTask:
     def label(self, name: str) -> str:
         """Return the name of a decider in figures."""
         base, threshold = split_threshold(name)
-        self.decider(name)  # refuses a threshold that is not allowed
+        # Refuses a threshold that is not allowed.
+        self.decider(name)
         title = self._find(name)[0].name
         margin = ", margin" if base == AGENT else ""
         return title if threshold is None else f"{title}{margin} {threshold:g}"
@@ -114,27 +140,37 @@ class FlightTask:
         return made
 
     def _find(self, name: str) -> tuple[DeciderFamily, float]:
-        """Return the family, named as in figures, and the threshold of a name with an optional one."""
+        """Return the family, named as in figures, and the threshold of a name with an optional
+        one.
+        """
         if self.form == SEMI_REAL:
             return find_decider(name, WORLD)
         base, given = split_threshold(name)
         found = rule_or_folder(base, FLIGHTS)
         own = isinstance(found, Path)
-        family = replace(learned_family(found), name=base, default=0.0) if own else found.family(None)
+        family = (
+            replace(learned_family(found), name=base, default=0.0) if own else found.family(None)
+        )
         return family, family.default if given is None else given
 
     def read(self) -> list[Flight]:
         """Return the flights of the tiers."""
         samples = Samples(self.source)
         wanted = self.identities or tuple(one for tier in self.tiers for one in SCORED[tier])
-        found = {name: samples.flight(name) for name in sorted(set(wanted))}  # those of a file one after the other
-        flights = [found[name] for name in dict.fromkeys(wanted) if found[name].tier.name in self.tiers]
+        # Those of a file one after the other.
+        found = {name: samples.flight(name) for name in sorted(set(wanted))}
+        flights = [
+            found[name] for name in dict.fromkeys(wanted) if found[name].tier.name in self.tiers
+        ]
         if not flights:
             raise reject("tier", self.tiers, "tiers of the flights")
         return flights
 
     def convert(
-        self, flights: Sequence[Flight], labels: Sequence[Labels], seed: int
+        self,
+        flights: Sequence[Flight],
+        labels: Sequence[Labels],
+        seed: int,
     ) -> tuple[list[Flight], list[Labels]]:
         """Return flights and labels in the form of the task; the seed is that of the noise."""
         if self.form == SEMI_REAL:

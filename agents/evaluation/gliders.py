@@ -23,7 +23,8 @@ from baselines.rules.decider import GLIDERS, Decider
 from baselines.scoring.scores import Scores
 from hybrid_env.checks import IntArray
 
-PART, MARGIN = 1200, 240  # positions that are filtered at once
+# Positions that are filtered at once.
+PART, MARGIN = 1200, 240
 
 FALSE = STATISTICS["false_per_hour"]
 METRICS = (
@@ -39,9 +40,12 @@ METRICS = (
 class Setting(NamedTuple):
     """A rule at one of its settings."""
 
-    name: str  # of the rule
-    model: int  # index of the settings of its filters
-    numbers: tuple[float, ...]  # of the rule
+    # Of the rule.
+    name: str
+    # Index of the settings of its filters.
+    model: int
+    # Of the rule.
+    numbers: tuple[float, ...]
 
 
 class LearnedRule(NamedTuple):
@@ -65,7 +69,12 @@ def glider_rule(name: str) -> type[GliderRule] | LearnedRule:
         return found
     from agents.learned.glider_decider import GliderAgent
 
-    return LearnedRule(name, (GliderAgent.model,), GliderAgent.grid, learned_family(found, recorded=GLIDERS).make)
+    return LearnedRule(
+        name,
+        (GliderAgent.model,),
+        GliderAgent.grid,
+        learned_family(found, recorded=GLIDERS).make,
+    )
 
 
 def read_gliders(contents: Sequence[bytes], group: str) -> tuple[list[Flight], list[Labels]]:
@@ -73,19 +82,31 @@ def read_gliders(contents: Sequence[bytes], group: str) -> tuple[list[Flight], l
     logs = {digits(content): parse_igc(digits(content), content) for content in contents}
     flights = [glider_flight(name, group, log) for name, log in logs.items()]
     decoded = [decode(log.records) for log in logs.values()]
-    return flights, [label_glider(*one) for one in zip(flights, air_motion(flights), decoded, strict=True)]
+    return flights, [
+        label_glider(*one) for one in zip(flights, air_motion(flights), decoded, strict=True)
+    ]
 
 
-def glider_statements(flights: Sequence[Flight], settings: Sequence[Setting]) -> dict[Setting, list[IntArray]]:
+def glider_statements(
+    flights: Sequence[Flight],
+    settings: Sequence[Setting],
+) -> dict[Setting, list[IntArray]]:
     """Return the statements of rules at settings on each flight, (n,)."""
-    batch, lengths = stack_flights(flights, PART, MARGIN), [len(flight.times) for flight in flights]
+    batch = stack_flights(flights, PART, MARGIN)
+    lengths = [len(flight.times) for flight in flights]
     found: dict[Setting, list[IntArray]] = {}
     for name, k in dict.fromkeys((one.name, one.model) for one in settings):
         some = [one for one in settings if (one.name, one.model) == (name, k)]
         rule = glider_rule(name)
-        beam = None if rule.histories is None else run_turn_beam(batch, rule.models[k], rule.histories)
+        beam = (
+            None if rule.histories is None else run_turn_beam(batch, rule.models[k], rule.histories)
+        )
         tracks = FlightTracks(batch, run_turn_imm(batch, rule.models[k]), beam)
-        stated = tracks.statements_together(rule(*(one.numbers for one in some)), lengths, len(some))
+        stated = tracks.statements_together(
+            rule(*(one.numbers for one in some)),
+            lengths,
+            len(some),
+        )
         found |= dict(zip(some, stated, strict=True))
     return found
 
@@ -97,7 +118,9 @@ def all_settings(name: str) -> list[Setting]:
 
 
 def score_settings(
-    flights: Sequence[Flight], labels: Sequence[Labels], stated: dict[Setting, list[IntArray]]
+    flights: Sequence[Flight],
+    labels: Sequence[Labels],
+    stated: dict[Setting, list[IntArray]],
 ) -> Scores:
     """Return the scores of statements, whose thresholds are the indices of the settings."""
     title = glider_rule(next(iter(stated)).name).title

@@ -1,8 +1,8 @@
 """The law of the measurement noise in an environment, from its measurements alone.
 
-Of the third differences of neighbouring measurements, noise is nearly everything. Their histogram is compared with
-those of simulated measurements under candidate laws, and the likeliest law is kept (a simulated likelihood, Diggle &
-Gratton 1984).
+Of the third differences of neighbouring measurements, noise is nearly everything. Their histogram
+is compared with those of simulated measurements under candidate laws, and the likeliest law is kept
+(a simulated likelihood, Diggle & Gratton 1984).
 """
 
 import functools
@@ -17,30 +17,54 @@ from agents.evaluation.tasks import ENVIRONMENTS
 from baselines.rules import seeds
 from baselines.rules.rollout import rollout
 from hybrid_env.checks import FloatArray
-from hybrid_env.noises import LARGEST_ERROR, LARGEST_RATIO, GaussianNoise, LevyNoise, Noise, OutlierNoise, StudentNoise
+from hybrid_env.noises import (
+    LARGEST_ERROR,
+    LARGEST_RATIO,
+    GaussianNoise,
+    LevyNoise,
+    Noise,
+    OutlierNoise,
+    StudentNoise,
+)
 from hybrid_env.options import ModelOptions
 from hybrid_env.registration import make_track_vector_env
 
-TRACKS, TICKS = 256, 100  # of the measurements
-FEWEST = 1000  # differences; with fewer ones noise counts as normal
-WEIGHTS = np.array([-1.0, 3.0, -3.0, 1.0])  # of neighbouring measurements in a third difference
-EDGES = np.concatenate([[0.0], np.geomspace(1.0, 1e12, 73), [np.inf]])  # of the bins of the histogram
+# Of the measurements.
+TRACKS, TICKS = 256, 100
+# Differences; with fewer ones noise counts as normal.
+FEWEST = 1000
+# Of neighbouring measurements in a third difference.
+WEIGHTS = np.array([-1.0, 3.0, -3.0, 1.0])
+# Of the bins of the histogram.
+EDGES = np.concatenate([[0.0], np.geomspace(1.0, 1e12, 73), [np.inf]])
 LAWS: Mapping[type[Noise], tuple[tuple[tuple[float, ...], float, float], ...]] = {
-    OutlierNoise: (((0.01, 0.05, 0.2), 1e-3, 0.4), ((3.0, 10.0, 50.0, 200.0), 1.5, LARGEST_RATIO)),
+    OutlierNoise: (
+        ((0.01, 0.05, 0.2), 1e-3, 0.4),
+        ((3.0, 10.0, 50.0, 200.0), 1.5, LARGEST_RATIO),
+    ),
     StudentNoise: (((1.5, 3.0, 10.0), 1.0, 100.0),),
-    LevyNoise: (((0.8, 1.2, 1.6), 0.5, 1.99), ((0.5, 1.0), 0.05, 20.0), ((50.0, 1e3, 1e5), 3.0, LARGEST_ERROR)),
+    LevyNoise: (
+        ((0.8, 1.2, 1.6), 0.5, 1.99),
+        ((0.5, 1.0), 0.05, 20.0),
+        ((50.0, 1e3, 1e5), 3.0, LARGEST_ERROR),
+    ),
 }
 """Start values, lower and upper bound of each number of a law."""
-STEP = 1.3  # factor between the best start value and the other corners of the first simplex
-TRIED = 60  # simulations from there on
-# Noise counts as normal up to this likelihood-ratio statistic per degree of freedom. It is about 6 for normal noise, as
-# neighbouring differences depend on each other, and the reference is simulated too.
+# Factor between the best start value and the other corners of the first simplex.
+STEP = 1.3
+# Simulations from there on.
+TRIED = 60
+# Noise counts as normal up to this likelihood-ratio statistic per degree of freedom. It is about 6
+# for normal noise, as neighbouring differences depend on each other, and the reference is simulated
+# too.
 NOT_NORMAL = 12.0
 
 
 @functools.lru_cache(64)
 def measured_noise(options: ModelOptions) -> Noise:
-    """Return the likeliest law of the noise in an environment, from `TRACKS` x `TICKS` measurements."""
+    """Return the likeliest law of the noise in an environment, from `TRACKS` x `TICKS`
+    measurements.
+    """
     seen = _histogram(options, options.noise, seeds.MEASURING + TRACKS)
 
     def surprise(law: Noise) -> float:
@@ -69,10 +93,17 @@ def _likeliest(kind: type[Noise], surprise: Callable[[Noise], float]) -> tuple[f
     first = min(itertools.product(*starts), key=lambda numbers: surprise(kind(*numbers)))
     simplex = np.log(first) + np.vstack([np.zeros(len(low)), np.log(STEP) * np.eye(len(low))])
     best = optimize.minimize(
-        lambda point: surprise(law_of(point)), simplex[0], method="Nelder-Mead",
+        lambda point: surprise(law_of(point)),
+        simplex[0],
+        method="Nelder-Mead",
         bounds=[*zip(np.log(low), np.log(high), strict=True)],
-        options={"maxfev": TRIED, "initial_simplex": simplex, "xatol": 0.02, "fatol": 1.0},
-    )  # fmt: skip
+        options={
+            "maxfev": TRIED,
+            "initial_simplex": simplex,
+            "xatol": 0.02,
+            "fatol": 1.0,
+        },
+    )
     return float(best.fun), law_of(best.x)
 
 
@@ -80,10 +111,12 @@ def _histogram(options: ModelOptions, noise: Any, seed: int) -> FloatArray:
     """Return how many squared third differences, in units of R, fall into each bin of `EDGES`."""
     changed = {**vars(options), "noise": noise}
     env = make_track_vector_env(ENVIRONMENTS[options.switches], TRACKS, tick_info=False, **changed)
-    counts, last = np.zeros(EDGES.size - 1), np.full((WEIGHTS.size, TRACKS, 2), np.nan)
+    counts = np.zeros(EDGES.size - 1)
+    last = np.full((WEIGHTS.size, TRACKS, 2), np.nan)
     for now in rollout(env, lambda rows: np.zeros(len(rows), np.int64), seed):
         measured = env.world.field("measurement")
-        measured[now.terminated] = np.nan  # the row between two episodes
+        # The row between two episodes.
+        measured[now.terminated] = np.nan
         last = np.concatenate([last[1:], measured[None]])
         squared = (np.tensordot(WEIGHTS, last, 1) ** 2 / env.options.variances).sum(-1)
         counts += np.histogram(squared[np.isfinite(squared)], EDGES)[0]

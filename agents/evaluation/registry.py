@@ -13,7 +13,15 @@ import numpy as np
 
 from agents import learned
 from agents.interface.help_texts import shown_default
-from baselines.rules.decider import ANNOUNCED, FLIGHTS, GLIDERS, UNKNOWN, Decider, DeciderFamily, rules
+from baselines.rules.decider import (
+    ANNOUNCED,
+    FLIGHTS,
+    GLIDERS,
+    UNKNOWN,
+    Decider,
+    DeciderFamily,
+    rules,
+)
 from baselines.rules.msprt import TypeDeclarations
 from baselines.rules.own import find_own, own_family, own_names, own_options
 from hybrid_env.checks import reject
@@ -21,18 +29,21 @@ from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 
 TASKS = {
-    ANNOUNCED: "known switch moments", UNKNOWN: "unknown switch moments", FLIGHTS: "recorded flights",
+    ANNOUNCED: "known switch moments",
+    UNKNOWN: "unknown switch moments",
+    FLIGHTS: "recorded flights",
     GLIDERS: "flights of gliders",
-}  # fmt: skip
+}
 """What agents decide, in messages."""
 
 
 def learned_family(folder: Path, options: Any = None, recorded: str = FLIGHTS) -> DeciderFamily:
     """Return the agent of a folder at any threshold, for any training algorithm.
 
-    `options` are those of the environment to decide in; without any, it decides on `recorded` flights.
+    `options` are those of the environment to decide in; without any, it decides on `recorded`
+    flights.
     """
-    # PyTorch is imported only here, because it loads slowly
+    # PyTorch is imported only here, because it loads slowly.
     from agents.learned.policy_file import card_task, load_network, load_policy
 
     weights, card = load_policy(folder)
@@ -46,38 +57,57 @@ def learned_family(folder: Path, options: Any = None, recorded: str = FLIGHTS) -
         return ACTORS[task](load_actor(folder, weights, card)).trained(folder.name)
     file, name = OWN_NETWORKS[algo]
     kind = getattr(importlib.import_module(f"{learned.__name__}.{file}"), name)
-    family: DeciderFamily = kind.trained(folder.name, load_network(folder, weights, card, kind.network), options)
+    family: DeciderFamily = kind.trained(
+        folder.name,
+        load_network(folder, weights, card, kind.network),
+        options,
+    )
     return family
 
 
 OWN_NETWORKS = {
-    "anchor": ("anchor_decider", "AnchorDecider"), "statements": ("statement_decider", "StatementDecider"),
-    "rhythm": ("rhythm_decider", "RhythmDecider"), "stopping": ("stopping_decider", "StoppingDecider"),
-    "flights": ("flight_decider", "FlightAgent"), "gliders": ("glider_decider", "GliderAgent"),
-    "reward": ("reward_net", "RewardDecider"), "tandem": ("tandem_net", "TandemDecider"),
+    "anchor": ("anchor_decider", "AnchorDecider"),
+    "statements": ("statement_decider", "StatementDecider"),
+    "rhythm": ("rhythm_decider", "RhythmDecider"),
+    "stopping": ("stopping_decider", "StoppingDecider"),
+    "flights": ("flight_decider", "FlightAgent"),
+    "gliders": ("glider_decider", "GliderAgent"),
+    "reward": ("reward_net", "RewardDecider"),
+    "tandem": ("tandem_net", "TandemDecider"),
     "kalman": ("kalman_net", "KalmanDecider"),
-    "distilled": ("reward_net", "DistilledDecider"), "transformer": ("transformer_net", "TransformerDecider"),
+    "distilled": ("reward_net", "DistilledDecider"),
+    "transformer": ("transformer_net", "TransformerDecider"),
     "jump_markov": ("jump_markov_net", "JumpMarkovDecider"),
-}  # fmt: skip
+}
 """File and class of the deciders whose networks are of this package, by training algorithm."""
 
 
-EXCHANGED = (".zip", ".onnx")  # endings of the files of policies that other libraries write
+# Endings of the files of policies that other libraries write.
+EXCHANGED = (".zip", ".onnx")
 SHIPPED = "shipped"
 SHIPPED_FOLDERS = {
-    ANNOUNCED: "shipped_stopping", UNKNOWN: "shipped_rhythm", FLIGHTS: "shipped_flights", GLIDERS: "shipped_gliders",
-}  # fmt: skip
+    ANNOUNCED: "shipped_stopping",
+    UNKNOWN: "shipped_rhythm",
+    FLIGHTS: "shipped_flights",
+    GLIDERS: "shipped_gliders",
+}
 """Folders of the weights that come with the package."""
 NAMED = {
-    "shipped-threshold": (ANNOUNCED, "shipped"), "shipped-margin": (UNKNOWN, "shipped_quickest"),
-    "rhythm": (UNKNOWN, "shipped_rhythm"), "robust": (UNKNOWN, "shipped_robust"),
+    "shipped-threshold": (ANNOUNCED, "shipped"),
+    "shipped-margin": (UNKNOWN, "shipped_quickest"),
+    "rhythm": (UNKNOWN, "shipped_rhythm"),
+    "robust": (UNKNOWN, "shipped_robust"),
     "stopping": (ANNOUNCED, "shipped_stopping"),
-}  # fmt: skip
-"""Task and folder of further names: former shipped agents, 'robust', and other names of the shipped ones."""
+}
+"""Task and folder of further names: former shipped agents, 'robust', and other names of the
+shipped ones.
+"""
 
 
 def split_threshold(name: Any) -> tuple[Any, float | None]:
-    """Return the name of a decider, or the object itself, and the number after its colon or None."""
+    """Return the name of a decider, or the object itself, and the number after its colon or
+    None.
+    """
     if not isinstance(name, str):
         return name, None
     base, colon, text = name.rpartition(":")
@@ -90,7 +120,9 @@ def split_threshold(name: Any) -> tuple[Any, float | None]:
 
 
 def base_name(name: Any) -> Any:
-    """Return the name of a decider without a threshold and without one that it chooses, or the object itself."""
+    """Return the name of a decider without a threshold and without one that it chooses, or the
+    object itself.
+    """
     from agents.evaluation.chosen_threshold import chosen_rule
 
     chosen = chosen_rule(name) if isinstance(name, str) else None
@@ -98,13 +130,17 @@ def base_name(name: Any) -> Any:
 
 
 def rule_name(name: Any) -> Any:
-    """Return the name without a second threshold, as "ate" of "ate:0.001,0.01", or the object itself."""
+    """Return the name without a second threshold, as "ate" of "ate:0.001,0.01", or the object
+    itself.
+    """
     both = _two_thresholds(name) if isinstance(name, str) else None
     return name if both is None else both[0]
 
 
 def policy_folder(name: str, switches: str) -> Path:
-    """Return the folder of an agent of the package or of a run; for an empty name, one that does not exist."""
+    """Return the folder of an agent of the package or of a run; for an empty name, one that does
+    not exist.
+    """
     task, folder = NAMED.get(name, ("", ""))
     if task == switches:
         return Path(learned.__file__).parent / folder
@@ -114,12 +150,16 @@ def policy_folder(name: str, switches: str) -> Path:
 
 
 def is_own(name: Any) -> bool:
-    """Return whether a decider is an object, or the name of one in a file, module or entry point of a user."""
+    """Return whether a decider is an object, or the name of one in a file, module or entry point
+    of a user.
+    """
     return not isinstance(name, str) or find_own(name) is not None
 
 
 def is_brought(name: Any) -> bool:
-    """Return whether a decider is the folder or file of a policy, or one of a user, see `is_own`."""
+    """Return whether a decider is the folder or file of a policy, or one of a user, see
+    `is_own`.
+    """
     path = Path(name or os.devnull) if isinstance(name, str) else Path(os.devnull)
     return path.is_dir() or (path.suffix in EXCHANGED and path.is_file()) or is_own(name)
 
@@ -127,9 +167,9 @@ def is_brought(name: Any) -> bool:
 def find_family(name: Any, options: Any) -> DeciderFamily:
     """Return a decider at any threshold, for the options of an environment.
 
-    The name is that of a rule or of an agent of the package, a run folder, "mine.py:MyRule", "package.module:Rule" or
-    an entry point, without a threshold or with one that it chooses, see `chosen_rule`; or the object itself, see
-    `own_family`.
+    The name is that of a rule or of an agent of the package, a run folder, "mine.py:MyRule",
+    "package.module:Rule" or an entry point, without a threshold or with one that it chooses, see
+    `chosen_rule`; or the object itself, see `own_family`.
     """
     if not isinstance(name, str):
         return own_family(name, getattr(name, "__name__", type(name).__name__), options)
@@ -155,26 +195,41 @@ def find_family(name: Any, options: Any) -> DeciderFamily:
             return own_family(own, name, options)
         named = (one for one, (task, _) in NAMED.items() if task == options.switches)
         names = ", ".join(map(repr, (*known, SHIPPED, *named, *own_names())))
-        allowed = f"{names}, a run folder, model.zip, policy.onnx or mine.py:MyRule, and optionally ':number'"
+        allowed = (
+            f"{names}, a run folder, model.zip, policy.onnx or mine.py:MyRule, and optionally"
+            " ':number'"
+        )
         raise reject("decider", name, allowed)
     family = learned_family(folder, options)
     if name == SHIPPED or name in NAMED:
         family = dataclasses.replace(family, name=name)
     if family.hypotheses not in (None, options.hypotheses):
-        allowed = f"a policy for {options.hypotheses} hypotheses; this one is for {family.hypotheses}"
+        allowed = (
+            f"a policy for {options.hypotheses} hypotheses; this one is for {family.hypotheses}"
+        )
         raise reject("decider", name, allowed)
     return family
 
 
 def _two_thresholds(name: str) -> tuple[str, str, str] | None:
-    """Return rule, first and second threshold of "ate:0.001,0.01" or "ate:,0.01"; None for another form."""
+    """Return rule, first and second threshold of "ate:0.001,0.01" or "ate:,0.01"; None for
+    another form.
+    """
     base, colon, text = name.partition(":")
     first, comma, second = text.partition(",")
     return (base, first, second) if colon and comma and second else None
 
 
-def _family_at(rule: type[Decider], options: Any, name: str, first: str, second: str) -> DeciderFamily:
-    """Return a rule with a given second threshold: at a given first one, or at any if there is none."""
+def _family_at(
+    rule: type[Decider],
+    options: Any,
+    name: str,
+    first: str,
+    second: str,
+) -> DeciderFamily:
+    """Return a rule with a given second threshold: at a given first one, or at any if there is
+    none.
+    """
     whole = f"{name}:{first},{second}"
     if not rule.second_threshold:
         raise reject("decider", whole, f"{name!r} with one threshold at most")
@@ -194,10 +249,11 @@ def _family_at(rule: type[Decider], options: Any, name: str, first: str, second:
 
 
 def distinct_titles(names: Sequence[Any], titles: Sequence[str]) -> list[str]:
-    """Return the titles of deciders; one that is not of the package and has the title of another is called by its name.
+    """Return the titles of deciders; one that is not of the package and has the title of another
+    is called by its name.
 
-    The name is then the path of a file or folder. Raises `ArgumentError` where objects, which have no names, have equal
-    titles.
+    The name is then the path of a file or folder. Raises `ArgumentError` where objects, which have
+    no names, have equal titles.
     """
     bases = [base_name(name) for name in names]
     found = []
@@ -213,7 +269,9 @@ def distinct_titles(names: Sequence[Any], titles: Sequence[str]) -> list[str]:
 
 
 def find_decider(name: Any, options: Any) -> tuple[DeciderFamily, float]:
-    """Return the family and the threshold of "ate", "ate:1e-6", "beam:0.7", "runs/ppo" or "runs/ppo:-2"."""
+    """Return the family and the threshold of "ate", "ate:1e-6", "beam:0.7", "runs/ppo" or
+    "runs/ppo:-2".
+    """
     base, threshold = split_threshold(name)
     family = find_family(base, options)
     whole = family.symbol == "ticks"
@@ -222,12 +280,18 @@ def find_decider(name: Any, options: Any) -> tuple[DeciderFamily, float]:
     if len(family.thresholds) == 1:
         raise reject("decider", name, f"{base!r} without a threshold: it has none")
     if not np.isfinite(threshold) or (whole and threshold % 1):
-        raise reject("decider", name, f"{'a whole' if whole else 'a finite'} number after the colon")
+        raise reject(
+            "decider",
+            name,
+            f"{'a whole' if whole else 'a finite'} number after the colon",
+        )
     return family, threshold
 
 
 def load_decider(name: Any, options: Any) -> Decider:
-    """Return the decider of a name, see `find_decider`; refuse an environment without the options that it needs."""
+    """Return the decider of a name, see `find_decider`; refuse an environment without the
+    options that it needs.
+    """
     family, threshold = find_decider(name, options)
     for key, value in family.options.items():
         if str(getattr(options, key)) != str(value):
@@ -242,7 +306,8 @@ def for_actions(decider: Decider, options: Any) -> Decider:
         return decider
     space = getattr(getattr(decider, "model", None), "action_space", None)
     if space is not None and int(space.n) == options.action_count:
-        return decider  # a model of a learning library, trained with these actions
+        # A model of a learning library, trained with these actions.
+        return decider
     if actions == "types":
         return TypeDeclarations(decider, options.hypotheses)
     raise reject("actions", actions, "'all' or 'types': deciders declare hypotheses")
@@ -261,8 +326,9 @@ class ErrorArguments:
     """Flag of the commands that run deciders at one threshold each."""
 
     error: Annotated[str | None, shown_default("the usual threshold")] = None
-    """Rate to hold: '2%' of wrong decisions, or with unknown switches '2/1000', wrong changes in ticks. The
-    threshold is chosen for it by simulation, as with the name 'msprt:2%'."""
+    """Rate to hold: '2%' of wrong decisions, or with unknown switches '2/1000', wrong changes in
+    ticks. The threshold is chosen for it by simulation, as with the name 'msprt:2%'.
+    """
 
     def at_error(self, name: str) -> str:
         """Return the name of a decider with the rate that is asked for."""
@@ -271,7 +337,11 @@ class ErrorArguments:
         from agents.evaluation.chosen_threshold import RATES
 
         if not self.error.endswith(tuple(RATES.values())):
-            raise reject("error", self.error, "a rate such as '2%', or '2/1000' with unknown switches")
+            raise reject(
+                "error",
+                self.error,
+                "a rate such as '2%', or '2/1000' with unknown switches",
+            )
         if base_name(name) != name:
             raise reject("decider", name, "a name without a threshold, with --error")
         return f"{name}:{self.error}"

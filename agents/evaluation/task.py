@@ -1,4 +1,6 @@
-"""A task: what is decided, on which episodes, and what counts; and the one sweep over thresholds."""
+"""A task: what is decided, on which episodes, and what counts; and the one sweep over
+thresholds.
+"""
 
 import dataclasses
 from abc import ABC, abstractmethod
@@ -24,62 +26,88 @@ from hybrid_env.options import ModelOptions
 from hybrid_env.registration import make_track_vector_env
 from hybrid_env.rendering.history import History
 
-FIGURE_SIZE = (13.0, 5.2)  # of the figure of a comparison [in]
+# Of the figure of a comparison [in].
+FIGURE_SIZE = (13.0, 5.2)
 Levels = dict[tuple[str, ...], "Metric"]
 """Figures of whole operating curves, by their keys in JSON from the outermost on."""
-OnProgress = Callable[[float], None]  # called with the finished share
+# Called with the finished share.
+OnProgress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
 class Metric:
     """A figure of a decider at one threshold, as a column of tables."""
 
-    name: str  # key in JSON
-    head: str  # heading, with the unit
+    # Key in JSON.
+    name: str
+    # Heading, with the unit.
+    head: str
     statistic: Statistic
-    digits: int  # after the decimal point
-    scale: float = 1.0  # factor on the figure in tables
+    # After the decimal point.
+    digits: int
+    # Factor on the figure in tables.
+    scale: float = 1.0
 
 
 @dataclass(frozen=True)
 class Wording:
     """What a learning curve shows of an agent, and of the classical rule beside it."""
 
-    key: str  # of the reward of the rule in the metrics, without prefix
-    rule: str  # name of the rule in figures
-    sentence: str  # name of the rule in a sentence
-    unit: str  # what a mean reward is the mean of
-    measured: tuple[str, ...]  # names of other metrics of the agent
-    text: str  # these metrics as text, a format string
+    # Of the reward of the rule in the metrics, without prefix.
+    key: str
+    # Name of the rule in figures.
+    rule: str
+    # Name of the rule in a sentence.
+    sentence: str
+    # What a mean reward is the mean of.
+    unit: str
+    # Names of other metrics of the agent.
+    measured: tuple[str, ...]
+    # These metrics as text, a format string.
+    text: str
 
 
 @dataclass(frozen=True)
 class Recorded:
     """What one decider did on E episodes."""
 
-    figures: FloatArray  # (E, F) figures of each episode, see `Task.columns`
-    samples: Mapping[str, NDArray[Any]]  # values of which quantiles or counts are taken, by name
+    # (E, F) figures of each episode, see `Task.columns`
+    figures: FloatArray
+    # Values of which quantiles or counts are taken, by name.
+    samples: Mapping[str, NDArray[Any]]
 
 
 @dataclass(frozen=True)
 class Task(ABC):
     """What is decided, in which environment, and what counts."""
 
-    env_id: str  # registered id of the environment
-    given: Mapping[str, Any]  # keyword arguments of the environment, which override those of the id
+    # Registered id of the environment.
+    env_id: str
+    # Keyword arguments of the environment, which override those of the id.
+    given: Mapping[str, Any]
 
-    switches: ClassVar[str]  # task of the deciders, see `baselines.rules.decider`
-    waits: ClassVar[bool] = False  # whether action 0 waits, and others declare hypotheses
-    columns: ClassVar[tuple[str, ...]]  # names of the figures of an episode
-    metrics: ClassVar[tuple[Metric, ...]]  # figures of a decider at one threshold, in the order of tables
-    further: ClassVar[Mapping[str, Statistic]] = {}  # other figures at one threshold, for JSON
-    goal: ClassVar[str] = "reward"  # figure that thresholds are selected for
+    # Task of the deciders, see `baselines.rules.decider`.
+    switches: ClassVar[str]
+    # Whether action 0 waits, and others declare hypotheses.
+    waits: ClassVar[bool] = False
+    # Names of the figures of an episode.
+    columns: ClassVar[tuple[str, ...]]
+    # Figures of a decider at one threshold, in the order of tables.
+    metrics: ClassVar[tuple[Metric, ...]]
+    # Other figures at one threshold, for JSON.
+    further: ClassVar[Mapping[str, Statistic]] = {}
+    # Figure that thresholds are selected for.
+    goal: ClassVar[str] = "reward"
     figure_note: ClassVar[str] = "Filled markers: thresholds selected on other episodes."
-    notes: ClassVar[str] = ""  # lines that explain the metrics below a table
-    paired: ClassVar[str]  # how `against` compares, as a word for headings
-    reference: ClassVar[str]  # name of the rule that others are compared with
-    wording: ClassVar[Wording]  # of the learning curve of an agent
-    # episodes, selection_episodes: default numbers
+    # Lines that explain the metrics below a table.
+    notes: ClassVar[str] = ""
+    # How `against` compares, as a word for headings.
+    paired: ClassVar[str]
+    # Name of the rule that others are compared with.
+    reference: ClassVar[str]
+    # Of the learning curve of an agent.
+    wording: ClassVar[Wording]
+    # Episodes, selection_episodes: default numbers.
     episodes: ClassVar[int]
     selection_episodes: ClassVar[int]
 
@@ -109,7 +137,9 @@ class Task(ABC):
 
     @abstractmethod
     def shifted(self) -> dict[str, dict[str, Any]]:
-        """Return name and changed options of the environments of a distribution shift, the nominal one first."""
+        """Return name and changed options of the environments of a distribution shift, the
+        nominal one first.
+        """
 
     def changed(self, changes: Mapping[str, Any]) -> Self:
         """Return the task with some other options."""
@@ -147,21 +177,39 @@ class Task(ABC):
 
     @abstractmethod
     def record(
-        self, deciders: Sequence[Any], changes: Mapping[str, Any], episodes: int, seed: int, on_progress: OnProgress
+        self,
+        deciders: Sequence[Any],
+        changes: Mapping[str, Any],
+        episodes: int,
+        seed: int,
+        on_progress: OnProgress,
     ) -> list[Recorded]:
-        """Roll a rule at different thresholds out on at most `batch` episodes; `changes` are options it needs."""
+        """Roll a rule at different thresholds out on at most `batch` episodes; `changes` are
+        options it needs.
+        """
 
     @abstractmethod
     def extra(self, samples: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-        """Return arrays by name for `Scores.extra`, from the samples of all episodes at one threshold."""
+        """Return arrays by name for `Scores.extra`, from the samples of all episodes at one
+        threshold.
+        """
 
     @abstractmethod
     def levels(self, reference: Scores, default: float) -> Levels:
-        """Return figures of whole operating curves, from the scores of the reference and its default threshold."""
+        """Return figures of whole operating curves, from the scores of the reference and its
+        default threshold.
+        """
 
     @abstractmethod
-    def against(self, mine: Selected, reference: Selected, curves: bool) -> dict[str, dict[str, Estimate]]:
-        """Return paired figures of a decider and the reference by keys in JSON; `curves`: at all thresholds."""
+    def against(
+        self,
+        mine: Selected,
+        reference: Selected,
+        curves: bool,
+    ) -> dict[str, dict[str, Estimate]]:
+        """Return paired figures of a decider and the reference by keys in JSON; `curves`: at all
+        thresholds.
+        """
 
     @abstractmethod
     def panels(self, groups: Groups) -> list[Panel]:
@@ -185,10 +233,14 @@ class Task(ABC):
 
     @abstractmethod
     def track_record(self, history: History, **common: Any) -> TrackRecord:
-        """Return what was declared or stated in an episode, for a figure; `common` has the other attributes."""
+        """Return what was declared or stated in an episode, for a figure; `common` has the other
+        attributes.
+        """
 
     def remarks(self, episodes: int, seed: int) -> dict[str, Any]:
-        """Return what else a comparison tells of the episodes, as plain values by their keys in JSON."""
+        """Return what else a comparison tells of the episodes, as plain values by their keys in
+        JSON.
+        """
         return {}
 
     def further_tables(self, scores: Sequence[Scores], remarks: Mapping[str, Any]) -> list[Table]:
@@ -205,20 +257,27 @@ class Task(ABC):
 
 
 def sweep(
-    task: Task, family: DeciderFamily, episodes: int, seed: int, on_progress: OnProgress = lambda share: None,
+    task: Task,
+    family: DeciderFamily,
+    episodes: int,
+    seed: int,
+    on_progress: OnProgress = lambda share: None,
     thresholds: Sequence[float] | None = None,
-) -> Scores:  # fmt: skip
+) -> Scores:
     """Return the scores of a decider at each threshold, or at those given, on the same episodes.
 
-    Episodes have consecutive seeds and are rolled out in batches. `on_progress` is called with the finished share.
+    Episodes have consecutive seeds and are rolled out in batches. `on_progress` is called with the
+    finished share.
     """
     task.check_episodes("episodes", episodes)
     used = family.thresholds if thresholds is None else tuple(thresholds)
     deciders = [family.make(threshold) for threshold in used]
     together = len(deciders) > 1 and as_decider(deciders[0]).together(deciders[:1]) is not None
     groups = [deciders] if together else [[decider] for decider in deciders]
-    size, total = task.batch(), episodes * len(deciders)
-    found: list[list[Recorded]] = []  # in each batch at every threshold
+    size = task.batch()
+    total = episodes * len(deciders)
+    # In each batch at every threshold.
+    found: list[list[Recorded]] = []
     done = 0
     for first in range(0, episodes, size):
         count = min(size, episodes - first)
@@ -235,12 +294,25 @@ def sweep(
 
 
 def gather(
-    task: Task, family: DeciderFamily, thresholds: tuple[float, ...], found: Sequence[Sequence[Recorded]]
+    task: Task,
+    family: DeciderFamily,
+    thresholds: tuple[float, ...],
+    found: Sequence[Sequence[Recorded]],
 ) -> Scores:
-    """Return the scores of a decider from what was recorded in several batches at every threshold."""
-    values = np.stack([np.concatenate([part.figures for part in parts]) for parts in found], axis=-1)
+    """Return the scores of a decider from what was recorded in several batches at every
+    threshold.
+    """
+    values = np.stack(
+        [np.concatenate([part.figures for part in parts]) for parts in found],
+        axis=-1,
+    )
     extra = [
-        task.extra({name: np.concatenate([part.samples[name] for part in parts]) for name in parts[0].samples})
+        task.extra(
+            {
+                name: np.concatenate([part.samples[name] for part in parts])
+                for name in parts[0].samples
+            }
+        )
         for parts in found
     ]
     stacked = {name: np.stack([one[name] for one in extra]) for name in extra[0]}

@@ -10,8 +10,10 @@ from baselines.rules.decider import ANNOUNCED, UNKNOWN
 from hybrid_env.registration import environment_options
 
 TASKS: tuple[type[Task], ...] = (AnnouncedTask, UnknownTask)
-# three hypotheses and 21 of the published bank, and three with unknown switches
-THREE, BANK, QUICKEST = (f"hybrid_env:HybridTrack{part}-v0" for part in ("Published", "PublishedBank", "Quickest"))
+# Three hypotheses and 21 of the published bank, and three with unknown switches.
+THREE, BANK, QUICKEST = (
+    f"hybrid_env:HybridTrack{part}-v0" for part in ("Published", "PublishedBank", "Quickest")
+)
 ENVIRONMENTS = {ANNOUNCED: THREE, UNKNOWN: QUICKEST}
 
 

@@ -13,47 +13,76 @@ from hybrid_env.options import WorldOptions
 from hybrid_env.scheme import RandomScheme
 
 NOMINAL = "nominal"
-BEYOND = 2.0  # factor of the ranges of worlds for evaluation, at both ends
+# Factor of the ranges of worlds for evaluation, at both ends.
+BEYOND = 2.0
 
-LENGTH_UNITS = (0.03, 1000.0)  # standard deviation of a measurement [m], where units are drawn
-TICKS = (0.01, 60.0)  # length of a tick [s], likewise
-MOTION = (0.08, 8.0)  # distance per tick over the deviation of a measurement
-TURN = (0.012, 0.25)  # turn angle per tick of the smallest radius [rad]
-WIDEST_BANK = 25.0  # largest over smallest radius
-PROCESS = (0.003, 0.06)  # deviation of process noise per tick over the speed
+# Standard deviation of a measurement [m], where units are drawn.
+LENGTH_UNITS = (0.03, 1000.0)
+# Length of a tick [s], likewise.
+TICKS = (0.01, 60.0)
+# Distance per tick over the deviation of a measurement.
+MOTION = (0.08, 8.0)
+# Turn angle per tick of the smallest radius [rad].
+TURN = (0.012, 0.25)
+# Largest over smallest radius.
+WIDEST_BANK = 25.0
+# Deviation of process noise per tick over the speed.
+PROCESS = (0.003, 0.06)
 MOST_OUTLIERS = 0.1
-HEAVY_TAILS = 0.3  # share of worlds whose noise is stable or Student's t
+# Share of worlds whose noise is stable or Student's t.
+HEAVY_TAILS = 0.3
 LEVY_INDICES = (1.2, 1.9)
-LEVY_SCALES = (0.5, 1.2)  # over the assumed standard deviation
+# Over the assumed standard deviation.
+LEVY_SCALES = (0.5, 1.2)
 LEVY_CLIPS = (10.0, 1000.0)
 FREEDOMS = (1.5, 8.0)
-LARGEST_AXIS_RATIO = 20.0  # measurement variance of one axis over that of the other
-SHORTEST = (20, 100)  # ticks of the shortest segment
+# Measurement variance of one axis over that of the other.
+LARGEST_AXIS_RATIO = 20.0
+# Ticks of the shortest segment.
+SHORTEST = (20, 100)
 LONGEST_OVER_SHORTEST = 2.5
-LEAST_DEVIATION = 3.0  # of the widest turn from a straight line after half a segment, over sqrt(R)
+# Of the widest turn from a straight line after half a segment, over sqrt(R).
+LEAST_DEVIATION = 3.0
 BANKS = (
-    ("published", "declared"), ("anchor_aware", "declared"), ("published", "bank"), ("anchor_aware", "bank"),
-)  # fmt: skip
+    ("published", "declared"),
+    ("anchor_aware", "declared"),
+    ("published", "bank"),
+    ("anchor_aware", "bank"),
+)
 SHARES = (0.55, 0.2, 0.1, 0.15)
 
 LAWS = (
-    "uniform 40-45", "uniform 63-67", "uniform 90-100", "uniform 30-60", "60 + geometric 20", "uniform 150-170",
-    "uniform 28-32 or uniform 75-85", "uniform 50-53 or 20 + geometric 60",
-    "straight uniform 90-100, turns uniform 40-44", "straight 25 + geometric 50, turns uniform 50-54",
-)  # fmt: skip
+    "uniform 40-45",
+    "uniform 63-67",
+    "uniform 90-100",
+    "uniform 30-60",
+    "60 + geometric 20",
+    "uniform 150-170",
+    "uniform 28-32 or uniform 75-85",
+    "uniform 50-53 or 20 + geometric 60",
+    "straight uniform 90-100, turns uniform 40-44",
+    "straight 25 + geometric 50, turns uniform 50-54",
+)
 RHYTHMS: dict[str, dict[str, Any]] = {
     NOMINAL: {},
     **{law: {"durations": law} for law in LAWS},
     "nominal, cycle": {"order": "cycle"},
     "uniform 55-60, habits": {"durations": "uniform 55-60", "order": "0 0.9 0.1, 0.2 0 0.8, 1 0 0"},
 }
-"""Habits of an object whose switches are unknown. The adaptive beam has none of these laws in its prior."""
+"""Habits of an object whose switches are unknown. The adaptive beam has none of these laws in
+its prior.
+"""
 
 
 def shifted_worlds(world: WorldOptions) -> dict[str, dict[str, Any]]:
-    """Return name and changed options of the environments around the nominal one, the nominal one first."""
-    R, Q = np.asarray(world.measurement_variance), world.process_variance
-    position, velocity = world.initial_error if isinstance(world.initial_error, tuple) else (0.0, 0.0)
+    """Return name and changed options of the environments around the nominal one, the nominal
+    one first.
+    """
+    R = np.asarray(world.measurement_variance)
+    Q = world.process_variance
+    position, velocity = (
+        world.initial_error if isinstance(world.initial_error, tuple) else (0.0, 0.0)
+    )
     mean = float(np.exp(np.log(R).mean()))
     shifts: dict[str, dict[str, Any]] = {
         NOMINAL: {},
@@ -78,11 +107,18 @@ def shifted_worlds(world: WorldOptions) -> dict[str, dict[str, Any]]:
     }
     if isinstance(world.scheme, RandomScheme) and world.scheme.radii is None:
         segments, (short, long) = world.scheme.segments, world.scheme.lengths
-        for name, factor in (("half the radii", 0.5), ("twice the radii", 2.0), ("2.4 times the radii", 2.4)):
+        for name, factor in (
+            ("half the radii", 0.5),
+            ("twice the radii", 2.0),
+            ("2.4 times the radii", 2.4),
+        ):
             shifts[name] = {"radii": tuple(radius * factor for radius in world.radii)}
         two = tuple(sorted({factor * radius for radius in world.radii for factor in (0.8, 1.8)}))
         shifts["two radii for each"] = {"radii": two}
-        for name, factor in (("half the length", 0.5), ("twice the length", 2.0)):
+        for name, factor in (
+            ("half the length", 0.5),
+            ("twice the length", 2.0),
+        ):
             lengths = max(1, round(short * factor)), max(1, round(long * factor))
             shifts[name] = {"scheme": f"random {segments}x{lengths[0]}-{lengths[1]}"}
     return shifts
@@ -99,23 +135,29 @@ def _log_uniform(generator: Generator, limits: tuple[float, float], beyond: floa
 
 
 def draw_world(generator: Generator, radii_count: int, beyond: float = 1.0) -> dict[str, Any]:
-    """Return options of a random world, with ranges that are wider by a factor `beyond` at both ends.
+    """Return options of a random world, with ranges that are wider by a factor `beyond` at both
+    ends.
 
-    Half of the worlds have the tick and the speed of HybridTrack-v0, because the published reset of the covariance
-    to the identity depends on the units. In each, some properties differ from their usual values.
+    Half of the worlds have the tick and the speed of HybridTrack-v0, because the published reset of
+    the covariance to the identity depends on the units. In each, some properties differ from their
+    usual values.
     """
     drawn = round(_log_uniform(generator, SHORTEST, beyond))
     shortest = drawn if generator.random() < 0.6 else 50
     longest = round(shortest * generator.uniform(1.0, LONGEST_OVER_SHORTEST))
     spread = _log_uniform(generator, (1.5, WIDEST_BANK), beyond) if radii_count > 1 else 1.0
-    motion, turn = 0.0, 0.0
+    motion = 0.0
+    turn = 0.0
     while motion * turn / spread * (shortest + longest) ** 2 / 32.0 < LEAST_DEVIATION:
-        motion, turn = _log_uniform(generator, MOTION, beyond), _log_uniform(generator, TURN, beyond)
-    tau, deviation = 0.1, 0.0
+        motion = _log_uniform(generator, MOTION, beyond)
+        turn = _log_uniform(generator, TURN, beyond)
+    tau = 0.1
+    deviation = 0.0
     if generator.random() < 0.5:
         deviation = 0.2 / motion
     else:
-        tau, deviation = _log_uniform(generator, TICKS), _log_uniform(generator, LENGTH_UNITS)
+        tau = _log_uniform(generator, TICKS)
+        deviation = _log_uniform(generator, LENGTH_UNITS)
     speed = motion * deviation / tau
     smallest = speed * tau / turn
     spaced = np.linspace if generator.random() < 0.5 else np.geomspace
@@ -128,24 +170,36 @@ def draw_world(generator: Generator, radii_count: int, beyond: float = 1.0) -> d
     outliers = generator.random() < 0.35
     law = f"outliers {generator.uniform(0.0, beyond * MOST_OUTLIERS)}" if outliers else "gaussian"
     world = {
-        "scheme": f"random 6x{shortest}-{longest}", "radii": tuple(radii.tolist()), "speed": speed, "tau": tau,
-        "process_variance": (noise * speed) ** 2, "measurement_variance": (deviation**2 * axes, deviation**2 / axes),
-        "noise": law, "initial_error": (_log_uniform(generator, (0.05, 5.0)), velocity**2), "bank": bank,
-        "follow": follow, "correctness": "type" if radii_count > 1 and generator.random() < 0.6 else "exact",
-    }  # fmt: skip
-    return world | ({"noise": _draw_heavy_tails(generator)} if generator.random() < HEAVY_TAILS else {})
+        "scheme": f"random 6x{shortest}-{longest}",
+        "radii": tuple(radii.tolist()),
+        "speed": speed,
+        "tau": tau,
+        "process_variance": (noise * speed) ** 2,
+        "measurement_variance": (deviation**2 * axes, deviation**2 / axes),
+        "noise": law,
+        "initial_error": (_log_uniform(generator, (0.05, 5.0)), velocity**2),
+        "bank": bank,
+        "follow": follow,
+        "correctness": "type" if radii_count > 1 and generator.random() < 0.6 else "exact",
+    }
+    return world | (
+        {"noise": _draw_heavy_tails(generator)} if generator.random() < HEAVY_TAILS else {}
+    )
 
 
 def _draw_heavy_tails(generator: Generator) -> str:
     """Return a law of the measurement noise with heavy tails, stable or Student's t."""
     if generator.random() < 0.7:
-        index, scale = generator.uniform(*LEVY_INDICES), _log_uniform(generator, LEVY_SCALES)
+        index = generator.uniform(*LEVY_INDICES)
+        scale = _log_uniform(generator, LEVY_SCALES)
         return f"levy {index:.6g} {scale:.6g} {_log_uniform(generator, LEVY_CLIPS):.6g}"
     return f"student_t {_log_uniform(generator, FREEDOMS):.6g}"
 
 
 def draw_worlds(count: int, seed: int) -> dict[str, dict[str, Any]]:
-    """Return name and options of random worlds with 3, 7 or 21 hypotheses, from wider ranges than in training."""
+    """Return name and options of random worlds with 3, 7 or 21 hypotheses, from wider ranges
+    than in training.
+    """
     generators = [np.random.default_rng(seed + k) for k in range(count)]
     return {
         f"random world {k}": draw_world(one, int(one.choice([1, 3, 10], p=[0.6, 0.2, 0.2])), BEYOND)

@@ -1,1 +1,3 @@
-"""What the figures of all studies have in common. They are drawn from plain data, not from results."""
+"""What the figures of all studies have in common. They are drawn from plain data, not from
+results.
+"""

@@ -18,8 +18,14 @@ def new_canvas(size: tuple[float, float]) -> Figure:
     return canvas
 
 
-def paper_figure(title: str, size: tuple[float, float], widths: Sequence[float]) -> tuple[Figure, Any]:
-    """Return a figure of a paper, of width and height [in], with axes of relative widths in a row."""
+def paper_figure(
+    title: str,
+    size: tuple[float, float],
+    widths: Sequence[float],
+) -> tuple[Figure, Any]:
+    """Return a figure of a paper, of width and height [in], with axes of relative widths in a
+    row.
+    """
     figure = new_canvas(size)
     figure.suptitle(title)
     return figure, figure.subplots(1, len(widths), width_ratios=widths)

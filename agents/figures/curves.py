@@ -20,16 +20,22 @@ from hybrid_env.checks import FloatArray
 class Curve:
     """One curve."""
 
-    name: str  # in the legend; one of its style, if it is in several panels
-    style: DeciderStyle  # colour and marker
-    # x, y: (K,) points; estimates have bars
+    # In the legend; one of its style, if it is in several panels.
+    name: str
+    # Colour and marker.
+    style: DeciderStyle
+    # x, y: (K,) points; estimates have bars.
     x: ArrayLike
     y: ArrayLike | Sequence[Estimate]
-    bounds: FloatArray | None = None  # (2, K) lower and upper bound of y, drawn as a band
-    selected: ArrayLike = ()  # (n, 2) points with large filled markers
-    size: float = 4.5  # of the markers [pt], 0 for none
-    filled: bool = False  # whether the markers are filled
-    # width, dashes: width [pt] and dashes of the line
+    # (2, K) lower and upper bound of y, drawn as a band.
+    bounds: FloatArray | None = None
+    # (n, 2) points with large filled markers.
+    selected: ArrayLike = ()
+    # Of the markers [pt], 0 for none.
+    size: float = 4.5
+    # Whether the markers are filled.
+    filled: bool = False
+    # Width, dashes: width [pt] and dashes of the line.
     width: float = 1.4
     dashes: str = "-"
 
@@ -39,34 +45,47 @@ class Axis:
     """One axis of a panel."""
 
     label: str = ""
-    limits: tuple[float, float] | None = None  # first and last value; None fits the data
-    ticks: Mapping[float, str] | None = None  # their labels by value; None chooses them
-    log: bool = False  # whether the scale is logarithmic
-    levels: tuple[float, ...] = ()  # values that are marked by dashed lines
+    # First and last value; None fits the data.
+    limits: tuple[float, float] | None = None
+    # Their labels by value; None chooses them.
+    ticks: Mapping[float, str] | None = None
+    # Whether the scale is logarithmic.
+    log: bool = False
+    # Values that are marked by dashed lines.
+    levels: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
 class Panel:
     """One panel."""
 
-    title: str  # above it
+    # Above it.
+    title: str
     x: Axis
     y: Axis
-    curves: Sequence[Curve]  # in drawing order
+    # In drawing order.
+    curves: Sequence[Curve]
 
 
 def error_bars(estimates: Sequence[Estimate]) -> FloatArray:
-    """Return the lengths (2, K) of the bars below and above estimates, down and up to their bounds."""
+    """Return the lengths (2, K) of the bars below and above estimates, down and up to their
+    bounds.
+    """
     found = [[one.value - one.low, one.high - one.value] for one in estimates]
     return np.array(found, np.float64).reshape(-1, 2).T
 
 
 def curve_figure(
-    rows: Sequence[Sequence[Panel]], size: tuple[float, float], title: str = "", note: str = "", **sharing: Any
+    rows: Sequence[Sequence[Panel]],
+    size: tuple[float, float],
+    title: str = "",
+    note: str = "",
+    **sharing: Any,
 ) -> Figure:
     """Draw rows of panels with curves, width and height in inches.
 
-    `title` and `note` stand above and below all panels; `sharing` has `sharex` and `sharey` of `Figure.subplots`.
+    `title` and `note` stand above and below all panels; `sharing` has `sharex` and `sharey` of
+    `Figure.subplots`.
     """
     canvas = new_canvas(size)
     grid = canvas.subplots(len(rows), len(rows[0]), squeeze=False, **sharing)
@@ -88,7 +107,10 @@ def _draw_panel(axes: Any, panel: Panel) -> None:
     for curve in panel.curves:
         _draw_curve(axes, curve)
     plain_axes(axes, panel.x.label, panel.y.label)
-    for name, axis, draw_level in (("x", panel.x, axes.axvline), ("y", panel.y, axes.axhline)):
+    for name, axis, draw_level in (
+        ("x", panel.x, axes.axvline),
+        ("y", panel.y, axes.axhline),
+    ):
         if axis.log:
             axes.set(**{f"{name}scale": "log"})
         if axis.ticks is not None:
@@ -98,7 +120,13 @@ def _draw_panel(axes: Any, panel: Panel) -> None:
         if axis.limits is not None:
             axes.set(**{f"{name}lim": axis.limits})
         for level in axis.levels:
-            draw_level(level, color="0.75", linewidth=0.8, linestyle="--", zorder=0)
+            draw_level(
+                level,
+                color="0.75",
+                linewidth=0.8,
+                linestyle="--",
+                zorder=0,
+            )
 
 
 def _draw_curve(axes: Any, curve: Curve) -> None:
@@ -111,8 +139,22 @@ def _draw_curve(axes: Any, curve: Curve) -> None:
         axes.errorbar(curve.x, values, error_bars(y), color=colour, linestyle="none", linewidth=1)
     hollow = {} if curve.filled else {"markerfacecolor": "white", "markeredgewidth": 0.9}
     axes.plot(
-        curve.x, values, color=colour, marker=marker if curve.size else None, markersize=curve.size,
-        linewidth=curve.width, linestyle=curve.dashes, label=curve.name.replace("$", r"\$"), **hollow,
-    )  # fmt: skip
+        curve.x,
+        values,
+        color=colour,
+        marker=marker if curve.size else None,
+        markersize=curve.size,
+        linewidth=curve.width,
+        linestyle=curve.dashes,
+        label=curve.name.replace("$", r"\$"),
+        **hollow,
+    )
     for point in np.reshape(curve.selected, (-1, 2)):
-        axes.plot(*point, linestyle="none", color=colour, marker=marker, markersize=8, zorder=5)
+        axes.plot(
+            *point,
+            linestyle="none",
+            color=colour,
+            marker=marker,
+            markersize=8,
+            zorder=5,
+        )

@@ -1,8 +1,8 @@
 """The colour and the marker of each decider, the same in every figure.
 
-The palette contains purples, pinks, yellows, greys, two greens and one dark blue. It stays apart from the
-colours of the motion modes (`hybrid_env.rendering.evidence`), and its colours stay apart from each other with
-red-green colour blindness.
+The palette contains purples, pinks, yellows, greys, two greens and one dark blue. It stays apart
+from the colours of the motion modes (`hybrid_env.rendering.evidence`), and its colours stay apart
+from each other with red-green colour blindness.
 """
 
 import functools
@@ -20,8 +20,10 @@ SEED_SUFFIX = r"[ -]seed ?\d+$"
 class DeciderStyle:
     """Appearance of a decider in figures."""
 
-    colour: str  # "#rrggbb"
-    marker: str  # a Matplotlib marker
+    # "#rrggbb"
+    colour: str
+    # A Matplotlib marker.
+    marker: str
 
 
 AGENT_STYLES = {
@@ -49,15 +51,17 @@ def rule_styles() -> dict[str, DeciderStyle]:
 
 
 def name_without_seed(name: str) -> str:
-    """Name of a decider without the seed of its training: "ppo seed 1" and "ppo-seed1" become "ppo"."""
+    """Name of a decider without the seed of its training: "ppo seed 1" and "ppo-seed1" become
+    "ppo".
+    """
     return re.sub(SEED_SUFFIX, "", name)
 
 
 def decider_style(name: str) -> DeciderStyle:
     """Style of one decider by its name in tables.
 
-    Training seeds of one recipe share a style, and so do default run folders ("HybridTrack-v0-ppo-seed0") with their
-    recipe. An unknown name always gets the same style.
+    Training seeds of one recipe share a style, and so do default run folders
+    ("HybridTrack-v0-ppo-seed0") with their recipe. An unknown name always gets the same style.
     """
     recipe = re.sub(r"^.*-v\d+-", "", name_without_seed(name))
     known = AGENT_STYLES | rule_styles()
@@ -67,8 +71,8 @@ def decider_style(name: str) -> DeciderStyle:
 def decider_styles(names: Iterable[str]) -> dict[str, DeciderStyle]:
     """Styles of the deciders of one figure.
 
-    Each decider has its style of `decider_style`. Where an earlier name has the same style, the next free one
-    of `FURTHER_STYLES` is used instead.
+    Each decider has its style of `decider_style`. Where an earlier name has the same style, the
+    next free one of `FURTHER_STYLES` is used instead.
     """
     styles: dict[str, DeciderStyle] = {}
     for name in names:
@@ -76,6 +80,9 @@ def decider_styles(names: Iterable[str]) -> dict[str, DeciderStyle]:
         free = [further for further in FURTHER_STYLES if further not in styles.values()]
         if style in styles.values() and free:
             start = zlib.crc32(name.encode()) % len(FURTHER_STYLES)
-            style = next((further for further in FURTHER_STYLES[start:] if further in free), free[0])
+            style = next(
+                (further for further in FURTHER_STYLES[start:] if further in free),
+                free[0],
+            )
         styles[name] = style
     return styles

@@ -1,4 +1,6 @@
-"""A track in the plane by its modes, and modes over time as bars: the true ones and those of deciders."""
+"""A track in the plane by its modes, and modes over time as bars: the true ones and those of
+deciders.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,28 +19,49 @@ from agents.figures.decider_colours import decider_styles
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.rendering.evidence import TYPE_COLOURS, mode_colour, mode_name, shade
 
-UNDECIDED, NO_BAR = -1, -2  # in place of a mode at ticks before a declaration, and at those that are not drawn
+# In place of a mode at ticks before a declaration, and at those that are not drawn.
+UNDECIDED, NO_BAR = -1, -2
 UNDECIDED_COLOUR = "0.92"
 WRONG_HATCH = "xxx"
-NAME_LENGTH = 0.009  # of a character, as a share of the time axis
+# Of a character, as a share of the time axis.
+NAME_LENGTH = 0.009
 
-MARKER_SIZES = (12.0, 7.0)  # of the first and of the second decider, whose changes may coincide
+# Of the first and of the second decider, whose changes may coincide.
+MARKER_SIZES = (12.0, 7.0)
 UNSCORED = "#c8c8c8"
 LABEL_WIDTH, STATED_WIDTH = 6.0, 1.6
 
 
 def runs(values: IntArray, breaks: ArrayLike = ()) -> list[tuple[int, int, int]]:
-    """Return (first index, index after the last, value) of each run of equal values between two breaks."""
-    begins = np.union1d(np.flatnonzero(np.diff(values, prepend=values[0] - 1)), breaks).astype(np.int64)
-    return list(zip(begins.tolist(), [*begins[1:].tolist(), len(values)], values[begins].tolist(), strict=True))
+    """Return (first index, index after the last, value) of each run of equal values between two
+    breaks.
+    """
+    begins = np.union1d(np.flatnonzero(np.diff(values, prepend=values[0] - 1)), breaks).astype(
+        np.int64
+    )
+    return list(
+        zip(
+            begins.tolist(),
+            [*begins[1:].tolist(), len(values)],
+            values[begins].tolist(),
+            strict=True,
+        )
+    )
 
 
 def draw_by_mode(
-    axes: Any, points: FloatArray, modes: IntArray, colours: Sequence[str],
-    pieces: Sequence[tuple[int, int]] | None = None, **style: Any,
-) -> None:  # fmt: skip
-    """Draw a line through the points (T, 2) of each piece, or of all, in the colour of the mode of each point."""
-    lines, shades = [], []
+    axes: Any,
+    points: FloatArray,
+    modes: IntArray,
+    colours: Sequence[str],
+    pieces: Sequence[tuple[int, int]] | None = None,
+    **style: Any,
+) -> None:
+    """Draw a line through the points (T, 2) of each piece, or of all, in the colour of the mode
+    of each point.
+    """
+    lines = []
+    shades = []
     for first, end in [(0, len(modes))] if pieces is None else pieces:
         for begin, stop, mode in runs(modes[first:end]):
             lines.append(points[max(first + begin - 1, first) : first + stop])
@@ -51,49 +74,99 @@ def draw_by_mode(
 class TrackRecord:
     """What a decider declared or stated on a track of T ticks."""
 
-    name: str  # of the decider
-    truth: FloatArray  # (T, 2) positions [m]
-    measurements: FloatArray  # likewise
-    true_modes: IntArray  # (T,) true mode of each tick
-    modes: IntArray  # (T,) declared or stated mode of each tick, `UNDECIDED` before a declaration
-    right: BoolArray  # (T,) whether the decision of the tick, or of its segment, is right
-    marks: IntArray  # (n,) 0-based ticks at which a mode is declared, or the statement changes
-    switches: IntArray  # (K,) 0-based first tick of each segment if the switches are announced, else empty
-    estimates: FloatArray  # (T, 2) estimated positions [m]
-    summary: str  # figures of the decider on this track
+    # Of the decider.
+    name: str
+    # (T, 2) positions [m]
+    truth: FloatArray
+    # Likewise.
+    measurements: FloatArray
+    # (T,) true mode of each tick.
+    true_modes: IntArray
+    # (T,) declared or stated mode of each tick, `UNDECIDED` before a declaration.
+    modes: IntArray
+    # (T,) whether the decision of the tick, or of its segment, is right.
+    right: BoolArray
+    # (n,) 0-based ticks at which a mode is declared, or the statement changes.
+    marks: IntArray
+    # (K,) 0-based first tick of each segment if the switches are announced, else empty.
+    switches: IntArray
+    # (T, 2) estimated positions [m]
+    estimates: FloatArray
+    # Figures of the decider on this track.
+    summary: str
 
 
 def track_figure(records: Sequence[TrackRecord], radii: Sequence[float], title: str) -> Figure:
-    """The track by its modes, estimates and decisions of one or two deciders, and their modes over time; radii in m."""
+    """The track by its modes, estimates and decisions of one or two deciders, and their modes
+    over time; radii in m.
+    """
     canvas = new_canvas((12, 8))
     track, timeline = canvas.subplots(2, 1, height_ratios=(3, 0.5 + 0.3 * len(records)))
-    first, modes = records[0], range(2 * len(radii) + 1)
+    first = records[0]
+    modes = range(2 * len(radii) + 1)
     rows = {"true mode": first.true_modes} | {record.name: record.modes for record in records}
     wrong = {record.name: ~record.right & (record.modes != UNDECIDED) for record in records}
     colours, names = ([of(mode, radii) for mode in modes] for of in (mode_colour, mode_name))
     draw_timelines(
-        timeline, np.arange(len(first.truth) + 1), rows, colours, "tick of the episode", wrong=wrong,
-        breaks=first.switches, names=names, edge_width=0.5,
-    )  # fmt: skip
-    undecided = [Patch(color=UNDECIDED_COLOUR, label="before the decision (ticks)")] * (len(first.switches) > 0)
+        timeline,
+        np.arange(len(first.truth) + 1),
+        rows,
+        colours,
+        "tick of the episode",
+        wrong=wrong,
+        breaks=first.switches,
+        names=names,
+        edge_width=0.5,
+    )
+    undecided = [Patch(color=UNDECIDED_COLOUR, label="before the decision (ticks)")] * (
+        len(first.switches) > 0
+    )
     legend_beside(timeline, handles=[*undecided, wrong_patch("wrong mode")])
     draw_by_mode(track, first.truth, first.true_modes, colours, linewidths=5, alpha=0.4, zorder=1)
-    handles = track.plot(*first.measurements[::4].T, ".", color=GREY, markersize=2.5, label="every fourth measurement")
+    handles = track.plot(
+        *first.measurements[::4].T,
+        ".",
+        color=GREY,
+        markersize=2.5,
+        label="every fourth measurement",
+    )
     if undecided:
         switches = first.truth[first.switches].T
-        handles += track.plot(*switches, "|", color=DARK_GREY, markersize=12, zorder=4, label="mode switch")
+        handles += track.plot(
+            *switches,
+            "|",
+            color=DARK_GREY,
+            markersize=12,
+            zorder=4,
+            label="mode switch",
+        )
     styles = decider_styles(record.name for record in records)
     for record, size in zip(records, MARKER_SIZES, strict=False):
         style = styles[record.name]
         label = f"{record.name}: estimate"
-        handles += track.plot(*record.estimates.T, color=style.colour, linewidth=1.2, zorder=3, label=label)
-        for right, face in ((True, style.colour), (False, "white")):
+        handles += track.plot(
+            *record.estimates.T,
+            color=style.colour,
+            linewidth=1.2,
+            zorder=3,
+            label=label,
+        )
+        for right, face in (
+            (True, style.colour),
+            (False, "white"),
+        ):
             ticks = record.marks[record.right[record.marks] == right]
             handles += track.plot(
-                *record.truth[ticks].T, linestyle="none", marker=style.marker, markersize=size, zorder=5,
-                color=style.colour, markerfacecolor=face, markeredgewidth=1.6,
+                *record.truth[ticks].T,
+                linestyle="none",
+                marker=style.marker,
+                markersize=size,
+                zorder=5,
+                color=style.colour,
+                markerfacecolor=face,
+                markeredgewidth=1.6,
                 label=f"{record.name}: {'right' if right else 'wrong'} decision",
-            )  # fmt: skip
+            )
     plain_axes(track, "x, m", "y, m")
     track.set_aspect("equal", adjustable="datalim")
     legend_beside(track, handles=handles)
@@ -102,14 +175,20 @@ def track_figure(records: Sequence[TrackRecord], radii: Sequence[float], title: 
 
 
 def recording_figure(
-    points: FloatArray, minutes: FloatArray, pieces: Sequence[tuple[int, int]], labels: IntArray,
-    stated: Mapping[str, IntArray], names: Sequence[str], title: str, label: str = "label",
-) -> Figure:  # fmt: skip
+    points: FloatArray,
+    minutes: FloatArray,
+    pieces: Sequence[tuple[int, int]],
+    labels: IntArray,
+    stated: Mapping[str, IntArray],
+    names: Sequence[str],
+    title: str,
+    label: str = "label",
+) -> Figure:
     """A recorded track by the modes of the first decider over the labels, and all modes over time.
 
-    Points (n, 2) in km, times (n,) in min; pieces without gaps have a first row and one after the last. Labels (n,)
-    are modes 0 .. 2, or 3 where they do not count, drawn as a wide pale line; statements (n,) of deciders come by
-    name.
+    Points (n, 2) in km, times (n,) in min; pieces without gaps have a first row and one after the
+    last. Labels (n,) are modes 0 .. 2, or 3 where they do not count, drawn as a wide pale line;
+    statements (n,) of deciders come by name.
     """
     width, height = np.maximum(1000.0 * np.ptp(points, axis=0), 1.0)
     tall = float(np.clip(9.0 * height / width, 3.5, 8.0))
@@ -126,41 +205,71 @@ def recording_figure(
     ground.set(xlabel="x east [km]", ylabel="y north [km]")
     inside = np.zeros(len(minutes), np.bool_)
     for first, end in pieces:
-        inside[first : end - 1] = True  # the last position ends the last bar
-    rows = {one: np.where(inside, values, NO_BAR) for one, values in {label: labels, **stated}.items()}
+        # The last position ends the last bar.
+        inside[first : end - 1] = True
+    rows = {
+        one: np.where(inside, values, NO_BAR) for one, values in {label: labels, **stated}.items()
+    }
     edges = np.append(minutes, minutes[-1])
     draw_timelines(timeline, edges, rows, [*TYPE_COLOURS, UNSCORED], "t [min]")
     canvas.suptitle(title)
-    handles = [Line2D([], [], color=TYPE_COLOURS[k], linewidth=2.5, label=mode) for k, mode in enumerate(names)]
-    wide = {pale[1]: f"pale: {label}"} | ({UNSCORED: "not scored"} if (labels == len(names)).any() else {})
-    handles += [Line2D([], [], color=one, linewidth=LABEL_WIDTH, label=text) for one, text in wide.items()]
-    canvas.legend(handles=handles, loc="outside right upper", frameon=False, title=f"line: {name}")
+    handles = [
+        Line2D([], [], color=TYPE_COLOURS[k], linewidth=2.5, label=mode)
+        for k, mode in enumerate(names)
+    ]
+    wide = {pale[1]: f"pale: {label}"} | (
+        {UNSCORED: "not scored"} if (labels == len(names)).any() else {}
+    )
+    handles += [
+        Line2D([], [], color=one, linewidth=LABEL_WIDTH, label=text) for one, text in wide.items()
+    ]
+    canvas.legend(
+        handles=handles,
+        loc="outside right upper",
+        frameon=False,
+        title=f"line: {name}",
+    )
     return canvas
 
 
 def draw_timelines(
-    axes: Any, edges: ArrayLike, rows: Mapping[str, IntArray], colours: Sequence[str], xlabel: str, *,
-    wrong: Mapping[str, BoolArray] | None = None, breaks: ArrayLike = (), names: Sequence[str] = (),
+    axes: Any,
+    edges: ArrayLike,
+    rows: Mapping[str, IntArray],
+    colours: Sequence[str],
+    xlabel: str,
+    *,
+    wrong: Mapping[str, BoolArray] | None = None,
+    breaks: ArrayLike = (),
+    names: Sequence[str] = (),
     edge_width: float = 0.0,
-) -> None:  # fmt: skip
-    """Draw the modes (T,) of each row as bars between `edges` (T + 1,): indices of `colours` or others above.
+) -> None:
+    """Draw the modes (T,) of each row as bars between `edges` (T + 1,): indices of `colours` or
+    others above.
 
-    Bars begin anew at ticks `breaks`, and are hatched at ticks `wrong` (T,). `names` of the modes are written
-    into bars that are long enough, as is the length of undecided ones. edge_width: of the white edges [pt].
+    Bars begin anew at ticks `breaks`, and are hatched at ticks `wrong` (T,). `names` of the modes
+    are written into bars that are long enough, as is the length of undecided ones. edge_width: of
+    the white edges [pt].
     """
     limits = np.asarray(edges)
     axes.set_xlim(0, limits[-1])
     for height, (row, modes) in enumerate(rows.items()):
         hatched = (wrong or {}).get(row, np.zeros(len(modes), np.bool_))
         for first, end, key in runs(2 * modes + hatched, breaks):
-            mode, span = key // 2, (limits[first], limits[end])
+            mode = key // 2
+            span = (limits[first], limits[end])
             if mode == NO_BAR:
                 continue
             colour = UNDECIDED_COLOUR if mode == UNDECIDED else colours[mode]
             axes.barh(
-                height, span[1] - span[0], left=span[0], color=colour, edgecolor="white",
-                linewidth=edge_width, hatch=WRONG_HATCH if key % 2 else None,
-            )  # fmt: skip
+                height,
+                span[1] - span[0],
+                left=span[0],
+                color=colour,
+                edgecolor="white",
+                linewidth=edge_width,
+                hatch=WRONG_HATCH if key % 2 else None,
+            )
             if names:
                 text = str(end - first) if mode == UNDECIDED else names[mode]
                 _write_into(axes, height, span, text, colour, always=mode == UNDECIDED)
@@ -170,16 +279,36 @@ def draw_timelines(
     axes.spines[["top", "right", "left"]].set_visible(False)
 
 
-def _write_into(axes: Any, height: int, span: tuple[float, float], text: str, colour: str, always: bool) -> None:
+def _write_into(
+    axes: Any,
+    height: int,
+    span: tuple[float, float],
+    text: str,
+    colour: str,
+    always: bool,
+) -> None:
     """Write a text into a bar, if it is long enough or the text is always shown."""
-    style: dict[str, Any] = {"va": "center", "ha": "center", "fontsize": 8.5}
+    style: dict[str, Any] = {
+        "va": "center",
+        "ha": "center",
+        "fontsize": 8.5,
+    }
     if not always:
         style["color"] = "white" if np.mean(to_rgb(colour)) < 0.55 else "black"
-        style["bbox"] = {"facecolor": colour, "edgecolor": "none", "pad": 1.5}
+        style["bbox"] = {
+            "facecolor": colour,
+            "edgecolor": "none",
+            "pad": 1.5,
+        }
     if always or (span[1] - span[0]) / axes.get_xlim()[1] > NAME_LENGTH * len(text):
         axes.text(sum(span) / 2, height, text, **style)
 
 
 def wrong_patch(label: str) -> Patch:
     """Return the entry of the legend for hatched bars."""
-    return Patch(facecolor="0.6", edgecolor="white", hatch=WRONG_HATCH, label=label)
+    return Patch(
+        facecolor="0.6",
+        edgecolor="white",
+        hatch=WRONG_HATCH,
+        label=label,
+    )

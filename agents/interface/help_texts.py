@@ -10,15 +10,21 @@ from docstring_parser import parse_from_object
 
 from baselines.rules.decider import ANNOUNCED, FLIGHTS, GLIDERS, UNKNOWN, rules
 
-NO_DEFAULT = (None, ())  # defaults of flags that are not given; the help text then says what happens without the flag
+# Defaults of flags that are not given; the help text then says what happens without the flag.
+NO_DEFAULT = (None, ())
 
 
 def shown_default(text: str, *aliases: str, help: str | None = None) -> Any:
-    """Annotation of a flag whose value is None or empty by default: the text stands for it in the help.
+    """Annotation of a flag whose value is None or empty by default: the text stands for it in
+    the help.
 
     `aliases` are further names of the flag, `help` describes one without a docstring.
     """
-    return tyro.conf.arg(help=help, help_behavior_hint=f"(default: {text})", aliases=aliases or None)
+    return tyro.conf.arg(
+        help=help,
+        help_behavior_hint=f"(default: {text})",
+        aliases=aliases or None,
+    )
 
 
 def as_command(kind: type) -> tuple[type, str]:
@@ -29,10 +35,11 @@ def as_command(kind: type) -> tuple[type, str]:
 
 @functools.cache
 def _prepare_flags(kind: type) -> None:
-    """Join the lines of each flag's docstring, name the rules, and show no default where there is none.
+    """Join the lines of each flag's docstring, name the rules, and show no default where there
+    is none.
 
-    "{announced}", "{unknown}", "{flights}" and "{gliders}" in a docstring stand for the names of the rules of
-    a task.
+    "{announced}", "{unknown}", "{flights}" and "{gliders}" in a docstring stand for the names of
+    the rules of a task.
     """
     texts: dict[str, str] = {}
     for base in reversed(kind.__mro__[:-1]):

@@ -1,4 +1,6 @@
-"""Reading of small JSON and YAML files. Size, depth and numbers are bounded, whoever wrote the file."""
+"""Reading of small JSON and YAML files. Size, depth and numbers are bounded, whoever wrote the
+file.
+"""
 
 import json
 import math
@@ -7,14 +9,18 @@ from typing import Any
 
 import yaml
 
-LARGEST_FILE = 32 * 1024  # bytes
-MOST_BRACKETS = 500  # in YAML, whose parser needs seconds for a thousand nested brackets
-LARGEST_INTEGER = 2**53  # exact as float64
+# Bytes.
+LARGEST_FILE = 32 * 1024
+# In YAML, whose parser needs seconds for a thousand nested brackets.
+MOST_BRACKETS = 500
+# Exact as float64.
+LARGEST_INTEGER = 2**53
 
 
 def read_text(path: Path, largest: int = LARGEST_FILE) -> str:
     """Read a file in UTF-8 of at most `largest` bytes. Raises OSError or ValueError."""
-    if not path.is_file():  # a named pipe would wait for its writer
+    # A named pipe would wait for its writer.
+    if not path.is_file():
         raise ValueError(f"{path.name} is missing or not a file")
     with path.open("rb") as file:
         content = file.read(largest + 1)
@@ -27,17 +33,24 @@ def read_text(path: Path, largest: int = LARGEST_FILE) -> str:
 
 
 def read_json(path: Path, largest: int = LARGEST_FILE) -> Any:
-    """Read JSON, as `read_text`; NaN, infinities and integers that float64 does not hold exactly are refused."""
+    """Read JSON, as `read_text`; NaN, infinities and integers that float64 does not hold exactly
+    are refused.
+    """
     text = read_text(path, largest)
     try:
-        integer, real = (lambda digits: _checked(int(digits))), (lambda digits: _checked(float(digits)))
+        integer, real = (
+            (lambda digits: _checked(int(digits))),
+            (lambda digits: _checked(float(digits))),
+        )
         return json.loads(text, parse_int=integer, parse_float=real, parse_constant=real)
     except RecursionError:
         raise ValueError(f"{path.name} is nested too deeply") from None
 
 
 def parse_yaml(text: str) -> Any:
-    """Parse YAML without aliases; numbers as in `read_json`, and none with colons. Raises ValueError."""
+    """Parse YAML without aliases; numbers as in `read_json`, and none with colons. Raises
+    ValueError.
+    """
     if len(text) > LARGEST_FILE:
         raise ValueError(f"longer than {LARGEST_FILE:,} characters")
     if text.count("[") + text.count("{") > MOST_BRACKETS:
@@ -47,12 +60,15 @@ def parse_yaml(text: str) -> Any:
     except RecursionError:
         raise ValueError("nested too deeply") from None
     except (yaml.YAMLError, LookupError, AttributeError, ArithmeticError, TypeError) as error:
-        # those that are not of YAML come from tags such as !!bool x, and from escapes of large numbers
+        # Those that are not of YAML come from tags such as !!bool x, and from escapes of large
+        # numbers.
         raise ValueError(str(error) or "not YAML") from None
 
 
 class _Loader(yaml.SafeLoader):
-    """Refuses aliases, because a few nested ones stand for gigabytes, and what YAML 1.1 alone takes for a number."""
+    """Refuses aliases, because a few nested ones stand for gigabytes, and what YAML 1.1 alone
+    takes for a number.
+    """
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         if self.check_event(yaml.AliasEvent):
@@ -61,7 +77,8 @@ class _Loader(yaml.SafeLoader):
 
     def construct_scalar(self, node: yaml.ScalarNode | yaml.MappingNode) -> Any:
         text = super().construct_scalar(node)
-        text.encode()  # half of a character, which an escape can stand for, cannot be printed
+        # Half of a character, which an escape can stand for, cannot be printed.
+        text.encode()
         return text
 
     def construct_yaml_int(self, node: yaml.ScalarNode) -> int:

@@ -21,8 +21,10 @@ from hybrid_env.checks import ArgumentError, reject
 PART_PREFIX = ".hybridtrack-"
 WRITTEN_ROWS = 50_000
 WRITTEN_BYTES = 2**20
-MOST_NAMED = 8  # files in a line
-STALE_AFTER = 86_400.0  # seconds; a temporary file without a change for so long is of a killed process
+# Files in a line.
+MOST_NAMED = 8
+# Seconds; a temporary file without a change for so long is of a killed process.
+STALE_AFTER = 86_400.0
 
 Column: TypeAlias = Sequence[Any] | NDArray[Any]
 
@@ -40,15 +42,16 @@ def output_folder(name: str, path: Path) -> Path:
 def atomic_file(path: Path) -> Iterator[Path]:
     """Context manager that yields the path of an empty temporary file for writing.
 
-    The file replaces `path` if the block succeeds, and is removed otherwise. Temporary files of killed
-    processes in the same folder are removed.
+    The file replaces `path` if the block succeeds, and is removed otherwise. Temporary files of
+    killed processes in the same folder are removed.
     """
     part = path.parent / f"{PART_PREFIX}{secrets.token_hex(8)}.part{path.suffix[:8]}"
     try:
         if path.exists() and not path.is_file():
             raise reject("file", str(path), "a file that can be written, not a folder or device")
         _remove_stale_parts(path.parent)
-        part.touch(exist_ok=False)  # exclusive, so that no link that someone else has put there is followed
+        # Exclusive, so that no link that someone else has put there is followed.
+        part.touch(exist_ok=False)
         yield part
         os.replace(part, path)
     except (BrokenPipeError, ArgumentError):
@@ -64,7 +67,8 @@ def atomic_file(path: Path) -> Iterator[Path]:
 def atomic_folder(name: str, path: Path) -> Iterator[Path]:
     """Context manager that yields an empty temporary folder, whose files appear in `path` together.
 
-    If the block fails, nothing appears, and `path` is removed if it is empty. Other files in it stay.
+    If the block fails, nothing appears, and `path` is removed if it is empty. Other files in it
+    stay.
     """
     output_folder(name, path)
     part = path / f"{PART_PREFIX}{secrets.token_hex(8)}.part"
@@ -77,17 +81,24 @@ def atomic_folder(name: str, path: Path) -> Iterator[Path]:
             target.parent.mkdir(parents=True, exist_ok=True)
             os.replace(file, target)
     except OSError as error:
-        raise reject("file", str(path), f"a folder that can be written ({_reason(error)})") from None
+        raise reject(
+            "file",
+            str(path),
+            f"a folder that can be written ({_reason(error)})",
+        ) from None
     finally:
         shutil.rmtree(part, ignore_errors=True)
         with suppress(OSError):
-            path.rmdir()  # only if it is empty
+            # Only if it is empty.
+            path.rmdir()
 
 
 def check_space(folder: Path, size: int) -> None:
-    """Raise `OSError` if a number of bytes cannot be written to a folder, for libraries that crash where there is none.
+    """Raise `OSError` if a number of bytes cannot be written to a folder, for libraries that
+    crash where there is none.
 
-    The bytes are written and removed again, because quotas and limits of the process are not known otherwise.
+    The bytes are written and removed again, because quotas and limits of the process are not known
+    otherwise.
     """
     path = folder / f"{PART_PREFIX}{secrets.token_hex(8)}.part"
     try:
@@ -115,11 +126,19 @@ def _reason(error: Exception) -> str:
 def finite(values: Any) -> Any:
     """Return an array as lists of numbers, with None for values that are not finite."""
     array = np.asarray(values)
-    return [finite(one) for one in array] if array.ndim else array.item() if np.isfinite(array) else None
+    return (
+        [finite(one) for one in array]
+        if array.ndim
+        else array.item()
+        if np.isfinite(array)
+        else None
+    )
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Write indented JSON, of objects what their `as_json` returns; NaN and infinities are refused."""
+    """Write indented JSON, of objects what their `as_json` returns; NaN and infinities are
+    refused.
+    """
     try:
         text = json.dumps(value, indent=2, allow_nan=False, default=methodcaller("as_json"))
     except ValueError:
@@ -135,7 +154,9 @@ def save_figure(figure: Any, path: Path) -> None:
 
 
 def write_files(folder: Path, files: Mapping[str, Any]) -> str:
-    """Write plain values (.json), texts (.md) and figures of Matplotlib (.png); return a line with most names."""
+    """Write plain values (.json), texts (.md) and figures of Matplotlib (.png); return a line
+    with most names.
+    """
     for name, content in files.items():
         if name.endswith(".json"):
             write_json(folder / name, content)
@@ -156,7 +177,8 @@ def write_table(path: str | os.PathLike[str], columns: Mapping[str, Column]) -> 
     with atomic_file(Path(path)) as part, part.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(columns)
-        for first in range(0, max(lengths.values(), default=0), WRITTEN_ROWS):  # bounds the memory
+        # Bounds the memory.
+        for first in range(0, max(lengths.values(), default=0), WRITTEN_ROWS):
             parts = [column[first : first + WRITTEN_ROWS] for column in columns.values()]
             lists = [one.tolist() if isinstance(one, np.ndarray) else one for one in parts]
             writer.writerows(zip(*lists, strict=True))

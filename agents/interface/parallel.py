@@ -1,7 +1,7 @@
 """Independent calls, in this process, in several processes, or on the machines of a Ray cluster.
 
-Every call gets all that it needs, also its seeds, as arguments. So the results do not depend on the number of
-processes, on their order or on their machines.
+Every call gets all that it needs, also its seeds, as arguments. So the results do not depend on the
+number of processes, on their order or on their machines.
 """
 
 import functools
@@ -24,16 +24,21 @@ Call = Callable[[], Any]
 Name = TypeVar("Name", bound=Hashable)
 ENGINES = ("local", "ray")
 MOST_JOBS = 10_000
-LARGEST_RETRIES = 3  # of the calls of lost workers; more losses mean that a call itself ends its worker
-ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # are 1: one worker for each core
+# Of the calls of lost workers; more losses mean that a call itself ends its worker.
+LARGEST_RETRIES = 3
+# Are 1: one worker for each core.
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass(frozen=True)
 class Workers:
     """Where calls run."""
 
-    jobs: int = 1  # number of calls that run at the same time; 1 with the engine "local" runs them in this process
-    engine: str = "local"  # for processes of this machine; "ray" for the cluster at RAY_ADDRESS, or one that is started
+    # Number of calls that run at the same time; 1 with the engine "local" runs them in this
+    # process.
+    jobs: int = 1
+    # For processes of this machine; "ray" for the cluster at RAY_ADDRESS, or one that is started.
+    engine: str = "local"
 
     def __post_init__(self) -> None:
         check_integer("jobs", self.jobs, maximum=MOST_JOBS)
@@ -47,12 +52,15 @@ class Workers:
         return self.jobs > 1 or self.engine == "ray"
 
     def results(
-        self, calls: Mapping[Name, Call], on_done: Callable[[Name], None] = lambda name: None
+        self,
+        calls: Mapping[Name, Call],
+        on_done: Callable[[Name], None] = lambda name: None,
     ) -> Iterator[tuple[Name, Any]]:
         """Return the names and results of calls, in the order of the calls.
 
-        The call of a worker that is lost (killed, out of memory, or on a machine that went down) is repeated. After
-        the error of a call no further one begins. `on_done` is called with the name of every call that has ended.
+        The call of a worker that is lost (killed, out of memory, or on a machine that went down) is
+        repeated. After the error of a call no further one begins. `on_done` is called with the name
+        of every call that has ended.
         """
         if self.engine == "ray":
             ended = _ray(calls, self.jobs)
@@ -71,22 +79,32 @@ class Workers:
 
 def _processes(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, Any]]:
     """Results with their names as they come, from processes of this machine."""
-    left, trust = dict(calls), trusted()
+    left = dict(calls)
+    trust = trusted()
     for _ in range(LARGEST_RETRIES + 1):
         with joblib.parallel_config(backend="loky", n_jobs=jobs, inner_max_num_threads=1):
-            parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch=jobs)
+            parallel = joblib.Parallel(
+                return_as="generator_unordered",
+                batch_size=1,
+                pre_dispatch=jobs,
+            )
             try:
-                for name, result in parallel(joblib.delayed(_in_worker)(*call, trust) for call in list(left.items())):
+                for name, result in parallel(
+                    joblib.delayed(_in_worker)(*call, trust) for call in list(left.items())
+                ):
                     del left[name]
                     yield name, result
                 return
             except TerminatedWorkerError:
-                pass  # the calls that are left are repeated with new workers
+                # The calls that are left are repeated with new workers.
+                pass
     raise _lost()
 
 
 def _named(name: Name, call: Call, trust: bool) -> tuple[Name, Any]:
-    """Run a call. A worker may be that of an earlier command: it trusts what this command trusts."""
+    """Run a call. A worker may be that of an earlier command: it trusts what this command
+    trusts.
+    """
     with trusting(trust):
         return name, call()
 
@@ -99,23 +117,32 @@ def _in_worker(name: Name, call: Call, trust: bool) -> tuple[Name, Any]:
 
 @functools.cache
 def _keep_imported() -> None:
-    """Exempt what is imported from garbage collection, which loky without psutil runs every second."""
+    """Exempt what is imported from garbage collection, which loky without psutil runs every
+    second.
+    """
     gc.freeze()
 
 
 def _ray(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, Any]]:
-    """Results with their names as they come, from a Ray cluster, which repeats the calls of lost workers.
+    """Results with their names as they come, from a Ray cluster, which repeats the calls of lost
+    workers.
 
     The backend of `ray.util.joblib` is not used: one lost worker ends its pool with all results.
     """
     ray = _import_ray()
     if not ray.is_initialized():
         threads = dict.fromkeys(ONE_THREAD, "1")
-        # without RAY_ADDRESS a cluster with one worker per job is started on this machine
+        # Without RAY_ADDRESS a cluster with one worker per job is started on this machine.
         local: dict[str, Any] = {} if os.environ.get("RAY_ADDRESS") else {"num_cpus": jobs}
-        ray.init(log_to_driver=False, runtime_env={"env_vars": threads}, logging_level="error", **local)
+        ray.init(
+            log_to_driver=False,
+            runtime_env={"env_vars": threads},
+            logging_level="error",
+            **local,
+        )
     task = ray.remote(max_retries=LARGEST_RETRIES, num_cpus=1)(_named)
-    waiting, trust = list(calls.items())[::-1], trusted()
+    waiting = list(calls.items())[::-1]
+    trust = trusted()
     running: list[Any] = []
     try:
         while waiting or running:
@@ -134,7 +161,8 @@ def _ray(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, Any]]:
 
 def _lost() -> ArgumentError:
     return ArgumentError(
-        f"workers were lost {LARGEST_RETRIES + 1} times: expected enough memory for every job, try fewer jobs"
+        f"workers were lost {LARGEST_RETRIES + 1} times: expected enough memory for every job, try"
+        " fewer jobs"
     )
 
 
@@ -142,7 +170,11 @@ def _import_ray() -> Any:
     try:
         import ray
     except ImportError:
-        raise reject("engine", "ray", "'local', or an installed Ray: pip install 'hybrid-track[cluster]'") from None
+        raise reject(
+            "engine",
+            "ray",
+            "'local', or an installed Ray: pip install 'hybrid-track[cluster]'",
+        ) from None
     return ray
 
 
@@ -153,8 +185,9 @@ class ParallelArguments:
     jobs: Annotated[int | None, shown_default("one for each core")] = None
     """Number of processes, or of tasks at a time with --engine ray."""
     engine: Literal["local", "ray"] = "local"
-    """'local' for processes of this machine; 'ray' for the Ray cluster at RAY_ADDRESS, which 'ray start'
-    starts, or one on this machine."""
+    """'local' for processes of this machine; 'ray' for the Ray cluster at RAY_ADDRESS, which 'ray
+    start' starts, or one on this machine.
+    """
 
     def workers(self) -> Workers:
         """Return where calls run."""

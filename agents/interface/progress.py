@@ -9,25 +9,40 @@ from datetime import timedelta
 from typing import TypeVar
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, Task, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 T = TypeVar("T")
-FIRST_LINE = 10.0  # seconds after which a command without a terminal prints its progress
-LONGEST_SILENCE = 60.0  # seconds between two such lines
+# Seconds after which a command without a terminal prints its progress.
+FIRST_LINE = 10.0
+# Seconds between two such lines.
+LONGEST_SILENCE = 60.0
 
 
 def progress_display(console: Console, transient: bool = False) -> Progress:
     """A live progress display; outside a terminal, occasional lines on the standard error stream.
 
-    Every task needs a `note` field with a short status text. A transient display is removed at the end.
+    Every task needs a `note` field with a short status text. A transient display is removed at the
+    end.
     """
     if not console.is_terminal:
         return _ProgressLines(disable=True)
     return Progress(
-        TextColumn("{task.description:<12}"), BarColumn(bar_width=16), TextColumn("{task.percentage:>3.0f} %"),
-        TimeElapsedColumn(), TimeRemainingColumn(), TextColumn("{task.fields[note]}", markup=False),
-        console=console, transient=transient,
-    )  # fmt: skip
+        TextColumn("{task.description:<12}"),
+        BarColumn(bar_width=16),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[note]}", markup=False),
+        console=console,
+        transient=transient,
+    )
 
 
 def print_lines(console: Console, *lines: object) -> None:
@@ -36,8 +51,15 @@ def print_lines(console: Console, *lines: object) -> None:
         console.print(str(line), markup=False, highlight=False, soft_wrap=True)
 
 
-def shown(console: Console, title: str, total: int, work: Callable[[Callable[[str], None]], T]) -> T:
-    """Return what `work` returns, which is given a function that shows a note when one of its parts is done."""
+def shown(
+    console: Console,
+    title: str,
+    total: int,
+    work: Callable[[Callable[[str], None]], T],
+) -> T:
+    """Return what `work` returns, which is given a function that shows a note when one of its
+    parts is done.
+    """
     with progress_display(console) as progress:
         bar = progress.add_task(title, total=total, note="")
         result = work(lambda note: progress.update(bar, advance=1, note=note))
@@ -58,18 +80,23 @@ class _ProgressLines(Progress):
         self._printer.join()
 
     def _print_lines(self) -> None:
-        began, silence = time.monotonic(), FIRST_LINE
+        began = time.monotonic()
+        silence = FIRST_LINE
         while not self._ended.wait(silence):
             current = [task for task in self.tasks if not task.finished]
             if current:
-                with suppress(OSError, ValueError):  # the stream is closed
+                # The stream is closed.
+                with suppress(OSError, ValueError):
                     print(_line(current[-1]), file=sys.stderr, flush=True)
             silence = min(LONGEST_SILENCE, max(FIRST_LINE, 0.2 * (time.monotonic() - began)))
 
 
 def _line(task: Task) -> str:
     """Text of a task, such as "Training: 40 % after 0:00:12, about 0:00:18 left: reward +0.31"."""
-    text = f"{task.description}: {task.percentage:.0f} % after {timedelta(seconds=round(task.elapsed or 0.0))}"
+    text = (
+        f"{task.description}: {task.percentage:.0f} % after"
+        f" {timedelta(seconds=round(task.elapsed or 0.0))}"
+    )
     if task.time_remaining:
         text += f", about {timedelta(seconds=round(task.time_remaining))} left"
     return text + (f": {task.fields['note']}" if task.fields["note"] else "")

@@ -20,12 +20,16 @@ from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.registration import ENVIRONMENTS, environment_options
 
 CARD = "policy.json"
-TRUST = "HYBRIDTRACK_TRUST"  # environment variable: 1 lets policies of others be unpickled, which runs the code in them
+# Environment variable: 1 lets policies of others be unpickled, which runs the code in them.
+TRUST = "HYBRIDTRACK_TRUST"
 DEFAULT_ENV = "hybrid_env:HybridTrack-v0"
 _DEFAULT_TEXTS = {
-    "heading": "random", "object_variance": "Q", "reset_covariance": "True for the published bank only",
-    "hazard": "inverse of the mean duration", "sensors": "one of variance R",
-}  # fmt: skip
+    "heading": "random",
+    "object_variance": "Q",
+    "reset_covariance": "True for the published bank only",
+    "hazard": "inverse of the mean duration",
+    "sensors": "one of variance R",
+}
 
 
 def _text(value: Any) -> str:
@@ -37,15 +41,21 @@ def _text(value: Any) -> str:
 
 def _flag(kind: type, field: dataclasses.Field[Any], hint: Any) -> Any:
     """Return the type of the flag of an option, with its description and its defaults."""
-    name, plain = field.name, str if str in typing.get_args(hint) else hint  # a law is given as a text
+    # A law is given as a text.
+    name, plain = field.name, str if str in typing.get_args(hint) else hint
     if name == "sensors":
         plain = tuple[str, ...]
     parts = [part for base in kind.__mro__ for part in parse(base.__doc__ or "").params]
     text = " ".join(next(str(part.description) for part in parts if part.arg_name == name).split())
-    text = re.sub(r"[;.] None [^.;]*|, or a (?:law|scheme) object", "", text)  # for callers in Python
+    # For callers in Python.
+    text = re.sub(r"[;.] None [^.;]*|, or a (?:law|scheme) object", "", text)
     only = "" if kind is WorldOptions else "HybridTrackQuickest-v0: "
     defaults = [_DEFAULT_TEXTS.get(name, _text(field.default))]
-    defaults += [f"{_text(options[name])} in {env_id}" for env_id, options in ENVIRONMENTS.items() if name in options]
+    defaults += [
+        f"{_text(options[name])} in {env_id}"
+        for env_id, options in ENVIRONMENTS.items()
+        if name in options
+    ]
     shown = shown_default("; ".join(defaults), help=only + text[0].upper() + text[1:])
     return Annotated[plain if plain is bool else plain | None, shown]
 
@@ -64,13 +74,16 @@ def _flags() -> dict[str, Any]:
 
 _Flags: Any = dataclasses.make_dataclass(
     "_Flags",
-    [(name, kind, False if kind.__origin__ is bool else None) for name, kind in _flags().items()], kw_only=True,
-)  # fmt: skip
+    [(name, kind, False if kind.__origin__ is bool else None) for name, kind in _flags().items()],
+    kw_only=True,
+)
 
 
 @dataclass(kw_only=True)
 class WorldArguments(_Flags):
-    """Flags of the environment options. Flags that are not given leave the defaults of the environment id."""
+    """Flags of the environment options. Flags that are not given leave the defaults of the
+    environment id.
+    """
 
     @property
     def env_id(self) -> str:
@@ -78,15 +91,26 @@ class WorldArguments(_Flags):
         return DEFAULT_ENV if self.env is None else self.env
 
     def world_options(self, env_id: str | None = None) -> dict[str, Any]:
-        """Return the given options as keyword arguments of `gym.make`; refuse what the environment does not have."""
+        """Return the given options as keyword arguments of `gym.make`; refuse what the
+        environment does not have.
+        """
         env_id = env_id or self.env_id
-        values = [(flag, getattr(self, flag.name)) for flag in dataclasses.fields(WorldArguments) if flag.name != "env"]
+        values = [
+            (flag, getattr(self, flag.name))
+            for flag in dataclasses.fields(WorldArguments)
+            if flag.name != "env"
+        ]
         given = {flag.name: value for flag, value in values if value is not flag.default}
-        known = _names(env_id)  # refuses an unknown id
+        # Refuses an unknown id.
+        known = _names(env_id)
         for name in given:
             if name not in known:
                 environment = env_id.rpartition(":")[2]
-                raise reject(name, given[name], f"no value, because {environment} has no such option")
+                raise reject(
+                    name,
+                    given[name],
+                    f"no value, because {environment} has no such option",
+                )
         return given
 
     def world_of(self, decider: str) -> tuple[str, dict[str, Any]]:
@@ -125,17 +149,22 @@ class TrustArguments:
     """Flag of the commands that read policies of other libraries."""
 
     trust: bool = False
-    """Unpickle model.zip, which runs the code in it; needed for networks of other than the usual layers."""
+    """Unpickle model.zip, which runs the code in it; needed for networks of other than the usual
+    layers.
+    """
 
 
 def read_card(decider: str) -> dict[str, Any] | None:
-    """Environment id and options on the card of a run folder, as "folder:threshold" too; None for others."""
+    """Environment id and options on the card of a run folder, as "folder:threshold" too; None
+    for others.
+    """
     names = (decider, decider.rpartition(":")[0])
     for path in (Path(name) / CARD for name in names if name):
         if path.is_file():
             try:
                 card = read_json(path)
-                environment, options = card["environment"], card["options"]
+                environment = card["environment"]
+                options = card["options"]
                 if not isinstance(environment, str):
                     raise reject("environment", environment, "a registered id")
                 if not isinstance(options, dict):
@@ -144,7 +173,11 @@ def read_card(decider: str) -> dict[str, Any] | None:
                     raise reject("option", name, "an option of the environment")
                 return {"environment": environment, "options": options}
             except (OSError, ValueError, KeyError, TypeError) as error:
-                raise reject("run", str(path.parent), f"a folder with a complete {CARD} ({error})") from None
+                raise reject(
+                    "run",
+                    str(path.parent),
+                    f"a folder with a complete {CARD} ({error})",
+                ) from None
     return None
 
 

@@ -22,14 +22,16 @@ from hybrid_env.checks import check_integer, reject
 class League(TrustArguments, ParallelArguments):
     """Play deciders in twelve worlds by a fixed protocol, beside those that come with the package.
 
-    Worlds, seeds and the selection of thresholds are fixed, so that files of different people compare. A rule
-    of your own takes one to ten minutes. With --table, files are shown and nothing is played.
+    Worlds, seeds and the selection of thresholds are fixed, so that files of different people
+    compare. A rule of your own takes one to ten minutes. With --table, files are shown and nothing
+    is played.
     """
 
     deciders: Annotated[tyro.conf.Positional[tuple[str, ...]], shown_default("none is played")] = ()
-    """Deciders without thresholds: 'mine.py:MyRule', 'model.zip', a run folder, 'shipped', 'stopping', 'rhythm',
-    'robust' or a rule. The name of another recipe, or a YAML file, is a family: its agents are trained, and
-    trained further if that was interrupted."""
+    """Deciders without thresholds: 'mine.py:MyRule', 'model.zip', a run folder, 'shipped',
+    'stopping', 'rhythm', 'robust' or a rule. The name of another recipe, or a YAML file, is a
+    family: its agents are trained, and trained further if that was interrupted.
+    """
     training_seeds: int = 5
     """Number of agents trained per recipe."""
     steps: Annotated[int | None, shown_default("those of the recipe")] = None
@@ -37,8 +39,9 @@ class League(TrustArguments, ParallelArguments):
     table: Annotated[tuple[Path, ...], shown_default("those of the package")] = ()
     """Files of the league to show, besides those of the package."""
     out: Path = Path("results")
-    """Folder for a JSON file of each decider, league.md and league.png; of recipes also the run folders and
-    training.png."""
+    """Folder for a JSON file of each decider, league.md and league.png; of recipes also the run
+    folders and training.png.
+    """
 
     def run(self) -> None:
         """Play the deciders, print the tables and write the files."""
@@ -48,10 +51,20 @@ class League(TrustArguments, ParallelArguments):
             check_integer("steps", self.steps)
         for name in self.deciders:
             if len(name.rpartition(":")[0]) > 1 and not name.rpartition(":")[2].isidentifier():
-                raise reject("deciders", name, "a name without a threshold; the protocol selects it")
+                raise reject(
+                    "deciders",
+                    name,
+                    "a name without a threshold; the protocol selects it",
+                )
         from agents.league import families
         from agents.league.protocol import WORLDS, play, read_entry, world_task
-        from agents.league.table import league_figure, league_markdown, league_table, shipped_entries, world_table
+        from agents.league.table import (
+            league_figure,
+            league_markdown,
+            league_table,
+            shipped_entries,
+            world_table,
+        )
         from agents.training.recipe import recipe_names
 
         entries = {entry["title"]: entry for entry in shipped_entries()}
@@ -60,34 +73,61 @@ class League(TrustArguments, ParallelArguments):
             entry = read_entry(path)
             if entries.setdefault(entry["title"], entry) != entry:
                 owner = "the package" if entry["title"] in shipped else "another file"
-                raise reject("table", str(path), f"a title that {owner} has not; this one is {entry['title']!r}")
+                raise reject(
+                    "table",
+                    str(path),
+                    f"a title that {owner} has not; this one is {entry['title']!r}",
+                )
         known = {SHIPPED, *NAMED, *rules(ANNOUNCED), *rules(UNKNOWN)}
-        trained = set(recipe_names()) - set(NAMED)  # a name of weights of the package means those
+        # A name of weights of the package means those.
+        trained = set(recipe_names()) - set(NAMED)
         recipes = [name for name in self.deciders if name in trained or name.endswith(".yml")]
-        for name in self.deciders:  # one that cannot be found or imported is refused before any work
+        # One that cannot be found or imported is refused before any work.
+        for name in self.deciders:
             if name in recipes:
                 families.home_of(name)
             elif name not in known and not is_brought(name):
                 find_family(name, world_task("R = 0.1").options)
         titles = distinct_titles(self.deciders, [families.title_of(name) for name in self.deciders])
         for position, (name, title) in enumerate(zip(self.deciders, titles, strict=True)):
-            if title in shipped and name not in known | trained:  # such as a run folder "runs/ppo"
+            # Such as a run folder "runs/ppo".
+            if title in shipped and name not in known | trained:
                 titles[position] = name
             if (name in recipes and titles[position] != title) or titles.count(title) > 1:
-                raise reject("deciders", name, f"a title of its own; {title!r} is that of another decider")
-        folder, console = output_folder("out", self.out), Console(emoji=False)
-        played, runs = [], {}
+                raise reject(
+                    "deciders",
+                    name,
+                    f"a title of its own; {title!r} is that of another decider",
+                )
+        folder = output_folder("out", self.out)
+        console = Console(emoji=False)
+        played = []
+        runs = {}
         with progress_display(console) as progress:
-            parts = {name: 2 * self.training_seeds if name in recipes else len(WORLDS) for name in self.deciders}
+            parts = {
+                name: 2 * self.training_seeds if name in recipes else len(WORLDS)
+                for name in self.deciders
+            }
             bar = progress.add_task("Playing", total=sum(parts.values()), note="")
             for name, title in zip(self.deciders, titles, strict=True):
 
                 def done(part: str | int, name: str = name) -> None:
-                    progress.update(bar, advance=1, note=f"{name} seed {part}" if isinstance(part, int) else part)
+                    progress.update(
+                        bar,
+                        advance=1,
+                        note=f"{name} seed {part}" if isinstance(part, int) else part,
+                    )
 
                 if name in recipes:
                     seeds, steps = self.training_seeds, self.steps
-                    entry, runs[name] = families.play_family(name, seeds, steps, workers, folder, done)
+                    entry, runs[name] = families.play_family(
+                        name,
+                        seeds,
+                        steps,
+                        workers,
+                        folder,
+                        done,
+                    )
                 else:
                     entry = play(name, workers, done, title=title)
                 file = "".join(one if one.isalnum() else "-" for one in entry["title"]) + ".json"
@@ -102,13 +142,19 @@ class League(TrustArguments, ParallelArguments):
                 if "refused" in one:
                     refused.setdefault(one["refused"], []).append(world)
             for reason, worlds in refused.items():
-                print_lines(console, f"{entry['title']} cannot decide in: {'; '.join(worlds)}. The reason: {reason}")
+                print_lines(
+                    console,
+                    f"{entry['title']} cannot decide in: {'; '.join(worlds)}. The reason: {reason}",
+                )
             console.print(world_table(entry, every))
         console.print(league_table(every))
         tables = [league_markdown(every)]
         for env_id, (heads, rows) in families.families_tables(every).items():
             title = f"Trained families in {env_id.rpartition(':')[2]}"
-            short, *lines = ([*row[:2], *row[-3:]] for row in ([head.replace(" ", "\n") for head in heads], *rows))
+            short, *lines = (
+                [*row[:2], *row[-3:]]
+                for row in ([head.replace(" ", "\n") for head in heads], *rows)
+            )
             console.print(filled_table(title, short, lines, families.CAPTION))
             tables.append(markdown_table(heads, rows))
         files = {"league.md": "\n".join(tables), "league.png": league_figure(every)}

@@ -1,7 +1,8 @@
 """Families of learned deciders in the league: one recipe, trained with several seeds.
 
-The entry of a family has the mean rewards over its seeds. Its table has interquartile means with stratified
-bootstrap intervals (Agarwal et al. 2021), the calibration of what it states, and its cost.
+The entry of a family has the mean rewards over its seeds. Its table has interquartile means with
+stratified bootstrap intervals (Agarwal et al. 2021), the calibration of what it states, and its
+cost.
 """
 
 import functools
@@ -51,9 +52,9 @@ from hybrid_env.registration import make_track_vector_env
 HOMES = {ANNOUNCED: (THREE, "R = 0.1"), UNKNOWN: (QUICKEST, "unknown, R = 0.1")}
 """Environment of the training, and its world, by task."""
 CAPTION = (
-    "all: interquartile mean of the reward over seeds and worlds, with a 95 % stratified bootstrap interval. "
-    "stated less right: mean stated probability of declarations less their accuracy. A decision is timed with 1,024 "
-    "tracks at a time."
+    "all: interquartile mean of the reward over seeds and worlds, with a 95 % stratified bootstrap"
+    " interval. stated less right: mean stated probability of declarations less their accuracy. A"
+    " decision is timed with 1,024 tracks at a time."
 )
 PROBED_TRACKS, PROBED_TICKS = 1024, 200
 PROBE_SEED = SEED + 10**6
@@ -65,12 +66,15 @@ class Probe(Decider):
     def __init__(self, decider: Decider):
         self.decider, self.observes = decider, decider.observes
         self.observe = decider.observe  # type: ignore[method-assign]
-        self.seconds: list[float] = []  # of every tick, for all tracks
-        self.stated = np.zeros(0)  # (N,) largest probability of the last tick; NaN where the decider states none
+        # Of every tick, for all tracks.
+        self.seconds: list[float] = []
+        # (N,) largest probability of the last tick; NaN where the decider states none.
+        self.stated = np.zeros(0)
 
     def decide(self, observation: Any, state: Any, episode_start: Any) -> tuple[Actions, Any]:
         self.stated = np.full(len(observation), np.nan)
-        if isinstance(self.decider, PosteriorDecider):  # first, because a state may change in place
+        # First, because a state may change in place.
+        if isinstance(self.decider, PosteriorDecider):
             self.stated = self.decider.evidence(observation, state, episode_start).max(-1)
         began = time.perf_counter()
         found = self.decider.predict(observation, state, episode_start)
@@ -79,8 +83,11 @@ class Probe(Decider):
 
 
 def probe(name: str, world: str, threshold: float) -> tuple[float, float]:
-    """Return the mean stated probability less the accuracy of declarations, and the time of a decision in µs."""
-    torch.set_num_threads(1)  # for small networks the overhead of threads exceeds the gain
+    """Return the mean stated probability less the accuracy of declarations, and the time of a
+    decision in µs.
+    """
+    # For small networks the overhead of threads exceeds the gain.
+    torch.set_num_threads(1)
     task = world_task(world)
     env = make_track_vector_env(task.env_id, PROBED_TRACKS, tick_info=False, **task.given)
     decider = Probe(as_decider(find_family(name, task.options).make(threshold)))
@@ -88,7 +95,9 @@ def probe(name: str, world: str, threshold: float) -> tuple[float, float]:
     for now in rollout(env, decider, PROBE_SEED):
         if now.step and task.waits:
             chosen = now.actions > 0
-            less.append(decider.stated[chosen] - (now.rewards[chosen] + task.options.delay_cost > 0.0))
+            less.append(
+                decider.stated[chosen] - (now.rewards[chosen] + task.options.delay_cost > 0.0)
+            )
         if now.step == PROBED_TICKS:
             break
     calibration = float(np.concatenate(less).mean()) if less else float("nan")
@@ -96,43 +105,63 @@ def probe(name: str, world: str, threshold: float) -> tuple[float, float]:
 
 
 def home_of(recipe: str) -> tuple[str, str]:
-    """Return the environment in which a recipe is trained, and its world; refuse one for no environment."""
+    """Return the environment in which a recipe is trained, and its world; refuse one for no
+    environment.
+    """
     errors = []
     for task, home in HOMES.items():
         try:
             if task in ALGORITHMS[load_recipe(recipe, home[0]).algo]:
                 return home
-        except ArgumentError as error:  # such as a recipe without an entry for this environment
+        except ArgumentError as error:
+            # Such as a recipe without an entry for this environment.
             errors.append(error)
     if errors:
         raise errors[0]
-    raise reject("deciders", recipe, "a recipe for HybridTrackPublished-v0 or HybridTrackQuickest-v0")
+    raise reject(
+        "deciders",
+        recipe,
+        "a recipe for HybridTrackPublished-v0 or HybridTrackQuickest-v0",
+    )
 
 
 def title_of(name: str) -> str:
-    """Return the title of a decider or of a recipe; the name itself if it decides in no environment of the league."""
+    """Return the title of a decider or of a recipe; the name itself if it decides in no
+    environment of the league.
+    """
     if name.endswith(".yml"):
         return str(load_recipe(name, home_of(name)[0]).name)
     for _, world in HOMES.values():
         try:
             return find_family(name, world_task(world).options).name
-        except ArgumentError:  # it is for the other environment
+        except ArgumentError:
+            # It is for the other environment.
             pass
     return name
 
 
 def train(recipe: str, number: int, steps: int | None, out: Path) -> Path:
-    """Train an agent of a recipe in a run folder below `out`, or go on with it; return the run folder."""
+    """Train an agent of a recipe in a run folder below `out`, or go on with it; return the run
+    folder.
+    """
     env_id, world = home_of(recipe)
     plan = Plan(world_task(world), (), (recipe,), 1, 0, 1, steps)
     continuation = Continuation(plan.settings, out)
-    _, folder = train_agent(load_recipe(recipe, env_id), plan, number, Progress(disable=True), continuation)
+    _, folder = train_agent(
+        load_recipe(recipe, env_id),
+        plan,
+        number,
+        Progress(disable=True),
+        continuation,
+    )
     assert folder is not None
     return folder
 
 
 def play_agent(folder: Path, worlds: Sequence[str]) -> dict[str, Any]:
-    """Play a trained agent in some worlds. Its entry stays in the run folder, and is read from there the next time."""
+    """Play a trained agent in some worlds. Its entry stays in the run folder, and is read from
+    there the next time.
+    """
     path = folder / "league.json"
     if not path.is_file():
         write_json(path, play(str(folder), Workers(), lambda world: None, worlds))
@@ -140,19 +169,33 @@ def play_agent(folder: Path, worlds: Sequence[str]) -> dict[str, Any]:
 
 
 def play_family(
-    recipe: str, training_seeds: int, steps: int | None, workers: Workers, out: Path, on_done: Callable[[int], None]
+    recipe: str,
+    training_seeds: int,
+    steps: int | None,
+    workers: Workers,
+    out: Path,
+    on_done: Callable[[int], None],
 ) -> tuple[dict[str, Any], list[Path]]:
-    """Train a recipe with every seed and play all agents; return the entry of the family and the run folders.
+    """Train a recipe with every seed and play all agents; return the entry of the family and the
+    run folders.
 
-    `on_done` is called with the training seed after each training and after each agent that has played.
+    `on_done` is called with the training seed after each training and after each agent that has
+    played.
     """
-    trainings = {number: functools.partial(train, recipe, number, steps, out) for number in range(training_seeds)}
+    trainings = {
+        number: functools.partial(train, recipe, number, steps, out)
+        for number in range(training_seeds)
+    }
     folders = dict(workers.results(trainings, on_done))
     env_id, home = home_of(recipe)
     worlds = GROUPS[env_id]
-    plays = {number: functools.partial(play_agent, folder, worlds) for number, folder in folders.items()}
-    entries, costs = [entry for _, entry in workers.results(plays, on_done)], []
-    for folder, entry in zip(folders.values(), entries, strict=True):  # one after the other, for the sake of times
+    plays = {
+        number: functools.partial(play_agent, folder, worlds) for number, folder in folders.items()
+    }
+    entries = [entry for _, entry in workers.results(plays, on_done)]
+    costs = []
+    # One after the other, for the sake of times.
+    for folder, entry in zip(folders.values(), entries, strict=True):
         found = probe(str(folder), home, entry["worlds"][home]["threshold"])
         costs.append((*found, read_json(folder / CARD)["seconds"]))
     names = "calibration", "microseconds", "seconds"
@@ -162,20 +205,27 @@ def play_family(
 
 
 def merged(title: str, entries: Sequence[dict[str, Any]], cost: dict[str, Any]) -> dict[str, Any]:
-    """Return the entry of a family: rewards of episodes, metrics and thresholds are means over the agents."""
+    """Return the entry of a family: rewards of episodes, metrics and thresholds are means over
+    the agents.
+    """
     worlds = {}
     for world in entries[0]["worlds"]:
         agents = [entry["worlds"][world] for entry in entries]
-        rewards = np.array([scores.of("reward", 0) for entry in entries if (scores := scores_of(entry, world))])
+        rewards = np.array(
+            [scores.of("reward", 0) for entry in entries if (scores := scores_of(entry, world))]
+        )
         metrics = {}
         for name in agents[0]["metrics"]:
-            known = [value for one in agents if (value := one["metrics"][name]["value"]) is not None]
+            known = [
+                value for one in agents if (value := one["metrics"][name]["value"]) is not None
+            ]
             metrics[name] = {"value": float(np.mean(known)) if known else None}
         worlds[world] = {
             "threshold": float(np.mean([one["threshold"] for one in agents])),
             "metrics": metrics,
-            "rewards": pack(rewards.mean(0)), "seeds": rewards.mean(1).tolist(),
-        }  # fmt: skip
+            "rewards": pack(rewards.mean(0)),
+            "seeds": rewards.mean(1).tolist(),
+        }
     return make_entry(title, title, entries[0]["kind"], worlds, cost)
 
 
@@ -192,8 +242,12 @@ def interquartile_mean(rewards: FloatArray) -> Estimate:
     return Estimate(float(stats.trim_mean(rewards, 0.25, axis=None)), float(low), float(high))
 
 
-def families_tables(entries: Sequence[dict[str, Any]]) -> dict[str, tuple[list[str], list[tuple[str, ...]]]]:
-    """Return heads and rows of a table for each environment in which families have been trained, by its id."""
+def families_tables(
+    entries: Sequence[dict[str, Any]],
+) -> dict[str, tuple[list[str], list[tuple[str, ...]]]]:
+    """Return heads and rows of a table for each environment in which families have been trained,
+    by its id.
+    """
     tables = {}
     for env_id, home in HOMES.values():
         worlds = GROUPS[env_id]
@@ -206,16 +260,28 @@ def families_tables(entries: Sequence[dict[str, Any]]) -> dict[str, tuple[list[s
             cells = [f"{one.value:.3f} ({one.low:.3f}, {one.high:.3f})" for one in found]
             calibration, microseconds, seconds = entry["cost"].values()
             stated = "-" if calibration is None else f"{100.0 * calibration:+.1f}"
-            rows.append((entry["title"], *cells, stated, f"{microseconds:.1f}", f"{seconds / 60.0:.1f}"))
+            rows.append(
+                (entry["title"], *cells, stated, f"{microseconds:.1f}", f"{seconds / 60.0:.1f}")
+            )
         if rows:
-            heads = ["family", "all", *worlds, "stated less right, %", "decision, µs", "training, min"]
+            heads = [
+                "family",
+                "all",
+                *worlds,
+                "stated less right, %",
+                "decision, µs",
+                "training, min",
+            ]
             tables[env_id] = heads, sorted(rows, key=lambda row: row[1], reverse=True)
     return tables
 
 
 def training_figure(runs: Mapping[str, Sequence[Path]]) -> Figure:
-    """Return a figure of the rewards during training, from the run folders of the agents of each recipe."""
-    styles, panels = decider_styles(runs), []
+    """Return a figure of the rewards during training, from the run folders of the agents of each
+    recipe.
+    """
+    styles = decider_styles(runs)
+    panels = []
     for task, (env_id, _) in HOMES.items():
         curves = []
         for name, folders in runs.items():
@@ -228,7 +294,8 @@ def training_figure(runs: Mapping[str, Sequence[Path]]) -> Figure:
                 curves.append(Curve(name, styles[name], steps, rewards.mean(0), bounds, size=3.0))
         if curves:
             unit = "tick" if task == UNKNOWN else "segment"
-            x, y = Axis("environment steps, millions", log=True), Axis(f"mean reward per {unit}")
+            x = Axis("environment steps, millions", log=True)
+            y = Axis(f"mean reward per {unit}")
             panels.append(Panel(env_id.rpartition(":")[2], x, y, curves))
     title = "Reward in training: mean and range of the seeds"
     return curve_figure([panels], (2.0 + 6.0 * len(panels), 5.0), title)

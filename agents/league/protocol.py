@@ -1,4 +1,6 @@
-"""The protocol of the league: worlds, episodes, and the file of a decider, with a digest of its contents."""
+"""The protocol of the league: worlds, episodes, and the file of a decider, with a digest of its
+contents.
+"""
 
 import base64
 import functools
@@ -22,12 +24,24 @@ from agents.studies.shifts import evaluate_world
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Decider
 from baselines.rules.own import as_decider
 from baselines.scoring.scores import Scores
-from hybrid_env.checks import ArgumentError, check_choice, check_number, check_positive, optional, ranged, reject
+from hybrid_env.checks import (
+    ArgumentError,
+    check_choice,
+    check_number,
+    check_positive,
+    optional,
+    ranged,
+    reject,
+)
 
-PROTOCOL = 1  # number of the protocol; it rises when worlds, episodes or metrics change
-LARGEST = 2**20  # bytes of a file
-REWARD = "<f4"  # little-endian float32
-ROUNDING = 1e-5  # of a mean of such rewards
+# Number of the protocol; it rises when worlds, episodes or metrics change.
+PROTOCOL = 1
+# Bytes of a file.
+LARGEST = 2**20
+# Little-endian float32.
+REWARD = "<f4"
+# Of a mean of such rewards.
+ROUNDING = 1e-5
 KINDS = ("informed", "recurrent", "memoryless", "classical")
 COSTS = {
     "calibration": optional(ranged(-1.0, 1.0)),
@@ -35,9 +49,12 @@ COSTS = {
     "seconds": optional(check_positive),
 }
 """Figures of the cost of a family, with the checks of their values."""
-check_reward = ranged(-10.0, 1.0)  # of an episode; the largest is that of right decisions without delay
-SEED = 600_000_000  # of the first reported episode; no other study reports these episodes
-EPISODES = {ANNOUNCED: 600, UNKNOWN: 150}  # reported episodes of each world; as many others select the threshold
+# Of an episode; the largest is that of right decisions without delay.
+check_reward = ranged(-10.0, 1.0)
+# Of the first reported episode; no other study reports these episodes.
+SEED = 600_000_000
+# Reported episodes of each world; as many others select the threshold.
+EPISODES = {ANNOUNCED: 600, UNKNOWN: 150}
 WORLDS: dict[str, tuple[str, dict[str, Any]]] = {
     "R = 0.01": (THREE, {"measurement_variance": 0.01}),
     "R = 0.1": (THREE, {}),
@@ -53,7 +70,10 @@ WORLDS: dict[str, tuple[str, dict[str, Any]]] = {
     "unknown, 5 % outliers": (QUICKEST, {"noise": "outliers 0.05"}),
 }
 """Environment and changed options of each world."""
-GROUPS = {env_id: [world for world in WORLDS if WORLDS[world][0] == env_id] for env_id, _ in WORLDS.values()}
+GROUPS = {
+    env_id: [world for world in WORLDS if WORLDS[world][0] == env_id]
+    for env_id, _ in WORLDS.values()
+}
 """Worlds by environment."""
 
 
@@ -71,10 +91,13 @@ def play(
 ) -> dict[str, Any]:
     """Play a decider in all worlds, or some, and return its entry.
 
-    The threshold with the best reward is selected in each world, on other episodes than those reported. One that can
-    decide in no world is refused.
+    The threshold with the best reward is selected in each world, on other episodes than those
+    reported. One that can decide in no world is refused.
     """
-    calls = {world: functools.partial(_play, name, world) for world in (WORLDS if worlds is None else worlds)}
+    calls = {
+        world: functools.partial(_play, name, world)
+        for world in (WORLDS if worlds is None else worlds)
+    }
     found = dict(workers.results(calls, on_progress))
     played = [one for one in found.values() if "refused" not in one]
     if not played:
@@ -84,7 +107,9 @@ def play(
 
 
 def _play(name: str, world: str) -> dict[str, Any]:
-    """Return title, kind, threshold, metrics and rewards of a decider in a world, or why there are none."""
+    """Return title, kind, threshold, metrics and rewards of a decider in a world, or why there
+    are none.
+    """
     task = world_task(world)
     try:
         family = find_family(name, task.options)
@@ -93,14 +118,18 @@ def _play(name: str, world: str) -> dict[str, Any]:
         return {"refused": str(error)}
     (threshold,), rewards = shift.own.thresholds, shift.own.of(task.goal, 0)
     return {
-        "title": family.name, "kind": kind_of(as_decider(family.make(threshold)), task), "threshold": threshold,
+        "title": family.name,
+        "kind": kind_of(as_decider(family.make(threshold)), task),
+        "threshold": threshold,
         "metrics": {one.name: shift.own.estimate(one.statistic).as_json() for one in task.metrics},
         "rewards": pack(rewards),
-    }  # fmt: skip
+    }
 
 
 def kind_of(decider: Decider, task: Task) -> str:
-    """Return "informed" of what a user does not know, "classical" rule, "recurrent" with memory, or "memoryless"."""
+    """Return "informed" of what a user does not know, "classical" rule, "recurrent" with memory,
+    or "memoryless".
+    """
     if decider.informed:
         return "informed"
     if type(decider).__module__.startswith("baselines.rules.") and type(decider).name:
@@ -113,30 +142,50 @@ def kind_of(decider: Decider, task: Task) -> str:
 
 
 def make_entry(
-    decider: str, title: str, kind: str, worlds: dict[str, Any], cost: dict[str, Any] | None = None
+    decider: str,
+    title: str,
+    kind: str,
+    worlds: dict[str, Any],
+    cost: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Return the contents of a file, with a digest of them; `cost` is that of a trained family."""
     entry = {
-        "protocol": PROTOCOL, "versions": package_versions(), "decider": decider, "title": title,
-        "kind": kind, "worlds": worlds,
-    }  # fmt: skip
+        "protocol": PROTOCOL,
+        "versions": package_versions(),
+        "decider": decider,
+        "title": title,
+        "kind": kind,
+        "worlds": worlds,
+    }
     entry |= {} if cost is None else {"cost": cost}
     return entry | {"digest": _digest(entry)}
 
 
 def read_entry(path: Path) -> dict[str, Any]:
-    """Read the file of a decider; refuse one that was changed, or is of another protocol or version."""
+    """Read the file of a decider; refuse one that was changed, or is of another protocol or
+    version.
+    """
     try:
         entry = read_json(path, LARGEST)
-        digest, protocol = entry["digest"], entry["protocol"]
-        package, mine = entry["versions"]["hybrid-track"], version("hybrid-track")
+        digest = entry["digest"]
+        protocol = entry["protocol"]
+        package = entry["versions"]["hybrid-track"]
+        mine = version("hybrid-track")
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise reject("table", str(path), f"a file of the league ({error})") from None
     if digest != _digest({key: value for key, value in entry.items() if key != "digest"}):
-        raise reject("table", str(path), "a file as the league wrote it; this one was changed by hand")
+        raise reject(
+            "table",
+            str(path),
+            "a file as the league wrote it; this one was changed by hand",
+        )
     if (protocol, package) != (PROTOCOL, mine):
         now = f"protocol {PROTOCOL} of version {mine}"
-        raise reject("table", str(path), f"{now}; this one is protocol {protocol} of version {package}")
+        raise reject(
+            "table",
+            str(path),
+            f"{now}; this one is protocol {protocol} of version {package}",
+        )
     try:
         _check_entry(entry)
     except (ValueError, KeyError, TypeError, AttributeError) as error:
@@ -157,7 +206,11 @@ def _check_entry(entry: dict[str, Any]) -> None:
             _check_world(world, content)
         elif not isinstance(content["refused"], str):
             raise reject("refused", content["refused"], "a text")
-    seeds = {world: len(content["seeds"]) for world, content in entry["worlds"].items() if "seeds" in content}
+    seeds = {
+        world: len(content["seeds"])
+        for world, content in entry["worlds"].items()
+        if "seeds" in content
+    }
     if seeds or "cost" in entry:
         if set(seeds) not in map(set, GROUPS.values()) or len(set(seeds.values())) > 1:
             raise reject("seeds", seeds, "as many in each world of one environment")
@@ -168,7 +221,9 @@ def _check_entry(entry: dict[str, Any]) -> None:
 
 
 def _check_world(world: str, content: dict[str, Any]) -> None:
-    """Check what a decider did in a world: its threshold, metrics and rewards, whose mean is that of the metrics."""
+    """Check what a decider did in a world: its threshold, metrics and rewards, whose mean is
+    that of the metrics.
+    """
     task = world_task(world)
     if content.keys() - {"seeds"} != {"threshold", "metrics", "rewards"}:
         raise reject(world, list(content), "threshold, metrics and rewards")
@@ -183,7 +238,10 @@ def _check_world(world: str, content: dict[str, Any]) -> None:
         raise reject(f"rewards in {world}", len(rewards), f"{EPISODES[task.switches]} numbers")
     for reward in (*rewards.tolist(), *content.get("seeds", [])):
         check_reward(f"reward in {world}", reward)
-    means = [content["metrics"][task.goal]["value"], *([np.mean(content["seeds"])] if "seeds" in content else [])]
+    means = [
+        content["metrics"][task.goal]["value"],
+        *([np.mean(content["seeds"])] if "seeds" in content else []),
+    ]
     if not np.allclose(means, rewards.mean(dtype=np.float64), rtol=0.0, atol=ROUNDING):
         raise reject(f"mean reward in {world}", means[0], "that of the rewards")
 

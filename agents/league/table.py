@@ -27,15 +27,27 @@ def shipped_entries() -> list[dict[str, Any]]:
 
 
 def reward(entry: dict[str, Any], world: str) -> Estimate | None:
-    """Return the mean reward of a decider in a world with its interval; None where it did not play."""
+    """Return the mean reward of a decider in a world with its interval; None where it did not
+    play.
+    """
     scores = scores_of(entry, world)
     return None if scores is None else scores.estimate(REWARD, 0)
 
 
-def best_of_rest(entries: Sequence[dict[str, Any]], mine: dict[str, Any], world: str) -> dict[str, Any] | None:
-    """Return the entry with the largest reward in a world among the others that are not informed."""
+def best_of_rest(
+    entries: Sequence[dict[str, Any]],
+    mine: dict[str, Any],
+    world: str,
+) -> dict[str, Any] | None:
+    """Return the entry with the largest reward in a world among the others that are not
+    informed.
+    """
     others = [one for one in entries if one is not mine and one["kind"] != "informed"]
-    found = [(value.value, one["title"], one) for one in others if (value := reward(one, world)) is not None]
+    found = [
+        (value.value, one["title"], one)
+        for one in others
+        if (value := reward(one, world)) is not None
+    ]
     return max(found, key=lambda one: one[:2])[2] if found else None
 
 
@@ -44,9 +56,16 @@ def _ordered(entries: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def league_table(entries: Sequence[dict[str, Any]]) -> Table:
-    """Return a table with deciders in rows and the mean rewards over the worlds of each environment."""
-    names = [env_id.rpartition(":")[2].removesuffix("-v0").replace("Track", "Track\n", 1) for env_id in GROUPS]
-    heads = [f"{name}\n{len(worlds)} worlds" for name, worlds in zip(names, GROUPS.values(), strict=True)]
+    """Return a table with deciders in rows and the mean rewards over the worlds of each
+    environment.
+    """
+    names = [
+        env_id.rpartition(":")[2].removesuffix("-v0").replace("Track", "Track\n", 1)
+        for env_id in GROUPS
+    ]
+    heads = [
+        f"{name}\n{len(worlds)} worlds" for name, worlds in zip(names, GROUPS.values(), strict=True)
+    ]
     rows = []
     for entry in _ordered(entries):
         cells = []
@@ -55,17 +74,23 @@ def league_table(entries: Sequence[dict[str, Any]]) -> Table:
             cells.append(f"{np.mean(known):.3f}" if len(known) == len(worlds) else "-")
         rows.append((escape(entry["title"]), entry["kind"], *cells))
     return filled_table(
-        "League: mean reward over the worlds of each environment", ("decider", "kind", *heads), rows,
-        "informed: told what a user does not know. recurrent, memoryless: learned or own deciders with and "
-        "without memory. -: it cannot decide in one of the worlds.", 2,
-    )  # fmt: skip
+        "League: mean reward over the worlds of each environment",
+        ("decider", "kind", *heads),
+        rows,
+        "informed: told what a user does not know. recurrent, memoryless: learned or own deciders"
+        " with and without memory. -: it cannot decide in one of the worlds.",
+        2,
+    )
 
 
 def world_table(entry: dict[str, Any], entries: Sequence[dict[str, Any]]) -> Table:
-    """Return a table of a decider in every world, with the paired difference to the best of the others."""
+    """Return a table of a decider in every world, with the paired difference to the best of the
+    others.
+    """
     rows: list[tuple[str, ...]] = []
     for world in WORLDS:
-        mine, cells = scores_of(entry, world), ["-", "-", "", ""]
+        mine = scores_of(entry, world)
+        cells = ["-", "-", "", ""]
         if mine is not None:
             cells[:2] = f"{mine.thresholds[0]:g}", _bounds(mine.estimate(REWARD, 0))
             best = best_of_rest(entries, entry, world)
@@ -75,10 +100,11 @@ def world_table(entry: dict[str, Any], entries: Sequence[dict[str, Any]]) -> Tab
         rows.append((world, *cells))
     return filled_table(
         f"{escape(entry['title'])} ({entry['kind']}) in every world",
-        ("world", "threshold", "reward", "best other", "difference"), rows,
-        "difference: reward less that of the best other decider that is not informed, on the same episodes. "
-        "± half width of the 95 % confidence interval.",
-    )  # fmt: skip
+        ("world", "threshold", "reward", "best other", "difference"),
+        rows,
+        "difference: reward less that of the best other decider that is not informed, on the same"
+        " episodes. ± half width of the 95 % confidence interval.",
+    )
 
 
 def _bounds(estimate: Estimate, sign: str = "") -> str:
@@ -86,10 +112,14 @@ def _bounds(estimate: Estimate, sign: str = "") -> str:
 
 
 def league_markdown(entries: Sequence[dict[str, Any]]) -> str:
-    """Return two tables in Markdown, of announced and of unknown switches: deciders in rows, worlds in columns."""
+    """Return two tables in Markdown, of announced and of unknown switches: deciders in rows,
+    worlds in columns.
+    """
     tables = []
     for is_unknown in (False, True):
-        worlds = [world for world, (env_id, _) in WORLDS.items() if (env_id == QUICKEST) == is_unknown]
+        worlds = [
+            world for world, (env_id, _) in WORLDS.items() if (env_id == QUICKEST) == is_unknown
+        ]
         rows = []
         for entry in _ordered(entries):
             values = [reward(entry, world) for world in worlds]
@@ -102,14 +132,34 @@ def league_markdown(entries: Sequence[dict[str, Any]]) -> str:
 
 def league_figure(entries: Sequence[dict[str, Any]]) -> Figure:
     """Return a figure of the rewards of all deciders in all worlds."""
-    styles, curves = decider_styles(entry["title"] for entry in entries), []
-    worlds, shift = list(WORLDS), 0.7 / max(1, len(entries) - 1)
+    styles = decider_styles(entry["title"] for entry in entries)
+    curves = []
+    worlds = list(WORLDS)
+    shift = 0.7 / max(1, len(entries) - 1)
     for index, entry in enumerate(entries):
-        found = {place: value for place, world in enumerate(worlds) if (value := reward(entry, world)) is not None}
-        places, name = [place + index * shift - 0.35 for place in found], f"{entry['title']} ({entry['kind']})"
-        curves.append(Curve(name, styles[entry["title"]], places, [*found.values()], dashes="none", filled=True))
+        found = {
+            place: value
+            for place, world in enumerate(worlds)
+            if (value := reward(entry, world)) is not None
+        }
+        places = [place + index * shift - 0.35 for place in found]
+        name = f"{entry['title']} ({entry['kind']})"
+        curves.append(
+            Curve(
+                name,
+                styles[entry["title"]],
+                places,
+                [*found.values()],
+                dashes="none",
+                filled=True,
+            )
+        )
     names = ["\n".join(textwrap.fill(part, 11) for part in world.split(", ")) for world in worlds]
     between = tuple(place - 0.5 for place in range(1, len(worlds)))
     x = Axis(limits=(-0.5, len(worlds) - 0.5), ticks=dict(enumerate(names)), levels=between)
     y = Axis("mean reward: per segment, per tick for unknown switches")
-    return curve_figure([[Panel("", x, y, curves)]], (16.0, 6.5), "League: reward in every world, with 95 % intervals")
+    return curve_figure(
+        [[Panel("", x, y, curves)]],
+        (16.0, 6.5),
+        "League: reward in every world, with 95 % intervals",
+    )

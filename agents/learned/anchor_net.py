@@ -1,17 +1,19 @@
-"""The networks of the anchor agent: the distribution of the anchor error, and the cost of a wrong turn; their inputs.
+"""The networks of the anchor agent: the distribution of the anchor error, and the cost of a
+wrong turn; their inputs.
 
-The bank states a covariance of the anchor that is too small after turns and after wrong declarations. The
-network predicts a mixture of normal distributions instead: the filters of every component start from one of
-them. It is the learned counterpart of `baselines.rules.anchor_prior`, for all worlds at once.
+The bank states a covariance of the anchor that is too small after turns and after wrong
+declarations. The network predicts a mixture of normal distributions instead: the filters of every
+component start from one of them. It is the learned counterpart of `baselines.rules.anchor_prior`,
+for all worlds at once.
 
-Another network predicts what a declaration of another turn costs in the next segment. The filter of the
-declared turn follows the object to the switch and gives the next anchor. If the object turns otherwise, that
-anchor is inaccurate, and the next decision is late or wrong. This cost is not in the reward of the
-declaration itself.
+Another network predicts what a declaration of another turn costs in the next segment. The filter of
+the declared turn follows the object to the switch and gives the next anchor. If the object turns
+otherwise, that anchor is inaccurate, and the next decision is late or wrong. This cost is not in
+the reward of the declaration itself.
 
-The inputs have no units: lengths are divided by the standard deviation of a measurement or by the distance per tick,
-times by the tick. Lateral quantities are mirrored to the side of the declared turn, so that a mirrored trajectory
-gives the same inputs.
+The inputs have no units: lengths are divided by the standard deviation of a measurement or by the
+distance per tick, times by the tick. Lateral quantities are mirrored to the side of the declared
+turn, so that a mirrored trajectory gives the same inputs.
 """
 
 import math
@@ -31,42 +33,60 @@ from hybrid_env.checks import FloatArray
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
-LIMIT = 5.0  # inputs are clipped to +-5
+# Inputs are clipped to +-5.
+LIMIT = 5.0
 SMALLEST = 1e-12
-ANCHOR_INPUTS = 22  # without the posterior of the components
-CONTEXT, PAIR = 7, 6  # inputs that do not depend on the declaration, and that do
-NEGLIGIBLE_TURN = 1e-3  # difference of turn angles per tick [rad] below which a declaration costs little
+# Without the posterior of the components.
+ANCHOR_INPUTS = 22
+# Inputs that do not depend on the declaration, and that do.
+CONTEXT, PAIR = 7, 6
+# Difference of turn angles per tick [rad] below which a declaration costs little.
+NEGLIGIBLE_TURN = 1e-3
 COMPONENTS = 4
-INITIAL_LOG_SCALES = (0.0, 1.2, 2.4, 3.6)  # of the standard deviations, relative to those that the bank states
+# Of the standard deviations, relative to those that the bank states.
+INITIAL_LOG_SCALES = (0.0, 1.2, 2.4, 3.6)
 INITIAL_LOG_WEIGHTS = (0.0, -1.0, -3.0, -5.0)
 LOWER = torch.tril_indices(4, 4, -1, device="cpu")
 SMALLEST_SCALE, LARGEST_SCALE = -6.0, 9.0
-NUMBERS = 1 + 4 + 4 + LOWER.shape[1]  # weight, mean, scales and correlations of a component
-FLOOR = 1e-3  # of the stated variances, relative to R and to R / tau^2 of the thousandth part
+# Weight, mean, scales and correlations of a component.
+NUMBERS = 1 + 4 + 4 + LOWER.shape[1]
+# Of the stated variances, relative to R and to R / tau^2 of the thousandth part.
+FLOOR = 1e-3
 
 
 class Scales(NamedTuple):
     """What the inputs need from the options of the worlds of N tracks, each (N,)."""
 
-    tau: FloatArray  # length of a tick [s]
-    process_deviation: FloatArray  # sqrt(Q) [m/s]
-    follows_bank: FloatArray  # 1 or 0
-    anchor_aware: FloatArray  # 1 or 0
+    # Length of a tick [s].
+    tau: FloatArray
+    # sqrt(Q) [m/s].
+    process_deviation: FloatArray
+    # 1 or 0.
+    follows_bank: FloatArray
+    # 1 or 0.
+    anchor_aware: FloatArray
 
     @classmethod
     def of(cls, worlds: Sequence[WorldOptions], tracks: Sequence[int]) -> "Scales":
         """Return the scales of several worlds, each with a number of tracks."""
-        values = [(w.tau, np.sqrt(w.process_variance), w.follow == "bank", w.bank == "anchor_aware") for w in worlds]
+        values = [
+            (w.tau, np.sqrt(w.process_variance), w.follow == "bank", w.bank == "anchor_aware")
+            for w in worlds
+        ]
         return cls(*np.repeat(np.array(values, np.float64), tracks, axis=0).T)
 
 
 class LastRow(NamedTuple):
     """What is remembered of the row before a switch, on which the declaration was made."""
 
-    posterior: FloatArray  # (N, M) of the hypotheses
-    components: FloatArray  # (N, C) posterior of the components of the anchor
-    bias: FloatArray  # (N, M, 2) see `bias_of_bank`
-    ticks: FloatArray  # (N,) of the row, as the others
+    # (N, M) of the hypotheses.
+    posterior: FloatArray
+    # (N, C) posterior of the components of the anchor.
+    components: FloatArray
+    # (N, M, 2) see `bias_of_bank`
+    bias: FloatArray
+    # (N,) of the row, as the others.
+    ticks: FloatArray
     ticks_left: FloatArray
     speed: FloatArray
 
@@ -89,16 +109,19 @@ def _log_odds(probability: FloatArray) -> FloatArray:
 
 
 def turns_per_tick(layout: Layout, rows: Observations, scales: Scales) -> FloatArray:
-    """Return the turn angle per tick of each hypothesis at the speed of the anchor, (N, M) [rad]."""
+    """Return the turn angle per tick of each hypothesis at the speed of the anchor, (N, M)
+    [rad].
+    """
     return layout.read(rows, "curvature") * (layout.read(rows, "speed") * scales.tau)[:, None]
 
 
 def ratios(layout: Layout, rows: Observations, scales: Scales) -> tuple[FloatArray, ...]:
-    """Return the logarithms of distance per tick / sqrt(R), of sqrt(Q) / speed, of sqrt(Q) / sqrt(R)
-    per tick, and of the variances of the anchor over R; each (N,).
+    """Return the logarithms of distance per tick / sqrt(R), of sqrt(Q) / speed, of sqrt(Q) /
+    sqrt(R) per tick, and of the variances of the anchor over R; each (N,).
     """
     log_speed = _log(layout.read(rows, "speed"))
-    log_tick, log_deviation = np.log(scales.tau), 0.5 * layout.read(rows, "log_noise")
+    log_tick = np.log(scales.tau)
+    log_deviation = 0.5 * layout.read(rows, "log_noise")
     log_process = np.log(np.maximum(scales.process_deviation, 1e-150))
     return (
         log_speed + log_tick - log_deviation,
@@ -115,10 +138,11 @@ def clipped(columns: Sequence[FloatArray]) -> NDArray[np.float32]:
 
 
 def bias_of_bank(layout: Layout, rows: Observations, innovations: FloatArray) -> FloatArray:
-    """Return the innovations of the bank minus own ones (N, M, 3), see `ComponentFilters`, over sqrt(R), (N, M, 2).
+    """Return the innovations of the bank minus own ones (N, M, 3), see `ComponentFilters`, over
+    sqrt(R), (N, M, 2).
 
-    The difference, along and across the heading, is that of the predicted positions: how far the filter of the bank
-    has drifted.
+    The difference, along and across the heading, is that of the predicted positions: how far the
+    filter of the bank has drifted.
     """
     deviation = np.exp(0.5 * layout.read(rows, "log_variance"))[..., None]
     names = ("innovation_along", "innovation_across")
@@ -139,11 +163,17 @@ def declared_side(layout: Layout, rows: Observations, last: LastRow) -> FloatArr
 
 
 def anchor_inputs(
-    layout: Layout, rows: Observations, scales: Scales, last: LastRow, side: FloatArray
+    layout: Layout,
+    rows: Observations,
+    scales: Scales,
+    last: LastRow,
+    side: FloatArray,
 ) -> NDArray[np.float32]:
-    """Return the inputs for the distribution of the anchor error, (N, 22 + C), at first rows of a segment (N, width).
+    """Return the inputs for the distribution of the anchor error, (N, 22 + C), at first rows of
+    a segment (N, width).
 
-    The posterior of the components before the switch is the last C inputs; `side` is that of `declared_side`.
+    The posterior of the components before the switch is the last C inputs; `side` is that of
+    `declared_side`.
     """
     tracks = np.arange(len(rows))
     kind = mode_types(layout.hypotheses)
@@ -151,7 +181,8 @@ def anchor_inputs(
     straight = decided == 0
     posterior = last.posterior
     of_type = np.stack([posterior[:, kind == one].sum(-1) for one in range(3)], axis=-1)
-    same, other = np.where(side > 0, 1, 2), np.where(side > 0, 2, 1)
+    same = np.where(side > 0, 1, 2)
+    other = np.where(side > 0, 2, 1)
     speed = layout.read(rows, "speed")
     turn = turns_per_tick(layout, rows, scales) * side[:, None]
     within = np.where(kind == kind[decided][:, None], posterior, 0.0)
@@ -169,7 +200,8 @@ def anchor_inputs(
         0.2 * _log_odds(posterior[tracks, decided]),
         0.2 * _log_odds(of_type[tracks, kind[decided]]),
         *(of_type[:, 0], of_type[tracks, same], of_type[tracks, other]),
-        *(np.arcsinh(30.0 * one) for one in (mean, spread)),  # of the turn angles per tick
+        # Of the turn angles per tick.
+        *(np.arcsinh(30.0 * one) for one in (mean, spread)),
         0.5 * (np.log(np.maximum(last.ticks, 1.0)) - 3.0),
         0.5 * (np.log1p(last.ticks_left) - 4.0),
         0.5 * (position + 2.0),
@@ -178,7 +210,8 @@ def anchor_inputs(
         0.3 * (noise + 5.0),
         0.5 * motion,
         0.5 * (process + 4.0),
-        np.arcsinh((speed - last.speed) / np.sqrt(np.maximum(variance, 1e-300))),  # a change over its deviation
+        # A change over its deviation.
+        np.arcsinh((speed - last.speed) / np.sqrt(np.maximum(variance, 1e-300))),
         np.arcsinh(last.bias[tracks, decided, 0]),
         np.arcsinh(last.bias[tracks, decided, 1]) * side,
         *(scales.follows_bank, scales.anchor_aware),
@@ -193,7 +226,11 @@ class RegretNet(nn.Module):
         super().__init__()
         self.base = nn.Sequential(nn.Linear(CONTEXT, hidden), nn.Tanh(), nn.Linear(hidden, 1))
         self.excess = nn.Sequential(
-            nn.Linear(CONTEXT + PAIR, hidden), nn.Tanh(), nn.Linear(hidden, hidden), nn.Tanh(), nn.Linear(hidden, 1)
+            nn.Linear(CONTEXT + PAIR, hidden),
+            nn.Tanh(),
+            nn.Linear(hidden, hidden),
+            nn.Tanh(),
+            nn.Linear(hidden, 1),
         )
 
     def regret(self, context: Tensor, pair: Tensor, difference: Tensor) -> Tensor:
@@ -212,13 +249,17 @@ class RegretNet(nn.Module):
 
 
 def regret_inputs(*values: FloatArray) -> tuple[Tensor, Tensor, Tensor]:
-    """Return the inputs of the network, (..., 7), (..., 6) and (...), from seven arrays that broadcast to (...).
+    """Return the inputs of the network, (..., 7), (..., 6) and (...), from seven arrays that
+    broadcast to (...).
 
-    They are the declared and the true turn angle per tick [rad], positive to the left, 0 for straight motion; `motion`
-    and `process` of `ratios`; the ticks from the declaration to the switch; 1 or 0 for the options that
-    the environment follows all filters, and that its bank is anchor-aware.
+    They are the declared and the true turn angle per tick [rad], positive to the left, 0 for
+    straight motion; `motion` and `process` of `ratios`; the ticks from the declaration to the
+    switch; 1 or 0 for the options that the environment follows all filters, and that its bank is
+    anchor-aware.
     """
-    declared, true, motion, process, ticks_left, follows_bank, anchor_aware = np.broadcast_arrays(*values)
+    declared, true, motion, process, ticks_left, follows_bank, anchor_aware = np.broadcast_arrays(
+        *values
+    )
     difference = np.abs(declared - true)
 
     def log_turn(turn: FloatArray) -> FloatArray:
@@ -226,25 +267,40 @@ def regret_inputs(*values: FloatArray) -> tuple[Tensor, Tensor, Tensor]:
 
     log_difference = np.log(np.maximum(difference, 1e-6))
     context = [
-        log_turn(true), (true == 0.0).astype(np.float64), 0.5 * motion, 0.5 * (process + 4.0),
-        0.5 * (np.log1p(ticks_left) - 4.0), follows_bank, anchor_aware,
-    ]  # fmt: skip
+        log_turn(true),
+        (true == 0.0).astype(np.float64),
+        0.5 * motion,
+        0.5 * (process + 4.0),
+        0.5 * (np.log1p(ticks_left) - 4.0),
+        follows_bank,
+        anchor_aware,
+    ]
     pair = [
-        log_turn(declared), (declared == 0.0).astype(np.float64), np.sign(declared) * np.sign(true),
-        0.5 * (log_difference + 4.0), 0.5 * (log_difference + motion + 4.0),
+        log_turn(declared),
+        (declared == 0.0).astype(np.float64),
+        np.sign(declared) * np.sign(true),
+        0.5 * (log_difference + 4.0),
+        0.5 * (log_difference + motion + 4.0),
         0.5 * (log_difference + motion + np.log1p(ticks_left)),
-    ]  # fmt: skip
+    ]
     of_context, of_pair = (torch.from_numpy(clipped(columns)) for columns in (context, pair))
     return of_context, of_pair, torch.from_numpy(difference.astype(np.float32))
 
 
 class AnchorNet(nn.Module):
-    """Mixture of normal distributions of the anchor error, relative to the covariance that the bank states."""
+    """Mixture of normal distributions of the anchor error, relative to the covariance that the
+    bank states.
+    """
 
     def __init__(self, hidden: int):
         super().__init__()
         self.inputs = ANCHOR_INPUTS + COMPONENTS
-        self.layers = nn.Sequential(nn.Linear(self.inputs, hidden), nn.Tanh(), nn.Linear(hidden, hidden), nn.Tanh())
+        self.layers = nn.Sequential(
+            nn.Linear(self.inputs, hidden),
+            nn.Tanh(),
+            nn.Linear(hidden, hidden),
+            nn.Tanh(),
+        )
         self.output = nn.Linear(hidden, COMPONENTS * NUMBERS)
         nn.init.zeros_(self.output.weight)
         bias = torch.zeros(COMPONENTS, NUMBERS)
@@ -254,7 +310,8 @@ class AnchorNet(nn.Module):
             self.output.bias.copy_(bias.flatten())
 
     def forward(self, inputs: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Return log weights (n, C), means (n, C, 4) and Cholesky factors (n, C, 4, 4) of the covariances.
+        """Return log weights (n, C), means (n, C, 4) and Cholesky factors (n, C, 4, 4) of the
+        covariances.
 
         The inputs are (n, 22 + C), see `anchor_inputs`.
         """
@@ -262,35 +319,65 @@ class AnchorNet(nn.Module):
         scale = numbers[..., 5:9].clamp(SMALLEST_SCALE, LARGEST_SCALE).exp()
         factor = torch.diag_embed(torch.ones_like(scale))
         factor[..., LOWER[0], LOWER[1]] = numbers[..., 9:]
-        return (torch.log_softmax(numbers[..., 0], dim=-1), scale * numbers[..., 1:5], scale[..., None] * factor)
+        return (
+            torch.log_softmax(numbers[..., 0], dim=-1),
+            scale * numbers[..., 1:5],
+            scale[..., None] * factor,
+        )
 
     def loss(self, inputs: Tensor, errors: Tensor) -> Tensor:
         """Return the mean negative log-density of whitened errors, (n, 4)."""
         log_weight, mean, factor = self(inputs)
-        white = torch.linalg.solve_triangular(factor, (errors[:, None] - mean)[..., None], upper=False)
+        white = torch.linalg.solve_triangular(
+            factor,
+            (errors[:, None] - mean)[..., None],
+            upper=False,
+        )
         log_determinant = factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)
-        log_density = -0.5 * white[..., 0].square().sum(-1) - log_determinant - 2.0 * math.log(2.0 * math.pi)
+        log_density = (
+            -0.5 * white[..., 0].square().sum(-1) - log_determinant - 2.0 * math.log(2.0 * math.pi)
+        )
         return -torch.logsumexp(log_weight + log_density, dim=-1).mean()
 
     @torch.no_grad()
-    def anchors(self, inputs: NDArray[np.float32], whitener: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return log weights (n, C), mean errors (n, C, 4) and covariances (n, C, 4, 4) in the heading frame.
+    def anchors(
+        self,
+        inputs: NDArray[np.float32],
+        whitener: FloatArray,
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return log weights (n, C), mean errors (n, C, 4) and covariances (n, C, 4, 4) in the
+        heading frame.
 
         The inputs are as in `forward`, and the whitener (n, 4, 4) is that of `stated_factor`.
         """
-        log_weight, mean, factor = (part.double().numpy() for part in self(torch.from_numpy(inputs)))
+        log_weight, mean, factor = (
+            part.double().numpy() for part in self(torch.from_numpy(inputs))
+        )
         root = whitener[:, None] @ factor
-        return log_weight, (whitener[:, None] @ mean[..., None])[..., 0], root @ root.swapaxes(-1, -2)
+        return (
+            log_weight,
+            (whitener[:, None] @ mean[..., None])[..., 0],
+            root @ root.swapaxes(-1, -2),
+        )
 
 
-def stated_factor(layout: Layout, rows: Observations, tau: FloatArray, side: FloatArray) -> FloatArray:
-    """Return a factor F with F F' = stated covariance in the mirrored frame, (n, 4, 4), at the first row of a segment.
+def stated_factor(
+    layout: Layout,
+    rows: Observations,
+    tau: FloatArray,
+    side: FloatArray,
+) -> FloatArray:
+    """Return a factor F with F F' = stated covariance in the mirrored frame, (n, 4, 4), at the
+    first row of a segment.
 
     The tick `tau` [s] and the side of the turn, 1 or -1, see `declared_side`, are (n,).
     """
     covariance = stated_covariance(layout, rows)
     noise = np.exp(layout.read(rows, "log_noise"))
-    for k, floor in ((0, FLOOR * noise), (1, FLOOR * noise / (1000.0 * tau**2))):
+    for k, floor in (
+        (0, FLOOR * noise),
+        (1, FLOOR * noise / (1000.0 * tau**2)),
+    ):
         for axis in (k, k + 2):
             covariance[:, axis, axis] = np.maximum(covariance[:, axis, axis], floor)
     limit = 0.99 * np.sqrt(covariance[:, 0, 0] * covariance[:, 1, 1])

@@ -1,4 +1,6 @@
-"""Policies that other libraries write: the zip files of Stable-Baselines3 and sb3-contrib, and ONNX files."""
+"""Policies that other libraries write: the zip files of Stable-Baselines3 and sb3-contrib, and
+ONNX files.
+"""
 
 import itertools
 import pickle
@@ -18,7 +20,14 @@ from torch import Tensor, nn
 from agents.interface.world_arguments import trusted
 from agents.learned.onnx_file import read_network
 from agents.learned.policy import ACTORS, VALUE_THRESHOLDS, check_actions, make_policy
-from agents.learned.policy_file import LARGEST_FILE, LARGEST_WIDTH, LAYOUTS, check_finite, first_line, load_weights
+from agents.learned.policy_file import (
+    LARGEST_FILE,
+    LARGEST_WIDTH,
+    LAYOUTS,
+    check_finite,
+    first_line,
+    load_weights,
+)
 from agents.learned.torch_defaults import own_defaults
 from agents.learned.zip_file import read_model
 from baselines.rules.decider import DeciderFamily
@@ -26,8 +35,11 @@ from baselines.rules.own import own_family
 from hybrid_env.checks import ArgumentError, reject
 
 HOW_TO_TRUST = "--trust unpickles it, which runs the code in the file"
-QUANTILES = 200  # of QR-DQN, by default
-ACTIVATIONS = {kind.__name__: kind for kind in (nn.Tanh, nn.ReLU, nn.ELU, nn.LeakyReLU, nn.SiLU, nn.GELU)}
+# Of QR-DQN, by default.
+QUANTILES = 200
+ACTIVATIONS = {
+    kind.__name__: kind for kind in (nn.Tanh, nn.ReLU, nn.ELU, nn.LeakyReLU, nn.SiLU, nn.GELU)
+}
 STATISTICS = "vecnormalize.pkl", "vec_normalize.pkl"
 """Usual names of the file of `VecNormalize`."""
 HEADS = {"pi": "policy_net", "vf": "value_net"}
@@ -35,7 +47,9 @@ VALUE_NETS = {"q_net.q_net": "DQN", "quantile_net.quantile_net": "QR-DQN"}
 
 
 class RowNetwork(nn.Module):
-    """A network from rows (N, width) to one number for each action (N, A), in place of the policy of an actor."""
+    """A network from rows (N, width) to one number for each action (N, A), in place of the
+    policy of an actor.
+    """
 
     def __init__(self, network: Callable[[Tensor], Tensor], width: int, actions: int):
         super().__init__()
@@ -52,9 +66,10 @@ class RowNetwork(nn.Module):
 def exchanged_family(path: Path, options: Any) -> DeciderFamily:
     """Return the policy of a file at any threshold.
 
-    An actor has thresholds on its log-odds, a network of action values on their differences; an ONNX file
-    that returns actions has none. Nothing is unpickled but tensors, unless policies are `trusted`. The
-    input of "policy.onnx" are rows (N, width), its first output logits (N, A) or actions (N,).
+    An actor has thresholds on its log-odds, a network of action values on their differences; an
+    ONNX file that returns actions has none. Nothing is unpickled but tensors, unless policies are
+    `trusted`. The input of "policy.onnx" are rows (N, width), its first output logits (N, A) or
+    actions (N,).
     """
     if not path.is_file() or path.stat().st_size > LARGEST_FILE:
         raise reject("decider", str(path), f"a file of at most {LARGEST_FILE:,} bytes")
@@ -65,9 +80,15 @@ def exchanged_family(path: Path, options: Any) -> DeciderFamily:
     except ImportError as error:
         raise reject("decider", str(path), f"an installed package {error.name}") from None
     except Exception as error:
-        raise reject("decider", str(path), f"a policy that can be read ({first_line(error)})") from error
+        raise reject(
+            "decider",
+            str(path),
+            f"a policy that can be read ({first_line(error)})",
+        ) from error
     if family.hypotheses not in (None, options.hypotheses):
-        allowed = f"a policy for {options.hypotheses} hypotheses; this one is for {family.hypotheses}"
+        allowed = (
+            f"a policy for {options.hypotheses} hypotheses; this one is for {family.hypotheses}"
+        )
         raise reject("decider", str(path), allowed)
     return family
 
@@ -87,26 +108,42 @@ def _from_zip(path: Path, options: Any) -> DeciderFamily:
             family = _actor(values, path, options)
             return replace(family, symbol="value difference", thresholds=VALUE_THRESHOLDS)
     layers = {head: _layers(weights, f"mlp_extractor.{net}") for head, net in HEADS.items()}
-    widths = {head: [len(weights[f"{layer}.bias"]) for layer in each] for head, each in layers.items()}
-    settings: dict[str, Any] = {"net_arch": widths, "ortho_init": False, "activation_fn": _activation(kwargs, nn.Tanh)}
+    widths = {
+        head: [len(weights[f"{layer}.bias"]) for layer in each] for head, each in layers.items()
+    }
+    settings: dict[str, Any] = {
+        "net_arch": widths,
+        "ortho_init": False,
+        "activation_fn": _activation(kwargs, nn.Tanh),
+    }
     lstm = weights.get("lstm_actor.weight_ih_l0")
     if lstm is not None:
         settings |= {
             "lstm_hidden_size": lstm.shape[0] // 4,
             "n_lstm_layers": sum(name.startswith("lstm_actor.weight_ih") for name in weights),
             "enable_critic_lstm": "lstm_critic.weight_ih_l0" in weights,
-            "shared_lstm": "lstm_critic.weight_ih_l0" not in weights and "critic.weight" not in weights,
+            "shared_lstm": "lstm_critic.weight_ih_l0" not in weights
+            and "critic.weight" not in weights,
         }
     if "action_net.weight" not in weights:
         raise ValueError(f"it has no actor or value network of the usual names; {HOW_TO_TRUST}")
     first = weights[f"{(*layers['pi'], 'action_net')[0]}.weight"] if lstm is None else lstm
-    width, actions = first.shape[1], len(weights["action_net.bias"])
-    if max(width, actions, settings.get("lstm_hidden_size", 0), *widths["pi"], *widths["vf"]) > LARGEST_WIDTH:
+    width = first.shape[1]
+    actions = len(weights["action_net.bias"])
+    if (
+        max(width, actions, settings.get("lstm_hidden_size", 0), *widths["pi"], *widths["vf"])
+        > LARGEST_WIDTH
+    ):
         raise ValueError(f"it is wider than {LARGEST_WIDTH}")
     if _size(width, actions, settings) > sum(tensor.numel() for tensor in weights.values()):
         raise ValueError(f"its layers are larger than its weights; {HOW_TO_TRUST}")
     space = spaces.Box(-np.inf, np.inf, (width,), np.float32)
-    policy = make_policy(space, spaces.Discrete(actions), settings, algo="ppo" if lstm is None else "recurrent_ppo")
+    policy = make_policy(
+        space,
+        spaces.Discrete(actions),
+        settings,
+        algo="ppo" if lstm is None else "recurrent_ppo",
+    )
     try:
         load_weights(policy, weights)
     except ValueError as error:
@@ -116,21 +153,31 @@ def _from_zip(path: Path, options: Any) -> DeciderFamily:
 
 def _actor(policy: Any, path: Path, options: Any) -> DeciderFamily:
     """Return a policy at any threshold, after a call with two rows."""
-    task, (width,), actions = options.switches, policy.observation_space.shape, int(policy.action_space.n)
+    task, (width,), actions = (
+        options.switches,
+        policy.observation_space.shape,
+        int(policy.action_space.n),
+    )
     check_actions(actions, LAYOUTS[task].of_width(width).hypotheses, task)
     policy.eval()
     decider = ACTORS[task](policy)
     logits, _ = decider.logits(np.zeros((2, width), np.float32))
     if logits.shape != (2, actions) or not np.isfinite(logits).all():
-        raise ValueError(f"it returns {logits.shape} numbers for two rows, or some that are not finite")
+        raise ValueError(
+            f"it returns {logits.shape} numbers for two rows, or some that are not finite"
+        )
     return decider.trained(path.stem)
 
 
 def _size(width: int, actions: int, settings: dict[str, Any]) -> int:
     """Return the number of weights of an actor and its critic with some settings, at least."""
     hidden = settings.get("lstm_hidden_size", 0)
-    size, first = 0, hidden or width
-    for head, outputs in (("pi", actions), ("vf", 1)):
+    size = 0
+    first = hidden or width
+    for head, outputs in (
+        ("pi", actions),
+        ("vf", 1),
+    ):
         sizes = [first, *settings["net_arch"][head], outputs]
         size += sum((given + 1) * units for given, units in itertools.pairwise(sizes))
     recurrent = settings.get("n_lstm_layers", 0) * (1 + settings.get("enable_critic_lstm", False))
@@ -139,12 +186,21 @@ def _size(width: int, actions: int, settings: dict[str, Any]) -> int:
 
 def _layers(weights: dict[str, Tensor], name: str) -> list[str]:
     """Return the names of the linear layers of a network, from its input on."""
-    found = [key.removesuffix(".bias") for key in weights if re.fullmatch(rf"{name}\.\d+\.bias", key)]
+    found = [
+        key.removesuffix(".bias") for key in weights if re.fullmatch(rf"{name}\.\d+\.bias", key)
+    ]
     return sorted(found, key=lambda one: int(one.split(".")[-1]))
 
 
-def _value_network(weights: dict[str, Tensor], name: str, kwargs: Any, quantiles: bool) -> RowNetwork:
-    """Return the network of the action values of DQN, or of the means of the quantiles of QR-DQN."""
+def _value_network(
+    weights: dict[str, Tensor],
+    name: str,
+    kwargs: Any,
+    quantiles: bool,
+) -> RowNetwork:
+    """Return the network of the action values of DQN, or of the means of the quantiles of
+    QR-DQN.
+    """
     layers: list[nn.Module] = []
     for key in _layers(weights, name):
         own = {part: weights[f"{key}.{part}"] for part in ("weight", "bias")}
@@ -152,12 +208,17 @@ def _value_network(weights: dict[str, Tensor], name: str, kwargs: Any, quantiles
         layer = nn.Linear(inputs, outputs)
         load_weights(layer, own)
         layers += [layer, _activation(kwargs, nn.ReLU)()]
-    network, width = nn.Sequential(*layers[:-1]), weights[f"{name}.0.weight"].shape[1]
+    network = nn.Sequential(*layers[:-1])
+    width = weights[f"{name}.0.weight"].shape[1]
     if not quantiles:
         return RowNetwork(network, width, outputs)
     given = re.search(r"\d+", str(kwargs.get("n_quantiles", QUANTILES)))
     count = int(given[0]) if given else QUANTILES
-    return RowNetwork(lambda rows: network(rows).view(len(rows), count, -1).mean(1), width, outputs // count)
+    return RowNetwork(
+        lambda rows: network(rows).view(len(rows), count, -1).mean(1),
+        width,
+        outputs // count,
+    )
 
 
 def _activation(kwargs: Any, default: type[nn.Module]) -> type[nn.Module]:
@@ -192,11 +253,17 @@ def _from_onnx(path: Path, options: Any) -> DeciderFamily:
     network, (width, *actions) = read_network(path)
     if not actions:
         return replace(own_family(network, str(path), options), name=path.stem)
-    return _actor(RowNetwork(lambda rows: torch.from_numpy(network(rows.numpy())), width, *actions), path, options)
+    return _actor(
+        RowNetwork(lambda rows: torch.from_numpy(network(rows.numpy())), width, *actions),
+        path,
+        options,
+    )
 
 
 def _statistics_file(path: Path) -> Path | None:
-    """Return the file of the statistics that belong to a model, as Stable-Baselines3 and its zoo name it, or None."""
+    """Return the file of the statistics that belong to a model, as Stable-Baselines3 and its zoo
+    name it, or None.
+    """
     of_checkpoint = re.sub(r"(\d+_steps)$", r"vecnormalize_\1", path.stem)
     names = (f"{of_checkpoint}.pkl", f"{path.stem}/{STATISTICS[0]}", *STATISTICS)
     files = (path.parent / name for name in names)
@@ -204,7 +271,9 @@ def _statistics_file(path: Path) -> Path | None:
 
 
 def _normalise(policy: nn.Module, path: Path) -> None:
-    """Let a policy see normalised observations, by the statistics in the file beside its own, which is unpickled."""
+    """Let a policy see normalised observations, by the statistics in the file beside its own,
+    which is unpickled.
+    """
     from stable_baselines3.common.vec_env import VecNormalize
 
     file = _statistics_file(path)
@@ -216,7 +285,9 @@ def _normalise(policy: nn.Module, path: Path) -> None:
         raise ValueError(f"{file.name} is not of VecNormalize but of {type(statistics).__name__}")
 
     def normalised(_: nn.Module, given: tuple[Tensor]) -> tuple[Tensor]:
-        return (torch.from_numpy(np.asarray(statistics.normalize_obs(given[0].numpy()), np.float32)),)
+        return (
+            torch.from_numpy(np.asarray(statistics.normalize_obs(given[0].numpy()), np.float32)),
+        )
 
     for part in policy.modules():
         if isinstance(part, BaseFeaturesExtractor):
@@ -224,4 +295,7 @@ def _normalise(policy: nn.Module, path: Path) -> None:
 
 
 def _warn_of_raw_rows(path: Path, remedy: str) -> None:
-    warnings.warn(f"{path.name} was trained on normalised observations and sees others: {remedy}", stacklevel=2)
+    warnings.warn(
+        f"{path.name} was trained on normalised observations and sees others: {remedy}",
+        stacklevel=2,
+    )

@@ -1,7 +1,9 @@
-"""The agent for flights: a recurrent network on the output of the filter, trained in simulation only.
+"""The agent for flights: a recurrent network on the output of the filter, trained in simulation
+only.
 
-As in `statement_net`, the network sees a flight once from the side of each turn, with lateral values mirrored
-to it. No input depends on the unit of length; times are in seconds, as in the settings of the filter.
+As in `statement_net`, the network sees a flight once from the side of each turn, with lateral
+values mirrored to it. No input depends on the unit of length; times are in seconds, as in the
+settings of the filter.
 """
 
 from typing import Any
@@ -18,17 +20,23 @@ from baselines.rules.decider import FLIGHTS, Actions
 
 INPUTS = 16
 LOWEST_LOG, LOWEST_RATIO, LARGEST_INNOVATION = -15.0, -10.0, 6.0
-SIDES = (1.0, -1.0)  # of a left and of a right turn
-BLOCK = 500  # positions that the network processes at once
+# Of a left and of a right turn.
+SIDES = (1.0, -1.0)
+# Positions that the network processes at once.
+BLOCK = 500
 
 
 def log_probabilities(estimates: TurnEstimates) -> NDArray[np.float32]:
     """Return the logarithms (T, B, 3) of the probabilities of the modes, at least -15."""
-    return np.maximum(np.log(np.maximum(estimates.probabilities, 1e-30)), LOWEST_LOG).astype(np.float32)
+    return np.maximum(np.log(np.maximum(estimates.probabilities, 1e-30)), LOWEST_LOG).astype(
+        np.float32
+    )
 
 
 def flight_inputs(batch: Batch, estimates: TurnEstimates, unit: float = 2.0) -> NDArray[np.float32]:
-    """Return the inputs (T, B, 2, 16) from the side of a left and of a right turn; turn rates in units [deg/s]."""
+    """Return the inputs (T, B, 2, 16) from the side of a left and of a right turn; turn rates in
+    units [deg/s].
+    """
     logs = log_probabilities(estimates)
     likelihoods = estimates.log_likelihoods
     ratios = np.maximum(likelihoods - likelihoods.max(-1, keepdims=True), LOWEST_RATIO)
@@ -64,7 +72,9 @@ def _ages(best: NDArray[np.int64], times: NDArray[np.float64]) -> NDArray[np.flo
 
 
 class FlightAgent(UtilityDecider):
-    """The network on recorded flights; see `UtilityDecider`. Before the first position motion is straight."""
+    """The network on recorded flights; see `UtilityDecider`. Before the first position motion is
+    straight.
+    """
 
     task = FLIGHTS
     observes = "tracks"
@@ -83,15 +93,23 @@ class FlightAgent(UtilityDecider):
         return flight_inputs(batch, estimates)
 
     def observe(self, tracks: FlightTracks) -> NDArray[np.float64]:
-        """Return the utilities (B, 3) of the modes and that of keeping the statement, together (B, 4)."""
+        """Return the utilities (B, 3) of the modes and that of keeping the statement, together
+        (B, 4).
+        """
         if self._tracks is not tracks:
-            inputs, logs = self.inputs_of(tracks.batch, tracks.estimates), log_probabilities(tracks.estimates)
+            inputs = self.inputs_of(tracks.batch, tracks.estimates)
+            logs = log_probabilities(tracks.estimates)
             self._tracks, self._outputs = tracks, self.utilities(inputs, logs)
         return self._outputs[tracks.tick]
 
     @torch.no_grad()
-    def utilities(self, inputs: NDArray[np.float32], logs: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Return `observe` at every position, (T, B, 4); the network reads positions up to each only.
+    def utilities(
+        self,
+        inputs: NDArray[np.float32],
+        logs: NDArray[np.float32],
+    ) -> NDArray[np.float64]:
+        """Return `observe` at every position, (T, B, 4); the network reads positions up to each
+        only.
 
         Args:
             inputs: (T, B, 2, inputs), see `inputs_of`.

@@ -12,8 +12,10 @@ from baselines.estimation.turns import STRAIGHT, Batch, TurnEstimates
 from baselines.rules.circling import GliderClimb
 from baselines.rules.decider import GLIDERS, Actions, SeveralThresholds
 
-UNIT = 16.0  # turn rate of the input 1 [deg/s]
-LARGEST_CLIMB, CLIMB_UNIT = 5.0, 3.0  # [m/s]
+# Turn rate of the input 1 [deg/s].
+UNIT = 16.0
+# [m/s]
+LARGEST_CLIMB, CLIMB_UNIT = 5.0, 3.0
 
 
 class GliderAgent(FlightAgent, SeveralThresholds):
@@ -21,20 +23,26 @@ class GliderAgent(FlightAgent, SeveralThresholds):
 
     Args:
         net: trained network.
-        settings: K pairs, added to the utility of keeping a statement: of straight flight, and of circles; or
-            one number for both.
+        settings: K pairs, added to the utility of keeping a statement: of straight flight, and of
+            circles; or one number for both.
     """
 
     task = GLIDERS
     inputs = INPUTS + 1
     model = GliderClimb.models[1]
-    grid = tuple(product(map(float, (0, 1, 2, 3, 4, 6, 8, 10, 13, 16)), map(float, (-8, -6, *range(-4, 3), 4, 8))))
+    grid = tuple(
+        product(
+            map(float, (0, 1, 2, 3, 4, 6, 8, 10, 13, 16)),
+            map(float, (-8, -6, *range(-4, 3), 4, 8)),
+        )
+    )
     """Settings to select from."""
 
     def __init__(self, net: StatementNet, *settings: tuple[float, float] | float):
         super().__init__(net)
         pairs = [np.broadcast_to(one, 2) for one in settings or (0.0,)]
-        self.enter, self.leave = np.array(pairs, np.float64).T  # (K,)
+        # (K,)
+        self.enter, self.leave = np.array(pairs, np.float64).T
         self.chosen = []
 
     @staticmethod
@@ -43,7 +51,9 @@ class GliderAgent(FlightAgent, SeveralThresholds):
         climbs = np.zeros_like(batch.times) if batch.climbs is None else batch.climbs
         climb = np.clip(climbs, -LARGEST_CLIMB, LARGEST_CLIMB)[..., None, None] / CLIMB_UNIT
         others = flight_inputs(batch, estimates, UNIT)
-        return np.concatenate([others, np.broadcast_to(climb, (*others.shape[:3], 1))], -1).astype(np.float32)
+        return np.concatenate([others, np.broadcast_to(climb, (*others.shape[:3], 1))], -1).astype(
+            np.float32
+        )
 
     def decide(self, observation: Any, state: Any, episode_start: Any) -> tuple[Actions, Actions]:
         """See `FlightAgent.decide`; the state is (N, K)."""

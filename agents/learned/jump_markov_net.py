@@ -1,11 +1,13 @@
-"""The jump-Markov net: filters with a learned gain, and a recurrent network for the mode; and it as a decider.
+"""The jump-Markov net: filters with a learned gain, and a recurrent network for the mode; and it
+as a decider.
 
-In the way of JMFNet (Stamatelis & Alexandropoulos 2025, "Filtering jump Markov systems with partially known dynamics:
-a model-based deep learning approach", arXiv:2511.09569), which joins a recurrent network for the mode and a KalmanNet
-that is told its probabilities. Here every hypothesis has such a filter, all with the same weights, and the filters are
-mixed as in the IMM algorithm (Blom & Bar-Shalom 1988). `StatementNet` corrects the posterior by their likelihoods. The
-motions are known; gains, covariances and the rate of switches are learned. Without training it is an IMM with a fixed
-gain.
+In the way of JMFNet (Stamatelis & Alexandropoulos 2025, "Filtering jump Markov systems with
+partially known dynamics: a model-based deep learning approach", arXiv:2511.09569), which joins a
+recurrent network for the mode and a KalmanNet that is told its probabilities. Here every hypothesis
+has such a filter, all with the same weights, and the filters are mixed as in the IMM algorithm
+(Blom & Bar-Shalom 1988). `StatementNet` corrects the posterior by their likelihoods. The motions
+are known; gains, covariances and the rate of switches are learned. Without training it is an IMM
+with a fixed gain.
 """
 
 from collections.abc import Sequence
@@ -28,11 +30,14 @@ MEASUREMENT, POSITION, VELOCITY, RADII = slice(0, 2), slice(2, 4), slice(4, 6), 
 """Inputs of a track at a tick: what is measured, the first estimate, and the radii of the turns."""
 
 HYPOTHESIS_INPUTS = 6
-ACROSS = 5  # of the inputs of a hypothesis, the lateral innovation
+# Of the inputs of a hypothesis, the lateral innovation.
+ACROSS = 5
 INPUTS = 3 * HYPOTHESIS_INPUTS + 2
 CONTEXT = 4
-POSITION_GAIN, VELOCITY_GAIN = 0.2, 0.02  # without training, the second one per tick
-HAZARD = -4.3  # log-odds of a switch at a tick, without training
+# Without training, the second one per tick.
+POSITION_GAIN, VELOCITY_GAIN = 0.2, 0.02
+# Log-odds of a switch at a tick, without training.
+HAZARD = -4.3
 LOWEST_LOG = -15.0
 SMALLEST = 1e-6
 
@@ -40,7 +45,8 @@ SMALLEST = 1e-6
 def track_inputs(world: QuickestOptions, observed: NDArray[np.float64]) -> NDArray[np.float32]:
     """Return the inputs of N tracks at a tick (N, 6 + M - 1), in deviations of the noise and ticks.
 
-    `observed` (N, width) is what `MeasurementDecider.observe` returns; a missing measurement is NaN.
+    `observed` (N, width) is what `MeasurementDecider.observe` returns; a missing measurement is
+    NaN.
     """
     x, vx, y, vy = observed[:, 2:6].T
     radii = np.broadcast_to(np.tile(world.radii, 2), (len(observed), world.hypotheses - 1))
@@ -52,26 +58,41 @@ def track_inputs(world: QuickestOptions, observed: NDArray[np.float64]) -> NDArr
 class JumpMarkovState(NamedTuple):
     """State of N tracks, with M + 1 filters each, two of them for straight motion."""
 
-    filters: KalmanState  # the differences are in the frame of the last tick
-    logs: Tensor  # (N, M) logarithms of the probabilities of the modes
-    memory: Tensor  # (1, N (M - 1), hidden) of the recurrent network of the mode
+    # The differences are in the frame of the last tick.
+    filters: KalmanState
+    # (N, M) logarithms of the probabilities of the modes.
+    logs: Tensor
+    # (1, N (M - 1), hidden) of the recurrent network of the mode.
+    memory: Tensor
 
     def detach(self) -> "JumpMarkovState":
         """Return the state without its gradients."""
-        return JumpMarkovState(KalmanState(*(part.detach() for part in self.filters)), self.logs.detach(),
-                               self.memory.detach())  # fmt: skip
+        return JumpMarkovState(
+            KalmanState(*(part.detach() for part in self.filters)),
+            self.logs.detach(),
+            self.memory.detach(),
+        )
 
     def replaced(self, tracks: Tensor, other: "JumpMarkovState") -> "JumpMarkovState":
         """Return it with the state of another one for the tracks of a mask (N,)."""
         each = tracks.repeat_interleave(self.logs.shape[1] + 1)[:, None]
         turns = tracks.repeat_interleave(self.logs.shape[1] - 1)[:, None]
-        filters = (torch.where(each, new, old) for new, old in zip(other.filters, self.filters, strict=True))
+        filters = (
+            torch.where(each, new, old)
+            for new, old in zip(other.filters, self.filters, strict=True)
+        )
         logs = torch.where(tracks[:, None], other.logs, self.logs)
-        return JumpMarkovState(KalmanState(*filters), logs, torch.where(turns, other.memory, self.memory))
+        return JumpMarkovState(
+            KalmanState(*filters),
+            logs,
+            torch.where(turns, other.memory, self.memory),
+        )
 
 
 class JumpMarkovNet(nn.Module):
-    """Filters of all hypotheses and the network of the mode; `hidden` units in each of the two recurrent parts."""
+    """Filters of all hypotheses and the network of the mode; `hidden` units in each of the two
+    recurrent parts.
+    """
 
     def __init__(self, hidden: int):
         super().__init__()
@@ -83,36 +104,54 @@ class JumpMarkovNet(nn.Module):
             self.filter.gain[2].get_parameter("bias").copy_(gain.flatten())
 
     def forward(
-        self, inputs: Tensor, log_probability: Tensor, memory: JumpMarkovState | None = None
+        self,
+        inputs: Tensor,
+        log_probability: Tensor,
+        memory: JumpMarkovState | None = None,
     ) -> StatementOutputs:
         """Process T ticks of N tracks: inputs (T, N, 6 + M - 1) of `track_inputs`.
 
-        The probabilities of the bank (T, N, M) are used at the first tick of an episode only, without a memory.
+        The probabilities of the bank (T, N, M) are used at the first tick of an episode only,
+        without a memory.
         """
         found = []
         for now, logs in zip(inputs, log_probability, strict=True):
             outputs, memory = self.begin(now, logs) if memory is None else self.step(now, memory)
             found.append(outputs)
-        utility, stay, belief, logs = (torch.cat([getattr(one, name) for one in found])
-                                       for name in ("utility", "stay", "belief", "logs"))  # fmt: skip
+        utility, stay, belief, logs = (
+            torch.cat([getattr(one, name) for one in found])
+            for name in ("utility", "stay", "belief", "logs")
+        )
         return StatementOutputs(utility, stay, belief, memory, logs)
 
     def begin(self, inputs: Tensor, logs: Tensor) -> tuple[StatementOutputs, JumpMarkovState]:
         """Start from the first estimate, to which the first measurement has contributed."""
         filters = logs.shape[1] + 1
-        state, measured = inputs[:, POSITION.start : VELOCITY.stop], inputs[:, MEASUREMENT].nan_to_num()
+        state = inputs[:, POSITION.start : VELOCITY.stop]
+        measured = inputs[:, MEASUREMENT].nan_to_num()
         each = (part.repeat_interleave(filters, 0) for part in (state, measured))
         nothing = logs.new_zeros(*logs.shape, 2)
-        return self._state(inputs, self.filter.start(*each), logs, torch.zeros_like(logs), nothing, None)
+        return self._state(
+            inputs,
+            self.filter.start(*each),
+            logs,
+            torch.zeros_like(logs),
+            nothing,
+            None,
+        )
 
-    def step(self, inputs: Tensor, last: JumpMarkovState) -> tuple[StatementOutputs, JumpMarkovState]:
+    def step(
+        self,
+        inputs: Tensor,
+        last: JumpMarkovState,
+    ) -> tuple[StatementOutputs, JumpMarkovState]:
         """Process one tick of N tracks, (N, 6 + M - 1)."""
         M = last.logs.shape[1]
         predicted, mixed, kept = self._mix(last)
         probability = predicted.exp()[..., None]
         origin, velocity = (probability * mixed).sum(1).split(2, -1)
         speed = velocity.norm(dim=-1, keepdim=True).clamp(min=SMALLEST)
-        # frames of the filters: along the merged velocity, and across it to the side of the turn
+        # Frames of the filters: along the merged velocity, and across it to the side of the turn.
         side = torch.from_numpy(np.append(sides(M)[1:], [1.0, -1.0])).roll(2).float()
         cosine, sine = (velocity / speed).split(1, -1)
         along = torch.stack([cosine, sine], -1).expand(-1, M + 1, -1)
@@ -126,8 +165,10 @@ class JumpMarkovNet(nn.Module):
             return torch.cat([of_modes[:, :1], of_modes], 1)
 
         is_known = ~inputs[:, :1].isnan()
-        measured = torch.where(is_known, inputs[:, MEASUREMENT], origin)  # the filters then hardly change
-        before, start = last.filters, twice(mixed) - nn.functional.pad(origin, (0, 2))[:, None]
+        # The filters then hardly change.
+        measured = torch.where(is_known, inputs[:, MEASUREMENT], origin)
+        before = last.filters
+        start = twice(mixed) - nn.functional.pad(origin, (0, 2))[:, None]
         turn = nn.functional.pad(speed / inputs[:, RADII], (2, 0))
         filters = before._replace(
             state=torch.cat([local(start[..., :2]), local(start[..., 2:])], -1),
@@ -135,19 +176,30 @@ class JumpMarkovNet(nn.Module):
         )
         logs = twice(predicted) / 5.0, twice(kept) / 5.0
         context = torch.stack([*logs, 0.5 * speed.log().expand_as(turn), 10.0 * turn], -1)
-        motion, z = coordinated_turn(turn.flatten()), local((measured - origin)[:, None])
-        after, found = self.filter.step(filters, motion, SENSOR, z, torch.ones_like(z[:, :1]), context.flatten(0, 1))
+        motion = coordinated_turn(turn.flatten())
+        z = local((measured - origin)[:, None])
+        after, found = self.filter.step(
+            filters,
+            motion,
+            SENSOR,
+            z,
+            torch.ones_like(z[:, :1]),
+            context.flatten(0, 1),
+        )
         innovation = (z - (motion @ filters.state[..., None])[:, :2, 0]).view(-1, M + 1, 2)
         innovation = innovation * torch.stack([torch.ones(M + 1), side], -1)
         innovation = torch.cat([innovation[:, :2].mean(1, keepdim=True), innovation[:, 2:]], 1)
-        back = frame.mT @ after.state.unflatten(-1, (2, 2)).mT  # columns: position, velocity
+        # Columns: position, velocity.
+        back = frame.mT @ after.state.unflatten(-1, (2, 2)).mT
         state = back.mT.flatten(1) + nn.functional.pad(origin, (0, 2)).repeat_interleave(M + 1, 0)
         after = after._replace(state=state, measurement=measured.repeat_interleave(M + 1, 0))
         likelihood = is_known * evidence(found.view(-1, M + 1))
         return self._state(inputs, after, predicted, likelihood, innovation, last.memory)
 
     def _mix(self, last: JumpMarkovState) -> tuple[Tensor, Tensor, Tensor]:
-        """Return predicted log-probabilities (N, M), mixed states (N, M, 4), and the logarithms of their own shares."""
+        """Return predicted log-probabilities (N, M), mixed states (N, M, 4), and the logarithms
+        of their own shares.
+        """
         M = last.logs.shape[1]
         hazard = nn.functional.logsigmoid(torch.cat([-self.hazard, self.hazard]))
         change = torch.where(torch.eye(M) > 0.0, hazard[0], hazard[1] - np.log(M - 1.0))
@@ -159,9 +211,14 @@ class JumpMarkovNet(nn.Module):
         return predicted, share.exp().mT @ states, share.diagonal(dim1=1, dim2=2)
 
     def _state(
-        self, inputs: Tensor, filters: KalmanState, predicted: Tensor, likelihood: Tensor, innovation: Tensor,
+        self,
+        inputs: Tensor,
+        filters: KalmanState,
+        predicted: Tensor,
+        likelihood: Tensor,
+        innovation: Tensor,
         memory: Tensor | None,
-    ) -> tuple[StatementOutputs, JumpMarkovState]:  # fmt: skip
+    ) -> tuple[StatementOutputs, JumpMarkovState]:
         """Return outputs and state of a tick, from what the filters say of it."""
         posterior = torch.log_softmax(predicted + likelihood, -1).clamp(min=LOWEST_LOG)
         ratio = (likelihood - likelihood.max(-1, keepdim=True).values).clamp(min=LOWEST_LOG)
@@ -169,19 +226,34 @@ class JumpMarkovNet(nn.Module):
         each = torch.cat([torch.stack(parts, -1), 0.5 * innovation.clamp(-6.0, 6.0)], -1)
         seen = turn_views(each.detach().numpy(), posterior.detach().numpy(), (ACROSS,), 2)
         M = posterior.shape[1]
-        speed = filters.state[:, 2:].view(-1, M + 1, 2).mean(1).norm(dim=-1, keepdim=True).clamp(min=SMALLEST).detach()
+        speed = (
+            filters.state[:, 2:]
+            .view(-1, M + 1, 2)
+            .mean(1)
+            .norm(dim=-1, keepdim=True)
+            .clamp(min=SMALLEST)
+            .detach()
+        )
         seen[..., -2] = 0.5 * speed.log().numpy()
         seen[..., -1] = 0.5 * (speed / inputs[:, RADII]).log().numpy() + 1.5
         outputs = self.modes(torch.from_numpy(seen)[None], posterior[None], memory)
         logs = torch.log_softmax(outputs.belief[0], -1).clamp(min=LOWEST_LOG)
-        return outputs._replace(logs=likelihood[None]), JumpMarkovState(filters, logs, outputs.memory)
+        return outputs._replace(logs=likelihood[None]), JumpMarkovState(
+            filters,
+            logs,
+            outputs.memory,
+        )
 
 
 def coordinated_turn(turn: Tensor) -> Tensor:
-    """Return the matrices (n, 4, 4) of position and velocity [1/tick] that turn left by an angle (n,) per tick."""
-    cosine, sine = turn.cos(), turn.sin()
+    """Return the matrices (n, 4, 4) of position and velocity [1/tick] that turn left by an angle
+    (n,) per tick.
+    """
+    cosine = turn.cos()
+    sine = turn.sin()
     rotation = torch.stack([cosine, -sine, sine, cosine], -1).unflatten(-1, (2, 2))
-    deviation = turning(turn)  # in a frame that turns with the object
+    # In a frame that turns with the object.
+    deviation = turning(turn)
     above = torch.cat([torch.eye(2).expand_as(rotation), rotation @ deviation[:, :2, 2:]], -1)
     return torch.cat([above, nn.functional.pad(rotation, (2, 0))], -2)
 
@@ -190,13 +262,16 @@ class JumpMarkovMemory(NamedTuple):
     """State of N tracks."""
 
     net: JumpMarkovState
-    stated: list[Actions]  # last statements (N,) at each of K margins
+    # Last statements (N,) at each of K margins.
+    stated: list[Actions]
 
 
 class JumpMarkovDecider(UtilityDecider, MeasurementDecider[JumpMarkovMemory], SeveralThresholds):
-    """States the mode with the largest utility, from the measurements; the bank gives the first estimate only.
+    """States the mode with the largest utility, from the measurements; the bank gives the first
+    estimate only.
 
-    What the network computes does not depend on statements: it is computed once for K margins, see `UtilityDecider`.
+    What the network computes does not depend on statements: it is computed once for K margins, see
+    `UtilityDecider`.
     """
 
     def __init__(self, net: JumpMarkovNet, world: QuickestOptions, *margins: float):
@@ -216,13 +291,21 @@ class JumpMarkovDecider(UtilityDecider, MeasurementDecider[JumpMarkovMemory], Se
 
     @torch.no_grad()
     def decide(
-        self, observation: FloatArray, state: JumpMarkovMemory | None, episode_start: BoolArray | None
+        self,
+        observation: FloatArray,
+        state: JumpMarkovMemory | None,
+        episode_start: BoolArray | None,
     ) -> tuple[Actions, JumpMarkovMemory]:
         """See `MeasurementDecider.decide`; the statements at all margins are `chosen`."""
-        tracks, M = len(observation), self.hypotheses
+        tracks = len(observation)
+        M = self.hypotheses
         if observation.ndim != 2 or observation.shape[1] < OBSERVED + M:
             raise reject("observation shape", observation.shape, f"(N, {OBSERVED + M})")
-        starts = np.full(tracks, state is None) if state is None or episode_start is None else episode_start
+        starts = (
+            np.full(tracks, state is None)
+            if state is None or episode_start is None
+            else episode_start
+        )
         inputs = torch.from_numpy(track_inputs(self.world, observation))
         logs = torch.from_numpy(observation[:, OBSERVED : OBSERVED + M]).float()
         if state is None or starts.any():
@@ -233,9 +316,12 @@ class JumpMarkovDecider(UtilityDecider, MeasurementDecider[JumpMarkovMemory], Se
                 anew = torch.from_numpy(starts)
                 after = after.replaced(anew, net)
                 now = now._replace(utility=torch.where(anew[:, None], outputs.utility, now.utility))
-            outputs, net = now, after
+            outputs = now
+            net = after
         utility, stay = outputs.utility[0].double().numpy(), outputs.stay[0].double().numpy()
         last = [np.zeros(tracks, np.int64)] * len(self.margins) if state is None else state.stated
         pairs = zip(self.margins, last, strict=True)
-        self.chosen = [self.largest(utility.copy(), stay + margin, stated, ~starts) for margin, stated in pairs]
+        self.chosen = [
+            self.largest(utility.copy(), stay + margin, stated, ~starts) for margin, stated in pairs
+        ]
         return self.chosen[0], JumpMarkovMemory(net, self.chosen)

@@ -1,4 +1,6 @@
-"""ONNX files of policies: only operators that end, and a first call that is bounded, are accepted."""
+"""ONNX files of policies: only operators that end, and a first call that is bounded, are
+accepted.
+"""
 
 import functools
 import threading
@@ -11,37 +13,48 @@ from numpy.typing import NDArray
 
 from agents.learned.policy_file import LARGEST_FILE, LARGEST_WEIGHT, LARGEST_WIDTH
 
-LARGEST_MODEL = 2**23  # bytes of a file, of which a parser needs a hundred times as many
+# Bytes of a file, of which a parser needs a hundred times as many.
+LARGEST_MODEL = 2**23
 MOST_NODES = 2000
-MEMORY = 3 * LARGEST_FILE  # bytes of the first call
-SECONDS = 2.0  # of the first call
-FATAL = 4  # level of the messages that ONNX Runtime prints
+# Bytes of the first call.
+MEMORY = 3 * LARGEST_FILE
+# Of the first call.
+SECONDS = 2.0
+# Level of the messages that ONNX Runtime prints.
+FATAL = 4
 _NAMES = (
-    # arithmetic
-    "Abs Add Ceil Clip Div Erf Exp Floor Log Max Mean Min Mod Mul Neg Pow Reciprocal Round Sign Sqrt Sub Sum Sin Cos "
-    # comparisons
+    # Arithmetic.
+    "Abs Add Ceil Clip Div Erf Exp Floor Log Max Mean Min Mod Mul Neg Pow Reciprocal Round Sign"
+    " Sqrt Sub Sum Sin Cos "
+    # Comparisons.
     "And Equal Greater GreaterOrEqual IsInf IsNaN Less LessOrEqual Not Or Where Xor "
-    # shapes and indices
-    "Cast CastLike Concat Constant ConstantOfShape Expand Flatten Gather GatherElements GatherND Identity Pad Range "
-    "Reshape ScatterElements ScatterND Shape Size Slice Split Squeeze Tile Transpose Trilu Unsqueeze "
-    # sums and choices along an axis
-    "ArgMax ArgMin CumSum OneHot ReduceL1 ReduceL2 ReduceLogSum ReduceLogSumExp ReduceMax ReduceMean ReduceMin "
-    "ReduceProd ReduceSum ReduceSumSquare TopK "
-    # layers
-    "AveragePool BatchNormalization Conv Dropout Einsum GRU Gemm GlobalAveragePool GlobalMaxPool GroupNormalization "
-    "InstanceNormalization LSTM LayerNormalization LpNormalization MatMul MaxPool RMSNormalization RNN "
-    # activation functions
-    "Celu Elu Gelu HardSigmoid HardSwish Hardmax LeakyRelu LogSoftmax Mish PRelu Relu Selu Sigmoid Softmax Softplus "
-    "Softsign Swish Tanh ThresholdedRelu"
+    # Shapes and indices.
+    "Cast CastLike Concat Constant ConstantOfShape Expand Flatten Gather GatherElements GatherND"
+    " Identity Pad Range Reshape ScatterElements ScatterND Shape Size Slice Split Squeeze Tile"
+    " Transpose Trilu Unsqueeze "
+    # Sums and choices along an axis.
+    "ArgMax ArgMin CumSum OneHot ReduceL1 ReduceL2 ReduceLogSum ReduceLogSumExp ReduceMax"
+    " ReduceMean ReduceMin ReduceProd ReduceSum ReduceSumSquare TopK "
+    # Layers.
+    "AveragePool BatchNormalization Conv Dropout Einsum GRU Gemm GlobalAveragePool GlobalMaxPool"
+    " GroupNormalization InstanceNormalization LSTM LayerNormalization LpNormalization MatMul"
+    " MaxPool RMSNormalization RNN "
+    # Activation functions.
+    "Celu Elu Gelu HardSigmoid HardSwish Hardmax LeakyRelu LogSoftmax Mish PRelu Relu Selu Sigmoid"
+    " Softmax Softplus Softsign Swish Tanh ThresholdedRelu"
 )
 OPERATORS = frozenset(_NAMES.split())
-"""What exports of feed-forward and recurrent networks need, without loops, branches and random numbers."""
+"""What exports of feed-forward and recurrent networks need, without loops, branches and random
+numbers.
+"""
 
 
 def read_network(path: Path) -> tuple[Callable[[Any], NDArray[Any]], tuple[int, ...]]:
-    """Return the function of an ONNX file, from rows (N, width) to its first output, and what the function needs.
+    """Return the function of an ONNX file, from rows (N, width) to its first output, and what
+    the function needs.
 
-    The first output are logits (N, A), then the second value is (width, A), or actions (N,), then it is (width,).
+    The first output are logits (N, A), then the second value is (width, A), or actions (N,), then
+    it is (width,).
 
     Raises:
         Exception: of any kind with one line, if the file is damaged or not allowed.
@@ -54,10 +67,13 @@ def read_network(path: Path) -> tuple[Callable[[Any], NDArray[Any]], tuple[int, 
     first.add_session_config_entry("session.use_env_allocators", "1")
     first.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_DISABLE_ALL
     _limit_memory()
-    widths = _check_calls(onnxruntime.InferenceSession(content, first, providers=["CPUExecutionProvider"]))
-    # what is computed ahead of a call when a graph is optimised is now known to be small
+    widths = _check_calls(
+        onnxruntime.InferenceSession(content, first, providers=["CPUExecutionProvider"])
+    )
+    # What is computed ahead of a call when a graph is optimised is now known to be small.
     session = onnxruntime.InferenceSession(content, _settings(), providers=["CPUExecutionProvider"])
-    given, out = session.get_inputs()[0].name, session.get_outputs()[0].name
+    given = session.get_inputs()[0].name
+    out = session.get_outputs()[0].name
     return lambda rows: session.run([out], {given: np.asarray(rows, np.float32)})[0], widths
 
 
@@ -77,7 +93,10 @@ def _limit_memory() -> None:
 
     kinds = onnxruntime.OrtAllocatorType.ORT_ARENA_ALLOCATOR, onnxruntime.OrtMemType.DEFAULT
     limits = onnxruntime.OrtArenaCfg({"max_mem": MEMORY, "arena_extend_strategy": 1})
-    onnxruntime.create_and_register_allocator(onnxruntime.OrtMemoryInfo("Cpu", kinds[0], 0, kinds[1]), limits)
+    onnxruntime.create_and_register_allocator(
+        onnxruntime.OrtMemoryInfo("Cpu", kinds[0], 0, kinds[1]),
+        limits,
+    )
 
 
 def _checked_model(path: Path) -> bytes:
@@ -89,21 +108,33 @@ def _checked_model(path: Path) -> bytes:
     model = onnx.load(path, load_external_data=False)
     nodes = model.graph.node
     if len(nodes) > MOST_NODES or model.functions or model.graph.sparse_initializer:
-        raise ValueError(f"it has more than {MOST_NODES} nodes, functions of its own or sparse weights")
+        raise ValueError(
+            f"it has more than {MOST_NODES} nodes, functions of its own or sparse weights"
+        )
     for node in nodes:
         if node.domain not in ("", "ai.onnx") or node.op_type not in OPERATORS:
-            raise ValueError(f"its operator {node.op_type[:40]!r} is not one of a feed-forward or recurrent network")
-        if any(part.HasField("g") or part.graphs or part.HasField("sparse_tensor") for part in node.attribute):
-            raise ValueError(f"its operator {node.op_type!r} has a graph or sparse numbers of its own")
+            raise ValueError(
+                f"its operator {node.op_type[:40]!r} is not one of a feed-forward or recurrent"
+                " network"
+            )
+        if any(
+            part.HasField("g") or part.graphs or part.HasField("sparse_tensor")
+            for part in node.attribute
+        ):
+            raise ValueError(
+                f"its operator {node.op_type!r} has a graph or sparse numbers of its own"
+            )
     parts = [part for node in nodes for part in node.attribute]
     tensors = [*model.graph.initializer, *(part.t for part in parts if part.HasField("t"))]
     _load_external(model, tensors, path.parent)
     weights = [(tensor.name, onnx.numpy_helper.to_array(tensor)) for tensor in tensors]
     for name, values in weights + [(part.name, np.array([*part.floats, part.f])) for part in parts]:
-        # a number without dimensions may stand for "never", as infinite ones do in masks
+        # A number without dimensions may stand for "never", as infinite ones do in masks.
         limit = LARGEST_WEIGHT if values.ndim else np.inf
         if np.issubdtype(values.dtype, np.floating) and not (np.abs(values) <= limit).all():
-            raise ValueError(f"{name[:40]!r} is not of finite numbers of magnitude at most {LARGEST_WEIGHT:g}")
+            raise ValueError(
+                f"{name[:40]!r} is not of finite numbers of magnitude at most {LARGEST_WEIGHT:g}"
+            )
     content: bytes = model.SerializeToString()
     return content
 
@@ -112,17 +143,24 @@ def _load_external(model: Any, tensors: list[Any], folder: Path) -> None:
     """Read the weights that lie in files beside a model; `ValueError` if they are too large."""
     from onnx import external_data_helper as external
 
-    given = [external.ExternalDataInfo(tensor) for tensor in tensors if external.uses_external_data(tensor)]
+    given = [
+        external.ExternalDataInfo(tensor)
+        for tensor in tensors
+        if external.uses_external_data(tensor)
+    ]
     if sum(info.length or (folder / info.location).stat().st_size for info in given) > LARGEST_FILE:
         raise ValueError(f"its weights are larger than {LARGEST_FILE:,} bytes")
     external.load_external_data_for_model(model, str(folder))
 
 
 def _check_calls(session: Any) -> tuple[int, ...]:
-    """Return the width of the input of a session, and the shape of its output without the first dimension."""
+    """Return the width of the input of a session, and the shape of its output without the first
+    dimension.
+    """
     import onnxruntime
 
-    given, out = session.get_inputs(), session.get_outputs()[0]
+    given = session.get_inputs()
+    out = session.get_outputs()[0]
     if len(given) != 1 or given[0].type != "tensor(float)" or len(given[0].shape) != 2:
         raise ValueError("its input is not float32 rows (N, width)")
     tracks, width = given[0].shape
@@ -130,20 +168,28 @@ def _check_calls(session: Any) -> tuple[int, ...]:
         raise ValueError(f"it is for {tracks} rows: export it with a free first dimension")
     if not isinstance(width, int) or not 0 < width <= LARGEST_WIDTH:
         raise ValueError(f"the width of its rows is not a number up to {LARGEST_WIDTH}")
-    # not two rows alone, for which two numbers would do
+    # Not two rows alone, for which two numbers would do.
     for count in (2, 3):
         running = onnxruntime.RunOptions()
         stop = threading.Timer(SECONDS, setattr, (running, "terminate", True))
         stop.start()
         try:
-            values = session.run([out.name], {given[0].name: np.zeros((count, width), np.float32)}, running)[0]
+            values = session.run(
+                [out.name],
+                {given[0].name: np.zeros((count, width), np.float32)},
+                running,
+            )[0]
         finally:
             stop.cancel()
         shape = np.shape(values)
         if len(shape) not in (1, 2) or shape[0] != count:
-            raise ValueError(f"its output for {count} rows has the shape {shape}, not ({count}, A) or ({count},)")
+            raise ValueError(
+                f"its output for {count} rows has the shape {shape}, not ({count}, A) or ({count},)"
+            )
         if not np.isfinite(values).all():
             raise ValueError("its output is not finite")
         if len(shape) == 1 and values.dtype.kind not in "iu":
-            raise ValueError(f"its output for {count} rows is of {values.dtype}, not of logits or actions")
+            raise ValueError(
+                f"its output for {count} rows is of {values.dtype}, not of logits or actions"
+            )
     return width, *shape[1:]

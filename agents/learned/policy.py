@@ -24,7 +24,7 @@ from agents.learned.policy_file import (
     load_weights,
     save_policy,
     unreadable_policy,
-)  # fmt: skip
+)
 from agents.learned.torch_defaults import NetworkDecider, own_defaults
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Actions, DeciderFamily, Observations
 from baselines.rules.msprt import mode_types
@@ -33,26 +33,51 @@ from hybrid_env.checks import FloatArray, check_integer, reject
 from hybrid_env.observation import Layout
 from hybrid_env.rendering.evidence import EvidencePanel, Threshold, probability_panel
 
-TYPE_ACTIONS = 4  # wait, straight, left, right
-POSTERIOR = "posterior"  # in place of a quantity that is observed
-VALUE_THRESHOLDS = (-1.0, -0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01, 0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
+# Wait, straight, left, right.
+TYPE_ACTIONS = 4
+# In place of a quantity that is observed.
+POSTERIOR = "posterior"
+VALUE_THRESHOLDS = (
+    -1.0,
+    -0.5,
+    -0.3,
+    -0.2,
+    -0.1,
+    -0.05,
+    -0.02,
+    -0.01,
+    0.0,
+    0.01,
+    0.02,
+    0.05,
+    0.1,
+    0.2,
+    0.5,
+)
 """On the differences of action values, in units of the reward."""
 
 
 class ObservationFeatures(BaseFeaturesExtractor):
     """Features extractor that selects quantities of an observation row by name.
 
-    `observe` has keys of the layout, or "posterior": the posterior of each hypothesis, under equal priors where the
-    observation has no probabilities.
+    `observe` has keys of the layout, or "posterior": the posterior of each hypothesis, under equal
+    priors where the observation has no probabilities.
     """
 
-    def __init__(self, observation_space: spaces.Box, observe: tuple[str, ...], layout: type[Layout] = Layout):
+    def __init__(
+        self,
+        observation_space: spaces.Box,
+        observe: tuple[str, ...],
+        layout: type[Layout] = Layout,
+    ):
         rows = layout.of_width(observation_space.shape[0])
         known = (*rows.slices, POSTERIOR)
         for name in observe:
             if name not in known:
                 raise reject("observe", name, ", ".join(known))
-        columns = [k for name in observe if name != POSTERIOR for k in range(rows.width)[rows.slices[name]]]
+        columns = [
+            k for name in observe if name != POSTERIOR for k in range(rows.width)[rows.slices[name]]
+        ]
         hypotheses = rows.hypotheses if POSTERIOR in observe else 0
         super().__init__(observation_space, len(columns) + hypotheses)
         self.columns = torch.tensor(columns, dtype=torch.int64)
@@ -67,25 +92,42 @@ class ObservationFeatures(BaseFeaturesExtractor):
 
 
 def policy_kwargs_with_features(
-    policy_kwargs: Mapping[str, Any], observe: tuple[str, ...], layout: type[Layout]
+    policy_kwargs: Mapping[str, Any],
+    observe: tuple[str, ...],
+    layout: type[Layout],
 ) -> dict[str, Any]:
     """Return `policy_kwargs` with the features extractor added; unchanged if `observe` is empty."""
     if not observe:
         return dict(policy_kwargs)
     keywords = {"observe": observe, "layout": layout}
-    return {**policy_kwargs, "features_extractor_class": ObservationFeatures, "features_extractor_kwargs": keywords}
+    return {
+        **policy_kwargs,
+        "features_extractor_class": ObservationFeatures,
+        "features_extractor_kwargs": keywords,
+    }
 
 
 def make_policy(
-    observation_space: spaces.Space[Any], action_space: spaces.Space[Any], policy_kwargs: dict[str, Any],
-    observe: tuple[str, ...] = (), algo: str = "ppo", layout: type[Layout] = Layout,
-) -> BasePolicy:  # fmt: skip
-    """Create an untrained policy for one track, which observes some quantities of the layout, or all if there are none.
+    observation_space: spaces.Space[Any],
+    action_space: spaces.Space[Any],
+    policy_kwargs: dict[str, Any],
+    observe: tuple[str, ...] = (),
+    algo: str = "ppo",
+    layout: type[Layout] = Layout,
+) -> BasePolicy:
+    """Create an untrained policy for one track, which observes some quantities of the layout, or
+    all if there are none.
 
-    `algo` is a key of `policy_file.POLICY_SETTINGS`; `ImportError` if it needs sb3-contrib, which is not installed.
+    `algo` is a key of `policy_file.POLICY_SETTINGS`; `ImportError` if it needs sb3-contrib, which
+    is not installed.
     """
     keywords = policy_kwargs_with_features(policy_kwargs, observe, layout)
-    policy: BasePolicy = _policy_class(algo)(observation_space, action_space, lambda _: 0.0, **keywords)
+    policy: BasePolicy = _policy_class(algo)(
+        observation_space,
+        action_space,
+        lambda _: 0.0,
+        **keywords,
+    )
     return policy
 
 
@@ -102,15 +144,17 @@ def _policy_class(algo: str) -> Any:
 
 
 def value_network(policy: Any) -> Any:
-    """Return the network of the action values of DQN, or of their quantiles of QR-DQN; None of other policies."""
+    """Return the network of the action values of DQN, or of their quantiles of QR-DQN; None of
+    other policies.
+    """
     return getattr(policy, "q_net", getattr(policy, "quantile_net", None))
 
 
 class ActorDecider(NetworkDecider):
     """Base class of the deciders of a trained actor; the subclasses choose actions from its logits.
 
-    Action values of DQN and QR-DQN take the place of logits, and their differences that of log-odds. A network from
-    rows to one number for each action may take the place of the policy.
+    Action values of DQN and QR-DQN take the place of logits, and their differences that of
+    log-odds. A network from rows to one number for each action may take the place of the policy.
     """
 
     symbol = "log-odds"
@@ -123,7 +167,8 @@ class ActorDecider(NetworkDecider):
         """Return the policy at any threshold."""
         symbol, grid = self.symbol, self.thresholds
         if value_network(self.policy) is not None:
-            symbol, grid = "value difference", VALUE_THRESHOLDS
+            symbol = "value difference"
+            grid = VALUE_THRESHOLDS
         make = functools.partial(type(self), self.policy)
         return DeciderFamily(name, symbol, grid, self.default, make, self.hypotheses)
 
@@ -133,8 +178,15 @@ class ActorDecider(NetworkDecider):
         return LAYOUTS[self.task].of_width(self.policy.observation_space.shape[0]).hypotheses
 
     @torch.no_grad()
-    def logits(self, rows: Observations, state: Any = None, episode_start: Any = None) -> tuple[FloatArray, Any]:
-        """Return logits (N, actions) and the LSTM state: None, or two tensors (layers, N, hidden)."""
+    def logits(
+        self,
+        rows: Observations,
+        state: Any = None,
+        episode_start: Any = None,
+    ) -> tuple[FloatArray, Any]:
+        """Return logits (N, actions) and the LSTM state: None, or two tensors (layers, N,
+        hidden).
+        """
         inputs = torch.as_tensor(rows)
         if not isinstance(self.policy, ActorCriticPolicy):
             values = (value_network(self.policy) or self.policy)(inputs)
@@ -144,7 +196,11 @@ class ActorDecider(NetworkDecider):
         if lstm is not None:
             if state is None:
                 state = (torch.zeros(lstm.num_layers, len(rows), lstm.hidden_size),) * 2
-            starts = torch.zeros(len(rows)) if episode_start is None else torch.as_tensor(episode_start).float()
+            starts = (
+                torch.zeros(len(rows))
+                if episode_start is None
+                else torch.as_tensor(episode_start).float()
+            )
             features, state = self.policy._process_sequence(features, state, starts, lstm)  # type: ignore[operator]
         hidden = self.policy.mlp_extractor.forward_actor(features)
         return self.policy.action_net(hidden).numpy().astype(np.float64), state
@@ -158,12 +214,22 @@ class ActorDecider(NetworkDecider):
         raise NotImplementedError
 
     def predict(
-        self, observation: Observations, state: Any = None, episode_start: Any = None, deterministic: bool = True
+        self,
+        observation: Observations,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
     ) -> tuple[Actions, Any]:
-        """See `Decider.predict`. Only an LSTM policy has a state. Sampling ignores the threshold."""
+        """See `Decider.predict`. Only an LSTM policy has a state. Sampling ignores the
+        threshold.
+        """
         expected = self.policy.observation_space.shape
         if observation.shape[1:] != expected:
-            raise reject("observation shape", observation.shape, f"(N, *{expected}), as in training")
+            raise reject(
+                "observation shape",
+                observation.shape,
+                f"(N, *{expected}), as in training",
+            )
         logits, state = self.logits(observation, state, episode_start)
         return self.choose(logits, observation, deterministic), state
 
@@ -174,16 +240,34 @@ class ActorDecider(NetworkDecider):
 class PolicyDecider(ActorDecider):
     """Declares a hypothesis once the policy's log-odds of declaring exceed a threshold.
 
-    At threshold 0 this is the policy's most probable action; other thresholds trade decision time against
-    accuracy. A policy with M + 1 actions declares the hypothesis with the largest logit, one with 4 actions
-    the most likely hypothesis of the type (straight, left or right) with the largest logit, and one with 2 actions the
-    most likely hypothesis of the bank. The threshold is on ln p(the declaration) - ln p(wait).
+    At threshold 0 this is the policy's most probable action; other thresholds trade decision time
+    against accuracy. A policy with M + 1 actions declares the hypothesis with the largest logit,
+    one with 4 actions the most likely hypothesis of the type (straight, left or right) with the
+    largest logit, and one with 2 actions the most likely hypothesis of the bank. The threshold is
+    on ln p(the declaration) - ln p(wait).
     """
 
     task = ANNOUNCED
     thresholds = (
-        -10.0, -8.0, -6.0, -5.0, -4.0, -3.0, -2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0,
-    )  # fmt: skip
+        -10.0,
+        -8.0,
+        -6.0,
+        -5.0,
+        -4.0,
+        -3.0,
+        -2.0,
+        -1.5,
+        -1.0,
+        -0.5,
+        0.0,
+        0.5,
+        1.0,
+        1.5,
+        2.0,
+        2.5,
+        3.0,
+        4.0,
+    )
 
     def choose(self, logits: FloatArray, observation: Observations, deterministic: bool) -> Actions:
         if not deterministic:
@@ -199,7 +283,9 @@ class PolicyDecider(ActorDecider):
         return np.where(odds > (self.threshold if deterministic else 0.0), declare + 1, 0)
 
     def panel(self) -> EvidencePanel:
-        """Return the panel of `evidence`; one curve for all hypotheses if the bank chooses the one."""
+        """Return the panel of `evidence`; one curve for all hypotheses if the bank chooses the
+        one.
+        """
         return EvidencePanel(
             label="log-odds of declaring against waiting",
             limits=(self.threshold - 15.0, self.threshold + 5.0),
@@ -208,7 +294,12 @@ class PolicyDecider(ActorDecider):
             legend=f"threshold {self.threshold:g}",
         )
 
-    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
+    def evidence(
+        self,
+        observation: Observations,
+        state: Any = None,
+        episode_start: Any = None,
+    ) -> FloatArray:
         """Return the log-odds of declaring each hypothesis against waiting, (N, M)."""
         logits = self.logits(observation, state, episode_start)[0]
         odds = logits[:, 1:] - logits[:, :1]
@@ -220,9 +311,10 @@ class PolicyDecider(ActorDecider):
 class StatementPolicyDecider(ActorDecider):
     """Changes its statement to the policy's most probable mode if the log-odds exceed a margin.
 
-    At margin 0 it states the policy's most probable mode. A larger margin changes the statement later and
-    less often to a wrong mode. The first statement of an episode is the most probable mode. The threshold is a
-    margin on ln p(another mode) - ln p(the stated mode); a negative one has no effect.
+    At margin 0 it states the policy's most probable mode. A larger margin changes the statement
+    later and less often to a wrong mode. The first statement of an episode is the most probable
+    mode. The threshold is a margin on ln p(another mode) - ln p(the stated mode); a negative one
+    has no effect.
     """
 
     task = UNKNOWN
@@ -241,18 +333,31 @@ class StatementPolicyDecider(ActorDecider):
     def panel(self) -> EvidencePanel:
         return probability_panel("policy")
 
-    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
+    def evidence(
+        self,
+        observation: Observations,
+        state: Any = None,
+        episode_start: Any = None,
+    ) -> FloatArray:
         """Return the probabilities of the modes by the policy, (N, M)."""
         return np.asarray(softmax(self.logits(observation, state, episode_start)[0], axis=-1))
 
 
-ACTORS: dict[str, type[ActorDecider]] = {kind.task: kind for kind in (PolicyDecider, StatementPolicyDecider)}
+ACTORS: dict[str, type[ActorDecider]] = {
+    kind.task: kind for kind in (PolicyDecider, StatementPolicyDecider)
+}
 """Deciders of an actor by task."""
 
 
-def save_actor(folder: Path, policy: BasePolicy, card: dict[str, Any], task: str = ANNOUNCED) -> None:
+def save_actor(
+    folder: Path,
+    policy: BasePolicy,
+    card: dict[str, Any],
+    task: str = ANNOUNCED,
+) -> None:
     """Write weights and card; see `save_policy`."""
-    row, actions = policy.observation_space, policy.action_space
+    row = policy.observation_space
+    actions = policy.action_space
     assert isinstance(row, spaces.Box)
     assert isinstance(actions, spaces.Discrete)
     card = card | {"observation_width": row.shape[0], "actions": int(actions.n)}
@@ -261,22 +366,39 @@ def save_actor(folder: Path, policy: BasePolicy, card: dict[str, Any], task: str
 
 @own_defaults()
 def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -> BasePolicy:
-    """Return the policy for the weights and card that `policy_file.load_policy` read; refuse them if they differ."""
+    """Return the policy for the weights and card that `policy_file.load_policy` read; refuse
+    them if they differ.
+    """
     try:
-        entry, task = card["recipe"]["entry"], card_task(card)
-        algo, keywords = entry["algo"], entry["policy_kwargs"]
+        entry = card["recipe"]["entry"]
+        task = card_task(card)
+        algo = entry["algo"]
+        keywords = entry["policy_kwargs"]
         check_policy_kwargs(keywords, algo)
         if algo not in VALUE_ALGORITHMS:
-            keywords = keywords | {"ortho_init": False}  # slow, and the weights are replaced
+            # Slow, and the weights are replaced.
+            keywords = keywords | {"ortho_init": False}
         width = check_integer("observation_width", card["observation_width"], maximum=LARGEST_WIDTH)
         actions = check_integer("actions", card["actions"], maximum=LARGEST_WIDTH)
         check_actions(actions, LAYOUTS[task].of_width(width).hypotheses, task)
-        space, observe = spaces.Box(-np.inf, np.inf, (width,), np.float32), tuple(entry.get("observe", ()))
-        # the limits on widths and layers keep this below 200 MB, whatever the card says
-        policy = make_policy(space, spaces.Discrete(actions), keywords, observe, algo, LAYOUTS[task])
+        space = spaces.Box(-np.inf, np.inf, (width,), np.float32)
+        observe = tuple(entry.get("observe", ()))
+        # The limits on widths and layers keep this below 200 MB, whatever the card says.
+        policy = make_policy(
+            space,
+            spaces.Discrete(actions),
+            keywords,
+            observe,
+            algo,
+            LAYOUTS[task],
+        )
         load_weights(policy, weights)
     except ImportError:
-        raise reject("run", str(folder), 'sb3-contrib: pip install "hybrid-track[recurrent]"') from None
+        raise reject(
+            "run",
+            str(folder),
+            'sb3-contrib: pip install "hybrid-track[recurrent]"',
+        ) from None
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise unreadable_policy(folder, error) from None
     policy.set_training_mode(False)

@@ -22,29 +22,55 @@ from hybrid_env.observation import Layout, QuickestLayout
 WEIGHTS = "policy.safetensors"
 LAYOUTS: dict[str, type[Layout]] = {ANNOUNCED: Layout, UNKNOWN: QuickestLayout}
 ALGORITHMS = {
-    "ppo": (ANNOUNCED, UNKNOWN), "recurrent_ppo": (ANNOUNCED, UNKNOWN), "a2c": (ANNOUNCED, UNKNOWN),
-    "dqn": (ANNOUNCED, UNKNOWN), "qrdqn": (ANNOUNCED, UNKNOWN), "anchor": (ANNOUNCED,), "reward": (ANNOUNCED,),
-    "tandem": (ANNOUNCED,), "statements": (UNKNOWN,), "rhythm": (UNKNOWN,), "flights": (FLIGHTS,),
-    "gliders": (GLIDERS,), "kalman": (ANNOUNCED,), "distilled": (ANNOUNCED,), "transformer": (ANNOUNCED,),
-    "jump_markov": (UNKNOWN,), "stopping": (ANNOUNCED,),
-}  # fmt: skip
+    "ppo": (ANNOUNCED, UNKNOWN),
+    "recurrent_ppo": (ANNOUNCED, UNKNOWN),
+    "a2c": (ANNOUNCED, UNKNOWN),
+    "dqn": (ANNOUNCED, UNKNOWN),
+    "qrdqn": (ANNOUNCED, UNKNOWN),
+    "anchor": (ANNOUNCED,),
+    "reward": (ANNOUNCED,),
+    "tandem": (ANNOUNCED,),
+    "statements": (UNKNOWN,),
+    "rhythm": (UNKNOWN,),
+    "flights": (FLIGHTS,),
+    "gliders": (GLIDERS,),
+    "kalman": (ANNOUNCED,),
+    "distilled": (ANNOUNCED,),
+    "transformer": (ANNOUNCED,),
+    "jump_markov": (UNKNOWN,),
+    "stopping": (ANNOUNCED,),
+}
 """Tasks of the agents of every training algorithm."""
 
-LARGEST_FILE = 2**27  # bytes
-LARGEST_HEADER = 2**20  # bytes
-LARGEST_WIDTH = 2000  # of an observation row
-LONGEST_LINE = 200  # characters of a reason in a message
-LARGEST_WEIGHT = 1e6  # decisions of larger weights could overflow
+# Bytes.
+LARGEST_FILE = 2**27
+# Bytes.
+LARGEST_HEADER = 2**20
+# Of an observation row.
+LARGEST_WIDTH = 2000
+# Characters of a reason in a message.
+LONGEST_LINE = 200
+# Decisions of larger weights could overflow.
+LARGEST_WEIGHT = 1e6
 
 
 def package_versions() -> dict[str, str]:
-    """Return the versions of Python and of the packages that determine the result of a training run."""
+    """Return the versions of Python and of the packages that determine the result of a training
+    run.
+    """
     names = ("hybrid-track", "stable-baselines3", "torch", "numpy", "numba")
     return {name: version(name) for name in names} | {"python": platform.python_version()}
 
 
-def save_policy(folder: Path, weights: Mapping[str, Tensor], card: Mapping[str, Any], task: str) -> None:
-    """Write weights and card atomically, with the scales of the observation rows of the task, if it has rows."""
+def save_policy(
+    folder: Path,
+    weights: Mapping[str, Tensor],
+    card: Mapping[str, Any],
+    task: str,
+) -> None:
+    """Write weights and card atomically, with the scales of the observation rows of the task, if
+    it has rows.
+    """
     with atomic_file(folder / WEIGHTS) as part:
         save_file({name: tensor.contiguous() for name, tensor in weights.items()}, part)
     scales = {"observation_scales": _scales(LAYOUTS[task])} if task in LAYOUTS else {}
@@ -65,10 +91,13 @@ def card_task(card: Mapping[str, Any]) -> str:
 
 @own_defaults()
 def load_policy(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
-    """Read weights and card of any agent; refuse damaged files, and a policy trained with other observation scales."""
+    """Read weights and card of any agent; refuse damaged files, and a policy trained with other
+    observation scales.
+    """
     try:
         card = read_json(folder / CARD)
-        if "settings" in card:  # the card of an agent for flights that was trained without a recipe
+        # The card of an agent for flights that was trained without a recipe.
+        if "settings" in card:
             card["recipe"] = {"name": "flights", "entry": {"algo": "flights", **card["settings"]}}
         algo = card["recipe"]["entry"]["algo"]
         if algo not in ALGORITHMS:
@@ -85,7 +114,9 @@ def load_policy(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
 
 
 def _read_tensors(path: Path) -> dict[str, Tensor]:
-    """Read tensors of finite float32 numbers; others raise `OSError`, `SafetensorError` or `ValueError`."""
+    """Read tensors of finite float32 numbers; others raise `OSError`, `SafetensorError` or
+    `ValueError`.
+    """
     check_tensor_file(path, LARGEST_FILE)
     tensors = {}
     with safe_open(path, framework="pt") as file:
@@ -104,13 +135,18 @@ def check_finite(name: str, weights: Tensor) -> Tensor:
 
 
 def check_tensor_file(path: Path, largest: int) -> None:
-    """Raise `ValueError` if a safetensors file or its header is too large [bytes], before it is read."""
-    if not path.is_file():  # a named pipe would wait for its writer
+    """Raise `ValueError` if a safetensors file or its header is too large [bytes], before it is
+    read.
+    """
+    # A named pipe would wait for its writer.
+    if not path.is_file():
         raise ValueError(f"{path.name} is missing or not a file")
     with path.open("rb") as start:
         header = int.from_bytes(start.read(8), "little")
     if path.stat().st_size > largest or header > LARGEST_HEADER:
-        raise ValueError(f"{path.name} is larger than {largest:,} bytes, or its header is too large")
+        raise ValueError(
+            f"{path.name} is larger than {largest:,} bytes, or its header is too large"
+        )
 
 
 Network = TypeVar("Network", bound=torch.nn.Module)
@@ -118,11 +154,15 @@ Network = TypeVar("Network", bound=torch.nn.Module)
 
 @own_defaults()
 def load_network(
-    folder: Path, weights: Mapping[str, Tensor], card: dict[str, Any], kind: Callable[[int], Network]
+    folder: Path,
+    weights: Mapping[str, Tensor],
+    card: dict[str, Any],
+    kind: Callable[[int], Network],
 ) -> Network:
     """Return a network for the weights and card that `load_policy` read from a folder.
 
-    `kind` creates it with a number of hidden units; `ArgumentError` if weights and card do not match.
+    `kind` creates it with a number of hidden units; `ArgumentError` if weights and card do not
+    match.
     """
     try:
         hidden = check_integer("hidden", card["recipe"]["entry"]["hidden"], maximum=LARGEST_HIDDEN)
@@ -136,7 +176,9 @@ def load_network(
 
 
 def load_weights(module: torch.nn.Module, weights: Mapping[str, Tensor]) -> None:
-    """Put weights into a module, which may be on the device "meta"; `ValueError` if names or shapes differ."""
+    """Put weights into a module, which may be on the device "meta"; `ValueError` if names or
+    shapes differ.
+    """
     expected = {name: tuple(tensor.shape) for name, tensor in module.state_dict().items()}
     found = {name: tuple(tensor.shape) for name, tensor in weights.items()}
     for name in sorted(expected | found):
@@ -157,26 +199,37 @@ def first_line(error: Exception) -> str:
     return (str(error).splitlines() or [type(error).__name__])[0][:LONGEST_LINE]
 
 
-LARGEST_HIDDEN = 512  # units of a hidden layer of the anchor agent
+# Units of a hidden layer of the anchor agent.
+LARGEST_HIDDEN = 512
 LARGEST_LAYER = 1024
 MOST_LAYERS = 8
 MOST_QUANTILES = 200
 VALUE_ALGORITHMS = ("dqn", "qrdqn")
 """Algorithms whose policies are networks of action values."""
 POLICY_SETTINGS = {
-    "ppo": ("net_arch", "ortho_init"), "a2c": ("net_arch", "ortho_init"), "dqn": ("net_arch",),
+    "ppo": ("net_arch", "ortho_init"),
+    "a2c": ("net_arch", "ortho_init"),
+    "dqn": ("net_arch",),
     "qrdqn": ("net_arch", "n_quantiles"),
-    "recurrent_ppo": ("net_arch", "ortho_init", "lstm_hidden_size", "n_lstm_layers", "enable_critic_lstm"),
-}  # fmt: skip
+    "recurrent_ppo": (
+        "net_arch",
+        "ortho_init",
+        "lstm_hidden_size",
+        "n_lstm_layers",
+        "enable_critic_lstm",
+    ),
+}
 """Allowed keyword arguments of a policy by algorithm."""
 
 
 def check_policy_kwargs(policy_kwargs: Any, algo: str) -> None:
-    """Check names and types of the keyword arguments of a policy by algorithm, and the size of its network.
+    """Check names and types of the keyword arguments of a policy by algorithm, and the size of
+    its network.
 
     A network of action values may have no layers: its values are then linear.
     """
-    known, fewest = POLICY_SETTINGS[algo], 0 if algo in VALUE_ALGORITHMS else 1
+    known = POLICY_SETTINGS[algo]
+    fewest = 0 if algo in VALUE_ALGORITHMS else 1
     if not isinstance(policy_kwargs, Mapping) or any(name not in known for name in policy_kwargs):
         raise reject("policy_kwargs", policy_kwargs, f"a mapping of {', '.join(known)}")
     layers = policy_kwargs.get("net_arch", [1])
@@ -184,7 +237,11 @@ def check_policy_kwargs(policy_kwargs: Any, algo: str) -> None:
         raise reject("net_arch", layers, f"a list of {fewest} to {MOST_LAYERS} layers")
     for units in layers:
         check_integer("net_arch", units, maximum=LARGEST_LAYER)
-    largest = {"lstm_hidden_size": LARGEST_LAYER, "n_lstm_layers": 2, "n_quantiles": MOST_QUANTILES}
+    largest = {
+        "lstm_hidden_size": LARGEST_LAYER,
+        "n_lstm_layers": 2,
+        "n_quantiles": MOST_QUANTILES,
+    }
     for name, maximum in largest.items():
         check_integer(name, policy_kwargs.get(name, 1), maximum=maximum)
     for name in ("ortho_init", "enable_critic_lstm"):

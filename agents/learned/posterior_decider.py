@@ -22,7 +22,9 @@ class PosteriorDecider(NetworkDecider):
     The threshold alpha is in units of a wrong declaration, in (0, 1].
     """
 
-    symbol, thresholds, default = "alpha", FEW_ALPHAS, 0.02
+    symbol = "alpha"
+    thresholds = FEW_ALPHAS
+    default = 0.02
     label: ClassVar[str]
     """Of the posterior in figures."""
 
@@ -36,17 +38,38 @@ class PosteriorDecider(NetworkDecider):
     @classmethod
     def trained(cls, name: str, net: Any, options: WorldOptions) -> DeciderFamily:
         """Return a network at any threshold, for the options of an environment."""
-        return DeciderFamily(name, cls.symbol, cls.thresholds, cls.default, functools.partial(cls, net, options))
+        return DeciderFamily(
+            name,
+            cls.symbol,
+            cls.thresholds,
+            cls.default,
+            functools.partial(cls, net, options),
+        )
 
     @abstractmethod
-    def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, Any]:
+    def posterior(
+        self,
+        observation: Observations,
+        state: Any,
+        episode_start: Any,
+    ) -> tuple[FloatArray, Any]:
         """Return the posterior (N, M) after one tick, and the state."""
 
     @abstractmethod
-    def errors(self, observation: Observations, posterior: FloatArray, state: Any) -> tuple[FloatArray, IntArray]:
+    def errors(
+        self,
+        observation: Observations,
+        posterior: FloatArray,
+        state: Any,
+    ) -> tuple[FloatArray, IntArray]:
         """Return the expected loss of a declaration (N,) and the hypothesis to declare (N,)."""
 
-    def decide(self, observation: Observations, state: Any, episode_start: Any) -> tuple[Actions, Any]:
+    def decide(
+        self,
+        observation: Observations,
+        state: Any,
+        episode_start: Any,
+    ) -> tuple[Actions, Any]:
         """See `Decider.decide`. The state is that of `posterior`."""
         posterior, state = self.posterior(observation, state, episode_start)
         error, best = self.errors(observation, posterior, state)
@@ -55,9 +78,16 @@ class PosteriorDecider(NetworkDecider):
     def panel(self) -> EvidencePanel:
         return posterior_panel(self.label, self.by_type, np.array([self.alpha]))
 
-    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
-        """Return the posterior of each hypothesis or type, (N, M), for the best one 1 - expected loss."""
-        # a copy, because `posterior` may change the state in place
+    def evidence(
+        self,
+        observation: Observations,
+        state: Any = None,
+        episode_start: Any = None,
+    ) -> FloatArray:
+        """Return the posterior of each hypothesis or type, (N, M), for the best one 1 - expected
+        loss.
+        """
+        # A copy, because `posterior` may change the state in place.
         posterior, state = self.posterior(observation, copy.deepcopy(state), episode_start)
         error, best = self.errors(observation, posterior, state)
         kinds = mode_types(posterior.shape[1]) if self.by_type else np.arange(posterior.shape[1])

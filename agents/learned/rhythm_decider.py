@@ -1,8 +1,9 @@
 """The statement network on a beam that learns an object's habits within the episode.
 
-The beam (`baselines.rules.adaptive_beam`) is smaller than that of the rule: fewer laws, and fewer histories, which
-are joined (`baselines.rules.beam_joining`). Its probabilities of the modes are those that the network corrects, and
-what its histories say about age and end of the present segment are further inputs.
+The beam (`baselines.rules.adaptive_beam`) is smaller than that of the rule: fewer laws, and fewer
+histories, which are joined (`baselines.rules.beam_joining`). Its probabilities of the modes are
+those that the network corrects, and what its histories say about age and end of the present segment
+are further inputs.
 """
 
 import functools
@@ -32,23 +33,45 @@ HABIT_INPUTS = (
     "log of the probability that it would have ended at the last tick",
     "log of its expected age",
 )
-"""Of straight motion, of the turn, and of the other turns, in addition to `statement_net.HYPOTHESIS_INPUTS`."""
+"""Of straight motion, of the turn, and of the other turns, in addition to
+`statement_net.HYPOTHESIS_INPUTS`.
+"""
 
 BRANCHES, BRANCHES_PER_MODE = 16, 3
-SHORTEST, LONGEST = 14.0, 180.0  # ticks, of the shortest duration of a uniform law
-WIDTHS = {1.07: 0.07, 1.2: 0.13, 1.6: 0.25, 2.4: 0.4}
+# Ticks, of the shortest duration of a uniform law.
+SHORTEST, LONGEST = 14.0, 180.0
+WIDTHS = {
+    1.07: 0.07,
+    1.2: 0.13,
+    1.6: 0.25,
+    2.4: 0.4,
+}
 OFFSETS, MEANS = (0, 10, 25, 50, 80), (10, 20, 40, 80)
-UNIFORM, GEOMETRIC = 0.32, 0.08  # probability of each kind
-# laws of the recipe `statements`, likewise
-KNOWN: dict[SimpleDurations, float] = {GeometricDurations(50.0, 25): 0.3, UniformDurations(50, 100): 0.3}
-DIFFERENT, HABITUAL = 0.15, 0.4  # see `adaptive_beam.Prior`
+# Probability of each kind.
+UNIFORM, GEOMETRIC = 0.32, 0.08
+# Laws of the recipe `statements`, likewise.
+KNOWN: dict[SimpleDurations, float] = {
+    GeometricDurations(50.0, 25): 0.3,
+    UniformDurations(50, 100): 0.3,
+}
+# See `adaptive_beam.Prior`.
+DIFFERENT, HABITUAL = 0.15, 0.4
 
 
 @functools.cache
 def prior() -> Prior:
     """Return the prior of the beam; see `adaptive_beam.default_prior`."""
     shares = UNIFORM, GEOMETRIC
-    return mixed_prior(WIDTHS, (SHORTEST, LONGEST), OFFSETS, MEANS, shares, KNOWN, DIFFERENT, HABITUAL)
+    return mixed_prior(
+        WIDTHS,
+        (SHORTEST, LONGEST),
+        OFFSETS,
+        MEANS,
+        shares,
+        KNOWN,
+        DIFFERENT,
+        HABITUAL,
+    )
 
 
 class RhythmDecider(StatementDecider):
@@ -67,7 +90,13 @@ class RhythmDecider(StatementDecider):
     observes = "tracks"
     inputs = INPUTS + 3 * len(HABIT_INPUTS)
 
-    def __init__(self, net: StatementNet, world: QuickestOptions, margin: float = 0.0, branches: int = BRANCHES):
+    def __init__(
+        self,
+        net: StatementNet,
+        world: QuickestOptions,
+        margin: float = 0.0,
+        branches: int = BRANCHES,
+    ):
         super().__init__(net, world, margin)
         branches = max(branches, BRANCHES_PER_MODE * world.hypotheses)
         self.beam = AdaptiveBeamDecider(world, branches=branches, joined=True, prior=prior())
@@ -80,12 +109,20 @@ class RhythmDecider(StatementDecider):
         """See `StatementDecider.divide`."""
         width = self.layout.width
         if observation.ndim != 2 or observation.shape[1] <= width:
-            raise reject("observation shape", observation.shape, f"(N, more than {width}), from `observe`")
+            raise reject(
+                "observation shape",
+                observation.shape,
+                f"(N, more than {width}), from `observe`",
+            )
         rows, _ = super().divide(observation[:, :width])
         return rows, np.asarray(observation[:, width:], np.float64)
 
     def filtered(
-        self, bank: NDArray[np.float64], seen: NDArray[Any] | None, filters: BeamState | None, episode_start: Any
+        self,
+        bank: NDArray[np.float64],
+        seen: NDArray[Any] | None,
+        filters: BeamState | None,
+        episode_start: Any,
     ) -> tuple[NDArray[np.float64], NDArray[np.float32] | None, BeamState]:
         """See `StatementDecider.filtered`."""
         assert seen is not None
@@ -93,7 +130,12 @@ class RhythmDecider(StatementDecider):
         log_probability = np.maximum(state.log_probability, 2.0 * LOWEST_LOG)
         return log_probability, habit_inputs(state.branches, log_probability), state
 
-    def evidence(self, observation: Any, state: Any = None, episode_start: Any = None) -> FloatArray:
+    def evidence(
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,
+    ) -> FloatArray:
         """Return the posterior of the beam, (N, M)."""
         seen = observation[:, self.layout.width :]
         return self.beam.evidence(seen, None if state is None else state.filters, episode_start)
@@ -121,7 +163,9 @@ def habit_inputs(branches: Branches, log_probability: FloatArray) -> NDArray[np.
 
 @compiled
 def _sum_branches(branches: Branches, sums: FloatArray) -> None:
-    """Add to `sums` (N, M, 3) what the branches in each mode have of new segments, of hazard, and of age."""
+    """Add to `sums` (N, M, 3) what the branches in each mode have of new segments, of hazard,
+    and of age.
+    """
     for track in range(sums.shape[0]):
         for b in range(branches.counts[track]):
             weight = math.exp(branches.filters[track, b // LANES].log_likelihood[b % LANES])

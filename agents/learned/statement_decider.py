@@ -19,21 +19,25 @@ from hybrid_env.quickest_options import QuickestOptions
 
 
 class UtilityDecider(NetworkDecider):
-    """States the mode with the largest utility, where keeping the statement has a utility of its own.
+    """States the mode with the largest utility, where keeping the statement has a utility of its
+    own.
 
     Base class; the subclasses give the inputs of the network.
 
     Args:
         net: trained network.
-        margin: added to the utility of keeping the statement. With a larger one the statement changes later,
-            and less often to a wrong mode.
+        margin: added to the utility of keeping the statement. With a larger one the statement
+            changes later, and less often to a wrong mode.
 
     Raises:
         ArgumentError: the margin is not a finite number.
     """
 
     symbol = "log-odds"
-    thresholds = (*(-4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0), *(13.0, 16.0, 20.0))
+    thresholds = (
+        *(-4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0),
+        *(13.0, 16.0, 20.0),
+    )
     inputs: ClassVar[int]
     """Number of inputs of the network for each turn hypothesis."""
 
@@ -44,17 +48,27 @@ class UtilityDecider(NetworkDecider):
 
     @classmethod
     def network(cls, hidden: int) -> Any:
-        """Return an untrained network with a number of hidden units, `StatementNet` or one with the same outputs."""
+        """Return an untrained network with a number of hidden units, `StatementNet` or one with
+        the same outputs.
+        """
         return StatementNet(hidden, cls.inputs)
 
     @classmethod
     def trained(cls, name: str, net: Any, options: Any = None) -> DeciderFamily:
-        """Return a network at any margin, for the options of an environment if the decider takes them."""
-        make = functools.partial(cls, net) if options is None else functools.partial(cls, net, options)
+        """Return a network at any margin, for the options of an environment if the decider takes
+        them.
+        """
+        make = (
+            functools.partial(cls, net) if options is None else functools.partial(cls, net, options)
+        )
         return DeciderFamily(name, cls.symbol, cls.thresholds, cls.default, make)
 
     def largest(
-        self, utility: NDArray[np.float64], stay: NDArray[np.float64], stated: Actions, started: NDArray[np.bool_]
+        self,
+        utility: NDArray[np.float64],
+        stay: NDArray[np.float64],
+        stated: Actions,
+        started: NDArray[np.bool_],
     ) -> Actions:
         """Return the statements of N tracks, (N,).
 
@@ -107,11 +121,17 @@ class StatementDecider(UtilityDecider):
 
     @torch.no_grad()
     def decide(
-        self, observation: Observations, state: StatementState | None, episode_start: Any
+        self,
+        observation: Observations,
+        state: StatementState | None,
+        episode_start: Any,
     ) -> tuple[Actions, StatementState]:
-        """See `Decider.decide`; action i states mode i, from rows of `hybrid_env.HybridTrackQuickestEnv`."""
+        """See `Decider.decide`; action i states mode i, from rows of
+        `hybrid_env.HybridTrackQuickestEnv`.
+        """
         rows, seen = self.divide(observation)
-        tracks, turns = len(rows), self.layout.hypotheses - 1
+        tracks = len(rows)
+        turns = self.layout.hypotheses - 1
         if state is None:
             hidden = self.net.recurrent.hidden_size
             nothing = np.full(tracks, -1), np.zeros(tracks, np.int64)
@@ -119,7 +139,12 @@ class StatementDecider(UtilityDecider):
         elif episode_start is not None and episode_start.any():
             going_on = torch.from_numpy(np.repeat(~episode_start, turns)).float()
             best = np.where(episode_start, -1, state.best)
-            state = StatementState(state.memory * going_on[None, :, None], best, state.age, state.filters)
+            state = StatementState(
+                state.memory * going_on[None, :, None],
+                best,
+                state.age,
+                state.filters,
+            )
         bank = self.layout.read(rows, "log_probability")
         best = bank.argmax(-1)
         age = count_ages(best, state.best, state.age)
@@ -128,7 +153,12 @@ class StatementDecider(UtilityDecider):
         outputs = self.net(inputs, torch.from_numpy(log_probability[None]).float(), state.memory)
         stated, started = read_statement(rows)
         utility, stay = (part[0].double().numpy() for part in (outputs.utility, outputs.stay))
-        return self.largest(utility, stay, stated, started), StatementState(outputs.memory, best, age, filters)
+        return self.largest(utility, stay, stated, started), StatementState(
+            outputs.memory,
+            best,
+            age,
+            filters,
+        )
 
     def divide(self, observation: Observations) -> tuple[NDArray[np.float32], NDArray[Any] | None]:
         """Return the rows (N, width) of an observation, and what else it contains."""
@@ -138,9 +168,14 @@ class StatementDecider(UtilityDecider):
         return rows, None
 
     def filtered(
-        self, bank: NDArray[np.float64], seen: NDArray[Any] | None, filters: Any, episode_start: Any
+        self,
+        bank: NDArray[np.float64],
+        seen: NDArray[Any] | None,
+        filters: Any,
+        episode_start: Any,
     ) -> tuple[NDArray[np.float64], NDArray[np.float32] | None, Any]:
-        """Return log-probabilities (N, M) to correct, further inputs (N, M, k), and the state of own filters.
+        """Return log-probabilities (N, M) to correct, further inputs (N, M, k), and the state of
+        own filters.
 
         Args:
             bank: (N, M) log-probabilities of the bank, which this class corrects.

@@ -1,8 +1,9 @@
 """A recurrent network that states the present mode, and its inputs without units.
 
-The network sees a track once for each turn hypothesis, from the side of this turn: straight motion, the turn
-itself, and all other turns together. Lateral innovations are mirrored to the side of the turn. A mirrored
-trajectory therefore gives the same inputs for the mirrored turns, and any number of hypotheses is allowed.
+The network sees a track once for each turn hypothesis, from the side of this turn: straight motion,
+the turn itself, and all other turns together. Lateral innovations are mirrored to the side of the
+turn. A mirrored trajectory therefore gives the same inputs for the mirrored turns, and any number
+of hypotheses is allowed.
 """
 
 from typing import Any, NamedTuple
@@ -28,19 +29,29 @@ HYPOTHESIS_INPUTS = (
 )
 """Of straight motion, of the turn, and of the other turns, weighted by their probabilities."""
 
-TRACK_INPUTS = ("log of the distance per tick over the deviation of a measurement", "log of turn angle per tick")
+TRACK_INPUTS = (
+    "log of the distance per tick over the deviation of a measurement",
+    "log of turn angle per tick",
+)
 INPUTS = 3 * len(HYPOTHESIS_INPUTS) + len(TRACK_INPUTS)
-ACROSS = 4  # index of the lateral innovation
+# Index of the lateral innovation.
+ACROSS = 4
 LARGEST_INNOVATION = 6.0
 LOWEST_LOG = -15.0
 LOWEST_RATIO = -10.0
-LARGEST_LOG = 10.0  # magnitude of the inputs of the track
+# Magnitude of the inputs of the track.
+LARGEST_LOG = 10.0
 SMALLEST_SPEED = 1e-30
-GAIN = 3.0  # of the outputs, so that they learn faster than the recurrent part
+# Of the outputs, so that they learn faster than the recurrent part.
+GAIN = 3.0
 INITIAL_STAY = 2.0
 
 
-def count_ages(best: NDArray[np.int64], previous: NDArray[np.int64], age: NDArray[np.int64]) -> NDArray[np.int64]:
+def count_ages(
+    best: NDArray[np.int64],
+    previous: NDArray[np.int64],
+    age: NDArray[np.int64],
+) -> NDArray[np.int64]:
     """Return the ticks for which the most probable mode has been the same, (N,).
 
     Args:
@@ -51,7 +62,10 @@ def count_ages(best: NDArray[np.int64], previous: NDArray[np.int64], age: NDArra
 
 
 def statement_inputs(
-    world: QuickestOptions, rows: NDArray[np.float32], ages: NDArray[np.int64], more: NDArray[np.float32] | None = None
+    world: QuickestOptions,
+    rows: NDArray[np.float32],
+    ages: NDArray[np.int64],
+    more: NDArray[np.float32] | None = None,
 ) -> NDArray[np.float32]:
     """Return the inputs of each of the M - 1 turn hypotheses, (..., M - 1, 26 + 3 k).
 
@@ -59,13 +73,16 @@ def statement_inputs(
         world: options of the environment.
         rows: (..., width).
         ages: (...) ticks for which the most probable mode has been the same.
-        more: (..., M, k) further inputs of the hypotheses, which a mirrored trajectory does not change.
+        more: (..., M, k) further inputs of the hypotheses, which a mirrored trajectory does not
+            change.
     """
     layout = QuickestLayout(world.hypotheses)
     each = _hypothesis_inputs(layout, rows, ages)
     if more is not None:
         each = np.concatenate([each, more], -1)
-    logs = rows[..., layout.slices["log_probability"]] / np.float32(layout.scales["log_probability"])
+    logs = rows[..., layout.slices["log_probability"]] / np.float32(
+        layout.scales["log_probability"]
+    )
     n = each.shape[-1]
     out = turn_views(each, logs, (ACROSS,), len(TRACK_INPUTS))
     speed = np.maximum(rows[..., layout.slices["speed"]], SMALLEST_SPEED)[..., None]
@@ -81,7 +98,9 @@ def noise_of(world: QuickestOptions) -> float:
 
 
 def _hypothesis_inputs(
-    layout: QuickestLayout, rows: NDArray[np.float32], ages: NDArray[np.int64]
+    layout: QuickestLayout,
+    rows: NDArray[np.float32],
+    ages: NDArray[np.int64],
 ) -> NDArray[np.float32]:
     """Return the inputs of all hypotheses, (..., M, 8), with innovations that are not mirrored."""
 
@@ -95,7 +114,10 @@ def _hypothesis_inputs(
     out[..., 0] = 2.0 * np.exp(log_probability) - 1.0
     out[..., 1] = np.maximum(log_probability, LOWEST_LOG) / 5.0
     out[..., 2] = np.maximum(block("log_ratio"), LOWEST_RATIO) / 3.0
-    for k, name in ((3, "innovation_along"), (ACROSS, "innovation_across")):
+    for k, name in (
+        (3, "innovation_along"),
+        (ACROSS, "innovation_across"),
+    ):
         out[..., k] = 0.5 * np.clip(block(name), -LARGEST_INNOVATION, LARGEST_INNOVATION)
     out[..., 5] = np.minimum(block("log_variance"), LARGEST_LOG)
     out[..., 6] = np.minimum(age / 100.0, 2.0)
@@ -104,9 +126,13 @@ def _hypothesis_inputs(
 
 
 def turn_views(
-    each: NDArray[np.float32], logs: NDArray[np.float32], odd: tuple[int, ...], more: int
+    each: NDArray[np.float32],
+    logs: NDArray[np.float32],
+    odd: tuple[int, ...],
+    more: int,
 ) -> NDArray[np.float32]:
-    """Return what each turn hypothesis sees: straight motion, itself, the other turns, (..., M - 1, 3 n + more).
+    """Return what each turn hypothesis sees: straight motion, itself, the other turns, (..., M -
+    1, 3 n + more).
 
     Args:
         each: (..., M, n) of the hypotheses.
@@ -114,7 +140,8 @@ def turn_views(
         odd: columns that change their sign in a mirrored trajectory.
         more: number of further columns, which are not written.
     """
-    turns, n = each[..., 1:, :], each.shape[-1]
+    turns = each[..., 1:, :]
+    n = each.shape[-1]
     out = np.empty((*turns.shape[:-1], 3 * n + more), np.float32)
     out[..., :n] = each[..., :1, :]
     out[..., n : 2 * n] = turns
@@ -130,7 +157,9 @@ def sides(hypotheses: int) -> NDArray[np.float32]:
 
 
 def _others(logs: NDArray[np.float32], turns: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the mean inputs of all turns but one, weighted by their probabilities, (..., M - 1, n)."""
+    """Return the mean inputs of all turns but one, weighted by their probabilities, (..., M - 1,
+    n).
+    """
     if logs.shape[-1] == 2:
         return turns[..., ::-1, :]
     without = np.where(np.eye(logs.shape[-1], dtype=np.bool_), -np.inf, logs[..., None, :])
@@ -151,7 +180,8 @@ class StatementOutputs(NamedTuple):
         stay: (T, N) utility of not changing the statement, positive.
         belief: (T, N, M) logits of the present mode.
         memory: after the last tick; of `StatementNet` (1, N (M - 1), hidden).
-        logs: (T, N, M) log-likelihoods of the measurements by learned filters; None without such filters.
+        logs: (T, N, M) log-likelihoods of the measurements by learned filters; None without such
+            filters.
     """
 
     utility: Tensor
@@ -164,8 +194,8 @@ class StatementOutputs(NamedTuple):
 class StatementNet(nn.Module):
     """A gated recurrent unit (Cho et al. 2014) that corrects the probabilities of the bank.
 
-    It runs once for each turn hypothesis, with shared weights; straight motion takes the mean of their
-    outputs. Without training its utilities are the log-probabilities of the bank.
+    It runs once for each turn hypothesis, with shared weights; straight motion takes the mean of
+    their outputs. Without training its utilities are the log-probabilities of the bank.
 
     Args:
         hidden: units of the recurrent layer.
@@ -180,7 +210,12 @@ class StatementNet(nn.Module):
         nn.init.zeros_(self.output.weight)
         nn.init.zeros_(self.output.bias)
 
-    def forward(self, inputs: Tensor, log_probability: Tensor, memory: Tensor | None = None) -> StatementOutputs:
+    def forward(
+        self,
+        inputs: Tensor,
+        log_probability: Tensor,
+        memory: Tensor | None = None,
+    ) -> StatementOutputs:
         """Process T ticks of N tracks.
 
         Args:

@@ -7,7 +7,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from agents.learned.anchor_decider import AnchorDecider, AnchorNetworks, AnchorState, errors_and_best
+from agents.learned.anchor_decider import (
+    AnchorDecider,
+    AnchorNetworks,
+    AnchorState,
+    errors_and_best,
+)
 from agents.learned.anchor_net import select
 from agents.learned.stopping_net import Memory, StoppingNet, stopping_inputs
 from baselines.rules.decider import Actions, Observations
@@ -40,7 +45,8 @@ class StoppingDecider(AnchorDecider):
     """
 
     network = StoppingNetworks
-    symbol, default = "log-odds", 0.0
+    symbol = "log-odds"
+    default = 0.0
     thresholds = -30.0, -20.0, -12.0, -8.0, -5.0, -2.5, 0.0, 2.5, 5.0, 8.0, 12.0, 20.0, 30.0
 
     def __init__(self, net: StoppingNetworks, world: WorldOptions, margin: float = 0.0):
@@ -49,46 +55,91 @@ class StoppingDecider(AnchorDecider):
 
     @torch.no_grad()
     def logits(
-        self, observation: Observations, state: Any, episode_start: Any
+        self,
+        observation: Observations,
+        state: Any,
+        episode_start: Any,
     ) -> tuple[NDArray[np.float32], FloatArray, FloatArray, StoppingState]:
-        """Return inputs of the network (N, 30), log-odds of declaring (N,), posterior (N, M) and state after a tick."""
+        """Return inputs of the network (N, 30), log-odds of declaring (N,), posterior (N, M) and
+        state after a tick.
+        """
         rows = split_sensed(self.layout, np.asarray(observation))[0]
         anchor, memory = state or (None, Memory.new(len(rows)))
         posterior, anchor = self.posterior(observation, anchor, episode_start)
         filters, (error, best) = anchor.filters, error_and_best(posterior, self.by_type)
         white = filters.innovations[np.arange(len(rows)), best, :2]
         inputs, memory = stopping_inputs(
-            rows, filters.scales, posterior, (error, best), self.by_type, 0.5 * (white**2).sum(-1), filters.heavy_tails,
-            self.world.delay_cost, memory, filters.first,
-        )  # fmt: skip
+            rows,
+            filters.scales,
+            posterior,
+            (error, best),
+            self.by_type,
+            0.5 * (white**2).sum(-1),
+            filters.heavy_tails,
+            self.world.delay_cost,
+            memory,
+            filters.first,
+        )
         logits = self.net.stopping(torch.from_numpy(inputs)).double().numpy()
         return inputs, logits, posterior, StoppingState(anchor, memory)
 
-    def decide(self, observation: Observations, state: Any, episode_start: Any) -> tuple[Actions, Any]:
+    def decide(
+        self,
+        observation: Observations,
+        state: Any,
+        episode_start: Any,
+    ) -> tuple[Actions, Any]:
         """See `Decider.decide`."""
         _, logits, posterior, state = self.logits(observation, state, episode_start)
-        actions, stops = np.zeros(len(logits), np.int64), np.flatnonzero(logits > self.margin)
+        actions = np.zeros(len(logits), np.int64)
+        stops = np.flatnonzero(logits > self.margin)
         if stops.size:
-            actions[stops] = self.declared(np.asarray(observation)[stops], posterior[stops], state, stops) + 1
+            actions[stops] = (
+                self.declared(np.asarray(observation)[stops], posterior[stops], state, stops) + 1
+            )
         return actions, state
 
     def declared(
-        self, observation: Observations, posterior: FloatArray, state: StoppingState, tracks: IntArray
+        self,
+        observation: Observations,
+        posterior: FloatArray,
+        state: StoppingState,
+        tracks: IntArray,
     ) -> IntArray:
         """Return the hypotheses (n,) that some tracks (n,) declare."""
-        rows, scales = split_sensed(self.layout, observation)[0], select(state.anchor.filters.scales, tracks)
+        rows, scales = (
+            split_sensed(self.layout, observation)[0],
+            select(state.anchor.filters.scales, tracks),
+        )
         always = np.ones(len(rows))
-        return errors_and_best(self.net, rows, scales, posterior, np.full(len(rows), self.by_type), always)[1]
+        return errors_and_best(
+            self.net,
+            rows,
+            scales,
+            posterior,
+            np.full(len(rows), self.by_type),
+            always,
+        )[1]
 
     def panel(self) -> EvidencePanel:
         """See `Decider.panel`."""
         return EvidencePanel(
-            label="log-odds of declaring against waiting", limits=(self.margin - 60.0, self.margin + 20.0),
-            curves="single", thresholds=(Threshold(np.array([self.margin])),), legend=f"threshold {self.margin:g}",
-        )  # fmt: skip
+            label="log-odds of declaring against waiting",
+            limits=(self.margin - 60.0, self.margin + 20.0),
+            curves="single",
+            thresholds=(Threshold(np.array([self.margin])),),
+            legend=f"threshold {self.margin:g}",
+        )
 
-    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
-        """Return the log-odds of declaring against waiting, the same for each hypothesis, (N, M)."""
+    def evidence(
+        self,
+        observation: Observations,
+        state: Any = None,
+        episode_start: Any = None,
+    ) -> FloatArray:
+        """Return the log-odds of declaring against waiting, the same for each hypothesis, (N,
+        M).
+        """
         _, logits, posterior, _ = self.logits(observation, copy.deepcopy(state), episode_start)
         return np.broadcast_to(logits[:, None], posterior.shape)
 

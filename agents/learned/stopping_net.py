@@ -1,8 +1,9 @@
 """The network that decides when to declare, and its inputs without units.
 
-It replaces the threshold of the anchor agent (`anchor_decider`): from the stated loss of a declaration, its recent
-change, the time, the delay cost and what the filters know it predicts whether waiting pays. The inputs do not depend
-on the number of hypotheses, on units or on the side of a turn.
+It replaces the threshold of the anchor agent (`anchor_decider`): from the stated loss of a
+declaration, its recent change, the time, the delay cost and what the filters know it predicts
+whether waiting pays. The inputs do not depend on the number of hypotheses, on units or on the side
+of a turn.
 """
 
 from typing import NamedTuple, Self
@@ -20,18 +21,23 @@ from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.observation import Layout
 
 INPUTS = 30
-RATES = np.array([1 / 2, 1 / 5, 1 / 12])  # of the moving averages of the log-odds
-SLOW, FAST = 1 / 60, 1 / 8  # of those of the squared innovations
+# Of the moving averages of the log-odds.
+RATES = np.array([1 / 2, 1 / 5, 1 / 12])
+# Of those of the squared innovations.
+SLOW, FAST = 1 / 60, 1 / 8
 LARGEST_SQUARE = 40.0
 USUAL_COST, USUAL_ERROR = 0.02, 0.02
-SMALLEST = 1e-9  # error probability
+# Error probability.
+SMALLEST = 1e-9
 
 
 class Memory(NamedTuple):
     """What is remembered of the ticks before, for N tracks."""
 
-    log_odds: FloatArray  # (N, 3) moving averages since the switch
-    squares: FloatArray  # (N, 2) of the squared innovation over 2: since the switch, and since the first one
+    # (N, 3) moving averages since the switch.
+    log_odds: FloatArray
+    # (N, 2) of the squared innovation over 2: since the switch, and since the first one.
+    squares: FloatArray
 
     @classmethod
     def new(cls, tracks: int) -> Self:
@@ -45,9 +51,17 @@ def _log_odds(probability: FloatArray) -> FloatArray:
 
 
 def stopping_inputs(
-    rows: Observations, scales: Scales, posterior: FloatArray, declared: tuple[FloatArray, IntArray], by_type: bool,
-    squares: FloatArray, heavy_tails: FloatArray, delay_cost: float, memory: Memory, first: BoolArray,
-) -> tuple[NDArray[np.float32], Memory]:  # fmt: skip
+    rows: Observations,
+    scales: Scales,
+    posterior: FloatArray,
+    declared: tuple[FloatArray, IntArray],
+    by_type: bool,
+    squares: FloatArray,
+    heavy_tails: FloatArray,
+    delay_cost: float,
+    memory: Memory,
+    first: BoolArray,
+) -> tuple[NDArray[np.float32], Memory]:
     """Return the inputs of the network (N, 30), and the memory.
 
     Args:
@@ -64,9 +78,11 @@ def stopping_inputs(
     """
     layout = Layout.of_rows(rows)
     error, best = declared
-    each, kind = np.arange(len(rows)), mode_types(layout.hypotheses)
+    each = np.arange(len(rows))
+    kind = mode_types(layout.hypotheses)
     ticks, left = (layout.read(rows, name) for name in ("ticks", "ticks_left"))
-    odds, begins = _log_odds(error), ticks < 1.5
+    odds = _log_odds(error)
+    begins = ticks < 1.5
     before = np.where(begins[:, None], odds[:, None], memory.log_odds)
     averages = before + RATES * (odds[:, None] - before)
     square = np.minimum(squares, LARGEST_SQUARE)[:, None]
@@ -82,33 +98,60 @@ def stopping_inputs(
     spread = np.sqrt((within * (turn - turn[each, best][:, None]) ** 2).sum(-1))
     motion, process, noise, position, velocity = ratios(layout, rows, scales)
     entropy = -(posterior * np.log(np.maximum(posterior, SMALLEST))).sum(-1)
-    cost, log_ticks = np.log(max(delay_cost, SMALLEST) / USUAL_COST), np.log(np.maximum(ticks, 1.0))
+    cost = np.log(max(delay_cost, SMALLEST) / USUAL_COST)
+    log_ticks = np.log(np.maximum(ticks, 1.0))
     constants = cost / 2.0, float(by_type), np.log(kind.size / 3.0) / 2.0
-    separation = difference + motion  # logarithm of the distance to the rival over sqrt(R), per squared tick
+    # Logarithm of the distance to the rival over sqrt(R), per squared tick.
+    separation = difference + motion
     columns = [
-        odds / 4.0, *((odds[:, None] - before) / 2.0).T, log_ticks - 2.5, ticks / 40.0 - 0.5,
-        0.5 * (np.log1p(left) - 3.0), 0.5 * (np.log1p(left) + cost - 3.0), *np.log(known).T, heavy_tails,
-        0.5 * (difference + 3.0), 0.5 * (separation + 2.0 * log_ticks - 3.0),
+        odds / 4.0,
+        *((odds[:, None] - before) / 2.0).T,
+        log_ticks - 2.5,
+        ticks / 40.0 - 0.5,
+        0.5 * (np.log1p(left) - 3.0),
+        0.5 * (np.log1p(left) + cost - 3.0),
+        *np.log(known).T,
+        heavy_tails,
+        0.5 * (difference + 3.0),
+        0.5 * (separation + 2.0 * log_ticks - 3.0),
         0.5 * (separation + 2.0 * np.log(ticks + 10.0) - 5.0),
-        np.log(np.maximum(posterior[each, rival], SMALLEST)) / 4.0, np.arcsinh(30.0 * spread),
-        np.arcsinh(30.0 * spread * np.sqrt(np.maximum(left, 0.0))) / 2.0, entropy,
-        (best == 0).astype(float), (rival == 0).astype(float),
-        0.5 * motion, 0.5 * (process + 4.0), 0.3 * (noise + 5.0), 0.5 * (position + 2.0), 0.5 * (velocity + 6.0),
-        scales.follows_bank, scales.anchor_aware, *(np.full(len(rows), one) for one in constants),
-    ]  # fmt: skip
+        np.log(np.maximum(posterior[each, rival], SMALLEST)) / 4.0,
+        np.arcsinh(30.0 * spread),
+        np.arcsinh(30.0 * spread * np.sqrt(np.maximum(left, 0.0))) / 2.0,
+        entropy,
+        (best == 0).astype(float),
+        (rival == 0).astype(float),
+        0.5 * motion,
+        0.5 * (process + 4.0),
+        0.3 * (noise + 5.0),
+        0.5 * (position + 2.0),
+        0.5 * (velocity + 6.0),
+        scales.follows_bank,
+        scales.anchor_aware,
+        *(np.full(len(rows), one) for one in constants),
+    ]
     return np.clip(np.stack(columns, -1), -LIMIT, LIMIT).astype(np.float32), Memory(averages, known)
 
 
 class StoppingNet(nn.Module):
-    """Log-odds of declaring against waiting, from `stopping_inputs`; `hidden` units in each layer."""
+    """Log-odds of declaring against waiting, from `stopping_inputs`; `hidden` units in each
+    layer.
+    """
 
     def __init__(self, hidden: int):
         super().__init__()
-        self.layers = nn.Sequential(nn.Linear(INPUTS, hidden), nn.SiLU(), nn.Linear(hidden, hidden), nn.SiLU())
+        self.layers = nn.Sequential(
+            nn.Linear(INPUTS, hidden),
+            nn.SiLU(),
+            nn.Linear(hidden, hidden),
+            nn.SiLU(),
+        )
         self.output = zero_layer(hidden, 1)
 
     def forward(self, inputs: Tensor) -> Tensor:
-        """Return the log-odds (...) from inputs (..., 30). Before training an error of 0.02 is the threshold."""
+        """Return the log-odds (...) from inputs (..., 30). Before training an error of 0.02 is
+        the threshold.
+        """
         threshold = float(_log_odds(np.array(USUAL_ERROR)))
         logits: Tensor = GAIN * self.output(self.layers(inputs)).squeeze(-1)
         return logits + 4.0 * inputs[..., 0] - threshold

@@ -1,4 +1,6 @@
-"""PyTorch as this package uses it: float32 on the CPU, whatever defaults a program has set before."""
+"""PyTorch as this package uses it: float32 on the CPU, whatever defaults a program has set
+before.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
@@ -11,14 +13,17 @@ from baselines.rules.decider import Decider
 
 @contextmanager
 def own_defaults() -> Iterator[None]:
-    """Set PyTorch's default type and device to those of this package; also a decorator of functions.
+    """Set PyTorch's default type and device to those of this package; also a decorator of
+    functions.
 
     At the end the defaults are those of before.
     """
-    dtype, device = torch.get_default_dtype(), torch.get_default_device()
+    dtype = torch.get_default_dtype()
+    device = torch.get_default_device()
     torch.set_default_dtype(torch.float32)
     try:
-        # a device context slows every call of PyTorch, so that there is one only where it changes something
+        # A device context slows every call of PyTorch, so that there is one only where it changes
+        # something.
         with nullcontext() if device.type == "cpu" else torch.device("cpu"):
             yield
     finally:

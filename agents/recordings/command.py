@@ -32,55 +32,80 @@ from hybrid_env.sensors import Radar, parse_sensors
 if TYPE_CHECKING:
     from baselines.recordings.reading.read import RecordingFile
 
-TAU_RANGE = (1e-9, 1e9)  # [s]
+# [s]
+TAU_RANGE = (1e-9, 1e9)
 COLUMN_ROLES = ("t", *ROLES)
-PARALLEL_FILES = 8  # with fewer files the start of processes takes longer than it saves
+# With fewer files the start of processes takes longer than it saves.
+PARALLEL_FILES = 8
 MAX_PRINTED_PIECES = 20
-FEW_FILES = 20  # up to this many files, each has a picture by default; it takes longer than the tracking
+# Up to this many files, each has a picture by default; it takes longer than the tracking.
+FEW_FILES = 20
 
 
 @dataclass(kw_only=True)
 class FileArguments:
     """How files are read and where the results go."""
 
-    files: Annotated[tyro.conf.Positional[tuple[Path, ...]], shown_default("none, at least one is needed")]
-    """CSV, TSV, Parquet, GPX or IGC files, also compressed by gzip. Header, delimiter, decimal comma and
-    index are found; columns are known by names such as time, timestamp, t, x, y, easting, lat, lon."""
+    files: Annotated[
+        tyro.conf.Positional[tuple[Path, ...]], shown_default("none, at least one is needed")
+    ]
+    """CSV, TSV, Parquet, GPX or IGC files, also compressed by gzip. Header, delimiter, decimal
+    comma and index are found; columns are known by names such as time, timestamp, t, x, y, easting,
+    lat, lon.
+    """
     columns: tuple[str, ...] = ()
-    """Columns that the header does not tell, by name or number: time=3 x=1 y=2, or time=date lat=B lon=L."""
+    """Columns that the header does not tell, by name or number: time=3 x=1 y=2, or time=date
+    lat=B lon=L.
+    """
     object: str | None = None
-    """Column that tells several objects apart; 'none' for a single one. By default columns such as id."""
+    """Column that tells several objects apart; 'none' for a single one. By default columns such
+    as id.
+    """
     unit: str | None = None
-    """Unit of x and y, for example m or km; 'deg' for longitude and latitude. By default from the header."""
+    """Unit of x and y, for example m or km; 'deg' for longitude and latitude. By default from
+    the header.
+    """
     time_unit: str | None = None
     """Unit of the times: s, ms, us, ns, min, h, or a format such as '%d/%m/%Y %H:%M:%S'. By default
     ISO dates, seconds, and s, ms, us or ns since 1970 are recognised."""
     tau: float | None = None
     """Duration of a tick [s] of a file without times; by default time is counted in ticks."""
     gap: float | None = None
-    """Longest time between two measurements [s]; after a longer gap the track starts anew. By default 20
-    ticks."""
+    """Longest time between two measurements [s]; after a longer gap the track starts anew. By
+    default 20 ticks.
+    """
     radar: str | None = None
-    """Radar that measured columns range and bearing: their standard deviations [unit of the range, rad], that
-    of the range rate if there is a column of it, and the place, as in '30 0.01 rate 0.5 at 1000 200'.
-    Bearings are degrees clockwise from north, or in a column 'bearing [rad]' radians counter-clockwise from
-    the x axis."""
+    """Radar that measured columns range and bearing: their standard deviations [unit of the range,
+    rad], that of the range rate if there is a column of it, and the place, as in '30 0.01 rate 0.5
+    at 1000 200'. Bearings are degrees clockwise from north, or in a column 'bearing [rad]' radians
+    counter-clockwise from the x axis.
+    """
     out: Path | None = None
-    """Output folder; by default <file name>_track in the folder of the file. With several files each has a
-    folder of this name inside."""
+    """Output folder; by default <file name>_track in the folder of the file. With several files
+    each has a folder of this name inside.
+    """
     overwrite: bool = False
     """Replace existing results."""
     jobs: int | None = None
-    """Files that are tracked at the same time. By default one for each core if there are many files."""
+    """Files that are tracked at the same time. By default one for each core if there are many
+    files.
+    """
 
     def read(self, path: Path) -> "RecordingFile":
         """Read a file."""
-        from baselines.recordings.reading.read import read_recordings  # pandas; other commands start faster
+        # Pandas; other commands start faster.
+        from baselines.recordings.reading.read import read_recordings
 
         return read_recordings(
-            path, columns=self.column_names(), object_column=self.object, unit=self.unit,
-            time_unit=self.time_unit, tau=self.tau, gap=self.gap, radar=self.parsed_radar(),
-        )  # fmt: skip
+            path,
+            columns=self.column_names(),
+            object_column=self.object,
+            unit=self.unit,
+            time_unit=self.time_unit,
+            tau=self.tau,
+            gap=self.gap,
+            radar=self.parsed_radar(),
+        )
 
     def parsed_radar(self) -> Radar | None:
         """Return the radar, if there is one."""
@@ -90,7 +115,10 @@ class FileArguments:
             (one,) = parse_sensors([f"radar {self.radar}"])
             if isinstance(one, Radar) and one.period == 1 and one.range == math.inf:
                 return one
-        allowed = "two standard deviations, rate and place, as in '30 0.01 rate 0.5 at 10 0', without period and range"
+        allowed = (
+            "two standard deviations, rate and place, as in '30 0.01 rate 0.5 at 10 0', without"
+            " period and range"
+        )
         raise reject("radar", self.radar, allowed)
 
     def column_names(self) -> dict[str, str]:
@@ -99,7 +127,11 @@ class FileArguments:
         for text in self.columns:
             role, sign, column = text.partition("=")
             if not sign or role not in COLUMN_ROLES or not column:
-                raise reject("columns", text, f"role=column with a role of {', '.join(COLUMN_ROLES)}")
+                raise reject(
+                    "columns",
+                    text,
+                    f"role=column with a role of {', '.join(COLUMN_ROLES)}",
+                )
             if role in names:
                 raise reject("columns", text, f"one column for {role}")
             names[role] = column
@@ -132,7 +164,8 @@ class FileArguments:
             check_integer("jobs", self.jobs)
 
     def _folder(self, path: Path) -> Path:
-        if not path.name:  # . and /
+        # . and /.
+        if not path.name:
             raise reject("files", str(path), "files, not a folder")
         name = f"{Path(path.name.removesuffix('.gz')).stem}_track"
         if self.out is None:
@@ -144,24 +177,31 @@ class FileArguments:
 class Report:
     """What is printed about a file."""
 
-    lines: tuple[str, ...]  # what was read, found and written
-    table: Table | None = None  # details, which are printed for a single file only
-    files: tuple[Path, ...] = ()  # the files that were written, printed for a single file only
+    # What was read, found and written.
+    lines: tuple[str, ...]
+    # Details, which are printed for a single file only.
+    table: Table | None = None
+    # The files that were written, printed for a single file only.
+    files: tuple[Path, ...] = ()
 
 
 @dataclass(kw_only=True)
 class Track(TrackingArguments, TrustArguments, FileArguments):
-    """Decide between straight motion, left and right turns on recordings, and estimate the trajectory.
+    """Decide between straight motion, left and right turns on recordings, and estimate the
+    trajectory.
 
-    Writes modes.csv, estimates.csv and track.png. Rows are counted from 1. What is not given, such as noise
-    and turn radii, is found from the recording; lengths and times may have any unit. Of a glider's flight log
-    (IGC), without further flags, it writes the circles instead: circles.csv and track.png.
+    Writes modes.csv, estimates.csv and track.png. Rows are counted from 1. What is not given, such
+    as noise and turn radii, is found from the recording; lengths and times may have any unit. Of a
+    glider's flight log (IGC), without further flags, it writes the circles instead: circles.csv and
+    track.png.
     """
 
     picture: bool | None = None
     """Write track.png; by default with up to 20 files."""
     html: bool = False
-    """Write track.html, a map in which time, mode and probability can be read. Needs the extra 'html'."""
+    """Write track.html, a map in which time, mode and probability can be read. Needs the extra
+    'html'.
+    """
 
     def run(self) -> None:
         """Track the recordings, write the results and print the decisions."""
@@ -170,11 +210,14 @@ class Track(TrackingArguments, TrustArguments, FileArguments):
         if self.html:
             check_plotly()
         picture = len(self.files) <= FEW_FILES if self.picture is None else self.picture
-        work = replace(self, files=(), picture=picture)  # it is sent to a process with every file
+        # It is sent to a process with every file.
+        work = replace(self, files=(), picture=picture)
         work_on_files(work.track_file, self.files, self.folders(), self.jobs)
 
     def track_file(self, path: Path, folder: Path) -> Report:
-        """Track the recordings of a file, and then write; several objects have folders of their own inside."""
+        """Track the recordings of a file, and then write; several objects have folders of their
+        own inside.
+        """
         check_free(folder, self.overwrite)
         given = {one.name for one in fields(self) if getattr(self, one.name) != one.default}
         if not given - {"files", "out", "overwrite", "jobs", "picture"}:
@@ -186,7 +229,9 @@ class Track(TrackingArguments, TrustArguments, FileArguments):
                 return track_glider(path.name, log, folder, bool(self.picture))
         found = self.read(path)
         results = [self.track(recording) for recording in found.recordings]
-        lines, tables, files = [found.summary], [], []
+        lines = [found.summary]
+        tables = []
+        files = []
         folders = object_folders(folder, [recording.name for recording in found.recordings])
         with atomic_folder("out", folder) as part:
             for tracked, place in zip(results, folders, strict=True):
@@ -197,7 +242,12 @@ class Track(TrackingArguments, TrustArguments, FileArguments):
                 files += [place / name for name in self._write(tracked, pieces, part / inside)]
         return Report(tuple(lines), tables[0] if len(tables) == 1 else None, tuple(files))
 
-    def _write(self, tracked: TrackedRecording, pieces: dict[str, list[Any]], folder: Path) -> list[str]:
+    def _write(
+        self,
+        tracked: TrackedRecording,
+        pieces: dict[str, list[Any]],
+        folder: Path,
+    ) -> list[str]:
         """Write the results of an object; return the names of the files."""
         output_folder("out", folder)
         write_table(folder / "modes.csv", pieces)
@@ -206,7 +256,12 @@ class Track(TrackingArguments, TrustArguments, FileArguments):
             write_files(folder, {"track.png": draw_recording(tracked)})
         if self.html:
             write_map(folder / "track.html", tracked)
-        return ["modes.csv", "estimates.csv", *["track.png"] * bool(self.picture), *["track.html"] * self.html]
+        return [
+            "modes.csv",
+            "estimates.csv",
+            *["track.png"] * bool(self.picture),
+            *["track.html"] * self.html,
+        ]
 
 
 def report_lines(tracked: TrackedRecording) -> list[str]:
@@ -222,30 +277,42 @@ def report_lines(tracked: TrackedRecording) -> list[str]:
         for of in ("radii", "measurement_variance", "process_variance", "duration")
     )
     lines = [
-        f"{name}: {len(tracked.pieces)} pieces by {tracked.decider}; turn radii {radii} {radii_are}, R "
-        f"{model.measurement_variance:.4g} {unit}^2 {variance_is}, Q {model.process_variance:.3g} "
-        f"{unit}^2/{time}^2 {process_is}, mean duration {model.duration:.3g} ticks {duration_is}, tick "
-        f"{tracked.tau:.6g} {time}"
+        f"{name}: {len(tracked.pieces)} pieces by {tracked.decider}; turn radii {radii}"
+        f" {radii_are}, R {model.measurement_variance:.4g} {unit}^2 {variance_is}, Q"
+        f" {model.process_variance:.3g} {unit}^2/{time}^2 {process_is}, mean duration"
+        f" {model.duration:.3g} ticks {duration_is}, tick {tracked.tau:.6g} {time}"
     ]
     found = {
-        "no turns are seen; the radius has no meaning": not model.turns and "radii" in model.estimated,
+        "no turns are seen; the radius has no meaning": (
+            not model.turns and "radii" in model.estimated
+        ),
         f"{tracked.shared} rows share a tick with another one: their mean is used": tracked.shared,
         f"{tracked.outliers} measurements far from their neighbours are not used": tracked.outliers,
-        f"irregular times: rows are moved to ticks by {tracked.moved:.0%} of one (rms)": tracked.moved > 0.01,
+        f"irregular times: rows are moved to ticks by {tracked.moved:.0%} of one (rms)": (
+            tracked.moved > 0.01
+        ),
     }
     lines += [f"{name}: {text}" for text, true in found.items() if true]
     return lines + [f"{name}: warning: {text}" for text in tracked.warnings]
 
 
 def _printed_table(pieces: dict[str, list[Any]], tracked: TrackedRecording) -> Table:
-    unit, rows = escape(f"[{tracked.recording.time_unit}]"), []
+    unit = escape(f"[{tracked.recording.time_unit}]")
+    rows = []
     columns = [column[:MAX_PRINTED_PIECES] for column in pieces.values()]
     for number, first, last, begin, _, mode, radius, when, _ in zip(*columns, strict=True):
-        known, decided = "" if radius == "" else f"{radius:.4g}", "undecided" if when == "" else f"{when:.6g}"
+        known = "" if radius == "" else f"{radius:.4g}"
+        decided = "undecided" if when == "" else f"{when:.6g}"
         rows.append((str(number), f"{first}-{last}", f"{begin:.6g}", mode, known, decided))
     more = len(pieces["piece"]) - MAX_PRINTED_PIECES
     heads = ("piece", "rows", f"from\n{unit}", "mode", "radius", f"decided at\n{unit}")
-    return filled_table("Pieces", heads, rows, f"... and {more} more in modes.csv" if more > 0 else "", 0)
+    return filled_table(
+        "Pieces",
+        heads,
+        rows,
+        f"... and {more} more in modes.csv" if more > 0 else "",
+        0,
+    )
 
 
 def object_folders(folder: Path, names: Sequence[str]) -> list[Path]:
@@ -256,18 +323,29 @@ def object_folders(folder: Path, names: Sequence[str]) -> list[Path]:
     for number, name in enumerate(names, start=1):
         plain = "".join(letter if letter.isalnum() or letter in "._-+" else "_" for letter in name)
         plain = plain.strip(".") or str(number)
-        while plain.casefold() in found:  # names may differ in letters that folders do not tell apart
+        # Names may differ in letters that folders do not tell apart.
+        while plain.casefold() in found:
             plain = f"{plain}_{number}"
         found[plain.casefold()] = folder / plain
     return list(found.values())
 
 
-Work = Callable[[Path, Path], Report]  # on a file and its output folder; it can be pickled
+# On a file and its output folder; it can be pickled.
+Work = Callable[[Path, Path], Report]
 
 
-def work_on_files(work: Work, paths: Sequence[Path], folders: Sequence[Path], jobs: int | None = None) -> None:
-    """Work on files in processes and print a report for each, or on the standard error output why there is none."""
-    console, errors, failed = Console(emoji=False), Console(stderr=True, emoji=False), 0
+def work_on_files(
+    work: Work,
+    paths: Sequence[Path],
+    folders: Sequence[Path],
+    jobs: int | None = None,
+) -> None:
+    """Work on files in processes and print a report for each, or on the standard error output
+    why there is none.
+    """
+    console = Console(emoji=False)
+    errors = Console(stderr=True, emoji=False)
+    failed = 0
     if len(paths) == 1:
         with console.status("Tracking"):
             report = work(paths[0], folders[0])
@@ -278,7 +356,10 @@ def work_on_files(work: Work, paths: Sequence[Path], folders: Sequence[Path], jo
         return
     with progress_display(console, transient=True) as progress:
         task = progress.add_task("Tracking", total=len(paths), note="")
-        calls = {file: functools.partial(_attempt, work, *file) for file in zip(paths, folders, strict=True)}
+        calls = {
+            file: functools.partial(_attempt, work, *file)
+            for file in zip(paths, folders, strict=True)
+        }
         usual = joblib.cpu_count() if len(paths) >= PARALLEL_FILES else 1
         for _, result in Workers(min(jobs or usual, len(paths))).results(calls):
             if isinstance(result, Report):
@@ -289,11 +370,15 @@ def work_on_files(work: Work, paths: Sequence[Path], folders: Sequence[Path], jo
             progress.update(task, advance=1, note=f"{failed} failed" if failed else "")
     if failed:
         verb = "is" if failed == 1 else "are"
-        raise ArgumentError(f"{failed:,} of {len(paths):,} files {verb} not tracked; the others are")
+        raise ArgumentError(
+            f"{failed:,} of {len(paths):,} files {verb} not tracked; the others are"
+        )
 
 
 def check_free(folder: Path, overwrite: bool) -> None:
-    """Check before any work that the folder can be written to, and is empty unless it may be overwritten."""
+    """Check before any work that the folder can be written to, and is empty unless it may be
+    overwritten.
+    """
     try:
         full = folder.is_dir() and any(folder.iterdir())
         existing = next((one for one in (folder, *folder.parents) if one.exists()), folder)

@@ -1,4 +1,6 @@
-"""A tracked recording of any number of rows as a figure, and as an interactive map in one HTML file."""
+"""A tracked recording of any number of rows as a figure, and as an interactive map in one HTML
+file.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -15,19 +17,27 @@ from agents.recordings.tracking import TrackedRecording
 from hybrid_env.checks import ArgumentError, IntArray
 from hybrid_env.rendering.evidence import mode_colour
 
-MAX_POINTS = 5000  # that are drawn in the figure; Agg raises OverflowError for very long lines
-MAX_MAP_POINTS = 100_000  # in a map without delay in a browser
-MAX_MARKS = 60  # up to this many pieces, their first rows are marked
-MEDIAN_LENGTH = 1.177  # of a normalised innovation in two dimensions
-FAR_LENGTH = 3.717  # exceeded with probability 0.001
+# That are drawn in the figure; Agg raises OverflowError for very long lines.
+MAX_POINTS = 5000
+# In a map without delay in a browser.
+MAX_MAP_POINTS = 100_000
+# Up to this many pieces, their first rows are marked.
+MAX_MARKS = 60
+# Of a normalised innovation in two dimensions.
+MEDIAN_LENGTH = 1.177
+# Exceeded with probability 0.001.
+FAR_LENGTH = 3.717
 BLACK = "#000000"
 
 
 def draw_recording(tracked: TrackedRecording) -> Figure:
-    """Draw the ground track with the decided pieces, and over time the probabilities and the residuals."""
+    """Draw the ground track with the decided pieces, and over time the probabilities and the
+    residuals.
+    """
     points = tracked.recording.positions[tracked.recording.measured]
     width, height = np.maximum(np.ptp(points, axis=0), 1e-300)
-    heights = (9.0 * float(np.clip(height / width, 0.35, 0.8)), 1.5, 1.5)  # [in]
+    # [in]
+    heights = (9.0 * float(np.clip(height / width, 0.35, 0.8)), 1.5, 1.5)
     figure = new_canvas((10.0, sum(heights) + 1.4))
     ground, ribbon, residuals = figure.subplots(3, 1, height_ratios=heights)
     residuals.sharex(ribbon)
@@ -39,14 +49,38 @@ def draw_recording(tracked: TrackedRecording) -> Figure:
     ribbon.tick_params(labelbottom=False)
     residuals.set_xlabel(f"t [{tracked.recording.time_unit}]")
     colours = mode_colours(tracked)
-    names = {"S": "S: straight", "L": "L: left turn", "R": "R: right turn"}
+    names = {
+        "S": "S: straight",
+        "L": "L: left turn",
+        "R": "R: right turn",
+    }
     modes = [
         Line2D([], [], color=colour, linewidth=2.5, label=names.get(name, name))
         for colour, name in zip(colours, tracked.mode_names(), strict=True)
     ]
-    dots = Line2D([], [], color=GREY, marker=".", linestyle="none", label="measurements")
-    ring = Line2D([], [], color=BLACK, marker="o", markerfacecolor="white", linestyle="none", label="new piece")
-    figure.legend(handles=[dots, *modes, ring], loc="outside right upper", frameon=False, alignment="left")
+    dots = Line2D(
+        [],
+        [],
+        color=GREY,
+        marker=".",
+        linestyle="none",
+        label="measurements",
+    )
+    ring = Line2D(
+        [],
+        [],
+        color=BLACK,
+        marker="o",
+        markerfacecolor="white",
+        linestyle="none",
+        label="new piece",
+    )
+    figure.legend(
+        handles=[dots, *modes, ring],
+        loc="outside right upper",
+        frameon=False,
+        alignment="left",
+    )
     return figure
 
 
@@ -57,7 +91,8 @@ def mode_colours(tracked: TrackedRecording) -> list[str]:
 
 
 def mode_lines(tracked: TrackedRecording, most: int) -> list[tuple[int, IntArray]]:
-    """Return mode and rows of the line of each piece, joined to the piece before; of `most` rows in all.
+    """Return mode and rows of the line of each piece, joined to the piece before; of `most` rows
+    in all.
 
     Every piece keeps its first and last row, so that short pieces stay visible.
     """
@@ -75,18 +110,46 @@ def _draw_ground(axes: Any, tracked: TrackedRecording) -> None:
     rows = np.flatnonzero(recording.measured)
     rows = rows[:: max(-(-len(rows) // MAX_POINTS), 1)]
     size = float(np.clip(600.0 / np.sqrt(len(rows)) / 10.0, 0.7, 3.0))
-    axes.plot(*recording.positions[rows].T, ".", color=GREY, markersize=size, alpha=0.5, zorder=1)
-    colours, positions = mode_colours(tracked), tracked.estimates[:, ::2]
+    axes.plot(
+        *recording.positions[rows].T,
+        ".",
+        color=GREY,
+        markersize=size,
+        alpha=0.5,
+        zorder=1,
+    )
+    colours = mode_colours(tracked)
+    positions = tracked.estimates[:, ::2]
     found = mode_lines(tracked, MAX_POINTS)
-    lines, shades = [positions[line] for _, line in found], [colours[mode] for mode, _ in found]
-    axes.add_collection(LineCollection(lines, colors=shades, linewidths=1.8, capstyle="round", zorder=2))
+    lines = [positions[line] for _, line in found]
+    shades = [colours[mode] for mode, _ in found]
+    axes.add_collection(
+        LineCollection(
+            lines,
+            colors=shades,
+            linewidths=1.8,
+            capstyle="round",
+            zorder=2,
+        )
+    )
     first = tracked.pieces[:, 0]
     if len(first) <= MAX_MARKS:
-        axes.plot(*positions[first].T, "o", color=BLACK, markerfacecolor="white", markersize=4, zorder=4)
+        axes.plot(
+            *positions[first].T,
+            "o",
+            color=BLACK,
+            markerfacecolor="white",
+            markersize=4,
+            zorder=4,
+        )
     axes.plot(*positions[first[0]], "s", color=BLACK, markersize=6, zorder=5)
     axes.set_aspect("equal", adjustable="datalim")
     axes.autoscale_view()
-    axes.set(title=f"{recording.name}: decided pieces (square: first row)", xlabel=f"x [{unit}]", ylabel=f"y [{unit}]")
+    axes.set(
+        title=f"{recording.name}: decided pieces (square: first row)",
+        xlabel=f"x [{unit}]",
+        ylabel=f"y [{unit}]",
+    )
     axes.grid(alpha=0.25)
 
 
@@ -102,7 +165,13 @@ def _draw_probabilities(axes: Any, tracked: TrackedRecording) -> None:
     spans = np.stack([begins, times[end - 1] + 0.5 * tracked.tau - begins], axis=1)
     for mode in np.unique(modes):
         bars = spans[modes == mode]
-        axes.broken_barh(bars, (1.04, 0.12), facecolors=colours[mode], transform=above, clip_on=False)
+        axes.broken_barh(
+            bars,
+            (1.04, 0.12),
+            facecolors=colours[mode],
+            transform=above,
+            clip_on=False,
+        )
     axes.set(ylim=(0.0, 1.0), ylabel="probability")
     axes.set_title("Decided modes (bar) and their probabilities", pad=22.0)
 
@@ -112,9 +181,16 @@ def _draw_residuals(axes: Any, tracked: TrackedRecording) -> None:
     given = np.flatnonzero(~np.isnan(lengths))
     shown = given[:: -(-len(lengths) // MAX_POINTS)]
     axes.plot(tracked.recording.times[shown], lengths[shown], ".", color=BLACK, markersize=2)
-    for length, style in ((MEDIAN_LENGTH, ":"), (FAR_LENGTH, "--")):
+    for length, style in (
+        (MEDIAN_LENGTH, ":"),
+        (FAR_LENGTH, "--"),
+    ):
         axes.axhline(length, color=BLACK, linestyle=style, linewidth=1.0)
-    top = max(1.2 * FAR_LENGTH, 1.1 * float(np.quantile(lengths[given], 0.995))) if given.size else 5.0
+    top = (
+        max(1.2 * FAR_LENGTH, 1.1 * float(np.quantile(lengths[given], 0.995)))
+        if given.size
+        else 5.0
+    )
     axes.set(ylim=(0.0, top), ylabel="residual [sd]")
     axes.set_title("Normalised residuals (dotted, dashed: median and 99.9 % if the model holds)")
 
@@ -124,39 +200,60 @@ def check_plotly() -> Any:
     try:
         import plotly.graph_objects as module
     except ImportError:
-        raise ArgumentError("--html needs the extra 'html': pip install 'hybrid-track[html]'") from None
+        raise ArgumentError(
+            "--html needs the extra 'html': pip install 'hybrid-track[html]'"
+        ) from None
     return module
 
 
 def write_map(path: Path, tracked: TrackedRecording) -> None:
-    """Write the ground track with decided modes; time, mode and probability appear under the pointer."""
+    """Write the ground track with decided modes; time, mode and probability appear under the
+    pointer.
+    """
     plotly = check_plotly()
     recording, names, colours = tracked.recording, tracked.mode_names(), mode_colours(tracked)
     figure = plotly.Figure()
     rows = np.flatnonzero(recording.measured)
     rows = rows[:: max(-(-len(rows) // MAX_MAP_POINTS), 1)]
     figure.add_scattergl(
-        x=recording.positions[rows, 0], y=recording.positions[rows, 1], mode="markers", name="measurements",
-        marker={"color": GREY, "size": 4, "opacity": 0.5}, hoverinfo="skip",
-    )  # fmt: skip
+        x=recording.positions[rows, 0],
+        y=recording.positions[rows, 1],
+        mode="markers",
+        name="measurements",
+        marker={
+            "color": GREY,
+            "size": 4,
+            "opacity": 0.5,
+        },
+        hoverinfo="skip",
+    )
     lines = mode_lines(tracked, MAX_MAP_POINTS)
     for mode, name in enumerate(names):
         of_mode = [np.append(rows, -1) for line_mode, rows in lines if line_mode == mode]
         if not of_mode:
             continue
-        joined = np.concatenate(of_mode)  # -1 interrupts the line
+        # -1 interrupts the line.
+        joined = np.concatenate(of_mode)
         gap = joined < 0
         x, y = (np.where(gap, np.nan, tracked.estimates[joined, k]) for k in (0, 2))
         shown = np.stack([recording.times[joined], tracked.probabilities[joined, mode]], axis=1)
         figure.add_scattergl(
-            x=x, y=y, mode="lines", name=name, line={"color": colours[mode], "width": 4}, customdata=shown,
+            x=x,
+            y=y,
+            mode="lines",
+            name=name,
+            line={"color": colours[mode], "width": 4},
+            customdata=shown,
             hovertemplate=f"{name}<br>t = %{{customdata[0]:.6g}} {recording.time_unit}"
             "<br>p = %{customdata[1]:.2f}<br>x = %{x:.6g}, y = %{y:.6g}<extra></extra>",
-        )  # fmt: skip
+        )
     figure.update_layout(
-        title=f"{recording.name}: decided by {tracked.decider}", template="plotly_white",
-        xaxis_title=f"x [{recording.unit}]", yaxis_title=f"y [{recording.unit}]", hovermode="closest",
+        title=f"{recording.name}: decided by {tracked.decider}",
+        template="plotly_white",
+        xaxis_title=f"x [{recording.unit}]",
+        yaxis_title=f"y [{recording.unit}]",
+        hovermode="closest",
         yaxis={"scaleanchor": "x", "scaleratio": 1},
-    )  # fmt: skip
+    )
     with atomic_file(path) as part:
         figure.write_html(part, include_plotlyjs=True, full_html=True)

@@ -1,4 +1,6 @@
-"""Tracking of one recording: options of the command and of the function, and what is known afterwards, row by row."""
+"""Tracking of one recording: options of the command and of the function, and what is known
+afterwards, row by row.
+"""
 
 import math
 import warnings
@@ -22,7 +24,12 @@ from agents.evaluation.registry import (
     split_threshold,
 )
 from baselines.recordings.consistency import Consistency, check_consistency
-from baselines.recordings.decisions import ModelUnits, TickDecisions, check_lengths, decide_recording
+from baselines.recordings.decisions import (
+    ModelUnits,
+    TickDecisions,
+    check_lengths,
+    decide_recording,
+)
 from baselines.recordings.model_fit import TrackModel, fit_model
 from baselines.recordings.recording import Recording, make_recording
 from baselines.recordings.scatter import standing_ticks, without_jumps, without_outliers
@@ -46,39 +53,46 @@ from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Radar
 
-DECIDER, DECIDER_OF_LENGTHS = "threshold", "msprt-aware"  # default deciders: without and with segment lengths
+# Default deciders: without and with segment lengths.
+DECIDER, DECIDER_OF_LENGTHS = "threshold", "msprt-aware"
 
-SIMULATED_SEGMENTS = 6  # of an episode, for deciders that are fitted by simulation
+# Of an episode, for deciders that are fitted by simulation.
+SIMULATED_SEGMENTS = 6
 
 
 NO_ROW = -1
-UNLIKELY, LONG = 0.05, 20  # probability of a stated mode in successive rows, more than decisions take
-MOST_BENT = 0.25  # bend of an arc of the length of the bearing error over the range deviation, see `Radar`
+# Probability of a stated mode in successive rows, more than decisions take.
+UNLIKELY, LONG = 0.05, 20
+# Bend of an arc of the length of the bearing error over the range deviation, see `Radar`.
+MOST_BENT = 0.25
 
 
 @dataclass(frozen=True, eq=False)
 class TrackedRecording:
     """A recording of n rows with its M modes, in its own units.
 
-    Rows before the first and after the last measurement, and rows inside of gaps, have mode -1 and NaN.
+    Rows before the first and after the last measurement, and rows inside of gaps, have mode -1 and
+    NaN.
 
     Attributes:
         recording: as it was read.
         model: noise, radii and durations that the filters assume, and which of them were estimated.
         decider: its name.
         modes: (n,) 0 straight, 1 .. left turns and then right turns, in the order of `model.radii`.
-        decided: (n,) False before a mode was decided: at the start, and with known switches in each piece.
+        decided: (n,) False before a mode was decided: at the start, and with known switches in each
+            piece.
         probabilities: (n, M) of the modes at each row, from the measurements up to it.
         estimates: (n, 4) [x, vx, y, vy] from the measurements up to the row.
         covariances: (n, 4, 4) of the estimates.
         residuals: (n, 2) normalised innovations, N(0, 1) if the model holds; NaN without one.
-        pieces: (K, 4) first row, end, mode and row of the decision of each piece, counted from 0; -1 for a
-            piece without a decision.
+        pieces: (K, 4) first row, end, mode and row of the decision of each piece, counted from 0;
+            -1 for a piece without a decision.
         consistency: agreement of model and measurements.
         tau: tick of the filters.
         shared: number of rows whose tick is that of another row, with which they are averaged.
         moved: root mean square of the times by which rows were moved to their ticks, over the tick.
-        outliers: number of measurements that were not used, because they are far from their neighbours.
+        outliers: number of measurements that were not used, because they are far from their
+            neighbours.
         standing: number of ticks in which the object stands still.
         unlikely: number of rows whose stated mode is improbable for long, with unknown switches.
     """
@@ -106,26 +120,34 @@ class TrackedRecording:
         """Plain sentences about what does not fit."""
         found = self.consistency.warnings(self.model) + self._bent()
         if self.standing:
-            found.append(f"the object stands still in {self.standing} ticks, whose modes have no meaning: cut them out")
+            found.append(
+                f"the object stands still in {self.standing} ticks, whose modes have no meaning:"
+                " cut them out"
+            )
         if self.unlikely:
             found.append(
-                f"the stated mode has a probability below {UNLIKELY:g} in {self.unlikely} rows: the threshold of the "
-                "decider may be too high for another one to be stated"
+                f"the stated mode has a probability below {UNLIKELY:g} in {self.unlikely} rows: the"
+                " threshold of the decider may be too high for another one to be stated"
             )
         return found
 
     def _bent(self) -> list[str]:
-        """A sentence if the arc of the bearing error of a radar is bent more than the filters allow, see `Radar`."""
+        """A sentence if the arc of the bearing error of a radar is bent more than the filters
+        allow, see `Radar`.
+        """
         recording, radar = self.recording, self.recording.radar
         if radar is None:
             return []
-        farthest = float(np.hypot(*(recording.positions[recording.measured] - radar.position).T).max())
+        farthest = float(
+            np.hypot(*(recording.positions[recording.measured] - radar.position).T).max()
+        )
         bend = farthest * radar.bearing_deviation**2 / radar.range_deviation
         if bend <= MOST_BENT:
             return []
         return [
-            f"the bearing error is too large for the range deviation (range * deviation^2 is {bend:.2g} of it, at most "
-            f"{MOST_BENT:g} is consistent): errors are larger than the covariances say"
+            "the bearing error is too large for the range deviation (range * deviation^2 is"
+            f" {bend:.2g} of it, at most {MOST_BENT:g} is consistent): errors are larger than the"
+            " covariances say"
         ]
 
     def mode_names(self) -> list[str]:
@@ -135,7 +157,9 @@ class TrackedRecording:
         return ["S", *(f"{turn}{text}" for turn in "LR" for text in shown)]
 
     def of_modes(self, modes: IntArray) -> tuple[NDArray[Any], FloatArray]:
-        """Return the letters S, L and R and the radii of modes, empty and NaN where there is none."""
+        """Return the letters S, L and R and the radii of modes, empty and NaN where there is
+        none.
+        """
         radii = self.model.radii
         letters = np.array(["S", *"L" * len(radii), *"R" * len(radii), ""])
         return letters[modes], np.array([np.nan, *radii, *radii, np.nan])[modes]
@@ -146,14 +170,17 @@ class TrackingArguments(ErrorArguments):
     """How a recording is tracked. What is not given is found from the recording, in any units."""
 
     lengths: tuple[int, ...] = ()
-    """Ticks of each piece between known switches, with the number of ticks as their sum; a single number is
-    the length of every piece. By default the switches are not known."""
+    """Ticks of each piece between known switches, with the number of ticks as their sum; a single
+    number is the length of every piece. By default the switches are not known.
+    """
     decider: str | None = None
-    """A rule, 'shipped' or a run folder, with an optional ':threshold'. By default threshold (IMM), and with
-    --lengths msprt-aware."""
+    """A rule, 'shipped' or a run folder, with an optional ':threshold'. By default threshold (IMM),
+    and with --lengths msprt-aware.
+    """
     radii: tuple[float, ...] = ()
-    """Turn radii, each tested as a left and as a right turn [unit of the recording]. By default found
-    from the recording."""
+    """Turn radii, each tested as a left and as a right turn [unit of the recording]. By default
+    found from the recording.
+    """
     measurement_variance: float | None = None
     """Measurement noise variance R of each coordinate. By default the one with the largest
     likelihood."""
@@ -161,20 +188,27 @@ class TrackingArguments(ErrorArguments):
     """Process noise variance Q of each velocity in a tick. By default the one with the largest
     likelihood."""
     durations: str | None = None
-    """Law of the durations of the modes in ticks, such as 'geometric 75' or '25 + geometric 50'. By default
-    geometric with the mean that the recording shows."""
+    """Law of the durations of the modes in ticks, such as 'geometric 75' or '25 + geometric 50'. By
+    default geometric with the mean that the recording shows.
+    """
     bank: Literal["published", "anchor_aware"] | None = None
     """Filters for known switches; by default those of the decider."""
     undecided: Literal["keep", "likeliest"] = "likeliest"
-    """Mode of a piece without a decision: that of the previous piece (keep), or the most likely one."""
+    """Mode of a piece without a decision: that of the previous piece (keep), or the most likely
+    one.
+    """
     recalculation: bool = False
-    """With --lengths: after a decision, recalculate the estimates since the switch by the filter of the
-    decided mode. They then use measurements up to the decision."""
+    """With --lengths: after a decision, recalculate the estimates since the switch by the filter of
+    the decided mode. They then use measurements up to the decision.
+    """
     refine_radius: bool = False
-    """With --lengths: after a decision, go on with the likeliest radius of the decided type. Needs several
-    radii."""
+    """With --lengths: after a decision, go on with the likeliest radius of the decided type. Needs
+    several radii.
+    """
     start: tuple[float, float, float, float] | None = None
-    """Exact state x, vx, y, vy one tick before the first measurement; by default from the measurements."""
+    """Exact state x, vx, y, vy one tick before the first measurement; by default from the
+    measurements.
+    """
 
     def check_tracking(self) -> None:
         """Check the arguments before any work."""
@@ -191,26 +225,49 @@ class TrackingArguments(ErrorArguments):
         for name in ("bank", "recalculation", "refine_radius"):
             if getattr(self, name) and not self.lengths:
                 nothing = "none" if name == "bank" else "False"
-                raise reject(name, getattr(self, name), f"{nothing} without lengths: modes are then stated, by the IMM")
+                raise reject(
+                    name,
+                    getattr(self, name),
+                    f"{nothing} without lengths: modes are then stated, by the IMM",
+                )
         if self.start is not None:
             check_array("start", self.start, (4,))
-        announced, unknown = rules(ANNOUNCED), rules(UNKNOWN)
+        announced = rules(ANNOUNCED)
+        unknown = rules(UNKNOWN)
         name = base_name(self._decider_name())
         known = *announced, *unknown, SHIPPED, *NAMED
         if name not in known and not is_brought(name):
-            raise reject("decider", self.decider, f"{', '.join(known)}, a run folder, model.zip or mine.py:MyRule")
+            raise reject(
+                "decider",
+                self.decider,
+                f"{', '.join(known)}, a run folder, model.zip or mine.py:MyRule",
+            )
         if not self.lengths and name in announced:
-            raise reject("decider", self.decider, f"{', '.join(unknown)} or an agent, or give --lengths")
+            raise reject(
+                "decider",
+                self.decider,
+                f"{', '.join(unknown)} or an agent, or give --lengths",
+            )
         if self.lengths and name in unknown:
-            raise reject("decider", self.decider, f"{', '.join(announced)} or an agent with --lengths")
+            raise reject(
+                "decider",
+                self.decider,
+                f"{', '.join(announced)} or an agent with --lengths",
+            )
 
     def track(self, recording: Recording) -> TrackedRecording:
         """Track a recording."""
         self.check_tracking()
         if recording.radar is not None and self.measurement_variance is not None:
-            raise reject("measurement_variance", self.measurement_variance, "none with radar, which has its own")
-        grid, outliers = tick_grid(recording), 0
-        if grid.radar is None:  # the noise of a radar depends on the range
+            raise reject(
+                "measurement_variance",
+                self.measurement_variance,
+                "none with radar, which has its own",
+            )
+        grid = tick_grid(recording)
+        outliers = 0
+        # The noise of a radar depends on the range.
+        if grid.radar is None:
             grid, bursts = (grid, 0) if self.lengths else without_jumps(grid)
             grid, outliers = without_outliers(grid)
             outliers += bursts
@@ -231,20 +288,37 @@ class TrackingArguments(ErrorArguments):
         consistency = check_consistency(grid, model, lengths)
         tracked = row_results(recording, grid, model, name, decisions, consistency, outliers)
         standing = standing_ticks(grid, model.measurement_variance, model.speed * model.tau)
-        return replace(tracked, standing=standing, unlikely=0 if lengths else _unlikely_rows(tracked))
+        return replace(
+            tracked,
+            standing=standing,
+            unlikely=0 if lengths else _unlikely_rows(tracked),
+        )
 
     def _decider_name(self) -> str:
         return self.at_error(self.decider or (DECIDER_OF_LENGTHS if self.lengths else DECIDER))
 
-    def _tracker(self, name: str, lengths: Sequence[int], grid: TickGrid, model: TrackModel) -> OnlineTracker:
+    def _tracker(
+        self,
+        name: str,
+        lengths: Sequence[int],
+        grid: TickGrid,
+        model: TrackModel,
+    ) -> OnlineTracker:
         options: dict[str, Any] = ModelUnits.of(model).options(model, grid.radar)
         world: WorldOptions | QuickestOptions
         if lengths:
             segments = min(len(lengths), SIMULATED_SEGMENTS)
             scheme = f"random {segments}x{min(lengths)}-{max(lengths)}"
-            given = {flag: getattr(self, flag) for flag in ("undecided", "recalculation", "refine_radius")}
+            given = {
+                flag: getattr(self, flag)
+                for flag in ("undecided", "recalculation", "refine_radius")
+            }
             bank = {} if self.bank is None else {"bank": self.bank}
-            world = WorldOptions(**options | {**needed_options(name, ANNOUNCED), **bank}, **given, scheme=scheme)
+            world = WorldOptions(
+                **options | {**needed_options(name, ANNOUNCED), **bank},
+                **given,
+                scheme=scheme,
+            )
         else:
             law = GeometricDurations(model.duration) if self.durations is None else self.durations
             ticks = min(max(len(piece.measurements) for piece in grid.pieces), MAX_LENGTH)
@@ -261,20 +335,26 @@ def _warn_of_threshold(name: str, world: QuickestOptions) -> None:
     highest = reachable(find_family(base, world), world)
     if threshold > highest:
         why = (
-            f"with these durations and noise not every mode reaches more than {highest:.3g}, and it may never be stated"
+            f"with these durations and noise not every mode reaches more than {highest:.3g}, and it"
+            " may never be stated"
         )
         warnings.warn(f"decider {name!r}: {why}: choose a smaller threshold", stacklevel=2)
 
 
 def track_recording(
-    times: ArrayLike | None, positions: ArrayLike, radar: Radar | None = None, **options: Any
+    times: ArrayLike | None,
+    positions: ArrayLike,
+    radar: Radar | None = None,
+    **options: Any,
 ) -> TrackedRecording:
-    """Decide between straight motion, left and right turns on positions, as `hybridtrack track` does.
+    """Decide between straight motion, left and right turns on positions, as `hybridtrack track`
+    does.
 
     Args:
         times: (n,) increasing times of the rows; None for rows at uniform ticks.
-        positions: (n, 2) measured x and y in any unit, NaN without a measurement; with a radar its range,
-            bearing, counter-clockwise from the x axis [rad], and by option range rate, (n, 2) or (n, 3).
+        positions: (n, 2) measured x and y in any unit, NaN without a measurement; with a radar its
+            range, bearing, counter-clockwise from the x axis [rad], and by option range rate, (n,
+            2) or (n, 3).
         radar: that measured, in the same units.
         options: see `TrackingArguments`; the defaults are those of the command.
 
@@ -296,19 +376,23 @@ def track_recording(
 
 def _in_units(error: ArgumentError, model: TrackModel) -> ArgumentError:
     """Return the error of a model that the filters refuse, in the units of the recording."""
-    of_model = str(error).startswith(("radii", "speed", "measurement_variance", "process_variance", "tau"))
+    of_model = str(error).startswith(
+        ("radii", "speed", "measurement_variance", "process_variance", "tau")
+    )
     if not of_model or not all(map(math.isfinite, model.radii)):
         return error
     radii = ", ".join(f"{radius:.4g}" for radius in model.radii)
     return ArgumentError(
-        f"the filters cannot follow motion at {model.speed:.4g} per unit of time with R = "
-        f"{model.measurement_variance:.4g}, Q = {model.process_variance:.4g}, radii {radii} and a tick of "
-        f"{model.tau:.4g}: check units"
+        f"the filters cannot follow motion at {model.speed:.4g} per unit of time with R ="
+        f" {model.measurement_variance:.4g}, Q = {model.process_variance:.4g}, radii {radii} and a"
+        f" tick of {model.tau:.4g}: check units"
     )
 
 
 def _unlikely_rows(tracked: TrackedRecording) -> int:
-    """Return the number of rows in runs of `LONG` and more whose stated mode is less probable than `UNLIKELY`."""
+    """Return the number of rows in runs of `LONG` and more whose stated mode is less probable
+    than `UNLIKELY`.
+    """
     of_mode = tracked.probabilities[np.arange(len(tracked.modes)), tracked.modes]
     borders = np.flatnonzero(np.diff(of_mode < UNLIKELY, prepend=False, append=False))
     lengths = np.diff(borders)[::2]
@@ -316,28 +400,56 @@ def _unlikely_rows(tracked: TrackedRecording) -> int:
 
 
 def row_results(
-    recording: Recording, grid: TickGrid, model: TrackModel, decider: str, decisions: Sequence[TickDecisions],
-    consistency: Consistency, outliers: int,
-) -> TrackedRecording:  # fmt: skip
+    recording: Recording,
+    grid: TickGrid,
+    model: TrackModel,
+    decider: str,
+    decisions: Sequence[TickDecisions],
+    consistency: Consistency,
+    outliers: int,
+) -> TrackedRecording:
     """Return the results of the ticks of each piece at the rows of a recording."""
-    rows, M, pieces = len(recording.times), 2 * len(model.radii) + 1, []
-    shapes = {"probabilities": (M,), "estimates": (4,), "covariances": (4, 4), "residuals": (2,)}
+    rows = len(recording.times)
+    M = 2 * len(model.radii) + 1
+    pieces = []
+    shapes = {
+        "probabilities": (M,),
+        "estimates": (4,),
+        "covariances": (4, 4),
+        "residuals": (2,),
+    }
     arrays: dict[str, Any] = {"modes": np.full(rows, NO_ROW), "decided": np.zeros(rows, np.bool_)}
     arrays |= {name: np.full((rows, *shape), np.nan) for name, shape in shapes.items()}
-    for piece, found, innovations in zip(grid.pieces, decisions, consistency.innovations, strict=True):
+    for piece, found, innovations in zip(
+        grid.pieces,
+        decisions,
+        consistency.innovations,
+        strict=True,
+    ):
         rows_of = slice(piece.first, piece.end)
         for name in ("modes", "decided", "probabilities", "estimates", "covariances"):
             arrays[name][rows_of] = getattr(found, name)[piece.ticks]
-        arrays["estimates"][rows_of, 0::2] += piece.late[:, None] * arrays["estimates"][rows_of, 1::2]
+        arrays["estimates"][rows_of, 0::2] += (
+            piece.late[:, None] * arrays["estimates"][rows_of, 1::2]
+        )
         arrays["residuals"][rows_of] = innovations[piece.ticks]
         table = found.pieces.copy()
         for column in (0, 1, 3):
             at = np.searchsorted(piece.ticks, found.pieces[:, column])
             table[:, column] = np.minimum(piece.first + at, piece.end)
         table[found.pieces[:, 3] < 0, 3] = -1
-        pieces.append(table[table[:, 1] > table[:, 0]])  # a piece between two rows has none
+        # A piece between two rows has none.
+        pieces.append(table[table[:, 1] > table[:, 0]])
     arrays["residuals"][~recording.measured] = np.nan
     return TrackedRecording(
-        recording=recording, model=model, decider=decider, pieces=np.concatenate(pieces), outliers=outliers,
-        consistency=consistency, tau=grid.tau, shared=grid.shared, moved=grid.moved, **arrays,
-    )  # fmt: skip
+        recording=recording,
+        model=model,
+        decider=decider,
+        pieces=np.concatenate(pieces),
+        outliers=outliers,
+        consistency=consistency,
+        tau=grid.tau,
+        shared=grid.shared,
+        moved=grid.moved,
+        **arrays,
+    )

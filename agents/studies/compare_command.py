@@ -29,25 +29,33 @@ class FlightArguments:
     """Flags of recorded flights of aircraft and of gliders."""
 
     flights: tuple[str, ...] | None = None
-    """Compare on recorded flights of the package 'traffic': without a value on those of the tiers, else on
-    these ids file:icao24:k."""
+    """Compare on recorded flights of the package 'traffic': without a value on those of the tiers,
+    else on these ids file:icao24:k.
+    """
     gliders: bool = False
-    """Compare on flights of paragliders: the logs in igc-xc-score-1.8.0.tgz, which --source names."""
+    """Compare on flights of paragliders: the logs in igc-xc-score-1.8.0.tgz, which --source
+    names.
+    """
     sealed: bool = False
-    """With --gliders: open the sealed logs too; with --simulators: the sealed paths instead. Refused if code,
-    weights or settings are not those of the seal."""
+    """With --gliders: open the sealed logs too; with --simulators: the sealed paths instead.
+    Refused if code, weights or settings are not those of the seal.
+    """
     source: Path | None = None
-    """With --flights: folder or wheel of the package 'traffic'; by default where it is installed. With
-    --gliders: the archive or a folder with its logs."""
+    """With --flights: folder or wheel of the package 'traffic'; by default where it is installed.
+    With --gliders: the archive or a folder with its logs.
+    """
     tier: tuple[Literal["A", "B", "C", "D", "stress"], ...] = ("A", "B", "C", "D", "stress")
-    """With --flights: tiers of quality, and flights with special manoeuvres, which no total contains."""
+    """With --flights: tiers of quality, and flights with special manoeuvres, which no total
+    contains.
+    """
     form: Literal["native", "semi-real"] = "native"
     """With --flights: as reported, or the smoothed flight with white noise in the setting of
     HybridTrackQuickest-v0, whose deciders are then compared, 'shipped' among them."""
     simulators: tuple[Literal["jsbsim", "bluesky", "sumo"], ...] | None = None
-    """Compare on aircraft of JSBSim, airliners of BlueSky and cars of SUMO (extra 'simulators'), without a
-    value on all: each in 27 worlds of three kinds, ticks and noises, the agent at its default threshold and
-    rules that are tuned in each."""
+    """Compare on aircraft of JSBSim, airliners of BlueSky and cars of SUMO (extra 'simulators'),
+    without a value on all: each in 27 worlds of three kinds, ticks and noises, the agent at its
+    default threshold and rules that are tuned in each.
+    """
 
 
 if TYPE_CHECKING:
@@ -59,31 +67,43 @@ if TYPE_CHECKING:
 class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments):
     """Compare learned agents with classical decision rules on the same episodes.
 
-    The defaults train PPO for half a minute and take about two minutes on two cores. With
-    --env HybridTrackQuickest-v0, rules and agents that state the mode at every tick are compared, in about
-    three minutes. The same command continues an interrupted comparison.
+    The defaults train PPO for half a minute and take about two minutes on two cores. With --env
+    HybridTrackQuickest-v0, rules and agents that state the mode at every tick are compared, in
+    about three minutes. The same command continues an interrupted comparison.
     """
 
-    deciders: Annotated[tuple[str, ...] | None, shown_default("the usual rules of the environment")] = None
-    """Classical rules, or rules of your own ('mine.py:MyRule'); the first is the reference. Announced
-    switches: {announced}. Unknown switches: {unknown}. With --flights: {flights}, with an optional
-    ':threshold', or the folder of an agent. With --gliders: {gliders}, 'agent', or the folder of
-    an agent."""
+    deciders: Annotated[
+        tuple[str, ...] | None, shown_default("the usual rules of the environment")
+    ] = None
+    """Classical rules, or rules of your own ('mine.py:MyRule'); the first is the reference.
+    Announced switches: {announced}. Unknown switches: {unknown}. With --flights: {flights}, with an
+    optional ':threshold', or the folder of an agent. With --gliders: {gliders}, 'agent', or the
+    folder of an agent.
+    """
     agents: Annotated[
         tuple[str, ...] | None,
-        shown_default("ppo shipped, with the published bank also shipped-threshold; shipped for unknown switches"),
+        shown_default(
+            "ppo shipped, with the published bank also shipped-threshold; shipped for unknown"
+            " switches"
+        ),
     ] = None
     """Learned agents: recipes to train during the run ('ppo', 'anchor' ...), 'shipped',
-    'shipped-threshold', 'shipped-margin' or 'robust' (weights in the package), run folders, or policies of
-    other libraries ('model.zip', 'policy.onnx')."""
+    'shipped-threshold', 'shipped-margin' or 'robust' (weights in the package), run folders, or
+    policies of other libraries ('model.zip', 'policy.onnx').
+    """
     accuracy: Annotated[float | None, shown_default("the threshold with the best reward")] = None
     """Select the fastest threshold that reaches this accuracy."""
     curves: bool = True
-    """Score every decider at every threshold; without curves, all but the reference at their selected one
-    only, in half the time."""
-    episodes: Annotated[int | None, shown_default("1500; 500 for unknown switches", "--tracks")] = None
+    """Score every decider at every threshold; without curves, all but the reference at their
+    selected one only, in half the time.
+    """
+    episodes: Annotated[int | None, shown_default("1500; 500 for unknown switches", "--tracks")] = (
+        None
+    )
     """Number of episodes, of one track each, that every decider is scored on."""
-    selection_episodes: Annotated[int | None, shown_default("1000; 300 for unknown switches")] = None
+    selection_episodes: Annotated[int | None, shown_default("1000; 300 for unknown switches")] = (
+        None
+    )
     """Number of separate episodes for the selection of thresholds."""
     seed: int = 0
     """Seed of the first evaluation episode; training and threshold selection use other seeds."""
@@ -92,14 +112,20 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
     training_seeds: int = 1
     """Number of agents to train per recipe, each with its own seed."""
     out: Path = Path("results")
-    """Folder for compare.png (operating curves), episode.png (the episode on which the best agent and the
-    reference differ most), compare.json, and agents (a run folder for each trained agent). With --flights
-    for flights.json and a picture of each flight, with --gliders for gliders.json and gliders.png."""
+    """Folder for compare.png (operating curves), episode.png (the episode on which the best agent
+    and the reference differ most), compare.json, and agents (a run folder for each trained agent).
+    With --flights for flights.json and a picture of each flight, with --gliders for gliders.json
+    and gliders.png.
+    """
 
     def run(self) -> None:
         """Train, score, print the tables and write the figures and compare.json."""
         for flag, allowed, study in (
-            ("simulators", {"sealed", "episodes", "seed", "jobs", "engine"}, self._compare_simulators),
+            (
+                "simulators",
+                {"sealed", "episodes", "seed", "jobs", "engine"},
+                self._compare_simulators,
+            ),
             ("gliders", {"sealed", "source", "jobs", "engine"}, self._compare_gliders),
             ("flights", {"source", "tier", "form"}, self._compare_flights),
         ):
@@ -107,7 +133,10 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
                 self._refuse(allowed | {flag}, f"no value with --{flag}")
                 return study()
         recorded = {field.name for field in fields(FlightArguments)}
-        self._refuse({field.name for field in fields(self)} - recorded, "no value without --flights or --gliders")
+        self._refuse(
+            {field.name for field in fields(self)} - recorded,
+            "no value without --flights or --gliders",
+        )
         return self._compare()
 
     def _refuse(self, allowed_flags: set[str], allowed: str) -> None:
@@ -117,7 +146,13 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
                 shown = str(value) if isinstance(value, Path) else value
                 raise reject(field.name.replace("_", "-"), shown, allowed)
 
-    def _show(self, title: str, study: Any, steps: int, work: Callable[[Callable[[str], None]], Any]) -> None:
+    def _show(
+        self,
+        title: str,
+        study: Any,
+        steps: int,
+        work: Callable[[Callable[[str], None]], Any],
+    ) -> None:
         """Run a study, a module that makes tables and files of the result, and show both."""
 
         def run(note: Callable[[str], None]) -> tuple[Any, str]:
@@ -135,9 +170,19 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         from agents.studies import gliders_study as study
 
         if self.source is None:
-            raise reject("source", None, "the archive igc-xc-score-1.8.0.tgz (npm pack igc-xc-score@1.8.0)")
+            raise reject(
+                "source",
+                None,
+                "the archive igc-xc-score-1.8.0.tgz (npm pack igc-xc-score@1.8.0)",
+            )
         names = self.deciders or study.default_names()
-        work = functools.partial(study.compare_on_gliders, self.source, names, self.workers(), sealed=self.sealed)
+        work = functools.partial(
+            study.compare_on_gliders,
+            self.source,
+            names,
+            self.workers(),
+            sealed=self.sealed,
+        )
         self._show("Gliders", study, study.steps(names, self.sealed), work)
 
     def _compare_flights(self) -> None:
@@ -160,13 +205,24 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         with explained():
             for module in used:
                 importlib.import_module(module)
-        names, worlds = self.deciders or COMPARED, simulator_worlds(used)
-        episodes = check_integer("episodes", study.EPISODES if self.episodes is None else self.episodes)
+        names = self.deciders or COMPARED
+        worlds = simulator_worlds(used)
+        episodes = check_integer(
+            "episodes",
+            study.EPISODES if self.episodes is None else self.episodes,
+        )
         for name in names:
             find_family(name, next(iter(worlds.values())).options)
         seed = study.first_seed(self.seed, episodes, self.sealed)
         output_folder("out", self.out)
-        work = functools.partial(study.compare_on_simulators, names, worlds, episodes, seed, self.workers())
+        work = functools.partial(
+            study.compare_on_simulators,
+            names,
+            worlds,
+            episodes,
+            seed,
+            self.workers(),
+        )
         self._show("Simulators", study, (len(names) + 1) * len(worlds), work)
 
     def plan(self) -> "Plan":
@@ -174,9 +230,13 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         from agents.studies.continuation import Plan
 
         task = task_of(self.env_id, self.world_options())
-        usual: dict[str, Any] = {name: getattr(task, name) for name in ("agents", "episodes", "selection_episodes")}
+        usual: dict[str, Any] = {
+            name: getattr(task, name) for name in ("agents", "episodes", "selection_episodes")
+        }
         usual["deciders"] = task.compared
-        own: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(Plan) if field.name != "task"}
+        own: dict[str, Any] = {
+            field.name: getattr(self, field.name) for field in fields(Plan) if field.name != "task"
+        }
         own |= {name: value for name, value in usual.items() if own[name] is None}
         plan = Plan(task, **own)
         for name in ("episodes", "selection_episodes", "training_seeds", "steps"):
@@ -188,12 +248,17 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         if self.accuracy is not None and "accuracy" not in task.columns:
             raise reject("accuracy", self.accuracy, f"no value in {task.title}")
         if self.seed + plan.episodes > seeds.SELECTION:
-            raise reject("seed", self.seed, f"at most {seeds.SELECTION} minus the number of episodes")
+            raise reject(
+                "seed",
+                self.seed,
+                f"at most {seeds.SELECTION} minus the number of episodes",
+            )
         if not plan.deciders or len(set(plan.deciders)) != len(plan.deciders):
             raise reject("deciders", plan.deciders, "one or more different names")
         if len(set(plan.agents)) != len(plan.agents):
             raise reject("agents", plan.agents, "different names")
-        plan.check()  # before any file is written
+        # Before any file is written.
+        plan.check()
         return plan
 
     def _compare(self) -> None:
@@ -211,7 +276,9 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
             try:
                 result = compare(plan, workers, progress, folder, write)
             except KeyboardInterrupt:
-                raise KeyboardInterrupt(f"the same command continues with what is in {folder}") from None
+                raise KeyboardInterrupt(
+                    f"the same command continues with what is in {folder}"
+                ) from None
             remarks = task.remarks(plan.episodes, plan.seed)
         console.print(chosen_table(result))
         if plan.curves:
@@ -221,7 +288,11 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         for table in task.further_tables(chosen, remarks):
             console.print(table)
         data = result.as_json() | {"complete": True} | remarks
-        files = {"compare.png": result.picture(), "episode.png": self._episode(result), "compare.json": data}
+        files = {
+            "compare.png": result.picture(),
+            "episode.png": self._episode(result),
+            "compare.json": data,
+        }
         print_lines(console, write_files(folder, files))
         if (folder / TRAINED).is_dir():
             print_lines(console, f"Trained agents in {folder / TRAINED}")
@@ -234,7 +305,8 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         for entry in dict.fromkeys((result.entries[0], best)):
             family = entry.family(task)
             episodes = Episodes(task, entry.name, family.make(entry.threshold), family.options)
-            name = entry.name.replace("$", r"\$")  # Matplotlib would read it as a formula
+            # Matplotlib would read it as a formula.
+            name = entry.name.replace("$", r"\$")
             records.append(episodes.record(name, seed))
         title = f"{task.title}, seed {seed}"
         if len(records) > 1:

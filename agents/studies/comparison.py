@@ -1,4 +1,6 @@
-"""Comparison of deciders: training where requested, selection of thresholds, scores on common episodes."""
+"""Comparison of deciders: training where requested, selection of thresholds, scores on common
+episodes.
+"""
 
 import functools
 from collections.abc import Callable, Sequence
@@ -28,9 +30,12 @@ from baselines.scoring.scores import Scores
 class Entry(Selected):
     """Results of one decider on the reported episodes."""
 
-    decider: str  # its name in the plan
-    selected: float  # the goal of the task at that threshold, on the selection episodes
-    folder: Path | None = None  # run folder of an agent that was trained
+    # Its name in the plan.
+    decider: str
+    # The goal of the task at that threshold, on the selection episodes.
+    selected: float
+    # Run folder of an agent that was trained.
+    folder: Path | None = None
 
     @property
     def name(self) -> str:
@@ -51,8 +56,10 @@ class Entry(Selected):
 class Comparison:
     """Result of a comparison."""
 
-    plan: Plan  # settings
-    entries: Sequence[Entry]  # results of the deciders so far; the first is the reference
+    # Settings.
+    plan: Plan
+    # Results of the deciders so far; the first is the reference.
+    entries: Sequence[Entry]
 
     @cached_property
     def levels(self) -> Levels:
@@ -64,7 +71,10 @@ class Comparison:
     def best_rule(self) -> Entry:
         """The classical rule that is best for the goal on the selection episodes."""
         names = self.plan.deciders
-        return max((one for one in self.entries if one.decider in names), key=lambda one: one.selected)
+        return max(
+            (one for one in self.entries if one.decider in names),
+            key=lambda one: one.selected,
+        )
 
     @property
     def seed_groups(self) -> dict[str, list[Entry]]:
@@ -78,7 +88,9 @@ class Comparison:
         names = {entry.name for entry in self.entries}
         labels = [f"{name} seeds" if name in names else name for name, *_ in groups]
         parts = zip(labels, groups.values(), strict=True)
-        return {entries[0].name if len(entries) == 1 else label: entries for label, entries in parts}
+        return {
+            entries[0].name if len(entries) == 1 else label: entries for label, entries in parts
+        }
 
     @functools.cache  # noqa: B019
     def figure(self, entry: Entry, name: str) -> Estimate:
@@ -109,10 +121,14 @@ class Comparison:
         return self.plan.task.figure(self.seed_groups)
 
     def largest_difference(self) -> tuple[Entry, int]:
-        """The best agent, or without one the best rule, and the episode in which it differs most from the reference."""
+        """The best agent, or without one the best rule, and the episode in which it differs most
+        from the reference.
+        """
         agents = [one for one in self.entries if one.decider in self.plan.agents]
         best = max(agents, key=lambda one: one.selected) if agents else self.best_rule
-        mine, other = (one.scores.of(self.plan.task.goal, one.chosen) for one in (best, self.entries[0]))
+        mine, other = (
+            one.scores.of(self.plan.task.goal, one.chosen) for one in (best, self.entries[0])
+        )
         return best, int(np.abs(mine - other).argmax())
 
     def as_json(self) -> dict[str, Any]:
@@ -137,23 +153,33 @@ class Comparison:
             "threshold": {"symbol": scores.symbol, "chosen": entry.threshold},
             **{metric.name: self.figure(entry, metric.name).as_json() for metric in task.metrics},
             **{name: finite(values[entry.chosen]) for name, values in scores.extra.items()},
-            **{name: finite(scores.curve(statistic)[entry.chosen]) for name, statistic in task.further.items()},
+            **{
+                name: finite(scores.curve(statistic)[entry.chosen])
+                for name, statistic in task.further.items()
+            },
             "reward_less_best_rule": None if difference is None else difference.as_json(),
             **levels,
-            **{key: {name: one.as_json() for name, one in found.items()} for key, found in against.items()},
+            **{
+                key: {name: one.as_json() for name, one in found.items()}
+                for key, found in against.items()
+            },
             "curve": {"thresholds": list(scores.thresholds)}
             | {metric.name: finite(scores.curve(metric.statistic)) for metric in task.metrics},
         }
 
 
 def compare(
-    plan: Plan, workers: Workers, progress: Progress, folder: Path | None,
+    plan: Plan,
+    workers: Workers,
+    progress: Progress,
+    folder: Path | None,
     on_entry: Callable[[Comparison], None] = lambda now: None,
-) -> Comparison:  # fmt: skip
+) -> Comparison:
     """Train and score the deciders of a plan.
 
-    The folder keeps trained agents and, until the comparison is complete, the scores of each decider: one that was
-    interrupted goes on from there, with the same results. `on_entry` is called after each decider.
+    The folder keeps trained agents and, until the comparison is complete, the scores of each
+    decider: one that was interrupted goes on from there, with the same results. `on_entry` is
+    called after each decider.
     """
     shown = None if workers.parallel else progress
     calls: dict[tuple[str, int], Call] = {
@@ -163,7 +189,10 @@ def compare(
     task = progress.add_task("Comparing", total=len(calls), note="")
     entries: list[Entry] = []
     result = Comparison(plan, entries)
-    for _, entry in workers.results(calls, lambda call: progress.update(task, advance=1, note=call[0])):
+    for _, entry in workers.results(
+        calls,
+        lambda call: progress.update(task, advance=1, note=call[0]),
+    ):
         entries.append(entry)
         on_entry(result)
     progress.update(task, note="")
@@ -171,22 +200,36 @@ def compare(
     return result
 
 
-def score(plan: Plan, folder: Path | None, name: str, number: int, full: bool, progress: Progress | None) -> Entry:
+def score(
+    plan: Plan,
+    folder: Path | None,
+    name: str,
+    number: int,
+    full: bool,
+    progress: Progress | None,
+) -> Entry:
     """Train a decider if needed, select its threshold and score it, unless its file exists.
 
-    `number` is its training seed. `full`: also score thresholds that are not selected, if the plan has no curves.
+    `number` is its training seed. `full`: also score thresholds that are not selected, if the plan
+    has no curves.
     """
     display = Progress(disable=True) if progress is None else progress
     continuation = Continuation(plan.settings, folder)
-    found, run_folder, title = plan.family(name), None, plan.titles[name]
+    found = plan.family(name)
+    run_folder = None
+    title = plan.titles[name]
     if isinstance(found, DeciderFamily):
-        family, content = found, content_digest(name, plan.task.switches)
+        family = found
+        content = content_digest(name, plan.task.switches)
     else:
         family, run_folder = train_agent(found, plan, number, display, continuation)
-        content = None if run_folder is None else content_digest(str(run_folder), plan.task.switches)
+        content = (
+            None if run_folder is None else content_digest(str(run_folder), plan.task.switches)
+        )
         title += f" seed {number}" if plan.training_seeds > 1 else ""
     family = replace(family, name=title)
-    if content is None:  # other code may have the same name the next time
+    # Other code may have the same name the next time.
+    if content is None:
         continuation = Continuation(plan.settings, None)
     key = [family.name, family.thresholds, family.options, content, full]
     saved = continuation.load(key)
@@ -199,8 +242,15 @@ def score(plan: Plan, folder: Path | None, name: str, number: int, full: bool, p
     return Entry(scores, chosen, name, selected, run_folder)
 
 
-def _score(family: DeciderFamily, plan: Plan, full: bool, on_progress: OnProgress) -> tuple[Scores, int, float]:
-    """Return scores on the reported episodes, the index of the selected threshold, and its goal before."""
+def _score(
+    family: DeciderFamily,
+    plan: Plan,
+    full: bool,
+    on_progress: OnProgress,
+) -> tuple[Scores, int, float]:
+    """Return scores on the reported episodes, the index of the selected threshold, and its goal
+    before.
+    """
     task = plan.task
     selection = sweep(task, family, plan.selection_episodes, seeds.SELECTION, on_progress)
     index = task.best(selection) if plan.accuracy is None else fastest(selection, plan.accuracy)
@@ -212,15 +262,25 @@ def _score(family: DeciderFamily, plan: Plan, full: bool, on_progress: OnProgres
 
 
 def fastest(scores: Scores, accuracy: float) -> int:
-    """Return the index of the fastest threshold at a required accuracy; if none reaches it, the most accurate one."""
+    """Return the index of the fastest threshold at a required accuracy; if none reaches it, the
+    most accurate one.
+    """
     means = dict(zip(scores.columns, scores.values.mean(0), strict=True))
     reached = means["accuracy"] >= accuracy
-    best = np.where(reached, means["ticks"], np.inf).argmin() if reached.any() else means["accuracy"].argmax()
+    best = (
+        np.where(reached, means["ticks"], np.inf).argmin()
+        if reached.any()
+        else means["accuracy"].argmax()
+    )
     return int(best)
 
 
 def train_agent(
-    recipe: Any, plan: Plan, number: int, progress: Progress, continuation: Continuation
+    recipe: Any,
+    plan: Plan,
+    number: int,
+    progress: Progress,
+    continuation: Continuation,
 ) -> tuple[DeciderFamily, Path | None]:
     """Train an agent, or go on with its training; return its family and run folder."""
     from agents.training.checkpoint import has_checkpoint
@@ -230,7 +290,15 @@ def train_agent(
     name = recipe.name if plan.training_seeds == 1 else f"{recipe.name} seed {number}"
     folder = continuation.run_folder(recipe.name, recipe.as_json(), number)
     resume = folder is not None and has_checkpoint(folder)
-    run = make_run(plan.task.env_id, dict(plan.task.given), recipe, number, folder, plan.steps, resume)
+    run = make_run(
+        plan.task.env_id,
+        dict(plan.task.given),
+        recipe,
+        number,
+        folder,
+        plan.steps,
+        resume,
+    )
     bar = progress.add_task(f"Training {name}", total=run.steps, note="")
 
     def show(now: TrainingProgress) -> None:

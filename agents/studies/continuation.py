@@ -1,4 +1,6 @@
-"""The plan of a comparison, and what an interrupted one goes on from: its agents and finished scores."""
+"""The plan of a comparison, and what an interrupted one goes on from: its agents and finished
+scores.
+"""
 
 import functools
 import hashlib
@@ -40,18 +42,27 @@ from hybrid_env.checks import reject
 class Plan:
     """Settings of a comparison."""
 
-    task: Task  # what is decided, in which environment
-    deciders: tuple[str, ...]  # names of classical rules; the first is the reference
-    agents: tuple[str, ...]  # recipes to train, 'shipped', or run folders
-    episodes: int  # number of episodes that all figures are reported on
-    seed: int  # of the first of them
-    selection_episodes: int  # number of separate episodes for the selection of thresholds
-    steps: int | None = None  # environment steps of each training; None takes the number in the recipe
-    training_seeds: int = 1  # number of agents trained per recipe
-    # of the thresholds that reach this accuracy, the one with the shortest mean decision time is selected; None
-    # selects the threshold with the largest mean reward
+    # What is decided, in which environment.
+    task: Task
+    # Names of classical rules; the first is the reference.
+    deciders: tuple[str, ...]
+    # Recipes to train, 'shipped', or run folders.
+    agents: tuple[str, ...]
+    # Number of episodes that all figures are reported on.
+    episodes: int
+    # Of the first of them.
+    seed: int
+    # Number of separate episodes for the selection of thresholds.
+    selection_episodes: int
+    # Environment steps of each training; None takes the number in the recipe.
+    steps: int | None = None
+    # Number of agents trained per recipe.
+    training_seeds: int = 1
+    # Of the thresholds that reach this accuracy, the one with the shortest mean decision time is
+    # selected; None selects the threshold with the largest mean reward.
     accuracy: float | None = None
-    curves: bool = True  # False scores all deciders but the reference at their selected threshold only
+    # False scores all deciders but the reference at their selected threshold only.
+    curves: bool = True
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -61,7 +72,9 @@ class Plan:
     @property
     def settings(self) -> dict[str, Any]:
         """Plain values of the settings."""
-        others = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "task"}
+        others = {
+            field.name: getattr(self, field.name) for field in fields(self) if field.name != "task"
+        }
         return {"env_id": self.task.env_id, "options": dict(self.task.given)} | others
 
     def family(self, name: str) -> Any:
@@ -76,12 +89,18 @@ class Plan:
                 kinds = "'shipped', a run folder, model.zip, policy.onnx, a recipe as YAML"
                 raise reject("agents", name, f"{kinds}, or {', '.join(recipes)}")
         elif rule_name(name) not in rules(self.task.switches) and not is_own(name):
-            raise reject("deciders", name, f"{', '.join(rules(self.task.switches))}, or mine.py:MyRule")
+            raise reject(
+                "deciders",
+                name,
+                f"{', '.join(rules(self.task.switches))}, or mine.py:MyRule",
+            )
         return find_family(name, self.task.options)
 
     @cached_property
     def titles(self) -> dict[Any, str]:
-        """Titles of all deciders by name, see `distinct_titles`; those of agents are without training seeds."""
+        """Titles of all deciders by name, see `distinct_titles`; those of agents are without
+        training seeds.
+        """
         titles = distinct_titles(self.names, [self.family(name).name for name in self.names])
         return dict(zip(self.names, titles, strict=True))
 
@@ -89,12 +108,18 @@ class Plan:
         """Raise `ArgumentError` for a name that is unknown, or too many episodes."""
         self.task.check_episodes("episodes", self.episodes)
         self.task.check_episodes("selection-episodes", self.selection_episodes)
-        assert self.titles  # looks every name up
+        # Looks every name up.
+        assert self.titles
 
     def calls(self) -> list[tuple[str, int]]:
         """Return name and training seed of everything that is scored."""
-        counts = [1 if isinstance(self.family(name), DeciderFamily) else self.training_seeds for name in self.names]
-        return [(name, k) for name, count in zip(self.names, counts, strict=True) for k in range(count)]
+        counts = [
+            1 if isinstance(self.family(name), DeciderFamily) else self.training_seeds
+            for name in self.names
+        ]
+        return [
+            (name, k) for name, count in zip(self.names, counts, strict=True) for k in range(count)
+        ]
 
 
 TRAINED = "agents"
@@ -106,9 +131,10 @@ DAMAGE = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
 class Continuation:
     """Files of a comparison in its output folder; without one, nothing is written.
 
-    `agents` has a run folder for each agent that the comparison trains. `unfinished` has the scores of each decider
-    that has been evaluated, until the comparison is complete. The names contain a digest of everything that
-    determines the content, with the source code: results of other settings are not used.
+    `agents` has a run folder for each agent that the comparison trains. `unfinished` has the scores
+    of each decider that has been evaluated, until the comparison is complete. The names contain a
+    digest of everything that determines the content, with the source code: results of other
+    settings are not used.
     """
 
     def __init__(self, settings: dict[str, Any], folder: Path | None):
@@ -122,22 +148,38 @@ class Continuation:
         return self.folder / TRAINED / f"{name}-seed{seed}-{key[:8]}"
 
     def load(self, key: list[Any]) -> tuple[Scores, int, float] | None:
-        """Return what `save` has written for a decider with a key of plain values; None if it is lost or damaged."""
+        """Return what `save` has written for a decider with a key of plain values; None if it is
+        lost or damaged.
+        """
         path = self._path(key)
         if path is None:
             return None
         try:
             with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-                extra = {one.removeprefix(EXTRA): file[one] for one in file if one.startswith(EXTRA)}
-                names, thresholds, columns = (file[key].tolist() for key in ("names", "thresholds", "columns"))
+                extra = {
+                    one.removeprefix(EXTRA): file[one] for one in file if one.startswith(EXTRA)
+                }
+                names, thresholds, columns = (
+                    file[key].tolist() for key in ("names", "thresholds", "columns")
+                )
                 name, symbol, bank = names
-                scores = Scores(name, symbol, tuple(thresholds), tuple(columns), file["values"], extra, bank)
+                scores = Scores(
+                    name,
+                    symbol,
+                    tuple(thresholds),
+                    tuple(columns),
+                    file["values"],
+                    extra,
+                    bank,
+                )
                 return scores, int(file["chosen"]), float(file["selected"])
         except DAMAGE:
             return None
 
     def save(self, key: list[Any], scores: Scores, chosen: int, selected: float) -> None:
-        """Write the scores of a decider, the index of its threshold and its goal on the selection episodes."""
+        """Write the scores of a decider, the index of its threshold and its goal on the
+        selection episodes.
+        """
         path = self._path(key)
         if path is None:
             return
@@ -165,16 +207,22 @@ class Continuation:
     def _path(self, key: list[Any]) -> Path | None:
         if self.folder is None:
             return None
-        plan = {name: value for name, value in self.settings.items() if name not in ("deciders", "agents")}
+        plan = {
+            name: value
+            for name, value in self.settings.items()
+            if name not in ("deciders", "agents")
+        }
         return self.folder / UNFINISHED / f"{digest([plan, key])[:16]}.npz"
 
 
 def content_digest(name: Any, switches: str) -> str | None:
-    """Digest of what a decider is beside this package: the weights and the card of an agent, the file of a policy, or
-    the sources of a user's rule. None if it is not known, and empty for a rule of the package.
+    """Digest of what a decider is beside this package: the weights and the card of an agent, the
+    file of a policy, or the sources of a user's rule. None if it is not known, and empty for a rule
+    of the package.
     """
     base = base_name(name)
-    if not isinstance(base, str) or (trusted() and Path(base).suffix == ".zip"):  # it may run any code
+    # It may run any code.
+    if not isinstance(base, str) or (trusted() and Path(base).suffix == ".zip"):
         return None
     if base in rules(switches):
         return ""

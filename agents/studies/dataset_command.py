@@ -28,10 +28,14 @@ from baselines.rules.rollout import rollout
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.registration import make_track_vector_env
 
-ROOT = "MINARI_DATASETS_PATH"  # by this variable Minari finds its data sets
-MOST_EPISODES = 10_000  # they are in memory until they are written, some 50 kB each
-LARGEST_SEED = 2**63 - 1 - MOST_EPISODES  # HDF5 stores seeds of 64 bits
-BYTES_OF_AN_EPISODE, BYTES_OF_A_DATA_SET = 24_576, 262_144  # in HDF5, beside the arrays
+# By this variable Minari finds its data sets.
+ROOT = "MINARI_DATASETS_PATH"
+# They are in memory until they are written, some 50 kB each.
+MOST_EPISODES = 10_000
+# HDF5 stores seeds of 64 bits.
+LARGEST_SEED = 2**63 - 1 - MOST_EPISODES
+# In HDF5, beside the arrays.
+BYTES_OF_AN_EPISODE, BYTES_OF_A_DATA_SET = 24_576, 262_144
 RANDOM = "random"
 
 
@@ -43,13 +47,16 @@ def random_policy(actions: int) -> Callable[[Any], NDArray[np.int64]]:
 
 @dataclass(kw_only=True)
 class Dataset(WorldArguments, TrustArguments):
-    """Write a data set: episodes of deciders, one data set of Minari for each, or radar tracks of flights."""
+    """Write a data set: episodes of deciders, one data set of Minari for each, or radar tracks
+    of flights.
+    """
 
     kind: Annotated[Literal["minari", "radar"], tyro.conf.Positional] = "minari"
     """What is written: 'minari' or 'radar'."""
     policies: tuple[str, ...] = ()
-    """Rules, 'shipped', run folders, policies of other libraries or rules of your own, with optional
-    thresholds, or 'random'. Announced switches: {announced}. Unknown switches: {unknown}."""
+    """Rules, 'shipped', run folders, policies of other libraries or rules of your own, with
+    optional thresholds, or 'random'. Announced switches: {announced}. Unknown switches: {unknown}.
+    """
     episodes: int = 200
     """Number of episodes of each, the same for all."""
     seed: Annotated[int | None, shown_default(f"{seeds.DATASET}; 0 for radar")] = None
@@ -57,8 +64,9 @@ class Dataset(WorldArguments, TrustArguments):
     out: Annotated[Path | None, shown_default("where Minari keeps its data sets; radar")] = None
     """Folder of the data sets, which Minari finds there by the variable MINARI_DATASETS_PATH."""
     score: bool = False
-    """Only radar: score the filters of the thesis and better ones on the test flights, after tuning them on
-    the others; some ten minutes. The data set is written if the folder has none."""
+    """Only radar: score the filters of the thesis and better ones on the test flights, after tuning
+    them on the others; some ten minutes. The data set is written if the folder has none.
+    """
 
     def run(self) -> None:
         """Write the data sets and print one line for each."""
@@ -80,12 +88,21 @@ class Dataset(WorldArguments, TrustArguments):
                 write_radar_data(part, 0 if self.seed is None else self.seed)
         elif self.seed is not None:
             raise reject("seed", self.seed, "no value where the folder has a data set")
-        data, console = load_radar_data(folder), Console(emoji=False)
+        data = load_radar_data(folder)
+        console = Console(emoji=False)
         counts = {split: len(tracks["levy"].times) for split, tracks in data.tracks.items()}
-        print(f"Data {folder}: " + ", ".join(f"{count} {split} flights" for split, count in counts.items()))
+        print(
+            f"Data {folder}: "
+            + ", ".join(f"{count} {split} flights" for split, count in counts.items())
+        )
         if not self.score:
             return
-        from agents.studies.radar_study import radar_figure, radar_json, radar_tables, score_radar_data
+        from agents.studies.radar_study import (
+            radar_figure,
+            radar_json,
+            radar_tables,
+            score_radar_data,
+        )
 
         with progress_display(console) as progress:
             found = score_radar_data(data, folder / "scores", progress)
@@ -101,9 +118,15 @@ class Dataset(WorldArguments, TrustArguments):
         check_integer("seed", seed, minimum=0, maximum=LARGEST_SEED)
         task = task_of(*self.world_of(""))
         folder = self.out or get_dataset_path()
-        names = {f"{task.title}/{re.sub(r'[^a-zA-Z0-9]+', '_', name)}-v0": name for name in self.policies}
+        names = {
+            f"{task.title}/{re.sub(r'[^a-zA-Z0-9]+', '_', name)}-v0": name for name in self.policies
+        }
         if not names or len(names) < len(self.policies):
-            raise reject("policies", self.policies, "one or more names that differ in letters or numbers")
+            raise reject(
+                "policies",
+                self.policies,
+                "one or more names that differ in letters or numbers",
+            )
         found: list[tuple[str, str, dict[str, Any], Any]] = []
         for identity, name in names.items():
             if (folder / identity).exists():
@@ -114,14 +137,34 @@ class Dataset(WorldArguments, TrustArguments):
                 family, threshold = find_decider(name, task.options)
                 options = task.options_with(family.options)
                 title = f"{family.name} at {threshold:g}"
-                found.append((identity, title, family.options, for_actions(family.make(threshold), options)))
-        with atomic_folder("out", folder) as part, _minari_root(part.resolve()):  # Minari writes to no relative path
+                found.append(
+                    (identity, title, family.options, for_actions(family.make(threshold), options))
+                )
+        # Minari writes to no relative path.
+        with atomic_folder("out", folder) as part, _minari_root(part.resolve()):
             for identity, title, changes, decider in found:
-                print(self._write(part, task, identity, title, {**task.given, **changes}, decider, seed))
+                print(
+                    self._write(
+                        part,
+                        task,
+                        identity,
+                        title,
+                        {**task.given, **changes},
+                        decider,
+                        seed,
+                    )
+                )
         print(f"Data {folder}")
 
     def _write(
-        self, part: Path, task: Task, identity: str, title: str, options: dict[str, Any], decider: Any, seed: int
+        self,
+        part: Path,
+        task: Task,
+        identity: str,
+        title: str,
+        options: dict[str, Any],
+        decider: Any,
+        seed: int,
     ) -> str:
         """Write one data set into a folder; return its line."""
         import minari
@@ -129,15 +172,21 @@ class Dataset(WorldArguments, TrustArguments):
 
         episodes = record(task.env_id, options, decider, self.episodes, seed)
         returns = np.array([episode["rewards"].sum() for episode in episodes])
-        check_space(part, stored_bytes(episodes))  # h5py ends the process where there is none
+        # h5py ends the process where there is none.
+        check_space(part, stored_bytes(episodes))
         about = f"{self.episodes} episodes of {title} in {task.title}"
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # without an e-mail address and a link
+            # Without an e-mail address and a link.
+            warnings.simplefilter("ignore", UserWarning)
             written = minari.create_dataset_from_buffers(
-                identity, [EpisodeBuffer(**episode) for episode in episodes], env=gym.make(task.env_id, **options),
-                algorithm_name=title, author="The HybridTrack authors", description=about,
+                identity,
+                [EpisodeBuffer(**episode) for episode in episodes],
+                env=gym.make(task.env_id, **options),
+                algorithm_name=title,
+                author="The HybridTrack authors",
+                description=about,
                 requirements=[f"hybrid-track=={version('hybrid-track')}"],
-            )  # fmt: skip
+            )
         size = f"{self.episodes} episodes, {written.total_steps:,} steps"
         return f"{identity}: {size}, mean return {returns.mean():.3f}"
 
@@ -157,21 +206,35 @@ def _minari_root(folder: Path) -> Iterator[None]:
 
 def stored_bytes(episodes: Sequence[Mapping[str, Any]]) -> int:
     """Return an upper bound of the bytes in which Minari stores episodes, see `record`."""
-    arrays = sum(value.nbytes for episode in episodes for value in episode.values() if isinstance(value, np.ndarray))
+    arrays = sum(
+        value.nbytes
+        for episode in episodes
+        for value in episode.values()
+        if isinstance(value, np.ndarray)
+    )
     modes = sum(episode["infos"]["true_mode"].nbytes for episode in episodes)
     return int(arrays + modes) + BYTES_OF_AN_EPISODE * len(episodes) + BYTES_OF_A_DATA_SET
 
 
-def record(env_id: str, options: dict[str, Any], decider: Any, episodes: int, seed: int) -> list[dict[str, Any]]:
+def record(
+    env_id: str,
+    options: dict[str, Any],
+    decider: Any,
+    episodes: int,
+    seed: int,
+) -> list[dict[str, Any]]:
     """Return E episodes of a decider, each as the fields of Minari's `EpisodeBuffer`.
 
     Observations have the shape (T + 1, width), the true mode in `infos` (T + 1,), all else (T,).
     """
     env = make_track_vector_env(env_id, episodes, tick_info=False, **options)
-    unfinished, steps = np.ones(episodes, np.bool_), np.zeros(episodes, np.int64)
+    unfinished = np.ones(episodes, np.bool_)
+    steps = np.zeros(episodes, np.int64)
     ticks: list[tuple[NDArray[Any], ...]] = []
     for now in rollout(env, decider, seed, unfinished):
-        ticks.append((now.observation, env.world.field("true_mode").copy(), now.actions, now.rewards))
+        ticks.append(
+            (now.observation, env.world.field("true_mode").copy(), now.actions, now.rewards)
+        )
         unfinished &= ~now.terminated
         if not unfinished.any():
             break
@@ -179,9 +242,13 @@ def record(env_id: str, options: dict[str, Any], decider: Any, episodes: int, se
     rows, modes, actions, rewards = map(np.array, zip(*ticks, strict=True))
     return [
         {
-            "seed": seed + i, "observations": rows[: count + 1, i], "actions": actions[1 : count + 1, i],
-            "rewards": rewards[1 : count + 1, i], "terminations": np.arange(1, count + 1) == count,
-            "truncations": np.zeros(count, np.bool_), "infos": {"true_mode": modes[: count + 1, i]},
+            "seed": seed + i,
+            "observations": rows[: count + 1, i],
+            "actions": actions[1 : count + 1, i],
+            "rewards": rewards[1 : count + 1, i],
+            "terminations": np.arange(1, count + 1) == count,
+            "truncations": np.zeros(count, np.bool_),
+            "infos": {"true_mode": modes[: count + 1, i]},
         }
         for i, count in enumerate(steps.tolist())
-    ]  # fmt: skip
+    ]

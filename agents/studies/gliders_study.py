@@ -1,4 +1,6 @@
-"""Rules on flights of gliders at equal false changes: settings selected on one half, scored on the other."""
+"""Rules on flights of gliders at equal false changes: settings selected on one half, scored on
+the other.
+"""
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
@@ -34,17 +36,25 @@ from baselines.rules.decider import GLIDERS, rules
 from baselines.scoring.scores import Scores
 from hybrid_env.checks import FloatArray, IntArray, reject
 
-LEVELS = (2.0, 5.0, 8.0)  # false changes an hour at which rules are compared
+# False changes an hour at which rules are compared.
+LEVELS = (2.0, 5.0, 8.0)
 
 REFERENCE = "imm"
-SIMULATED, SIMULATED_TIME, SIMULATED_SEED = 60, 3600.0, 20260601  # flights, of seconds, for comparison
+# Flights, of seconds, for comparison.
+SIMULATED, SIMULATED_TIME, SIMULATED_SEED = 60, 3600.0, 20260601
 SEAL = Path(__file__).with_name("sealed.json")
-"""Digests of code and weights, and the settings, which are fixed before the sealed logs are opened."""
+"""Digests of code and weights, and the settings, which are fixed before the sealed logs are
+opened.
+"""
 
-SHARES = (5.0, 50.0, 95.0)  # percentiles of what recorded and simulated flights have in common
-SLOWEST_WIGGLE, SMALLEST_WIGGLE = np.radians(1.0), 10.0  # turn rate [rad/s] and angle [deg]
-INNER = 3  # positions of circles that are left out at either end
-SHOWN_TIME = 600.0  # time in the picture [s]
+# Percentiles of what recorded and simulated flights have in common.
+SHARES = (5.0, 50.0, 95.0)
+# Turn rate [rad/s] and angle [deg].
+SLOWEST_WIGGLE, SMALLEST_WIGGLE = np.radians(1.0), 10.0
+# Positions of circles that are left out at either end.
+INNER = 3
+# Time in the picture [s].
+SHOWN_TIME = 600.0
 NOTES = (
     f"{SECOND_LINES} Less first: points of agreement.\n"
     "Settings: the best agreement on the other half with as few false changes there.\n"
@@ -53,8 +63,12 @@ NOTES = (
 )
 
 FROZEN = {
-    "labels": circling, "smoothed turns": label_rules, "logs": gliders, "format": igc, "rules": rules_of_circling
-}  # fmt: skip
+    "labels": circling,
+    "smoothed turns": label_rules,
+    "logs": gliders,
+    "format": igc,
+    "rules": rules_of_circling,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,46 +77,62 @@ class GliderComparison:
 
     flights: list[Flight]
     labels: list[Labels]
-    # by level and name of the rule; each flight has the setting that was selected without its half
+    # By level and name of the rule; each flight has the setting that was selected without its half.
     scores: dict[float, dict[str, Scores]]
-    # settings by level, name and half that they are scored on, or `SEALED`: selected on all halves
+    # Settings by level, name and half that they are scored on, or `SEALED`: selected on all halves.
     chosen: dict[float, dict[str, dict[str, Setting]]]
-    stated: dict[str, list[IntArray]]  # statements (n,) of the rules on each flight at the middle level
-    # scores on simulated flights, with the settings that were selected on all halves
+    # Statements (n,) of the rules on each flight at the middle level.
+    stated: dict[str, list[IntArray]]
+    # Scores on simulated flights, with the settings that were selected on all halves.
     simulated: dict[float, dict[str, Scores]]
-    # percentiles of the open flights and of the simulated ones, by quantity
+    # Percentiles of the open flights and of the simulated ones, by quantity.
     gap: dict[str, tuple[list[float], ...]]
 
     @property
     def groups(self) -> dict[str, list[int]]:
         """Indices of the open flights, and of the sealed ones."""
         sealed = np.array([flight.tier.name == SEALED for flight in self.flights])
-        groups = {"both halves": np.flatnonzero(~sealed).tolist(), SEALED: np.flatnonzero(sealed).tolist()}
+        groups = {
+            "both halves": np.flatnonzero(~sealed).tolist(),
+            SEALED: np.flatnonzero(sealed).tolist(),
+        }
         return {name: rows for name, rows in groups.items() if rows}
 
     @property
     def seal(self) -> dict[str, Any]:
         """What `SEAL` holds once these settings are to be fixed."""
-        found = {level: {name: one[SEALED] for name, one in some.items()} for level, some in self.chosen.items()}
+        found = {
+            level: {name: one[SEALED] for name, one in some.items()}
+            for level, some in self.chosen.items()
+        }
         return current_seal() | {"settings": {f"{level:g}": some for level, some in found.items()}}
 
 
 def select(scores: Scores, level: float) -> int:
-    """Return the setting with the best agreement among those with few enough false changes an hour."""
-    false, agreement = scores.curve(task.FALSE), scores.curve(STATISTICS["agreement"])
+    """Return the setting with the best agreement among those with few enough false changes an
+    hour.
+    """
+    false = scores.curve(task.FALSE)
+    agreement = scores.curve(STATISTICS["agreement"])
     allowed = false <= max(level, float(false.min()))
     return int(np.where(allowed, agreement, -1.0).argmax())
 
 
 def compare_on_gliders(
-    source: Path, names: Sequence[str], workers: Workers, note: Callable[[str], None], sealed: bool = False
+    source: Path,
+    names: Sequence[str],
+    workers: Workers,
+    note: Callable[[str], None],
+    sealed: bool = False,
 ) -> GliderComparison:
-    """Compare rules on flights of gliders, the first being the reference; `note` is called `steps` times.
+    """Compare rules on flights of gliders, the first being the reference; `note` is called
+    `steps` times.
 
     With `sealed`, the sealed logs are opened too, with the settings of the seal.
     """
     for name in names:
-        glider_rule(name)  # an unknown one is refused before any work
+        # An unknown one is refused before any work.
+        glider_rule(name)
     frozen = unbroken_seal(SEAL, current_seal(), "logs", names)["settings"] if sealed else {}
     note("reading")
     contents = read_logs(source)
@@ -119,14 +149,25 @@ def compare_on_gliders(
     note("simulated flights")
     generator = np.random.default_rng(SIMULATED_SEED)
     copies = [simulate_glider(SIMULATED_TIME, generator) for _ in range(SIMULATED)]
-    copied, rows = label_gliders(copies), np.flatnonzero(of != SEALED)
-    real, made = samples([flights[k] for k in rows], [labels[k] for k in rows]), samples(copies, copied)
+    copied = label_gliders(copies)
+    rows = np.flatnonzero(of != SEALED)
+    real = samples([flights[k] for k in rows], [labels[k] for k in rows])
+    made = samples(copies, copied)
     known = [name for name, values in real.items() if values.size and made[name].size]
-    gap = {name: tuple(np.percentile(some[name], SHARES).tolist() for some in (real, made)) for name in known}
+    gap = {
+        name: tuple(np.percentile(some[name], SHARES).tolist() for some in (real, made))
+        for name in known
+    }
     result = GliderComparison(flights, labels, {}, {}, {}, {}, gap)
     calls = {
         name: functools.partial(
-            _compare_rule, name, flights, labels, copies, copied, {level: one[name] for level, one in frozen.items()}
+            _compare_rule,
+            name,
+            flights,
+            labels,
+            copies,
+            copied,
+            {level: one[name] for level, one in frozen.items()},
         )
         for name in names
     }
@@ -140,17 +181,27 @@ def compare_on_gliders(
 
 
 def _compare_rule(
-    name: str, flights: list[Flight], labels: list[Labels], copies: list[Flight], copied: list[Labels],
+    name: str,
+    flights: list[Flight],
+    labels: list[Labels],
+    copies: list[Flight],
+    copied: list[Labels],
     frozen: Mapping[str, Any],
-) -> tuple[list[IntArray], dict[float, Scores], dict[float, dict[str, Setting]], dict[float, Scores]]:  # fmt: skip
-    """Return what a rule states at the middle level, and by level scores, settings and scores on simulated flights.
+) -> tuple[
+    list[IntArray], dict[float, Scores], dict[float, dict[str, Setting]], dict[float, Scores]
+]:
+    """Return what a rule states at the middle level, and by level scores, settings and scores on
+    simulated flights.
 
-    `frozen` are settings for the sealed flights by level; without any they are selected on all halves.
+    `frozen` are settings for the sealed flights by level; without any they are selected on all
+    halves.
     """
-    of, settings = np.array([flight.tier.name for flight in flights]), task.all_settings(name)
+    of = np.array([flight.tier.name for flight in flights])
+    settings = task.all_settings(name)
     told = glider_statements(flights, settings)
     swept = task.score_settings(flights, labels, told)
-    scores, every = {}, {}
+    scores = {}
+    every = {}
     for level in LEVELS:
         best = {
             half: select(swept.some(np.flatnonzero((of != half) & (of != SEALED)).tolist()), level)
@@ -164,8 +215,16 @@ def _compare_rule(
         scores[level] = Scores(swept.name, "", (0.0,), swept.columns, values)
         every[level] = {half: settings[k] for half, k in best.items()}
     made = glider_statements(copies, list(dict.fromkeys(one[SEALED] for one in every.values())))
-    simulated = {level: score_flights(swept.name, copies, copied, made[one[SEALED]]) for level, one in every.items()}
-    return [told[every[LEVELS[1]][half]][row] for row, half in enumerate(of)], scores, every, simulated
+    simulated = {
+        level: score_flights(swept.name, copies, copied, made[one[SEALED]])
+        for level, one in every.items()
+    }
+    return (
+        [told[every[LEVELS[1]][half]][row] for row, half in enumerate(of)],
+        scores,
+        every,
+        simulated,
+    )
 
 
 def samples(flights: Sequence[Flight], labels: Sequence[Labels]) -> dict[str, FloatArray]:
@@ -175,23 +234,39 @@ def samples(flights: Sequence[Flight], labels: Sequence[Labels]) -> dict[str, Fl
     innovations = batch.unstack(imm.innovations, [len(flight.times) for flight in flights])
     found: dict[str, list[Any]] = {}
     for flight, label, innovation in zip(flights, labels, innovations, strict=True):
-        straight, circling = (label.scored & ((label.modes == STRAIGHT) == own) for own in (True, False))
-        rates, changes = np.degrees(np.abs(label.rates)), np.abs(np.gradient(label.speeds, label.times))
-        for name, rows in (("straight", straight), ("circling", circling)):
+        straight, circling = (
+            label.scored & ((label.modes == STRAIGHT) == own) for own in (True, False)
+        )
+        rates, changes = (
+            np.degrees(np.abs(label.rates)),
+            np.abs(np.gradient(label.speeds, label.times)),
+        )
+        for name, rows in (
+            ("straight", straight),
+            ("circling", circling),
+        ):
             for what, values in (
-                ("airspeed, m/s", label.speeds), ("its change, m/s²", changes), ("climb rate, m/s", flight.climbs),
-                ("innovation along", np.abs(innovation[:, 0])), ("innovation across", np.abs(innovation[:, 1])),
-            ):  # fmt: skip
+                ("airspeed, m/s", label.speeds),
+                ("its change, m/s²", changes),
+                ("climb rate, m/s", flight.climbs),
+                ("innovation along", np.abs(innovation[:, 0])),
+                ("innovation across", np.abs(innovation[:, 1])),
+            ):
                 found.setdefault(f"{name}: {what}", []).append(values[rows])
         found.setdefault("straight: turn rate, deg/s", []).append(rates[straight])
         found.setdefault("wiggle: angle, deg", []).append(_wiggles(label, straight))
         for first, end, mode in label.pieces:
             if label.scored[first:end].any():
-                name, inner = "straight" if mode == STRAIGHT else "circling", rates[first + INNER : end - INNER]
-                found.setdefault(f"{name}: duration, s", []).append([label.times[end - 1] - label.times[first]])
+                name = "straight" if mode == STRAIGHT else "circling"
+                inner = rates[first + INNER : end - INNER]
+                found.setdefault(f"{name}: duration, s", []).append(
+                    [label.times[end - 1] - label.times[first]]
+                )
                 if mode != STRAIGHT and inner.size > INNER:
                     found.setdefault("circling: turn rate, deg/s", []).append([np.median(inner)])
-                    found.setdefault("circling: its variation", []).append([inner.std() / inner.mean()])
+                    found.setdefault("circling: its variation", []).append(
+                        [inner.std() / inner.mean()]
+                    )
     return {name: np.concatenate(values) for name, values in sorted(found.items())}
 
 
@@ -199,7 +274,10 @@ def _wiggles(label: Labels, straight: Any) -> FloatArray:
     """Return the angles of turns to one side in straight flight [deg]."""
     turning = np.where(straight & (np.abs(label.rates) > SLOWEST_WIGGLE), np.sign(label.rates), 0.0)
     begins = np.flatnonzero(np.diff(turning, prepend=np.nan) != 0.0)
-    angles = np.add.reduceat(np.degrees(np.abs(label.rates)) * label.weights * (turning != 0.0), begins)
+    angles = np.add.reduceat(
+        np.degrees(np.abs(label.rates)) * label.weights * (turning != 0.0),
+        begins,
+    )
     return np.asarray(angles[angles > SMALLEST_WIGGLE])
 
 
@@ -221,54 +299,84 @@ def current_seal() -> dict[str, Any]:
 
 
 def tables(result: GliderComparison) -> list[Table]:
-    """Return the tables of each level, for the open logs and for the sealed ones, and of the simulated flights."""
-    return [*(_glider_table(result, group, level) for group in result.groups for level in LEVELS), _gap_table(result)]
+    """Return the tables of each level, for the open logs and for the sealed ones, and of the
+    simulated flights.
+    """
+    return [
+        *(_glider_table(result, group, level) for group in result.groups for level in LEVELS),
+        _gap_table(result),
+    ]
 
 
 def _glider_table(result: GliderComparison, group: str, level: float) -> Table:
-    rows, lines = result.groups[group], []
+    rows = result.groups[group]
+    lines = []
     hours = sum(float(result.labels[k].weights.sum()) for k in rows) / 3600.0
     for name, scores in result.scores[level].items():
         cells = [figure_cell(scores.some(rows), metric) for metric in METRICS]
         cells.append(less_cell(less_first(result.scores[level], name, rows)))
-        lines.append((escape(glider_rule(name).title), *cells, f"{100.0 * value(result.simulated[level][name]):.1f}"))
+        lines.append(
+            (
+                escape(glider_rule(name).title),
+                *cells,
+                f"{100.0 * value(result.simulated[level][name]):.1f}",
+            )
+        )
     heads = ("decider", *(metric.head for metric in METRICS), "less\nfirst", "simul.\n%")
-    title = f"{len(rows)} flights of gliders, {group}, {hours:.1f} h: at most {level:g} false an hour"
+    title = (
+        f"{len(rows)} flights of gliders, {group}, {hours:.1f} h: at most {level:g} false an hour"
+    )
     return filled_table(title, heads, lines, NOTES if level == LEVELS[-1] else "")
 
 
 def _gap_table(result: GliderComparison) -> Table:
     """Return the table of percentiles, of logs and of simulated flights."""
-    lines = [(name, *(f"{one:.2f}" for side in sides for one in side)) for name, sides in result.gap.items()]
+    lines = [
+        (name, *(f"{one:.2f}" for side in sides for one in side))
+        for name, sides in result.gap.items()
+    ]
     heads = ("", *(f"{source}\n{share:g} %" for source in ("logs", "simul.") for share in SHARES))
     return filled_table("Open logs and simulated flights: percentiles", heads, lines)
 
 
 def files(result: GliderComparison) -> dict[str, Any]:
-    """Return gliders.json, with the settings, the figures of every flight and the seal, and gliders.png."""
+    """Return gliders.json, with the settings, the figures of every flight and the seal, and
+    gliders.png.
+    """
     groups: dict[str, Any] = {}
     for group, rows in result.groups.items():
         for level, by_name in result.scores.items():
             for name, scores in by_name.items():
-                groups.setdefault(group, {}).setdefault(f"{level:g}", {})[name] = _estimates(scores.some(rows)) | {
+                groups.setdefault(group, {}).setdefault(f"{level:g}", {})[name] = _estimates(
+                    scores.some(rows)
+                ) | {
                     "agreement_less_first": less_first(by_name, name, rows),
                     "settings": result.chosen[level][name],
                     "simulated": _estimates(result.simulated[level][name]),
                 }
     flights = [
         {
-            "id": flight.identity, "half": flight.tier.name, "hours": flight.hours,
+            "id": flight.identity,
+            "half": flight.tier.name,
+            "hours": flight.hours,
             "scored_hours": float(labels.weights.sum()) / 3600.0,
             "circles": sum(mode != 0 for *_, mode in labels.pieces),
             "deciders": {
-                name: {one.name: finite(scores.some([k]).curve(one.statistic)[0]) for one in METRICS}
+                name: {
+                    one.name: finite(scores.some([k]).curve(one.statistic)[0]) for one in METRICS
+                }
                 for name, scores in result.scores[LEVELS[1]].items()
             },
         }
         for k, (flight, labels) in enumerate(zip(result.flights, result.labels, strict=True))
-    ]  # fmt: skip
+    ]
     gap = {"percentiles": SHARES, **result.gap}
-    content = {"groups": groups, "flights": flights, "gap": gap, "seal": result.seal}
+    content = {
+        "groups": groups,
+        "flights": flights,
+        "gap": gap,
+        "seal": result.seal,
+    }
     return {"gliders.json": content, "gliders.png": _picture(result)}
 
 
@@ -277,7 +385,9 @@ def _estimates(scores: Scores) -> dict[str, Any]:
 
 
 def _picture(result: GliderComparison) -> Figure:
-    """The ten minutes with most changes of the flight with the median agreement of the first rule."""
+    """The ten minutes with most changes of the flight with the median agreement of the first
+    rule.
+    """
     first, scores = next(iter(result.scores[LEVELS[1]].items()))
     each = [value(scores.some([k])) for k in range(len(result.flights))]
     k = int(np.argsort(each)[len(each) // 2])
@@ -289,6 +399,16 @@ def _picture(result: GliderComparison) -> Figure:
     shown = np.where(labels.scored, labels.modes, len(MODE_NAMES))[rows]
     minutes = (flight.times[rows] - flight.times[first_row]) / 60.0
     stated = {glider_rule(name).title: one[k][rows] for name, one in result.stated.items()}
-    title = f"{flight.identity}: {glider_rule(first).title} agrees {each[k]:.1%} of the whole flight"
+    title = (
+        f"{flight.identity}: {glider_rule(first).title} agrees {each[k]:.1%} of the whole flight"
+    )
     kilometres = flight.positions[rows] / 1000.0
-    return recording_figure(kilometres, minutes, [(0, len(minutes))], shown, stated, MODE_NAMES, title)
+    return recording_figure(
+        kilometres,
+        minutes,
+        [(0, len(minutes))],
+        shown,
+        stated,
+        MODE_NAMES,
+        title,
+    )

@@ -1,4 +1,6 @@
-"""The command `hybridtrack limits`: what limits decisions, how far each rule gets, and where models are wrong."""
+"""The command `hybridtrack limits`: what limits decisions, how far each rule gets, and where
+models are wrong.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,20 +29,27 @@ class Limits(TrustArguments, ParallelArguments):
     --env HybridTrackQuickest-v0, rules for unknown switch moments are evaluated, in about an hour.
     """
 
-    env: Annotated[str | None, shown_default("HybridTrackPublished-v0 and HybridTrackPublishedBank-v0")] = None
+    env: Annotated[
+        str | None, shown_default("HybridTrackPublished-v0 and HybridTrackPublishedBank-v0")
+    ] = None
     """'HybridTrackQuickest-v0'."""
     departures: bool = False
-    """Evaluate deciders in worlds that depart from what they are told, step by step (heavy tails, process noise,
-    radii, durations), beside the best rule that is told; 200 episodes take about 20 minutes."""
+    """Evaluate deciders in worlds that depart from what they are told, step by step (heavy tails,
+    process noise, radii, durations), beside the best rule that is told; 200 episodes take about 20
+    minutes.
+    """
     deciders: tuple[str, ...] = ()
-    """Further deciders to evaluate on every filter bank with known switch moments, as 'mine.py:MyRule'; with
-    --departures in HybridTrackPublished-v0 only."""
+    """Further deciders to evaluate on every filter bank with known switch moments, as
+    'mine.py:MyRule'; with --departures in HybridTrackPublished-v0 only.
+    """
     episodes: int = 3000
     """Number of episodes per rule; a third as many others serve to select thresholds."""
     seed: int = 0
     """Seed of the first episode."""
     out: Path = Path("results")
-    """Folder for limits.md, limits.json and limits.png; with --departures for departures.md and so on."""
+    """Folder for limits.md, limits.json and limits.png; with --departures for departures.md and
+    so on.
+    """
 
     def run(self) -> None:
         """Evaluate the rules, print the tables and write the files."""
@@ -51,7 +60,11 @@ class Limits(TrustArguments, ParallelArguments):
         if self.env not in (None, quickest, QUICKEST):
             raise reject("env", self.env, f"{quickest}, or no --env for the others")
         if self.deciders and self.env is not None:
-            raise reject("deciders", self.deciders, f"none in {quickest}, where compare evaluates them")
+            raise reject(
+                "deciders",
+                self.deciders,
+                f"none in {quickest}, where compare evaluates them",
+            )
         for name in self.deciders:
             for env in (THREE,) if self.departures else limits.RULES:
                 find_family(name, task_of(env).options)
@@ -60,18 +73,37 @@ class Limits(TrustArguments, ParallelArguments):
             raise reject("seed", self.seed, f"at most {seeds.SELECTION - largest}")
         if self.departures and self.env is not None:
             raise reject("env", self.env, "no value with --departures")
-        folder, console = output_folder("out", self.out), Console(emoji=False)
+        folder = output_folder("out", self.out)
+        console = Console(emoji=False)
         study: Any
         if self.departures:
-            name, study = "departures", departures
+            name = "departures"
+            study = departures
             by_part = {name: departures.calls(self.deciders, self.episodes, self.seed)}
         else:
-            name, study = "limits", limits
-            by_part = limits.calls("" if self.env is None else QUICKEST, self.episodes, self.seed, self.deciders)
+            name = "limits"
+            study = limits
+            by_part = limits.calls(
+                "" if self.env is None else QUICKEST,
+                self.episodes,
+                self.seed,
+                self.deciders,
+            )
         every = {name: call for part in by_part.values() for name, call in part.items()}
-        found = shown(console, "Evaluating", len(every), lambda note: dict(workers.results(every, note)))
-        parts = {part: [row for name in named for row in found[name]] for part, named in by_part.items()}
+        found = shown(
+            console,
+            "Evaluating",
+            len(every),
+            lambda note: dict(workers.results(every, note)),
+        )
+        parts = {
+            part: [row for name in named for row in found[name]] for part, named in by_part.items()
+        }
         data = parts.get("departures", parts)
-        files = {f"{name}.md": study.markdown(data), f"{name}.json": data, f"{name}.png": study.figure(data)}
+        files = {
+            f"{name}.md": study.markdown(data),
+            f"{name}.json": data,
+            f"{name}.png": study.figure(data),
+        }
         console.print(Markdown(files[f"{name}.md"]))
         print_lines(console, write_files(folder, files))

@@ -1,4 +1,6 @@
-"""The command `hybridtrack play`: watch a decider in a window, or save the episode as a picture or GIF."""
+"""The command `hybridtrack play`: watch a decider in a window, or save the episode as a picture
+or GIF.
+"""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -29,7 +31,8 @@ from hybrid_env.rendering.figure import CURRENT_COLOUR
 from hybrid_env.rendering.history import TRACE_INDEX, History
 from hybrid_env.rendering.window import RENDER_FPS, Renderer, display_available
 
-FINAL_FRAMES = 2 * RENDER_FPS  # number of times that the window shows the last frame of an episode: for two seconds
+# Number of times that the window shows the last frame of an episode: for two seconds.
+FINAL_FRAMES = 2 * RENDER_FPS
 
 
 class OneTrack:
@@ -52,18 +55,24 @@ class OneTrack:
 
 
 class Episodes:
-    """Episodes of a decider on one track; `decider` replaces that of the name, and needs `changes` of the options."""
+    """Episodes of a decider on one track; `decider` replaces that of the name, and needs
+    `changes` of the options.
+    """
 
     def __init__(self, task: Task, name: str, decider: Any = None, changes: Any = None):
         changes = dict(changes or {})
         if decider is None:
             changes = find_decider(name, task.options)[0].options | changes
         if getattr(task.options, "actions", "all") == "types":
-            changes["actions"] = "all"  # deciders declare hypotheses
+            # Deciders declare hypotheses.
+            changes["actions"] = "all"
         self.task, self.name = task.changed(changes), name
         env = gym.make(task.env_id, render_mode="rgb_array", **self.task.given).unwrapped
         assert isinstance(env, TrackEnv)
-        self.env, self.decider = env, load_decider(name, env.options) if decider is None else decider
+        self.env, self.decider = (
+            env,
+            load_decider(name, env.options) if decider is None else decider,
+        )
 
     @property
     def history(self) -> History:
@@ -72,7 +81,9 @@ class Episodes:
         return self.env.history
 
     def play(self, seed: int, on_step: Callable[[], None]) -> Iterator[History]:
-        """Play an episode; yield its history before every step, with the evidence of the decider."""
+        """Play an episode; yield its history before every step, with the evidence of the
+        decider.
+        """
         for now in rollout(OneTrack(self.env), self.decider, seed):
             if now.step:
                 on_step()
@@ -82,25 +93,36 @@ class Episodes:
             yield self.history
 
     def record(self, name: str, seed: int) -> TrackRecord:
-        """Play an episode and return what was declared or stated at every tick, with the name in the figure."""
+        """Play an episode and return what was declared or stated at every tick, with the name in
+        the figure.
+        """
         for _ in self.play(seed, lambda: None):
             pass
         history = self.history
         truth, measured, estimates = (
-            history.trace[:, [TRACE_INDEX[f"{key}x"], TRACE_INDEX[f"{key}y"]]] for key in ("", "measured_", "estimate_")
+            history.trace[:, [TRACE_INDEX[f"{key}x"], TRACE_INDEX[f"{key}y"]]]
+            for key in ("", "measured_", "estimate_")
         )
         return self.task.track_record(
-            history, name=name, truth=truth, measurements=measured, true_modes=history.true_modes, estimates=estimates
+            history,
+            name=name,
+            truth=truth,
+            measurements=measured,
+            true_modes=history.true_modes,
+            estimates=estimates,
         )
 
 
 @dataclass(kw_only=True)
 class Play(WorldArguments, ErrorArguments, TrustArguments):
-    """Watch a decider on one track in a window, or save the episode as an animation, picture or recording."""
+    """Watch a decider on one track in a window, or save the episode as an animation, picture or
+    recording.
+    """
 
     decider: Annotated[str | None, shown_default("ate; threshold in HybridTrackQuickest-v0")] = None
-    """'shipped', a run folder, 'model.zip', 'mine.py:MyRule' or a rule, with an optional ':threshold'.
-    Announced switches: {announced}. Unknown switches: {unknown}."""
+    """'shipped', a run folder, 'model.zip', 'mine.py:MyRule' or a rule, with an optional
+    ':threshold'. Announced switches: {announced}. Unknown switches: {unknown}.
+    """
     episodes: int = 1
     """Number of episodes."""
     seed: int = 0
@@ -108,14 +130,18 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
     out: Annotated[Path | None, shown_default("a window")] = None
     """A .gif file for all episodes, or a .png file for the end of a single one."""
     record: Annotated[Path | None, shown_default("none is written")] = None
-    """A .csv file for the measurements of one episode, columns t,x,y, as `hybridtrack track` reads it."""
+    """A .csv file for the measurements of one episode, columns t,x,y, as `hybridtrack track`
+    reads it.
+    """
 
     def run(self) -> None:
         """Play the episodes, print a table after each, and write the requested files."""
         self._check()
         show = self.out is None and (self.record is None or display_available())
         if show and not display_available():
-            raise ArgumentError("no window can be opened here: use --out FILE with a .gif or .png file")
+            raise ArgumentError(
+                "no window can be opened here: use --out FILE with a .gif or .png file"
+            )
         task = task_of(*self.world_of(self.decider or ""))
         episodes = Episodes(task, self.at_error(self.decider or task.reference))
         renderer = Renderer(episodes.env.options, show, episodes.decider.panel())
@@ -133,17 +159,26 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
     def _check(self) -> None:
         check_integer("episodes", self.episodes)
         check_integer("seed", self.seed, minimum=0)
-        for name, suffixes in (("out", (".gif", ".png")), ("record", (".csv",))):
+        for name, suffixes in (
+            ("out", (".gif", ".png")),
+            ("record", (".csv",)),
+        ):
             path = getattr(self, name)
             if path is None:
                 continue
             if path.suffix.lower() not in suffixes:
                 raise reject(name, str(path), f"a file name that ends in {' or '.join(suffixes)}")
             if not path.parent.is_dir() or path.is_dir():
-                allowed = "a file, not a folder" if path.is_dir() else "a file in an existing folder"
+                allowed = (
+                    "a file, not a folder" if path.is_dir() else "a file in an existing folder"
+                )
                 raise reject(name, str(path), allowed)
             if self.episodes > 1 and path.suffix.lower() != ".gif":
-                raise reject("episodes", self.episodes, f"1 with --{name} {path}, which holds one episode")
+                raise reject(
+                    "episodes",
+                    self.episodes,
+                    f"1 with --{name} {path}, which holds one episode",
+                )
 
     def _play(self, episodes: Episodes, console: Console, progress: Progress) -> Iterator[History]:
         """Play the episodes; yield the history after every reset and every step."""
@@ -151,7 +186,10 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
         bar = progress.add_task("Playing", total=self.episodes, note="")
         for episode in range(self.episodes):
             seed = self.seed + episode
-            yield from episodes.play(seed, lambda: progress.update(bar, note=f"tick {len(history.trace)}"))
+            yield from episodes.play(
+                seed,
+                lambda: progress.update(bar, note=f"tick {len(history.trace)}"),
+            )
             progress.advance(bar)
             title = f"{episodes.name}, episode {episode + 1}, seed {seed}"
             console.print(task.episode_table(title, history))
@@ -160,7 +198,9 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
             yield history
 
     def _render(self, renderer: Renderer, histories: Iterator[History]) -> bool:
-        """Show or write the frames; return False if the user has closed the window before the end."""
+        """Show or write the frames; return False if the user has closed the window before the
+        end.
+        """
         if self.out is not None and self.out.suffix.lower() == ".gif":
             write_gif(self.out, (renderer.draw(history) for history in histories), renderer.options)
             return True
@@ -180,22 +220,33 @@ def write_recording(path: Path, history: History, tau: float) -> None:
     """Write the measurements of an episode as CSV: t [s], which starts at tau, and x and y [m]."""
     measured = ~np.isnan(history.trace[:, TRACE_INDEX["measured_x"]])
     ticks = np.arange(1, len(history.trace) + 1)[measured]
-    times = [float(f"{time:.12g}") for time in tau * ticks]  # 0.3 instead of 0.30000000000000004
+    # 0.3 instead of 0.30000000000000004.
+    times = [float(f"{time:.12g}") for time in tau * ticks]
     x, y = (history.trace[measured, TRACE_INDEX[name]] for name in ("measured_x", "measured_y"))
-    write_table(path, {"t": times, "x": x, "y": y})
+    write_table(
+        path,
+        {
+            "t": times,
+            "x": x,
+            "y": y,
+        },
+    )
 
 
 Frame = NDArray[np.uint8]
 
-MAX_FRAMES = 1700  # Pillow has all of them in memory before it writes the file
-PALETTE_SIZE = 255  # a GIF has 256 colours, and Pillow uses one for unchanged pixels
+# Pillow has all of them in memory before it writes the file.
+MAX_FRAMES = 1700
+# A GIF has 256 colours, and Pillow uses one for unchanged pixels.
+PALETTE_SIZE = 255
 
 
 def write_gif(path: Path, frames: Iterator[Frame], options: ModelOptions) -> None:
-    """Write frames, (height, width, 3) uint8, as an endless animation with RENDER_FPS frames per second.
+    """Write frames, (height, width, 3) uint8, as an endless animation with RENDER_FPS frames per
+    second.
 
-    All frames share one palette. With one palette for each frame, which is the default of Pillow, files are four to
-    seven times as large and unchanged pixels flicker.
+    All frames share one palette. With one palette for each frame, which is the default of Pillow,
+    files are four to seven times as large and unchanged pixels flicker.
     """
     palette = Image.new("P", (1, 1))
     palette.putpalette(palette_colours(options).tobytes())
@@ -203,17 +254,30 @@ def write_gif(path: Path, frames: Iterator[Frame], options: ModelOptions) -> Non
     def images() -> Iterator[Image.Image]:
         for number, frame in enumerate(frames, start=1):
             if number > MAX_FRAMES:
-                raise reject("out", str(path), f"at most {MAX_FRAMES} frames: choose fewer or shorter episodes")
+                raise reject(
+                    "out",
+                    str(path),
+                    f"at most {MAX_FRAMES} frames: choose fewer or shorter episodes",
+                )
             yield Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
 
     others = images()
     duration = round(1000 / RENDER_FPS)
     with atomic_file(path) as part:
-        next(others).save(part, format="GIF", save_all=True, append_images=others, duration=duration, loop=0)
+        next(others).save(
+            part,
+            format="GIF",
+            save_all=True,
+            append_images=others,
+            duration=duration,
+            loop=0,
+        )
 
 
 def palette_colours(options: ModelOptions) -> NDArray[np.uint8]:
-    """Return the colours of all frames and their mixtures with white, (n, 3) with n <= PALETTE_SIZE."""
+    """Return the colours of all frames and their mixtures with white, (n, 3) with n <=
+    PALETTE_SIZE.
+    """
     greys = [f"#{level:02x}{level:02x}{level:02x}" for level in range(0, 256, 17)]
     current = [shade(CURRENT_COLOUR, amount) for amount in (-0.75, -0.5, -0.25, 0.0, 0.5)]
     modes = [mode_colour(mode, options.radii) for mode in range(options.hypotheses)]
@@ -221,4 +285,7 @@ def palette_colours(options: ModelOptions) -> NDArray[np.uint8]:
     steps = min(max(available // len(modes), 1), 12)
     mixtures = [shade(colour, step / steps) for step in range(steps) for colour in modes]
     colours = [*greys, *current, *mixtures[:available]]
-    return np.array([[int(colour[k : k + 2], 16) for k in (1, 3, 5)] for colour in colours], np.uint8)
+    return np.array(
+        [[int(colour[k : k + 2], 16) for k in (1, 3, 5)] for colour in colours],
+        np.uint8,
+    )

@@ -16,8 +16,21 @@ from agents.figures.canvas import new_canvas, plain_axes
 from agents.figures.curves import error_bars
 from agents.interface.parallel import Workers
 from agents.training.radar_net import filter_with, radar_net
-from baselines.papers.novospaskyi.dataset import COLUMNS, HORIZONS, STATISTICS, RadarData, score_estimates
-from baselines.papers.novospaskyi.filters import COMBINED, CONTENDERS, ROBUST, SLOW, THESIS, filter_tracks
+from baselines.papers.novospaskyi.dataset import (
+    COLUMNS,
+    HORIZONS,
+    STATISTICS,
+    RadarData,
+    score_estimates,
+)
+from baselines.papers.novospaskyi.filters import (
+    COMBINED,
+    CONTENDERS,
+    ROBUST,
+    SLOW,
+    THESIS,
+    filter_tracks,
+)
 from baselines.papers.novospaskyi.radars import NOISES, Noise
 from baselines.papers.novospaskyi.study import tune_filters
 from baselines.papers.novospaskyi.tables import NOISE_NAMES
@@ -33,7 +46,8 @@ Figures = Mapping[Noise, Mapping[str, Mapping[str, Estimate]]]
 
 
 def score_radar_data(data: RadarData, folder: Path, progress: Progress) -> Found:
-    """Return the scores of all filters by noise, those of the thesis first, tuned and trained on the training flights.
+    """Return the scores of all filters by noise, those of the thesis first, tuned and trained on
+    the training flights.
 
     A killed run goes on from the trials and weights in the folder.
     """
@@ -45,12 +59,28 @@ def score_radar_data(data: RadarData, folder: Path, progress: Progress) -> Found
 
     run = Workers(min(os.cpu_count() or 1, MOST_PROCESSES)).results
     robust = (*ROBUST, *SLOW)
-    parameters = tune_filters(data.tracks["training"], data.seed, folder, run=run, progress=show, robust=robust)
+    parameters = tune_filters(
+        data.tracks["training"],
+        data.seed,
+        folder,
+        run=run,
+        progress=show,
+        robust=robust,
+    )
     weights = folder / "network.safetensors"
-    net = radar_net(data, weights, lambda share: progress.update(bar, completed=1.0 + share, note=NETWORK))
+    net = radar_net(
+        data,
+        weights,
+        lambda share: progress.update(bar, completed=1.0 + share, note=NETWORK),
+    )
     named = product(NOISES, FILTERS)
-    calls = {(noise, name): partial(score_filter, name, parameters[noise][name], data, noise) for noise, name in named}
-    found = dict(run(calls, lambda call: progress.update(bar, advance=1.0 / len(calls), note=call[1])))
+    calls = {
+        (noise, name): partial(score_filter, name, parameters[noise][name], data, noise)
+        for noise, name in named
+    }
+    found = dict(
+        run(calls, lambda call: progress.update(bar, advance=1.0 / len(calls), note=call[1]))
+    )
     scores = {noise: [found[noise, name] for name in FILTERS] for noise in NOISES}
     for noise, tracks in data.tracks["test"].items():
         filtered = filter_with(net, tracks.measurements.swapaxes(0, 1), tracks.times.T)
@@ -59,7 +89,12 @@ def score_radar_data(data: RadarData, folder: Path, progress: Progress) -> Found
     return scores
 
 
-def score_filter(name: str, parameters: Mapping[str, float], data: RadarData, noise: Noise) -> Scores:
+def score_filter(
+    name: str,
+    parameters: Mapping[str, float],
+    data: RadarData,
+    noise: Noise,
+) -> Scores:
     """Return the scores of one filter."""
     filtered = filter_tracks(CONTENDERS[name], parameters, data.tracks["test"][noise], HORIZONS)
     return score_estimates(name, filtered, data, noise)
@@ -71,19 +106,28 @@ def radar_tables(found: Found) -> list[Table]:
     heads += ["covered\n%", "position,\nratio"]
     tables = []
     for noise, scores in found.items():
-        best = min(scores[: len(THESIS)], key=lambda one: float(one.curve(STATISTICS["position"])[0]))
+        best = min(
+            scores[: len(THESIS)],
+            key=lambda one: float(one.curve(STATISTICS["position"])[0]),
+        )
         rows = []
         for one in scores:
             figures = [one.estimate(STATISTICS[name]) for name in COLUMNS]
-            plain, covered = figures[: -len(HORIZONS)], figures[-len(HORIZONS) :]
-            cells = [estimate_cell(figure, 1.0, 1 if k > 1 else 2) for k, figure in enumerate(plain)]
-            shares = " ".join("-" if share.value != share.value else f"{100 * share.value:.0f}" for share in covered)
+            plain = figures[: -len(HORIZONS)]
+            covered = figures[-len(HORIZONS) :]
+            cells = [
+                estimate_cell(figure, 1.0, 1 if k > 1 else 2) for k, figure in enumerate(plain)
+            ]
+            shares = " ".join(
+                "-" if share.value != share.value else f"{100 * share.value:.0f}"
+                for share in covered
+            )
             ratio = "" if one is best else bounds_cell(one.ratio(best, STATISTICS["position"]), 2)
             rows.append((one.name, *cells, shares, ratio))
         notes = (
-            f"RMSE and half width of its 95 % interval, {scores[0].episodes} flights; covered: true "
-            "positions in the stated 95 % region 1, 2 and 5 s ahead; ratio: to the best filter of the "
-            f"thesis, {best.name}, on the same flights, with its 95 % interval."
+            f"RMSE and half width of its 95 % interval, {scores[0].episodes} flights; covered: true"
+            " positions in the stated 95 % region 1, 2 and 5 s ahead; ratio: to the best filter of"
+            f" the thesis, {best.name}, on the same flights, with its 95 % interval."
         )
         tables.append(filled_table(f"Radar tracks, {NOISE_NAMES[noise]}", heads, rows, notes))
     return tables
@@ -92,27 +136,44 @@ def radar_tables(found: Found) -> list[Table]:
 def radar_json(found: Found) -> Figures:
     """Return the figures by noise, filter and column."""
     return {
-        noise: {one.name: {name: one.estimate(STATISTICS[name]) for name in COLUMNS} for one in scores}
+        noise: {
+            one.name: {name: one.estimate(STATISTICS[name]) for name in COLUMNS} for one in scores
+        }
         for noise, scores in found.items()
     }
 
 
 def radar_figure(found: Figures) -> Figure:
-    """Return the errors of all filters now and ahead, from `radar_json`, one panel for each noise."""
+    """Return the errors of all filters now and ahead, from `radar_json`, one panel for each
+    noise.
+    """
     figure = new_canvas((11.5, 5.6))
     panels = figure.subplots(1, len(found), sharex=True, sharey=True)
     marks = dict(zip(("position", *COLUMNS[2 : 2 + len(HORIZONS)]), "os^D", strict=True))
     for axes, (noise, filters) in zip(panels, found.items(), strict=True):
         for column, marker in marks.items():
             errors = [one[column] for one in filters.values()][::-1]
-            values, bars = [one.value for one in errors], error_bars(errors)
+            values = [one.value for one in errors]
+            bars = error_bars(errors)
             label = "now" if column == "position" else f"{column.split()[1]} s ahead"
-            axes.errorbar(values, range(len(filters)), xerr=bars, fmt=marker, markersize=5, label=label)
+            axes.errorbar(
+                values,
+                range(len(filters)),
+                xerr=bars,
+                fmt=marker,
+                markersize=5,
+                label=label,
+            )
         axes.set_yticks(range(len(filters)), list(filters)[::-1])
         axes.set_xscale("log")
         axes.set_xticks(ERRORS, [f"{error:g}" for error in ERRORS])
         axes.xaxis.set_minor_locator(NullLocator())
         axes.set_title(NOISE_NAMES[noise])
         plain_axes(axes, "RMSE of the position, m, with its 95 % interval")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncol=4, frameon=False)
+    figure.legend(
+        *panels[0].get_legend_handles_labels(),
+        loc="outside upper center",
+        ncol=4,
+        frameon=False,
+    )
     return figure

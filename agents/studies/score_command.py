@@ -27,25 +27,36 @@ from hybrid_env.checks import reject
 
 @dataclass(kw_only=True)
 class Score:
-    """Score statements of any origin and any modes: agreement, delay, misses, false changes an hour.
+    """Score statements of any origin and any modes: agreement, delay, misses, false changes an
+    hour.
 
     Several files of statements are compared in pairs with the first one.
     """
 
-    files: Annotated[tyro.conf.Positional[tuple[Path, ...]], shown_default("none, the truth and one more are needed")]
-    """CSV, TSV or Parquet file of the true modes, then files of statements, each with columns of times and
-    modes. Samples hold until the next one; the last time of the truth is the end of a track."""
+    files: Annotated[
+        tyro.conf.Positional[tuple[Path, ...]],
+        shown_default("none, the truth and one more are needed"),
+    ]
+    """CSV, TSV or Parquet file of the true modes, then files of statements, each with columns of
+    times and modes. Samples hold until the next one; the last time of the truth is the end of a
+    track.
+    """
     columns: tuple[str, ...] = ()
     """Columns that the headers do not tell, by name or number: time=1 mode=4."""
     object: str | None = None
-    """Column that tells several tracks apart; 'none' for a single one. By default columns such as track."""
+    """Column that tells several tracks apart; 'none' for a single one. By default columns such
+    as track.
+    """
     time_unit: str | None = None
-    """Unit of the times: s, ms, us, ns, min, h, or a format such as '%d/%m/%Y %H:%M:%S'. By default that of
-    the header or seconds; dates are recognised."""
+    """Unit of the times: s, ms, us, ns, min, h, or a format such as '%d/%m/%Y %H:%M:%S'. By default
+    that of the header or seconds; dates are recognised.
+    """
     per: Literal["h", "min", "s"] = "h"
     """Time in which false changes are counted."""
     normal: str | None = None
-    """True mode, away from which a false change is a false alarm, counted in the time in which it is true."""
+    """True mode, away from which a false change is a false alarm, counted in the time in which
+    it is true.
+    """
     out: Path | None = None
     """JSON file for figures, differences and intervals."""
     picture: Path | None = None
@@ -54,7 +65,11 @@ class Score:
     def run(self) -> None:
         """Score the statements, print the tables and write the files."""
         if len(self.files) < 2:
-            raise reject("files", [str(file) for file in self.files], "the truth and at least one more file")
+            raise reject(
+                "files",
+                [str(file) for file in self.files],
+                "the truth and at least one more file",
+            )
         for name in ("out", "picture"):
             path = getattr(self, name)
             if path is not None and not path.parent.is_dir():
@@ -71,13 +86,16 @@ class Score:
 
     def score(self) -> TimelineScores:
         """Read the files and score the statements."""
-        from baselines.recordings.reading.modes import read_modes  # pandas; other commands start faster
+        # Pandas; other commands start faster.
+        from baselines.recordings.reading.modes import read_modes
 
         for text in self.columns:
             if text.partition("=")[0] not in ("time", "mode") or not text.partition("=")[2]:
                 raise reject("columns", text, "time=column or mode=column")
         columns = dict(text.split("=", 1) for text in self.columns)
-        names = [file.name.removesuffix(".gz").rpartition(".")[0] or file.name for file in self.files[1:]]
+        names = [
+            file.name.removesuffix(".gz").rpartition(".")[0] or file.name for file in self.files[1:]
+        ]
         if len(set(names)) < len(names):
             raise reject("files", names, "statements in files of different names")
         truth, *stated = (
@@ -86,11 +104,13 @@ class Score:
         )
         sets = {name: file.like(truth, name) for name, file in zip(names, stated, strict=True)}
         return score(
-            list(truth.times.values()), list(truth.modes.values()),
+            list(truth.times.values()),
+            list(truth.modes.values()),
             {name: list(file.modes.values()) for name, file in sets.items()},
             statement_times={name: list(file.times.values()) for name, file in sets.items()},
-            per=SECONDS[self.per], normal=self.normal,
-        )  # fmt: skip
+            per=SECONDS[self.per],
+            normal=self.normal,
+        )
 
 
 HEADS = {
@@ -110,7 +130,8 @@ misses: switches followed by another one before that.
 delay, all: without it, until the next switch or the end of the track.
 false: changes to a mode that is not true until the next change, per {per} or 1,000 samples.
 changes: of the statement, per switch."""
-MOST_TRACKS = 4  # in the picture
+# In the picture.
+MOST_TRACKS = 4
 
 
 def score_tables(result: TimelineScores, per: str) -> list[Table]:
@@ -123,24 +144,37 @@ def score_tables(result: TimelineScores, per: str) -> list[Table]:
     title = f"Statements on {count}, {seconds / result.period:.4g} {per} scored"
     notes = NOTES.format(per=per)
     if result.normal is not None:
-        notes += f"\nalarms: false changes away from {result.normal}, per {per} in which it is true."
+        notes += (
+            f"\nalarms: false changes away from {result.normal}, per {per} in which it is true."
+        )
     contents = [(title, f"{over}\n{notes}", result.estimates, "")]
     if others:
-        contents.append((f"Less that of {first}, on the same tracks", over, result.differences, "+"))
-    heads = {key: head for key, head in HEADS.items() if key != "false_alarms" or result.normal is not None}
+        contents.append(
+            (f"Less that of {first}, on the same tracks", over, result.differences, "+")
+        )
+    heads = {
+        key: head
+        for key, head in HEADS.items()
+        if key != "false_alarms" or result.normal is not None
+    }
     shown = ("statements", *(head.format(per=per) for head, *_ in heads.values()))
     tables = []
     for title, caption, rows, sign in contents:
         lines = []
         for name, figures in rows.items():
-            cells = [estimate_cell(figures[key], scale, digits, sign=sign) for key, (_, digits, scale) in heads.items()]
+            cells = [
+                estimate_cell(figures[key], scale, digits, sign=sign)
+                for key, (_, digits, scale) in heads.items()
+            ]
             lines.append((escape(name), *cells))
         tables.append(filled_table(title, shown, lines, caption))
     return tables
 
 
 def score_figure(result: TimelineScores) -> Figure:
-    """Return a picture of truth and statements over time on the first tracks; wrong ones are hatched."""
+    """Return a picture of truth and statements over time on the first tracks; wrong ones are
+    hatched.
+    """
     tracks = min(result.tracks, MOST_TRACKS)
     canvas = new_canvas((10.0, 0.8 + tracks * (0.6 + 0.3 * (1 + len(result.timelines)))))
     grid = canvas.subplots(tracks, 1, squeeze=False)[:, 0]
@@ -148,13 +182,19 @@ def score_figure(result: TimelineScores) -> Figure:
     for number, axes in enumerate(grid):
         lines = {name: timelines[number] for name, timelines in result.timelines.items()}
         clock = np.unique(np.concatenate([line.times for line in lines.values()]))
-        at = {name: np.searchsorted(line.times, clock[:-1], "right") - 1 for name, line in lines.items()}
+        at = {
+            name: np.searchsorted(line.times, clock[:-1], "right") - 1
+            for name, line in lines.items()
+        }
         first = next(iter(lines))
         true = np.where(lines[first].scored, lines[first].modes, -1)[at[first]]
         rows = {"truth": true} | {name: line.stated[at[name]] for name, line in lines.items()}
         wrong = {name: (rows[name] != true) & (true >= 0) & (rows[name] >= 0) for name in lines}
         draw_timelines(axes, clock, rows, colours, "t [s]", wrong=wrong)
-    handles = [Patch(color=colour, label=str(mode)) for colour, mode in zip(colours, result.modes, strict=True)]
+    handles = [
+        Patch(color=colour, label=str(mode))
+        for colour, mode in zip(colours, result.modes, strict=True)
+    ]
     handles += [Patch(color=UNDECIDED_COLOUR, label="nothing"), wrong_patch("wrong statement")]
     legend_beside(grid[0], handles=handles)
     return canvas

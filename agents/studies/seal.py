@@ -11,23 +11,48 @@ from hybrid_env.checks import reject
 
 
 def current_digests(
-    code: Mapping[str, Path], switches: str, learned: Mapping[str, str], agent: str = SHIPPED
+    code: Mapping[str, Path],
+    switches: str,
+    learned: Mapping[str, str],
+    agent: str = SHIPPED,
 ) -> dict[str, dict[str, str]]:
-    """Return the SHA-256 of code by name, of files of an agent of the package for a task, and of its weights."""
+    """Return the SHA-256 of code by name, of files of an agent of the package for a task, and of
+    its weights.
+    """
     folder = policy_folder(agent, switches)
-    own = {name: folder.parent / f"{file}.py" for name, file in learned.items()}  # importing them loads PyTorch
-    parts = {"code": {**code, **own}, "weights": {file.name: file for file in sorted(folder.glob("policy.*"))}}
-    return {part: {name: sha256(file.read_bytes()).hexdigest() for name, file in parts[part].items()} for part in parts}
+    # Importing them loads PyTorch.
+    own = {name: folder.parent / f"{file}.py" for name, file in learned.items()}
+    parts = {
+        "code": {**code, **own},
+        "weights": {file.name: file for file in sorted(folder.glob("policy.*"))},
+    }
+    return {
+        part: {name: sha256(file.read_bytes()).hexdigest() for name, file in parts[part].items()}
+        for part in parts
+    }
 
 
-def unbroken_seal(path: Path, found: Mapping[str, Mapping[str, Any]], data: str, names: Sequence[str] = ()) -> Any:
-    """Return a seal; refuse if anything differs from what is found, or it has no settings of one of some names."""
+def unbroken_seal(
+    path: Path,
+    found: Mapping[str, Mapping[str, Any]],
+    data: str,
+    names: Sequence[str] = (),
+) -> Any:
+    """Return a seal; refuse if anything differs from what is found, or it has no settings of one
+    of some names.
+    """
     kept = json.loads(path.read_text(encoding="utf-8"))
     differ = [
-        one for part, now in found.items() for one in {**kept[part], **now} if kept[part].get(one) != now.get(one)
+        one
+        for part, now in found.items()
+        for one in {**kept[part], **now}
+        if kept[part].get(one) != now.get(one)
     ]
     differ += [name for name in names if any(name not in one for one in kept["settings"].values())]
     if differ:
-        allowed = f"no value: {', '.join(differ)} differ from {path.name}, and the sealed {data} stay closed"
+        allowed = (
+            f"no value: {', '.join(differ)} differ from {path.name}, and the sealed {data} stay"
+            " closed"
+        )
         raise reject("sealed", True, allowed)
     return kept

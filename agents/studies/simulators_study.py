@@ -1,4 +1,6 @@
-"""The agent on simulators of others beside rules that are tuned in each world: `compare --simulators`."""
+"""The agent on simulators of others beside rules that are tuned in each world: `compare
+--simulators`.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import distributions
@@ -25,8 +27,10 @@ from hybrid_env.checks import reject
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.quickest_options import QuickestOptions
 
-EPISODES = 40  # paths of a quarter of an hour: 10 h a world
-PATHS = 8  # for the mismatch
+# Paths of a quarter of an hour: 10 h a world.
+EPISODES = 40
+# For the mismatch.
+PATHS = 8
 LEVEL = 0.05
 ALLOWED = 0.01
 """Reward by which the agent may be below the best rule and still not lose."""
@@ -39,15 +43,23 @@ LEARNED = ("statement_decider", "statement_net")
 PROGRAMS = ("jsbsim", "bluesky-simulator", "openap", "eclipse-sumo")
 
 
-Found = tuple[list[Shift], dict[str, float]]  # results, and the mismatch of each world
+# Results, and the mismatch of each world.
+Found = tuple[list[Shift], dict[str, float]]
 
 
 def compare_on_simulators(
-    names: Sequence[str], worlds: Mapping[str, SimulatorTask], episodes: int, seed: int, workers: Workers,
+    names: Sequence[str],
+    worlds: Mapping[str, SimulatorTask],
+    episodes: int,
+    seed: int,
+    workers: Workers,
     note: Callable[[str], None],
-) -> Found:  # fmt: skip
-    """Evaluate deciders in worlds, see `evaluate_shifts`: all but the first are tuned in each of them."""
-    results, mismatches = evaluate_shifts(names, worlds, episodes, seed, workers, note, names[:1]), {}
+) -> Found:
+    """Evaluate deciders in worlds, see `evaluate_shifts`: all but the first are tuned in each of
+    them.
+    """
+    results = evaluate_shifts(names, worlds, episodes, seed, workers, note, names[:1])
+    mismatches = {}
     for world, task in worlds.items():
         note(f"mismatch: {world}")
         mismatches[world] = mismatch(task, seed)
@@ -55,10 +67,16 @@ def compare_on_simulators(
 
 
 def first_seed(seed: int, episodes: int, sealed: bool) -> int:
-    """Return the seed of the first path; refuse seeds that are not open, and sealed ones if the seal is broken."""
+    """Return the seed of the first path; refuse seeds that are not open, and sealed ones if the
+    seal is broken.
+    """
     if not sealed:
         if not 0 <= seed <= seeds.SELECTION - episodes:
-            raise reject("seed", seed, f"a number from 0 to {seeds.SELECTION} minus the number of episodes")
+            raise reject(
+                "seed",
+                seed,
+                f"a number from 0 to {seeds.SELECTION} minus the number of episodes",
+            )
         return seed
     if seed:
         raise reject("seed", seed, "no value with --sealed")
@@ -67,10 +85,15 @@ def first_seed(seed: int, episodes: int, sealed: bool) -> int:
 
 
 def current_seal() -> dict[str, dict[str, str]]:
-    """Return the digests of the code of worlds, rules and agent, of its weights, and versions of the simulators."""
+    """Return the digests of the code of worlds, rules and agent, of its weights, and versions of
+    the simulators.
+    """
     code = {file.stem: file for file in (Path(str(one.__file__)) for one in FROZEN)}
     found = current_digests(code, UNKNOWN, {name: name for name in LEARNED}, simulators.COMPARED[0])
-    found["programs"] = {name: next((one.version for one in distributions(name=name)), "missing") for name in PROGRAMS}
+    found["programs"] = {
+        name: next((one.version for one in distributions(name=name)), "missing")
+        for name in PROGRAMS
+    }
     return found
 
 
@@ -80,19 +103,27 @@ def tables(found: Found) -> list[Any]:
     title = f"Simulators of others: {results[0].task.size(results[0].own.episodes)} a world"
     tables: list[Any] = [shift_table(results, title)]
     if len({one.decider for one in results}) > 1:
-        first, number = results[0].decider, counts(results)
+        first = results[0].decider
+        number = counts(results)
         tables.append(
-            f"{first} at its default threshold, with the likeliest process noise, beside the best other decider, "
-            f"which is tuned in each world: at most {ALLOWED:g} below in {number['kept']} of {number['worlds']} "
-            f"worlds; above in {number['above']} and below in {number['below']} by Holm's correction."
+            f"{first} at its default threshold, with the likeliest process noise, beside the best"
+            f" other decider, which is tuned in each world: at most {ALLOWED:g} below in"
+            f" {number['kept']} of {number['worlds']} worlds; above in {number['above']} and below"
+            f" in {number['below']} by Holm's correction."
         )
     return tables
 
 
 def files(found: Found) -> dict[str, Any]:
-    """Return the files: all figures, counts, the mismatch of each world, what `SEAL` holds once sealed; a picture."""
+    """Return the files: all figures, counts, the mismatch of each world, what `SEAL` holds once
+    sealed; a picture.
+    """
     results, mismatches = found
-    content: dict[str, Any] = {"results": results, "mismatches": mismatches, "seal": current_seal()}
+    content: dict[str, Any] = {
+        "results": results,
+        "mismatches": mismatches,
+        "seal": current_seal(),
+    }
     if len({one.decider for one in results}) == 1:
         return {"simulators.json": content}
     content |= {"differences": differences_json(results)} | counts(results)
@@ -100,13 +131,16 @@ def files(found: Found) -> dict[str, Any]:
 
 
 def mismatch(task: SimulatorTask, seed: int) -> float:
-    """Return the mean squared whitened innovation of a coordinate, 1 where the model of the bank is true.
+    """Return the mean squared whitened innovation of a coordinate, 1 where the model of the bank
+    is true.
 
-    It is weighted by the posterior of the hypotheses, which the bank computes with the nominal process noise.
+    It is weighted by the posterior of the hypotheses, which the bank computes with the nominal
+    process noise.
     """
     options = task.options_with({})
     assert isinstance(options, QuickestOptions)
-    env, layout = simulated_tracks(task.kind, options, PATHS, (1.0,)), QuickestLayout(options.hypotheses)
+    env = simulated_tracks(task.kind, options, PATHS, (1.0,))
+    layout = QuickestLayout(options.hypotheses)
     rows, _ = env.reset(seed=seed)
     squares = []
     for _ in range(options.ticks - 1):
@@ -117,26 +151,44 @@ def mismatch(task: SimulatorTask, seed: int) -> float:
 
 
 def mismatch_figure(results: Sequence[Shift], mismatches: Mapping[str, float]) -> Figure:
-    """Draw the gain of the first decider over the best tuned other one against the mismatch of the world."""
+    """Draw the gain of the first decider over the best tuned other one against the mismatch of
+    the world.
+    """
     gains = differences(results)
     curves: dict[str, list[Curve]] = {}
     for kind, one in VEHICLES.items():
-        worlds = sorted((world for world in gains if world.startswith(f"{kind},")), key=lambda world: mismatches[world])
+        worlds = sorted(
+            (world for world in gains if world.startswith(f"{kind},")),
+            key=lambda world: mismatches[world],
+        )
         if not worlds:
             continue
-        places, found = [mismatches[world] for world in worlds], [gains[world][1] for world in worlds]
-        curve = Curve(kind, FURTHER_STYLES[sum(map(len, curves.values()))], places, found, dashes=":", filled=True)
+        places = [mismatches[world] for world in worlds]
+        found = [gains[world][1] for world in worlds]
+        curve = Curve(
+            kind,
+            FURTHER_STYLES[sum(map(len, curves.values()))],
+            places,
+            found,
+            dashes=":",
+            filled=True,
+        )
         curves.setdefault(one.simulator, []).append(curve)
     x = Axis("mean squared whitened innovation", levels=(1.0,))
     y = Axis("reward less that of the best tuned rule", levels=(0.0, -ALLOWED))
     panels = [Panel(simulator, x, y, some) for simulator, some in curves.items()]
-    return curve_figure([panels], (4.5 * len(panels) + 1.0, 4.5), f"{results[0].decider} in simulators of others")
+    return curve_figure(
+        [panels],
+        (4.5 * len(panels) + 1.0, 4.5),
+        f"{results[0].decider} in simulators of others",
+    )
 
 
 def counts(results: Sequence[Shift]) -> dict[str, int]:
     """Return in how many worlds the first decider, untuned, keeps up with the best tuned other one.
 
-    kept: at most .01 below; above, below: the difference is not 0 by Holm's correction over all worlds.
+    kept: at most .01 below; above, below: the difference is not 0 by Holm's correction over all
+    worlds.
     """
     gains = [gain for _, gain, _ in differences(results).values()]
     sure = holm([p_value(gain) for gain in gains])
@@ -149,7 +201,9 @@ def counts(results: Sequence[Shift]) -> dict[str, int]:
 
 
 def p_value(gain: Estimate) -> float:
-    """Return the two-sided p-value of a difference, from its interval as one of a normal distribution."""
+    """Return the two-sided p-value of a difference, from its interval as one of a normal
+    distribution.
+    """
     deviation = (gain.high - gain.low) / (2.0 * norm.ppf(1.0 - LEVEL / 2.0))
     return float(2.0 * norm.sf(abs(gain.value) / deviation)) if deviation > 0.0 else 1.0
 

@@ -1,10 +1,11 @@
-"""Training of the anchor agent: likelihood of the anchor errors, and squared error of the next losses.
+"""Training of the anchor agent: likelihood of the anchor errors, and squared error of the next
+losses.
 
-The agent itself decides during training. The threshold on the expected loss is drawn at random after each
-declaration, and a fraction of the declarations is replaced by random hypotheses. The anchors therefore
-include those after early, late and wrong decisions. Besides fixed worlds there are random ones, which are
-drawn anew regularly. After every rollout the networks are trained on random samples of the last anchors and
-declarations.
+The agent itself decides during training. The threshold on the expected loss is drawn at random
+after each declaration, and a fraction of the declarations is replaced by random hypotheses. The
+anchors therefore include those after early, late and wrong decisions. Besides fixed worlds there
+are random ones, which are drawn anew regularly. After every rollout the networks are trained on
+random samples of the last anchors and declarations.
 """
 
 import math
@@ -17,7 +18,12 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.learned.anchor_decider import AnchorDecider, AnchorNetworks, TrackFilters, errors_and_best
+from agents.learned.anchor_decider import (
+    AnchorDecider,
+    AnchorNetworks,
+    TrackFilters,
+    errors_and_best,
+)
 from agents.learned.anchor_net import ratios, regret_inputs, select, turns_per_tick
 from agents.training.checkpoint import check_tracks, restore_generator, track_arrays
 from agents.training.run import Round
@@ -29,10 +35,14 @@ from baselines.rules.measurements import sensed_of
 from hybrid_env.checks import FloatArray, IntArray, check_integer
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
-LOG_EVERY = 10  # updates
-RECENT_STEPS = 200  # environment steps with decisions that the displayed means are taken over
-LARGEST_GRADIENT = 1.0  # norm of the gradient of each network
-TYPICAL_ALPHAS = 0.003, 0.1  # thresholds of segments whose losses are learned
+# Updates.
+LOG_EVERY = 10
+# Environment steps with decisions that the displayed means are taken over.
+RECENT_STEPS = 200
+# Norm of the gradient of each network.
+LARGEST_GRADIENT = 1.0
+# Thresholds of segments whose losses are learned.
+TYPICAL_ALPHAS = 0.003, 0.1
 DECLARATION = 7
 """Numbers that describe a declaration, the arguments of `anchor_net.regret_inputs`."""
 
@@ -42,7 +52,8 @@ class SampleBuffer:
 
     def __init__(self, size: int, width: int):
         self.rows = np.zeros((size, width), np.float32)
-        self.count = 0  # samples added so far
+        # Samples added so far.
+        self.count = 0
 
     def add(self, parts: list[NDArray[np.floating]]) -> None:
         """Add samples (n, width) of several parts in place of the oldest ones."""
@@ -59,15 +70,19 @@ class SampleBuffer:
 class Rollout(NamedTuple):
     """What the tracks of a stream met, by tick and environment."""
 
-    anchors: list[NDArray[np.floating]]  # (n, 22 + C + 4) inputs of the anchor network, and whitened errors
-    declarations: list[NDArray[np.floating]]  # (n, 8) declarations and the loss of the segment after each
-    decisions: list[tuple[float, float]]  # mean reward and decision time
+    # (n, 22 + C + 4) inputs of the anchor network, and whitened errors.
+    anchors: list[NDArray[np.floating]]
+    # (n, 8) declarations and the loss of the segment after each.
+    declarations: list[NDArray[np.floating]]
+    # Mean reward and decision time.
+    decisions: list[tuple[float, float]]
 
 
 class AnchorStream:
     """Parallel tracks of environments with the same number of hypotheses, and their filters.
 
-    The environments reset in the same step, and have traces that are longer than the longest segment.
+    The environments reset in the same step, and have traces that are longer than the longest
+    segment.
     """
 
     def __init__(self, envs: list[HybridTrackVectorEnv], first_seed: int):
@@ -81,19 +96,27 @@ class AnchorStream:
         self.layout = envs[0].world.layout
         self.filters = TrackFilters([env.options for env in envs], counts)
         self.by_type = np.repeat([env.options.correctness == "type" for env in envs], counts)
-        self.first = np.ones(self.tracks, np.bool_)  # row of an episode
-        self.errors = np.zeros((self.tracks, 4))  # of the anchor in the heading frame, where a segment begins
-        self.alpha = np.zeros(self.tracks)  # expected loss at which a track declares
-        self.redraw = np.ones(self.tracks, np.bool_)  # alpha, because the track has just declared
-        self.declaration = np.zeros((self.tracks, DECLARATION))  # the last one of the episode
+        # Row of an episode.
+        self.first = np.ones(self.tracks, np.bool_)
+        # Of the anchor in the heading frame, where a segment begins.
+        self.errors = np.zeros((self.tracks, 4))
+        # Expected loss at which a track declares.
+        self.alpha = np.zeros(self.tracks)
+        # Alpha, because the track has just declared.
+        self.redraw = np.ones(self.tracks, np.bool_)
+        # The last one of the episode.
+        self.declaration = np.zeros((self.tracks, DECLARATION))
         self.has_declaration = np.zeros(self.tracks, np.bool_)
 
     def rollout(self, net: AnchorNetworks, settings: AnchorSettings) -> Rollout:
         """Step all tracks `n_steps` times with the current networks."""
         rollout = Rollout([], [], [])
         for _ in range(settings.n_steps):
-            low, high = math.log(settings.smallest_alpha), math.log(LARGEST_ALPHA)
-            self.alpha[self.redraw] = np.exp(self.generator.uniform(low, high, int(self.redraw.sum())))
+            low = math.log(settings.smallest_alpha)
+            high = math.log(LARGEST_ALPHA)
+            self.alpha[self.redraw] = np.exp(
+                self.generator.uniform(low, high, int(self.redraw.sum()))
+            )
             observation = np.concatenate(self.rows)
             sensed = [sensed_of(env.world) for env in self.envs]
             posterior = self.filters.advance(net.anchor, observation, self.first, sensed)
@@ -101,7 +124,14 @@ class AnchorStream:
                 inputs, factor, tracks = self.filters.anchor_samples
                 white = np.linalg.solve(factor, self.errors[tracks][..., None])[..., 0]
                 rollout.anchors.append(np.concatenate([inputs, white], axis=1))
-            error, best = errors_and_best(net, observation, self.filters.scales, posterior, self.by_type, self.alpha)
+            error, best = errors_and_best(
+                net,
+                observation,
+                self.filters.scales,
+                posterior,
+                self.by_type,
+                self.alpha,
+            )
             at_last_tick = self.layout.read(observation, "ticks") >= settings.last_tick
             self.redraw = (error <= self.alpha) | at_last_tick
             replaced = self.generator.random(self.tracks) < settings.random_declarations
@@ -111,9 +141,17 @@ class AnchorStream:
                 self._step(k, actions, observation, rollout)
         return rollout
 
-    def _step(self, k: int, actions: IntArray, observation: NDArray[np.float32], rollout: Rollout) -> None:
+    def _step(
+        self,
+        k: int,
+        actions: IntArray,
+        observation: NDArray[np.float32],
+        rollout: Rollout,
+    ) -> None:
         """Step the tracks of environment k, and record the decisions."""
-        env, start, stop = self.envs[k], self.starts[k], self.starts[k + 1]
+        env = self.envs[k]
+        start = self.starts[k]
+        stop = self.starts[k + 1]
         truth = env.world.field("truth")
         self.rows[k], _, terminated, _, info = env.step(actions[start:stop])
         self.first[start:stop] = terminated
@@ -136,7 +174,11 @@ class AnchorStream:
         self.errors[start + switched] = anchor_errors(env, switched, truth[switched])
 
     def _describe(
-        self, tracks: IntArray, rows: NDArray[np.float32], info: dict[str, Any], decided: IntArray
+        self,
+        tracks: IntArray,
+        rows: NDArray[np.float32],
+        info: dict[str, Any],
+        decided: IntArray,
     ) -> FloatArray:
         """Return the declarations of tracks, (n, 7)."""
         scales = select(self.filters.scales, tracks)
@@ -145,13 +187,20 @@ class AnchorStream:
         each = np.arange(len(tracks))
         ticks_left = info["decided_length"][decided] - info["ticks"][decided]
         columns = [
-            turn[each, info["decided_mode"][decided]], turn[each, info["decided_true_mode"][decided]],
-            motion, process, ticks_left, scales.follows_bank, scales.anchor_aware,
-        ]  # fmt: skip
+            turn[each, info["decided_mode"][decided]],
+            turn[each, info["decided_true_mode"][decided]],
+            motion,
+            process,
+            ticks_left,
+            scales.follows_bank,
+            scales.anchor_aware,
+        ]
         return np.stack(columns, axis=-1)
 
     def state_arrays(self) -> dict[str, NDArray[Any]]:
-        """Return all arrays that determine the next rollout; writing into them changes the stream."""
+        """Return all arrays that determine the next rollout; writing into them changes the
+        stream.
+        """
         names = ("first", "errors", "alpha", "redraw", "declaration", "has_declaration")
         arrays = {name: getattr(self, name) for name in names} | self.filters.state_arrays()
         for k, env in enumerate(self.envs):
@@ -194,12 +243,15 @@ class AnchorRun(WorldsRun):
         return self.num_timesteps // self._round_steps
 
     def _draw_streams(self) -> list[AnchorStream]:
-        """Return tracks of the fixed worlds and of random ones, one stream for each number of hypotheses."""
+        """Return tracks of the fixed worlds and of random ones, one stream for each number of
+        hypotheses.
+        """
         first = seeds.TRAINING + self.seed * 10**9 + self._generation * 10**5
         generator = np.random.default_rng(first)
         groups: dict[int, list[HybridTrackVectorEnv]] = {}
         for world, count in self.all_worlds(generator):
-            rows = world.longest_segment + 1  # a segment decided at once, and the first tick of the next
+            # A segment decided at once, and the first tick of the next.
+            rows = world.longest_segment + 1
             env = HybridTrackVectorEnv(count, AutoresetMode.SAME_STEP, False, rows, **vars(world))
             groups.setdefault(world.hypotheses, []).append(env)
         return [AnchorStream(group, first + k * 10**4) for k, group in enumerate(groups.values())]
@@ -219,7 +271,11 @@ class AnchorRun(WorldsRun):
     def restore_values(self, values: dict[str, Any]) -> None:
         for generator, state in zip(self._generators(), values["generators"], strict=True):
             restore_generator(generator, state)
-        for buffer, count in zip((self._anchors, self._declarations), values["counts"], strict=True):
+        for buffer, count in zip(
+            (self._anchors, self._declarations),
+            values["counts"],
+            strict=True,
+        ):
             buffer.count = check_integer("count", count, minimum=0)
         for stream in self._streams:
             for env in stream.envs:
@@ -229,9 +285,12 @@ class AnchorRun(WorldsRun):
         return [self._generator, *(stream.generator for stream in self._streams)]
 
     def train_round(self) -> Round:
-        # one thread per stream; the samples do not depend on the order of completion
+        # One thread per stream; the samples do not depend on the order of completion.
         with ThreadPoolExecutor(len(self._streams)) as pool:
-            for rollout in pool.map(lambda one: one.rollout(self.net, self.settings), self._streams):
+            for rollout in pool.map(
+                lambda one: one.rollout(self.net, self.settings),
+                self._streams,
+            ):
                 self._anchors.add(rollout.anchors)
                 self._declarations.add(rollout.declarations)
                 self._recent = (self._recent + rollout.decisions)[-RECENT_STEPS:]
@@ -239,7 +298,13 @@ class AnchorRun(WorldsRun):
         totals = np.zeros(2)
         for _ in range(self.settings.batches):
             totals += self._update()
-        losses = dict(zip(("anchor_loss", "regret_loss"), (totals / self.settings.batches).tolist(), strict=True))
+        losses = dict(
+            zip(
+                ("anchor_loss", "regret_loss"),
+                (totals / self.settings.batches).tolist(),
+                strict=True,
+            )
+        )
         reward, ticks = np.mean(self._recent, axis=0) if self._recent else (math.nan, math.nan)
         return self._round_steps, float(reward), float(ticks), losses
 
@@ -247,7 +312,9 @@ class AnchorRun(WorldsRun):
         return self._updates % LOG_EVERY == 0
 
     def _update(self) -> list[float]:
-        """Make a step of the optimizer on random samples; return the losses of anchors and declarations."""
+        """Make a step of the optimizer on random samples; return the losses of anchors and
+        declarations.
+        """
         losses = self._losses()
         self.optimizer.zero_grad(set_to_none=False)
         for loss in losses:
@@ -267,5 +334,8 @@ class AnchorRun(WorldsRun):
             of_anchors = self.net.anchor.loss(rows[:, :inputs], rows[:, inputs:])
         if self._declarations.count:
             *values, losses = self._declarations.draw(self._generator, size).astype(np.float64).T
-            of_regrets = self.net.regret.loss(*regret_inputs(*values), torch.from_numpy(losses).float())
+            of_regrets = self.net.regret.loss(
+                *regret_inputs(*values),
+                torch.from_numpy(losses).float(),
+            )
         return of_anchors, of_regrets

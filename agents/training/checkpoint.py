@@ -1,7 +1,8 @@
 """Checkpoints: the whole state of a run in one safetensors file, so that it is always consistent.
 
-Tensors are weights, optimizer state, tracks and hidden states; values are counters and random generators, as
-JSON. Nothing is unpickled. The checkpoint before the last is kept, in case the last one is damaged.
+Tensors are weights, optimizer state, tracks and hidden states; values are counters and random
+generators, as JSON. Nothing is unpickled. The checkpoint before the last is kept, in case the last
+one is damaged.
 """
 
 import hashlib
@@ -26,13 +27,22 @@ from agents.learned.policy_file import LARGEST_WEIGHT, check_tensor_file, first_
 from hybrid_env.checks import ArgumentError, check_integer, check_positive, reject
 from hybrid_env.vector_env import TrackVectorEnv
 
-WORDS = 624  # of the Mersenne twister
+# Of the Mersenne twister.
+WORDS = 624
 CHECKPOINT = "checkpoint.safetensors"
 PREVIOUS = "checkpoint-previous.safetensors"
-LARGEST_CHECKPOINT = 2**29  # bytes
+# Bytes.
+LARGEST_CHECKPOINT = 2**29
 DAMAGE = (
-    OSError, ArithmeticError, AttributeError, LookupError, TypeError, ValueError, RuntimeError, SafetensorError,
-)  # fmt: skip
+    OSError,
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    TypeError,
+    ValueError,
+    RuntimeError,
+    SafetensorError,
+)
 """Exceptions that reading a damaged checkpoint can raise."""
 
 
@@ -53,7 +63,8 @@ def check_tracks(env: TrackVectorEnv) -> None:
 def restore_generator(generator: np.random.Generator, state: Any) -> None:
     """Set the state of a generator; `ValueError` or the like if it is invalid."""
     generator.bit_generator.state = state
-    if generator.bit_generator.state != state:  # NumPy rounds fractions
+    # NumPy rounds fractions.
+    if generator.bit_generator.state != state:
         raise ValueError("the state of a generator is invalid")
 
 
@@ -67,9 +78,12 @@ def random_state() -> dict[str, Any]:
 
 
 def parse_random_state(state: dict[str, Any]) -> tuple[Tensor, tuple[Any, ...]]:
-    """Return what `torch.set_rng_state` and `numpy.random.set_state` take; raise an exception if it is invalid."""
+    """Return what `torch.set_rng_state` and `numpy.random.set_state` take; raise an exception if
+    it is invalid.
+    """
     key, position, has_normal, normal = state["numpy"]
-    if len(key) != WORDS or not 0 <= position <= WORDS:  # numpy does not check the position
+    # Numpy does not check the position.
+    if len(key) != WORDS or not 0 <= position <= WORDS:
         raise ValueError("the state of NumPy's generator is invalid")
     of_numpy = "MT19937", np.array(key, np.uint32), int(position), int(has_normal), float(normal)
     of_torch = torch.frombuffer(bytearray.fromhex(state["torch"]), dtype=torch.uint8)
@@ -82,8 +96,10 @@ class Checkpoint(NamedTuple):
     """State of a run."""
 
     tensors: dict[str, Tensor]
-    values: dict[str, Any]  # plain ones, with `steps` and `seconds` so far
-    path: Path  # of the file that it was read from
+    # Plain ones, with `steps` and `seconds` so far.
+    values: dict[str, Any]
+    # Of the file that it was read from.
+    path: Path
 
 
 def has_checkpoint(folder: Path) -> bool:
@@ -91,13 +107,22 @@ def has_checkpoint(folder: Path) -> bool:
     return any((folder / name).exists() for name in (CHECKPOINT, PREVIOUS))
 
 
-def write_checkpoint(folder: Path, tensors: Mapping[str, Tensor], values: Mapping[str, Any]) -> None:
+def write_checkpoint(
+    folder: Path,
+    tensors: Mapping[str, Tensor],
+    values: Mapping[str, Any],
+) -> None:
     """Write a checkpoint atomically; the one before becomes the previous one."""
     tensors = {name: tensor.contiguous() for name, tensor in tensors.items()}
     text = json.dumps(values)
     content = safetensors.torch.save(tensors, {"values": text, "sha256": digest(tensors, text)})
-    if len(content) > LARGEST_CHECKPOINT:  # at the start of a training: a checkpoint is saved before it
-        raise reject("checkpoint", len(content), f"at most {LARGEST_CHECKPOINT:,} bytes: use fewer n_envs")
+    # At the start of a training: a checkpoint is saved before it.
+    if len(content) > LARGEST_CHECKPOINT:
+        raise reject(
+            "checkpoint",
+            len(content),
+            f"at most {LARGEST_CHECKPOINT:,} bytes: use fewer n_envs",
+        )
     with atomic_file(folder / CHECKPOINT) as part:
         part.write_bytes(content)
         with suppress(FileNotFoundError):
@@ -143,13 +168,21 @@ def _read(path: Path) -> Checkpoint:
 
 def incomplete_checkpoint(folder: Path, error: Exception) -> ArgumentError:
     """Return the error for a checkpoint that does not fit its run."""
-    return reject("resume", str(folder), f"a run folder with a complete {CHECKPOINT} ({first_line(error)})")
+    return reject(
+        "resume",
+        str(folder),
+        f"a run folder with a complete {CHECKPOINT} ({first_line(error)})",
+    )
 
 
 def optimizer_tensors(optimizer: Optimizer) -> dict[str, Tensor]:
     """Return the state of an optimizer by name; writing into the tensors changes the optimizer."""
     states = optimizer.state_dict()["state"]
-    return {f"{index}.{name}": tensor for index, state in states.items() for name, tensor in state.items()}
+    return {
+        f"{index}.{name}": tensor
+        for index, state in states.items()
+        for name, tensor in state.items()
+    }
 
 
 def allocate_optimizer_state(optimizer: Optimizer) -> None:
@@ -182,7 +215,9 @@ def copy_tensors(saved: Mapping[str, Tensor], live: Mapping[str, Tensor]) -> Non
 
 
 def check_scalars(values: Mapping[str, Any]) -> dict[str, float]:
-    """Return a mapping whose values are finite numbers or NaN; `ValueError` or the like if one is not."""
+    """Return a mapping whose values are finite numbers or NaN; `ValueError` or the like if one
+    is not.
+    """
     for name, value in values.items():
         if math.isinf(value):
             raise ValueError(f"{name} is infinite")

@@ -11,29 +11,36 @@ from hybrid_env.checks import check_integer, check_positive, reject
 
 @dataclass(kw_only=True)
 class Train(WorldArguments):
-    """Train an agent with a recipe; write weights, card, metrics and learning curve to a run folder."""
+    """Train an agent with a recipe; write weights, card, metrics and learning curve to a run
+    folder.
+    """
 
     recipe: str = "ppo"
     """'ppo' (half a minute), 'anchor' (two minutes), 'anchor-all' (one agent for all environments),
-    'stopping' (the learned stop, 20 minutes), 'reward' (from rewards alone, a minute),
-    'tandem' (MSPRT-TANDEM, two minutes), 'kalman' (KalmanNet, a minute),
-    'distilled' (the shipped agent in 9 kB, two minutes), 'transformer' (on measurements, five minutes),
-    'recurrent-ppo', 'a2c', 'dqn', 'qrdqn', 'statements', 'rhythm' and 'robust' (HybridTrackQuickest-v0, half an hour),
-    'q-linear', 'q-deep' and 'jump-markov' (HybridTrackQuickest-v0, minutes), 'flights' and 'gliders' (for recorded
-    flights, without an environment, 20 and 15 minutes), three ablations ('ppo-zero-wait-bias', 'ppo-posteriors',
-    'ppo-innovations'), or a YAML file."""
+    'stopping' (the learned stop, 20 minutes), 'reward' (from rewards alone, a minute), 'tandem'
+    (MSPRT-TANDEM, two minutes), 'kalman' (KalmanNet, a minute), 'distilled' (the shipped agent in 9
+    kB, two minutes), 'transformer' (on measurements, five minutes), 'recurrent-ppo', 'a2c', 'dqn',
+    'qrdqn', 'statements', 'rhythm' and 'robust' (HybridTrackQuickest-v0, half an hour), 'q-linear',
+    'q-deep' and 'jump-markov' (HybridTrackQuickest-v0, minutes), 'flights' and 'gliders' (for
+    recorded flights, without an environment, 20 and 15 minutes), three ablations
+    ('ppo-zero-wait-bias', 'ppo-posteriors', 'ppo-innovations'), or a YAML file.
+    """
     set: Annotated[tuple[str, ...], shown_default("those of the recipe")] = ()
     """Hyper-parameters to override, such as n_envs=128 policy_kwargs.net_arch=[32]."""
     out: Annotated[Path | None, shown_default("runs/<environment>-<recipe>-seed<seed>")] = None
     """Run folder, new or empty."""
     resume: Path | None = None
-    """Resume the run in this folder, with its environment and recipe; takes only --steps and --save-every."""
+    """Resume the run in this folder, with its environment and recipe; takes only --steps and
+    --save-every.
+    """
     steps: Annotated[int | None, shown_default("those of the recipe or of the resumed run")] = None
     """Environment steps, summed over tracks."""
     seed: int = 0
     """Seed of weights, tracks and mini-batches; training is reproducible for a given seed."""
     save_every: float = 10.0
-    """Seconds between checkpoints; a resumed run repeats what followed the last one, with equal results."""
+    """Seconds between checkpoints; a resumed run repeats what followed the last one, with equal
+    results.
+    """
 
     def run(self) -> None:
         """Train with a progress display and print a summary."""

@@ -1,4 +1,6 @@
-"""The learning curve: periodic evaluation of an agent during training, on episodes reserved for it."""
+"""The learning curve: periodic evaluation of an agent during training, on episodes reserved for
+it.
+"""
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
@@ -18,22 +20,28 @@ from baselines.rules.decider import DeciderFamily, rules
 EPISODES = 200
 PREFIX = "evaluation/"
 REWARD_KEY = PREFIX + "reward"
-FIRST_EVALUATION = 100_000  # environment steps, 2 to 5 s of training
-EVALUATION_SPACING = 1.4  # ratio of the steps of consecutive evaluations
+# Environment steps, 2 to 5 s of training.
+FIRST_EVALUATION = 100_000
+# Ratio of the steps of consecutive evaluations.
+EVALUATION_SPACING = 1.4
 
 
 @dataclass(eq=False)
 class LearningCurve:
-    """Evaluates an agent at its default threshold, at geometrically spaced steps, next to a classical rule.
+    """Evaluates an agent at its default threshold, at geometrically spaced steps, next to a
+    classical rule.
 
     The rule has its best threshold, chosen on the same episodes.
     """
 
-    wording: Wording  # names and units
-    sample: str  # what is evaluated, in words
-    # returns `reward` and the other metrics of the wording, without prefix, of an agent
+    # Names and units.
+    wording: Wording
+    # What is evaluated, in words.
+    sample: str
+    # Returns `reward` and the other metrics of the wording, without prefix, of an agent.
     measure: Callable[[DeciderFamily], Mapping[str, float]]
-    measure_rule: Callable[[], float]  # returns the mean reward of the rule
+    # Returns the mean reward of the rule.
+    measure_rule: Callable[[], float]
 
     def __post_init__(self) -> None:
         self._next = float(FIRST_EVALUATION)
@@ -58,18 +66,24 @@ class LearningCurve:
             self._next *= EVALUATION_SPACING
 
     def evaluate(self, family: DeciderFamily, steps: int, seconds: float) -> dict[str, float]:
-        """Return the training time so far, the metrics of the agent, and the reward of the classical rule."""
+        """Return the training time so far, the metrics of the agent, and the reward of the
+        classical rule.
+        """
         self.skip(steps)
         measured = {PREFIX + name: value for name, value in self.measure(family).items()}
         return {"seconds": seconds} | measured | {self.reference_key: self.reference_reward}
 
     def summary(self, metrics: Sequence[dict[str, Any]]) -> list[str]:
-        """Return the lines printed after training: final metrics, and when the agent surpassed the rule."""
+        """Return the lines printed after training: final metrics, and when the agent surpassed
+        the rule.
+        """
         points = learning_points(metrics)
         if not points:
             return []
         last = points[-1]
-        other = self.wording.text.format(**{name: last[PREFIX + name] for name in self.wording.measured})
+        other = self.wording.text.format(
+            **{name: last[PREFIX + name] for name in self.wording.measured}
+        )
         lines = [
             f"Reward {last[REWARD_KEY]:.3f} per {self.wording.unit}, {other}, "
             f"after {last['seconds']:.0f} s of training ({self.sample})"
@@ -83,7 +97,9 @@ class LearningCurve:
 
 
 def environment_curve(env_id: str, options: Mapping[str, Any]) -> LearningCurve:
-    """Return the learning curve of an agent in an environment with options that override those of its id."""
+    """Return the learning curve of an agent in an environment with options that override those
+    of its id.
+    """
     task = task_of(env_id, options)
     wording = task.wording
 
@@ -118,16 +134,31 @@ def draw_learning_curve(folder: Path, path: Path, curve: LearningCurve) -> None:
     }
     panels = []
     for label, values in columns.items():
-        curves, limits = [], None
+        curves = []
+        limits = None
         if points:
-            level, end = points[-1][curve.reference_key], 1.05 * max(values)
+            level = points[-1][curve.reference_key]
+            end = 1.05 * max(values)
             limits, rule = (0.0, end), curve.wording.rule
             curves = [
-                Curve(folder.name, decider_style(folder.name), values, rewards, size=3.5, filled=True),
                 Curve(
-                    f"{rule} at its best threshold", decider_style(rule), [1e-3 * end, 0.999 * end], [level] * 2,
-                    size=0.0, dashes="--",
+                    folder.name,
+                    decider_style(folder.name),
+                    values,
+                    rewards,
+                    size=3.5,
+                    filled=True,
                 ),
-            ]  # fmt: skip
-        panels.append(Panel("", Axis(label, limits), Axis(f"mean reward per {curve.wording.unit}"), curves))
+                Curve(
+                    f"{rule} at its best threshold",
+                    decider_style(rule),
+                    [1e-3 * end, 0.999 * end],
+                    [level] * 2,
+                    size=0.0,
+                    dashes="--",
+                ),
+            ]
+        panels.append(
+            Panel("", Axis(label, limits), Axis(f"mean reward per {curve.wording.unit}"), curves)
+        )
     save_figure(curve_figure([panels], (10.0, 4.0), sharey=True), path)

@@ -1,8 +1,9 @@
-"""A recurrent network that corrects and forecasts the positions of a radar track, trained on those of the data set.
+"""A recurrent network that corrects and forecasts the positions of a radar track, trained on
+those of the data set.
 
-It is a filter with learned gains: the state is predicted with the last velocity and acceleration, and a gated
-recurrent unit reads the innovation in the frame of the heading and gives the gains, the acceleration, and the
-forecasts with their deviations.
+It is a filter with learned gains: the state is predicted with the last velocity and acceleration,
+and a gated recurrent unit reads the innovation in the frame of the heading and gives the gains, the
+acceleration, and the forecasts with their deviations.
 """
 
 import math
@@ -26,12 +27,16 @@ LEARNING_RATE = 6e-3
 HELD_OUT = 8
 """Last training flights, on which the deviations of the forecasts are scaled."""
 
-VELOCITY_SCALE = 4.0  # [m/s], of the errors of the loss
-POSITION_SCALE = 6.0  # [m]
+# [m/s], of the errors of the loss.
+VELOCITY_SCALE = 4.0
+# [m]
+POSITION_SCALE = 6.0
 HIDDEN = 48
 INPUTS = 10
-ACCELERATION = 25.0  # the largest of the state [m/s^2]
-LONGEST = 1.0  # time for which the acceleration is assumed to last [s]
+# The largest of the state [m/s^2].
+ACCELERATION = 25.0
+# Time for which the acceleration is assumed to last [s].
+LONGEST = 1.0
 OUTPUTS = 9 + 6 * len(HORIZONS)
 
 
@@ -47,16 +52,22 @@ class RadarNet(nn.Module):
         self.register_buffer("log_scale", torch.zeros(len(HORIZONS)))
 
     def forward(self, measurements: Tensor, times: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """Return the estimates after every measurement, (T, B, 3) [m], NaN where a track has ended, at times [s].
+        """Return the estimates after every measurement, (T, B, 3) [m], NaN where a track has
+        ended, at times [s].
 
-        They are positions (T, B, 3) [m], velocities (T, B, 3) [m/s], forecast positions (T, B, H, 3) [m] and their
-        covariances (T, B, H, 3, 3) [m^2].
+        They are positions (T, B, 3) [m], velocities (T, B, 3) [m/s], forecast positions (T, B, H,
+        3) [m] and their covariances (T, B, H, 3, 3) [m^2].
         """
         tracks = measurements.shape[1]
-        position, velocity = measurements[0], torch.zeros(tracks, 3)
-        acceleration, memory = torch.zeros(tracks, 3), torch.zeros(tracks, HIDDEN)
-        before, found = times[0], []
-        for k, (measured, now) in enumerate(zip(torch.nan_to_num(measurements), times, strict=True)):
+        position = measurements[0]
+        velocity = torch.zeros(tracks, 3)
+        acceleration = torch.zeros(tracks, 3)
+        memory = torch.zeros(tracks, HIDDEN)
+        before = times[0]
+        found = []
+        for k, (measured, now) in enumerate(
+            zip(torch.nan_to_num(measurements), times, strict=True)
+        ):
             step = (now - before)[:, None]
             lasting = step.clamp(max=LONGEST)
             position = position + velocity * step + 0.5 * acceleration * lasting**2
@@ -70,39 +81,56 @@ class RadarNet(nn.Module):
             inputs += [speed / 50.0, velocity[:, 2:] / 10.0, age]
             memory = self.cell(torch.cat(inputs, dim=-1), memory)
             out = self.output(memory)
-            gain, rate = out[:, :3].sigmoid(), out[:, 3:6].sigmoid()
+            gain = out[:, :3].sigmoid()
+            rate = out[:, 3:6].sigmoid()
             back = frame.transpose(1, 2)
             position = position + (back @ (gain * innovation)[..., None])[..., 0]
-            velocity = velocity + (back @ (rate * innovation / step.clamp(min=0.4))[..., None])[..., 0]
-            if k > 0:  # before, the track has no heading
+            velocity = (
+                velocity + (back @ (rate * innovation / step.clamp(min=0.4))[..., None])[..., 0]
+            )
+            # Before, the track has no heading.
+            if k > 0:
                 acceleration = (back @ (ACCELERATION * out[:, 6:9].tanh())[..., None])[..., 0]
             ahead, deviation = out[:, 9:].unflatten(-1, (2, len(HORIZONS), 3)).unbind(1)
-            found.append((position, velocity, *self._forecast(position, velocity, back, ahead, deviation)))
+            found.append(
+                (position, velocity, *self._forecast(position, velocity, back, ahead, deviation))
+            )
             before = now
         first, second, third, fourth = map(torch.stack, zip(*found, strict=True))
         return first, second, third, fourth
 
     def _forecast(
-        self, position: Tensor, velocity: Tensor, back: Tensor, ahead: Tensor, deviation: Tensor
+        self,
+        position: Tensor,
+        velocity: Tensor,
+        back: Tensor,
+        ahead: Tensor,
+        deviation: Tensor,
     ) -> tuple[Tensor, Tensor]:
         """Return positions (B, H, 3) and their covariances (B, H, 3, 3)."""
         horizons = torch.tensor(HORIZONS)[:, None]
         bent = 0.5 * ACCELERATION * horizons**2 * ahead.tanh()
         moved = position[:, None] + velocity[:, None] * horizons + bent @ back.transpose(1, 2)
-        scale = SIGMA * (0.5 + horizons) * (deviation.clamp(-4.0, 4.0) + self.log_scale[:, None]).exp()
+        scale = (
+            SIGMA * (0.5 + horizons) * (deviation.clamp(-4.0, 4.0) + self.log_scale[:, None]).exp()
+        )
         root = back[:, None] * scale[:, :, None]
         return moved, root @ root.transpose(-1, -2)
 
 
 def _frame(velocity: Tensor, innovation: Tensor) -> Tensor:
-    """Return rows along the horizontal heading, else along the innovation, across and up, (B, 3, 3)."""
+    """Return rows along the horizontal heading, else along the innovation, across and up, (B, 3,
+    3).
+    """
     moving = torch.hypot(velocity[:, 0], velocity[:, 1]) > 1.0
     x, y = torch.where(moving[:, None], velocity, innovation)[:, :2].unbind(1)
     length = torch.hypot(x, y)
     zero_length = length == 0.0
     safe = torch.where(zero_length, 1.0, length)
-    cosine, sine = torch.where(zero_length, 1.0, x / safe), y / safe
-    zero, one = torch.zeros_like(x), torch.ones_like(x)
+    cosine = torch.where(zero_length, 1.0, x / safe)
+    sine = y / safe
+    zero = torch.zeros_like(x)
+    one = torch.ones_like(x)
     rows = [cosine, sine, zero, -sine, cosine, zero, zero, zero, one]
     return torch.stack(rows, dim=-1).unflatten(-1, (3, 3))
 
@@ -110,7 +138,9 @@ def _frame(velocity: Tensor, innovation: Tensor) -> Tensor:
 @own_defaults()
 @torch.no_grad()
 def filter_with(net: RadarNet, measurements: FloatArray, times: FloatArray) -> Filtered:
-    """Return the estimates of tracks with forecasts at `HORIZONS`, as `run_filter`; measurements (K, N, 3) [m]."""
+    """Return the estimates of tracks with forecasts at `HORIZONS`, as `run_filter`; measurements
+    (K, N, 3) [m].
+    """
     given = (torch.from_numpy(array).float() for array in (measurements, times))
     positions, velocities, forecasts, covariances = net(*given)
     ticks, tracks = times.shape
@@ -128,11 +158,17 @@ def _states(positions: Tensor, velocities: Tensor) -> FloatArray:
 
 
 @own_defaults()
-def radar_net(data: RadarData, file: Path, on_progress: Callable[[float], None], updates: int = UPDATES) -> RadarNet:
+def radar_net(
+    data: RadarData,
+    file: Path,
+    on_progress: Callable[[float], None],
+    updates: int = UPDATES,
+) -> RadarNet:
     """Return the network of a file, or train it with a number of updates and write the file.
 
-    It is trained on the training flights, turned about the vertical at random, half of them mirrored, with noise
-    drawn anew in every update; training begins anew if it is interrupted. `on_progress` gets the finished share.
+    It is trained on the training flights, turned about the vertical at random, half of them
+    mirrored, with noise drawn anew in every update; training begins anew if it is interrupted.
+    `on_progress` gets the finished share.
     """
     torch.set_num_threads(1)
     torch.manual_seed(data.seed)
@@ -145,7 +181,10 @@ def radar_net(data: RadarData, file: Path, on_progress: Callable[[float], None],
         return net
     tracks, flights = data.tracks["training"]["gaussian"], data.flights_of("training")
     ahead = np.stack([truth_ahead(flights, tracks, h) for h in HORIZONS], axis=2)
-    truth = np.concatenate([tracks.positions[:, :, None], tracks.velocities[:, :, None], ahead], axis=2)
+    truth = np.concatenate(
+        [tracks.positions[:, :, None], tracks.velocities[:, :, None], ahead],
+        axis=2,
+    )
     used = slice(len(flights) - HELD_OUT)
     generator = np.random.default_rng((data.seed, 4))
     optimizer = torch.optim.Adam(net.parameters(), LEARNING_RATE)
@@ -164,29 +203,47 @@ def radar_net(data: RadarData, file: Path, on_progress: Callable[[float], None],
     return net
 
 
-def _augmented(truth: FloatArray, times: FloatArray, generator: np.random.Generator) -> tuple[Tensor, Tensor, Tensor]:
-    """Return true values (K, n, 2 + H, 3), measurements (K, n, 3) and times (K, n), n = 2 N: both noises."""
+def _augmented(
+    truth: FloatArray,
+    times: FloatArray,
+    generator: np.random.Generator,
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Return true values (K, n, 2 + H, 3), measurements (K, n, 3) and times (K, n), n = 2 N:
+    both noises.
+    """
     both = np.concatenate([truth, truth])
     angle = generator.uniform(0.0, 2.0 * math.pi, len(both))
-    cosine, sine, mirror = np.cos(angle), np.sin(angle), generator.choice([-1.0, 1.0], len(both))
+    cosine = np.cos(angle)
+    sine = np.sin(angle)
+    mirror = generator.choice([-1.0, 1.0], len(both))
     turn = np.zeros((len(both), 1, 3, 3))
     turn[:, 0, 0, 0], turn[:, 0, 0, 1], turn[:, 0, 2, 2] = cosine, -sine * mirror, 1.0
     turn[:, 0, 1, 0], turn[:, 0, 1, 1] = sine, cosine * mirror
-    origin = both[:, :1, :1].copy()  # positions relative to the first one are small
+    # Positions relative to the first one are small.
+    origin = both[:, :1, :1].copy()
     both[:, :, [0, *range(2, both.shape[2])]] -= origin
     both = both @ turn.swapaxes(-1, -2)
     count = len(truth) * truth.shape[1]
-    noise = np.concatenate([draw_noise(one, count, generator).reshape(*truth.shape[:2], 3) for one in NOISES])
+    noise = np.concatenate(
+        [draw_noise(one, count, generator).reshape(*truth.shape[:2], 3) for one in NOISES]
+    )
     arrays = both, both[:, :, 0] + noise, np.concatenate([times, times])
-    of_truth, measured, moments = (torch.from_numpy(np.swapaxes(one, 0, 1)).float() for one in arrays)
+    of_truth, measured, moments = (
+        torch.from_numpy(np.swapaxes(one, 0, 1)).float() for one in arrays
+    )
     return of_truth, measured, moments
 
 
 def _loss(net: RadarNet, truth: Tensor, measured: Tensor, times: Tensor) -> Tensor:
-    """Return the mean robust error of positions and velocities, and the negative log-density of forecasts."""
+    """Return the mean robust error of positions and velocities, and the negative log-density of
+    forecasts.
+    """
     positions, velocities, forecasts, covariances = net(measured, times)
     total = torch.zeros(())
-    for found, scale, k in ((positions, POSITION_SCALE, 0), (velocities, VELOCITY_SCALE, 1)):
+    for found, scale, k in (
+        (positions, POSITION_SCALE, 0),
+        (velocities, VELOCITY_SCALE, 1),
+    ):
         error = (found - truth[:, :, k]) / scale
         total = total + error[error.isfinite()].square().add(1.0).sqrt().mean()
     error = truth[:, :, 2:] - forecasts
@@ -205,12 +262,18 @@ def _scale(net: RadarNet, data: RadarData, ahead: FloatArray) -> None:
         squares = []
         for noise in NOISES:
             tracks = data.tracks["training"][noise]
-            found = filter_with(net, tracks.measurements[-HELD_OUT:].swapaxes(0, 1), tracks.times[-HELD_OUT:].T)
+            found = filter_with(
+                net,
+                tracks.measurements[-HELD_OUT:].swapaxes(0, 1),
+                tracks.times[-HELD_OUT:].T,
+            )
             forecast = found.forecasts[h]
             assert forecast.covariances is not None
             error = ahead[-HELD_OUT:, :, h].swapaxes(0, 1) - forecast.positions
             counts = ~np.isnan(error[..., 0])
             spread = forecast.covariances[counts][:, ::2, ::2]
-            squares.append((error[counts] * np.linalg.solve(spread, error[counts][..., None])[..., 0]).sum(-1))
+            squares.append(
+                (error[counts] * np.linalg.solve(spread, error[counts][..., None])[..., 0]).sum(-1)
+            )
         ratio = np.quantile(np.concatenate(squares), REGION) / chi2.ppf(REGION, 3)
         net.log_scale[h] = 0.5 * math.log(ratio)

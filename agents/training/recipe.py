@@ -1,8 +1,10 @@
-"""Training recipes: hyper-parameters as YAML in the format of RL Baselines3 Zoo, one file per recipe.
+"""Training recipes: hyper-parameters as YAML in the format of RL Baselines3 Zoo, one file per
+recipe.
 
-A file has one entry per environment id, or `default` for any id. An entry names the algorithm (`algo`), the
-number of steps (`n_timesteps`) and the hyper-parameters by their names in the algorithm. `lin_6e-3` is a
-learning rate that decays linearly. Unlike in the zoo, no value is evaluated as Python.
+A file has one entry per environment id, or `default` for any id. An entry names the algorithm
+(`algo`), the number of steps (`n_timesteps`) and the hyper-parameters by their names in the
+algorithm. `lin_6e-3` is a learning rate that decays linearly. Unlike in the zoo, no value is
+evaluated as Python.
 """
 
 import dataclasses
@@ -25,8 +27,10 @@ class Recipe:
     """Algorithm and hyper-parameters of a training run."""
 
     name: str
-    algo: str  # a key of `ALGORITHMS`
-    n_timesteps: int  # environment steps, summed over tracks
+    # A key of `ALGORITHMS`.
+    algo: str
+    # Environment steps, summed over tracks.
+    n_timesteps: int
     settings: Settings
 
     def as_json(self) -> dict[str, Any]:
@@ -92,11 +96,18 @@ def recipe_of(name: str, entry: Mapping[str, Any]) -> Recipe:
         if key not in known:
             raise reject("hyper-parameter", key, ", ".join(known))
     nothing = dataclasses.MISSING
-    needed = [one.name for one in known.values() if one.default is nothing and one.default_factory is nothing]
+    needed = [
+        one.name
+        for one in known.values()
+        if one.default is nothing and one.default_factory is nothing
+    ]
     missing = [one for one in needed if one not in entry]
     if missing:
         raise reject("recipe", name, f"an entry with {', '.join(missing)}")
-    for key, world in (("worlds", TrainingWorld), ("drawn_worlds", DrawnWorlds)):
+    for key, world in (
+        ("worlds", TrainingWorld),
+        ("drawn_worlds", DrawnWorlds),
+    ):
         if key in entry:
             entry[key] = _worlds(key, world, entry[key])
     if "observe" in entry:

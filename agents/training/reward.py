@@ -1,13 +1,14 @@
 """Training of an agent on the rewards of its declarations alone.
 
-A segment is a short stopping problem whose last reward is known at once. Of the environment the agent knows what
-its documentation says: the sign of the reward does not depend on the tick of the declaration, and one
-hypothesis, or type, of a segment is rewarded. The reward of a segment therefore teaches all its rows: a rewarded
-declaration names the hypothesis, another one excludes it, and the probabilities of the network at the last row
-say how likely each of the others is. Nothing else is read: neither the true mode nor an estimate.
+A segment is a short stopping problem whose last reward is known at once. Of the environment the
+agent knows what its documentation says: the sign of the reward does not depend on the tick of the
+declaration, and one hypothesis, or type, of a segment is rewarded. The reward of a segment
+therefore teaches all its rows: a rewarded declaration names the hypothesis, another one excludes
+it, and the probabilities of the network at the last row say how likely each of the others is.
+Nothing else is read: neither the true mode nor an estimate.
 
-In training the thresholds are drawn, and so are some declarations. A round of whole episodes is determined by its
-number, so that a checkpoint between two rounds needs no tracks.
+In training the thresholds are drawn, and so are some declarations. A round of whole episodes is
+determined by its number, so that a checkpoint between two rounds needs no tracks.
 """
 
 from collections.abc import Sequence
@@ -29,45 +30,74 @@ from hybrid_env.checks import BoolArray, IntArray, check_integer, reject
 from hybrid_env.options import WorldOptions
 from hybrid_env.registration import environment_options, make_vector_env
 
-LARGEST_GRADIENT = 1.0  # norm
-SMALLEST_ALPHA = 0.003  # of the thresholds in training
-RANDOM_DECLARATIONS = 0.05  # share of the declarations
-LARGEST_ROUND = 2**22  # rows x turns of a round, whose inputs take half a gigabyte
+# Norm.
+LARGEST_GRADIENT = 1.0
+# Of the thresholds in training.
+SMALLEST_ALPHA = 0.003
+# Share of the declarations.
+RANDOM_DECLARATIONS = 0.05
+# Rows x turns of a round, whose inputs take half a gigabyte.
+LARGEST_ROUND = 2**22
 
 
 class Explorer(Decider):
-    """An agent in training, which draws a threshold for each segment, and some of its declarations."""
+    """An agent in training, which draws a threshold for each segment, and some of its
+    declarations.
+    """
 
     def __init__(self, agent: RewardDecider, generator: np.random.Generator):
         self.agent, self.generator = agent, generator
         self.layout = agent.layout
 
-    def decide(self, observation: Observations, state: Any, episode_start: Any) -> tuple[Actions, Any]:
+    def decide(
+        self,
+        observation: Observations,
+        state: Any,
+        episode_start: Any,
+    ) -> tuple[Actions, Any]:
         """See `Decider.decide`. The state is the memory and the thresholds (N,)."""
         tracks = len(observation)
         memory, alpha = state or (None, np.zeros(tracks))
         posterior, memory = self.agent.posterior(observation, memory, episode_start)
         error, best = self.agent.errors(observation, posterior, memory)
-        drawn = np.exp(self.generator.uniform(np.log(SMALLEST_ALPHA), np.log(LARGEST_ALPHA), tracks))
+        drawn = np.exp(
+            self.generator.uniform(np.log(SMALLEST_ALPHA), np.log(LARGEST_ALPHA), tracks)
+        )
         alpha = np.where(self.layout.read(observation, "ticks") < 1.5, drawn, alpha)
         replaced = self.generator.random(tracks) < RANDOM_DECLARATIONS
-        mode = np.where(replaced, self.generator.integers(self.layout.hypotheses, size=tracks), best)
+        mode = np.where(
+            replaced,
+            self.generator.integers(self.layout.hypotheses, size=tracks),
+            best,
+        )
         declares = (error <= alpha) | (self.layout.read(observation, "ticks_left") < 0.5)
         return np.where(declares, mode + 1, 0), (memory, alpha)
 
     def select_tracks(self, state: Any, tracks: BoolArray) -> Any:
-        return None if state is None else (self.agent.select_tracks(state[0], tracks), state[1][tracks])
+        return (
+            None
+            if state is None
+            else (self.agent.select_tracks(state[0], tracks), state[1][tracks])
+        )
 
     def segments(self, env: Any, seed: int) -> "Segments":
-        """Run one episode of every track of a vector environment; return its segments up to the declaration."""
-        running, unfinished = np.arange(env.num_envs), np.ones(env.num_envs, np.bool_)
-        tracks, rows, actions, rewards, modes = [], [], [], [], []
+        """Run one episode of every track of a vector environment; return its segments up to the
+        declaration.
+        """
+        running = np.arange(env.num_envs)
+        unfinished = np.ones(env.num_envs, np.bool_)
+        tracks = []
+        rows = []
+        actions = []
+        rewards = []
+        modes = []
         nothing = np.zeros(env.num_envs, np.int64)
         for now in rollout(env, self, seed, unfinished):
             if now.step:
                 actions.append(now.actions[running])
                 rewards.append(now.rewards[running])
-                modes.append(now.info.get("decided_true_mode", nothing)[running])  # missing if nobody decided
+                # Missing if nobody decided.
+                modes.append(now.info.get("decided_true_mode", nothing)[running])
                 unfinished &= ~now.terminated
             running = np.flatnonzero(unfinished)
             if not running.size:
@@ -79,23 +109,33 @@ class Explorer(Decider):
         last = np.flatnonzero(declared >= 0)
         rewarded = np.concatenate(rewards)[order][last] + self.agent.world.delay_cost > 0.0
         return Segments(
-            np.concatenate(rows)[order], np.diff(last, prepend=-1), declared[last], rewarded,
+            np.concatenate(rows)[order],
+            np.diff(last, prepend=-1),
+            declared[last],
+            rewarded,
             np.concatenate(modes)[order][last],
-        )  # fmt: skip
+        )
 
 
 class Segments(NamedTuple):
     """S segments up to their declarations."""
 
-    rows: Observations  # (n, width), one segment after the other
-    lengths: IntArray  # (S,) number of rows
-    declared: IntArray  # (S,) hypothesis
-    rewarded: BoolArray  # (S,) whether the reward of the declaration was positive
-    modes: IntArray  # (S,) true mode, which an agent that learns from rewards alone does not read
+    # (n, width), one segment after the other.
+    rows: Observations
+    # (S,) number of rows.
+    lengths: IntArray
+    # (S,) hypothesis.
+    declared: IntArray
+    # (S,) whether the reward of the declaration was positive.
+    rewarded: BoolArray
+    # (S,) true mode, which an agent that learns from rewards alone does not read.
+    modes: IntArray
 
 
 class RewardRun(OwnNetworkRun):
-    """A training run on rewards alone; it refuses environments in which hypotheses are not declared."""
+    """A training run on rewards alone; it refuses environments in which hypotheses are not
+    declared.
+    """
 
     smallest_factor: ClassVar[float] = 0.01
     decider: ClassVar[type[RewardDecider]] = RewardDecider
@@ -109,13 +149,26 @@ class RewardRun(OwnNetworkRun):
         """Create network, optimizer and environment."""
         if environment_options(self.env_id) is not WorldOptions:
             raise reject("env", self.env_id, "an environment in which hypotheses are declared")
-        self.env = make_vector_env(self.env_id, self.settings.n_envs, tick_info=False, **self.options)
+        self.env = make_vector_env(
+            self.env_id,
+            self.settings.n_envs,
+            tick_info=False,
+            **self.options,
+        )
         self.world: WorldOptions = self.env.options
         if self.world.actions != "all":
-            raise reject("actions", self.world.actions, "'all' for an agent that declares hypotheses")
+            raise reject(
+                "actions",
+                self.world.actions,
+                "'all' for an agent that declares hypotheses",
+            )
         rows = self.settings.n_envs * self.world.segments * self.world.longest_segment
         if rows * (self.world.hypotheses - 1) > LARGEST_ROUND:
-            raise reject("n_envs", self.settings.n_envs, f"n_envs x ticks x (M - 1) of at most {LARGEST_ROUND:,}")
+            raise reject(
+                "n_envs",
+                self.settings.n_envs,
+                f"n_envs x ticks x (M - 1) of at most {LARGEST_ROUND:,}",
+            )
         self.rounds = 0
         torch.manual_seed(self.seed)
         self.net: Any = self.decider.network(self.settings.hidden)
@@ -128,7 +181,12 @@ class RewardRun(OwnNetworkRun):
         return {"rounds": self.rounds}
 
     def restore_values(self, values: dict[str, Any]) -> None:
-        self.rounds = check_integer("rounds", values["rounds"], minimum=0, maximum=self.num_timesteps)
+        self.rounds = check_integer(
+            "rounds",
+            values["rounds"],
+            minimum=0,
+            maximum=self.num_timesteps,
+        )
 
     def train_round(self) -> Round:
         first = seeds.TRAINING + self.seed * 10**9 + self.rounds * self.settings.n_envs
@@ -137,7 +195,8 @@ class RewardRun(OwnNetworkRun):
         lengths, labels = found.lengths, self.labels(found)
         inputs, logs = self.inputs(found.rows, self.world.tau)
         begins = lengths.cumsum() - lengths
-        order, losses = generator.permutation(lengths.size), []
+        order = generator.permutation(lengths.size)
+        losses = []
         self.set_learning_rate()
         for start in range(0, lengths.size, self.settings.batch_size):
             chosen = order[start : start + self.settings.batch_size]
@@ -160,10 +219,18 @@ class RewardRun(OwnNetworkRun):
         """Return what the loss needs of each segment, arrays (S, ...), or of each row, (n, ...)."""
         return found.declared, found.rewarded
 
-    def loss(self, inputs: Tensor, logs: Tensor, lengths: Tensor, declared: Tensor, rewarded: Tensor) -> Tensor:
+    def loss(
+        self,
+        inputs: Tensor,
+        logs: Tensor,
+        lengths: Tensor,
+        declared: Tensor,
+        rewarded: Tensor,
+    ) -> Tensor:
         """Return the mean cross-entropy of the rewarded hypothesis over the rows of S segments.
 
-        The inputs (n, M - 1, 33) and logarithms (n, M) are of `reward_inputs`, all else (S,) of `Segments`.
+        The inputs (n, M - 1, 33) and logarithms (n, M) are of `reward_inputs`, all else (S,) of
+        `Segments`.
         """
         segment = torch.arange(len(lengths)).repeat_interleave(lengths)
         ends = lengths.cumsum(0)
@@ -172,7 +239,11 @@ class RewardRun(OwnNetworkRun):
         before = (sums - features)[ends - lengths]
         logs = self.net(inputs, sums - before[segment], logs)
         with torch.no_grad():
-            possible = torch.where(rewarded[:, None], self._alike[declared], 1.0 - self._alike[declared])
+            possible = torch.where(
+                rewarded[:, None],
+                self._alike[declared],
+                1.0 - self._alike[declared],
+            )
             target = possible * logs[ends - 1].exp().clamp(min=1e-9)
             target /= target.sum(-1, keepdim=True)
         if not self.settings.every_row:

@@ -28,10 +28,14 @@ from hybrid_env.checks import ArgumentError, reject
 class TrainingProgress:
     """Progress of a training run; NaN where there is no value yet."""
 
-    steps: int  # environment steps so far
-    total: int  # of the run
-    reward: float  # mean of recent segments, or of recent ticks where a mode is stated at every tick
-    ticks: float  # mean decision time of recent segments; NaN where a mode is stated at every tick
+    # Environment steps so far.
+    steps: int
+    # Of the run.
+    total: int
+    # Mean of recent segments, or of recent ticks where a mode is stated at every tick.
+    reward: float
+    # Mean decision time of recent segments; NaN where a mode is stated at every tick.
+    ticks: float
 
     @property
     def note(self) -> str:
@@ -39,15 +43,18 @@ class TrainingProgress:
         if math.isnan(self.reward):
             return ""
         reward = f"reward {self.reward:+.3f}"
-        return f"{reward} per tick" if math.isnan(self.ticks) else f"{reward}, {self.ticks:.1f} ticks"
+        return (
+            f"{reward} per tick" if math.isnan(self.ticks) else f"{reward}, {self.ticks:.1f} ticks"
+        )
 
 
 class Run(ABC):
-    """A training run of any algorithm and its folder; see `agents.training.runs.make_run` for the arguments.
+    """A training run of any algorithm and its folder; see `agents.training.runs.make_run` for
+    the arguments.
 
-    A checkpoint is written between two rollouts and holds everything that the following ones depend on. A
-    resumed run therefore equals an uninterrupted one, apart from times. What is logged must depend on steps
-    only, not on times, for the same reason. `build` sets network and optimizer.
+    A checkpoint is written between two rollouts and holds everything that the following ones depend
+    on. A resumed run therefore equals an uninterrupted one, apart from times. What is logged must
+    depend on steps only, not on times, for the same reason. `build` sets network and optimizer.
     """
 
     network: nn.Module
@@ -57,9 +64,15 @@ class Run(ABC):
 
     @own_defaults()
     def __init__(
-        self, env_id: str, options: dict[str, Any], recipe: Recipe, seed: int, folder: Path | None, steps: int,
+        self,
+        env_id: str,
+        options: dict[str, Any],
+        recipe: Recipe,
+        seed: int,
+        folder: Path | None,
+        steps: int,
         resume: bool = False,
-    ):  # fmt: skip
+    ):
         self.env_id, self.options, self.recipe = env_id, options, recipe
         self.seed, self.folder, self.steps = seed, folder, steps
         self.settings: Any = recipe.settings
@@ -69,18 +82,23 @@ class Run(ABC):
                 self.saved = checkpoint.read_checkpoint(folder)
             else:
                 run_folder.check_free(folder)
-        self.seconds, self.num_timesteps = 0.0, 0  # without evaluations; environment steps
-        self.last_evaluation: dict[str, float] = {}  # last point of the learning curve
+        # Without evaluations; environment steps.
+        self.seconds = 0.0
+        self.num_timesteps = 0
+        # Last point of the learning curve.
+        self.last_evaluation: dict[str, float] = {}
         self.curve = self.make_curve()
         self._opened = False
-        torch.set_num_threads(1)  # for small networks the overhead of threads exceeds the gain
+        # For small networks the overhead of threads exceeds the gain.
+        torch.set_num_threads(1)
         self.build()
         if self.saved is not None:
             self._restore(self.saved)
         if folder is not None:
             output_folder("out", folder)
             with run_folder.lock(folder):
-                pass  # only to refuse it before anything is displayed; `train` holds the lock
+                # Only to refuse it before anything is displayed; `train` holds the lock.
+                pass
 
     def make_curve(self) -> LearningCurve:
         """Return the learning curve of a new run."""
@@ -95,7 +113,9 @@ class Run(ABC):
         self.num_timesteps = steps
 
     def track_tensors(self) -> dict[str, Tensor]:
-        """Return the state of tracks and policy between two rollouts; writing into it changes the run."""
+        """Return the state of tracks and policy between two rollouts; writing into it changes
+        the run.
+        """
         return {}
 
     def values(self) -> dict[str, Any]:
@@ -104,7 +124,9 @@ class Run(ABC):
 
     @abstractmethod
     def restore_values(self, values: dict[str, Any]) -> None:
-        """Set the values of a checkpoint, and check the tracks, whose tensors have been restored."""
+        """Set the values of a checkpoint, and check the tracks, whose tensors have been
+        restored.
+        """
 
     @abstractmethod
     def family(self, name: str) -> DeciderFamily:
@@ -119,11 +141,16 @@ class Run(ABC):
         """Write weights and card of the current agent."""
 
     @own_defaults()
-    def train(self, on_progress: Callable[[TrainingProgress], None] | None = None, save_every: float = 10.0) -> None:
+    def train(
+        self,
+        on_progress: Callable[[TrainingProgress], None] | None = None,
+        save_every: float = 10.0,
+    ) -> None:
         """Train for the remaining steps, with a checkpoint every `save_every` seconds.
 
         Raises:
-            ArgumentError: another training uses the folder, a file cannot be written, or the training diverges.
+            ArgumentError: another training uses the folder, a file cannot be written, or the
+                training diverges.
             OSError: the folder cannot be written.
         """
         self._save_every, self._last_save = save_every, time.monotonic()
@@ -138,17 +165,23 @@ class Run(ABC):
                 self.seconds = time.monotonic() - self._started
                 self.evaluate()
                 self.save()
-            else:  # the run may have been killed between its last checkpoint and the files of the agent
+            else:
+                # The run may have been killed between its last checkpoint and the files of the
+                # agent.
                 self._save_agent(self.folder)
 
     def between_updates(self) -> None:
-        """Evaluate and save the agent if this is due; the time that it takes is not training time."""
+        """Evaluate and save the agent if this is due; the time that it takes is not training
+        time.
+        """
         now = time.monotonic()
         self.seconds = now - self._started
         if self.folder is not None:
             if self.curve.due(self.num_timesteps):
                 self.evaluate()
-            if now - self._last_save > self._save_every or not checkpoint.has_checkpoint(self.folder):
+            if now - self._last_save > self._save_every or not checkpoint.has_checkpoint(
+                self.folder
+            ):
                 self.save()
                 self._last_save = time.monotonic()
         self._started = time.monotonic() - self.seconds
@@ -156,25 +189,40 @@ class Run(ABC):
     def evaluate(self) -> None:
         """Add a point of the learning curve to the metrics."""
         assert self.folder is not None
-        self.last_evaluation = self.curve.evaluate(self.family(""), self.num_timesteps, self.seconds)
+        self.last_evaluation = self.curve.evaluate(
+            self.family(""),
+            self.num_timesteps,
+            self.seconds,
+        )
         run_folder.append_metrics(self.folder, self.num_timesteps, self.last_evaluation)
         self.last_evaluation["steps"] = self.num_timesteps
 
     def save(self) -> None:
-        """Write checkpoint and agent; `ArgumentError` if a file cannot be written, or a weight is not finite."""
+        """Write checkpoint and agent; `ArgumentError` if a file cannot be written, or a weight
+        is not finite.
+        """
         assert self.folder is not None
         if not all(tensor.isfinite().all() for tensor in self.network.state_dict().values()):
             raise ArgumentError("the training has diverged: a weight is not finite")
-        values = {"steps": self.num_timesteps, "seconds": self.seconds, "measured": self.last_evaluation}
+        values = {
+            "steps": self.num_timesteps,
+            "seconds": self.seconds,
+            "measured": self.last_evaluation,
+        }
         checkpoint.write_checkpoint(self.folder, self._tensors(), values | self.values())
         self._save_agent(self.folder)
 
     def _save_agent(self, folder: Path) -> None:
         card = {
-            "environment": self.env_id, "options": self.options, "recipe": self.recipe.as_json(),
-            "seed": self.seed, "steps": self.num_timesteps, "seconds": round(self.seconds, 1),
-            "measured": self.last_evaluation, "versions": package_versions(),
-        }  # fmt: skip
+            "environment": self.env_id,
+            "options": self.options,
+            "recipe": self.recipe.as_json(),
+            "seed": self.seed,
+            "steps": self.num_timesteps,
+            "seconds": round(self.seconds, 1),
+            "measured": self.last_evaluation,
+            "versions": package_versions(),
+        }
         self.save_agent(folder, card)
 
     def _tensors(self) -> dict[str, Tensor]:
@@ -184,7 +232,11 @@ class Run(ABC):
             "optimizer": checkpoint.optimizer_tensors(self.optimizer),
             "tracks": self.track_tensors(),
         }
-        return {f"{part}.{name}": tensor for part, all_ in parts.items() for name, tensor in all_.items()}
+        return {
+            f"{part}.{name}": tensor
+            for part, all_ in parts.items()
+            for name, tensor in all_.items()
+        }
 
     def _restore(self, saved: checkpoint.Checkpoint) -> None:
         assert self.folder is not None
@@ -208,25 +260,37 @@ class Run(ABC):
             run_folder.check_free(folder)
         else:
             if checkpoint.read_checkpoint(folder).values["steps"] != self.saved.values["steps"]:
-                raise reject("resume", str(folder), "a run folder that has not changed since it was read")
-            if self.saved.path.name == checkpoint.PREVIOUS:  # the last one is damaged
+                raise reject(
+                    "resume",
+                    str(folder),
+                    "a run folder that has not changed since it was read",
+                )
+            # The last one is damaged.
+            if self.saved.path.name == checkpoint.PREVIOUS:
                 os.replace(self.saved.path, folder / checkpoint.CHECKPOINT)
             run_folder.drop_metrics_after(folder, self.num_timesteps)
         run_folder.delete_temporary_files(folder)
         config = {
-            "env": self.env_id, "options": self.options, "recipe": self.recipe.as_json(),
-            "steps": self.steps, "seed": self.seed,
-        }  # fmt: skip
+            "env": self.env_id,
+            "options": self.options,
+            "recipe": self.recipe.as_json(),
+            "steps": self.steps,
+            "seed": self.seed,
+        }
         write_json(folder / run_folder.CONFIG, config)
         self._opened = True
 
 
 Round = tuple[int, float, float, dict[str, float]]
-"""Environment steps of a round, reward and ticks as in `TrainingProgress`, and metrics of the run folder."""
+"""Environment steps of a round, reward and ticks as in `TrainingProgress`, and metrics of the
+run folder.
+"""
 
 
 class OwnNetworkRun(Run):
-    """A run that trains a network of this package with Adam, in rounds; its `build` calls `start`."""
+    """A run that trains a network of this package with Adam, in rounds; its `build` calls
+    `start`.
+    """
 
     smallest_factor: ClassVar[float]
     """Lower bound of the learning rate, as a factor of the first one, while it decays linearly."""
@@ -240,7 +304,8 @@ class OwnNetworkRun(Run):
         self.network = network
         self._rate, self._decays = learning_rate_schedule(learning_rate)
         self.optimizer = torch.optim.Adam(network.parameters(), lr=self._rate)
-        for parameter in network.parameters():  # a part without samples yet has no gradient
+        # A part without samples yet has no gradient.
+        for parameter in network.parameters():
             parameter.grad = torch.zeros_like(parameter)
 
     def family(self, name: str) -> DeciderFamily:

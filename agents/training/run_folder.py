@@ -13,7 +13,8 @@ from hybrid_env.checks import reject
 
 try:
     import fcntl
-except ImportError:  # not a POSIX system: no lock
+except ImportError:
+    # Not a POSIX system: no lock.
     fcntl = None  # type: ignore[assignment]
 
 CONFIG = "config.json"
@@ -22,7 +23,9 @@ LOCK = ".training.lock"
 
 
 def check_free(folder: Path) -> None:
-    """Refuse a folder that contains anything but the files of a run killed before its first checkpoint."""
+    """Refuse a folder that contains anything but the files of a run killed before its first
+    checkpoint.
+    """
     if not is_free(folder):
         raise reject("out", str(folder), "a new or empty folder, or --resume to resume a run")
 
@@ -32,7 +35,11 @@ def is_free(folder: Path) -> bool:
     if not folder.is_dir():
         return not folder.exists()
     names = {path.name for path in folder.iterdir()}
-    results = {name for name in names - {LOCK, CONFIG} if not name.startswith((PART_PREFIX, "events.out.tfevents"))}
+    results = {
+        name
+        for name in names - {LOCK, CONFIG}
+        if not name.startswith((PART_PREFIX, "events.out.tfevents"))
+    }
     return not names or (LOCK in names and not results)
 
 
@@ -45,14 +52,21 @@ def delete_temporary_files(folder: Path) -> None:
 
 @contextmanager
 def lock(folder: Path) -> Iterator[None]:
-    """Context manager that locks a run folder; a lock ends with its process, also with a killed one."""
+    """Context manager that locks a run folder; a lock ends with its process, also with a killed
+    one.
+    """
     with (folder / LOCK).open("a", encoding="utf-8") as file:
         if fcntl is not None:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
-                raise reject("run", str(folder), "a run folder in which no other training runs") from None
-            except OSError:  # the file system has no locks
+                raise reject(
+                    "run",
+                    str(folder),
+                    "a run folder in which no other training runs",
+                ) from None
+            except OSError:
+                # The file system has no locks.
                 pass
         yield
 
@@ -63,11 +77,17 @@ def read_config(folder: Path) -> dict[str, Any]:
         config = read_json(folder / CONFIG)
         return {name: config[name] for name in ("env", "options", "recipe", "steps", "seed")}
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise reject("resume", str(folder), f"a run folder with a readable {CONFIG} ({error})") from None
+        raise reject(
+            "resume",
+            str(folder),
+            f"a run folder with a readable {CONFIG} ({error})",
+        ) from None
 
 
 def append_metrics(folder: Path, step: int, metrics: Mapping[str, Any]) -> None:
-    """Append one line with a JSON object, or no part of it; a resumed run appends to the same file."""
+    """Append one line with a JSON object, or no part of it; a resumed run appends to the same
+    file.
+    """
     path = folder / METRICS
     size = path.stat().st_size if path.exists() else 0
     try:

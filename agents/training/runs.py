@@ -17,29 +17,50 @@ from agents.training.supervised import DistilledRun, KalmanRun, TandemRun, Trans
 from hybrid_env.checks import check_integer, reject
 
 RUNS: dict[str, type[Run]] = dict.fromkeys(CLASSES, LibraryRun) | {
-    "anchor": AnchorRun, "reward": RewardRun, "tandem": TandemRun, "statements": TrackRun, "rhythm": RhythmRun,
-    "flights": FlightRun, "gliders": GliderRun, "kalman": KalmanRun, "distilled": DistilledRun,
-    "transformer": TransformerRun, "jump_markov": JumpMarkovRun, "stopping": StoppingRun,
-}  # fmt: skip
+    "anchor": AnchorRun,
+    "reward": RewardRun,
+    "tandem": TandemRun,
+    "statements": TrackRun,
+    "rhythm": RhythmRun,
+    "flights": FlightRun,
+    "gliders": GliderRun,
+    "kalman": KalmanRun,
+    "distilled": DistilledRun,
+    "transformer": TransformerRun,
+    "jump_markov": JumpMarkovRun,
+    "stopping": StoppingRun,
+}
 """Runs by algorithm."""
 
 
 def run_name(env_id: str, recipe: Recipe) -> str:
-    """Return the name of the folder of a run: environment and recipe; flights have no environment."""
-    return recipe.name if issubclass(RUNS[recipe.algo], FlightRun) else f"{env_id.rpartition(':')[2]}-{recipe.name}"
+    """Return the name of the folder of a run: environment and recipe; flights have no
+    environment.
+    """
+    return (
+        recipe.name
+        if issubclass(RUNS[recipe.algo], FlightRun)
+        else f"{env_id.rpartition(':')[2]}-{recipe.name}"
+    )
 
 
 def make_run(
-    env_id: str, options: dict[str, Any], recipe: Recipe, seed: int = 0, folder: Path | None = None,
-    steps: int | None = None, resume: bool = False,
-) -> Run:  # fmt: skip
+    env_id: str,
+    options: dict[str, Any],
+    recipe: Recipe,
+    seed: int = 0,
+    folder: Path | None = None,
+    steps: int | None = None,
+    resume: bool = False,
+) -> Run:
     """Create a run with the algorithm of a recipe.
 
     Args:
         env_id: registered id of the environment.
         options: environment options that override those of the id.
         recipe: algorithm and hyper-parameters.
-        seed: of weights, tracks and mini-batches, below 2^31; training is reproducible for a given seed.
+        seed: of weights, tracks and mini-batches, below 2^31; training is reproducible for a given
+            seed.
         folder: run folder, created if missing; None writes nothing.
         steps: environment steps, summed over tracks; None uses those of the recipe.
         resume: start from the checkpoint in the folder.
@@ -60,7 +81,9 @@ def resume_run(folder: Path, steps: int | None = None) -> Run:
     try:
         recipe = recipe_of(config["recipe"]["name"], config["recipe"]["entry"])
         steps = int(config["steps"]) if steps is None else check_integer("steps", steps)
-        env_id, options, seed = str(config["env"]), dict(config["options"]), int(config["seed"])
+        env_id = str(config["env"])
+        options = dict(config["options"])
+        seed = int(config["seed"])
     except (LookupError, TypeError, ValueError, OverflowError) as error:
         allowed = f"a run folder with a readable {run_folder.CONFIG} ({error})"
         raise reject("resume", str(folder), allowed) from None
@@ -69,5 +92,6 @@ def resume_run(folder: Path, steps: int | None = None) -> Run:
         raise reject("resume", str(folder), "a run folder with a checkpoint")
     try:
         return make_run(env_id, options, recipe, seed, folder, steps, resume)
-    except TypeError as error:  # an unknown option
+    except TypeError as error:
+        # An unknown option.
         raise reject("options", options, f"options of {env_id} ({error})") from None

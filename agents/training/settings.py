@@ -15,28 +15,44 @@ from agents.training.stable_baselines_settings import (
     QSettings,
     learning_rate_schedule,
 )
-from hybrid_env.checks import check_between, check_flag, check_integer, check_number, check_share, ranged, reject
+from hybrid_env.checks import (
+    check_between,
+    check_flag,
+    check_integer,
+    check_number,
+    check_share,
+    ranged,
+    reject,
+)
 from hybrid_env.durations import parse_durations
 from hybrid_env.limits import MAX_RADII, check_ticks, two_values
 from hybrid_env.options import WorldOptions
 
-LARGEST_UNROLLING = 2**22  # ticks x hypotheses of an update of the anchor agent
-LARGEST_ROUND = 2**12  # tracks of a round of simulated tracks
-LARGEST_FLIGHTS = 2**20  # positions of a round of simulated flights
+# Ticks x hypotheses of an update of the anchor agent.
+LARGEST_UNROLLING = 2**22
+# Tracks of a round of simulated tracks.
+LARGEST_ROUND = 2**12
+# Positions of a round of simulated flights.
+LARGEST_FLIGHTS = 2**20
 MOST_WORLDS = 100
 MOST_DRAWN = 1000
 MOST_LAWS = 100
-LARGEST_FACTOR = 1000.0  # of the variances and radii of simulated tracks
-LARGEST_ALPHA = 0.3  # largest error probability at which a training track of the anchor agent declares
+# Of the variances and radii of simulated tracks.
+LARGEST_FACTOR = 1000.0
+# Largest error probability at which a training track of the anchor agent declares.
+LARGEST_ALPHA = 0.3
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingWorld:
     """One environment that an agent is trained in, and its number of tracks."""
 
-    n_envs: int  # parallel tracks
-    env: str | None = None  # registered id; None uses that of the run
-    options: Mapping[str, Any] = field(default_factory=dict)  # override those of the id and of the run
+    # Parallel tracks.
+    n_envs: int
+    # Registered id; None uses that of the run.
+    env: str | None = None
+    # Override those of the id and of the run.
+    options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_integer("n_envs", self.n_envs, maximum=LARGEST_COUNT)
@@ -53,12 +69,19 @@ class TrainingWorld:
 class DrawnWorlds:
     """Random environments that an agent is trained in, see `agents.evaluation.worlds`."""
 
-    radii: int  # number of radii of each bank
-    worlds: int  # number of environments at the same time
-    n_envs: int  # parallel tracks in each
+    # Number of radii of each bank.
+    radii: int
+    # Number of environments at the same time.
+    worlds: int
+    # Parallel tracks in each.
+    n_envs: int
 
     def __post_init__(self) -> None:
-        for name, largest in {"radii": MAX_RADII, "worlds": MOST_DRAWN, "n_envs": LARGEST_COUNT}.items():
+        for name, largest in {
+            "radii": MAX_RADII,
+            "worlds": MOST_DRAWN,
+            "n_envs": LARGEST_COUNT,
+        }.items():
             check_integer(name, getattr(self, name), maximum=largest)
 
 
@@ -66,8 +89,10 @@ class DrawnWorlds:
 class NetworkSettings:
     """Hyper-parameters of all agents whose networks are of this package; base class."""
 
-    hidden: int  # units of each hidden layer
-    learning_rate: str | float  # constant, or "lin_" and the initial value for linear decay
+    # Units of each hidden layer.
+    hidden: int
+    # Constant, or "lin_" and the initial value for linear decay.
+    learning_rate: str | float
 
     largest: ClassVar[dict[str, int]] = {"hidden": LARGEST_HIDDEN}
     """Upper bounds of positive integers."""
@@ -80,10 +105,13 @@ class NetworkSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class WorldsSettings(NetworkSettings):
-    """Hyper-parameters of an agent that is trained in several environments at the same time; base class."""
+    """Hyper-parameters of an agent that is trained in several environments at the same time;
+    base class.
+    """
 
     worlds: tuple[TrainingWorld, ...]
-    drawn_worlds: tuple[DrawnWorlds, ...] = ()  # random environments besides
+    # Random environments besides.
+    drawn_worlds: tuple[DrawnWorlds, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -97,29 +125,42 @@ class WorldsSettings(NetworkSettings):
 class AnchorSettings(WorldsSettings):
     """Hyper-parameters of the anchor agent.
 
-    The threshold of a track on the error probability is drawn log-uniformly from `smallest_alpha` to 0.3 after each
-    declaration. Anchors after a wrong decision are rare under a good policy; without random declarations, decisions
-    from them take three times as long.
+    The threshold of a track on the error probability is drawn log-uniformly from `smallest_alpha`
+    to 0.3 after each declaration. Anchors after a wrong decision are rare under a good policy;
+    without random declarations, decisions from them take three times as long.
     """
 
-    n_steps: int  # ticks between updates
+    # Ticks between updates.
+    n_steps: int
     smallest_alpha: float
-    last_tick: int  # at which every track declares; later ticks contribute little to learning
-    random_declarations: float  # probability that a declaration is replaced by a random hypothesis
-    updates_per_world: int = 32  # after which the random environments are drawn anew
-    buffer_size: int = 50_000  # last anchors, and last declarations, that samples are drawn from
-    batches: int = 8  # steps of the optimizer per update
-    batch_size: int = 1024  # samples of a step
+    # At which every track declares; later ticks contribute little to learning.
+    last_tick: int
+    # Probability that a declaration is replaced by a random hypothesis.
+    random_declarations: float
+    # After which the random environments are drawn anew.
+    updates_per_world: int = 32
+    # Last anchors, and last declarations, that samples are drawn from.
+    buffer_size: int = 50_000
+    # Steps of the optimizer per update.
+    batches: int = 8
+    # Samples of a step.
+    batch_size: int = 1024
 
     largest = NetworkSettings.largest | {
-        "n_steps": 10_000, "last_tick": 10**6, "updates_per_world": 10**6, "buffer_size": 10**6, "batches": 1000,
+        "n_steps": 10_000,
+        "last_tick": 10**6,
+        "updates_per_world": 10**6,
+        "buffer_size": 10**6,
+        "batches": 1000,
         "batch_size": 10**5,
-    }  # fmt: skip
+    }
 
     def __post_init__(self) -> None:
         super().__post_init__()
         tracks = 3 * sum(world.n_envs for world in self.worlds)
-        tracks += sum(drawn.worlds * drawn.n_envs * (2 * drawn.radii + 1) for drawn in self.drawn_worlds)
+        tracks += sum(
+            drawn.worlds * drawn.n_envs * (2 * drawn.radii + 1) for drawn in self.drawn_worlds
+        )
         if self.n_steps * tracks > LARGEST_UNROLLING:
             allowed = f"n_steps x hypotheses of all tracks of at most {LARGEST_UNROLLING:,}"
             raise reject("n_steps", self.n_steps, allowed)
@@ -131,8 +172,10 @@ class AnchorSettings(WorldsSettings):
 class SegmentSettings(NetworkSettings):
     """Hyper-parameters of an agent that is trained on whole segments, such as MSPRT-TANDEM."""
 
-    n_envs: int  # tracks of a round, one episode each
-    batch_size: int  # segments of an update
+    # Tracks of a round, one episode each.
+    n_envs: int
+    # Segments of an update.
+    batch_size: int
 
     largest = NetworkSettings.largest | {"n_envs": LARGEST_COUNT, "batch_size": LARGEST_COUNT}
 
@@ -141,7 +184,8 @@ class SegmentSettings(NetworkSettings):
 class RewardSettings(SegmentSettings):
     """Hyper-parameters of the agent that learns from rewards alone."""
 
-    every_row: bool = True  # the reward of a declaration teaches all rows of its segment, and not only the last one
+    # The reward of a declaration teaches all rows of its segment, and not only the last one.
+    every_row: bool = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -152,8 +196,10 @@ class RewardSettings(SegmentSettings):
 class ExpectedRewardSettings(NetworkSettings):
     """Hyper-parameters of an agent that is trained on its expected reward; base class."""
 
-    n_steps: int  # ticks of an update; gradients do not reach back beyond its first tick
-    belief_weight: float  # of the cross-entropy of the present mode, in addition to the reward
+    # Ticks of an update; gradients do not reach back beyond its first tick.
+    n_steps: int
+    # Of the cross-entropy of the present mode, in addition to the reward.
+    belief_weight: float
 
     largest = NetworkSettings.largest | {"n_steps": 10_000}
 
@@ -164,29 +210,51 @@ class ExpectedRewardSettings(NetworkSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class StatementSettings(ExpectedRewardSettings):
-    """Hyper-parameters of the agent for unknown switch moments, trained on new tracks in every round."""
+    """Hyper-parameters of the agent for unknown switch moments, trained on new tracks in every
+    round.
+    """
 
-    durations: tuple[str, ...]  # laws of segments, one environment of every round for each, also repeated
-    n_envs: int  # tracks of each environment
-    batch_size: int  # tracks of an update
-    # smallest and largest factor of the measurement variance of the environment
+    # Laws of segments, one environment of every round for each, also repeated.
+    durations: tuple[str, ...]
+    # Tracks of each environment.
+    n_envs: int
+    # Tracks of an update.
+    batch_size: int
+    # Smallest and largest factor of the measurement variance of the environment.
     variances: tuple[float, float] = (1.0, 1.0)
-    radii: tuple[float, float] = (1.0, 1.0)  # likewise of its radii
-    ticks: int | None = None  # length of the tracks; None is that of the environment
-    inexact: int = 0  # further environments of every round, in which objects move otherwise than told
+    # Likewise of its radii.
+    radii: tuple[float, float] = (1.0, 1.0)
+    # Length of the tracks; None is that of the environment.
+    ticks: int | None = None
+    # Further environments of every round, in which objects move otherwise than told.
+    inexact: int = 0
 
-    largest = ExpectedRewardSettings.largest | {"n_envs": LARGEST_ROUND, "batch_size": LARGEST_ROUND}
+    largest = ExpectedRewardSettings.largest | {
+        "n_envs": LARGEST_ROUND,
+        "batch_size": LARGEST_ROUND,
+    }
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_integer("inexact", self.inexact, minimum=0, maximum=MOST_LAWS)
         fewest = 0 if self.inexact else 1
-        if not isinstance(self.durations, (list, tuple)) or not fewest <= len(self.durations) <= MOST_LAWS:
+        if (
+            not isinstance(self.durations, (list, tuple))
+            or not fewest <= len(self.durations) <= MOST_LAWS
+        ):
             raise reject("durations", self.durations, f"a list of {fewest} to {MOST_LAWS} laws")
-        object.__setattr__(self, "durations", tuple(str(parse_durations(law)) for law in self.durations))
+        object.__setattr__(
+            self,
+            "durations",
+            tuple(str(parse_durations(law)) for law in self.durations),
+        )
         check_ticks("ticks", 1 if self.ticks is None else self.ticks)
         if self.n_envs * (len(self.durations) + self.inexact) > LARGEST_ROUND:
-            raise reject("n_envs", self.n_envs, f"n_envs x environments of at most {LARGEST_ROUND:,}")
+            raise reject(
+                "n_envs",
+                self.n_envs,
+                f"n_envs x environments of at most {LARGEST_ROUND:,}",
+            )
         for name in ("variances", "radii"):
             object.__setattr__(self, name, _factors(name, getattr(self, name)))
 
@@ -195,7 +263,11 @@ def _factors(name: str, value: Any) -> tuple[float, float]:
     allowed = "two factors, the smaller one first"
     low, high = (check_number(name, one, allowed) for one in two_values(name, value, allowed))
     if not 1.0 / LARGEST_FACTOR <= low <= high <= LARGEST_FACTOR:
-        raise reject(name, value, f"{allowed}, each from {1 / LARGEST_FACTOR:g} to {LARGEST_FACTOR:g}")
+        raise reject(
+            name,
+            value,
+            f"{allowed}, each from {1 / LARGEST_FACTOR:g} to {LARGEST_FACTOR:g}",
+        )
     return low, high
 
 
@@ -203,19 +275,28 @@ def _factors(name: str, value: Any) -> tuple[float, float]:
 class StoppingSettings(WorldsSettings):
     """Hyper-parameters of the learned stop, trained on one episode of each track in every round."""
 
-    batch_size: int  # segments of an update
-    passes: int  # times that the segments of a round are used
-    # smallest and largest delay cost; half of the environments have one drawn between them
+    # Segments of an update.
+    batch_size: int
+    # Times that the segments of a round are used.
+    passes: int
+    # Smallest and largest delay cost; half of the environments have one drawn between them.
     delay_costs: tuple[float, float] = (0.003, 0.05)
-    agent: str = "shipped-threshold"  # or the run folder of an anchor agent, with as many hidden units
+    # Or the run folder of an anchor agent, with as many hidden units.
+    agent: str = "shipped-threshold"
 
     largest = NetworkSettings.largest | {"batch_size": LARGEST_COUNT, "passes": 1000}
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        tracks = sum(world.n_envs for world in self.worlds) + sum(one.worlds * one.n_envs for one in self.drawn_worlds)
+        tracks = sum(world.n_envs for world in self.worlds) + sum(
+            one.worlds * one.n_envs for one in self.drawn_worlds
+        )
         if tracks > LARGEST_ROUND:
-            raise reject("worlds", self.worlds, f"at most {LARGEST_ROUND:,} tracks, drawn_worlds included")
+            raise reject(
+                "worlds",
+                self.worlds,
+                f"at most {LARGEST_ROUND:,} tracks, drawn_worlds included",
+            )
         object.__setattr__(self, "delay_costs", _factors("delay_costs", self.delay_costs))
         if not isinstance(self.agent, str):
             raise reject("agent", self.agent, "'shipped-threshold' or a run folder")
@@ -223,13 +304,18 @@ class StoppingSettings(WorldsSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class FlightSettings(ExpectedRewardSettings):
-    """Hyper-parameters of the agent for recorded flights, trained on simulated ones, new ones in every round."""
+    """Hyper-parameters of the agent for recorded flights, trained on simulated ones, new ones in
+    every round.
+    """
 
-    flights: tuple[int, ...]  # of each group in a round; short ones are left out, about half of those of D
-    rows: int  # approximate number of positions of a flight
-    passes: int  # times that the flights of a round are used
-    # of a change to a wrong mode: as much as a wrong statement for this time [s], times the scored time of the
-    # position over its mean
+    # Of each group in a round; short ones are left out, about half of those of D.
+    flights: tuple[int, ...]
+    # Approximate number of positions of a flight.
+    rows: int
+    # Times that the flights of a round are used.
+    passes: int
+    # Of a change to a wrong mode: as much as a wrong statement for this time [s], times the scored
+    # time of the position over its mean.
     change_cost: float
 
     groups: ClassVar[tuple[str, ...]] = ("A", "B", "C", "D")
@@ -237,8 +323,14 @@ class FlightSettings(ExpectedRewardSettings):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not isinstance(self.flights, (list, tuple)) or len(self.flights) != len(self.groups):
-            raise reject("flights", self.flights, f"a list of the numbers of flights of {', '.join(self.groups)}")
-        counts = tuple(check_integer("flights", count, maximum=LARGEST_COUNT) for count in self.flights)
+            raise reject(
+                "flights",
+                self.flights,
+                f"a list of the numbers of flights of {', '.join(self.groups)}",
+            )
+        counts = tuple(
+            check_integer("flights", count, maximum=LARGEST_COUNT) for count in self.flights
+        )
         object.__setattr__(self, "flights", counts)
         check_integer("rows", self.rows, minimum=100, maximum=LARGEST_COUNT)
         check_integer("passes", self.passes, maximum=LARGEST_COUNT)
@@ -256,9 +348,21 @@ class GliderSettings(FlightSettings):
 
 Settings = LibrarySettings | NetworkSettings
 ALGORITHMS: dict[str, type[Settings]] = {
-    "ppo": PPOSettings, "recurrent_ppo": PPOSettings, "a2c": A2CSettings, "dqn": QSettings, "qrdqn": QSettings,
-    "anchor": AnchorSettings, "reward": RewardSettings, "tandem": SegmentSettings, "statements": StatementSettings,
-    "rhythm": StatementSettings, "flights": FlightSettings, "gliders": GliderSettings, "kalman": SegmentSettings,
-    "distilled": SegmentSettings, "transformer": SegmentSettings, "jump_markov": StatementSettings,
+    "ppo": PPOSettings,
+    "recurrent_ppo": PPOSettings,
+    "a2c": A2CSettings,
+    "dqn": QSettings,
+    "qrdqn": QSettings,
+    "anchor": AnchorSettings,
+    "reward": RewardSettings,
+    "tandem": SegmentSettings,
+    "statements": StatementSettings,
+    "rhythm": StatementSettings,
+    "flights": FlightSettings,
+    "gliders": GliderSettings,
+    "kalman": SegmentSettings,
+    "distilled": SegmentSettings,
+    "transformer": SegmentSettings,
+    "jump_markov": StatementSettings,
     "stopping": StoppingSettings,
-}  # fmt: skip
+}

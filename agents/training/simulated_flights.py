@@ -1,7 +1,7 @@
 """Training of the agents for recorded flights, of aircraft and of gliders, on simulated ones.
 
-The labels are those of recorded flights, and positions that they do not score have no reward. Steps are counted as
-if all flights had the number of positions in the recipe.
+The labels are those of recorded flights, and positions that they do not score have no reward. Steps
+are counted as if all flights had the number of positions in the recipe.
 """
 
 import functools
@@ -26,24 +26,44 @@ from baselines.estimation.turns import run_turn_imm
 from baselines.recordings.flights.flight import TIERS, Flight, stack_flights
 from baselines.recordings.flights.labels import Labels, label_flights
 from baselines.recordings.flights.simulated import DRAWN, WIDE, draw_world, simulate_flights
-from baselines.recordings.flights.simulated_gliders import RANGES, STEP, label_gliders, simulate_glider
+from baselines.recordings.flights.simulated_gliders import (
+    RANGES,
+    STEP,
+    label_gliders,
+    simulate_glider,
+)
 from baselines.rules.decider import DeciderFamily
 from baselines.rules.threshold import ThresholdDecider
 from hybrid_env.checks import check_integer, reject
 
-FIRST_SEED = 10**6  # of the flights, plus the seed of the run
-CURVE_SEED = 10**5  # of the flights of the learning curve
-ROWS = {"A": 1.2, "B": 1.2, "C": 5.2, "D": 8.3}  # time between two positions [s], about
+# Of the flights, plus the seed of the run.
+FIRST_SEED = 10**6
+# Of the flights of the learning curve.
+CURVE_SEED = 10**5
+# Time between two positions [s], about.
+ROWS = {
+    "A": 1.2,
+    "B": 1.2,
+    "C": 5.2,
+    "D": 8.3,
+}
 PROBABILITIES = 0.0, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95
 WORDING = Wording(
-    "threshold", "IMM threshold", "threshold rule", "position", ("right",), "right {right:.1%} of the time"
+    "threshold",
+    "IMM threshold",
+    "threshold rule",
+    "position",
+    ("right",),
+    "right {right:.1%} of the time",
 )
 
 Simulated = tuple[list[Flight], list[Labels], list[float]]
 
 
 class FlightRun(StatementRun):
-    """A training run on simulated flights; see `StatementRun`. It refuses an environment, and options of one."""
+    """A training run on simulated flights; see `StatementRun`. It refuses an environment, and
+    options of one.
+    """
 
     decider: ClassVar[type[FlightAgent]] = FlightAgent
     settings: FlightSettings
@@ -56,22 +76,33 @@ class FlightRun(StatementRun):
     """Of the learning curve, of each group."""
 
     def prepare(self) -> None:
-        for name, given in (("env", self.env_id != DEFAULT_ENV and self.env_id), ("options", self.options)):
+        for name, given in (
+            ("env", self.env_id != DEFAULT_ENV and self.env_id),
+            ("options", self.options),
+        ):
             if given:
-                raise reject(name, given, "no environment and none of its options, for simulated flights")
+                raise reject(
+                    name,
+                    given,
+                    "no environment and none of its options, for simulated flights",
+                )
         self.round_steps = self.settings.passes * sum(self.settings.flights) * self.settings.rows
         self._generator = np.random.default_rng(FIRST_SEED + self.seed)
 
     def make_curve(self) -> LearningCurve:
-        """See `Run.make_curve`; the episodes are simulated flights, the rule is the threshold on the IMM."""
+        """See `Run.make_curve`; the episodes are simulated flights, the rule is the threshold on
+        the IMM.
+        """
 
         @functools.cache
         def flights() -> Batch:
             return self.simulate(self.curve_flights, np.random.default_rng(CURVE_SEED))
 
         def measure(family: DeciderFamily) -> dict[str, float]:
-            batch, agent = flights(), family.make(family.default)
-            stated, state = [], None
+            batch = flights()
+            agent = family.make(family.default)
+            stated = []
+            state = None
             for row in agent.utilities(batch.inputs.numpy(), batch.log_probability.numpy()):
                 actions, state = agent.predict(row, state)
                 stated.append(actions)
@@ -80,7 +111,10 @@ class FlightRun(StatementRun):
         def measure_rule() -> float:
             batch = flights()
             logs = batch.log_probability.numpy().astype(np.float64)
-            return max(mean_reward(batch, ThresholdDecider(one).statements(logs))["reward"] for one in PROBABILITIES)
+            return max(
+                mean_reward(batch, ThresholdDecider(one).statements(logs))["reward"]
+                for one in PROBABILITIES
+            )
 
         return LearningCurve(WORDING, f"{sum(self.curve_flights)} flights", measure, measure_rule)
 
@@ -110,22 +144,33 @@ class FlightRun(StatementRun):
         super().save_agent(folder, card | {"environment": self.recipe.algo} | simulation)
 
     def draw(self, counts: tuple[int, ...], generator: np.random.Generator) -> Simulated:
-        """Return simulated flights of each tier, with settings of their own, their labels, and usual steps [s]."""
-        flights, steps = [], []
+        """Return simulated flights of each tier, with settings of their own, their labels, and
+        usual steps [s].
+        """
+        flights = []
+        steps = []
         for (name, step), count in zip(ROWS.items(), counts, strict=True):
             for _ in range(count):
                 world = draw_world(generator)
-                flights += simulate_flights(TIERS[name], 1, step * self.settings.rows, generator, world)[0]
+                flights += simulate_flights(
+                    TIERS[name],
+                    1,
+                    step * self.settings.rows,
+                    generator,
+                    world,
+                )[0]
                 steps.append(step)
         return flights, label_flights(flights), steps
 
     def simulate(self, counts: tuple[int, ...], generator: np.random.Generator) -> Batch:
         """Return what the network is trained on, from simulated flights of each group.
 
-        Weights of the reward are the times that are scored, and costs those of a wrong change, both in steps.
+        Weights of the reward are the times that are scored, and costs those of a wrong change, both
+        in steps.
         """
         flights, labels, steps = self.draw(counts, generator)
-        batch, kind = stack_flights(flights), self.decider
+        batch = stack_flights(flights)
+        kind = self.decider
         estimates = run_turn_imm(batch, kind.model)
         modes = np.zeros(batch.times.shape, np.int64)
         weights, costs = np.zeros((2, *batch.times.shape), np.float32)
@@ -136,16 +181,26 @@ class FlightRun(StatementRun):
             costs[:, column] = self.settings.change_cost / steps[k]
         for ahead in range(1, round(self.early / min(steps)) + 1):
             costs[:-ahead][modes[:-ahead] != modes[ahead:]] = 0.0
-        # of all flights together; D has some far shorter ones, which are left out
+        # Of all flights together; D has some far shorter ones, which are left out.
         shortest = int(np.quantile(batch.present.sum(0), 0.1))
         kept = batch.present[shortest - 1]
-        arrays = kind.inputs_of(batch, estimates), log_probabilities(estimates), modes, costs, weights
+        arrays = (
+            kind.inputs_of(batch, estimates),
+            log_probabilities(estimates),
+            modes,
+            costs,
+            weights,
+        )
         return Batch(*(torch.from_numpy(one[:shortest, kept]) for one in arrays))
 
 
 def mean_reward(batch: Batch, stated: NDArray[np.int64]) -> dict[str, float]:
-    """Return the mean reward of a position and the share of right statements, from statements (T, N)."""
-    modes, costs, weights = (part.numpy() for part in (batch.true_modes, batch.change_cost, batch.weight))
+    """Return the mean reward of a position and the share of right statements, from statements
+    (T, N).
+    """
+    modes, costs, weights = (
+        part.numpy() for part in (batch.true_modes, batch.change_cost, batch.weight)
+    )
     right = stated == modes
     wrong = np.diff(stated, axis=0, prepend=stated[:1]).astype(np.bool_) & ~right
     total = weights.sum()
@@ -156,15 +211,21 @@ def mean_reward(batch: Batch, stated: NDArray[np.int64]) -> dict[str, float]:
 
 
 class GliderRun(FlightRun):
-    """A training run on simulated flights of gliders, with the labels of both rules of `label_gliders`."""
+    """A training run on simulated flights of gliders, with the labels of both rules of
+    `label_gliders`.
+    """
 
     decider = GliderAgent
-    next_command = "hybridtrack compare --gliders --source igc-xc-score-1.8.0.tgz --deciders imm-climb"
+    next_command = (
+        "hybridtrack compare --gliders --source igc-xc-score-1.8.0.tgz --deciders imm-climb"
+    )
     early = 4.0
     simulation: ClassVar[dict[str, Any]] = dict(RANGES)
     curve_flights = (40,)
 
     def draw(self, counts: tuple[int, ...], generator: np.random.Generator) -> Simulated:
         """See `FlightRun.draw`; each flight has settings of its own."""
-        flights = [simulate_glider(STEP * self.settings.rows, generator) for _ in range(sum(counts))]
+        flights = [
+            simulate_glider(STEP * self.settings.rows, generator) for _ in range(sum(counts))
+        ]
         return flights, label_gliders(flights), [STEP] * len(flights)

@@ -1,6 +1,8 @@
-"""Training with algorithms of Stable-Baselines3 and sb3-contrib as resumable runs: PPO, A2C, DQN and their kin.
+"""Training with algorithms of Stable-Baselines3 and sb3-contrib as resumable runs: PPO, A2C, DQN
+and their kin.
 
-The agent declares the mode of a segment, or states one at every tick where nobody announces the switches.
+The agent declares the mode of a segment, or states one at every tick where nobody announces the
+switches.
 """
 
 import math
@@ -34,7 +36,10 @@ from hybrid_env.checks import ArgumentError, check_flag, check_integer, check_nu
 
 def plain_values(logged: Mapping[str, Any]) -> dict[str, Any]:
     """Return the numbers and texts among logged values, as plain values."""
-    plain = {name: value.item() if isinstance(value, np.generic) else value for name, value in logged.items()}
+    plain = {
+        name: value.item() if isinstance(value, np.generic) else value
+        for name, value in logged.items()
+    }
     return {name: value for name, value in plain.items() if isinstance(value, (int, float, str))}
 
 
@@ -44,10 +49,16 @@ class MetricsWriter(KVWriter):
     def __init__(self, folder: Path):
         self.folder = folder
 
-    def write(self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0) -> None:
+    def write(
+        self,
+        key_values: dict[str, Any],
+        key_excluded: dict[str, tuple[str, ...]],
+        step: int = 0,
+    ) -> None:
         """Append the values of an update."""
         values = plain_values(key_values)
-        values.pop("time/iterations", None)  # counted from the last start
+        # Counted from the last start.
+        values.pop("time/iterations", None)
         run_folder.append_metrics(self.folder, step, values)
 
     def close(self) -> None:
@@ -62,16 +73,26 @@ class Events(TensorBoardOutputFormat):
         self.writer = SummaryWriter(str(folder), purge_step=steps + 1)
         self._is_closed = False
 
-    def write(self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0) -> None:
+    def write(
+        self,
+        key_values: dict[str, Any],
+        key_excluded: dict[str, tuple[str, ...]],
+        step: int = 0,
+    ) -> None:
         """Write the values of an update."""
         try:
             super().write(key_values, key_excluded, step)
         except OSError as error:
-            raise reject("run", str(self.folder), f"a folder that can be written ({error.strerror})") from None
+            raise reject(
+                "run",
+                str(self.folder),
+                f"a folder that can be written ({error.strerror})",
+            ) from None
 
     def close(self) -> None:
         """Close the file."""
-        with suppress(OSError):  # every `write` flushes, so nothing is lost here
+        # Every `write` flushes, so nothing is lost here.
+        with suppress(OSError):
             super().close()
 
 
@@ -82,7 +103,9 @@ def without_tracebacks_of_threads() -> Iterator[None]:
     The error is raised again by the next `write`.
     """
     hook = threading.excepthook
-    threading.excepthook = lambda error: None if issubclass(error.exc_type, OSError) else hook(error)
+    threading.excepthook = lambda error: (
+        None if issubclass(error.exc_type, OSError) else hook(error)
+    )
     try:
         yield
     finally:
@@ -101,18 +124,29 @@ class _RunCallback(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         self.run.num_timesteps = self.model.num_timesteps
-        self.run.between_updates()  # the update for all steps so far is complete
+        # The update for all steps so far is complete.
+        self.run.between_updates()
 
     def _on_rollout_end(self) -> None:
         reward, ticks = self.run.recent_means()
         if self.on_progress is not None:
-            self.on_progress(TrainingProgress(self.model.num_timesteps, self.run.steps, reward, ticks))
+            self.on_progress(
+                TrainingProgress(self.model.num_timesteps, self.run.steps, reward, ticks)
+            )
 
 
-CLASSES = {"ppo": "PPO", "recurrent_ppo": "RecurrentPPO", "a2c": "A2C", "dqn": "DQN", "qrdqn": "QRDQN"}
+CLASSES = {
+    "ppo": "PPO",
+    "recurrent_ppo": "RecurrentPPO",
+    "a2c": "A2C",
+    "dqn": "DQN",
+    "qrdqn": "QRDQN",
+}
 """Classes of the algorithms; those that Stable-Baselines3 lacks are in sb3-contrib."""
 LOGGED_EPISODES = 500
-"""Episodes between two lines of metrics of DQN and QR-DQN; the others write one for each rollout."""
+"""Episodes between two lines of metrics of DQN and QR-DQN; the others write one for each
+rollout.
+"""
 BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 """Arrays of a replay buffer."""
 
@@ -131,8 +165,8 @@ def _model_class(algo: str) -> Any:
 class LibraryRun(Run):
     """A run of an algorithm of `CLASSES`; see `agents.training.runs.make_run` for the arguments.
 
-    `steps` is rounded up to a multiple of the rollout size. Recipes whose initial policy waits are refused where a
-    mode is stated at every tick.
+    `steps` is rounded up to a multiple of the rollout size. Recipes whose initial policy waits are
+    refused where a mode is stated at every tick.
     """
 
     settings: LibrarySettings
@@ -148,25 +182,35 @@ class LibraryRun(Run):
         rate, decays = learning_rate_schedule(settings.learning_rate)
         try:
             self.model = kind(
-                settings.policy, env,
+                settings.policy,
+                env,
                 learning_rate=lambda remaining: rate * max(remaining, 0.0) if decays else rate,
-                seed=self.seed, device="cpu", **settings.keywords,
+                seed=self.seed,
+                device="cpu",
+                **settings.keywords,
                 policy_kwargs=policy_kwargs_with_features(
-                    settings.policy_kwargs, settings.observe, type(env.env.world.layout)
+                    settings.policy_kwargs,
+                    settings.observe,
+                    type(env.env.world.layout),
                 ),
-            )  # fmt: skip
+            )
         except ArgumentError:
             raise
         except (TypeError, KeyError, ValueError, AttributeError, AssertionError) as error:
             keywords = dict(settings.policy_kwargs)
-            raise reject("policy_kwargs", keywords, f"keyword arguments of {settings.policy} ({error})") from None
+            raise reject(
+                "policy_kwargs",
+                keywords,
+                f"keyword arguments of {settings.policy} ({error})",
+            ) from None
         if self.task.waits:
             self._prefer_waiting(settings.wait_bias)
         elif settings.wait_bias:
             allowed = "0 for an agent that states a mode at every tick, which cannot wait"
             raise reject("wait_bias", settings.wait_bias, allowed)
-        # as at the start of `learn` of Stable-Baselines3, so that a checkpoint can be restored
-        env.seed(seeds.TRAINING + 10**9 * self.seed)  # of the first track
+        # As at the start of `learn` of Stable-Baselines3, so that a checkpoint can be restored
+        # Of the first track.
+        env.seed(seeds.TRAINING + 10**9 * self.seed)
         self.model._last_obs = env.reset()
         self.model._last_episode_starts = np.ones(settings.n_envs, np.bool_)
         self.model.ep_info_buffer = deque(maxlen=self.model._stats_window_size)
@@ -180,8 +224,11 @@ class LibraryRun(Run):
     def _prefer_waiting(self, bias: float) -> None:
         policy = self.model.policy
         values = value_network(policy)
-        *_, last = (one for one in (values or policy.action_net).modules() if isinstance(one, nn.Linear))
-        last.bias.view(-1, self.model.action_space.n)[:, 0] = bias  # one row for each quantile
+        *_, last = (
+            one for one in (values or policy.action_net).modules() if isinstance(one, nn.Linear)
+        )
+        # One row for each quantile.
+        last.bias.view(-1, self.model.action_space.n)[:, 0] = bias
         if values is not None:
             target = getattr(policy, "q_net_target", None) or policy.quantile_net_target
             target.load_state_dict(values.state_dict())
@@ -199,7 +246,9 @@ class LibraryRun(Run):
         return ACTORS[self.task.switches](self.model.policy).trained(name)
 
     def evaluate(self) -> None:
-        """See `Run.evaluate`; only if the actions are declarations of hypotheses or types, or statements."""
+        """See `Run.evaluate`; only if the actions are declarations of hypotheses or types, or
+        statements.
+        """
         if not self.task.waits or self.world.actions != "best":
             super().evaluate()
 
@@ -208,7 +257,9 @@ class LibraryRun(Run):
         episodes = self.model.ep_info_buffer
         if not episodes:
             return math.nan, math.nan
-        reward, ticks = (float(np.mean([one[key] for one in episodes])) / self.task.length for key in ("r", "l"))
+        reward, ticks = (
+            float(np.mean([one[key] for one in episodes])) / self.task.length for key in ("r", "l")
+        )
         self.model.logger.record(f"{self.task.wording.unit}/reward", reward)
         if not self.task.waits:
             return reward, math.nan
@@ -217,7 +268,7 @@ class LibraryRun(Run):
 
     def track_tensors(self) -> dict[str, Tensor]:
         model = self.model
-        # not public, but the save() of Stable-Baselines3 pickles, and does not save the tracks
+        # Not public, but the save() of Stable-Baselines3 pickles, and does not save the tracks.
         arrays = {"observation": model._last_obs, "episode_start": model._last_episode_starts}
         arrays |= model.env.state_arrays()
         if self.buffer is not None:
@@ -225,23 +276,30 @@ class LibraryRun(Run):
         tensors = {name: torch.from_numpy(array) for name, array in arrays.items()}
         if self.recipe.algo == "recurrent_ppo":
             states = model._last_lstm_states
-            for name, pair in (("actor", states.pi), ("critic", states.vf)):
+            for name, pair in (
+                ("actor", states.pi),
+                ("critic", states.vf),
+            ):
                 tensors |= {f"lstm_{name}.{k}": state for k, state in enumerate(pair)}
         return tensors
 
     def values(self) -> dict[str, Any]:
         model = self.model
         values = {
-            "random": checkpoint.random_state(), "updates": model._n_updates,
+            "random": checkpoint.random_state(),
+            "updates": model._n_updates,
             "logged": plain_values(model.logger.name_to_value),
             "episodes": [[episode["r"], episode["l"]] for episode in model.ep_info_buffer],
-        }  # fmt: skip
+        }
         if self.buffer is not None:
             values |= {
-                "calls": model._n_calls, "finished": model._episode_num, "exploration": float(model.exploration_rate),
-                "position": self.buffer.pos, "full": self.buffer.full,
+                "calls": model._n_calls,
+                "finished": model._episode_num,
+                "exploration": float(model.exploration_rate),
+                "position": self.buffer.pos,
+                "full": self.buffer.full,
                 "actions": model.action_space.np_random.bit_generator.state,
-            }  # fmt: skip
+            }
         return values
 
     def restore_values(self, values: dict[str, Any]) -> None:
@@ -250,14 +308,21 @@ class LibraryRun(Run):
         self._random = checkpoint.parse_random_state(values["random"])
         self._logged = checkpoint.check_scalars(values["logged"])
         model._n_updates = check_integer("updates", values["updates"], minimum=0)
-        model.ep_info_buffer.extend({"r": float(reward), "l": int(ticks)} for reward, ticks in values["episodes"])
+        model.ep_info_buffer.extend(
+            {"r": float(reward), "l": int(ticks)} for reward, ticks in values["episodes"]
+        )
         buffer = self.buffer
         if buffer is not None:
             model._n_calls, model._episode_num = (
                 check_integer(name, values[name], minimum=0) for name in ("calls", "finished")
             )
             model.exploration_rate = check_number("exploration", values["exploration"])
-            buffer.pos = check_integer("position", values["position"], minimum=0, maximum=buffer.buffer_size - 1)
+            buffer.pos = check_integer(
+                "position",
+                values["position"],
+                minimum=0,
+                maximum=buffer.buffer_size - 1,
+            )
             buffer.full = check_flag("full", values["full"])
             if not ((buffer.actions >= 0) & (buffer.actions < model.action_space.n)).all():
                 raise ValueError("an action is out of range")
@@ -270,10 +335,12 @@ class LibraryRun(Run):
         if self.folder is not None:
             writers = [MetricsWriter(self.folder), Events(self.folder, self.num_timesteps)]
         model.set_logger(Logger(None if self.folder is None else str(self.folder), writers))
-        for name, value in self._logged.items():  # by the last update before the checkpoint, not written yet
-            excluded = "tensorboard" if name == "train/n_updates" else None  # as Stable-Baselines3 does
+        # By the last update before the checkpoint, not written yet.
+        for name, value in self._logged.items():
+            # As Stable-Baselines3 does.
+            excluded = "tensorboard" if name == "train/n_updates" else None
             model.logger.record(name, value, excluded)
-        # the generators are global, so they are set here and not when the run is created
+        # The generators are global, so they are set here and not when the run is created.
         if self._random is not None:
             torch.set_rng_state(self._random[0])
             np.random.set_state(self._random[1])  # noqa: NPY002
@@ -281,15 +348,23 @@ class LibraryRun(Run):
             model.set_random_seed(self.seed)
         if self._actions is not None:
             checkpoint.restore_generator(model.action_space.np_random, self._actions)
-        self._random, self._actions, self._logged = None, None, {}
+        self._random = None
+        self._actions = None
+        self._logged = {}
         callback = _RunCallback(self, on_progress)
         interval = 1 if self.buffer is None else LOGGED_EPISODES
         try:
-            model.learn(self.steps - self.num_timesteps, callback, interval, reset_num_timesteps=False)
+            model.learn(
+                self.steps - self.num_timesteps,
+                callback,
+                interval,
+                reset_num_timesteps=False,
+            )
             self.num_timesteps = model.num_timesteps
         except ArgumentError:
             raise
-        except ValueError as error:  # probabilities that are not finite
+        except ValueError as error:
+            # Probabilities that are not finite.
             raise ArgumentError(f"the training has diverged: {first_line(error)}") from error
         finally:
             model.logger.close()

@@ -1,4 +1,6 @@
-"""Hyper-parameters of the algorithms of Stable-Baselines3 and sb3-contrib, named as in the libraries."""
+"""Hyper-parameters of the algorithms of Stable-Baselines3 and sb3-contrib, named as in the
+libraries.
+"""
 
 import dataclasses
 import math
@@ -10,32 +12,50 @@ from typing import Any
 from agents.learned.policy_file import check_policy_kwargs
 from hybrid_env.checks import check_between, check_integer, check_positive, ranged, reject
 
-OURS = ("n_envs", "learning_rate", "policy", "policy_kwargs", "wait_bias", "observe", "reward_scale")
+OURS = (
+    "n_envs",
+    "learning_rate",
+    "policy",
+    "policy_kwargs",
+    "wait_bias",
+    "observe",
+    "reward_scale",
+)
 """Settings that are no plain keywords of an algorithm."""
-LARGEST_ROLLOUT = 2**21  # samples of an update of PPO, which then take less than a gigabyte
-LARGEST_BUFFER = 10**6  # transitions, which then take a quarter of a gigabyte with three hypotheses
-LARGEST_BATCH = 2**12  # transitions, whose pairs of quantiles then take less than a gigabyte
-LARGEST_COUNT = 100_000  # tracks, steps or passes
-LARGEST_WEIGHT = 100.0  # of a part of the loss, and of the initial bias
+# Samples of an update of PPO, which then take less than a gigabyte.
+LARGEST_ROLLOUT = 2**21
+# Transitions, which then take a quarter of a gigabyte with three hypotheses.
+LARGEST_BUFFER = 10**6
+# Transitions, whose pairs of quantiles then take less than a gigabyte.
+LARGEST_BATCH = 2**12
+# Tracks, steps or passes.
+LARGEST_COUNT = 100_000
+# Of a part of the loss, and of the initial bias.
+LARGEST_WEIGHT = 100.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class LibrarySettings:
     """Hyper-parameters that all algorithms have; base class.
 
-    The default gamma is 1: segments are fast-forwarded after a declaration, and delay is already penalised by
-    the delay cost.
+    The default gamma is 1: segments are fast-forwarded after a declaration, and delay is already
+    penalised by the delay cost.
     """
 
-    n_envs: int  # parallel tracks
-    learning_rate: str | float  # constant, or "lin_" and the initial value for linear decay to zero
-    policy: str  # class of the policy
+    # Parallel tracks.
+    n_envs: int
+    # Constant, or "lin_" and the initial value for linear decay to zero.
+    learning_rate: str | float
+    # Class of the policy.
+    policy: str
     policy_kwargs: Mapping[str, Any] = field(default_factory=dict)
-    gamma: float = 1.0  # discount factor
-    # initial bias of the waiting action, on its logit or its value; with 0 an untrained policy declares immediately
-    # and does not learn to wait
+    # Discount factor.
+    gamma: float = 1.0
+    # Initial bias of the waiting action, on its logit or its value; with 0 an untrained policy
+    # declares immediately and does not learn to wait.
     wait_bias: float = 5.0
-    observe: tuple[str, ...] = ()  # names of the observed quantities, see `ObservationFeatures`; all if empty
+    # Names of the observed quantities, see `ObservationFeatures`; all if empty.
+    observe: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         check_integer("n_envs", self.n_envs, maximum=LARGEST_COUNT)
@@ -53,18 +73,28 @@ class LibrarySettings:
     @property
     def keywords(self) -> dict[str, Any]:
         """Plain keywords of the algorithm."""
-        return {one.name: getattr(self, one.name) for one in dataclasses.fields(self) if one.name not in OURS}
+        return {
+            one.name: getattr(self, one.name)
+            for one in dataclasses.fields(self)
+            if one.name not in OURS
+        }
 
 
 def learning_rate_schedule(rate: str | float) -> tuple[float, bool]:
-    """Return the initial learning rate, in (0, 1], and whether it decays linearly, with "lin_" before it."""
+    """Return the initial learning rate, in (0, 1], and whether it decays linearly, with "lin_"
+    before it.
+    """
     decays = isinstance(rate, str) and rate.startswith("lin_")
     value = math.nan
     if isinstance(rate, (str, int, float)):
         with suppress(ValueError, OverflowError):
             value = float(rate.removeprefix("lin_") if isinstance(rate, str) else rate)
     if isinstance(rate, bool) or not 0.0 < value <= 1.0:
-        raise reject("learning_rate", rate, "a number above 0, at most 1, or lin_ and such a number")
+        raise reject(
+            "learning_rate",
+            rate,
+            "a number above 0, at most 1, or lin_ and such a number",
+        )
     return value, decays
 
 
@@ -81,9 +111,12 @@ check_weight = ranged(-LARGEST_WEIGHT, LARGEST_WEIGHT, f"a magnitude of at most 
 class A2CSettings(LibrarySettings):
     """Hyper-parameters of A2C."""
 
-    n_steps: int  # of each track per rollout
-    gae_lambda: float  # of generalized advantage estimation
-    ent_coef: float  # entropy coefficient of the loss
+    # Of each track per rollout.
+    n_steps: int
+    # Of generalized advantage estimation.
+    gae_lambda: float
+    # Entropy coefficient of the loss.
+    ent_coef: float
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -92,15 +125,21 @@ class A2CSettings(LibrarySettings):
         check_positive("ent_coef", self.ent_coef, allow_zero=True)
         check_weight("ent_coef", self.ent_coef)
         if self.n_envs * self.n_steps > LARGEST_ROLLOUT:
-            raise reject("n_steps", self.n_steps, f"n_envs x n_steps of at most {LARGEST_ROLLOUT:,}")
+            raise reject(
+                "n_steps",
+                self.n_steps,
+                f"n_envs x n_steps of at most {LARGEST_ROLLOUT:,}",
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
 class PPOSettings(A2CSettings):
     """Hyper-parameters of PPO and RecurrentPPO."""
 
-    batch_size: int  # of a mini-batch; a divisor of n_envs x n_steps
-    n_epochs: int  # passes over a rollout per update
+    # Of a mini-batch; a divisor of n_envs x n_steps.
+    batch_size: int
+    # Passes over a rollout per update.
+    n_epochs: int
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -108,28 +147,42 @@ class PPOSettings(A2CSettings):
         check_integer("batch_size", self.batch_size, minimum=2)
         samples = self.n_envs * self.n_steps
         if samples % self.batch_size:
-            raise reject("batch_size", self.batch_size, f"a divisor of n_envs x n_steps = {samples}")
+            raise reject(
+                "batch_size",
+                self.batch_size,
+                f"a divisor of n_envs x n_steps = {samples}",
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
 class QSettings(LibrarySettings):
     """Hyper-parameters of DQN and QR-DQN; with `net_arch: []` of Q-learning with linear values.
 
-    The loss is quadratic for errors below 1 only: without a scale of the rewards, values of large costs would lie near
-    the median of the returns and not at their mean.
+    The loss is quadratic for errors below 1 only: without a scale of the rewards, values of large
+    costs would lie near the median of the returns and not at their mean.
     """
 
-    buffer_size: int  # transitions of the replay buffer, at least one for each track
-    batch_size: int  # transitions of an update
-    learning_starts: int  # environment steps before the first update, in which actions are random
-    train_freq: int  # steps of each track between updates
-    gradient_steps: int  # updates then
-    target_update_interval: int  # environment steps between updates of the target network, at least n_envs
-    exploration_fraction: float  # share of the training in which the share of random actions decreases
-    exploration_final_eps: float  # share of random actions at last
+    # Transitions of the replay buffer, at least one for each track.
+    buffer_size: int
+    # Transitions of an update.
+    batch_size: int
+    # Environment steps before the first update, in which actions are random.
+    learning_starts: int
+    # Steps of each track between updates.
+    train_freq: int
+    # Updates then.
+    gradient_steps: int
+    # Environment steps between updates of the target network, at least n_envs.
+    target_update_interval: int
+    # Share of the training in which the share of random actions decreases.
+    exploration_fraction: float
+    # Share of random actions at last.
+    exploration_final_eps: float
     exploration_initial_eps: float = 1.0
-    n_steps: int = 1  # rewards of a track that a target sums before it takes the value of the network
-    reward_scale: float = 1.0  # factor of the rewards
+    # Rewards of a track that a target sums before it takes the value of the network.
+    n_steps: int = 1
+    # Factor of the rewards.
+    reward_scale: float = 1.0
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,14 +1,14 @@
 """Training of the agents that state a mode at every tick, on their expected reward.
 
-Every round simulates new tracks or flights in batches. Each batch is divided into parts of some ticks, and
-one step of the optimizer is made for every part.
+Every round simulates new tracks or flights in batches. Each batch is divided into parts of some
+ticks, and one step of the optimizer is made for every part.
 
-Statements change neither the object nor the bank. The probabilities of the statements of a tick therefore
-follow from those of the last tick as in a Markov chain: the expected reward is a differentiable function of
-them, and needs no sampled actions.
+Statements change neither the object nor the bank. The probabilities of the statements of a tick
+therefore follow from those of the last tick as in a Markov chain: the expected reward is a
+differentiable function of them, and needs no sampled actions.
 
-A round of simulated tracks is determined by its number, so that a checkpoint between two rounds needs no
-other state than the network and its optimizer.
+A round of simulated tracks is determined by its number, so that a checkpoint between two rounds
+needs no other state than the network and its optimizer.
 """
 
 import math
@@ -40,17 +40,23 @@ from hybrid_env.durations import DRAWN
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.vector_env import HybridTrackQuickestVectorEnv
 
-LARGEST_GRADIENT = 0.5  # norm
+# Norm.
+LARGEST_GRADIENT = 0.5
 
 
 class Batch(NamedTuple):
     """T ticks of N tracks, of which an agent states the mode."""
 
-    inputs: Tensor  # (T, N, M - 1, inputs) of the network
-    log_probability: Tensor  # (T, N, M) of the modes in the filters
-    true_modes: Tensor  # (T, N)
-    change_cost: Tensor  # (T, N) cost of a change to a wrong mode
-    weight: Tensor  # (T, N) of the reward of each tick
+    # (T, N, M - 1, inputs) of the network.
+    inputs: Tensor
+    # (T, N, M) of the modes in the filters.
+    log_probability: Tensor
+    # (T, N)
+    true_modes: Tensor
+    # (T, N) cost of a change to a wrong mode.
+    change_cost: Tensor
+    # (T, N) of the reward of each tick.
+    weight: Tensor
 
     def split(self, ticks: int) -> Iterator["Batch"]:
         """Divide it into parts of `ticks` ticks; the last one may be shorter."""
@@ -60,14 +66,20 @@ class Batch(NamedTuple):
 def change_probabilities(utility: Tensor, stay: Tensor) -> Tensor:
     """Return the probabilities (T, N, M, M) of the next statement (last axis) given the last one.
 
-    The utility (T, N, M) is that of stating a mode; `stay` (T, N) is added where the statement is kept.
+    The utility (T, N, M) is that of stating a mode; `stay` (T, N) is added where the statement is
+    kept.
     """
     kept = stay[..., None, None] * torch.eye(utility.shape[-1])
     return torch.softmax(utility[..., None, :] + kept, -1)
 
 
-def expected_reward(outputs: StatementOutputs, batch: Batch, last: Tensor | None) -> tuple[Tensor, Tensor]:
-    """Return the expected mean reward of a tick (N,), and the probabilities of the last statement (N, M).
+def expected_reward(
+    outputs: StatementOutputs,
+    batch: Batch,
+    last: Tensor | None,
+) -> tuple[Tensor, Tensor]:
+    """Return the expected mean reward of a tick (N,), and the probabilities of the last
+    statement (N, M).
 
     `last` are those of the statement before the first tick; None where an episode begins.
     """
@@ -78,15 +90,18 @@ def expected_reward(outputs: StatementOutputs, batch: Batch, last: Tensor | None
     to_wrong = (1.0 - torch.eye(M)) * (1.0 - right)[..., None, :]
     wrong_changes = (change * to_wrong).sum(-1)
     probability = torch.softmax(utility[0], -1) if last is None else last
-    before, after = [], []
+    before = []
+    after = []
     for tick, matrix in enumerate(change.unbind(0)):
-        if tick == 0 and last is None:  # the first statement is no change
+        # The first statement is no change.
+        if tick == 0 and last is None:
             before.append(torch.zeros_like(probability))
         else:
             before.append(probability)
             probability = torch.bmm(probability[:, None], matrix)[:, 0]
         after.append(probability)
-    stated, previous = torch.stack(after), torch.stack(before)
+    stated = torch.stack(after)
+    previous = torch.stack(before)
     reward = (stated * right).sum(-1) - batch.change_cost * (previous * wrong_changes).sum(-1)
     return (batch.weight * reward).mean(0), probability
 
@@ -101,17 +116,22 @@ def cross_entropy(outputs: StatementOutputs, batch: Batch) -> Tensor:
 class StatementRun(OwnNetworkRun):
     """A training run on the expected reward; see `agents.training.runs.make_run` for the arguments.
 
-    Base class; the subclasses simulate what it trains on. Between two rounds no tracks have to be saved.
+    Base class; the subclasses simulate what it trains on. Between two rounds no tracks have to be
+    saved.
     """
 
     decider: ClassVar[type[UtilityDecider]]
-    settings: Any  # an `ExpectedRewardSettings`
-    round_steps: int  # steps of a round
-    world: QuickestOptions | None = None  # options of the environment of the agent, None if it has none
+    # An `ExpectedRewardSettings`.
+    settings: Any
+    # Steps of a round.
+    round_steps: int
+    # Options of the environment of the agent, None if it has none.
+    world: QuickestOptions | None = None
 
     def build(self) -> None:
         """Create network and optimizer."""
-        self.updates = 0  # steps of the optimizer so far
+        # Steps of the optimizer so far.
+        self.updates = 0
         self.prepare()
         torch.manual_seed(self.seed)
         self.net = self.decider.network(self.settings.hidden)
@@ -136,7 +156,9 @@ class StatementRun(OwnNetworkRun):
         return self.round_steps, reward, math.nan, metrics
 
     def _train_on(self, batch: Batch) -> tuple[float, float]:
-        """Make one step of the optimizer for each part; return the means of reward and cross-entropy."""
+        """Make one step of the optimizer for each part; return the means of reward and
+        cross-entropy.
+        """
         memory = last = None
         totals = np.zeros(2)
         parts = list(batch.split(self.settings.n_steps))
@@ -145,7 +167,11 @@ class StatementRun(OwnNetworkRun):
             outputs = self.net(part.inputs, part.log_probability, memory)
             reward, last = expected_reward(outputs, part, last)
             entropy = cross_entropy(outputs, part)
-            loss = self.settings.belief_weight * entropy - reward.mean() + self.further_loss(outputs, part)
+            loss = (
+                self.settings.belief_weight * entropy
+                - reward.mean()
+                + self.further_loss(outputs, part)
+            )
             self.optimizer.zero_grad(set_to_none=False)
             loss.backward()
             nn.utils.clip_grad_norm_(self.net.parameters(), LARGEST_GRADIENT)
@@ -161,31 +187,51 @@ class StatementRun(OwnNetworkRun):
         return 0.0
 
 
-HAZARDS = 1 / 160, 1 / 30  # range of the bank's hazard where the law of the durations is drawn
-LARGEST_ROUND = 2**22  # tracks x ticks x turns, whose inputs take half a gigabyte
+# Range of the bank's hazard where the law of the durations is drawn.
+HAZARDS = 1 / 160, 1 / 30
+# Tracks x ticks x turns, whose inputs take half a gigabyte.
+LARGEST_ROUND = 2**22
 
 
 class TrackRun(StatementRun):
-    """A training run on simulated tracks; it refuses an environment in which modes are not stated."""
+    """A training run on simulated tracks; it refuses an environment in which modes are not
+    stated.
+    """
 
     decider: ClassVar[type[UtilityDecider]] = StatementDecider
     smallest_factor: ClassVar[float] = 0.01
     settings: StatementSettings
 
-    def simulate(self, world: QuickestOptions, tracks: int, seed: int, inexact: bool) -> tuple[NDArray[Any], ...]:
-        """Return inputs, log-probabilities and true modes of one episode of each track; see `simulate`."""
+    def simulate(
+        self,
+        world: QuickestOptions,
+        tracks: int,
+        seed: int,
+        inexact: bool,
+    ) -> tuple[NDArray[Any], ...]:
+        """Return inputs, log-probabilities and true modes of one episode of each track; see
+        `simulate`.
+        """
         assert issubclass(self.decider, StatementDecider)
         return simulate(world, tracks, seed, self.decider(self.net, world), inexact)
 
     def prepare(self) -> None:
         task = task_of(self.env_id, self.options)
         if task.switches != self.decider.task:
-            raise reject("env", self.env_id, "an environment in which a mode is stated at every tick")
+            raise reject(
+                "env",
+                self.env_id,
+                "an environment in which a mode is stated at every tick",
+            )
         self.world: QuickestOptions = task.options
         world = self.world
         if self.settings.inexact:
             if self.decider.observes != "rows":
-                raise reject("inexact", self.settings.inexact, "0 for an agent that does not read rows")
+                raise reject(
+                    "inexact",
+                    self.settings.inexact,
+                    "0 for an agent that does not read rows",
+                )
             for name in ("noise", "missed", "sensors", "object_variance", "start"):
                 if getattr(world, name) != getattr(QuickestOptions(), name):
                     raise reject(name, getattr(world, name), "the default with the setting inexact")
@@ -207,20 +253,27 @@ class TrackRun(StatementRun):
             self.simulate(self._draw_world(generator, law), count, first + k * count, law is None)
             for k, law in enumerate(self._laws)
         ]
-        arrays = [torch.from_numpy(np.concatenate(part, axis=1)) for part in zip(*parts, strict=True)]
+        arrays = [
+            torch.from_numpy(np.concatenate(part, axis=1)) for part in zip(*parts, strict=True)
+        ]
         order = generator.permutation(self._round_tracks)
         for start in range(0, len(order), self.settings.batch_size):
-            inputs, logs, modes = (array[:, order[start : start + self.settings.batch_size]] for array in arrays)
+            inputs, logs, modes = (
+                array[:, order[start : start + self.settings.batch_size]] for array in arrays
+            )
             costs = torch.full(modes.shape, self.world.change_cost)
             yield Batch(inputs, logs, modes, costs, torch.ones(modes.shape))
 
     def _draw_world(self, generator: np.random.Generator, law: str | None) -> QuickestOptions:
         if law is None:
             return draw_told(generator, replace(self.world, ticks=self._ticks))
-        variance, radius = (log_uniform(generator, *one) for one in (self.settings.variances, self.settings.radii))
+        variance, radius = (
+            log_uniform(generator, *one) for one in (self.settings.variances, self.settings.radii)
+        )
         variances = tuple(variance * self.world.variances)
         habits: dict[str, Any] = {"durations": law}
-        if law == DRAWN:  # the bank's hazard follows from the law, which is then unknown
+        # The bank's hazard follows from the law, which is then unknown.
+        if law == DRAWN:
             hazard = float(log_uniform(generator, *HAZARDS))
             habits |= {"order": DRAWN, "hazard": min(hazard, 1.0 - 1.0 / self.world.hypotheses)}
         return replace(
@@ -239,16 +292,25 @@ class RhythmRun(TrackRun):
 
 
 class JumpMarkovRun(TrackRun):
-    """A training run of the jump-Markov net on the tracks of `TrackRun`, without their true states."""
+    """A training run of the jump-Markov net on the tracks of `TrackRun`, without their true
+    states.
+    """
 
     decider = JumpMarkovDecider
 
-    def simulate(self, world: QuickestOptions, tracks: int, seed: int, inexact: bool) -> tuple[NDArray[Any], ...]:
+    def simulate(
+        self,
+        world: QuickestOptions,
+        tracks: int,
+        seed: int,
+        inexact: bool,
+    ) -> tuple[NDArray[Any], ...]:
         """See `TrackRun.simulate`; the inputs are (T, N, 6 + M - 1), see `track_inputs`."""
         env = make_tracks(world, tracks, inexact)
         env.reset(seed=seed)
         decider = JumpMarkovDecider(self.net, world)
-        seen, modes = [], []
+        seen = []
+        modes = []
         for _ in range(world.ticks):
             seen.append(decider.observe(env.world))
             modes.append(env.world.field("true_mode").astype(np.int64))
@@ -257,25 +319,39 @@ class JumpMarkovRun(TrackRun):
         return np.array([track_inputs(world, one) for one in seen]), logs, np.array(modes)
 
     def further_loss(self, outputs: StatementOutputs, batch: Batch) -> Tensor | float:
-        """Return the mean negative log-likelihood of a measurement by the filter of the true mode."""
+        """Return the mean negative log-likelihood of a measurement by the filter of the true
+        mode.
+        """
         assert outputs.logs is not None
         return -outputs.logs.gather(-1, batch.true_modes[..., None]).mean()
 
 
 def make_tracks(world: QuickestOptions, tracks: int, inexact: bool) -> Any:
-    """Return a vector environment; `inexact` objects move otherwise than told, with rows of the likeliest noise."""
+    """Return a vector environment; `inexact` objects move otherwise than told, with rows of the
+    likeliest noise.
+    """
     if inexact:
         return GivenTracks(inexact_travel, world, tracks, FACTORS)
-    return HybridTrackQuickestVectorEnv(tracks, autoreset_mode="Disabled", tick_info=False, **vars(world))
+    return HybridTrackQuickestVectorEnv(
+        tracks,
+        autoreset_mode="Disabled",
+        tick_info=False,
+        **vars(world),
+    )
 
 
 def simulate(
-    world: QuickestOptions, tracks: int, seed: int, decider: StatementDecider | None = None, inexact: bool = False
+    world: QuickestOptions,
+    tracks: int,
+    seed: int,
+    decider: StatementDecider | None = None,
+    inexact: bool = False,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]:
-    """Return inputs (T, N, M - 1, k), log-probabilities (T, N, M) and true modes (T, N) of one episode each.
+    """Return inputs (T, N, M - 1, k), log-probabilities (T, N, M) and true modes (T, N) of one
+    episode each.
 
-    The inputs are those of the network of a decider, by default a `StatementDecider`; the network is not used.
-    inexact: whether objects move otherwise than told, see `make_tracks`.
+    The inputs are those of the network of a decider, by default a `StatementDecider`; the network
+    is not used. inexact: whether objects move otherwise than told, see `make_tracks`.
     """
     if decider is None:
         decider = StatementDecider(StatementDecider.network(1), world)
@@ -284,9 +360,12 @@ def simulate(
     all_rows = np.empty((world.ticks, *rows.shape), np.float32)
     log_probability = np.empty((world.ticks, tracks, world.hypotheses), np.float32)
     true_modes, ages = (np.empty((world.ticks, tracks), np.int64) for _ in range(2))
-    best, age, statement = np.full(tracks, -1), np.zeros(tracks, np.int64), np.zeros(tracks, np.int64)
+    best = np.full(tracks, -1)
+    age = np.zeros(tracks, np.int64)
+    statement = np.zeros(tracks, np.int64)
     more: list[NDArray[np.float32]] = []
-    filters, starts = None, np.zeros(tracks, np.bool_)
+    filters = None
+    starts = np.zeros(tracks, np.bool_)
     for tick in range(world.ticks):
         all_rows[tick], true_modes[tick] = rows, env.world.field("true_mode")
         _, seen = decider.divide(rows if decider.observes == "rows" else decider.observe(env.world))
@@ -296,6 +375,7 @@ def simulate(
             more.append(further)
         previous, best = best, bank.argmax(-1)
         ages[tick] = age = count_ages(best, previous, age)
-        rows, *_ = env.step(statement)  # statements change only columns that the network does not read
+        # Statements change only columns that the network does not read.
+        rows, *_ = env.step(statement)
     inputs = statement_inputs(world, all_rows, ages, np.stack(more) if more else None)
     return inputs, log_probability, true_modes

@@ -1,10 +1,11 @@
 """Training of the learned stop on the expected reward of whole segments.
 
-Waiting does not change the object, so that a segment that runs to its end shows what a declaration at each of its
-ticks would have earned. The network gives the probability of declaring at every tick, and the expected reward of the
-segment is differentiated as it stands; deep optimal stopping, Becker, Cheridito & Jentzen 2019. What a wrong radius
-costs in the next segment is the prediction of the anchor agent. Half of the segments are decided by the agent in
-training, so that the anchors are those which follow its own declarations.
+Waiting does not change the object, so that a segment that runs to its end shows what a declaration
+at each of its ticks would have earned. The network gives the probability of declaring at every
+tick, and the expected reward of the segment is differentiated as it stands; deep optimal stopping,
+Becker, Cheridito & Jentzen 2019. What a wrong radius costs in the next segment is the prediction of
+the anchor agent. Half of the segments are decided by the agent in training, so that the anchors are
+those which follow its own declarations.
 
 A round is determined by its number: a checkpoint between two rounds needs no tracks.
 """
@@ -31,20 +32,27 @@ from hybrid_env.checks import IntArray, check_integer, reject
 from hybrid_env.options import WorldOptions
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
-LARGEST_GRADIENT = 1.0  # norm
-DISTURBANCE = 1.0  # deviation of the margin of a decided segment
+# Norm.
+LARGEST_GRADIENT = 1.0
+# Deviation of the margin of a decided segment.
+DISTURBANCE = 1.0
 
 
 class Paths(NamedTuple):
     """S segments that ran to their ends, with n ticks."""
 
-    inputs: NDArray[np.float32]  # (n, 30) one segment after the other
-    rewards: NDArray[np.float32]  # (n,) of a declaration at each tick, what it costs in the next segment included
-    lengths: IntArray  # (S,)
+    # (n, 30) one segment after the other.
+    inputs: NDArray[np.float32]
+    # (n,) of a declaration at each tick, what it costs in the next segment included.
+    rewards: NDArray[np.float32]
+    # (S,)
+    lengths: IntArray
 
 
 class Explorer(Decider):
-    """An agent in training that lets half of the segments run to their ends, and remembers what it has seen."""
+    """An agent in training that lets half of the segments run to their ends, and remembers what
+    it has seen.
+    """
 
     observes = "tracks"
 
@@ -57,8 +65,15 @@ class Explorer(Decider):
         """See `Decider.observe`."""
         return self.agent.observe(tracks)
 
-    def decide(self, observation: Observations, state: Any, episode_start: Any) -> tuple[Actions, Any]:
-        """See `Decider.decide`. The state is that of the agent, and margins (N,), infinite where a segment runs on."""
+    def decide(
+        self,
+        observation: Observations,
+        state: Any,
+        episode_start: Any,
+    ) -> tuple[Actions, Any]:
+        """See `Decider.decide`. The state is that of the agent, and margins (N,), infinite where
+        a segment runs on.
+        """
         inner, margin = state or (None, np.zeros(len(observation)))
         inputs, logits, posterior, inner = self.agent.logits(observation, inner, episode_start)
         rows = np.asarray(observation)[:, : self.layout.width]
@@ -68,16 +83,20 @@ class Explorer(Decider):
         margin = np.where(self.layout.read(rows, "ticks") < 1.5, drawn, margin)
         stops = (logits > margin) | (self.layout.read(rows, "ticks_left") < 0.5)
         best = error_and_best(posterior, self.agent.by_type)[1]
-        stopped, actions = np.flatnonzero(stops), np.zeros(tracks, np.int64)
+        stopped = np.flatnonzero(stops)
+        actions = np.zeros(tracks, np.int64)
         self.seen.append((inputs, rows, best, np.isinf(margin), stops))
         if stopped.size:
-            actions[stopped] = self.agent.declared(observation[stopped], posterior[stopped], inner, stopped) + 1
+            actions[stopped] = (
+                self.agent.declared(observation[stopped], posterior[stopped], inner, stopped) + 1
+            )
         return actions, (inner, margin)
 
     def paths(self, env: HybridTrackVectorEnv, seed: int) -> Paths:
         """Run one episode of every track; return the segments that ran to their ends."""
         unfinished = np.ones(env.num_envs, np.bool_)
-        modes, going = [], []
+        modes = []
+        going = []
         nothing = np.zeros(env.num_envs, np.int64)
         for now in rollout(env, self, seed):
             if now.step:
@@ -86,8 +105,11 @@ class Explorer(Decider):
             if not unfinished.any():
                 break
             going.append(unfinished)
-        inputs, rows, best, runs_on, stops = (np.stack(parts, 1) for parts in zip(*self.seen, strict=True))
-        kept = runs_on & np.stack(going, 1)  # (N, T)
+        inputs, rows, best, runs_on, stops = (
+            np.stack(parts, 1) for parts in zip(*self.seen, strict=True)
+        )
+        # (N, T)
+        kept = runs_on & np.stack(going, 1)
         ends = np.where(kept & stops)
         lengths = np.round(self.layout.read(rows[ends], "ticks")).astype(np.int64)
         true = np.repeat(np.stack(modes, 1)[ends], lengths)
@@ -95,15 +117,27 @@ class Explorer(Decider):
         return Paths(inputs[kept], rewards, lengths)
 
     def rewards(self, rows: Observations, best: IntArray, true: IntArray) -> NDArray[np.float32]:
-        """Return the rewards (n,) of declarations at rows (n, width), their cost in the next segment subtracted."""
+        """Return the rewards (n,) of declarations at rows (n, width), their cost in the next
+        segment subtracted.
+        """
         agent, kind = self.agent, mode_types(self.layout.hypotheses)
         right = kind[best] == kind[true] if agent.by_type else best == true
-        found = np.where(right, 1.0, -1.0) - agent.world.delay_cost * self.layout.read(rows, "ticks")
+        found = np.where(right, 1.0, -1.0) - agent.world.delay_cost * self.layout.read(
+            rows,
+            "ticks",
+        )
         if agent.world.follow != "bank":
             scales = Scales.of([agent.world], [len(rows)])
-            turn, each = turns_per_tick(self.layout, rows, scales), np.arange(len(rows))
+            turn = turns_per_tick(self.layout, rows, scales)
+            each = np.arange(len(rows))
             motion, process, *_ = ratios(self.layout, rows, scales)
-            of_track = motion, process, self.layout.read(rows, "ticks_left"), scales.follows_bank, scales.anchor_aware
+            of_track = (
+                motion,
+                process,
+                self.layout.read(rows, "ticks_left"),
+                scales.follows_bank,
+                scales.anchor_aware,
+            )
             inputs = regret_inputs(turn[each, best], turn[each, true], *of_track)
             with torch.no_grad():
                 found = found - agent.net.regret.regret(*inputs).double().numpy()
@@ -111,7 +145,9 @@ class Explorer(Decider):
 
 
 class StoppingRun(WorldsRun):
-    """A training run of the learned stop; the networks of an anchor agent are read and stay as they are."""
+    """A training run of the learned stop; the networks of an anchor agent are read and stay as
+    they are.
+    """
 
     smallest_factor: ClassVar[float] = 0.02
     decider = StoppingDecider
@@ -124,7 +160,11 @@ class StoppingRun(WorldsRun):
         self.create_worlds()
         self.net = StoppingNetworks(self.settings.hidden)
         weights, _ = load_policy(policy_folder(self.settings.agent, ANNOUNCED))
-        own = {name: tensor for name, tensor in self.net.state_dict().items() if name.startswith("stopping.")}
+        own = {
+            name: tensor
+            for name, tensor in self.net.state_dict().items()
+            if name.startswith("stopping.")
+        }
         try:
             load_weights(self.net, weights | own)
         except ValueError as error:
@@ -139,19 +179,26 @@ class StoppingRun(WorldsRun):
 
     def restore_values(self, values: dict[str, Any]) -> None:
         """See `Run.restore_values`."""
-        self.rounds = check_integer("rounds", values["rounds"], minimum=0, maximum=self.num_timesteps)
+        self.rounds = check_integer(
+            "rounds",
+            values["rounds"],
+            minimum=0,
+            maximum=self.num_timesteps,
+        )
 
     def train_round(self) -> Round:
         """See `Run.train_round`."""
         first = seeds.TRAINING + self.seed * 10**9 + self.rounds * 10**4
         generator = np.random.default_rng(first)
-        found, seed = [], first
+        found = []
+        seed = first
         for world, tracks in self._worlds(generator):
             env = HybridTrackVectorEnv(tracks, tick_info=False, **vars(world))
             found.append(Explorer(StoppingDecider(self.net, world), generator).paths(env, seed))
             seed += tracks
         inputs, rewards, lengths = (np.concatenate(parts) for parts in zip(*found, strict=True))
-        begins, totals = lengths.cumsum() - lengths, []
+        begins = lengths.cumsum() - lengths
+        totals = []
         self.set_learning_rate()
         for _ in range(self.settings.passes):
             order = generator.permutation(lengths.size)
@@ -162,7 +209,11 @@ class StoppingRun(WorldsRun):
                 inside = torch.from_numpy(ticks < lengths[chosen][:, None] - 1)
                 logits = self.net.stopping(torch.from_numpy(inputs[rows]))
                 earned = expected_reward(logits, torch.from_numpy(rewards[rows]), inside)
-                decided = expected_reward(logits.detach(), torch.from_numpy(ticks + 1).expand(rows.shape), inside)
+                decided = expected_reward(
+                    logits.detach(),
+                    torch.from_numpy(ticks + 1).expand(rows.shape),
+                    inside,
+                )
                 self.optimizer.zero_grad(set_to_none=False)
                 (-earned.mean()).backward()
                 nn.utils.clip_grad_norm_(self.net.stopping.parameters(), LARGEST_GRADIENT)
@@ -173,11 +224,17 @@ class StoppingRun(WorldsRun):
         return len(inputs), reward, delay, {"expected_reward": reward}
 
     def _worlds(self, generator: np.random.Generator) -> list[tuple[WorldOptions, int]]:
-        """Return the environments of a round and their numbers of tracks; half of them with another delay cost."""
+        """Return the environments of a round and their numbers of tracks; half of them with
+        another delay cost.
+        """
         found = []
         for world, tracks in self.all_worlds(generator):
             low, high = np.log(self.settings.delay_costs)
-            cost = float(np.exp(generator.uniform(low, high))) if generator.random() < 0.5 else world.delay_cost
+            cost = (
+                float(np.exp(generator.uniform(low, high)))
+                if generator.random() < 0.5
+                else world.delay_cost
+            )
             found.append((WorldOptions.of(**{**vars(world), "delay_cost": cost}), tracks))
         return found
 
@@ -188,10 +245,12 @@ def expected_reward(logits: Tensor, rewards: Tensor, waits: Tensor) -> Tensor:
     Args:
         logits: (S, T) log-odds of declaring at a tick, if none before has declared.
         rewards: (S, T) of a declaration at this tick.
-        waits: (S, T) where the agent may wait: all ticks of the segment but the last, at which it must declare.
+        waits: (S, T) where the agent may wait: all ticks of the segment but the last, at which it
+            must declare.
     """
     pad, log_sigmoid = nn.functional.pad, nn.functional.logsigmoid
     stays = torch.where(waits, log_sigmoid(-logits), 0.0).cumsum(-1)
     declares = torch.where(waits, log_sigmoid(logits), 0.0)
-    inside = pad(waits, (1, 0), value=True)[:, :-1]  # up to the last tick of the segment
+    # Up to the last tick of the segment.
+    inside = pad(waits, (1, 0), value=True)[:, :-1]
     return ((pad(stays, (1, 0))[:, :-1] + declares).exp() * rewards * inside).sum(-1)

@@ -1,8 +1,9 @@
 """Supervised training on the segments of `RewardRun`.
 
-MSPRT-TANDEM, KalmanNet and the transformer learn from their true modes. The distilled agent imitates what the shipped
-agent states on its own rows: as in DAgger (Ross et al. 2011) the student drives, so that it meets the anchors that
-follow its own declarations, and the teacher is asked on every row.
+MSPRT-TANDEM, KalmanNet and the transformer learn from their true modes. The distilled agent
+imitates what the shipped agent states on its own rows: as in DAgger (Ross et al. 2011) the student
+drives, so that it meets the anchors that follow its own declarations, and the teacher is asked on
+every row.
 """
 
 from collections.abc import Sequence
@@ -42,7 +43,10 @@ class TransformerRun(TrueModesRun):
 
     def loss(self, inputs: Tensor, logs: Tensor, lengths: Tensor, *labels: Tensor) -> Tensor:
         """Return the mean cross-entropy of the true modes over all rows."""
-        return nn.functional.nll_loss(self.net(inputs, lengths), labels[0].repeat_interleave(lengths))
+        return nn.functional.nll_loss(
+            self.net(inputs, lengths),
+            labels[0].repeat_interleave(lengths),
+        )
 
 
 class TandemRun(TrueModesRun):
@@ -59,15 +63,21 @@ class TandemRun(TrueModesRun):
 def tandem_loss(net: WindowNet, inputs: Tensor, lengths: Tensor, modes: Tensor) -> Tensor:
     """Return the loss of S sequences of vectors (n, ..., inputs), of lengths and hypotheses (S,).
 
-    The log-sum-exp loss log(1 + sum over l of exp(-lambda_kl)) of Miyagawa & Ebihara 2021, for the ratios lambda_kl of
-    the true hypothesis k to all others l, is the cross-entropy of the log-likelihoods.
+    The log-sum-exp loss log(1 + sum over l of exp(-lambda_kl)) of Miyagawa & Ebihara 2021, for the
+    ratios lambda_kl of the true hypothesis k to all others l, is the cross-entropy of the
+    log-likelihoods.
     """
     ticks = torch.arange(len(inputs)) - (lengths.cumsum(0) - lengths).repeat_interleave(lengths) + 1
     each = modes.repeat_interleave(lengths)
     longer, shorter = (net(part) for part in windows_of(inputs, ticks, net.order))
     inside = ticks > 1
-    windows = nn.functional.nll_loss(longer, each) + nn.functional.nll_loss(shorter[inside], each[inside])
-    return nn.functional.cross_entropy(log_ratios(longer, shorter, ticks, net.order), each) + windows
+    windows = nn.functional.nll_loss(longer, each) + nn.functional.nll_loss(
+        shorter[inside],
+        each[inside],
+    )
+    return (
+        nn.functional.cross_entropy(log_ratios(longer, shorter, ticks, net.order), each) + windows
+    )
 
 
 class KalmanRun(TrueModesRun):
@@ -82,22 +92,28 @@ class KalmanRun(TrueModesRun):
         return filter_inputs(rows, tau), Layout.of_rows(rows).read(rows, "ticks")
 
     def loss(self, inputs: Tensor, logs: Tensor, lengths: Tensor, *labels: Tensor) -> Tensor:
-        """Return the negative log-likelihood of a measurement by the true filter, and the cross-entropy of a row."""
+        """Return the negative log-likelihood of a measurement by the true filter, and the
+        cross-entropy of a row.
+        """
         found, inside = segment_logs(self.net, inputs, lengths)
         true = labels[0].expand(inside.shape)[..., None]
         likelihood = found.gather(-1, true)[..., 0][inside].mean()
-        return nn.functional.cross_entropy(found.cumsum(0)[inside], true[..., 0][inside]) - likelihood
+        return (
+            nn.functional.cross_entropy(found.cumsum(0)[inside], true[..., 0][inside]) - likelihood
+        )
 
 
 def segment_logs(net: KalmanBank, inputs: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
-    """Return the log-likelihoods of every measurement (T, S, M), and which are inside their segments (T, S).
+    """Return the log-likelihoods of every measurement (T, S, M), and which are inside their
+    segments (T, S).
 
     The inputs (n, M + 1, 9) are those of all segments of `lengths` (S,) rows, one after the other.
     """
     ticks = torch.arange(int(lengths.max()))[:, None]
     rows = torch.minimum(ticks, lengths - 1) + lengths.cumsum(0) - lengths
     padded = inputs[rows].flatten(1, 2)
-    filters, found = net.begin(padded[0]), []
+    filters = net.begin(padded[0])
+    found = []
     for each in padded:
         filters, logs = net.advance(filters, each)
         found.append(logs)
@@ -109,7 +125,9 @@ FACTORS = 1.0, 0.1, 10.0
 
 
 class DistilledRun(RewardRun):
-    """A training run on the posterior of the shipped agent; it refuses sensors, which are not in the rows."""
+    """A training run on the posterior of the shipped agent; it refuses sensors, which are not in
+    the rows.
+    """
 
     decider = DistilledDecider
 
@@ -122,7 +140,9 @@ class DistilledRun(RewardRun):
         self.envs = [self.env]
         for factor in FACTORS[1:]:
             changed = self.options | {"measurement_variance": (factor * variance).tolist()}
-            self.envs.append(make_vector_env(self.env_id, self.settings.n_envs, tick_info=False, **changed))
+            self.envs.append(
+                make_vector_env(self.env_id, self.settings.n_envs, tick_info=False, **changed)
+            )
 
     def train_round(self) -> Round:
         home = self.env
@@ -131,7 +151,8 @@ class DistilledRun(RewardRun):
         try:
             return super().train_round()
         finally:
-            self.env, self.world = home, home.options
+            self.env = home
+            self.world = home.options
 
     def labels(self, found: Segments) -> Sequence[NDArray[Any]]:
         """See `RewardRun.labels`: the posterior of the teacher on each row."""
@@ -145,9 +166,13 @@ class DistilledRun(RewardRun):
 
 
 def taught(teacher: PosteriorDecider, rows: Observations, counts: IntArray) -> FloatArray:
-    """Return the posterior (n, M) of a decider on rows (n, width) of whole episodes, each of `counts` (E,) rows."""
-    out, begins = np.empty((len(rows), teacher.layout.hypotheses)), counts.cumsum() - counts
-    left, state = np.arange(len(counts)), None
+    """Return the posterior (n, M) of a decider on rows (n, width) of whole episodes, each of
+    `counts` (E,) rows.
+    """
+    out = np.empty((len(rows), teacher.layout.hypotheses))
+    begins = counts.cumsum() - counts
+    left = np.arange(len(counts))
+    state = None
     for tick in range(counts.max()):
         goes_on = counts[left] > tick
         if not goes_on.all():

@@ -1,4 +1,6 @@
-"""VecEnv of Stable-Baselines3 on the vector environment, without one Python object or Monitor per track."""
+"""VecEnv of Stable-Baselines3 on the vector environment, without one Python object or Monitor
+per track.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -12,7 +14,11 @@ from agents.training.checkpoint import track_arrays
 from hybrid_env.registration import make_track_vector_env
 
 
-def as_vec_env(env_id: str = "hybrid_env:HybridTrack-v0", num_envs: int = 64, **options: Any) -> "HybridTrackVecEnv":
+def as_vec_env(
+    env_id: str = "hybrid_env:HybridTrack-v0",
+    num_envs: int = 64,
+    **options: Any,
+) -> "HybridTrackVecEnv":
     """Return N tracks of a registered id as a VecEnv of Stable-Baselines3, stepped in one call.
 
     >>> vec_env = as_vec_env("hybrid_env:HybridTrack-v0", 64)
@@ -33,14 +39,23 @@ def as_vec_env(env_id: str = "hybrid_env:HybridTrack-v0", num_envs: int = 64, **
 class HybridTrackVecEnv(VecEnv):
     """N = `num_envs` parallel tracks as a VecEnv, with episode statistics in `info["episode"]`.
 
-    The options override those of the registered id; `reward_scale` is a factor of the rewards, not of the statistics.
+    The options override those of the registered id; `reward_scale` is a factor of the rewards, not
+    of the statistics.
     """
 
     def __init__(
-        self, env_id: str = "hybrid_env:HybridTrack-v0", num_envs: int = 64, reward_scale: float = 1.0, **options: Any
+        self,
+        env_id: str = "hybrid_env:HybridTrack-v0",
+        num_envs: int = 64,
+        reward_scale: float = 1.0,
+        **options: Any,
     ):
         self.env = make_track_vector_env(
-            env_id, num_envs, autoreset_mode=AutoresetMode.SAME_STEP, tick_info=False, **options
+            env_id,
+            num_envs,
+            autoreset_mode=AutoresetMode.SAME_STEP,
+            tick_info=False,
+            **options,
         )
         self.render_mode, self.reward_scale = None, reward_scale
         super().__init__(num_envs, self.env.single_observation_space, self.env.single_action_space)
@@ -48,7 +63,9 @@ class HybridTrackVecEnv(VecEnv):
         self._returns, self._steps = np.zeros(num_envs), np.zeros(num_envs, np.int64)
 
     def reset(self) -> NDArray[np.float32]:
-        """Start a new episode on every track, seeded if `seed()` was called since the last reset."""
+        """Start a new episode on every track, seeded if `seed()` was called since the last
+        reset.
+        """
         observation, _ = self.env.reset(seed=list(self._seeds))
         self._reset_seeds()
         self._returns[:] = self._steps[:] = 0
@@ -58,8 +75,12 @@ class HybridTrackVecEnv(VecEnv):
         """Set the actions (N,) of the next `step_wait`."""
         self._actions = actions
 
-    def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
-        """Step all tracks. Terminated tracks are reset and return the first row of the next episode."""
+    def step_wait(
+        self,
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Step all tracks. Terminated tracks are reset and return the first row of the next
+        episode.
+        """
         observation, rewards, terminated, _, info = self.env.step(self._actions)
         self._returns += rewards
         self._steps += 1
@@ -86,12 +107,20 @@ class HybridTrackVecEnv(VecEnv):
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
         """Not supported: the tracks share one environment."""
-        raise NotImplementedError("options are fixed when the environment is created: create a new one")
+        raise NotImplementedError(
+            "options are fixed when the environment is created: create a new one"
+        )
 
     def env_method(
-        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
+        self,
+        method_name: str,
+        *method_args: Any,
+        indices: VecEnvIndices = None,
+        **method_kwargs: Any,
     ) -> list[Any]:
-        """Return one result per index of `action_masks`; other methods raise `NotImplementedError`."""
+        """Return one result per index of `action_masks`; other methods raise
+        `NotImplementedError`.
+        """
         if method_name == "action_masks":
             return list(self.env.action_masks()[list(self._get_indices(indices))])
         raise NotImplementedError("the tracks share one environment and have no individual methods")

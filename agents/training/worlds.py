@@ -18,18 +18,28 @@ class WorldsRun(OwnNetworkRun):
     world: WorldOptions
 
     def create_worlds(self) -> None:
-        """Set the options of the environments; refuse those in which hypotheses are not declared."""
+        """Set the options of the environments; refuse those in which hypotheses are not
+        declared.
+        """
         self.world = make_vector_env(self.env_id, 1, **self.options).options
         self._fixed: list[tuple[WorldOptions, int]] = []
         for one in self.settings.worlds:
             options = self.options | dict(one.options)
-            self._fixed.append((make_vector_env(one.env or self.env_id, 1, **options).options, one.n_envs))
+            self._fixed.append(
+                (make_vector_env(one.env or self.env_id, 1, **options).options, one.n_envs)
+            )
         for world in (self.world, *(world for world, _ in self._fixed)):
             if world.actions != "all":
-                raise reject("actions", world.actions, "'all' for an agent that declares hypotheses")
+                raise reject(
+                    "actions",
+                    world.actions,
+                    "'all' for an agent that declares hypotheses",
+                )
 
     def all_worlds(self, generator: np.random.Generator) -> list[tuple[WorldOptions, int]]:
-        """Return the environments of the recipe and new random ones, each with its number of tracks."""
+        """Return the environments of the recipe and new random ones, each with its number of
+        tracks.
+        """
         worlds = list(self._fixed)
         for drawn in self.settings.drawn_worlds:
             options = [draw_world(generator, drawn.radii) for _ in range(drawn.worlds)]

@@ -15,24 +15,26 @@ from agents.interface.world_arguments import WorldArguments
 from agents.training.run_folder import lock
 from hybrid_env.checks import check_integer, reject
 
-SHOWN = 5  # trials in the table
+# Trials in the table.
+SHOWN = 5
 
 
 @dataclass(kw_only=True)
 class Tune(WorldArguments, ParallelArguments):
     """Search for hyper-parameters of a recipe with Optuna, and write the best ones as a recipe.
 
-    The first trial is the recipe as it is. A training that is worse than half of the earlier ones ends early.
-    The same command continues an interrupted search, and with a larger --trials one that has ended. The
-    reward of the best trial is a little too high, because the trial was selected by it: evaluate the trained
-    agent.
+    The first trial is the recipe as it is. A training that is worse than half of the earlier ones
+    ends early. The same command continues an interrupted search, and with a larger --trials one
+    that has ended. The reward of the best trial is a little too high, because the trial was
+    selected by it: evaluate the trained agent.
     """
 
     recipe: str = "ppo"
     """Recipe to begin with, or a YAML file."""
     search: Annotated[tuple[str, ...], shown_default("depends on the algorithm")] = ()
-    """What to search: n_epochs=1..10 (integers), gae_lambda=0.8..1.0, batch_size=512|1024|2048. A positive
-    range of a factor of ten or more is searched on a logarithmic scale."""
+    """What to search: n_epochs=1..10 (integers), gae_lambda=0.8..1.0, batch_size=512|1024|2048. A
+    positive range of a factor of ten or more is searched on a logarithmic scale.
+    """
     set: tuple[str, ...] = ()
     """Hyper-parameters to override in all trials, such as n_envs=128."""
     trials: int = 30
@@ -58,14 +60,31 @@ class Tune(WorldArguments, ParallelArguments):
         recipe = load_recipe(self.recipe, self.env_id, self.set)
         ranges = search.parse_ranges(self.search, recipe)
         options = self.world_options()
-        make_run(self.env_id, options, recipe, self.seed, steps=self.steps)  # refuses what cannot be trained
-        wanted = search.Search(self.env_id, options, self.recipe, self.set, ranges, self.seed, self.steps)
-        folder = output_folder("out", self.out or Path("runs") / f"tune-{run_name(self.env_id, recipe)}")
+        # Refuses what cannot be trained.
+        make_run(self.env_id, options, recipe, self.seed, steps=self.steps)
+        wanted = search.Search(
+            self.env_id,
+            options,
+            self.recipe,
+            self.set,
+            ranges,
+            self.seed,
+            self.steps,
+        )
+        folder = output_folder(
+            "out",
+            self.out or Path("runs") / f"tune-{run_name(self.env_id, recipe)}",
+        )
         console = Console(emoji=False)
         with lock(folder):
             study = search.open_study(wanted, folder)
             with progress_display(console) as progress:
-                task = progress.add_task("Tuning", total=self.trials, completed=len(search.ended(study)), note="")
+                task = progress.add_task(
+                    "Tuning",
+                    total=self.trials,
+                    completed=len(search.ended(study)),
+                    note="",
+                )
 
                 def show(note: str) -> None:
                     best = search.best_rows(study, 1)
@@ -74,7 +93,8 @@ class Tune(WorldArguments, ParallelArguments):
 
                 try:
                     search.run_trials(wanted, study, self.trials, workers, show)
-                except OSError as error:  # Optuna's errors do not name its file
+                except OSError as error:
+                    # Optuna's errors do not name its file.
                     name = error.filename or str(folder / search.JOURNAL)
                     raise OSError(error.errno, error.strerror, name) from None
             rows = search.best_rows(study, SHOWN)

@@ -1,4 +1,6 @@
-"""The search: ranges of hyper-parameters; Optuna proposes trials, workers train them, and a folder keeps them."""
+"""The search: ranges of hyper-parameters; Optuna proposes trials, workers train them, and a
+folder keeps them.
+"""
 
 import functools
 import json
@@ -28,35 +30,63 @@ from agents.training.run import TrainingProgress
 from agents.training.runs import make_run
 from hybrid_env.checks import ArgumentError, check_number, reject
 
-POINTS = 20  # of the reward during a training
-FIRST_POINT = 5  # points before a training may end
-TRIALS_AT_A_TIME = 4  # that Optuna proposes; independent of the number of jobs, so that results are, too
-FIRST_TRIALS = 5  # that are all trained to their end, before others may end early
+# Of the reward during a training.
+POINTS = 20
+# Points before a training may end.
+FIRST_POINT = 5
+# That Optuna proposes; independent of the number of jobs, so that results are, too.
+TRIALS_AT_A_TIME = 4
+# That are all trained to their end, before others may end early.
+FIRST_TRIALS = 5
 
 
 RATE = "learning_rate=0.0003..0.03"
 DEFAULT_RANGES = {
     "ppo": (RATE, "n_epochs=1..10", "gae_lambda=0.8..0.99", "ent_coef=0.0..0.02"),
-    "a2c": ("learning_rate=0.0001..0.01", "n_steps=8..128", "gae_lambda=0.8..0.99", "ent_coef=0.0..0.02"),
-    "dqn": ("learning_rate=0.0001..0.01", "n_steps=1..32", "gradient_steps=1..8", "target_update_interval=1000..20000"),
-    "qrdqn": ("learning_rate=0.0001..0.01", "n_steps=1..32", "gradient_steps=1..8", "exploration_final_eps=0.0..0.05"),
+    "a2c": (
+        "learning_rate=0.0001..0.01",
+        "n_steps=8..128",
+        "gae_lambda=0.8..0.99",
+        "ent_coef=0.0..0.02",
+    ),
+    "dqn": (
+        "learning_rate=0.0001..0.01",
+        "n_steps=1..32",
+        "gradient_steps=1..8",
+        "target_update_interval=1000..20000",
+    ),
+    "qrdqn": (
+        "learning_rate=0.0001..0.01",
+        "n_steps=1..32",
+        "gradient_steps=1..8",
+        "exploration_final_eps=0.0..0.05",
+    ),
     "anchor": (RATE, "hidden=16..128", "smallest_alpha=0.0001..0.03"),
     "stopping": (RATE, "passes=2..12"),
     **dict.fromkeys(("reward", "tandem", "distilled", "transformer"), (RATE, "hidden=16..128")),
-    **dict.fromkeys(("kalman", "statements", "rhythm", "jump_markov", "flights", "gliders"), (RATE, "hidden=8..64")),
+    **dict.fromkeys(
+        ("kalman", "statements", "rhythm", "jump_markov", "flights", "gliders"),
+        (RATE, "hidden=8..64"),
+    ),
 }
 """Ranges by algorithm; recurrent PPO has those of PPO."""
 
-LINEAR_DECAY = "lin_"  # a learning rate that is found keeps this prefix
-DIGITS = 3  # significant, of a number that is found
-WIDE = 10.0  # ratio of the bounds of a positive range from which it is searched on a logarithmic scale
+# A learning rate that is found keeps this prefix.
+LINEAR_DECAY = "lin_"
+# Significant, of a number that is found.
+DIGITS = 3
+# Ratio of the bounds of a positive range from which it is searched on a logarithmic scale.
+WIDE = 10.0
 
 
-Ranges = dict[str, Any]  # distributions of Optuna by hyper-parameter, as in `--set`
+# Distributions of Optuna by hyper-parameter, as in `--set`.
+Ranges = dict[str, Any]
 
 
 def parse_range(text: str) -> tuple[str, Any]:
-    """Read "n_epochs=1..10", "gae_lambda=0.8..1.0" or "batch_size=512|1024", whose choices are values as YAML."""
+    """Read "n_epochs=1..10", "gae_lambda=0.8..1.0" or "batch_size=512|1024", whose choices are
+    values as YAML.
+    """
     error = reject("search", text, "name=low..high with numbers, low < high, or name=value|value")
     name, _, values = text.partition("=")
     if not name or not values:
@@ -113,7 +143,8 @@ def changes_of(values: Mapping[str, Any], recipe: Recipe) -> tuple[str, ...]:
         text = str(value)
         if isinstance(value, float):
             rounded = float(f"{value:.{DIGITS}g}")
-            text = np.format_float_positional(rounded, trim="0")  # YAML reads 1e-05 as a text
+            # YAML reads 1e-05 as a text.
+            text = np.format_float_positional(rounded, trim="0")
             if name == "learning_rate" and str(rate).startswith(LINEAR_DECAY):
                 text = LINEAR_DECAY + text
         else:
@@ -125,9 +156,12 @@ def changes_of(values: Mapping[str, Any], recipe: Recipe) -> tuple[str, ...]:
 class Outcome(NamedTuple):
     """Result of a trial."""
 
-    rewards: tuple[float, ...]  # mean of recent segments or ticks in training, at up to `POINTS` equal parts of it
-    reward: float | None  # of the agent on the episodes of the learning curve; None if the training ended early
-    error: str = ""  # why it could not be trained
+    # Mean of recent segments or ticks in training, at up to `POINTS` equal parts of it.
+    rewards: tuple[float, ...]
+    # Of the agent on the episodes of the learning curve; None if the training ended early.
+    reward: float | None
+    # Why it could not be trained.
+    error: str = ""
 
 
 class _EndedEarlyError(Exception):
@@ -137,8 +171,8 @@ class _EndedEarlyError(Exception):
 def train_trial(search: "Search", recipe: Recipe, medians: Sequence[float]) -> Outcome:
     """Train an agent with the recipe of a trial, without a folder, and evaluate it.
 
-    The training ends at a point at which its best reward so far is smaller than the median of earlier trials, if there
-    are enough of them.
+    The training ends at a point at which its best reward so far is smaller than the median of
+    earlier trials, if there are enough of them.
     """
     rewards: list[float] = []
 
@@ -147,7 +181,11 @@ def train_trial(search: "Search", recipe: Recipe, medians: Sequence[float]) -> O
         while len(rewards) < reached:
             rewards.append(now.reward)
             best = max((reward for reward in rewards if not math.isnan(reward)), default=math.inf)
-            if medians and FIRST_POINT <= len(rewards) < POINTS and best < medians[len(rewards) - 1]:
+            if (
+                medians
+                and FIRST_POINT <= len(rewards) < POINTS
+                and best < medians[len(rewards) - 1]
+            ):
                 raise _EndedEarlyError
 
     try:
@@ -155,7 +193,8 @@ def train_trial(search: "Search", recipe: Recipe, medians: Sequence[float]) -> O
         run.train(check)
     except _EndedEarlyError:
         return Outcome(tuple(rewards), None)
-    except ArgumentError as error:  # values that do not go together, or a training that has diverged
+    except ArgumentError as error:
+        # Values that do not go together, or a training that has diverged.
         return Outcome(tuple(rewards), None, str(error))
     found = run.curve.evaluate(run.family(""), run.num_timesteps, 0.0)
     return Outcome(tuple(rewards), float(found[REWARD_KEY]))
@@ -169,12 +208,18 @@ class Search:
     """Settings of a search."""
 
     env_id: str
-    options: dict[str, Any]  # which override those of the id
-    recipe_name: str  # or path of a YAML file
-    changes: tuple[str, ...]  # hyper-parameters of the recipe to override
-    ranges: Ranges  # what is searched
-    seed: int  # of the trainings and of the proposals
-    steps: int | None  # of a training; None uses those of the recipe
+    # Which override those of the id.
+    options: dict[str, Any]
+    # Or path of a YAML file.
+    recipe_name: str
+    # Hyper-parameters of the recipe to override.
+    changes: tuple[str, ...]
+    # What is searched.
+    ranges: Ranges
+    # Of the trainings and of the proposals.
+    seed: int
+    # Of a training; None uses those of the recipe.
+    steps: int | None
 
     def recipe(self, values: dict[str, Any] | None = None) -> Recipe:
         """Return the recipe, with the values of a trial if they are given."""
@@ -186,7 +231,10 @@ class Search:
     def as_text(self) -> str:
         """Return all settings; equal texts mean equal searches."""
         ranges = {name: str(one) for name, one in self.ranges.items()}
-        return json.dumps(vars(self) | {"recipe": self.recipe().as_json(), "ranges": ranges}, sort_keys=True)
+        return json.dumps(
+            vars(self) | {"recipe": self.recipe().as_json(), "ranges": ranges},
+            sort_keys=True,
+        )
 
 
 def open_study(search: Search, folder: Path) -> optuna.Study:
@@ -197,25 +245,39 @@ def open_study(search: Search, folder: Path) -> optuna.Study:
         try:
             _cut_last_line(folder / JOURNAL)
             storage = JournalStorage(JournalFileBackend(str(folder / JOURNAL)))
-            study = optuna.create_study(storage=storage, study_name="tune", direction="maximize", load_if_exists=True)
+            study = optuna.create_study(
+                storage=storage,
+                study_name="tune",
+                direction="maximize",
+                load_if_exists=True,
+            )
             for trial in ended(study):
                 sum(trial.intermediate_values.values(), check_number("value", trial.value or 0.0))
-        except Exception as error:  # Optuna reads any content without checks
-            raise reject("out", str(folder), f"a folder with a readable {JOURNAL} ({error})") from None
+        except Exception as error:
+            # Optuna reads any content without checks.
+            raise reject(
+                "out",
+                str(folder),
+                f"a folder with a readable {JOURNAL} ({error})",
+            ) from None
     settings = study.user_attrs.get("search")
     if settings is None:
         study.set_user_attr("search", search.as_text())
-        study.enqueue_trial(values_of(search.recipe(), search.ranges))  # what the recipe has now
+        # What the recipe has now.
+        study.enqueue_trial(values_of(search.recipe(), search.ranges))
     elif settings != search.as_text():
         raise reject("out", str(folder), "a new folder, or the flags with which its search began")
-    for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):  # of a killed search
+    # Of a killed search.
+    for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
         study.tell(trial.number, state=TrialState.FAIL)
         study.enqueue_trial(trial.system_attrs.get("fixed_params", {}) | trial.params)
     return study
 
 
 def _cut_last_line(journal: Path) -> None:
-    """Remove the last line of a journal if it has no end, because the process was killed while it wrote."""
+    """Remove the last line of a journal if it has no end, because the process was killed while
+    it wrote.
+    """
     content = journal.read_bytes() if journal.is_file() else b""
     whole = content[: content.rfind(b"\n") + 1]
     if whole != content:
@@ -229,14 +291,23 @@ def ended(study: optuna.Study) -> list[FrozenTrial]:
 
 
 def run_trials(
-    search: Search, study: optuna.Study, trials: int, workers: Workers, on_done: Callable[[str], None]
+    search: Search,
+    study: optuna.Study,
+    trials: int,
+    workers: Workers,
+    on_done: Callable[[str], None],
 ) -> None:
-    """Train with the workers until the study of a search has a number of trials; refuse values that cannot be."""
+    """Train with the workers until the study of a search has a number of trials; refuse values
+    that cannot be.
+    """
     while (left := trials - len(ended(study))) > 0:
         number = len(study.get_trials(deepcopy=False))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
-            study.sampler = optuna.samplers.TPESampler(seed=search.seed + number, constant_liar=True)
+            study.sampler = optuna.samplers.TPESampler(
+                seed=search.seed + number,
+                constant_liar=True,
+            )
         batch = [study.ask(search.ranges) for _ in range(min(left, TRIALS_AT_A_TIME))]
         asked = {trial.number: trial for trial in batch}
         calls: dict[int, Call] = {}
@@ -244,7 +315,12 @@ def run_trials(
         medians = median_rewards(study)
         for one, trial in asked.items():
             try:
-                calls[one] = functools.partial(train_trial, search, search.recipe(trial.params), medians)
+                calls[one] = functools.partial(
+                    train_trial,
+                    search,
+                    search.recipe(trial.params),
+                    medians,
+                )
             except ArgumentError as error:
                 failed[one] = Outcome((), None, str(error))
         outcomes = failed | dict(workers.results(calls, lambda one: on_done(f"trial {one}")))
@@ -252,7 +328,13 @@ def run_trials(
             found = outcomes[one]
             for point, reward in enumerate(found.rewards):
                 trial.report(reward, point)
-            early = None if found.reward is not None else TrialState.FAIL if found.error else TrialState.PRUNED
+            early = (
+                None
+                if found.reward is not None
+                else TrialState.FAIL
+                if found.error
+                else TrialState.PRUNED
+            )
             study.tell(trial, found.reward, early)
         errors = [outcome.error for outcome in outcomes.values() if outcome.error]
         if len(errors) == len(asked):
@@ -260,12 +342,17 @@ def run_trials(
 
 
 def median_rewards(study: optuna.Study) -> tuple[float, ...]:
-    """Return the median reward of trials that were trained to their end, at each point of a training."""
+    """Return the median reward of trials that were trained to their end, at each point of a
+    training.
+    """
     trials = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
     if len(trials) < FIRST_TRIALS:
         return ()
     curves = [trial.intermediate_values for trial in trials]
-    return tuple(statistics.median(curve.get(point, float("-inf")) for curve in curves) for point in range(POINTS))
+    return tuple(
+        statistics.median(curve.get(point, float("-inf")) for curve in curves)
+        for point in range(POINTS)
+    )
 
 
 def write_best(search: Search, study: optuna.Study, folder: Path) -> Path:

@@ -1,4 +1,6 @@
-"""Segmentation of a track in the plane as a change detector of skchange, with the API of scikit-learn."""
+"""Segmentation of a track in the plane as a change detector of skchange, with the API of
+scikit-learn.
+"""
 
 from typing import Any
 
@@ -19,14 +21,16 @@ from hybrid_env.durations import GeometricDurations
 from hybrid_env.limits import MAX_LENGTH
 from hybrid_env.quickest_options import QuickestOptions
 
-THRESHOLD = 0.8  # of the default decider: fewer changes than at its own default
+# Of the default decider: fewer changes than at its own default.
+THRESHOLD = 0.8
 
 
 class ModeDetector(BaseChangeDetector):
     """Changes between straight motion, left and right turns in the positions of one object.
 
-    `fit` finds noise, radii and durations by maximum likelihood, `model_`; `predict` states a mode at every position
-    and returns where it has changed: by hindsight, as the decider states a change some rows later.
+    `fit` finds noise, radii and durations by maximum likelihood, `model_`; `predict` states a mode
+    at every position and returns where it has changed: by hindsight, as the decider states a change
+    some rows later.
 
     Args:
         decider: a decider for unknown switch moments; None is `ThresholdDecider(0.8)`.
@@ -42,7 +46,10 @@ class ModeDetector(BaseChangeDetector):
     """
 
     def __init__(
-        self, decider: Decider | None = None, radii: tuple[float, ...] | None = None, columns: tuple[int, int] = (0, 1)
+        self,
+        decider: Decider | None = None,
+        radii: tuple[float, ...] | None = None,
+        columns: tuple[int, int] = (0, 1),
     ):
         self.decider, self.radii, self.columns = decider, radii, columns
 
@@ -56,14 +63,25 @@ class ModeDetector(BaseChangeDetector):
         return np.flatnonzero(np.diff(self.predict_modes(X))) + 1
 
     def predict_modes(self, X: ArrayLike) -> NDArray[np.int64]:
-        """Return the mode at every row by hindsight, (T,): 0 straight, then the left and the right turns."""
+        """Return the mode at every row by hindsight, (T,): 0 straight, then the left and the
+        right turns.
+        """
         check_is_fitted(self)
-        grid, model = self._grid(X, reset=False), self.model_
+        grid = self._grid(X, reset=False)
+        model = self.model_
         options: dict[str, Any] = ModelUnits.of(model).options(model)
-        options |= {"durations": GeometricDurations(model.duration), "ticks": min(grid.total, MAX_LENGTH)}
+        options |= {
+            "durations": GeometricDurations(model.duration),
+            "ticks": min(grid.total, MAX_LENGTH),
+        }
         world = QuickestOptions(**options, start="random")
-        tracker = OnlineTracker(world, ThresholdDecider(THRESHOLD) if self.decider is None else self.decider)
-        return np.concatenate([_moved_back(found, model.duration) for found in decide_recording(grid, model, tracker)])
+        tracker = OnlineTracker(
+            world,
+            ThresholdDecider(THRESHOLD) if self.decider is None else self.decider,
+        )
+        return np.concatenate(
+            [_moved_back(found, model.duration) for found in decide_recording(grid, model, tracker)]
+        )
 
     def _grid(self, X: ArrayLike, reset: bool) -> TickGrid:
         least = {"ensure_min_samples": 5, "ensure_min_features": 1 + reset}
@@ -72,13 +90,15 @@ class ModeDetector(BaseChangeDetector):
 
 
 def _moved_back(found: TickDecisions, duration: float) -> IntArray:
-    """Return the modes (T,), each change moved back from its decision to the tick from which on the new mode is more
-    probable by hindsight, but not beyond the change before. duration: mean of a mode [ticks].
+    """Return the modes (T,), each change moved back from its decision to the tick from which on the
+    new mode is more probable by hindsight, but not beyond the change before. duration: mean of a
+    mode [ticks].
     """
     smoothed, modes = _smoothed(found.probabilities, 1.0 / max(duration, 2.0)), found.modes.copy()
     earliest = 0
     for decided in (np.flatnonzero(np.diff(found.modes)) + 1).tolist():
-        old, new = found.modes[decided - 1], found.modes[decided]
+        old = found.modes[decided - 1]
+        new = found.modes[decided]
         first = decided
         while first > earliest + 1 and smoothed[first - 1, new] > smoothed[first - 1, old]:
             first -= 1
@@ -88,8 +108,9 @@ def _moved_back(found: TickDecisions, duration: float) -> IntArray:
 
 
 def _smoothed(filtered: FloatArray, hazard: float) -> FloatArray:
-    """Return the probabilities of the modes from all measurements, (T, M), of those from the measurements up to each
-    tick; a mode changes in a tick with a probability. Kim 1994, "Dynamic linear models with Markov-switching".
+    """Return the probabilities of the modes from all measurements, (T, M), of those from the
+    measurements up to each tick; a mode changes in a tick with a probability. Kim 1994, "Dynamic
+    linear models with Markov-switching".
     """
     modes = filtered.shape[1]
     transition = np.full((modes, modes), hazard / (modes - 1))

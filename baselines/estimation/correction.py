@@ -1,10 +1,11 @@
 """The correction of Kalman filters by measured positions, plain and robust against outliers.
 
-The components of a measurement along the principal axes of its covariance, which have independent errors, are processed
-one after the other, without an inverse. Bar-Shalom, Li & Kirubarajan 2001, section 7.4 (sequential processing). Of a
-component let y be the innovation, m the variance of the prediction, r that of the error, and c its column of the
-covariance P of the state. Every method adds c y a to the state and subtracts c c' b from P, with its own a and b; for
-the Kalman filter a = b = 1 / (m + r). The log-likelihood of the innovation is exact for Student-t; for Huber it is that
+The components of a measurement along the principal axes of its covariance, which have independent
+errors, are processed one after the other, without an inverse. Bar-Shalom, Li & Kirubarajan 2001,
+section 7.4 (sequential processing). Of a component let y be the innovation, m the variance of the
+prediction, r that of the error, and c its column of the covariance P of the state. Every method
+adds c y a to the state and subtracts c c' b from P, with its own a and b; for the Kalman filter a =
+b = 1 / (m + r). The log-likelihood of the innovation is exact for Student-t; for Huber it is that
 of the density that belongs to the loss, with the scale of the innovation.
 """
 
@@ -17,19 +18,27 @@ from scipy.special import gammaln, ndtr
 
 from hybrid_env.checks import BoolArray, FloatArray, check_between, check_positive
 
-ITERATIONS = 10  # of the correntropy
+# Of the correntropy.
+ITERATIONS = 10
 LOG_TWO_PI = float(np.log(2.0 * np.pi))
 
 
 class Factors(NamedTuple):
     """Correction by one component of a measurement, (B,) each."""
 
-    state: FloatArray  # a, of the state [1/m^2]
-    covariance: FloatArray  # b, of its covariance [1/m^2]
-    log_likelihood: FloatArray  # of the innovation
+    # a, of the state [1/m^2].
+    state: FloatArray
+    # b, of its covariance [1/m^2].
+    covariance: FloatArray
+    # Of the innovation.
+    log_likelihood: FloatArray
 
 
-def gaussian_factors(innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
+def gaussian_factors(
+    innovation: FloatArray,
+    predicted: FloatArray,
+    variance: FloatArray,
+) -> Factors:
     """Return the factors of the Kalman filter, see `Robust.factors`."""
     total = predicted + variance
     precision = 1.0 / total
@@ -41,35 +50,53 @@ class Robust(ABC):
     """A robust correction."""
 
     @abstractmethod
-    def factors(self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
-        """Return the factors for innovations y (B,) [m] of variances predicted m and measured r, (B,) [m^2]."""
+    def factors(
+        self,
+        innovation: FloatArray,
+        predicted: FloatArray,
+        variance: FloatArray,
+    ) -> Factors:
+        """Return the factors for innovations y (B,) [m] of variances predicted m and measured r,
+        (B,) [m^2].
+        """
 
 
 @dataclass(frozen=True)
 class Huber(Robust):
     """Huber's loss: quadratic up to a threshold, then linear. Huber 1964; Durovic & Kovacevic 1999.
 
-    The estimate is the maximum of the posterior with a Gaussian prediction and this loss of the residual. The weight of
-    a measurement beyond the threshold, by which the covariance is corrected, is threshold / residual.
+    The estimate is the maximum of the posterior with a Gaussian prediction and this loss of the
+    residual. The weight of a measurement beyond the threshold, by which the covariance is
+    corrected, is threshold / residual.
     """
 
-    threshold: float = 1.345  # standard deviations, > 0; with Gaussian noise a mean has 95 % of the efficiency
+    # Standard deviations, > 0; with Gaussian noise a mean has 95 % of the efficiency.
+    threshold: float = 1.345
 
     def __post_init__(self) -> None:
         check_positive("threshold", self.threshold)
 
-    def factors(self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
+    def factors(
+        self,
+        innovation: FloatArray,
+        predicted: FloatArray,
+        variance: FloatArray,
+    ) -> Factors:
         """See `Robust.factors`."""
-        total, size, deviation = predicted + variance, np.abs(innovation), np.sqrt(variance)
+        total = predicted + variance
+        size = np.abs(innovation)
+        deviation = np.sqrt(variance)
         k = self.threshold
-        linear = size * deviation > k * total  # the residual y r / (m + r) exceeds the threshold
+        # The residual y r / (m + r) exceeds the threshold.
+        linear = size * deviation > k * total
         residual = np.where(linear, size - k * predicted / deviation, k * deviation)
         weighted = np.where(linear, deviation * residual / k, variance)
         precision = 1.0 / (predicted + weighted)
         white = size / np.sqrt(total)
         loss = np.where(white <= k, 0.5 * white**2, k * white - 0.5 * k * k)
         inside = np.sqrt(2.0 * np.pi) * (2.0 * ndtr(k) - 1.0)
-        integral = inside + 2.0 / k * np.exp(-0.5 * k * k)  # of exp(-loss) over all numbers
+        # Of exp(-loss) over all numbers.
+        integral = inside + 2.0 / k * np.exp(-0.5 * k * k)
         log_likelihood = -loss - 0.5 * np.log(total) - np.log(integral)
         return Factors(precision, precision, log_likelihood)
 
@@ -78,25 +105,34 @@ class Huber(Robust):
 class StudentT(Robust):
     """Measurement noise with a Student-t distribution.
 
-    Student-t noise is Gaussian with the variance r / w, and w has a gamma distribution; the variance of the noise is nu
-    / (nu - 2) times the squared scale r. The posterior is a mixture over w; mean, covariance and likelihood of it are
-    computed by quadrature at equal steps of ln w, exact for a Gaussian prediction (Masreliez 1975).
+    Student-t noise is Gaussian with the variance r / w, and w has a gamma distribution; the
+    variance of the noise is nu / (nu - 2) times the squared scale r. The posterior is a mixture
+    over w; mean, covariance and likelihood of it are computed by quadrature at equal steps of ln w,
+    exact for a Gaussian prediction (Masreliez 1975).
     """
 
-    degrees_of_freedom: float = 4.0  # nu, from 0.1 to 1000; 1 is Cauchy noise, 1000 practically Gaussian
+    # Nu, from 0.1 to 1000; 1 is Cauchy noise, 1000 practically Gaussian.
+    degrees_of_freedom: float = 4.0
 
     def __post_init__(self) -> None:
         check_between("degrees_of_freedom", self.degrees_of_freedom, 0.0999, 1000.1)
         nu = self.degrees_of_freedom
-        step = min(0.5, np.sqrt(2.0 / nu))  # the integrand is analytic: errors of about 1e-8
-        farthest = 1e6  # standard deviations; the weights of farther measurements do not fall any more
+        # The integrand is analytic: errors of about 1e-8.
+        step = min(0.5, np.sqrt(2.0 / nu))
+        # Standard deviations; the weights of farther measurements do not fall any more.
+        farthest = 1e6
         lowest = min(np.log((nu + 1.0) / (nu + farthest**2)), -40.0 / nu)
         logs = np.arange(max(lowest, np.log(1e-16)), np.log(2.0 + 80.0 / nu), step)
         density = 0.5 * nu * (logs - np.exp(logs)) + 0.5 * nu * np.log(0.5 * nu) - gammaln(0.5 * nu)
         object.__setattr__(self, "_inverse_weights", np.exp(-logs))
         object.__setattr__(self, "_log_shares", density + np.log(step) - 0.5 * LOG_TWO_PI)
 
-    def factors(self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
+    def factors(
+        self,
+        innovation: FloatArray,
+        predicted: FloatArray,
+        variance: FloatArray,
+    ) -> Factors:
         """See `Robust.factors`."""
         inverse_weights: FloatArray = self._inverse_weights  # type: ignore[attr-defined]
         total = variance[:, None] * inverse_weights + predicted[:, None]
@@ -113,9 +149,10 @@ class StudentT(Robust):
 
 @dataclass(frozen=True)
 class Correntropy(Robust):
-    """Maximum of the correntropy of prediction and measurement. Chen, Liu, Zhao & Principe 2017, algorithm 1: residuals
-    of both, in their standard deviations, have weights exp(-residual^2 / (2 width^2)), by fixed-point iterations. The
-    covariance is that of the gain with the assumed variances; a large width gives the Kalman filter.
+    """Maximum of the correntropy of prediction and measurement. Chen, Liu, Zhao & Principe 2017,
+    algorithm 1: residuals of both, in their standard deviations, have weights exp(-residual^2 / (2
+    width^2)), by fixed-point iterations. The covariance is that of the gain with the assumed
+    variances; a large width gives the Kalman filter.
     """
 
     width: float = 3.0
@@ -123,9 +160,17 @@ class Correntropy(Robust):
     def __post_init__(self) -> None:
         check_positive("width", self.width)
 
-    def factors(self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
+    def factors(
+        self,
+        innovation: FloatArray,
+        predicted: FloatArray,
+        variance: FloatArray,
+    ) -> Factors:
         """See `Robust.factors`."""
-        gain, squares, least = np.zeros_like(predicted), innovation**2, 1e-12  # from the prediction on
+        # From the prediction on.
+        gain = np.zeros_like(predicted)
+        squares = innovation**2
+        least = 1e-12
         scale = 2.0 * self.width**2
         for _ in range(ITERATIONS):
             of_prediction = np.exp(-squares * gain**2 / (scale * predicted))
@@ -140,16 +185,27 @@ class Correntropy(Robust):
 
 @dataclass(frozen=True)
 class WholeStudentT:
-    """Innovations with a Student t distribution in the plane, one weight for all components of a measurement: the
-    expected relative precision given the innovation, at most 1. Lange, Little & Taylor 1989, eq. (4).
+    """Innovations with a Student t distribution in the plane, one weight for all components of a
+    measurement: the expected relative precision given the innovation, at most 1. Lange, Little &
+    Taylor 1989, eq. (4).
     """
 
-    freedom: float  # degrees of freedom nu
+    # Degrees of freedom nu.
+    freedom: float
 
-    def weigh(self, innovation: FloatArray, spread: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return weights, by which variances are divided, log-likelihoods and squared innovations, (...) each."""
-        a, b, c = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
-        x, y = innovation[..., 0], innovation[..., 1]
+    def weigh(
+        self,
+        innovation: FloatArray,
+        spread: FloatArray,
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return weights, by which variances are divided, log-likelihoods and squared
+        innovations, (...) each.
+        """
+        a = spread[..., 0, 0]
+        b = spread[..., 0, 1]
+        c = spread[..., 1, 1]
+        x = innovation[..., 0]
+        y = innovation[..., 1]
         determinant = a * c - b * b
         nis = (c * x * x - 2.0 * b * x * y + a * y * y) / determinant
         shape = np.log1p(nis / self.freedom) * (0.5 * self.freedom + 1.0)
@@ -161,8 +217,10 @@ class WholeStudentT:
 class PrincipalNoise(NamedTuple):
     """Covariances of measurements along their principal axes."""
 
-    variances: FloatArray  # (d,) or (..., d) [m^2]
-    axes: FloatArray | None  # (d, d) or (..., d, d) unit vectors as columns; None if they are the axes of the positions
+    # (d,) or (..., d) [m^2]
+    variances: FloatArray
+    # (d, d) or (..., d, d) unit vectors as columns; None if they are the axes of the positions.
+    axes: FloatArray | None
 
     def of(self, tracks: BoolArray) -> "PrincipalNoise":
         """Return the covariances of the tracks selected by a mask (B,)."""
@@ -174,10 +232,14 @@ class PrincipalNoise(NamedTuple):
 class Corrected(NamedTuple):
     """Estimates after a measurement."""
 
-    state: FloatArray  # (..., n)
-    covariance: FloatArray  # (..., n, n)
-    log_likelihood: FloatArray  # (...) of the measurement
-    nis: FloatArray  # (...) squared innovation in units of its covariance
+    # (..., n)
+    state: FloatArray
+    # (..., n, n)
+    covariance: FloatArray
+    # (...) of the measurement.
+    log_likelihood: FloatArray
+    # (...) squared innovation in units of its covariance.
+    nis: FloatArray
 
 
 def principal_noise(covariance: FloatArray) -> PrincipalNoise:
@@ -190,26 +252,34 @@ def principal_noise(covariance: FloatArray) -> PrincipalNoise:
 
 
 def correct(
-    state: FloatArray, covariance: FloatArray, measurement: FloatArray, noise: PrincipalNoise,
+    state: FloatArray,
+    covariance: FloatArray,
+    measurement: FloatArray,
+    noise: PrincipalNoise,
     robust: Robust | WholeStudentT | None = None,
-) -> Corrected:  # fmt: skip
-    """Correct predicted estimates, (..., n) and (..., n, n), by measured positions (..., d) [m]. `robust` says how
-    components far from the prediction are used, or whole measurements; None is the Kalman filter.
+) -> Corrected:
+    """Correct predicted estimates, (..., n) and (..., n, n), by measured positions (..., d) [m].
+    `robust` says how components far from the prediction are used, or whole measurements; None is
+    the Kalman filter.
     """
     state, covariance = state.copy(), covariance.copy()
-    lead, d = state.shape[:-1], measurement.shape[-1]
+    lead = state.shape[:-1]
+    d = measurement.shape[-1]
     m = state.shape[-1] // d
     variances = np.broadcast_to(noise.variances, (*lead, d))
     whole = isinstance(robust, WholeStudentT)
     if isinstance(robust, WholeStudentT):
-        difference, spread = measurement - state[..., ::m], covariance[..., ::m, ::m]
-        if noise.axes is not None:  # along the principal axes
+        difference = measurement - state[..., ::m]
+        spread = covariance[..., ::m, ::m]
+        # Along the principal axes.
+        if noise.axes is not None:
             difference = (difference[..., None, :] @ noise.axes)[..., 0, :]
             spread = noise.axes.swapaxes(-1, -2) @ spread @ noise.axes
         spread = spread + noise.variances[..., None] * np.eye(d)
         weight, of_whole, nis_of_whole = robust.weigh(difference, spread)
         variances, robust = variances / weight[..., None], None
-    log_likelihood, nis = np.zeros(lead), np.zeros(lead)
+    log_likelihood = np.zeros(lead)
+    nis = np.zeros(lead)
     for i in range(d):
         variance = variances[..., i]
         if noise.axes is None:
@@ -218,14 +288,19 @@ def correct(
             predicted = cross[..., m * i].copy()
         else:
             axis = np.broadcast_to(noise.axes[..., i], (*lead, d))
-            cross = (covariance[..., ::m] @ axis[..., None])[..., 0]  # P h
+            # P h.
+            cross = (covariance[..., ::m] @ axis[..., None])[..., 0]
             innovation = ((measurement - state[..., ::m]) * axis).sum(-1)
             predicted = (cross[..., ::m] * axis).sum(-1)
-        factors = (gaussian_factors if robust is None else robust.factors)(innovation, predicted, variance)
+        factors = (gaussian_factors if robust is None else robust.factors)(
+            innovation,
+            predicted,
+            variance,
+        )
         state += cross * (factors.state * innovation)[..., None]
         covariance -= (cross * factors.covariance[..., None])[..., :, None] * cross[..., None, :]
         if noise.axes is None:
-            # m / (m + r) is close to 1 for very accurate measurements: 1 - m b is then r b
+            # m / (m + r) is close to 1 for very accurate measurements: 1 - m b is then r b.
             exact = variance * factors.covariance
             left = exact if robust is None else 1.0 - predicted * factors.covariance
             after = cross * left[..., None]
@@ -234,5 +309,6 @@ def correct(
         log_likelihood += factors.log_likelihood
         nis += innovation**2 / (predicted + variance)
     if whole:
-        log_likelihood, nis = of_whole, nis_of_whole
+        log_likelihood = of_whole
+        nis = nis_of_whole
     return Corrected(state, covariance, log_likelihood, nis)

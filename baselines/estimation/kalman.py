@@ -12,24 +12,28 @@ from hybrid_env.checks import FloatArray, IntArray, check_array, reject
 class KalmanFilter(TrackFilter):
     """The Kalman filter of a kinematic model.
 
-    A track that begins with its first measurement z has the position z with the covariance of the measurement, and
-    derivatives 0 with the variances of `start_deviations`.
+    A track that begins with its first measurement z has the position z with the covariance of the
+    measurement, and derivatives 0 with the variances of `start_deviations`.
 
     Args:
         model: motion and process noise.
-        noise: covariance of a measurement [m^2]: a variance, (d,) variances, or a matrix (d, d) or (B, d, d). With a
-            robust update it is the covariance (of a Student-t the scale matrix) of good measurements.
-        start_deviations: (m - 1,) standard deviations of velocity [m/s], acceleration [m/s^2] and jerk [m/s^3] at the
-            start of a track. None if tracks begin with `begin_from`.
+        noise: covariance of a measurement [m^2]: a variance, (d,) variances, or a matrix (d, d) or
+            (B, d, d). With a robust update it is the covariance (of a Student-t the scale matrix)
+            of good measurements.
+        start_deviations: (m - 1,) standard deviations of velocity [m/s], acceleration [m/s^2] and
+            jerk [m/s^3] at the start of a track. None if tracks begin with `begin_from`.
         robust: how measurements far from the prediction are used; None is the plain filter.
     """
 
     covariance: FloatArray
 
     def __init__(
-        self, model: MotionModel, noise: float | ArrayLike, start_deviations: ArrayLike | None = None,
+        self,
+        model: MotionModel,
+        noise: float | ArrayLike,
+        start_deviations: ArrayLike | None = None,
         robust: Robust | None = None,
-    ):  # fmt: skip
+    ):
         if not isinstance(model, MotionModel):
             raise reject("model", model, "a MotionModel")
         if robust is not None and not isinstance(robust, Robust):
@@ -44,11 +48,16 @@ class KalmanFilter(TrackFilter):
             if (deviations < 0.0).any():
                 raise reject("start_deviations", start_deviations, "numbers >= 0")
             self.start_variances = deviations**2
-        self._step = np.nan, np.empty(0), np.empty(0)  # matrices of the last time step, if it was equal for all tracks
+        # Matrices of the last time step, if it was equal for all tracks.
+        self._step = np.nan, np.empty(0), np.empty(0)
 
     def _begin(self, tracks: int) -> None:
         if self.noise.ndim == 3 and len(self.noise) != tracks:
-            raise reject("tracks", tracks, f"{len(self.noise)}, as many as covariances of the measurement")
+            raise reject(
+                "tracks",
+                tracks,
+                f"{len(self.noise)}, as many as covariances of the measurement",
+            )
         size = self.model.size
         self.state = np.full((tracks, size), np.nan)
         self.covariance = np.full((tracks, size, size), np.nan)
@@ -68,25 +77,40 @@ class KalmanFilter(TrackFilter):
     def _start(self, chosen: IntArray, measurement: FloatArray, noise: FloatArray) -> None:
         """Begin some tracks with their first measurements."""
         if self.start_variances is None:
-            raise reject("start_deviations", None, "numbers, or a start of all tracks by begin_from()")
+            raise reject(
+                "start_deviations",
+                None,
+                "numbers, or a start of all tracks by begin_from()",
+            )
         noises = np.broadcast_to(noise, (self.tracks, *noise.shape[-2:]))[chosen]
         self.state[chosen], self.covariance[chosen] = resized(
-            measurement[chosen], noises, self.axes, self.order, self.start_variances
+            measurement[chosen],
+            noises,
+            self.axes,
+            self.order,
+            self.start_variances,
         )
 
     def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
         noise = self.noise if noise is None else noise
         principal = self._principal if noise is self.noise else principal_noise(noise)
         self._no_measurement()
-        measured, begun = ~np.isnan(measurement[:, 0]), ~np.isnan(self.state[:, 0])
+        measured = ~np.isnan(measurement[:, 0])
+        begun = ~np.isnan(self.state[:, 0])
         used = measured & begun
         if used.all():
             results = correct(self.state, self.covariance, measurement, principal, self.robust)
             self.state, self.covariance, self.log_likelihood, self.nis = results
             return
         if used.any():
-            self.state[used], self.covariance[used], self.log_likelihood[used], self.nis[used] = correct(
-                self.state[used], self.covariance[used], measurement[used], principal.of(used), self.robust
+            self.state[used], self.covariance[used], self.log_likelihood[used], self.nis[used] = (
+                correct(
+                    self.state[used],
+                    self.covariance[used],
+                    measurement[used],
+                    principal.of(used),
+                    self.robust,
+                )
             )
         first = np.flatnonzero(measured & ~begun)
         if first.size:
@@ -94,10 +118,15 @@ class KalmanFilter(TrackFilter):
 
 
 def resized(
-    state: FloatArray, covariance: FloatArray, axes: int, order: int, variances: FloatArray | None
+    state: FloatArray,
+    covariance: FloatArray,
+    axes: int,
+    order: int,
+    variances: FloatArray | None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return estimates (B, d m) and covariances with another number of values per axis, `order`. Derivatives that are
-    left out are marginalized; new ones have the variances (order - 1,), velocity first, or are 0.
+    """Return estimates (B, d m) and covariances with another number of values per axis, `order`.
+    Derivatives that are left out are marginalized; new ones have the variances (order - 1,),
+    velocity first, or are 0.
     """
     tracks, size = state.shape
     m = size // axes
@@ -107,7 +136,9 @@ def resized(
     mean = np.zeros((tracks, axes, order))
     mean[:, :, :common] = state.reshape(tracks, axes, m)[:, :, :common]
     matrix = np.zeros((tracks, axes, order, axes, order))
-    matrix[:, :, :common, :, :common] = covariance.reshape(tracks, axes, m, axes, m)[:, :, :common, :, :common]
+    matrix[:, :, :common, :, :common] = covariance.reshape(tracks, axes, m, axes, m)[
+        :, :, :common, :, :common
+    ]
     if variances is not None:
         each = np.arange(axes)
         for k in range(common, order):
@@ -116,25 +147,36 @@ def resized(
 
 
 def propagate(
-    state: FloatArray, covariance: FloatArray, transition: FloatArray, step_noise: FloatArray, intensity: FloatArray
+    state: FloatArray,
+    covariance: FloatArray,
+    transition: FloatArray,
+    step_noise: FloatArray,
+    intensity: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return predicted estimates (..., n) and covariances F P F' + Q, (..., n, n). F and Q consist of d equal blocks of
-    m values, one for each axis of CV, CA and CJ, given as (m, m) or (..., m, m), and Q has an intensity (d,) for each.
-    A coordinated turn, whose axes depend on each other, has one block, and m = n.
+    """Return predicted estimates (..., n) and covariances F P F' + Q, (..., n, n). F and Q consist
+    of d equal blocks of m values, one for each axis of CV, CA and CJ, given as (m, m) or (..., m,
+    m), and Q has an intensity (d,) for each. A coordinated turn, whose axes depend on each other,
+    has one block, and m = n.
     """
-    size, m = state.shape[-1], transition.shape[-1]
-    lead, d = state.shape[:-1], size // m
+    size = state.shape[-1]
+    m = transition.shape[-1]
+    lead = state.shape[:-1]
+    d = size // m
     half = times_transition(covariance, transition).swapaxes(-1, -2)
     full = times_transition(half, transition).reshape(*lead, d, m, d, m)
     for axis in range(d):
         full[..., axis, :, axis, :] += intensity[axis] * step_noise
     full = full.reshape(*lead, size, size)
-    # rounding errors that are not symmetric would grow in corrections along other axes than x and y
+    # Rounding errors that are not symmetric would grow in corrections along other axes than x and
+    # y.
     return times_transition(state, transition), 0.5 * (full + full.swapaxes(-1, -2))
 
 
 def times_transition(values: FloatArray, transition: FloatArray) -> FloatArray:
-    """Return states F' or matrices P F', (..., n), for a transition F of equal blocks, see `propagate`."""
+    """Return states F' or matrices P F', (..., n), for a transition F of equal blocks, see
+    `propagate`.
+    """
     m = transition.shape[-1]
-    shape = (-1, m) if transition.ndim == 2 else (*transition.shape[:-2], -1, m)  # equal steps: one product
+    # Equal steps: one product.
+    shape = (-1, m) if transition.ndim == 2 else (*transition.shape[:-2], -1, m)
     return (values.reshape(shape) @ transition.swapaxes(-1, -2)).reshape(values.shape)

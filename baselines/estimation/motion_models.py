@@ -1,9 +1,10 @@
-"""Motion models for real time steps: constant velocity, acceleration and jerk (CV, CA, CJ), and coordinated turns.
+"""Motion models for real time steps: constant velocity, acceleration and jerk (CV, CA, CJ), and
+coordinated turns.
 
-The state lists position and derivatives axis by axis, [x, vx, y, vy] for CV in the plane: n = d m values. The axes are
-independent, with the same m x m transition matrix. White noise drives the highest derivative. Bar-Shalom, Li &
-Kirubarajan 2001, "Estimation with Applications to Tracking and Navigation", section 6.2 (continuous noise), 6.3
-(discrete noise) and 11.7 (turns).
+The state lists position and derivatives axis by axis, [x, vx, y, vy] for CV in the plane: n = d m
+values. The axes are independent, with the same m x m transition matrix. White noise drives the
+highest derivative. Bar-Shalom, Li & Kirubarajan 2001, "Estimation with Applications to Tracking and
+Navigation", section 6.2 (continuous noise), 6.3 (discrete noise) and 11.7 (turns).
 """
 
 from dataclasses import dataclass
@@ -14,13 +15,32 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_env.checks import FloatArray, check_array, check_choice, check_integer, dimensions, reject
+from hybrid_env.checks import (
+    FloatArray,
+    check_array,
+    check_choice,
+    check_integer,
+    dimensions,
+    reject,
+)
 
-ORDERS = {"CV": 2, "CA": 3, "CJ": 4}  # number of values per axis, m, of each model
+# Number of values per axis, m, of each model.
+ORDERS = {
+    "CV": 2,
+    "CA": 3,
+    "CJ": 4,
+}
 
 
-def check_per_item(name: str, value: float | ArrayLike, count: int, smallest: float = 0.0) -> FloatArray:
-    """Return checked values >= `smallest`, (count,), of one number for all or of an array with one for each."""
+def check_per_item(
+    name: str,
+    value: float | ArrayLike,
+    count: int,
+    smallest: float = 0.0,
+) -> FloatArray:
+    """Return checked values >= `smallest`, (count,), of one number for all or of an array with
+    one for each.
+    """
     values = check_array(name, np.full(count, value) if dimensions(value) == 0 else value, (count,))
     if (values < smallest).any():
         raise reject(name, float(values.min()), f"numbers >= {smallest:g}")
@@ -31,10 +51,11 @@ def check_per_item(name: str, value: float | ArrayLike, count: int, smallest: fl
 class MotionModel:
     """A kinematic model of d axes and its process noise.
 
-    The intensity of the noise is one number or (d,). Continuous noise, which does not depend on how a time is divided
-    into steps, has the spectral density of the white noise that drives the highest derivative: [m^2/s^3] for CV,
-    [m^2/s^5] for CA, [m^2/s^7] for CJ. Discrete noise has the variance of the acceleration that is constant in a time
-    step for CV [m^2/s^4], and of the increment of the highest derivative in it for CA [m^2/s^4] and CJ [m^2/s^6].
+    The intensity of the noise is one number or (d,). Continuous noise, which does not depend on how
+    a time is divided into steps, has the spectral density of the white noise that drives the
+    highest derivative: [m^2/s^3] for CV, [m^2/s^5] for CA, [m^2/s^7] for CJ. Discrete noise has the
+    variance of the acceleration that is constant in a time step for CV [m^2/s^4], and of the
+    increment of the highest derivative in it for CA [m^2/s^4] and CJ [m^2/s^6].
     """
 
     name: Literal["CV", "CA", "CJ"]
@@ -59,7 +80,9 @@ class MotionModel:
         return self.axes * self.order
 
     def transition(self, dt: float | FloatArray) -> FloatArray:
-        """Transition matrix of one axis, (m, m) or (B, m, m), for a time step [s] or (B,) of them."""
+        """Transition matrix of one axis, (m, m) or (B, m, m), for a time step [s] or (B,) of
+        them.
+        """
         steps = np.asarray(dt, np.float64)
         matrix = np.zeros((*steps.shape, self.order, self.order))
         for row, column in combinations_with_replacement(range(self.order), 2):
@@ -68,27 +91,34 @@ class MotionModel:
 
     def step_noise(self, dt: float | FloatArray) -> FloatArray:
         """Covariance of the process noise of one axis for unit intensity, (m, m) or (B, m, m)."""
-        steps, m = np.asarray(dt, np.float64), self.order
+        steps = np.asarray(dt, np.float64)
+        m = self.order
         if self.discretization == "discrete":
-            # CV: an acceleration for the whole step; CA and CJ: a jump of the last value at its beginning
+            # CV: an acceleration for the whole step; CA and CJ: a jump of the last value at its
+            # beginning.
             powers = [2, 1] if self.name == "CV" else list(range(m - 1, -1, -1))
             effect = np.stack([steps**power / factorial(power) for power in powers], axis=-1)
-            moved = (steps > 0.0)[..., None, None]  # no time, no noise
+            # No time, no noise.
+            moved = (steps > 0.0)[..., None, None]
             return np.asarray(effect[..., :, None] * effect[..., None, :] * moved)
         matrix = np.zeros((*steps.shape, m, m))
         for row, column in np.ndindex(m, m):
             power = 2 * m - 1 - row - column
-            matrix[..., row, column] = steps**power / (power * factorial(m - 1 - row) * factorial(m - 1 - column))
+            matrix[..., row, column] = steps**power / (
+                power * factorial(m - 1 - row) * factorial(m - 1 - column)
+            )
         return matrix
 
 
 def turn_transition(rates: FloatArray, dt: FloatArray) -> FloatArray:
-    """Return the transition matrices (..., 4, 4) of coordinated turns, of a state [x, vx, y, vy]. Turn rates [rad/s],
-    anticlockwise positive, 0 is straight motion, and time steps [s] have shapes that broadcast.
+    """Return the transition matrices (..., 4, 4) of coordinated turns, of a state [x, vx, y, vy].
+    Turn rates [rad/s], anticlockwise positive, 0 is straight motion, and time steps [s] have shapes
+    that broadcast.
     """
     angle = rates * dt
     safe = np.where(rates == 0.0, 1.0, rates)
-    sine, cosine = np.sin(angle), np.cos(angle)
+    sine = np.sin(angle)
+    cosine = np.cos(angle)
     matrix = np.zeros((*angle.shape, 4, 4))
     matrix[..., 0, 0] = matrix[..., 2, 2] = 1.0
     matrix[..., 0, 1] = matrix[..., 2, 3] = np.where(rates == 0.0, dt, sine / safe)
@@ -100,7 +130,9 @@ def turn_transition(rates: FloatArray, dt: FloatArray) -> FloatArray:
 
 
 def turn_noise(density: float, dt: FloatArray) -> FloatArray:
-    """Return the covariances (..., 4, 4) of the noise of turns in steps (...) [s]: white acceleration, as CV."""
+    """Return the covariances (..., 4, 4) of the noise of turns in steps (...) [s]: white
+    acceleration, as CV.
+    """
     model = MotionModel("CV", 2, density)
     matrix = np.zeros((*dt.shape, 4, 4))
     matrix[..., :2, :2] = matrix[..., 2:, 2:] = density * model.step_noise(dt)

@@ -10,18 +10,23 @@ from hybrid_env.checks import FloatArray, check_array, check_between, check_inte
 
 
 class ParticleFilter(TrackFilter):
-    """Particles that move as the model does, weighted by the likelihood of the measurements: P for each axis, (B, d, P,
-    m), resampled systematically (Kitagawa 1996) where their effective number falls below half of them. Errors have a
-    scale `deviation` on each axis [m] and Student's t, or without degrees of freedom the normal distribution. `begin`
-    starts the random numbers anew.
+    """Particles that move as the model does, weighted by the likelihood of the measurements: P for
+    each axis, (B, d, P, m), resampled systematically (Kitagawa 1996) where their effective number
+    falls below half of them. Errors have a scale `deviation` on each axis [m] and Student's t, or
+    without degrees of freedom the normal distribution. `begin` starts the random numbers anew.
     """
 
     covariance: FloatArray
 
     def __init__(
-        self, model: MotionModel, deviation: float | ArrayLike, start_deviations: ArrayLike,
-        degrees_of_freedom: float | None = None, particles: int = 1000, seed: int = 0,
-    ):  # fmt: skip
+        self,
+        model: MotionModel,
+        deviation: float | ArrayLike,
+        start_deviations: ArrayLike,
+        degrees_of_freedom: float | None = None,
+        particles: int = 1000,
+        seed: int = 0,
+    ):
         if not isinstance(model, MotionModel):
             raise reject("model", model, "a MotionModel")
         self.model, self.axes, self.order = model, model.axes, model.order
@@ -45,7 +50,8 @@ class ParticleFilter(TrackFilter):
 
     def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
         assert covariance is not None
-        d, m = self.axes, self.order
+        d = self.axes
+        m = self.order
         blocks = np.einsum("bdidj->bdij", covariance.reshape(-1, d, m, d, m))
         self.particle_states = state.reshape(-1, d, 1, m) + self._normal(blocks)
         self._summarise()
@@ -61,31 +67,46 @@ class ParticleFilter(TrackFilter):
         steps = np.broadcast_to(dt, (self.tracks,))
         intensity = np.broadcast_to(self.model.noise, (self.axes,))[:, None, None]
         moved = self.particle_states @ self.model.transition(steps)[:, None].swapaxes(-1, -2)
-        self.particle_states = moved + self._normal(intensity * self.model.step_noise(steps)[:, None])
+        self.particle_states = moved + self._normal(
+            intensity * self.model.step_noise(steps)[:, None]
+        )
         self._summarise()
 
     def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
         if noise is not None:
             raise reject("noise", noise, "None for a particle filter")
         self._no_measurement()
-        measured, begun = ~np.isnan(measurement[:, 0]), ~np.isnan(self.state[:, 0])
-        first, used = np.flatnonzero(measured & ~begun), np.flatnonzero(measured & begun)
+        measured = ~np.isnan(measurement[:, 0])
+        begun = ~np.isnan(self.state[:, 0])
+        first = np.flatnonzero(measured & ~begun)
+        used = np.flatnonzero(measured & begun)
         if first.size:
-            deviations = np.column_stack([self.deviation, np.tile(self.start_deviations, (self.axes, 1))])
+            deviations = np.column_stack(
+                [self.deviation, np.tile(self.start_deviations, (self.axes, 1))]
+            )
             started = self._normal((deviations**2)[None, ..., None] * np.eye(self.order))
             started[..., 0] += measurement[..., None]
             self.particle_states[first] = started[first]
         if used.size:
             z = measurement[used]
-            spread = np.diagonal(self.covariance[used], axis1=1, axis2=2)[:, :: self.order] + self.deviation**2
+            spread = (
+                np.diagonal(self.covariance[used], axis1=1, axis2=2)[:, :: self.order]
+                + self.deviation**2
+            )
             self.nis[used] = ((z - self.state[used, :: self.order]) ** 2 / spread).sum(1)
             deviation = self.deviation[:, None]
             white = (z[..., None] - self.particle_states[used, ..., 0]) / deviation
-            logs = self.log_weights[used] + log_density(white, self.degrees_of_freedom) - np.log(deviation)
+            logs = (
+                self.log_weights[used]
+                + log_density(white, self.degrees_of_freedom)
+                - np.log(deviation)
+            )
             total = logsumexp(logs, axis=-1)
             self.log_likelihood[used] = total.sum(-1)
             self.log_weights[used] = logs - total[..., None]
-            for k, axis in np.argwhere(np.exp(2.0 * (logs - total[..., None])).sum(-1) > 2.0 / self.particles):
+            for k, axis in np.argwhere(
+                np.exp(2.0 * (logs - total[..., None])).sum(-1) > 2.0 / self.particles
+            ):
                 track = used[k]
                 sums = np.exp(self.log_weights[track, axis]).cumsum()
                 points = (self.generator.random() + np.arange(self.particles)) / self.particles
@@ -108,7 +129,9 @@ class ParticleFilter(TrackFilter):
 
 
 def log_density(white: FloatArray, degrees_of_freedom: float | None) -> FloatArray:
-    """Return the log-density of Student's t, or with None of the normal distribution, of scale 1."""
+    """Return the log-density of Student's t, or with None of the normal distribution, of scale
+    1.
+    """
     if degrees_of_freedom is None:
         return np.asarray(-0.5 * (white**2 + np.log(2.0 * np.pi)))
     nu = degrees_of_freedom

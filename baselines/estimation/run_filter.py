@@ -8,7 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baselines.estimation.track_filter import TrackFilter, check_measurements, measurement_covariance
+from baselines.estimation.track_filter import (
+    TrackFilter,
+    check_measurements,
+    measurement_covariance,
+)
 from hybrid_env.checks import (
     LARGEST_NUMBER,
     ArgumentError,
@@ -25,9 +29,12 @@ from hybrid_env.checks import (
 class Estimates:
     """Estimates for T ticks of B tracks in d dimensions. A single track has no axis B."""
 
-    states: FloatArray  # (T, B, n) estimates at each tick, NaN before a track begins
-    covariances: FloatArray | None  # (T, B, n, n) of the estimates; None if there are none or they were not kept
-    order: int  # number of values per axis of a state, m
+    # (T, B, n) estimates at each tick, NaN before a track begins.
+    states: FloatArray
+    # (T, B, n, n) of the estimates; None if there are none or they were not kept.
+    covariances: FloatArray | None
+    # Number of values per axis of a state, m.
+    order: int
 
     @property
     def positions(self) -> FloatArray:
@@ -53,27 +60,39 @@ class Estimates:
 
 @dataclass(frozen=True)
 class Filtered(Estimates):
-    """Output of a filter: estimates after the measurement of each tick, and how well each measurement fits."""
+    """Output of a filter: estimates after the measurement of each tick, and how well each
+    measurement fits.
+    """
 
-    log_likelihoods: FloatArray  # (T, B), see `TrackFilter.log_likelihood`
-    nis: FloatArray  # (T, B), see `TrackFilter.nis`
-    forecasts: tuple[Estimates, ...] = ()  # estimates of the state some time ahead, see `horizons` of `run_filter`
+    # (T, B), see `TrackFilter.log_likelihood`
+    log_likelihoods: FloatArray
+    # (T, B), see `TrackFilter.nis`
+    nis: FloatArray
+    # Estimates of the state some time ahead, see `horizons` of `run_filter`.
+    forecasts: tuple[Estimates, ...] = ()
 
 
 def run_filter(
-    track_filter: TrackFilter, measurements: ArrayLike, times: ArrayLike, *, noises: ArrayLike | None = None,
-    start: tuple[ArrayLike, ArrayLike, float] | None = None, keep_covariances: bool = True,
+    track_filter: TrackFilter,
+    measurements: ArrayLike,
+    times: ArrayLike,
+    *,
+    noises: ArrayLike | None = None,
+    start: tuple[ArrayLike, ArrayLike, float] | None = None,
+    keep_covariances: bool = True,
     horizons: Sequence[float] = (),
-) -> Filtered:  # fmt: skip
+) -> Filtered:
     """Run a filter over recorded positions.
 
     Args:
         track_filter: any filter; it begins anew.
         measurements: (T, B, d) positions [m], NaN where there is none, or (T, d) of a single track.
-        times: (T,) or (T, B) [s], not decreasing. The same time twice has measurements of two sensors.
-        noises: covariances of the measurements [m^2] in the place of that of the filter, (T, d, d) or (T, B, d, d).
-        start: estimates (B, n), or (n,) of a single track, covariances (n, n) or (B, n, n), and their time [s]; None
-            begins each track with its first measurement.
+        times: (T,) or (T, B) [s], not decreasing. The same time twice has measurements of two
+            sensors.
+        noises: covariances of the measurements [m^2] in the place of that of the filter, (T, d, d)
+            or (T, B, d, d).
+        start: estimates (B, n), or (n,) of a single track, covariances (n, n) or (B, n, n), and
+            their time [s]; None begins each track with its first measurement.
         keep_covariances: False leaves the covariances out, which take the most memory.
         horizons: times ahead of each tick for which the state is forecast [s].
     """
@@ -97,22 +116,31 @@ def run_filter(
     elif isinstance(start, tuple) and len(start) == 3:
         means: Any = start[0]
         track_filter.begin_from(means if dimensions(means) == 2 else [means], start[1])
-        allowed, last = "a time not after the first measurement", float(moments[0].min())
-        first = np.full(moments.shape[1:], check_number("start time", start[2], allowed, -LARGEST_NUMBER, last))
+        allowed = "a time not after the first measurement"
+        last = float(moments[0].min())
+        first = np.full(
+            moments.shape[1:],
+            check_number("start time", start[2], allowed, -LARGEST_NUMBER, last),
+        )
         if track_filter.tracks != tracks:
             raise reject("start estimates", track_filter.tracks, f"{tracks}, one for each track")
     else:
         raise reject("start", start, "(estimates, covariances, time) or None")
-    size, kept = track_filter.state.shape[1], keep and track_filter.has_covariance
+    size = track_filter.state.shape[1]
+    kept = keep and track_filter.has_covariance
     found, *ahead = (
         Estimates(
-            np.empty((total, tracks, size)), np.empty((total, tracks, size, size)) if kept else None, track_filter.order
+            np.empty((total, tracks, size)),
+            np.empty((total, tracks, size, size)) if kept else None,
+            track_filter.order,
         )
         for _ in range(1 + len(horizons))
     )
-    log_likelihoods, nis = np.empty((total, tracks)), np.empty((total, tracks))
+    log_likelihoods = np.empty((total, tracks))
+    nis = np.empty((total, tracks))
     for k, step in enumerate(np.diff(moments, axis=0, prepend=first[None])):
-        equal = step.ndim == 0 or (step == step[0]).all()  # one product of matrices for all tracks
+        # One product of matrices for all tracks.
+        equal = step.ndim == 0 or (step == step[0]).all()
         track_filter._predict(float(step.flat[0]) if equal else step)
         track_filter._update(values[k], None if covariances is None else covariances[k])
         log_likelihoods[k], nis[k] = track_filter.log_likelihood, track_filter.nis

@@ -1,4 +1,6 @@
-"""Fixed-interval smoother. Rauch, Tung & Striebel 1965, "Maximum likelihood estimates of linear dynamic systems"."""
+"""Fixed-interval smoother. Rauch, Tung & Striebel 1965, "Maximum likelihood estimates of linear
+dynamic systems".
+"""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,17 +12,22 @@ from hybrid_env.checks import FloatArray, reject
 
 
 def smooth(model: MotionModel, filtered: Filtered, times: ArrayLike) -> Estimates:
-    """Return the estimates of a Kalman filter given all measurements, from its output with covariances.
+    """Return the estimates of a Kalman filter given all measurements, from its output with
+    covariances.
 
-    `times`, (T,) or (T, B) [s], are those of the filter. After a robust one the result is approximate: the weights of
-    the measurements are those of the filter.
+    `times`, (T,) or (T, B) [s], are those of the filter. After a robust one the result is
+    approximate: the weights of the measurements are those of the filter.
     """
     if not isinstance(model, MotionModel) or not isinstance(filtered, Filtered):
         raise reject("model", model, "the MotionModel of the filter and its output")
     if filtered.covariances is None:
         raise reject("filtered.covariances", None, "the covariances of a Kalman filter")
     if filtered.states.shape[-1] != model.size or filtered.order != model.order:
-        raise reject("model", model.name, f"a model with {filtered.states.shape[-1]} values of the state")
+        raise reject(
+            "model",
+            model.name,
+            f"a model with {filtered.states.shape[-1]} values of the state",
+        )
     single = filtered.states.ndim == 2
     states = (filtered.states[:, None] if single else filtered.states).copy()
     covariances = (filtered.covariances[:, None] if single else filtered.covariances).copy()
@@ -31,7 +38,11 @@ def smooth(model: MotionModel, filtered: Filtered, times: ArrayLike) -> Estimate
         if not begun.any():
             continue
         step = steps[k] if steps.ndim == 1 else steps[k][begun]
-        state, covariance, transition = states[k, begun], covariances[k, begun], model.transition(step)
+        state, covariance, transition = (
+            states[k, begun],
+            covariances[k, begun],
+            model.transition(step),
+        )
         noise = model.step_noise(step), np.asarray(model.noise)
         predicted, spread = propagate(state, covariance, transition, *noise)
         gain = _divide(times_transition(covariance, transition), spread)

@@ -1,4 +1,6 @@
-"""The interface of all filters of kinematic models: B tracks, real time steps, missing measurements."""
+"""The interface of all filters of kinematic models: B tracks, real time steps, missing
+measurements.
+"""
 
 from abc import ABC, abstractmethod
 from typing import ClassVar
@@ -23,19 +25,25 @@ from hybrid_env.checks import (
 class TrackFilter(OwnState, ABC):
     """A filter for the positions of B tracks in d dimensions.
 
-    A track begins with its first measurement, or for all tracks with `begin_from`. Until then its state is NaN. A
-    missing measurement is NaN: that track only predicts.
+    A track begins with its first measurement, or for all tracks with `begin_from`. Until then its
+    state is NaN. A missing measurement is NaN: that track only predicts.
     """
 
     has_covariance: ClassVar[bool] = True
-    axes: int  # number of dimensions d
-    order: int  # number of values per axis of the state, m
-    state: FloatArray  # (B, n) estimates, position and derivatives axis by axis, [x, vx, y, vy] for m = 2 and d = 2
-    covariance: FloatArray | None  # (B, n, n) of the state; None if the filter has none
-    # (B,) of the last measurement given those before; 0 without a measurement and for the one that begins a track; NaN
-    # if the filter has no likelihood
+    # Number of dimensions d.
+    axes: int
+    # Number of values per axis of the state, m.
+    order: int
+    # (B, n) estimates, position and derivatives axis by axis, [x, vx, y, vy] for m = 2 and d = 2.
+    state: FloatArray
+    # (B, n, n) of the state; None if the filter has none.
+    covariance: FloatArray | None
+    # (B,) of the last measurement given those before; 0 without a measurement and for the one that
+    # begins a track; NaN if the filter has no likelihood.
     log_likelihood: FloatArray
-    nis: FloatArray  # (B,) normalized innovation squared, chi-square with d degrees of freedom if the model holds; NaN
+    # (B,) normalized innovation squared, chi-square with d degrees of freedom if the model holds;
+    # NaN.
+    nis: FloatArray
 
     @property
     def tracks(self) -> int:
@@ -57,16 +65,26 @@ class TrackFilter(OwnState, ABC):
         self._begin(check_integer("tracks", tracks))
 
     def begin_from(self, state: ArrayLike, covariance: ArrayLike | None = None) -> None:
-        """Forget everything and begin all tracks with estimates (B, n), and their covariances (n, n) or (B, n, n)."""
+        """Forget everything and begin all tracks with estimates (B, n), and their covariances
+        (n, n) or (B, n, n).
+        """
         size = self.axes * self.order
         means = check_array("state", state, (None, size))
         if (covariance is None) == self.has_covariance:
-            allowed = "a matrix (n, n) or (B, n, n)" if self.has_covariance else "None, because this filter has none"
+            allowed = (
+                "a matrix (n, n) or (B, n, n)"
+                if self.has_covariance
+                else "None, because this filter has none"
+            )
             raise reject("covariance", covariance, allowed)
         matrices = None
         if covariance is not None:
             shape = (size, size) if dimensions(covariance) == 2 else (len(means), size, size)
-            checked = check_covariance("covariance", check_array("covariance", covariance, shape), definite=False)
+            checked = check_covariance(
+                "covariance",
+                check_array("covariance", covariance, shape),
+                definite=False,
+            )
             matrices = np.broadcast_to(checked, (len(means), size, size)).copy()
         self._begin(len(means))
         self._set(means, matrices)
@@ -74,17 +92,30 @@ class TrackFilter(OwnState, ABC):
     def predict(self, dt: float | ArrayLike) -> None:
         """Advance by a time step [s], >= 0, one number or (B,)."""
         if dimensions(dt) == 0:
-            self._predict(check_number("dt", dt, f"a number from 0 to {LARGEST_NUMBER:g}", 0.0, LARGEST_NUMBER))
+            self._predict(
+                check_number(
+                    "dt",
+                    dt,
+                    f"a number from 0 to {LARGEST_NUMBER:g}",
+                    0.0,
+                    LARGEST_NUMBER,
+                )
+            )
         else:
             self._predict(check_per_item("dt", dt, self.tracks))
 
     def update(self, measurement: ArrayLike, noise: ArrayLike | None = None) -> None:
         """Correct by the measurements of one moment, (B, d) positions [m], NaN where there is none.
 
-        `noise` is their covariance in the place of that of the filter [m^2]: a number, (d,), (d, d) or (B, d, d).
+        `noise` is their covariance in the place of that of the filter [m^2]: a number, (d,), (d, d)
+        or (B, d, d).
         """
         values = check_measurements("measurement", measurement, (self.tracks, self.axes))
-        covariance = None if noise is None else measurement_covariance("noise", noise, self.axes, self.tracks)
+        covariance = (
+            None
+            if noise is None
+            else measurement_covariance("noise", noise, self.axes, self.tracks)
+        )
         self._update(values, covariance)
 
     def _no_measurement(self) -> None:
@@ -105,8 +136,14 @@ class TrackFilter(OwnState, ABC):
 
 
 def check_measurements(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> FloatArray:
-    """Return a copy as a float64 array; a point with a NaN is missing, with NaN in all its components."""
-    if dimensions(value) != len(shape) or np.ma.is_masked(value) or np.asarray(value).dtype.kind != "f":
+    """Return a copy as a float64 array; a point with a NaN is missing, with NaN in all its
+    components.
+    """
+    if (
+        dimensions(value) != len(shape)
+        or np.ma.is_masked(value)
+        or np.asarray(value).dtype.kind != "f"
+    ):
         return check_array(name, value, shape)
     missing = np.isnan(value)
     values = check_array(name, np.where(missing, 0.0, value), shape)
@@ -114,9 +151,19 @@ def check_measurements(name: str, value: ArrayLike, shape: tuple[int | None, ...
     return values
 
 
-def measurement_covariance(name: str, value: ArrayLike, axes: int, tracks: int | None = None) -> FloatArray:
-    """Return the covariance of a measurement, (d, d) or (B, d, d), of a variance of all axes [m^2], (d,), or itself."""
+def measurement_covariance(
+    name: str,
+    value: ArrayLike,
+    axes: int,
+    tracks: int | None = None,
+) -> FloatArray:
+    """Return the covariance of a measurement, (d, d) or (B, d, d), of a variance of all axes
+    [m^2], (d,), or itself.
+    """
     ndim = dimensions(value)
     if ndim < 2:
         return check_covariance(name, np.diag(check_per_item(name, value, axes)))
-    return check_covariance(name, check_array(name, value, (axes, axes) if ndim == 2 else (tracks, axes, axes)))
+    return check_covariance(
+        name,
+        check_array(name, value, (axes, axes) if ndim == 2 else (tracks, axes, axes)),
+    )

@@ -1,23 +1,27 @@
-"""Filters with gains: the g-h filter, and the adaptive one of Zimchuk & Kankin 2006, as published and corrected.
+"""Filters with gains: the g-h filter, and the adaptive one of Zimchuk & Kankin 2006, as
+published and corrected.
 
-The g-h (alpha-beta) filter has constant gains (Sklansky 1957; Benedict & Bordner 1962). The adaptive filter has the
-constant-velocity prediction of a Kalman filter, but no model of its noises: the gain K = P_e C' (C P_e C' + R)^-1,
-eq. (5), is identified from the innovations nu and the N-th backward differences D^N of the predictions x_e. With N = 3
-and H_i = M[nu_(n-i) nu_n'], where M is a mean over time (the paper prints nu_n nu_(n-i)', the same for one axis):
+The g-h (alpha-beta) filter has constant gains (Sklansky 1957; Benedict & Bordner 1962). The
+adaptive filter has the constant-velocity prediction of a Kalman filter, but no model of its noises:
+the gain K = P_e C' (C P_e C' + R)^-1, eq. (5), is identified from the innovations nu and the N-th
+backward differences D^N of the predictions x_e. With N = 3 and H_i = M[nu_(n-i) nu_n'], where M is
+a mean over time (the paper prints nu_n nu_(n-i)', the same for one axis):
 
-    C P_e C'        = -M[D^3 x_e nu'] + 3 H_1 - 3 H_2 + H_3                      eq. (17), positions
-    F P_e C'        = -M[D^3 v_e nu'] + (3 H_1 - 6 H_2 + 4 H_3 - H_4) / T        eq. (17), velocities
-    R               =  M[(D^3 nu + D^3 x_e) nu']                                 eq. (19)
+    C P_e C'        = -M[D^3 x_e nu'] + 3 H_1 - 3 H_2 + H_3                   eq. (17), positions
+    F P_e C'        = -M[D^3 v_e nu'] + (3 H_1 - 6 H_2 + 4 H_3 - H_4) / T     eq. (17), velocities
+    R               =  M[(D^3 nu + D^3 x_e) nu']                              eq. (19)
 
-Added up, C P_e C' + R = H_0, so that the gain of the positions is I - R H_0^-1 (`published_gain`). The paper does not
-say what M, the start and the limits of the gain are. Here: each axis is filtered by itself, M is the mean over all
-ticks so far, the first gains are those of a line fit, and the gains are limited to those of a stable filter. Eq. (17)
-takes the covariance of successive prediction errors for that of successive innovations, and eq. (19) is biased, because
-the innovation contains earlier noise too (`noise_bias`).
+Added up, C P_e C' + R = H_0, so that the gain of the positions is I - R H_0^-1 (`published_gain`).
+The paper does not say what M, the start and the limits of the gain are. Here: each axis is filtered
+by itself, M is the mean over all ticks so far, the first gains are those of a line fit, and the
+gains are limited to those of a stable filter. Eq. (17) takes the covariance of successive
+prediction errors for that of successive innovations, and eq. (19) is biased, because the innovation
+contains earlier noise too (`noise_bias`).
 
-The corrected filter keeps the identity and takes both of its terms from means that are not biased: the third difference
-of the measurements has the variance (1 + 9 + 9 + 1) R if the motion is smooth, and H_0 is the mean square of the last
-innovations. The gain of the velocities is h = g^2 / (2 - g) of that of the positions (Benedict & Bordner 1962).
+The corrected filter keeps the identity and takes both of its terms from means that are not biased:
+the third difference of the measurements has the variance (1 + 9 + 9 + 1) R if the motion is smooth,
+and H_0 is the mean square of the last innovations. The gain of the velocities is h = g^2 / (2 - g)
+of that of the positions (Benedict & Bordner 1962).
 """
 
 import math
@@ -26,13 +30,21 @@ from abc import abstractmethod
 import numpy as np
 
 from baselines.estimation.track_filter import TrackFilter
-from hybrid_env.checks import FloatArray, check_flag, check_integer, check_number, check_positive, reject
+from hybrid_env.checks import (
+    FloatArray,
+    check_flag,
+    check_integer,
+    check_number,
+    check_positive,
+    reject,
+)
 
 
 class GainFilter(TrackFilter):
-    """A filter of [x, v] per axis with gains, (2, B, d) or (2, B, 1), of positions [-] and velocities [1/s]. Two-point
-    start: a track has the position of its first measurement and no velocity; the second gives the position z_2 and the
-    velocity (z_2 - z_1) / t. It starts anew after `longest_gap` without a measurement [s].
+    """A filter of [x, v] per axis with gains, (2, B, d) or (2, B, 1), of positions [-] and
+    velocities [1/s]. Two-point start: a track has the position of its first measurement and no
+    velocity; the second gives the position z_2 and the velocity (z_2 - z_1) / t. It starts anew
+    after `longest_gap` without a measurement [s].
     """
 
     has_covariance = False
@@ -44,8 +56,10 @@ class GainFilter(TrackFilter):
         self.state = np.full((tracks, 2 * self.axes), np.nan)
         self.log_likelihood = self.nis = np.full(tracks, np.nan)
         self.gains = np.full((2, tracks, self.axes), np.nan)
-        self._count = np.zeros(tracks, np.int64)  # measurements at different moments so far
-        self._elapsed = np.zeros(tracks)  # since the last one [s]
+        # Measurements at different moments so far.
+        self._count = np.zeros(tracks, np.int64)
+        # Since the last one [s].
+        self._elapsed = np.zeros(tracks)
 
     def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
         self.state = state
@@ -59,8 +73,10 @@ class GainFilter(TrackFilter):
     def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
         measured = ~np.isnan(measurement[:, 0])
         begun = ~np.isnan(self.state[:, 0]) & (self._elapsed <= self.longest_gap)
-        first, later = measured & ~begun, measured & begun
-        passed = later & (self._elapsed > 0.0)  # measurements of one moment tell nothing about the velocity
+        first = measured & ~begun
+        later = measured & begun
+        # Measurements of one moment tell nothing about the velocity.
+        passed = later & (self._elapsed > 0.0)
         self._count = np.where(first, 1, self._count + passed)
         self.gains = self._find_gains(measurement)
         second = passed & (self._count == 2)
@@ -73,33 +89,48 @@ class GainFilter(TrackFilter):
 
     @abstractmethod
     def _find_gains(self, measurement: FloatArray) -> FloatArray:
-        """Gains (2, B, d) or (2, B, 1) for the measurements (B, d) of a tick, NaN where there is none."""
+        """Gains (2, B, d) or (2, B, 1) for the measurements (B, d) of a tick, NaN where there is
+        none.
+        """
 
 
 class GHFilter(GainFilter):
     """The g-h filter of positions in d dimensions; for its start see `GainFilter`.
 
-    With x, v the prediction at a measurement z and t the time since the last one: x' = x + g (z - x),
-    v' = v + h / t (z - x). The gains have 0 < g and 0 <= h < 4 - 2 g, so that the filter is stable. After `longest_gap`
-    between two measurements [s] a track starts anew; None never.
+    With x, v the prediction at a measurement z and t the time since the last one: x' = x + g (z -
+    x), v' = v + h / t (z - x). The gains have 0 < g and 0 <= h < 4 - 2 g, so that the filter is
+    stable. After `longest_gap` between two measurements [s] a track starts anew; None never.
     """
 
     def __init__(self, axes: int, g: float, h: float, longest_gap: float | None = None):
         self.axes = check_integer("axes", axes)
         self.g, bound = check_positive("g", g), 4.0 - 2.0 * g
-        self.h = check_number("h", h, f"a number from 0, below 4 - 2 g = {bound:g}", 0.0, math.nextafter(bound, -1.0))
-        self.longest_gap = np.inf if longest_gap is None else check_positive("longest_gap", longest_gap)
+        self.h = check_number(
+            "h",
+            h,
+            f"a number from 0, below 4 - 2 g = {bound:g}",
+            0.0,
+            math.nextafter(bound, -1.0),
+        )
+        self.longest_gap = (
+            np.inf if longest_gap is None else check_positive("longest_gap", longest_gap)
+        )
 
     def _find_gains(self, measurement: FloatArray) -> FloatArray:
         rate = self.h / np.where(self._elapsed > 0.0, self._elapsed, np.inf)
         return np.stack([np.full(self.tracks, self.g), rate])[..., None]
 
 
-DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0])  # coefficients of the third backward difference D^3, newest value first
-LAGS = 5  # of H_0 to H_4
-PRODUCTS = 10  # before the filter adapts
-WINDOW = 15  # number of innovations in H_0 of the corrected filter
-LIMITS = 0.12, 0.9  # of its gain K_1 = 1 - R / H_0
+# Coefficients of the third backward difference D^3, newest value first.
+DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0])
+# Of H_0 to H_4.
+LAGS = 5
+# Before the filter adapts.
+PRODUCTS = 10
+# Number of innovations in H_0 of the corrected filter.
+WINDOW = 15
+# Of its gain K_1 = 1 - R / H_0.
+LIMITS = 0.12, 0.9
 
 
 def third_difference(values: FloatArray) -> FloatArray:
@@ -108,15 +139,17 @@ def third_difference(values: FloatArray) -> FloatArray:
 
 
 def products(position: FloatArray, velocity: FloatArray, innovation: FloatArray) -> FloatArray:
-    """Products whose means identify the gain, (8, ...): H_0 to H_4, then D^3 x_e nu, D^3 v_e nu and D^3 nu nu, of the
-    last four predictions [m, m/s] and five innovations [m], newest first.
+    """Products whose means identify the gain, (8, ...): H_0 to H_4, then D^3 x_e nu, D^3 v_e nu and
+    D^3 nu nu, of the last four predictions [m, m/s] and five innovations [m], newest first.
     """
     differences = [third_difference(values) for values in (position, velocity, innovation)]
     return np.stack([*innovation[:LAGS], *differences]) * innovation[0]
 
 
 def published_gain(means: FloatArray, tau: float) -> tuple[FloatArray, FloatArray]:
-    """Gains of positions [-] and velocities [1/s] without limits, eq. (5), (17) and (19), of means (8, ...)."""
+    """Gains of positions [-] and velocities [1/s] without limits, eq. (5), (17) and (19), of
+    means (8, ...).
+    """
     _, h1, h2, h3, h4, position, velocity, innovation = means
     position_spread = -position + 3.0 * h1 - 3.0 * h2 + h3
     velocity_spread = -velocity + (3.0 * h1 - 6.0 * h2 + 4.0 * h3 - h4) / tau
@@ -126,10 +159,12 @@ def published_gain(means: FloatArray, tau: float) -> tuple[FloatArray, FloatArra
 
 
 def noise_bias(gain: float) -> float:
-    """Ratio of the R of eq. (19) to the true one, in uniform motion with constant gains g and h = g^2 / (2 - g). The
-    prediction is sum_i c_i z_(n-i), and D^3 of the motion is 0, so that M[D^3 z nu'] = R (1 + 3 c_1 - 3 c_2 + c_3).
+    """Ratio of the R of eq. (19) to the true one, in uniform motion with constant gains g and h =
+    g^2 / (2 - g). The prediction is sum_i c_i z_(n-i), and D^3 of the motion is 0, so that M[D^3 z
+    nu'] = R (1 + 3 c_1 - 3 c_2 + c_3).
     """
-    g, h = position, velocity = gain, gain**2 / (2.0 - gain)  # after a measurement of 1, in units of a tick
+    # After a measurement of 1, in units of a tick.
+    g, h = position, velocity = gain, gain**2 / (2.0 - gain)
     response = []
     for _ in range(3):
         response.append(position + velocity)
@@ -138,8 +173,9 @@ def noise_bias(gain: float) -> float:
 
 
 class ConstantStepFilter(GainFilter):
-    """A filter with gains that depend on past innovations, for d axes and equal time steps of tau [s]. Until it adapts
-    it has the gains of a line fitted to n measurements, K_1 = 2 (2 n - 1) / (n (n + 1)) and K_2 = 6 / (n (n + 1) T).
+    """A filter with gains that depend on past innovations, for d axes and equal time steps of tau
+    [s]. Until it adapts it has the gains of a line fitted to n measurements, K_1 = 2 (2 n - 1) / (n
+    (n + 1)) and K_2 = 6 / (n (n + 1) T).
     """
 
     def __init__(self, axes: int, tau: float):
@@ -149,11 +185,16 @@ class ConstantStepFilter(GainFilter):
         step = np.asarray(dt)
         wrong = np.abs(step - self.tau) > 1e-6 * self.tau
         if (wrong & (self._count > 0)).any():
-            raise reject("dt", float(step.flat[0]), f"the length of a tick, {self.tau:g}, in every step")
+            raise reject(
+                "dt",
+                float(step.flat[0]),
+                f"the length of a tick, {self.tau:g}, in every step",
+            )
         super()._predict(self.tau)
 
     def _find_gains(self, measurement: FloatArray) -> FloatArray:
-        position, velocity = self.state[:, ::2].copy(), self.state[:, 1::2].copy()
+        position = self.state[:, ::2].copy()
+        velocity = self.state[:, 1::2].copy()
         n = np.maximum(self._count, 2)[:, None]
         line = np.stack([2.0 * (2 * n - 1) / (n * (n + 1)), 6.0 / (n * (n + 1) * self.tau)])
         adapted = self._adapted(measurement, position, velocity)
@@ -164,8 +205,15 @@ class ConstantStepFilter(GainFilter):
         return line
 
     @abstractmethod
-    def _adapted(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> FloatArray:
-        """Gains (2, B, d) after measurement and prediction of a tick, (B, d) each; NaN where it does not adapt yet."""
+    def _adapted(
+        self,
+        measurement: FloatArray,
+        position: FloatArray,
+        velocity: FloatArray,
+    ) -> FloatArray:
+        """Gains (2, B, d) after measurement and prediction of a tick, (B, d) each; NaN where it
+        does not adapt yet.
+        """
 
 
 def shifted(history: FloatArray, newest: FloatArray) -> FloatArray:
@@ -181,8 +229,8 @@ class AdaptiveFilter(ConstantStepFilter):
     Args:
         axes: number of dimensions d.
         tau: length of a tick [s].
-        limited: limits the gains to 0 <= K_1 <= 1 and 0 <= K_2 <= K_1^2 / ((2 - K_1) T), which the paper does
-            not state. Without limits its estimates are worse than the measurements.
+        limited: limits the gains to 0 <= K_1 <= 1 and 0 <= K_2 <= K_1^2 / ((2 - K_1) T), which the
+            paper does not state. Without limits its estimates are worse than the measurements.
     """
 
     def __init__(self, axes: int, tau: float, *, limited: bool = True):
@@ -195,9 +243,16 @@ class AdaptiveFilter(ConstantStepFilter):
         self._means = np.zeros((8, tracks, self.axes))
         self._products = np.zeros((tracks, self.axes))
 
-    def _adapted(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> FloatArray:
+    def _adapted(
+        self,
+        measurement: FloatArray,
+        position: FloatArray,
+        velocity: FloatArray,
+    ) -> FloatArray:
         values = (position, velocity, measurement - position)
-        self._history = np.stack([shifted(*pair) for pair in zip(self._history, values, strict=True)])
+        self._history = np.stack(
+            [shifted(*pair) for pair in zip(self._history, values, strict=True)]
+        )
         new = products(*self._history)
         known = np.logical_not(np.isnan(new).any(axis=0))
         self._products += known
@@ -206,7 +261,8 @@ class AdaptiveFilter(ConstantStepFilter):
         ready = self._products > PRODUCTS
         means = self._means[:, ready]
         gains = np.full((2, *ready.shape), np.nan)
-        means = np.where(np.equal(means[0], 0.0), np.nan, means)  # innovations of exactly 0 identify nothing
+        # Innovations of exactly 0 identify nothing.
+        means = np.where(np.equal(means[0], 0.0), np.nan, means)
         gains[:, ready] = published_gain(means, self.tau)
         if self.limited:
             gains[0] = np.clip(gains[0], 0.0, 1.0)
@@ -215,18 +271,26 @@ class AdaptiveFilter(ConstantStepFilter):
 
 
 class CorrectedAdaptiveFilter(ConstantStepFilter):
-    """The adaptive filter with estimates of R and H_0 that are not biased, and one gain for all axes, from their means.
+    """The adaptive filter with estimates of R and H_0 that are not biased, and one gain for all
+    axes, from their means.
 
-    It adapts after two windows of H_0. A short window would follow a manoeuvre faster, a long one have a steadier gain.
+    It adapts after two windows of H_0. A short window would follow a manoeuvre faster, a long one
+    have a steadier gain.
     """
 
     def _begin(self, tracks: int) -> None:
         super()._begin(tracks)
         self._measurements = np.full((4, tracks, self.axes), np.nan)
-        self._squares = np.full((WINDOW, tracks), np.nan)  # of innovations, mean over the axes
+        # Of innovations, mean over the axes.
+        self._squares = np.full((WINDOW, tracks), np.nan)
         self._noise, self._differences = np.zeros(tracks), np.zeros(tracks)
 
-    def _adapted(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> FloatArray:
+    def _adapted(
+        self,
+        measurement: FloatArray,
+        position: FloatArray,
+        velocity: FloatArray,
+    ) -> FloatArray:
         innovation = measurement - position
         self._measurements = shifted(self._measurements, measurement)
         new = (third_difference(self._measurements) ** 2).mean(-1) / (DIFFERENCE**2).sum()
@@ -235,7 +299,8 @@ class CorrectedAdaptiveFilter(ConstantStepFilter):
         self._noise += np.where(known, new - self._noise, 0.0) / np.maximum(self._differences, 1.0)
         later = shifted(self._squares, (innovation**2).mean(-1))
         self._squares = np.where(np.isnan(innovation[:, 0]), self._squares, later)
-        mean = self._squares.mean(0)  # NaN until the window is full
+        # NaN until the window is full.
+        mean = self._squares.mean(0)
         ready = (self._count > 2 * WINDOW) & (mean > 0.0)
         ratio = self._noise / np.where(ready, mean, 1.0)
         gain = np.clip(1.0 - ratio, *LIMITS)

@@ -1,11 +1,13 @@
-"""Zimchuk & Kankin 2006: settings and reproduction of table 1, and what its filters are compared with.
+"""Zimchuk & Kankin 2006: settings and reproduction of table 1, and what its filters are compared
+with.
 
-An object is measured every 0.1 s with R = 25 m^2. It moves uniformly from 0 to 20 s and from 30 to 50 s, with an
-acceleration of 20 m/s^2 from 20 to 30 s, and with one that grows by 2 m/s^3 from 50 to 70 s. Here all three axes move
-like this, and a run is one of them. The paper does not state the mean M of its estimates, the start, limits of the
-gains (see `adaptive`), the number of runs, or the process noise of its Kalman filter; 4.64 m/s^2 is that with which its
-first manoeuvre comes out. The pattern of the table is reproduced, its numbers are not: the adaptive filter follows a
-manoeuvre about three times better than a slow Kalman filter. A faster one is better than both.
+An object is measured every 0.1 s with R = 25 m^2. It moves uniformly from 0 to 20 s and from 30 to
+50 s, with an acceleration of 20 m/s^2 from 20 to 30 s, and with one that grows by 2 m/s^3 from 50
+to 70 s. Here all three axes move like this, and a run is one of them. The paper does not state the
+mean M of its estimates, the start, limits of the gains (see `adaptive`), the number of runs, or the
+process noise of its Kalman filter; 4.64 m/s^2 is that with which its first manoeuvre comes out. The
+pattern of the table is reproduced, its numbers are not: the adaptive filter follows a manoeuvre
+about three times better than a slow Kalman filter. A faster one is better than both.
 """
 
 from typing import NamedTuple
@@ -15,35 +17,54 @@ import numpy as np
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.run_filter import Filtered, run_filter
-from baselines.papers.adaptive import AdaptiveFilter, CorrectedAdaptiveFilter, noise_bias, third_difference
+from baselines.papers.adaptive import (
+    AdaptiveFilter,
+    CorrectedAdaptiveFilter,
+    noise_bias,
+    third_difference,
+)
 from baselines.papers.matrix_adaptive import MatrixAdaptiveFilter
 from baselines.papers.reproduction import Cell, Finding, Reproduction, both_intervals, table_row
 from hybrid_env.checks import FloatArray, check_integer
 
 PAPER = "Zimchuk & Kankin"
-TAU = 0.1  # length of a tick [s]
-VARIANCE = 25.0  # R [m^2]
+# Length of a tick [s].
+TAU = 0.1
+# R [m^2].
+VARIANCE = 25.0
 AXES = 3
-SPEED = 100.0  # at the start, on each axis [m/s]; no filter depends on it
-ACCELERATION, JERK = 20.0, 2.0  # [m/s^2] from 20 to 30 s, [m/s^3] from 50 to 70 s
+# At the start, on each axis [m/s]; no filter depends on it.
+SPEED = 100.0
+# [m/s^2] from 20 to 30 s, [m/s^3] from 50 to 70 s.
+ACCELERATION, JERK = 20.0, 2.0
 # First and last tick of each leg; tick k is at (k + 1) T.
-LEGS = {"0-20 s": (0, 200), "20-30 s": (200, 300), "30-50 s": (300, 500), "50-70 s": (500, 700)}
-START_SPEED = 1000.0  # standard deviation of the velocity at the start of the Kalman filters [m/s]
-SLOW, MEDIUM, FAST = 4.64, 20.0, 60.0  # standard deviations of the acceleration in the Kalman filters, sigma_w [m/s^2]
+LEGS = {
+    "0-20 s": (0, 200),
+    "20-30 s": (200, 300),
+    "30-50 s": (300, 500),
+    "50-70 s": (500, 700),
+}
+# Standard deviation of the velocity at the start of the Kalman filters [m/s].
+START_SPEED = 1000.0
+# Standard deviations of the acceleration in the Kalman filters, sigma_w [m/s^2].
+SLOW, MEDIUM, FAST = 4.64, 20.0, 60.0
 PUBLISHED_ADAPTIVE = (3.95, 7.60, 4.12, 8.56)
 PUBLISHED_KALMAN = (3.94, 18.39, 3.64, 23.24)
 NOT_PUBLISHED = (np.nan,) * len(LEGS)
 TABLE = "Table 1, position RMSE, m"
 SOUND = "Position RMSE of other filters, m"
-RUN_INTERVAL = "The interval contains 95 % of single runs; the paper does not state its number of runs."
-SCANNED = (2.0, SLOW, 10.0, MEDIUM, FAST, 200.0, 600.0, 2000.0)  # sigma_w of the Kalman filter [m/s^2]
+RUN_INTERVAL = (
+    "The interval contains 95 % of single runs; the paper does not state its number of runs."
+)
+# sigma_w of the Kalman filter [m/s^2].
+SCANNED = (2.0, SLOW, 10.0, MEDIUM, FAST, 200.0, 600.0, 2000.0)
 SCANNED_RUNS = 50
 FITTED = {"20-30 s": "sigma_w was fitted to it"}
 MATRIX = "Matrix form over axis by axis, ratio of position RMSE in the plane"
 MATRIX_RUNS = 300
 CORRELATED = np.array([[0.0, 1.0], [1.0, 0.0]])
-# Covariances of the errors [m^2] in the plane, where x and y move alike; of two sensors the axis-wise filter gets the
-# mean.
+# Covariances of the errors [m^2] in the plane, where x and y move alike; of two sensors the
+# axis-wise filter gets the mean.
 ERRORS = {
     "independent errors": VARIANCE * np.eye(2),
     "correlation of x and y 0.9": VARIANCE * (np.eye(2) + 0.9 * CORRELATED),
@@ -55,9 +76,12 @@ ERRORS = {
 class Flights(NamedTuple):
     """n simulated flights at T times."""
 
-    times: FloatArray  # (T,) [s]
-    truth: FloatArray  # (T,) position on each axis [m]
-    measurements: FloatArray  # (T, n, 3) [m]
+    # (T,) [s]
+    times: FloatArray
+    # (T,) position on each axis [m]
+    truth: FloatArray
+    # (T, n, 3) [m]
+    measurements: FloatArray
 
 
 def true_position(times: FloatArray) -> FloatArray:
@@ -78,9 +102,12 @@ def simulate_flights(runs: int, seed: int) -> Flights:
 
 
 def kalman_positions(flights: Flights, deviation: float) -> FloatArray:
-    """Positions (T, n, 3) by the Kalman filter CV; deviation: of the acceleration in a step [m/s^2]."""
+    """Positions (T, n, 3) by the Kalman filter CV; deviation: of the acceleration in a step
+    [m/s^2].
+    """
     shape = flights.measurements.shape
-    single = flights.measurements.reshape(shape[0], -1, 1)  # the axes are independent
+    # The axes are independent.
+    single = flights.measurements.reshape(shape[0], -1, 1)
     return _filtered(single, flights.times, deviation).positions.reshape(shape)
 
 
@@ -91,20 +118,35 @@ def _filtered(measured: FloatArray, times: FloatArray, deviation: float) -> Filt
 
 
 def matrix_ratios(runs: int, seed: int) -> list[Cell]:
-    """Error of the adaptive filter in matrix form over that of each axis by itself, on the same flights."""
-    flights, cells = simulate_flights(1, seed), []
+    """Error of the adaptive filter in matrix form over that of each axis by itself, on the same
+    flights.
+    """
+    flights = simulate_flights(1, seed)
+    cells = []
     draw = np.random.default_rng(seed).multivariate_normal
 
     def ratio(means: FloatArray) -> FloatArray:
         return np.asarray(np.sqrt(means[..., : len(LEGS)] / means[..., len(LEGS) :]))
 
     for name, covariance in ERRORS.items():
-        n, m = len(covariance) // 2, len(covariance)
-        measured = flights.truth[:, None, None] + draw(np.zeros(m), covariance, (len(flights.times), runs))
+        n = len(covariance) // 2
+        m = len(covariance)
+        measured = flights.truth[:, None, None] + draw(
+            np.zeros(m),
+            covariance,
+            (len(flights.times), runs),
+        )
         mean = measured.reshape(-1, runs, n, 2).mean(2)
-        compared = (MatrixAdaptiveFilter(2, TAU, sensors=n), measured), (AdaptiveFilter(2, TAU), mean)
+        compared = (
+            (MatrixAdaptiveFilter(2, TAU, sensors=n), measured),
+            (AdaptiveFilter(2, TAU), mean),
+        )
         squares = [
-            mean_squares(flights, run_filter(one, values, flights.times).positions).reshape(runs, 2, -1)
+            mean_squares(flights, run_filter(one, values, flights.times).positions).reshape(
+                runs,
+                2,
+                -1,
+            )
             for one, values in compared
         ]
         values = both_intervals(np.concatenate(squares, -1).mean(1), ratio, seed, study_runs=1)
@@ -131,9 +173,16 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     """
     runs = check_integer("runs", runs, minimum=2)
     flights = simulate_flights(runs, seed)
-    adaptive, slow = "adaptive, as published", f"Kalman, sigma_w = {SLOW:g}"
-    versions = AdaptiveFilter(AXES, TAU), AdaptiveFilter(AXES, TAU, limited=False), CorrectedAdaptiveFilter(AXES, TAU)
-    plain, free, corrected = (run_filter(one, flights.measurements, flights.times).positions for one in versions)
+    adaptive = "adaptive, as published"
+    slow = f"Kalman, sigma_w = {SLOW:g}"
+    versions = (
+        AdaptiveFilter(AXES, TAU),
+        AdaptiveFilter(AXES, TAU, limited=False),
+        CorrectedAdaptiveFilter(AXES, TAU),
+    )
+    plain, free, corrected = (
+        run_filter(one, flights.measurements, flights.times).positions for one in versions
+    )
     rows = {
         adaptive: plain,
         slow: kalman_positions(flights, SLOW),
@@ -148,16 +197,37 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     for name, positions in rows.items():
         table, given = (TABLE, published[name]) if name in published else (SOUND, NOT_PUBLISHED)
         values = both_intervals(mean_squares(flights, positions), np.sqrt, seed, study_runs=1)
-        cells += table_row(table, name, LEGS, given, values, 2, RUN_INTERVAL, FITTED if name == slow else None)
+        cells += table_row(
+            table,
+            name,
+            LEGS,
+            given,
+            values,
+            2,
+            RUN_INTERVAL,
+            FITTED if name == slow else None,
+        )
     cells += matrix_ratios(min(runs, MATRIX_RUNS), seed)
     ratios = rmse(flights, rows[adaptive]) / rmse(flights, rows[slow])
     theirs = np.divide(PUBLISHED_ADAPTIVE, PUBLISHED_KALMAN)
     findings = [
-        Finding(f"RMSE of the adaptive filter over that of the Kalman filter, {leg}", f"{ours:.2f}", f"{one:.2f}")
+        Finding(
+            f"RMSE of the adaptive filter over that of the Kalman filter, {leg}",
+            f"{ours:.2f}",
+            f"{one:.2f}",
+        )
         for leg, ours, one in zip(LEGS, ratios, theirs, strict=True)
     ] + _doubtful_points(flights, seed)
     examples = {"flights": flights, **rows}
-    return Reproduction(PAPER, runs, seed, tuple(cells), tuple(findings), examples, size="runs not stated")
+    return Reproduction(
+        PAPER,
+        runs,
+        seed,
+        tuple(cells),
+        tuple(findings),
+        examples,
+        size="runs not stated",
+    )
 
 
 def _doubtful_points(flights: Flights, seed: int) -> list[Finding]:
@@ -184,12 +254,17 @@ def _doubtful_points(flights: Flights, seed: int) -> list[Finding]:
         Finding("R of eq. (19) over the true one, in uniform motion", bias, "1: eq. (19) gives R"),
         Finding("eq. (18) minus eq. (19), largest difference in a run [m^2]", *difference),
         Finding(lagged, f"{error:.2f} and {innovation:.2f}", "equal, before eq. (17)"),
-        Finding("settings that the paper does not state", f"mean over all ticks, axes by themselves, {gains}"),
+        Finding(
+            "settings that the paper does not state",
+            f"mean over all ticks, axes by themselves, {gains}",
+        ),
     ]
 
 
 def _lag_products(flights: Flights) -> tuple[float, float]:
-    """Mean products of successive prediction errors and of successive innovations [m^2], 35 to 50 s."""
+    """Mean products of successive prediction errors and of successive innovations [m^2], 35 to
+    50 s.
+    """
     measured = flights.measurements[:, :, :1]
     filtered = _filtered(measured, flights.times, MEDIUM)
     predicted = filtered.positions[:-1] + TAU * filtered.velocities[:-1]
@@ -200,13 +275,19 @@ def _lag_products(flights: Flights) -> tuple[float, float]:
 
 
 def _equation_difference(flights: Flights) -> float:
-    """Largest difference of the products in eq. (18) and (19) on one run, for any predictions [m^2]."""
+    """Largest difference of the products in eq. (18) and (19) on one run, for any predictions
+    [m^2].
+    """
     z = flights.measurements[:, 0, 0]
-    filtered = kalman_positions(Flights(flights.times, flights.truth, flights.measurements[:, :1]), SLOW)
+    filtered = kalman_positions(
+        Flights(flights.times, flights.truth, flights.measurements[:, :1]),
+        SLOW,
+    )
     predicted = np.concatenate([z[:1], filtered[:-1, 0, 0]])
     innovation = z - predicted
     newest_first = [
-        np.stack([values[3 - lag : len(z) - lag] for lag in range(4)]) for values in (z, innovation, predicted)
+        np.stack([values[3 - lag : len(z) - lag] for lag in range(4)])
+        for values in (z, innovation, predicted)
     ]
     measured, new, expected = (third_difference(values) for values in newest_first)
     return float(np.abs((measured - new - expected) * innovation[3:]).max())

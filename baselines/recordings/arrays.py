@@ -1,4 +1,6 @@
-"""Arrays of measured positions as input of the published bank: checks, the bank, and the first estimate."""
+"""Arrays of measured positions as input of the published bank: checks, the bank, and the first
+estimate.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -16,13 +18,18 @@ from hybrid_env.limits import axis_variances, check_within
 class Filters(NamedTuple):
     """A bank and its model, as arguments of compiled functions. A recording uses the first lane."""
 
-    bank: PublishedBank  # of one block
-    radii: FloatArray  # (n,) [m]
+    # Of one block.
+    bank: PublishedBank
+    # (n,) [m]
+    radii: FloatArray
     model: FilterModel
 
 
 def make_filters(
-    radii: FloatArray, tau: float, process_variance: float, measurement_variance: float | ArrayLike
+    radii: FloatArray,
+    tau: float,
+    process_variance: float,
+    measurement_variance: float | ArrayLike,
 ) -> Filters:
     """Return the published bank and its model. Radii (n,) [m] and tick [s] are checked already."""
     process_variance = check_within("process_variance", process_variance)
@@ -32,7 +39,12 @@ def make_filters(
 
 
 @internal
-def write_estimate(bank: PublishedBank, mode: int, estimate: FloatArray, covariance: FloatArray) -> None:
+def write_estimate(
+    bank: PublishedBank,
+    mode: int,
+    estimate: FloatArray,
+    covariance: FloatArray,
+) -> None:
     """Write the estimate, (4,), and the covariance, (2, 3), of one hypothesis of the first lane."""
     for k, value in enumerate(estimate_of(bank.hypotheses, mode, 0)):
         estimate[k] = value
@@ -60,11 +72,17 @@ def first_estimate(measurements: ArrayLike, tau: float, ticks: int = 10) -> Floa
     else:
         line = np.linalg.pinv(np.stack([np.ones(count), times], axis=1)) @ values[..., :count, :]
         line = np.moveaxis(line, -2, 0)
-    return np.stack([line[0][..., 0], line[1][..., 0], line[0][..., 1], line[1][..., 1]], axis=-1)
+    return np.stack(
+        [line[0][..., 0], line[1][..., 0], line[0][..., 1], line[1][..., 1]],
+        axis=-1,
+    )
 
 
 def check_recording(
-    measurements: ArrayLike, lengths: Sequence[int] | IntArray, start: ArrayLike | None, tau: float
+    measurements: ArrayLike,
+    lengths: Sequence[int] | IntArray,
+    start: ArrayLike | None,
+    tau: float,
 ) -> tuple[FloatArray, IntArray, FloatArray]:
     """Return checked measurements (n, T, 2), lengths (K,) and initial estimates (n, 4)."""
     single = dimensions(measurements) == 2
@@ -74,7 +92,8 @@ def check_recording(
     if not isinstance(lengths, (Sequence, np.ndarray)) or dimensions(lengths) != 1:
         raise reject("lengths", lengths, "a list of integers >= 1")
     ticks = [check_integer("lengths", length) for length in lengths]
-    if sum(ticks) != total:  # of Python's integers, which cannot overflow
+    # Of Python's integers, which cannot overflow.
+    if sum(ticks) != total:
         raise reject("lengths", ticks, f"lengths whose sum is {total}, the number of measurements")
     segment_lengths = np.array(ticks, np.int64)
     if start is None:

@@ -1,9 +1,11 @@
-"""Adaptive trajectory estimation (ATE) on recorded measurements. Golubkov 2018, algorithm 1; Tsyganov 2019.
+"""Adaptive trajectory estimation (ATE) on recorded measurements. Golubkov 2018, algorithm 1;
+Tsyganov 2019.
 
-At every switch the bank starts from the current estimate with P := I. Until the decision, the output is the estimate of
-the last decided mode; after it, only the chosen filter runs on. Tsyganov 2019 adds a recalculation of the estimates
-since the switch by the chosen filter. `sprt.SPRTDecider` is the same test in the environment. With known modes the
-filter of each segment follows the object from its first tick.
+At every switch the bank starts from the current estimate with P := I. Until the decision, the
+output is the estimate of the last decided mode; after it, only the chosen filter runs on. Tsyganov
+2019 adds a recalculation of the estimates since the switch by the chosen filter. `sprt.SPRTDecider`
+is the same test in the environment. With known modes the filter of each segment follows the object
+from its first tick.
 """
 
 from collections.abc import Sequence
@@ -17,21 +19,32 @@ from baselines.rules.measurements import run_compiled
 from baselines.rules.sprt import sprt_test, sprt_thresholds
 from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_choice, check_flag
 from hybrid_env.core.banks.bank import IDENTITY, likeliest, likeliest_of_type, set_estimate
-from hybrid_env.core.banks.published import PublishedBank, begin_published, follow_published, step_published
+from hybrid_env.core.banks.published import (
+    PublishedBank,
+    begin_published,
+    follow_published,
+    step_published,
+)
 from hybrid_env.core.compilation import compiled, internal
 from hybrid_env.core.records import LANES, State
 from hybrid_env.limits import check_within, distinct_radii
 
 NO_RECALCULATION, AS_PUBLISHED, REWIND, LITERAL = 0, 1, 2, 3
-RECALCULATIONS = {"none": NO_RECALCULATION, "as_published": AS_PUBLISHED, "rewind": REWIND, "literal": LITERAL}
+RECALCULATIONS = {
+    "none": NO_RECALCULATION,
+    "as_published": AS_PUBLISHED,
+    "rewind": REWIND,
+    "literal": LITERAL,
+}
 
 
 class Tracks(NamedTuple):
-    """Results of ATE for n runs of T ticks, K segments and M hypotheses. A single run has no first axis.
+    """Results of ATE for n runs of T ticks, K segments and M hypotheses. A single run has no
+    first axis.
 
     Attributes:
-        estimates: (n, T, 4) estimates [x, vx, y, vy] [m, m/s]. Without recalculation, those up to and including the
-            tick of the decision are estimates of the previous mode.
+        estimates: (n, T, 4) estimates [x, vx, y, vy] [m, m/s]. Without recalculation, those up to
+            and including the tick of the decision are estimates of the previous mode.
         covariances: (n, T, 2, 3) P_XX, P_XV, P_VV of (position, velocity) on each axis.
         modes: (n, T) hypothesis whose filter provides the estimate.
         decided: (n, K) decided mode of each segment.
@@ -58,9 +71,12 @@ class Rule(NamedTuple):
     keep: bool = True
     recalculation: int = NO_RECALCULATION
     refine: bool = False
-    known: IntArray = np.zeros(0, np.int64)  # (K,) mode of each segment, none if they are decided
-    covariance: FloatArray = np.array([1.0, 0.0, 1.0])  # (3,) xx, xv, vv of the anchor on each axis
-    carry: bool = False  # whether only the first anchor has this covariance, and others that of the estimate
+    # (K,) mode of each segment, none if they are decided.
+    known: IntArray = np.zeros(0, np.int64)
+    # (3,) xx, xv, vv of the anchor on each axis.
+    covariance: FloatArray = np.array([1.0, 0.0, 1.0])
+    # Whether only the first anchor has this covariance, and others that of the estimate.
+    carry: bool = False
 
 
 @internal
@@ -71,10 +87,17 @@ def _write_tick(bank: PublishedBank, mode: int, k: int, output: Tracks) -> None:
 
 @internal
 def _recalculate(
-    measurements: FloatArray, ticks: tuple[int, int], anchor: State, mode: int, filters: Filters, recalculation: int,
+    measurements: FloatArray,
+    ticks: tuple[int, int],
+    anchor: State,
+    mode: int,
+    filters: Filters,
+    recalculation: int,
     output: Tracks,
-) -> None:  # fmt: skip
-    """Recompute the estimates up to the decision with the decided filter. Tsyganov 2019, lines 17 to 20."""
+) -> None:
+    """Recompute the estimates up to the decision with the decided filter. Tsyganov 2019, lines
+    17 to 20.
+    """
     bank, radii, model = filters
     measurement = np.zeros((2, LANES))
     if recalculation == AS_PUBLISHED:
@@ -85,18 +108,25 @@ def _recalculate(
         measurement[:, 0] = measurements[k]
         if recalculation != REWIND:
             follow_published(bank, 0, mode, measurement, model)
-        else:  # all filters, because the radius may be refined among them later
+        else:
+            # All filters, because the radius may be refined among them later.
             step_published(bank, 0, 1, measurement, model)
         _write_tick(bank, mode, k, output)
 
 
 @compiled
 def _track_run(
-    measurements: FloatArray, lengths: IntArray, start: FloatArray, filters: Filters, rule: Rule, output: Tracks
+    measurements: FloatArray,
+    lengths: IntArray,
+    start: FloatArray,
+    filters: Filters,
+    rule: Rule,
+    output: Tracks,
 ) -> None:
     """Apply ATE to one run. Golubkov 2018, algorithm 1."""
     bank, radii, model = filters
-    estimate, covariance = start.copy(), np.empty((2, 3))
+    estimate = start.copy()
+    covariance = np.empty((2, 3))
     covariance[:] = rule.covariance
     measurement = np.zeros((2, LANES))
     log_likelihood = np.empty(bank.hypotheses.size)
@@ -111,7 +141,14 @@ def _track_run(
         if not rule.carry:
             covariance[:] = rule.covariance
         (xx, xv, vv), (yy, yv, ww) = covariance
-        begin_published(bank, 0, anchor, (xx, xv, 0.0, 0.0, vv, 0.0, 0.0, yy, yv, ww), radii, model)
+        begin_published(
+            bank,
+            0,
+            anchor,
+            (xx, xv, 0.0, 0.0, vv, 0.0, 0.0, yy, yv, ww),
+            radii,
+            model,
+        )
         running = np.ones(log_likelihood.size, np.bool_)
         begin = k
         end = k + lengths[segment]
@@ -135,7 +172,15 @@ def _track_run(
         if output.undecided[segment] and not rule.keep:
             active = likeliest(bank.hypotheses, 0)
         if rule.recalculation != NO_RECALCULATION and not output.undecided[segment]:
-            _recalculate(measurements, (begin, k), anchor, active, filters, rule.recalculation, output)
+            _recalculate(
+                measurements,
+                (begin, k),
+                anchor,
+                active,
+                filters,
+                rule.recalculation,
+                output,
+            )
         for j in range(k, end):
             measurement[:, 0] = measurements[j]
             if rule.refine:
@@ -150,36 +195,45 @@ def _track_run(
 
 
 def track_ate(
-    measurements: ArrayLike, lengths: Sequence[int] | IntArray, start: ArrayLike | None = None, *,
-    radii: ArrayLike = (5.0,), tau: float = 0.1, process_variance: float = 0.001,
-    measurement_variance: float | ArrayLike = 0.1, alpha: float = 1e-3, beta: float | None = None,
+    measurements: ArrayLike,
+    lengths: Sequence[int] | IntArray,
+    start: ArrayLike | None = None,
+    *,
+    radii: ArrayLike = (5.0,),
+    tau: float = 0.1,
+    process_variance: float = 0.001,
+    measurement_variance: float | ArrayLike = 0.1,
+    alpha: float = 1e-3,
+    beta: float | None = None,
     undecided: Literal["keep", "likeliest"] = "keep",
     recalculation: Literal["none", "as_published", "rewind", "literal"] = "none",
-    reference: Literal["active", "straight"] = "active", refine_radius: bool = False,
-) -> Tracks:  # fmt: skip
+    reference: Literal["active", "straight"] = "active",
+    refine_radius: bool = False,
+) -> Tracks:
     """Estimate the trajectory of recorded positions with unknown modes and known switch times.
 
     Args:
         measurements: (T, 2) measured positions [m], or (n, T, 2) for n runs.
         lengths: (K,) segment lengths [ticks], with sum T.
-        start: (4,) or (n, 4) estimate [x, vx, y, vy] one tick before the first measurement [m, m/s]; None uses
-            `first_estimate`.
+        start: (4,) or (n, 4) estimate [x, vx, y, vy] one tick before the first measurement [m,
+            m/s]; None uses `first_estimate`.
         radii: turn radii of the bank [m].
         tau: length of a tick [s].
         process_variance: Q [m^2/s^2].
         measurement_variance: R [m^2], one number or (x, y).
         alpha: type I error probability of the test.
         beta: type II error probability of the test; None uses alpha.
-        undecided: mode of a segment that ends without a decision: "keep" for the last decided mode, as published,
-            "likeliest" for the most likely hypothesis.
-        recalculation: whether the chosen filter recomputes the estimates from the switch to the decision (Tsyganov
-            2019, lines 16 to 21). "literal" restores nothing, as these lines are printed. "as_published", with which
-            the published table comes out, restores the estimate at the switch but not its covariance; the data are
-            therefore used twice. "rewind" restores both.
-        reference: hypothesis in the denominator of the ratios: "active" for the last decided mode, as published, or
-            always "straight".
-        refine_radius: True runs all filters after the decision and uses the most likely hypothesis of the decided type;
-            the published algorithm does not change the decided radius.
+        undecided: mode of a segment that ends without a decision: "keep" for the last decided mode,
+            as published, "likeliest" for the most likely hypothesis.
+        recalculation: whether the chosen filter recomputes the estimates from the switch to the
+            decision (Tsyganov 2019, lines 16 to 21). "literal" restores nothing, as these lines are
+            printed. "as_published", with which the published table comes out, restores the estimate
+            at the switch but not its covariance; the data are therefore used twice. "rewind"
+            restores both.
+        reference: hypothesis in the denominator of the ratios: "active" for the last decided mode,
+            as published, or always "straight".
+        refine_radius: True runs all filters after the decision and uses the most likely hypothesis
+            of the decided type; the published algorithm does not change the decided radius.
     """
     tau = check_within("tau", tau)
     values, segment_lengths, starts = check_recording(measurements, lengths, start, tau)
@@ -194,15 +248,25 @@ def track_ate(
     return Tracks(*(array[0] for array in found)) if np.ndim(measurements) == 2 else found
 
 
-def run_rule(values: FloatArray, lengths: IntArray, starts: FloatArray, filters: Filters, rule: Rule) -> Tracks:
+def run_rule(
+    values: FloatArray,
+    lengths: IntArray,
+    starts: FloatArray,
+    filters: Filters,
+    rule: Rule,
+) -> Tracks:
     """Apply a rule to the runs of `arrays.check_recording`."""
     runs, total = values.shape[:2]
     segments = (runs, lengths.size)
     found = Tracks(
-        np.empty((runs, total, 4)), np.empty((runs, total, 2, 3)), np.empty((runs, total), np.int64),
-        np.empty(segments, np.int64), np.empty(segments, np.int64), np.empty(segments, np.bool_),
+        np.empty((runs, total, 4)),
+        np.empty((runs, total, 2, 3)),
+        np.empty((runs, total), np.int64),
+        np.empty(segments, np.int64),
+        np.empty(segments, np.int64),
+        np.empty(segments, np.bool_),
         np.empty((runs, total, filters.bank.hypotheses.size)),
-    )  # fmt: skip
+    )
     for run in range(runs):
         of_run = Tracks(*(array[run] for array in found))
         run_compiled(_track_run, values[run], lengths, starts[run], filters, rule, of_run)

@@ -1,6 +1,6 @@
-"""Whether the model fits a recording: if it does, innovations of the interacting multiple model bank divided by their
-standard deviations are white, with a variance of 1. Bar-Shalom, Li and Kirubarajan 2001, "Estimation with applications
-to tracking and navigation", section 5.4.
+"""Whether the model fits a recording: if it does, innovations of the interacting multiple model
+bank divided by their standard deviations are white, with a variance of 1. Bar-Shalom, Li and
+Kirubarajan 2001, "Estimation with applications to tracking and navigation", section 5.4.
 """
 
 import math
@@ -16,53 +16,78 @@ from baselines.recordings.ticks import TickGrid
 from hybrid_env.checks import FloatArray
 from hybrid_env.core.records import LANES
 
-LONGEST_CHUNK = 2048  # ticks; the filters start anew at the beginning of each chunk
-CHI_SQUARE_MEDIAN = 2.0 * math.log(2.0)  # median of the squared length of a normalised innovation in two dimensions
-FAR = 13.8  # squared length that a normalised innovation exceeds with probability 0.001
+# Ticks; the filters start anew at the beginning of each chunk.
+LONGEST_CHUNK = 2048
+# Median of the squared length of a normalised innovation in two dimensions.
+CHI_SQUARE_MEDIAN = 2.0 * math.log(2.0)
+# Squared length that a normalised innovation exceeds with probability 0.001.
+FAR = 13.8
 LARGEST_RATIO = 1.5
 LARGEST_SCATTER = 3.0
 LARGEST_CORRELATION = 0.25
 MOST_FAR = 0.02
-FEWEST = 30  # innovations
+# Innovations.
+FEWEST = 30
 
 
 @dataclass(frozen=True, eq=False)
 class Consistency:
-    """Agreement of model and measurements: normalised innovations, of the most probable mode, and scatter."""
+    """Agreement of model and measurements: normalised innovations, of the most probable mode,
+    and scatter.
+    """
 
-    innovations: tuple[FloatArray, ...]  # of each piece, (T, 2), NaN without a measurement and where filters start
-    ratio: float  # median length over that of the model, 1 if the model holds
-    correlation: float  # of successive ones, 0 if the model holds
-    far: float  # share that is longer than 99.9 % of those of the model
-    # standard deviation of the measurements by their third differences, over that of the model; NaN if they are
-    # too few, and with a radar, whose noise depends on the range
+    # Of each piece, (T, 2), NaN without a measurement and where filters start.
+    innovations: tuple[FloatArray, ...]
+    # Median length over that of the model, 1 if the model holds.
+    ratio: float
+    # Of successive ones, 0 if the model holds.
+    correlation: float
+    # Share that is longer than 99.9 % of those of the model.
+    far: float
+    # Standard deviation of the measurements by their third differences, over that of the model; NaN
+    # if they are too few, and with a radar, whose noise depends on the range.
     scatter: float
-    count: int  # number of innovations
+    # Number of innovations.
+    count: int
 
     def warnings(self, model: TrackModel) -> list[str]:
         """Return a plain sentence for everything that does not fit."""
         if self.count < FEWEST:
             return [f"only {self.count} innovations: whether the model fits cannot be checked"]
         found = []
-        given, better = (", ".join(f"{radius:.4g}" for radius in some) for some in (model.radii, model.better_radii))
+        given, better = (
+            ", ".join(f"{radius:.4g}" for radius in some)
+            for some in (model.radii, model.better_radii)
+        )
         if self.scatter > LARGEST_SCATTER or self.scatter < 1.0 / LARGEST_SCATTER:
-            found.append(f"the measurements scatter {_times(self.scatter)} what R says: check units and R")
+            found.append(
+                f"the measurements scatter {_times(self.scatter)} what R says: check units and R"
+            )
         elif not 1.0 / LARGEST_RATIO <= self.ratio <= LARGEST_RATIO:
-            found.append(f"residuals are {_times(self.ratio)} what the model says: check units, R, Q and radii")
+            found.append(
+                f"residuals are {_times(self.ratio)} what the model says: check units, R, Q and"
+                " radii"
+            )
         elif better:
-            found.append(f"turns of radius {given} do not explain the recording, {better} does: check units and radii")
+            found.append(
+                f"turns of radius {given} do not explain the recording, {better} does: check units"
+                " and radii"
+            )
         elif not model.turns and "radii" not in model.estimated:
             found.append(
-                f"turns of radius {given} explain the recording no better than straight motion: check units "
-                "and radii, if there are turns"
+                f"turns of radius {given} explain the recording no better than straight motion:"
+                " check units and radii, if there are turns"
             )
         elif abs(self.correlation) > max(LARGEST_CORRELATION, 4.0 / math.sqrt(2.0 * self.count)):
             found.append(
-                f"successive residuals are correlated by {self.correlation:.2f}: the model does not fit "
-                "(motion other than lines and arcs, smoothed positions, or wrong radii)"
+                f"successive residuals are correlated by {self.correlation:.2f}: the model does not"
+                " fit (motion other than lines and arcs, smoothed positions, or wrong radii)"
             )
         if self.far > MOST_FAR:
-            found.append(f"{self.far:.1%} of the residuals are outliers, more than three standard deviations off")
+            found.append(
+                f"{self.far:.1%} of the residuals are outliers, more than three standard"
+                " deviations off"
+            )
         return found
 
 
@@ -70,8 +95,14 @@ def _times(ratio: float) -> str:
     return f"{ratio:.2g} times" if ratio < 10.0 else f"{ratio:.0f} times"
 
 
-def check_consistency(grid: TickGrid, model: TrackModel, lengths: Sequence[int] = ()) -> Consistency:
-    """Return what the normalised innovations of a recording, of `lengths` between known switches, say of a model."""
+def check_consistency(
+    grid: TickGrid,
+    model: TrackModel,
+    lengths: Sequence[int] = (),
+) -> Consistency:
+    """Return what the normalised innovations of a recording, of `lengths` between known
+    switches, say of a model.
+    """
     scale = math.sqrt(model.measurement_variance)
     longest = max(min(LONGEST_CHUNK, -(-grid.total // LANES)), SHORTEST_CHUNK)
     places = cut(grid, longest)
@@ -89,10 +120,13 @@ def check_consistency(grid: TickGrid, model: TrackModel, lengths: Sequence[int] 
     scatter = math.nan if noise is None else math.sqrt(noise / model.measurement_variance)
     if not count:
         return Consistency(tuple(innovations), math.nan, 0.0, 0.0, scatter, 0)
-    near = np.clip(joined, -5.0, 5.0)  # a single outlier must not decide
+    # A single outlier must not decide.
+    near = np.clip(joined, -5.0, 5.0)
     products = near[1:] * near[:-1]
     total = float(np.nanmean(near**2))
-    correlation = float(np.nanmean(products)) / total if total and (~np.isnan(products)).any() else 0.0
+    correlation = (
+        float(np.nanmean(products)) / total if total and (~np.isnan(products)).any() else 0.0
+    )
     ratio = math.sqrt(float(np.nanmedian(squared)) / CHI_SQUARE_MEDIAN)
     far = float((squared > FAR * max(ratio, 1.0) ** 2).sum()) / count
     return Consistency(tuple(innovations), ratio, correlation, far, scatter, count)

@@ -1,6 +1,6 @@
-"""A decider on a recording: mode, probabilities, estimate and covariance at every tick. The recording is converted to
-units in which measurement variance and tick are 0.1, those of the default environment, so that what a decider reads,
-and the results, do not depend on its units.
+"""A decider on a recording: mode, probabilities, estimate and covariance at every tick. The
+recording is converted to units in which measurement variance and tick are 0.1, those of the default
+environment, so that what a decider reads, and the results, do not depend on its units.
 """
 
 import math
@@ -21,10 +21,14 @@ from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Fused, Radar
 
-VARIANCE, TICK = 0.1, 0.1  # measurement variance and tick in the units of the filters
-MOST_TICKS = 50  # for the first state
-FEWEST = 3  # measurements
-SURE = 0.6  # probability of a mode that counts as known
+# Measurement variance and tick in the units of the filters.
+VARIANCE, TICK = 0.1, 0.1
+# For the first state.
+MOST_TICKS = 50
+# Measurements.
+FEWEST = 3
+# Probability of a mode that counts as known.
+SURE = 0.6
 
 
 class ModelUnits(NamedTuple):
@@ -40,7 +44,9 @@ class ModelUnits(NamedTuple):
         return cls(length, length * model.tau / TICK)
 
     def options(self, model: TrackModel, radar: Radar | None = None) -> dict[str, object]:
-        """Return the options of an environment with the model of a recording, and with its radar."""
+        """Return the options of an environment with the model of a recording, and with its
+        radar.
+        """
         return {
             "sensors": () if radar is None else (radar.scaled(*self),),
             "radii": tuple(radius * self.length for radius in model.radii),
@@ -53,62 +59,97 @@ class ModelUnits(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TickDecisions:
-    """Decisions at the T ticks of a piece between gaps, in the units of the recording. In `pieces`, one with known
-    switches lies between two of them, and its mode is that at its end; otherwise it is a run of one mode.
+    """Decisions at the T ticks of a piece between gaps, in the units of the recording. In `pieces`,
+    one with known switches lies between two of them, and its mode is that at its end; otherwise it
+    is a run of one mode.
     """
 
-    modes: IntArray  # (T,) stated or last decided; ticks before the first one have its mode
-    decided: BoolArray  # (T,) see `OnlineEstimate.decided`
-    probabilities: FloatArray  # (T, M) of the modes
-    estimates: FloatArray  # (T, 4) [x, vx, y, vy]
-    covariances: FloatArray  # (T, 4, 4); infinite for the velocity after a single measurement
-    pieces: IntArray  # (K, 4) first tick, end, mode, and tick of the decision, -1 without one
+    # (T,) stated or last decided; ticks before the first one have its mode.
+    modes: IntArray
+    # (T,) see `OnlineEstimate.decided`
+    decided: BoolArray
+    # (T, M) of the modes.
+    probabilities: FloatArray
+    # (T, 4) [x, vx, y, vy]
+    estimates: FloatArray
+    # (T, 4, 4); infinite for the velocity after a single measurement.
+    covariances: FloatArray
+    # (K, 4) first tick, end, mode, and tick of the decision, -1 without one.
+    pieces: IntArray
 
 
 def decide_recording(
-    grid: TickGrid, model: TrackModel, tracker: OnlineTracker, *, lengths: Sequence[int] = (),
+    grid: TickGrid,
+    model: TrackModel,
+    tracker: OnlineTracker,
+    *,
+    lengths: Sequence[int] = (),
     start: FloatArray | None = None,
-) -> list[TickDecisions]:  # fmt: skip
-    """Run a decider over the pieces of a recording, whose tracker has the options of `ModelUnits.options`. Lengths are
-    ticks between the known switches, see `check_lengths`; `start` is the exact state (4,) [x, vx, y, vy] one tick
-    before the first measurement, None starts from the first measurements.
+) -> list[TickDecisions]:
+    """Run a decider over the pieces of a recording, whose tracker has the options of
+    `ModelUnits.options`. Lengths are ticks between the known switches, see `check_lengths`; `start`
+    is the exact state (4,) [x, vx, y, vy] one tick before the first measurement, None starts from
+    the first measurements.
     """
     check_lengths(grid, lengths)
-    return [_decide_piece(piece, grid.radar, model, tracker, lengths, start) for piece in grid.pieces]
+    return [
+        _decide_piece(piece, grid.radar, model, tracker, lengths, start) for piece in grid.pieces
+    ]
 
 
 def check_lengths(grid: TickGrid, lengths: Sequence[int]) -> None:
     """Raise `ArgumentError` if the ticks between known switches do not fit the recording."""
     if lengths and len(grid.pieces) > 1:
-        raise reject("lengths", tuple(lengths), f"none with {len(grid.pieces) - 1} gaps, or a longer --gap")
+        raise reject(
+            "lengths",
+            tuple(lengths),
+            f"none with {len(grid.pieces) - 1} gaps, or a longer --gap",
+        )
     if lengths and sum(lengths) != grid.total:
         allowed = f"lengths whose sum is {grid.total}, the number of ticks, not {sum(lengths)}"
         raise reject("lengths", tuple(lengths), allowed)
 
 
 def _decide_piece(
-    piece: Piece, radar: Radar | None, model: TrackModel, tracker: OnlineTracker, lengths: Sequence[int],
+    piece: Piece,
+    radar: Radar | None,
+    model: TrackModel,
+    tracker: OnlineTracker,
+    lengths: Sequence[int],
     start: FloatArray | None,
-) -> TickDecisions:  # fmt: skip
+) -> TickDecisions:
     units = ModelUnits.of(model)
-    scales, origin = np.array([*units, *units]), np.zeros(4)
+    scales = np.array([*units, *units])
+    origin = np.zeros(4)
     measured = ~np.isnan(piece.measurements[:, 0])
     origin[::2] = piece.measurements[measured][0] if radar is None else radar.position
     points, rates = (piece.measurements - origin[::2]) * units.length, piece.rates * units.velocity
     options: Any = tracker.options
-    total, M = len(points), options.hypotheses
+    total = len(points)
+    M = options.hypotheses
     found = TickDecisions(
-        np.zeros(total, np.int64), np.zeros(total, np.bool_), np.empty((total, M)), np.empty((total, 4)),
-        np.empty((total, 4, 4)), np.full((len(lengths), 4), -1),
-    )  # fmt: skip
-    has_mode = np.zeros(total, np.bool_)  # whether it is that of the decider
+        np.zeros(total, np.int64),
+        np.zeros(total, np.bool_),
+        np.empty((total, M)),
+        np.empty((total, 4)),
+        np.empty((total, 4, 4)),
+        np.full((len(lengths), 4), -1),
+    )
+    # Whether it is that of the decider.
+    has_mode = np.zeros(total, np.bool_)
     if start is not None:
         tracker.begin((start - origin) * scales, np.zeros((4, 4)))
-    else:  # from the first measurements, with known switches those of the first piece
+    else:
+        # From the first measurements, with known switches those of the first piece.
         known = slice(lengths[0] if lengths else None)
-        first = first_state(points[known], options, 0.0 if lengths else options.assumed_hazard, rates[known])
+        first = first_state(
+            points[known],
+            options,
+            0.0 if lengths else options.assumed_hazard,
+            rates[known],
+        )
         estimate, covariance, mode = first or (None, None, None)
-        # an announced switch begins the first piece, whatever the mode before it
+        # An announced switch begins the first piece, whatever the mode before it.
         tracker.begin(estimate, covariance, None if lengths else mode)
     ends = np.cumsum(lengths, dtype=np.int64)
     found.pieces[:, 0], found.pieces[:, 1] = ends - lengths, ends
@@ -117,7 +158,8 @@ def _decide_piece(
         if k in switches:
             tracker.switch(switches[k])
         measurement: Any = (x, y) if seen else None
-        if seen and options.sensors:  # a radar at the origin
+        # A radar at the origin.
+        if seen and options.sensors:
             measurement = Fused((x, y), options.sensors[0].noise(x, y), (float(rates[k]),))
         now = tracker.update(measurement)
         found.modes[k], found.decided[k] = now.mode, now.decided
@@ -130,7 +172,8 @@ def _decide_piece(
             found.modes[again] = now.mode
     found.estimates[:] = found.estimates / scales + origin
     found.covariances[:] /= np.outer(scales, scales)
-    for one in found.pieces:  # one without a decision is as in the options
+    # One without a decision is as in the options.
+    for one in found.pieces:
         first, end = one[:2]
         one[2], decided = found.modes[end - 1], np.flatnonzero(found.decided[first:end])
         if decided.size:
@@ -142,7 +185,7 @@ def _decide_piece(
         found.modes[: stated[0]] = found.modes[stated[0]]
     if lengths:
         return found
-    # the runs of one mode
+    # The runs of one mode.
     begin = np.flatnonzero(np.diff(found.modes, prepend=-1))
     end = np.append(begin[1:], len(found.modes))
     when = np.where(found.decided[begin], begin, -1)
@@ -153,19 +196,25 @@ def _decide_piece(
 
 
 def first_state(
-    measurements: FloatArray, options: WorldOptions | QuickestOptions, hazard: float, rates: FloatArray | None = None
+    measurements: FloatArray,
+    options: WorldOptions | QuickestOptions,
+    hazard: float,
+    rates: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray, int | None] | None:
-    """Return the state one tick before the first measurement, seen backwards; None with too few measurements. A bank
-    for known switches takes its first estimate as exact, and an error there passes on from piece to piece; a straight
-    line is not good enough if the object turns by much in a tick. So the interacting multiple model bank runs backwards
-    over at most 50 ticks of the measurements (T, 2) [m], NaN without one but the first, and range rates (T,) of a
-    radar; the hazard is the probability of a switch in a tick. They are used twice, which a live sensor does not allow.
-    Returns the estimate (4,) [x, vx, y, vy], its covariance (4, 4), and the mode, None if none is probable enough.
+    """Return the state one tick before the first measurement, seen backwards; None with too few
+    measurements. A bank for known switches takes its first estimate as exact, and an error there
+    passes on from piece to piece; a straight line is not good enough if the object turns by much in
+    a tick. So the interacting multiple model bank runs backwards over at most 50 ticks of the
+    measurements (T, 2) [m], NaN without one but the first, and range rates (T,) of a radar; the
+    hazard is the probability of a switch in a tick. They are used twice, which a live sensor does
+    not allow. Returns the estimate (4,) [x, vx, y, vy], its covariance (4, 4), and the mode, None
+    if none is probable enough.
     """
     used = measurements[:MOST_TICKS]
     if (~np.isnan(used[:, 0])).sum() < FEWEST:
         return None
-    backwards = np.vstack([used[::-1], np.full((1, 2), np.nan)])  # the last tick only predicts
+    # The last tick only predicts.
+    backwards = np.vstack([used[::-1], np.full((1, 2), np.nan)])
     chunks = make_chunks([backwards])
     if rates is not None and options.sensors and isinstance(options.sensors[0], Radar):
         rates = np.append(-rates[:MOST_TICKS][::-1], np.nan)
@@ -176,7 +225,7 @@ def first_state(
     output = recorded_pass(chunks, radii, model)
     reverse = np.array([1.0, -1.0, 1.0, -1.0])
     covariance = chunks.block["covariance"][0, :, 0][SQUARE] * np.outer(reverse, reverse)
-    # a left turn seen backwards is a right turn
+    # A left turn seen backwards is a right turn.
     n = len(radii)
     seen = output.probabilities[0, -2, :, 0]
     probabilities = np.concatenate([seen[:1], seen[1 + n :], seen[1 : 1 + n]])

@@ -1,6 +1,7 @@
-"""The interacting multiple model bank over recorded measurements: likelihood and normalised innovations. The
-likelihood, ln p(z_k | z_1 .. z_k-1) of the mixture over the modes, summed over the ticks, is what `model_fit`
-maximises. Chunks of a recording of about equal length run side by side in the lanes of a block.
+"""The interacting multiple model bank over recorded measurements: likelihood and normalised
+innovations. The likelihood, ln p(z_k | z_1 .. z_k-1) of the mixture over the modes, summed over the
+ticks, is what `model_fit` maximises. Chunks of a recording of about equal length run side by side
+in the lanes of a block.
 """
 
 import math
@@ -23,48 +24,71 @@ from hybrid_env.core.records import LANES, MEASURED_FIELDS, lanes_of
 from hybrid_env.sensors import Radar, sensor_table
 
 # What `step_imm` reads and writes of a track.
-PASS_BLOCK = lanes_of(*MEASURED_FIELDS, ("estimate", np.float64, (4,)), ("covariance", np.float64, (10,)))
+PASS_BLOCK = lanes_of(
+    *MEASURED_FIELDS,
+    ("estimate", np.float64, (4,)),
+    ("covariance", np.float64, (10,)),
+)
 # All lanes of a block, which are stepped by SIMD code; what those without a chunk hold is not used.
 FIRST, LAST = np.uint64(0), np.uint64(LANES)
-BURN_IN = 3  # measurements after the start that do not count: they depend on how the velocity was found
-FIT_TICKS = 4096  # ticks that are used; a longer recording is represented by chunks of it, evenly spread
-SHORTEST_CHUNK = 256  # ticks; every chunk forgets the velocity of the one before, and with it what it says about Q
+# Measurements after the start that do not count: they depend on how the velocity was found.
+BURN_IN = 3
+# Ticks that are used; a longer recording is represented by chunks of it, evenly spread.
+FIT_TICKS = 4096
+# Ticks; every chunk forgets the velocity of the one before, and with it what it says about Q.
+SHORTEST_CHUNK = 256
 
 
 class Chunks(NamedTuple):
     """Parts of a recording, each in a lane of one of B blocks."""
 
-    measurements: FloatArray  # (B, T, 2, LANES), NaN without a measurement and after the end of a chunk
-    switches: BoolArray  # (B, T, LANES) at the first tick after a known switch; all modes are then equally probable
-    lanes: IntArray  # (B,) number of lanes with a chunk, the first ones
-    block: NDArray[Any]  # (1,) record `PASS_BLOCK`, temporary memory
-    rates: FloatArray  # (B, T, LANES) range rates, NaN without one
-    sensors: NDArray[Any]  # (1,) record `SENSOR` of a radar at the origin that made the measurements, or none
+    # (B, T, 2, LANES), NaN without a measurement and after the end of a chunk.
+    measurements: FloatArray
+    # (B, T, LANES) at the first tick after a known switch; all modes are then equally probable.
+    switches: BoolArray
+    # (B,) number of lanes with a chunk, the first ones.
+    lanes: IntArray
+    # (1,) record `PASS_BLOCK`, temporary memory.
+    block: NDArray[Any]
+    # (B, T, LANES) range rates, NaN without one.
+    rates: FloatArray
+    # (1,) record `SENSOR` of a radar at the origin that made the measurements, or none.
+    sensors: NDArray[Any]
 
 
 class PassOutput(NamedTuple):
-    """What a pass records at every tick, NaN where there is none, or arrays of length 0 to record nothing."""
+    """What a pass records at every tick, NaN where there is none, or arrays of length 0 to
+    record nothing.
+    """
 
-    white: FloatArray  # (B, T, 2, LANES) innovation of the most probable mode, in its standard deviations, x and y
-    probabilities: FloatArray  # (B, T, M, LANES) of the modes
+    # (B, T, 2, LANES) innovation of the most probable mode, in its standard deviations, x and y.
+    white: FloatArray
+    # (B, T, M, LANES) of the modes.
+    probabilities: FloatArray
 
 
 NO_OUTPUT = PassOutput(np.empty((0, 0, 2, LANES)), np.empty((0, 0, 0, LANES)))
 
 
 def make_chunks(
-    parts: list[FloatArray], switches: list[BoolArray] | None = None, rates: list[FloatArray] | None = None,
+    parts: list[FloatArray],
+    switches: list[BoolArray] | None = None,
+    rates: list[FloatArray] | None = None,
     radar: Radar | None = None,
-) -> Chunks:  # fmt: skip
-    """Put parts of a recording into lanes: measurements (T_i, 2), by option whether a known switch precedes each tick,
-    and range rates, (T_i,), of a radar at the origin. Parts of equal length waste no time.
+) -> Chunks:
+    """Put parts of a recording into lanes: measurements (T_i, 2), by option whether a known switch
+    precedes each tick, and range rates, (T_i,), of a radar at the origin. Parts of equal length
+    waste no time.
     """
     blocks = -(-len(parts) // LANES)
     longest = max(map(len, parts))
     measurements = np.full((blocks, longest, 2, LANES), np.nan)
-    begins, own_rates = np.zeros((blocks, longest, LANES), np.bool_), np.full((blocks, longest, LANES), np.nan)
+    begins = np.zeros((blocks, longest, LANES), np.bool_)
+    own_rates = np.full((blocks, longest, LANES), np.nan)
     for k, part in enumerate(parts):
-        b, rows, lane = k // LANES, slice(len(part)), k % LANES
+        b = k // LANES
+        rows = slice(len(part))
+        lane = k % LANES
         measurements[b, rows, :, lane] = part
         if switches is not None:
             begins[b, rows, lane] = switches[k]
@@ -80,16 +104,30 @@ def make_chunks(
 @internal
 def _sense(block: Any, lane: int, rate: float, radar: Any, variance: float) -> None:
     """Write the covariance of a position that a radar has measured, over R, and its range rate."""
-    x, y = block.measurement[0, lane], block.measurement[1, lane]
+    x = block.measurement[0, lane]
+    y = block.measurement[1, lane]
     xx, xy, yy = position_noise(x, y, radar.deviation, radar.bearing_deviation)
-    block.noise[0, lane], block.noise[1, lane], block.noise[2, lane] = (xx / variance, xy / variance, yy / variance)
+    block.noise[0, lane], block.noise[1, lane], block.noise[2, lane] = (
+        xx / variance,
+        xy / variance,
+        yy / variance,
+    )
     block.rates[0, lane] = rate
 
 
 @internal
-def _begin(bank: ImmBank, block: Any, lane: int, last: FloatArray, ticks: int, turn: float, model: FilterModel) -> None:
-    """Start the filters of a lane from two measurements some ticks apart. The variance of the velocity, that of the
-    chord, has their noise, the process noise, and half of the change of direction in a turn.
+def _begin(
+    bank: ImmBank,
+    block: Any,
+    lane: int,
+    last: FloatArray,
+    ticks: int,
+    turn: float,
+    model: FilterModel,
+) -> None:
+    """Start the filters of a lane from two measurements some ticks apart. The variance of the
+    velocity, that of the chord, has their noise, the process noise, and half of the change of
+    direction in a turn.
     """
     time = ticks * model.tau
     for axis in range(2):
@@ -101,7 +139,9 @@ def _begin(bank: ImmBank, block: Any, lane: int, last: FloatArray, ticks: int, t
     for k in range(10):
         block.covariance[k, lane] = 0.0
     for axis in range(2):
-        variance = (model.variance_x if axis == 0 else model.variance_y) * block.noise[2 * axis, lane]
+        variance = (model.variance_x if axis == 0 else model.variance_y) * block.noise[
+            2 * axis, lane
+        ]
         spread = 2.0 * variance / (time * time) + ticks * model.process_variance + bend * bend
         block.covariance[0 if axis == 0 else 7, lane] = variance
         block.covariance[1 if axis == 0 else 8, lane] = variance / time
@@ -110,7 +150,13 @@ def _begin(bank: ImmBank, block: Any, lane: int, last: FloatArray, ticks: int, t
 
 
 @internal
-def _record(bank: ImmBank, lane: int, measured: bool, white: FloatArray, probabilities: FloatArray) -> None:
+def _record(
+    bank: ImmBank,
+    lane: int,
+    measured: bool,
+    white: FloatArray,
+    probabilities: FloatArray,
+) -> None:
     """Write innovation, (2, LANES), and probabilities, (M, LANES), of a lane."""
     best = 0
     for h in range(bank.hypotheses.size):
@@ -125,24 +171,38 @@ def _record(bank: ImmBank, lane: int, measured: bool, white: FloatArray, probabi
 
 @compiled
 def imm_pass(
-    chunks: Chunks, bank: ImmBank, radii: FloatArray, model: FilterModel, output: PassOutput
+    chunks: Chunks,
+    bank: ImmBank,
+    radii: FloatArray,
+    model: FilterModel,
+    output: PassOutput,
 ) -> tuple[float, int]:
-    """Run the bank over all chunks; return the logarithm of the likelihood, and the number of measurements in it. Two
-    measurements start a chunk, with equally probable modes; these and `BURN_IN` more do not count. The bank, of one
-    block, and the output are overwritten; no radii (n,) is a bank of straight motion.
+    """Run the bank over all chunks; return the logarithm of the likelihood, and the number of
+    measurements in it. Two measurements start a chunk, with equally probable modes; these and
+    `BURN_IN` more do not count. The bank, of one block, and the output are overwritten; no radii
+    (n,) is a bank of straight motion.
     """
-    total, count = 0.0, 0
+    total = 0.0
+    count = 0
     block = chunks.block[0]
     turn = 0.0
     for radius in radii:
         turn = max(turn, 1.0 / radius)
-    seen, when, last = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64), np.zeros((LANES, 2))
+    seen = np.zeros(LANES, np.int64)
+    when = np.zeros(LANES, np.int64)
+    last = np.zeros((LANES, 2))
     records = output.white.shape[0] > 0
     same = 1.0 / (2 * radii.size + 1)
     renewed = FilterModel(
-        model.tau, model.process_variance, model.variance_x, model.variance_y, same, same, model.freedom,
+        model.tau,
+        model.process_variance,
+        model.variance_x,
+        model.variance_y,
+        same,
+        same,
+        model.freedom,
         model.exact_anchor,
-    )  # fmt: skip
+    )
     for b in range(chunks.measurements.shape[0]):
         seen[:] = 0
         lanes = chunks.lanes[b]
@@ -150,16 +210,30 @@ def imm_pass(
             measurement = chunks.measurements[b, k]
             together = chunks.sensors.size == 0
             for lane in range(lanes):
-                if seen[lane] < 2 or math.isnan(measurement[0, lane]) or chunks.switches[b, k, lane]:
+                if (
+                    seen[lane] < 2
+                    or math.isnan(measurement[0, lane])
+                    or chunks.switches[b, k, lane]
+                ):
                     together = False
-            for lane in range(LANES):  # an assignment of arrays would take seconds to compile
-                block.measurement[0, lane], block.measurement[1, lane] = (measurement[0, lane], measurement[1, lane])
+            # An assignment of arrays would take seconds to compile.
+            for lane in range(LANES):
+                block.measurement[0, lane], block.measurement[1, lane] = (
+                    measurement[0, lane],
+                    measurement[1, lane],
+                )
             if together:
                 step_imm(bank, block, FIRST, LAST, radii, model)
             for lane in range(lanes):
                 measured = not math.isnan(measurement[0, lane])
                 if measured and chunks.sensors.size > 0:
-                    _sense(block, lane, chunks.rates[b, k, lane], chunks.sensors[0], model.variance_x)
+                    _sense(
+                        block,
+                        lane,
+                        chunks.rates[b, k, lane],
+                        chunks.sensors[0],
+                        model.variance_x,
+                    )
                 if measured and seen[lane] < 2:
                     if seen[lane] == 1:
                         _begin(bank, block, lane, last[lane], k - when[lane], turn, model)
@@ -209,28 +283,41 @@ def cut(grid: TickGrid, length: int) -> list[tuple[int, int, int]]:
     return places
 
 
-def chunks_at(grid: TickGrid, places: list[tuple[int, int, int]], scale: float, lengths: Sequence[int]) -> Chunks:
-    """Return the chunks at `places`, see `cut`; with known switches if lengths are given. Lengths are in units of
-    `scale`, times in ticks; the origin is the first measurement, or the radar.
+def chunks_at(
+    grid: TickGrid,
+    places: list[tuple[int, int, int]],
+    scale: float,
+    lengths: Sequence[int],
+) -> Chunks:
+    """Return the chunks at `places`, see `cut`; with known switches if lengths are given. Lengths
+    are in units of `scale`, times in ticks; the origin is the first measurement, or the radar.
     """
-    begins, switches, velocity = np.zeros(grid.total, np.bool_), None, grid.tau / scale
+    begins = np.zeros(grid.total, np.bool_)
+    switches = None
+    velocity = grid.tau / scale
     if lengths:
         begins[np.cumsum([0, *lengths[:-1]])] = True
         switches = [begins[a:b] for _, a, b in places]
     parts = [grid.pieces[k].measurements[a:b] for k, a, b in places]
     if grid.radar is None:
         origins = [np.vstack([part[~np.isnan(part[:, 0])], np.zeros(2)])[0] for part in parts]
-        return make_chunks([(part - origin) / scale for part, origin in zip(parts, origins, strict=True)], switches)
+        return make_chunks(
+            [(part - origin) / scale for part, origin in zip(parts, origins, strict=True)],
+            switches,
+        )
     values = [(part - np.array(grid.radar.position)) / scale for part in parts]
     rates = [grid.pieces[k].rates[a:b] * velocity for k, a, b in places]
     return make_chunks(values, switches, rates, grid.radar.scaled(1.0 / scale, velocity))
 
 
 def recorded_pass(chunks: Chunks, radii: FloatArray, model: FilterModel) -> PassOutput:
-    """Return innovations and probabilities of the modes of chunks at every tick, NaN where there are none. The block of
-    the chunks holds the last estimates afterwards.
+    """Return innovations and probabilities of the modes of chunks at every tick, NaN where there
+    are none. The block of the chunks holds the last estimates afterwards.
     """
     shape, modes = chunks.measurements.shape[:2], 2 * len(radii) + 1
-    output = PassOutput(np.full((*shape, 2, LANES), np.nan), np.full((*shape, modes, LANES), np.nan))
+    output = PassOutput(
+        np.full((*shape, 2, LANES), np.nan),
+        np.full((*shape, modes, LANES), np.nan),
+    )
     run_compiled(imm_pass, chunks, bank_arrays(ImmBank, len(radii)), radii, model, output)
     return output

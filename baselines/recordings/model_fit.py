@@ -1,6 +1,7 @@
-"""Measurement noise, process noise, turn radii and durations by maximum likelihood of the innovations. What is not
-given is found first on a coarse grid, then by the simplex method. Lengths are in standard deviations of the measurement
-and times in ticks, so that units do not matter. The bank is that of `imm_pass`.
+"""Measurement noise, process noise, turn radii and durations by maximum likelihood of the
+innovations. What is not given is found first on a coarse grid, then by the simplex method. Lengths
+are in standard deviations of the measurement and times in ticks, so that units do not matter. The
+bank is that of `imm_pass`.
 """
 
 import functools
@@ -19,41 +20,67 @@ from hybrid_env.checks import ArgumentError, FloatArray
 from hybrid_env.core.banks.bank import FilterModel, bank_arrays
 from hybrid_env.core.banks.imm import ImmBank
 
-SMALLEST_NOISE = 1e-4  # smallest standard deviation of a measurement, over the median motion of a tick
+# Smallest standard deviation of a measurement, over the median motion of a tick.
+SMALLEST_NOISE = 1e-4
 # Turns of a tick that are tried [rad]: 0.004 to 1.02.
 ANGLES = tuple(float(angle) for angle in 0.004 * 2.0 ** (0.5 * np.arange(17)))
-PROCESS_NOISES = (1e-5, 1e-3, 1e-1)  # Q tau^2 / R that are tried
-FIRST_DURATION = 75.0  # ticks
-NEVER = 0.0  # the duration of modes that only change at known switches
-DURATIONS = (10.0, 1e5)  # ticks
-SURE = 0.6  # probability of a mode that counts
-SHORTEST = 5  # ticks of a change that counts
-SMALLEST_PROCESS_NOISE = 1e-10  # Q tau^2 / R
+# Q tau^2 / R that are tried.
+PROCESS_NOISES = (1e-5, 1e-3, 1e-1)
+# Ticks.
+FIRST_DURATION = 75.0
+# The duration of modes that only change at known switches.
+NEVER = 0.0
+# Ticks.
+DURATIONS = (10.0, 1e5)
+# Probability of a mode that counts.
+SURE = 0.6
+# Ticks of a change that counts.
+SHORTEST = 5
+# Q tau^2 / R.
+SMALLEST_PROCESS_NOISE = 1e-10
 MAX_RADII = 3
-EVALUATIONS = 60  # of the simplex method
-DISTINCT = 0.25  # smallest difference of the logarithms of two radii that are proposed together
-SMALLEST_RADIUS = 3.0  # of a turn that is told from a standing object, over the standard deviation of the noise
-CLEARLY = 5.0  # difference of log-likelihoods beyond the criterion: the filters are only an approximation
+# Of the simplex method.
+EVALUATIONS = 60
+# Smallest difference of the logarithms of two radii that are proposed together.
+DISTINCT = 0.25
+# Of a turn that is told from a standing object, over the standard deviation of the noise.
+SMALLEST_RADIUS = 3.0
+# Difference of log-likelihoods beyond the criterion: the filters are only an approximation.
+CLEARLY = 5.0
 
 
 @dataclass(frozen=True)
 class TrackModel:
     """What the filters assume of a recording, in its units."""
 
-    radii: tuple[float, ...]  # of turns, each to the left and to the right
-    measurement_variance: float  # R of each coordinate
-    process_variance: float  # Q of each velocity in a tick
-    duration: float  # mean, of a segment [ticks]
-    speed: float  # median
-    tau: float  # tick
-    estimated: tuple[str, ...] = ()  # names of the attributes above that were not given
-    turns: bool = True  # whether turns of these radii explain the recording better than straight motion alone
-    better_radii: tuple[float, ...] = ()  # proposed by the recording, which they explain better than the given ones
+    # Of turns, each to the left and to the right.
+    radii: tuple[float, ...]
+    # R of each coordinate.
+    measurement_variance: float
+    # Q of each velocity in a tick.
+    process_variance: float
+    # Mean, of a segment [ticks].
+    duration: float
+    # Median.
+    speed: float
+    # Tick.
+    tau: float
+    # Names of the attributes above that were not given.
+    estimated: tuple[str, ...] = ()
+    # Whether turns of these radii explain the recording better than straight motion alone.
+    turns: bool = True
+    # Proposed by the recording, which they explain better than the given ones.
+    better_radii: tuple[float, ...] = ()
 
     @property
     def of_bank(self) -> FilterModel:
         """Return the model of the bank, of lengths in any unit and times in ticks."""
-        return imm_model(self.measurement_variance, self.process_variance, self.duration, len(self.radii))
+        return imm_model(
+            self.measurement_variance,
+            self.process_variance,
+            self.duration,
+            len(self.radii),
+        )
 
     @property
     def turn_rates(self) -> tuple[float, ...]:
@@ -75,25 +102,34 @@ class _Likelihood:
 
 
 def imm_model(variance: float, process: float, duration: float, radii: int) -> FilterModel:
-    """Return the model of a bank with a tick of 1 and geometric durations; a duration of 0 never ends."""
+    """Return the model of a bank with a tick of 1 and geometric durations; a duration of 0 never
+    ends.
+    """
     modes = 2 * radii + 1
     hazard = min(1.0 / duration, 1.0 - 1.0 / modes) if radii and duration > 0.0 else 0.0
     return FilterModel(1.0, process, variance, variance, 1.0 - hazard, hazard / max(modes - 1, 1))
 
 
 def fit_model(
-    grid: TickGrid, radii: Sequence[float] | None = None, measurement_variance: float | None = None,
-    process_variance: float | None = None, duration: float | None = None, lengths: Sequence[int] = (),
-) -> TrackModel:  # fmt: skip
-    """Find what is not given of a model by maximum likelihood; a recording that does not move is refused, and one that
-    stands for a while, see `_check_radii`. Without radii [unit of length], one to three are proposed, as many as the
-    Bayesian information criterion allows. With a radar R is its `nominal_variance`. With lengths, the ticks between
-    known switches, the mean duration has no effect.
+    grid: TickGrid,
+    radii: Sequence[float] | None = None,
+    measurement_variance: float | None = None,
+    process_variance: float | None = None,
+    duration: float | None = None,
+    lengths: Sequence[int] = (),
+) -> TrackModel:
+    """Find what is not given of a model by maximum likelihood; a recording that does not move is
+    refused, and one that stands for a while, see `_check_radii`. Without radii [unit of length],
+    one to three are proposed, as many as the Bayesian information criterion allows. With a radar R
+    is its `nominal_variance`. With lengths, the ticks between known switches, the mean duration has
+    no effect.
     """
     tau = grid.tau
     if grid.radar is not None:
         measurement_variance = nominal_variance(grid)
-    rough = measurement_variance if measurement_variance is not None else noise_estimate(grid) or 0.0
+    rough = (
+        measurement_variance if measurement_variance is not None else noise_estimate(grid) or 0.0
+    )
     speed = median_speed(grid, rough)
     step = max(speed, median_step(grid) or 0.0)
     if step == 0.0 and rough == 0.0:
@@ -103,13 +139,19 @@ def fit_model(
     likelihood = _Likelihood(fit_chunks(grid, scale, lengths))
     used = int((~np.isnan(likelihood.chunks.measurements[:, :, 0])).sum())
     given = TrackModel(
-        tuple(radius / scale for radius in radii or ()), 1.0,
+        tuple(radius / scale for radius in radii or ()),
+        1.0,
         -1.0 if process_variance is None else process_variance * tau**2 / rough,
         NEVER if lengths else FIRST_DURATION if duration is None else max(duration, DURATIONS[0]),
-        max(speed, SMALLEST_NOISE * scale) / scale, 1.0,
-    )  # fmt: skip
+        max(speed, SMALLEST_NOISE * scale) / scale,
+        1.0,
+    )
     processes = PROCESS_NOISES if process_variance is None else (given.process_variance,)
-    known = {"measurement_variance": measurement_variance, "process_variance": process_variance, "radii": radii}
+    known = {
+        "measurement_variance": measurement_variance,
+        "process_variance": process_variance,
+        "radii": radii,
+    }
     free = [name for name, value in known.items() if value is None]
     penalty = math.log(used)
     proposed = _proposed(likelihood, given, processes)
@@ -123,37 +165,59 @@ def fit_model(
     turns = value > _straight(likelihood, best, free, value - margin) + margin
     better: tuple[float, ...] = ()
     if radii is not None and likelihood(proposed) > value + CLEARLY:
-        better = tuple(sorted(radius * scale for radius in _refine(likelihood, proposed, ["radii"]).radii))
+        better = tuple(
+            sorted(radius * scale for radius in _refine(likelihood, proposed, ["radii"]).radii)
+        )
     if lengths:
         duration = float(np.mean(lengths))
     if duration is None:
         duration = _counted_duration(likelihood.chunks, best)
         free.append("duration")
-    variance = best.measurement_variance * rough if measurement_variance is None else measurement_variance
+    variance = (
+        best.measurement_variance * rough if measurement_variance is None else measurement_variance
+    )
     if turns and {"radii", "measurement_variance"} <= set(free):
-        _check_radii([radius * scale for radius in best.radii], max(speed, SMALLEST_NOISE * scale), math.sqrt(variance))
+        _check_radii(
+            [radius * scale for radius in best.radii],
+            max(speed, SMALLEST_NOISE * scale),
+            math.sqrt(variance),
+        )
     return TrackModel(
-        tuple(radii) if radii is not None else tuple(sorted(radius * scale for radius in best.radii)),
+        (
+            tuple(radii)
+            if radii is not None
+            else tuple(sorted(radius * scale for radius in best.radii))
+        ),
         variance,
         best.process_variance * rough / tau**2 if process_variance is None else process_variance,
-        duration, max(speed, SMALLEST_NOISE * scale) / tau, tau, tuple(free), turns, better,
-    )  # fmt: skip
+        duration,
+        max(speed, SMALLEST_NOISE * scale) / tau,
+        tau,
+        tuple(free),
+        turns,
+        better,
+    )
 
 
 def _check_radii(radii: Sequence[float], step: float, deviation: float) -> None:
-    """Refuse found radii that no object has which moves by a step in a tick: they are the noise while it stands."""
+    """Refuse found radii that no object has which moves by a step in a tick: they are the noise
+    while it stands.
+    """
     for radius in radii:
         small = radius < SMALLEST_RADIUS * deviation < SMALLEST_RADIUS * step
         if small or step / radius > 2.0 * math.pi:
             why = f"below {SMALLEST_RADIUS:g} standard deviations ({deviation:.3g}) of the noise"
             raise ArgumentError(
-                f"the object stands still in a part of the recording, which looks like turns of radius {radius:.3g}, "
-                f"{why if small else 'more than a turn in a tick'}: cut that part out, or give --radii"
+                "the object stands still in a part of the recording, which looks like turns of"
+                f" radius {radius:.3g}, {why if small else 'more than a turn in a tick'}: cut that"
+                " part out, or give --radii"
             )
 
 
 def nominal_variance(grid: TickGrid) -> float:
-    """Return the median over the measurements of a radar of the geometric mean of their two variances."""
+    """Return the median over the measurements of a radar of the geometric mean of their two
+    variances.
+    """
     assert grid.radar is not None
     points = np.concatenate([piece.measurements for piece in grid.pieces])
     noises = np.array([grid.radar.noise(x, y) for x, y in points[~np.isnan(points[:, 0])].tolist()])
@@ -163,13 +227,22 @@ def nominal_variance(grid: TickGrid) -> float:
 def _proposed(likelihood: _Likelihood, given: TrackModel, processes: Sequence[float]) -> TrackModel:
     """Return the best point of a grid of one radius and Q."""
     angles = ANGLES[::2]
-    points = [replace(given, process_variance=q, radii=(given.speed / angle,)) for q in processes for angle in angles]
+    points = [
+        replace(given, process_variance=q, radii=(given.speed / angle,))
+        for q in processes
+        for angle in angles
+    ]
     best = _best(likelihood, points)[0]
     near = [replace(best, radii=(best.radii[0] * factor,)) for factor in (0.7, 1.0, 1.4)]
     return _best(likelihood, near)[0]
 
 
-def _more_radii(likelihood: _Likelihood, best: TrackModel, free: list[str], penalty: float) -> TrackModel:
+def _more_radii(
+    likelihood: _Likelihood,
+    best: TrackModel,
+    free: list[str],
+    penalty: float,
+) -> TrackModel:
     """Add radii while the criterion allows it. penalty: logarithm of the number of measurements."""
     value = likelihood(best)
     while len(best.radii) < MAX_RADII:
@@ -186,15 +259,21 @@ def _more_radii(likelihood: _Likelihood, best: TrackModel, free: list[str], pena
         closest = np.diff(np.sort(np.log(candidate.radii))).min()
         if found < value + penalty + CLEARLY or closest < DISTINCT:
             break
-        best, value = candidate, found
+        best = candidate
+        value = found
     return best
 
 
 def _straight(likelihood: _Likelihood, best: TrackModel, free: list[str], limit: float) -> float:
-    """Return the largest likelihood of straight motion alone; one that is far below a limit is rough."""
+    """Return the largest likelihood of straight motion alone; one that is far below a limit is
+    rough.
+    """
     noises = [name for name in free if name != "radii"]
     factors = 10.0 ** np.arange(7) if "process_variance" in free else (1.0,)
-    points = [replace(best, radii=(), process_variance=best.process_variance * factor) for factor in factors]
+    points = [
+        replace(best, radii=(), process_variance=best.process_variance * factor)
+        for factor in factors
+    ]
     start, value = _best(likelihood, points)
     return value if value < limit - 50.0 else likelihood(_refine(likelihood, start, noises))
 
@@ -206,12 +285,17 @@ def _best(likelihood: _Likelihood, points: list[TrackModel]) -> tuple[TrackModel
 
 
 def _refine(likelihood: _Likelihood, start: TrackModel, free: list[str]) -> TrackModel:
-    """Return the point of the largest likelihood near a start, by the simplex method in logarithms."""
-    from scipy.optimize import minimize  # it loads slowly
+    """Return the point of the largest likelihood near a start, by the simplex method in
+    logarithms.
+    """
+    # It loads slowly.
+    from scipy.optimize import minimize
 
     names = [name for name in free if name != "radii"]
     radii = start.radii if "radii" in free else ()
-    origin = np.array([math.log(value) for value in (*(getattr(start, name) for name in names), *radii)])
+    origin = np.array(
+        [math.log(value) for value in (*(getattr(start, name) for name in names), *radii)]
+    )
     if not origin.size:
         return start
 
@@ -224,21 +308,36 @@ def _refine(likelihood: _Likelihood, start: TrackModel, free: list[str]) -> Trac
             changes["radii"] = tuple(values[len(names) :])
         return replace(start, **changes)
 
-    steps = [{"measurement_variance": 0.3, "process_variance": 1.0}[name] for name in names] + [0.2] * len(radii)
+    steps = [{"measurement_variance": 0.3, "process_variance": 1.0}[name] for name in names] + [
+        0.2
+    ] * len(radii)
     simplex = np.vstack([origin, origin + np.diag(steps)])
-    options = {"initial_simplex": simplex, "maxfev": EVALUATIONS, "fatol": 0.1, "xatol": 0.1}
-    cost = minimize(lambda vector: -likelihood(parameters(vector)), origin, method="Nelder-Mead", options=options)
+    options = {
+        "initial_simplex": simplex,
+        "maxfev": EVALUATIONS,
+        "fatol": 0.1,
+        "xatol": 0.1,
+    }
+    cost = minimize(
+        lambda vector: -likelihood(parameters(vector)),
+        origin,
+        method="Nelder-Mead",
+        options=options,
+    )
     return parameters(cost.x)
 
 
 def _counted_duration(chunks: Chunks, model: TrackModel) -> float:
-    """Return the mean duration of a mode [ticks] by the changes of the most probable one, as the likelihood says little
-    about it. Short changes, made by noise, do not count; without one it is the duration of the recording.
+    """Return the mean duration of a mode [ticks] by the changes of the most probable one, as the
+    likelihood says little about it. Short changes, made by noise, do not count; without one it is
+    the duration of the recording.
     """
     found = recorded_pass(chunks, np.array(model.radii, float), model.of_bank).probabilities
-    changes, total = 0, 0
+    changes = 0
+    total = 0
     for lane in np.moveaxis(found, 3, 1).reshape(-1, *found.shape[1:3]):
-        sure = lane[lane.max(1) > SURE].argmax(1)  # NaN is not
+        # NaN is not.
+        sure = lane[lane.max(1) > SURE].argmax(1)
         total += int((~np.isnan(lane[:, 0])).sum())
         if sure.size:
             runs = np.flatnonzero(np.diff(sure, prepend=-1))

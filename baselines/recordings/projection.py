@@ -11,26 +11,38 @@ from hybrid_env.checks import FloatArray
 
 @dataclass(frozen=True)
 class Projection:
-    """Azimuthal equidistant projection of the WGS 84 ellipsoid; x points east and y north at its centre. Snyder 1987,
-    "Map projections: a working manual", pages 191 to 202. Distances from the centre are exact, others too long by at
-    most (r / 6371 km)^2 / 6 at the distance r from it: 0.4 % at 1,000 km.
+    """Azimuthal equidistant projection of the WGS 84 ellipsoid; x points east and y north at its
+    centre. Snyder 1987, "Map projections: a working manual", pages 191 to 202. Distances from the
+    centre are exact, others too long by at most (r / 6371 km)^2 / 6 at the distance r from it: 0.4
+    % at 1,000 km.
     """
 
-    latitude: float  # of the centre [deg]
+    # Of the centre [deg].
+    latitude: float
     longitude: float
 
     def forward(self, latitudes: ArrayLike, longitudes: ArrayLike) -> FloatArray:
         """Return x and y [m], (n, 2), of latitudes and longitudes [deg], (n,); NaN remains NaN."""
         known = ~(np.isnan(latitudes) | np.isnan(longitudes))
         positions = np.full((len(known), 2), np.nan)
-        projected = Proj(proj="aeqd", lat_0=self.latitude, lon_0=self.longitude, ellps="WGS84")
-        positions[known] = np.transpose(projected(np.asarray(longitudes, float)[known], np.asarray(latitudes)[known]))
+        projected = Proj(
+            proj="aeqd",
+            lat_0=self.latitude,
+            lon_0=self.longitude,
+            ellps="WGS84",
+        )
+        positions[known] = np.transpose(
+            projected(np.asarray(longitudes, float)[known], np.asarray(latitudes)[known])
+        )
         return positions
 
 
 def centred_projection(latitudes: ArrayLike, longitudes: ArrayLike) -> Projection:
-    """Return a projection around the middle of the extent of positions [deg], (n,), also across the longitude 180."""
-    latitude, longitude = np.asarray(latitudes, np.float64), np.asarray(longitudes, np.float64)
+    """Return a projection around the middle of the extent of positions [deg], (n,), also across
+    the longitude 180.
+    """
+    latitude = np.asarray(latitudes, np.float64)
+    longitude = np.asarray(longitudes, np.float64)
     known = ~(np.isnan(latitude) | np.isnan(longitude))
     unwrapped = np.unwrap(longitude[known], period=360.0)
     middle = (unwrapped.min() + unwrapped.max()) / 2.0

@@ -8,34 +8,56 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_env.checks import LARGEST_NUMBER, ArgumentError, FloatArray, check_array, check_positive, frozen, reject
+from hybrid_env.checks import (
+    LARGEST_NUMBER,
+    ArgumentError,
+    FloatArray,
+    check_array,
+    check_positive,
+    frozen,
+    reject,
+)
 from hybrid_env.sensors import Radar
 
 if TYPE_CHECKING:
     from baselines.recordings.projection import Projection
 
-GAP_TICKS = 20  # default of the gap, in nominal ticks
-UNKNOWN_UNIT = "units"  # unit of a length that the file does not name
+# Default of the gap, in nominal ticks.
+GAP_TICKS = 20
+# Unit of a length that the file does not name.
+UNKNOWN_UNIT = "units"
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Measured positions of one object. `make_recording` checks arrays and makes one. A piece begins and ends with a
-    measurement, may consist of a single row, and holds no two successive measurements that are further apart than the
-    gap. Rows outside of all pieces have no measurement.
+    """Measured positions of one object. `make_recording` checks arrays and makes one. A piece
+    begins and ends with a measurement, may consist of a single row, and holds no two successive
+    measurements that are further apart than the gap. Rows outside of all pieces have no
+    measurement.
     """
 
-    name: str  # of the object
-    times: FloatArray  # (n,) strictly increasing, of the rows [`time_unit`]
-    positions: FloatArray  # (n, 2) measured x and y [`unit`]; both are NaN in a row without a measurement
-    tick: float  # the median step of the times [`time_unit`]
-    pieces: tuple[tuple[int, int], ...]  # first row and end of each piece between gaps, in order
-    unit: str = UNKNOWN_UNIT  # of length: `m`, another one that the file names, or `units` if it names none
-    time_unit: str = "s"  # or `ticks` for a recording without times
-    epoch: str | None = None  # date of time 0 in UTC, ISO 8601; None for times without a date
-    projection: "Projection | None" = None  # from latitude and longitude to `positions`
-    radar: Radar | None = None  # whose ranges and bearings `positions` are converted from
-    rates: FloatArray | None = None  # (n,) its range rates, NaN without one
+    # Of the object.
+    name: str
+    # (n,) strictly increasing, of the rows [`time_unit`]
+    times: FloatArray
+    # (n, 2) measured x and y [`unit`]; both are NaN in a row without a measurement.
+    positions: FloatArray
+    # The median step of the times [`time_unit`]
+    tick: float
+    # First row and end of each piece between gaps, in order.
+    pieces: tuple[tuple[int, int], ...]
+    # Of length: `m`, another one that the file names, or `units` if it names none.
+    unit: str = UNKNOWN_UNIT
+    # Or `ticks` for a recording without times.
+    time_unit: str = "s"
+    # Date of time 0 in UTC, ISO 8601; None for times without a date.
+    epoch: str | None = None
+    # From latitude and longitude to `positions`.
+    projection: "Projection | None" = None
+    # Whose ranges and bearings `positions` are converted from.
+    radar: Radar | None = None
+    # (n,) its range rates, NaN without one.
+    rates: FloatArray | None = None
 
     @property
     def measured(self) -> NDArray[np.bool_]:
@@ -44,16 +66,23 @@ class Recording:
 
 
 def make_recording(
-    times: ArrayLike | None, positions: ArrayLike, *, name: str = "object", gap: float | None = None,
-    breaks: ArrayLike = (), time_unit: str | None = None, **further: Any,
-) -> Recording:  # fmt: skip
+    times: ArrayLike | None,
+    positions: ArrayLike,
+    *,
+    name: str = "object",
+    gap: float | None = None,
+    breaks: ArrayLike = (),
+    time_unit: str | None = None,
+    **further: Any,
+) -> Recording:
     """Make a recording of arrays, or raise `ArgumentError` with the reason.
 
     Args:
         times: (n,) strictly increasing times [`time_unit`]; None for rows at uniform ticks.
         positions: (n, 2) x and y [`unit`]; NaN in either coordinate marks a missing measurement.
         name: of the object.
-        gap: longest time between two measurements of one piece [`time_unit`]; None is 20 nominal ticks.
+        gap: longest time between two measurements of one piece [`time_unit`]; None is 20 nominal
+            ticks.
         breaks: rows at which a piece begins whatever the times are.
         time_unit: unit of time; None is `s`, and `ticks` without times.
         further: `unit`, `epoch`, `projection`, `radar` and `rates` of `Recording`.
@@ -66,7 +95,11 @@ def make_recording(
         raise ArgumentError(f"positions has shape {values.shape}: expected (n, 2)")
     large = values[np.abs(values) > LARGEST_NUMBER]
     if large.size:
-        raise reject("positions", float(large[0]), f"finite numbers up to {LARGEST_NUMBER:g}, or NaN if missing")
+        raise reject(
+            "positions",
+            float(large[0]),
+            f"finite numbers up to {LARGEST_NUMBER:g}, or NaN if missing",
+        )
     missing = np.asarray(np.isnan(values).any(axis=1))
     values[missing] = np.nan
     measured = len(values) - int(missing.sum())
@@ -83,8 +116,17 @@ def make_recording(
     tick = float(np.median(steps))
     longest = GAP_TICKS * tick if gap is None else check_positive("gap", gap)
     rows = np.flatnonzero(~missing)
-    before = np.searchsorted(rows, np.asarray(breaks, np.int64))  # first measurement at or after a break
+    # First measurement at or after a break.
+    before = np.searchsorted(rows, np.asarray(breaks, np.int64))
     ends = np.flatnonzero(np.diff(instants[rows]) > longest) + 1
     borders = np.unique(np.concatenate([[0, len(rows)], ends, before])).tolist()
     pieces = tuple((int(rows[first]), int(rows[end - 1]) + 1) for first, end in pairwise(borders))
-    return Recording(name, frozen(instants), frozen(values), tick, pieces, time_unit=time_unit or "s", **further)
+    return Recording(
+        name,
+        frozen(instants),
+        frozen(values),
+        tick,
+        pieces,
+        time_unit=time_unit or "s",
+        **further,
+    )

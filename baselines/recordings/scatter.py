@@ -8,23 +8,32 @@ import numpy as np
 from baselines.recordings.ticks import Piece, TickGrid
 from hybrid_env.checks import FloatArray, IntArray
 
-NORMAL_MEDIAN = 0.6744897501960817  # median of |z| for a standard normal z
-FEWEST = 5  # differences
-LONGEST = 2.0  # span of four or five measurements, over the median span
-FAR = 7.0  # an outlier is this many standard deviations from its neighbours
-LONGEST_BURST = 10  # measurements between two jumps that are errors of the sensor
-USUAL, FASTEST = 0.9, 5.0  # quantile of the steps, and how many times it motion may reach
+# Median of |z| for a standard normal z.
+NORMAL_MEDIAN = 0.6744897501960817
+# Differences.
+FEWEST = 5
+# Span of four or five measurements, over the median span.
+LONGEST = 2.0
+# An outlier is this many standard deviations from its neighbours.
+FAR = 7.0
+# Measurements between two jumps that are errors of the sensor.
+LONGEST_BURST = 10
+# Quantile of the steps, and how many times it motion may reach.
+USUAL, FASTEST = 0.9, 5.0
 
-STANDING, WIDEST = 10, 6.0  # measurements of an object that stands, and standard deviations between any two of them
-MOST_OUTLIERS = 0.1  # with a larger share far from their neighbours, the noise is not what its estimate says
+# Measurements of an object that stands, and standard deviations between any two of them.
+STANDING, WIDEST = 10, 6.0
+# With a larger share far from their neighbours, the noise is not what its estimate says.
+MOST_OUTLIERS = 0.1
 
 
 def noise_estimate(grid: TickGrid) -> float | None:
     """Estimate the measurement variance R [unit of length squared]; None with too few measurements.
 
-    The third difference of four measurements, of successive ticks d_k = (z_{k+3} - 3 z_{k+2} + 3 z_{k+1} - z_k) /
-    sqrt(20), cancels motion that is quadratic in time, and its noise has the variance R. R is (median |d_k| /
-    0.6745)^2, averaged over x and y, robust against outliers and switches. A turn adds about r (omega tau)^3 / 4.5 to
+    The third difference of four measurements, of successive ticks d_k = (z_{k+3} - 3 z_{k+2} + 3
+    z_{k+1} - z_k) / sqrt(20), cancels motion that is quadratic in time, and its noise has the
+    variance R. R is (median |d_k| / 0.6745)^2, averaged over x and y, robust against outliers and
+    switches. A turn adds about r (omega tau)^3 / 4.5 to
     |d|, and process noise Q tau^2 / 10 to R. The relative standard error is about 2.4 / sqrt(T).
     """
     differences = np.concatenate([_differences(piece, 4)[1] for piece in grid.pieces])
@@ -35,20 +44,22 @@ def noise_estimate(grid: TickGrid) -> float | None:
 
 
 def without_outliers(grid: TickGrid) -> tuple[TickGrid, int]:
-    """Return the grid without measurements that are far from their neighbours, and their number: farther than `FAR`
-    standard deviations, in either coordinate, from the cubic through the two measurements before and the two after, and
-    farther than those next to it are from theirs, which it has spoilt.
+    """Return the grid without measurements that are far from their neighbours, and their number:
+    farther than `FAR` standard deviations, in either coordinate, from the cubic through the two
+    measurements before and the two after, and farther than those next to it are from theirs, which
+    it has spoilt.
     """
     noise = noise_estimate(grid)
     if not noise:
         return grid, 0
-    pieces, count = [], 0
+    pieces = []
+    count = 0
     for piece in grid.pieces:
         ticks, differences = _differences(piece, 5)
         if not len(ticks):
             pieces.append(piece)
             continue
-        # in standard deviations; the measurement in the middle has the largest weight
+        # In standard deviations; the measurement in the middle has the largest weight.
         size = np.abs(differences).max(1) / np.sqrt(noise)
         around = np.max([np.roll(size, shift) for shift in (-2, -1, 1, 2)], axis=0)
         far = (size > FAR) & (size >= around)
@@ -60,9 +71,10 @@ def without_outliers(grid: TickGrid) -> tuple[TickGrid, int]:
 
 
 def without_jumps(grid: TickGrid) -> tuple[TickGrid, int]:
-    """Return the grid without short runs of measurements elsewhere, and the number of these measurements. A jump is a
-    step far longer than others, which neither the step before nor the one after resembles. At most `LONGEST_BURST`
-    measurements between two jumps are errors of the sensor. Where a jump remains, a new piece begins.
+    """Return the grid without short runs of measurements elsewhere, and the number of these
+    measurements. A jump is a step far longer than others, which neither the step before nor the one
+    after resembles. At most `LONGEST_BURST` measurements between two jumps are errors of the
+    sensor. Where a jump remains, a new piece begins.
     """
     noise = noise_estimate(grid) or 0.0
     steps = np.concatenate([_steps(piece)[1] for piece in grid.pieces])
@@ -72,7 +84,8 @@ def without_jumps(grid: TickGrid) -> tuple[TickGrid, int]:
     limits = FAR * math.sqrt(2.0 * noise), FASTEST * float(usual)
     if not sum(limits):
         return grid, 0
-    pieces, count = [], 0
+    pieces = []
+    count = 0
     for piece in grid.pieces:
         values = piece.measurements.copy()
         runs = _runs(piece, *limits)
@@ -81,24 +94,36 @@ def without_jumps(grid: TickGrid) -> tuple[TickGrid, int]:
                 values[run] = np.nan
                 count += len(run)
                 runs[k] = run[:0]
-        pieces += _split(piece._replace(measurements=values), [run for run in runs if len(run)], *limits)
+        pieces += _split(
+            piece._replace(measurements=values),
+            [run for run in runs if len(run)],
+            *limits,
+        )
     return _unless_many(grid, pieces, count)
 
 
 def _unless_many(grid: TickGrid, pieces: list[Piece], count: int) -> tuple[TickGrid, int]:
-    """Return the grid with other pieces and their number of outliers, or as it was if these are too many."""
-    return (grid, 0) if count > MOST_OUTLIERS * grid.measured else (grid._replace(pieces=tuple(pieces)), count)
+    """Return the grid with other pieces and their number of outliers, or as it was if these are
+    too many.
+    """
+    return (
+        (grid, 0)
+        if count > MOST_OUTLIERS * grid.measured
+        else (grid._replace(pieces=tuple(pieces)), count)
+    )
 
 
 def _steps(piece: Piece) -> tuple[IntArray, FloatArray]:
-    """Return the ticks with a measurement, (n,), and the steps between them for each tick, (n - 1, 2)."""
+    """Return the ticks with a measurement, (n,), and the steps between them for each tick, (n -
+    1, 2).
+    """
     rows = np.flatnonzero(~np.isnan(piece.measurements[:, 0]))
     return rows, np.diff(piece.measurements[rows], axis=0) / np.diff(rows)[:, None]
 
 
 def _runs(piece: Piece, noise: float, step: float) -> list[IntArray]:
-    """Return the ticks with a measurement between the jumps. Noise alone explains steps as long as `noise`, and motion
-    alone those of `step` for each tick.
+    """Return the ticks with a measurement between the jumps. Noise alone explains steps as long as
+    `noise`, and motion alone those of `step` for each tick.
     """
     rows, steps = _steps(piece)
     limits = noise / np.diff(rows) + step
@@ -111,7 +136,8 @@ def _split(piece: Piece, runs: list[IntArray], noise: float, step: float) -> lis
     """Divide a piece before each run that is too far from the one before."""
     borders = [0]
     for last, following in pairwise(runs):
-        a, b = last[-1], following[0]
+        a = last[-1]
+        b = following[0]
         if np.hypot(*(piece.measurements[b] - piece.measurements[a])) > noise + step * (b - a):
             borders.append(int(b))
     found = []
@@ -124,9 +150,9 @@ def _split(piece: Piece, runs: list[IntArray], noise: float, step: float) -> lis
 
 
 def standing_ticks(grid: TickGrid, variance: float, speed: float) -> int:
-    """Return the number of ticks in which the object stands: `STANDING` successive measurements are not farther apart
-    than noise, of a variance [unit of length squared] or as estimated, although the speed [unit of length / tick] takes
-    it far beyond.
+    """Return the number of ticks in which the object stands: `STANDING` successive measurements are
+    not farther apart than noise, of a variance [unit of length squared] or as estimated, although
+    the speed [unit of length / tick] takes it far beyond.
     """
     apart = WIDEST * math.sqrt(max(variance, noise_estimate(grid) or 0.0))
     if speed * STANDING < 5.0 * apart:
@@ -136,14 +162,20 @@ def standing_ticks(grid: TickGrid, variance: float, speed: float) -> int:
         rows = np.flatnonzero(~np.isnan(piece.measurements[:, 0]))
         if len(rows) < STANDING:
             continue
-        windows = np.lib.stride_tricks.sliding_window_view(piece.measurements[rows], STANDING, axis=0)
+        windows = np.lib.stride_tricks.sliding_window_view(
+            piece.measurements[rows],
+            STANDING,
+            axis=0,
+        )
         still = np.flatnonzero((np.ptp(windows, axis=2) < apart).all(1))
         total += len(np.unique(still[:, None] + np.arange(STANDING)))
     return total
 
 
 def median_speed(grid: TickGrid, noise: float) -> float:
-    """Return the median speed [unit of length / tick], of steps that exceed the noise by far, of at most 32 ticks."""
+    """Return the median speed [unit of length / tick], of steps that exceed the noise by far, of
+    at most 32 ticks.
+    """
     speed = 0.0
     for ticks in (1, 2, 4, 8, 16, 32):
         step = median_step(grid, ticks)
@@ -157,7 +189,9 @@ def median_speed(grid: TickGrid, noise: float) -> float:
 
 
 def median_step(grid: TickGrid, ticks: int = 1) -> float | None:
-    """Return the median distance of measurements some ticks apart [unit of length], None if there are none."""
+    """Return the median distance of measurements some ticks apart [unit of length], None if
+    there are none.
+    """
     steps = [piece.measurements[ticks:] - piece.measurements[:-ticks] for piece in grid.pieces]
     lengths = np.hypot(*np.concatenate(steps).T)
     lengths = lengths[~np.isnan(lengths)]
@@ -165,8 +199,8 @@ def median_step(grid: TickGrid, ticks: int = 1) -> float | None:
 
 
 def _differences(piece: Piece, points: int) -> tuple[IntArray, FloatArray]:
-    """Return ticks, (n, m), and divided differences, (n, 2), of m = `points` successive measurements. Differences have
-    unit noise, and cancel polynomials of degree m - 2.
+    """Return ticks, (n, m), and divided differences, (n, 2), of m = `points` successive
+    measurements. Differences have unit noise, and cancel polynomials of degree m - 2.
     """
     rows = np.flatnonzero(~np.isnan(piece.measurements[:, 0]))
     if len(rows) < points:

@@ -1,10 +1,11 @@
-"""The rows of a recording on a grid of uniform ticks, as the filters of the banks need them; one without a measurement
-is only predicted.
+"""The rows of a recording on a grid of uniform ticks, as the filters of the banks need them; one
+without a measurement is only predicted.
 
-A clock that jitters keeps one tick per row: a measurement made by e after its tick is moved back by e times the local
-velocity, which a line through five measurements gives. For a turn of `a` rad per tick this leaves an error of speed *
-tau * a * (e / tau)^2 / 2 at most, and its noise is larger by at most 3 %. If the steps are irregular, the grid is finer
-than the median step, so that few rows fall on the same tick; those that do are replaced by their mean.
+A clock that jitters keeps one tick per row: a measurement made by e after its tick is moved back by
+e times the local velocity, which a line through five measurements gives. For a turn of `a` rad per
+tick this leaves an error of speed * tau * a * (e / tau)^2 / 2 at most, and its noise is larger by
+at most 3 %. If the steps are irregular, the grid is finer than the median step, so that few rows
+fall on the same tick; those that do are replaced by their mean.
 """
 
 from typing import NamedTuple
@@ -15,34 +16,50 @@ from baselines.recordings.recording import Recording
 from hybrid_env.checks import FloatArray, IntArray, reject
 from hybrid_env.sensors import Radar
 
-DIVISORS = (1, 2, 3, 4, 5, 8, 10)  # the tick of an irregular recording is its median step divided by one of these
-SHARED = 0.05  # largest share of rows that fall on the tick of another one, if a divisor allows it
-NEIGHBOURS = 5  # measurements that give the local velocity
-SMALLEST_UNIT = 1e-30  # of a step in time, and of the extent of the positions
+# The tick of an irregular recording is its median step divided by one of these.
+DIVISORS = (1, 2, 3, 4, 5, 8, 10)
+# Largest share of rows that fall on the tick of another one, if a divisor allows it.
+SHARED = 0.05
+# Measurements that give the local velocity.
+NEIGHBOURS = 5
+# Of a step in time, and of the extent of the positions.
+SMALLEST_UNIT = 1e-30
 MAX_TICKS = 5_000_000
-LATEST = 0.6  # largest error of a row of a clock that jitters, over the tick
-CORRECTION = 0.2  # of the clock, over its error
-EXACT = 1e-6  # a row that is off its tick by a smaller part of it is not moved
+# Largest error of a row of a clock that jitters, over the tick.
+LATEST = 0.6
+# Of the clock, over its error.
+CORRECTION = 0.2
+# A row that is off its tick by a smaller part of it is not moved.
+EXACT = 1e-6
 
 
 class Piece(NamedTuple):
     """The T ticks of a piece of a recording between two gaps."""
 
-    first: int  # its rows in the recording
+    # Its rows in the recording.
+    first: int
     end: int
-    ticks: IntArray  # (end - first,) tick of every row, from 0, not decreasing
-    late: FloatArray  # (end - first,) time of every row after that of its tick [time unit]
-    measurements: FloatArray  # (T, 2) [unit of length]; NaN without a measurement
-    rates: FloatArray  # (T,) range rates; NaN without one
+    # (end - first,) tick of every row, from 0, not decreasing.
+    ticks: IntArray
+    # (end - first,) time of every row after that of its tick [time unit]
+    late: FloatArray
+    # (T, 2) [unit of length]; NaN without a measurement.
+    measurements: FloatArray
+    # (T,) range rates; NaN without one.
+    rates: FloatArray
 
 
 class TickGrid(NamedTuple):
     """A recording on uniform ticks."""
 
-    tau: float  # length of a tick [time unit]
-    pieces: tuple[Piece, ...]  # between gaps
-    shared: int  # number of rows with a measurement whose tick is that of another one
-    moved: float  # root mean square of the times by which rows were moved to their ticks, over tau
+    # Length of a tick [time unit].
+    tau: float
+    # Between gaps.
+    pieces: tuple[Piece, ...]
+    # Number of rows with a measurement whose tick is that of another one.
+    shared: int
+    # Root mean square of the times by which rows were moved to their ticks, over tau.
+    moved: float
     radar: Radar | None = None
 
     @property
@@ -57,16 +74,22 @@ class TickGrid(NamedTuple):
 
 
 def tick_grid(recording: Recording) -> TickGrid:
-    """Put the rows of a recording on uniform ticks. `ArgumentError` if these would be more than 5 million, because of a
-    long gap, or if the steps in time or the extent of the positions are too small.
+    """Put the rows of a recording on uniform ticks. `ArgumentError` if these would be more than 5
+    million, because of a long gap, or if the steps in time or the extent of the positions are too
+    small.
     """
     extent = float(np.ptp(recording.positions[recording.measured], axis=0).max())
-    for name, value in (("step of the times", recording.tick), ("extent of the positions", extent)):
+    for name, value in (
+        ("step of the times", recording.tick),
+        ("extent of the positions", extent),
+    ):
         if 0.0 < value < SMALLEST_UNIT:
             raise reject(name, value, f"at least {SMALLEST_UNIT:g}: choose a smaller unit")
     times_of = [recording.times[first:end] for first, end in recording.pieces]
     tau, ticks = _regular(times_of, recording.tick) or _irregular(times_of, recording.tick)
-    pieces, shared, squares = [], 0, 0.0
+    pieces = []
+    shared = 0
+    squares = 0.0
     for (first, end), times, numbers in zip(recording.pieces, times_of, ticks, strict=True):
         origin = float(np.mean(times - tau * numbers))
         late = times - (origin + tau * numbers)
@@ -79,20 +102,28 @@ def tick_grid(recording: Recording) -> TickGrid:
         with np.errstate(invalid="ignore"):
             measurements = np.stack(sums, axis=1) / counts[:, None]
         single = counts[numbers[measured]] == 1
-        measurements[numbers[measured][single]] = values[single]  # exactly, without 0 + x
+        # Exactly, without 0 + x.
+        measurements[numbers[measured][single]] = values[single]
         shared += int((counts[counts > 1] - 1).sum())
         squares += float((late**2).sum())
         rates = np.full(total, np.nan)
         if recording.rates is not None:
-            rates[numbers[measured]] = recording.rates[first:end][measured]  # the last one of a shared tick
+            # The last one of a shared tick.
+            rates[numbers[measured]] = recording.rates[first:end][measured]
         pieces.append(Piece(first, end, numbers, late, measurements, rates))
     rows = sum(map(len, times_of))
-    return TickGrid(tau, tuple(pieces), shared, float(np.sqrt(squares / rows)) / tau, recording.radar)
+    return TickGrid(
+        tau,
+        tuple(pieces),
+        shared,
+        float(np.sqrt(squares / rows)) / tau,
+        recording.radar,
+    )
 
 
 def _regular(times_of: list[FloatArray], tick: float) -> tuple[float, list[IntArray]] | None:
-    """Return the tick, the slope of the times over their numbers, and the tick numbers of every piece. None for a clock
-    whose errors add up.
+    """Return the tick, the slope of the times over their numbers, and the tick numbers of every
+    piece. None for a clock whose errors add up.
     """
     numbers = [_follow(times, tick) for times in times_of]
     centred = [one - one.mean() for one in numbers]
@@ -109,10 +140,12 @@ def _regular(times_of: list[FloatArray], tick: float) -> tuple[float, list[IntAr
 
 
 def _follow(times: FloatArray, tick: float) -> FloatArray:
-    """Return the number of ticks of every time since the first: the next one of a clock that is set forward or back by
-    a part of its error after every row, so that neither jitter nor a tick that is not exactly known adds up.
+    """Return the number of ticks of every time since the first: the next one of a clock that is set
+    forward or back by a part of its error after every row, so that neither jitter nor a tick that
+    is not exactly known adds up.
     """
-    numbers, clock = np.zeros(len(times)), float(times[0])
+    numbers = np.zeros(len(times))
+    clock = float(times[0])
     for k, time in enumerate(times[1:].tolist(), start=1):
         passed = min(max(round((time - clock) / tick), 1), MAX_TICKS)
         numbers[k] = numbers[k - 1] + passed
@@ -137,7 +170,11 @@ def _irregular(times_of: list[FloatArray], tick: float) -> tuple[float, list[Int
 
 def _check_total(ticks: float, tau: float) -> None:
     if ticks > MAX_TICKS:
-        raise reject("gap", f"{ticks:.3g} ticks of {tau:.3g}", f"a shorter gap: at most {MAX_TICKS:,} ticks")
+        raise reject(
+            "gap",
+            f"{ticks:.3g} ticks of {tau:.3g}",
+            f"a shorter gap: at most {MAX_TICKS:,} ticks",
+        )
 
 
 def _moved(points: FloatArray, times: FloatArray, late: FloatArray) -> FloatArray:

@@ -1,4 +1,6 @@
-"""The beam that learns the rhythm of an object: the law of its durations and the order of its modes."""
+"""The beam that learns the rhythm of an object: the law of its durations and the order of its
+modes.
+"""
 
 import functools
 from collections.abc import Mapping, Sequence
@@ -18,27 +20,48 @@ from hybrid_env.durations import (
 )
 from hybrid_env.quickest_options import QuickestOptions
 
-SHORTEST, LONGEST = 10.2, 400.0  # ticks, of the shortest duration of a uniform law of the prior
-# longest over shortest duration of the uniform laws, and the distance of the logarithms of the shortest
-WIDTHS = {1.06: 0.04, 1.13: 0.07, 1.3: 0.15, 1.7: 0.3, 2.5: 0.5}
-OFFSETS, MEANS = (0, 5, 10, 20, 40, 80, 160), (10, 20, 40, 80, 160)  # of the geometric laws
-UNIFORM, GEOMETRIC, DEFAULT = 0.4, 0.1, 0.5  # probability of each kind, and of the environment's default law
-USUAL, SPREAD = 70.0, 0.6  # median mean duration [ticks] of both kinds, and deviation of its logarithm
-DIFFERENT = 0.05  # probability that straight motion and turns have laws of their own
-HABITUAL = 0.2  # probability that the next modes are not equally likely
-FLOOR, CEILING = 2e-4, 0.4  # of the hazards, so that no duration excludes a law
-OLDEST = 1200  # ticks, largest age of the tables
+# Ticks, of the shortest duration of a uniform law of the prior.
+SHORTEST, LONGEST = 10.2, 400.0
+# Longest over shortest duration of the uniform laws, and the distance of the logarithms of the
+# shortest.
+WIDTHS = {
+    1.06: 0.04,
+    1.13: 0.07,
+    1.3: 0.15,
+    1.7: 0.3,
+    2.5: 0.5,
+}
+# Of the geometric laws.
+OFFSETS, MEANS = (0, 5, 10, 20, 40, 80, 160), (10, 20, 40, 80, 160)
+# Probability of each kind, and of the environment's default law.
+UNIFORM, GEOMETRIC, DEFAULT = 0.4, 0.1, 0.5
+# Median mean duration [ticks] of both kinds, and deviation of its logarithm.
+USUAL, SPREAD = 70.0, 0.6
+# Probability that straight motion and turns have laws of their own.
+DIFFERENT = 0.05
+# Probability that the next modes are not equally likely.
+HABITUAL = 0.2
+# Of the hazards, so that no duration excludes a law.
+FLOOR, CEILING = 2e-4, 0.4
+# Ticks, largest age of the tables.
+OLDEST = 1200
 
 
 class Prior(NamedTuple):
     """Laws of the durations, with numbers in proportion to their probabilities."""
 
-    laws: tuple[SimpleDurations, ...]  # L laws
-    weights: tuple[float, ...]  # L numbers in proportion to their probabilities
-    different: float = DIFFERENT  # probability that straight motion and turns have laws of their own
-    habitual: float = HABITUAL  # probability that the next modes are not equally likely
-    floor: float = 0.0  # smallest and largest hazard
-    ceiling: float = 1.0  # smallest and largest hazard
+    # L laws.
+    laws: tuple[SimpleDurations, ...]
+    # L numbers in proportion to their probabilities.
+    weights: tuple[float, ...]
+    # Probability that straight motion and turns have laws of their own.
+    different: float = DIFFERENT
+    # Probability that the next modes are not equally likely.
+    habitual: float = HABITUAL
+    # Smallest and largest hazard.
+    floor: float = 0.0
+    # Smallest and largest hazard.
+    ceiling: float = 1.0
 
 
 def mixed_prior(
@@ -54,8 +77,8 @@ def mixed_prior(
     """Return uniform laws, geometric ones, and some single ones.
 
     Args:
-        widths: longest over shortest duration of the uniform laws, and the distance of the logarithms of the
-            shortest.
+        widths: longest over shortest duration of the uniform laws, and the distance of the
+            logarithms of the shortest.
         shortest: range of the shortest durations [ticks].
         offsets, means: of the geometric laws, in all combinations.
         shares: probabilities of the uniform and of the geometric laws.
@@ -71,35 +94,69 @@ def mixed_prior(
         weights += [1.0 / len(first)] * len(first)
     geometric = [GeometricDurations(float(mean), offset) for offset in offsets for mean in means]
     average = np.log([law.mean_duration for law in (*laws, *geometric)])
-    usual = np.append(weights, np.ones(len(geometric))) * np.exp(-0.5 * ((average - np.log(USUAL)) / SPREAD) ** 2)
+    usual = np.append(weights, np.ones(len(geometric))) * np.exp(
+        -0.5 * ((average - np.log(USUAL)) / SPREAD) ** 2
+    )
     kinds = np.split(usual, [len(laws)])
     parts = [share * kind / kind.sum() for share, kind in zip(shares, kinds, strict=True)]
     everything = (*laws, *geometric, *known)
-    return Prior(everything, (*np.concatenate(parts).tolist(), *known.values()), different, habitual, FLOOR, CEILING)
+    return Prior(
+        everything,
+        (*np.concatenate(parts).tolist(), *known.values()),
+        different,
+        habitual,
+        FLOOR,
+        CEILING,
+    )
 
 
 @functools.cache
 def default_prior() -> Prior:
-    """Return uniform laws of five relative widths, geometric ones, and the default law of the environment."""
+    """Return uniform laws of five relative widths, geometric ones, and the default law of the
+    environment.
+    """
     known: dict[SimpleDurations, float] = {GeometricDurations(50.0, 25): DEFAULT}
     shares = UNIFORM, GEOMETRIC
-    return mixed_prior(WIDTHS, (SHORTEST, LONGEST), OFFSETS, MEANS, shares, known, DIFFERENT, HABITUAL)
+    return mixed_prior(
+        WIDTHS,
+        (SHORTEST, LONGEST),
+        OFFSETS,
+        MEANS,
+        shares,
+        known,
+        DIFFERENT,
+        HABITUAL,
+    )
 
 
 class AdaptiveBeamDecider(BeamDecider):
-    """The beam averaged over laws of durations by their evidence, with the order of the modes by counts.
+    """The beam averaged over laws of durations by their evidence, with the order of the modes by
+    counts.
 
-    It is told neither. Histories carry beliefs, see `beam_habits`; the filters are those of one beam. Arguments as for
-    `BeamDecider`, and laws with their probabilities; None is `default_prior`.
+    It is told neither. Histories carry beliefs, see `beam_habits`; the filters are those of one
+    beam. Arguments as for `BeamDecider`, and laws with their probabilities; None is
+    `default_prior`.
     """
 
-    name, title, default, informed = "beam-adaptive", "beam, adaptive", 0.65, False
-    colour, marker = "#0f961e", "8"
+    name = "beam-adaptive"
+    title = "beam, adaptive"
+    default = 0.65
+    informed = False
+    colour = "#0f961e"
+    marker = "8"
 
-    def __init__(self, options: QuickestOptions, threshold: float = 0.65, *, prior: Prior | None = None, **others: Any):
+    def __init__(
+        self,
+        options: QuickestOptions,
+        threshold: float = 0.65,
+        *,
+        prior: Prior | None = None,
+        **others: Any,
+    ):
         super().__init__(options, threshold, **others)
         known = default_prior() if prior is None else prior
-        shares = 1.0 - known.different, known.different, known.different  # of the rows of `beam_habits.Habits`
+        # Of the rows of `beam_habits.Habits`.
+        shares = 1.0 - known.different, known.different, known.different
         self.model = self.model._replace(
             tables=_tables(known, min(options.ticks, OLDEST), options.start == "random"),
             prior=np.outer(shares, known.weights) / np.sum(known.weights),
@@ -109,7 +166,9 @@ class AdaptiveBeamDecider(BeamDecider):
 
 @functools.lru_cache(4)
 def _tables(prior: Prior, ages: int, random_start: bool) -> NDArray[np.float32]:
-    """Return the tables of `beam_filters.BeamModel`, (2, ages, 2, L), which all thresholds share."""
+    """Return the tables of `beam_filters.BeamModel`, (2, ages, 2, L), which all thresholds
+    share.
+    """
     first = remaining_probabilities if random_start else duration_probabilities
     tables = np.empty((2, ages, 2, len(prior.laws)))
     for row, probabilities in enumerate((first, duration_probabilities)):

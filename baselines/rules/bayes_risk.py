@@ -1,9 +1,9 @@
 """Optimal stopping of the posterior: declare when one more observation is not worth its cost.
 
-The state is the tick and the posterior error probability of the best declaration. The stopping boundary comes from
-simulated segments by backward induction: the values of declaring and of waiting are regressed on the error probability
-(Longstaff & Schwartz 2001, "Valuing American options by simulation"). That a wrong decision spoils the next anchor is
-ignored.
+The state is the tick and the posterior error probability of the best declaration. The stopping
+boundary comes from simulated segments by backward induction: the values of declaring and of waiting
+are regressed on the error probability (Longstaff & Schwartz 2001, "Valuing American options by
+simulation"). That a wrong decision spoils the next anchor is ignored.
 """
 
 import functools
@@ -18,49 +18,72 @@ from hybrid_env.checks import FloatArray, check_positive, reject
 from hybrid_env.core.observation_row import LOG_FLOOR
 from hybrid_env.options import WorldOptions
 
-KNOTS = np.array([-20.0, -12.0, -8.0, -6.0, -4.5, -3.5, -2.5, -1.8, -1.2, -0.7, -0.3])  # log error probabilities
-RIDGE = 1e-6  # ridge penalty of the regression, per path and for columns of unit root mean square
-MIN_PATHS = 200  # ticks that fewer paths reach are not regressed
-SMOOTHING = 5  # window of the running median over the boundary [ticks]
+# Log error probabilities.
+KNOTS = np.array([-20.0, -12.0, -8.0, -6.0, -4.5, -3.5, -2.5, -1.8, -1.2, -0.7, -0.3])
+# Ridge penalty of the regression, per path and for columns of unit root mean square.
+RIDGE = 1e-6
+# Ticks that fewer paths reach are not regressed.
+MIN_PATHS = 200
+# Window of the running median over the boundary [ticks].
+SMOOTHING = 5
 FITTING_EPISODES = 3000
-COST_FACTORS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)  # thresholds over the delay cost
+# Thresholds over the delay cost.
+COST_FACTORS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)
 
 
 def stopping_boundary(paths: PosteriorPaths, delay_cost: float) -> FloatArray:
-    """Return the largest log error probability at which to declare, (T,) by tick. A correct declaration is worth +1, a
-    wrong one -1; waiting is worth the best value of the next tick less the cost of a tick. The difference of the two is
-    regressed over all paths that reach the tick.
+    """Return the largest log error probability at which to declare, (T,) by tick. A correct
+    declaration is worth +1, a wrong one -1; waiting is worth the best value of the next tick less
+    the cost of a tick. The difference of the two is regressed over all paths that reach the tick.
     """
     delay_cost = check_positive("delay_cost", delay_cost, allow_zero=True)
     if len(paths.length) < 5 * MIN_PATHS:
-        raise reject("paths", len(paths.length), f"at least {5 * MIN_PATHS} segments to fit a boundary")
-    value, boundary = np.zeros(len(paths.length)), np.zeros(paths.log_error_probability.shape[1])
+        raise reject(
+            "paths",
+            len(paths.length),
+            f"at least {5 * MIN_PATHS} segments to fit a boundary",
+        )
+    value = np.zeros(len(paths.length))
+    boundary = np.zeros(paths.log_error_probability.shape[1])
     grid = np.linspace(LOG_FLOOR, 0.0, 601)
     for k in reversed(range(boundary.size)):
-        alive, ending = paths.length > k, paths.length == k + 1
+        alive = paths.length > k
+        ending = paths.length == k + 1
         declared = np.where(paths.correct[:, k], 1.0, -1.0)
-        value[alive] -= delay_cost  # cost of the next tick
+        # Cost of the next tick.
+        value[alive] -= delay_cost
         value[ending] = declared[ending]
         running = alive & ~ending
-        if running.sum() >= MIN_PATHS:  # the others are few, and end soon
+        # The others are few, and end soon.
+        if running.sum() >= MIN_PATHS:
             log_error_probability = paths.log_error_probability[running, k]
-            # advantage of declaring over waiting, evaluated only in the range that the paths cover
-            gain = _ridge_regression(_basis_functions(log_error_probability), declared[running] - value[running])
+            # Advantage of declaring over waiting, evaluated only in the range that the paths cover.
+            gain = _ridge_regression(
+                _basis_functions(log_error_probability),
+                declared[running] - value[running],
+            )
             inside = grid[grid >= np.quantile(log_error_probability, 0.02)]
             waits = np.flatnonzero(_basis_functions(inside) @ gain < 0.0)
             if waits.size:
                 boundary[k] = inside[waits[0] - 1] if waits[0] else LOG_FLOOR
         declares = running & (paths.log_error_probability[:, k] <= boundary[k])
         value[declares] = declared[declares]
-    # the running median removes the noise of single regressions
+    # The running median removes the noise of single regressions.
     padded = np.pad(np.maximum(boundary, LOG_FLOOR), SMOOTHING // 2, mode="edge")
-    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, SMOOTHING), axis=-1))
+    return np.asarray(
+        np.median(np.lib.stride_tricks.sliding_window_view(padded, SMOOTHING), axis=-1)
+    )
 
 
 def _basis_functions(log_error_probability: FloatArray) -> FloatArray:
-    """Return a constant, the error probability, and piecewise linear functions of its logarithm, (N, F)."""
+    """Return a constant, the error probability, and piecewise linear functions of its logarithm,
+    (N, F).
+    """
     hinges = [np.maximum(log_error_probability - knot, 0.0) for knot in KNOTS]
-    return np.stack([np.ones_like(log_error_probability), np.exp(log_error_probability), *hinges], axis=-1)
+    return np.stack(
+        [np.ones_like(log_error_probability), np.exp(log_error_probability), *hinges],
+        axis=-1,
+    )
 
 
 def _ridge_regression(design: FloatArray, target: FloatArray) -> FloatArray:
@@ -72,15 +95,22 @@ def _ridge_regression(design: FloatArray, target: FloatArray) -> FloatArray:
 
 
 class BayesRiskDecider(PosteriorRule):
-    """Declares when the log error probability falls to the limit of the tick, from `stopping_boundary`."""
+    """Declares when the log error probability falls to the limit of the tick, from
+    `stopping_boundary`.
+    """
 
-    name, title, symbol = "bayes", "Bayes risk", "cost"
-    colour, marker = "#780f3c", "h"
+    name = "bayes"
+    title = "Bayes risk"
+    symbol = "cost"
+    colour = "#780f3c"
+    marker = "h"
 
     @classmethod
     def family(cls, options: WorldOptions) -> DeciderFamily:
         """Return the rule fitted to an environment; its threshold is the delay cost of the fit."""
-        paths = functools.cache(lambda: simulate_posterior_paths(FITTING_EPISODES, FITTING, **vars(options)))
+        paths = functools.cache(
+            lambda: simulate_posterior_paths(FITTING_EPISODES, FITTING, **vars(options))
+        )
 
         @functools.cache
         def make(cost: float) -> Decider:

@@ -1,4 +1,6 @@
-"""A beam of switch histories as a decider: the semi-Markov posterior with a law of the durations."""
+"""A beam of switch histories as a decider: the semi-Markov posterior with a law of the
+durations.
+"""
 
 import copy
 import dataclasses
@@ -7,7 +9,14 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from baselines.rules.beam_filters import BeamModel, Branches, begin_branches, branch_arrays, step_branches, step_memory
+from baselines.rules.beam_filters import (
+    BeamModel,
+    Branches,
+    begin_branches,
+    branch_arrays,
+    step_branches,
+    step_memory,
+)
 from baselines.rules.decider import Actions, Decider, DeciderFamily, SeveralThresholds
 from baselines.rules.measurements import MeasurementDecider, filter_model, run_compiled, sensors_of
 from baselines.rules.threshold import ThresholdDecider, reachable_probabilities
@@ -18,8 +27,10 @@ from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
 
 MOST_BRANCHES = 100_000
-SMALLEST_BEAM = 64  # histories of switches
-HISTORIES_PER_MODE = 16  # twice as many gain less than 0.001 of the share of right ticks with 7 hypotheses
+# Histories of switches.
+SMALLEST_BEAM = 64
+# Twice as many gain less than 0.001 of the share of right ticks with 7 hypotheses.
+HISTORIES_PER_MODE = 16
 
 
 def hazards(laws: FloatArray) -> FloatArray:
@@ -31,16 +42,20 @@ def hazards(laws: FloatArray) -> FloatArray:
         before = 1.0 - np.append(0.0, np.cumsum(ends)[:-1])
         reached = int(np.argmin(before > 1e-12)) or len(ends)
         table[row, :reached] = ends[:reached] / before[:reached]
-        table[row, reached:] = table[row, reached - 1]  # of ages that are hardly ever or never reached
+        # Of ages that are hardly ever or never reached.
+        table[row, reached:] = table[row, reached - 1]
     return table.clip(0.0, 1.0)
 
 
 class BeamState(NamedTuple):
     """State of N tracks between two calls of `predict`, changed in place."""
 
-    branches: Branches  # the histories
-    log_probability: FloatArray  # (N, M) logarithms of the probabilities of the modes
-    stated: Actions  # (N,) last statements
+    # The histories.
+    branches: Branches
+    # (N, M) logarithms of the probabilities of the modes.
+    log_probability: FloatArray
+    # (N,) last statements.
+    stated: Actions
 
 
 class BeamDecider(MeasurementDecider[BeamState]):
@@ -51,14 +66,20 @@ class BeamDecider(MeasurementDecider[BeamState]):
         threshold, release: see `ThresholdDecider`.
         branches: largest number of histories.
         merged: whether histories that switch to the same mode at the same tick are merged into one.
-        durations: law of the durations that the decider assumes; None is the true one of the options.
+        durations: law of the durations that the decider assumes; None is the true one of the
+            options.
         order: law of the next mode that it assumes, likewise.
-        joined: whether histories of a full beam that switched to the same mode at nearly the same tick become one;
-            else the least probable are omitted. See `beam_joining`.
+        joined: whether histories of a full beam that switched to the same mode at nearly the same
+            tick become one; else the least probable are omitted. See `beam_joining`.
     """
 
-    name, title, symbol, default, informed = "beam", "beam", "probability", 0.6, True
-    colour, marker = "#c80f82", "D"
+    name = "beam"
+    title = "beam"
+    symbol = "probability"
+    default = 0.6
+    informed = True
+    colour = "#c80f82"
+    marker = "D"
 
     def __init__(
         self,
@@ -75,12 +96,22 @@ class BeamDecider(MeasurementDecider[BeamState]):
         self.hypotheses = options.hypotheses
         self.branches = check_integer("branches", branches, options.hypotheses, MOST_BRANCHES)
         assumed = {"durations": durations, "order": order}
-        options = dataclasses.replace(options, **{name: law for name, law in assumed.items() if law is not None})
+        options = dataclasses.replace(
+            options,
+            **{name: law for name, law in assumed.items() if law is not None},
+        )
         self.model = BeamModel(
-            np.array(options.radii), hazards(options.duration_laws), options.order_matrix, check_flag("merged", merged),
-            np.zeros((2, 1, 2, 0), np.float32), np.zeros((3, 0)), 0.0, filter_model(options), sensors_of(options),
+            np.array(options.radii),
+            hazards(options.duration_laws),
+            options.order_matrix,
+            check_flag("merged", merged),
+            np.zeros((2, 1, 2, 0), np.float32),
+            np.zeros((3, 0)),
+            0.0,
+            filter_model(options),
+            sensors_of(options),
             check_flag("joined", joined),
-        )  # fmt: skip
+        )
 
     @classmethod
     def assumed(cls, options: QuickestOptions) -> dict[str, Any]:
@@ -90,7 +121,10 @@ class BeamDecider(MeasurementDecider[BeamState]):
     @classmethod
     def family(cls, options: QuickestOptions) -> DeciderFamily:
         """See `Decider.family`."""
-        return dataclasses.replace(super().family(options), thresholds=reachable_probabilities(options.hypotheses))
+        return dataclasses.replace(
+            super().family(options),
+            thresholds=reachable_probabilities(options.hypotheses),
+        )
 
     @classmethod
     def maker(cls, options: QuickestOptions) -> Callable[[float], Decider]:
@@ -118,7 +152,14 @@ class BeamDecider(MeasurementDecider[BeamState]):
     def step(self, state: BeamState, measurements: FloatArray) -> None:
         """Advance the branches of all tracks; see `MeasurementDecider.step`."""
         memory = step_memory(self.hypotheses, state.branches)
-        run_compiled(step_branches, state.branches, *memory, measurements, state.log_probability, self.model)
+        run_compiled(
+            step_branches,
+            state.branches,
+            *memory,
+            measurements,
+            state.log_probability,
+            self.model,
+        )
 
     def statements(self, state: BeamState, starts: BoolArray) -> Actions:
         """Apply the threshold rule to the posterior; see `MeasurementDecider.statements`."""
@@ -129,17 +170,27 @@ class BeamDecider(MeasurementDecider[BeamState]):
         """Return the panel of `evidence`."""
         return probability_panel("beam", self.rule.threshold)
 
-    def evidence(self, observation: FloatArray, state: Any = None, episode_start: Any = None) -> FloatArray:
+    def evidence(
+        self,
+        observation: FloatArray,
+        state: Any = None,
+        episode_start: Any = None,
+    ) -> FloatArray:
         """Return the posterior of the modes, (N, M)."""
-        # a copy, because `decide` changes the state in place
-        return np.asarray(np.exp(self.decide(observation, copy.deepcopy(state), episode_start)[1].log_probability))
+        # A copy, because `decide` changes the state in place.
+        return np.asarray(
+            np.exp(self.decide(observation, copy.deepcopy(state), episode_start)[1].log_probability)
+        )
 
 
 class GeometricBeamDecider(BeamDecider):
     """The beam that assumes a geometric law of the same mean, for which ages have no meaning."""
 
-    name, title, informed = "beam-geometric", "beam, geometric", False
-    colour, marker = "#00e196", "p"
+    name = "beam-geometric"
+    title = "beam, geometric"
+    informed = False
+    colour = "#00e196"
+    marker = "p"
 
     @classmethod
     def assumed(cls, options: QuickestOptions) -> dict[str, Any]:
@@ -151,8 +202,11 @@ class GeometricBeamDecider(BeamDecider):
 class DefaultBeamDecider(BeamDecider):
     """The beam that always assumes the default law of the environment."""
 
-    name, title, informed = "beam-default", "beam, default law", False
-    colour, marker = "#3c000f", "*"
+    name = "beam-default"
+    title = "beam, default law"
+    informed = False
+    colour = "#3c000f"
+    marker = "*"
 
     @classmethod
     def assumed(cls, options: QuickestOptions) -> dict[str, Any]:
@@ -161,7 +215,9 @@ class DefaultBeamDecider(BeamDecider):
 
 
 class Beams(SeveralThresholds):
-    """Beams that differ in their thresholds only, computed once: the posterior does not depend on statements."""
+    """Beams that differ in their thresholds only, computed once: the posterior does not depend
+    on statements.
+    """
 
     observes = "tracks"
 
@@ -173,10 +229,17 @@ class Beams(SeveralThresholds):
         """See `MeasurementDecider.observe`."""
         return self.beam.observe(tracks)
 
-    def decide(self, observation: FloatArray, state: Any, episode_start: Any) -> tuple[Actions, Any]:
+    def decide(
+        self,
+        observation: FloatArray,
+        state: Any,
+        episode_start: Any,
+    ) -> tuple[Actions, Any]:
         """See `MeasurementDecider.decide`."""
         _, state = self.beam.decide(observation, state, episode_start)
         last = self.chosen or [np.zeros(len(observation), np.int64)] * len(self.rules)
-        logs, started, pairs = state.log_probability, ~np.asarray(episode_start), zip(self.rules, last, strict=True)
+        logs = state.log_probability
+        started = ~np.asarray(episode_start)
+        pairs = zip(self.rules, last, strict=True)
         self.chosen = [rule.choose(logs, stated, started) for rule, stated in pairs]
         return self.chosen[0], state

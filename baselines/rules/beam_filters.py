@@ -1,15 +1,17 @@
 """The posterior of a semi-Markov mode over histories of switches, with pruning; compiled code.
 
 A branch is one history: the present mode, the age of its segment, and an anchor-aware filter
-(`hybrid_env.core.banks.anchor_aware`) that started from the estimate of the branch at its last switch. At every tick a
-branch continues or switches to one of the other modes, with the probabilities that the law of the durations gives for
-its age. Every continuation predicts, is weighted by the likelihood of the measurement, and the most probable ones are
-kept. Without pruning the weights are the exact posterior of all histories, up to the linearization in the filters.
+(`hybrid_env.core.banks.anchor_aware`) that started from the estimate of the branch at its last
+switch. At every tick a branch continues or switches to one of the other modes, with the
+probabilities that the law of the durations gives for its age. Every continuation predicts, is
+weighted by the likelihood of the measurement, and the most probable ones are kept. Without pruning
+the weights are the exact posterior of all histories, up to the linearization in the filters.
 
-Most of the continuations that switch at one tick to one mode have nearly the same estimate. They can be merged into one
-branch, whose filter starts from the mean and the covariance of their mixture. Then a branch is a pair of mode and age,
-and far fewer of them are needed. A branch may also carry what its history says about the law of the durations and of
-the next mode; see `beam_habits`.
+Most of the continuations that switch at one tick to one mode have nearly the same estimate. They
+can be merged into one branch, whose filter starts from the mean and the covariance of their
+mixture. Then a branch is a pair of mode and age, and far fewer of them are needed. A branch may
+also carry what its history says about the law of the durations and of the next mode; see
+`beam_habits`.
 """
 
 import math
@@ -18,58 +20,94 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rules.beam_habits import Habits, begin_habits, expected_hazard, free_slots, merge_habits
+from baselines.rules.beam_habits import (
+    Habits,
+    begin_habits,
+    expected_hazard,
+    free_slots,
+    merge_habits,
+)
 from baselines.rules.beam_joining import join_branches
 from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.core.arrays import aligned_zeros
-from hybrid_env.core.banks.anchor_aware import AWARE_HYPOTHESIS, begin_hypothesis, covariance_of, sense_hypothesis
+from hybrid_env.core.banks.anchor_aware import (
+    AWARE_HYPOTHESIS,
+    begin_hypothesis,
+    covariance_of,
+    sense_hypothesis,
+)
 from hybrid_env.core.banks.bank import INNOVATION, FilterModel, estimate_of, signed_radius
 from hybrid_env.core.banks.sensing import write_measured
 from hybrid_env.core.compilation import compiled, internal
 from hybrid_env.core.records import LANES, MEASURED, State, Triangle4
 
-SMALLEST_SHARE = 1e-9  # probability of a parent, over that of the most probable one, that is left out of a mixture
-FIRST, LATER = 0, 1  # rows of the table of hazards: the first segment of an episode, later ones
+# Probability of a parent, over that of the most probable one, that is left out of a mixture.
+SMALLEST_SHARE = 1e-9
+# Rows of the table of hazards: the first segment of an episode, later ones.
+FIRST, LATER = 0, 1
 
 
 class Branches(NamedTuple):
-    """The branches of N tracks, at most B for each; branch b is lane b % LANES of group b // LANES."""
+    """The branches of N tracks, at most B for each; branch b is lane b % LANES of group b //
+    LANES.
+    """
 
-    filters: NDArray[Any]  # (N, B / LANES) records `AWARE_HYPOTHESIS`; `log_likelihood` is the log weight of the branch
-    modes: IntArray  # (N, B) present mode
-    ages: IntArray  # (N, B) ticks of the present segment so far, 1 at its first measurement
-    rows: IntArray  # (N, B) `FIRST` or `LATER`
-    slots: IntArray  # (N, B) index of the habits of the branch in `habits`
-    hazards: FloatArray  # (N, B) probability that its segment would end at its last tick; 0 of a new one
-    counts: IntArray  # (N,) number of branches
-    evidence: FloatArray  # (N,) log-likelihood of all measurements so far
-    habits: Habits  # what the branches know of durations and order
+    # (N, B / LANES) records `AWARE_HYPOTHESIS`; `log_likelihood` is the log weight of the branch.
+    filters: NDArray[Any]
+    # (N, B) present mode.
+    modes: IntArray
+    # (N, B) ticks of the present segment so far, 1 at its first measurement.
+    ages: IntArray
+    # (N, B) `FIRST` or `LATER`
+    rows: IntArray
+    # (N, B) index of the habits of the branch in `habits`
+    slots: IntArray
+    # (N, B) probability that its segment would end at its last tick; 0 of a new one.
+    hazards: FloatArray
+    # (N,) number of branches.
+    counts: IntArray
+    # (N,) log-likelihood of all measurements so far.
+    evidence: FloatArray
+    # What the branches know of durations and order.
+    habits: Habits
 
 
 class BeamModel(NamedTuple):
     """What the branches assume.
 
-    Rows of `hazards` are 2 `FIRST` and 2 `LATER`, of straight motion and of turns; older segments have its last column.
-    Rows of `tables` are `FIRST` and `LATER`, columns ages less 1: probabilities that a segment lasts to an age (0), and
-    that it ends after it (1), by each law; older segments have the last column.
-    A beam that learns the laws uses neither `hazards` nor `order`.
+    Rows of `hazards` are 2 `FIRST` and 2 `LATER`, of straight motion and of turns; older segments
+    have its last column. Rows of `tables` are `FIRST` and `LATER`, columns ages less 1:
+    probabilities that a segment lasts to an age (0), and that it ends after it (1), by each law;
+    older segments have the last column. A beam that learns the laws uses neither `hazards` nor
+    `order`.
     """
 
-    radii: FloatArray  # (n,) turn radii [m]
-    hazards: FloatArray  # (4, ages) probability that a segment ends after each age, see above
-    order: FloatArray  # (M, M) probability of the next mode (column) by the present one. Without meaning if learned
-    merged: bool  # whether branches that switch to the same mode at the same tick become one
-    tables: NDArray[np.float32]  # (2, ages, 2, L) of the laws among which a beam learns, see above; L is 0 if not
-    prior: FloatArray  # (3, L) of the laws, see `Habits`
-    habitual: float  # prior probability that the next modes are not equally likely, likewise
-    filters: FilterModel  # model of the filters
-    sensors: NDArray[Any]  # (k,) records `records.SENSOR`
-    joined: bool  # whether branches of a full beam become one, see `beam_joining`, or the least probable are omitted
+    # (n,) turn radii [m]
+    radii: FloatArray
+    # (4, ages) probability that a segment ends after each age, see above.
+    hazards: FloatArray
+    # (M, M) probability of the next mode (column) by the present one. Without meaning if learned.
+    order: FloatArray
+    # Whether branches that switch to the same mode at the same tick become one.
+    merged: bool
+    # (2, ages, 2, L) of the laws among which a beam learns, see above; L is 0 if not.
+    tables: NDArray[np.float32]
+    # (3, L) of the laws, see `Habits`
+    prior: FloatArray
+    # Prior probability that the next modes are not equally likely, likewise.
+    habitual: float
+    # Model of the filters.
+    filters: FilterModel
+    # (k,) records `records.SENSOR`
+    sensors: NDArray[Any]
+    # Whether branches of a full beam become one, see `beam_joining`, or the least probable are
+    # omitted.
+    joined: bool
 
 
 def branch_arrays(tracks: int, branches: int, modes: int = 0, laws: int = 0) -> Branches:
-    """Return `branches` empty branches for each track, rounded up to a multiple of LANES; they learn if there are
-    `laws`.
+    """Return `branches` empty branches for each track, rounded up to a multiple of LANES; they
+    learn if there are `laws`.
     """
     groups = -(-branches // LANES)
     present, ages, rows, places = (np.zeros((tracks, groups * LANES), np.int64) for _ in range(4))
@@ -82,19 +120,35 @@ def branch_arrays(tracks: int, branches: int, modes: int = 0, laws: int = 0) -> 
         np.zeros((tracks, slots, modes)),
         np.zeros((tracks, slots), np.float32),
     )
-    counts, evidence = np.zeros(tracks, np.int64), np.zeros(tracks)
+    counts = np.zeros(tracks, np.int64)
+    evidence = np.zeros(tracks)
     hazards = np.zeros(places.shape)
     return Branches(filters, present, ages, rows, places, hazards, counts, evidence, habits)
 
 
 @internal
 def _begin_branch(
-    branches: Branches, track: int, b: int, mode: int, row: int,
-    anchor: State, covariance: Triangle4, log_weight: float, model: BeamModel,
-) -> None:  # fmt: skip
+    branches: Branches,
+    track: int,
+    b: int,
+    mode: int,
+    row: int,
+    anchor: State,
+    covariance: Triangle4,
+    log_weight: float,
+    model: BeamModel,
+) -> None:
     """Begin branch b of a track with a segment of a mode, from an estimate and its covariance."""
-    kalman, lane = branches.filters[track, b // LANES], b % LANES
-    begin_hypothesis(kalman, lane, anchor, covariance, signed_radius(mode, model.radii), model.filters.tau)
+    kalman = branches.filters[track, b // LANES]
+    lane = b % LANES
+    begin_hypothesis(
+        kalman,
+        lane,
+        anchor,
+        covariance,
+        signed_radius(mode, model.radii),
+        model.filters.tau,
+    )
     kalman.log_likelihood[lane] = log_weight
     branches.modes[track, b] = mode
     branches.ages[track, b] = 1
@@ -104,11 +158,23 @@ def _begin_branch(
 
 @compiled
 def begin_branches(branches: Branches, track: int, start: FloatArray, model: BeamModel) -> None:
-    """Replace the branches of a track by one of every mode; `start` as in `MeasurementDecider.begin_track`."""
+    """Replace the branches of a track by one of every mode; `start` as in
+    `MeasurementDecider.begin_track`.
+    """
     modes = 2 * model.radii.size + 1
     anchor = (start[0], start[1], start[2], start[3])
     for mode in range(modes):
-        _begin_branch(branches, track, mode, mode, FIRST, anchor, triangle(start[4:14]), start[14 + mode], model)
+        _begin_branch(
+            branches,
+            track,
+            mode,
+            mode,
+            FIRST,
+            anchor,
+            triangle(start[4:14]),
+            start[14 + mode],
+            model,
+        )
         branches.slots[track, mode] = mode
     branches.counts[track] = modes
     branches.evidence[track] = 0.0
@@ -130,9 +196,21 @@ def copy_filter(source: Any, source_lane: int, target: Any, target_lane: int) ->
 
 
 @internal
-def _copy_branch(source: Branches, source_track: int, b: int, target: Branches, track: int, c: int) -> None:
+def _copy_branch(
+    source: Branches,
+    source_track: int,
+    b: int,
+    target: Branches,
+    track: int,
+    c: int,
+) -> None:
     """Copy branch b of a track to branch c of another."""
-    copy_filter(source.filters[source_track, b // LANES], b % LANES, target.filters[track, c // LANES], c % LANES)
+    copy_filter(
+        source.filters[source_track, b // LANES],
+        b % LANES,
+        target.filters[track, c // LANES],
+        c % LANES,
+    )
     target.modes[track, c] = source.modes[source_track, b]
     target.ages[track, c] = source.ages[source_track, b]
     target.rows[track, c] = source.rows[source_track, b]
@@ -144,28 +222,49 @@ def _copy_branch(source: Branches, source_track: int, b: int, target: Branches, 
 def triangle(entries: FloatArray) -> Triangle4:
     """Return the ten entries of a covariance, upper triangle row by row, as a tuple."""
     return (
-        entries[0], entries[1], entries[2], entries[3], entries[4],
-        entries[5], entries[6], entries[7], entries[8], entries[9],
-    )  # fmt: skip
+        entries[0],
+        entries[1],
+        entries[2],
+        entries[3],
+        entries[4],
+        entries[5],
+        entries[6],
+        entries[7],
+        entries[8],
+        entries[9],
+    )
 
 
 @internal
 def _switch(
-    branches: Branches, track: int, weights: FloatArray, parents: tuple[int, int],
-    children: Branches, count: int, free: IntArray, all_shares: FloatArray, model: BeamModel,
-) -> int:  # fmt: skip
-    """Write one child for every mode, after `count` others: the mixture of parents in other modes. Return their number.
+    branches: Branches,
+    track: int,
+    weights: FloatArray,
+    parents: tuple[int, int],
+    children: Branches,
+    count: int,
+    free: IntArray,
+    all_shares: FloatArray,
+    model: BeamModel,
+) -> int:
+    """Write one child for every mode, after `count` others: the mixture of parents in other
+    modes. Return their number.
 
-    parents: the first branch that switches, and the end of these branches; weights: (branches,) probability of a
-    branch and its end; free: (M,) slots for the habits of the children; all_shares: (M, branches) is written:
-    probabilities of each child and its parent.
+    parents: the first branch that switches, and the end of these branches; weights: (branches,)
+    probability of a branch and its end; free: (M,) slots for the habits of the children;
+    all_shares: (M, branches) is written: probabilities of each child and its parent.
     """
-    mean, difference, covariance = np.empty(4), np.empty(4), np.empty(10)
+    mean = np.empty(4)
+    difference = np.empty(4)
+    covariance = np.empty(10)
     learns = model.prior.size > 0
     for mode in range(2 * model.radii.size + 1):
-        largest, total, shares = 0.0, 0.0, all_shares[mode]
+        largest = 0.0
+        total = 0.0
+        shares = all_shares[mode]
         for b in range(parents[0], parents[1]):
-            before, probability = branches.modes[track, b], 0.0
+            before = branches.modes[track, b]
+            probability = 0.0
             if before != mode and weights[b] > 0.0:
                 probability = model.order[before, mode]
                 if learns:
@@ -179,7 +278,9 @@ def _switch(
         for b in range(parents[0], parents[1]):
             if shares[b] > SMALLEST_SHARE * largest:
                 total += shares[b]
-                for k, value in enumerate(estimate_of(branches.filters[track], b // LANES, b % LANES)):
+                for k, value in enumerate(
+                    estimate_of(branches.filters[track], b // LANES, b % LANES)
+                ):
                     mean[k] += shares[b] * value
             else:
                 shares[b] = 0.0
@@ -187,36 +288,59 @@ def _switch(
         for b in range(parents[0], parents[1]):
             if shares[b] > 0.0:
                 probability = shares[b] / total
-                for k, value in enumerate(estimate_of(branches.filters[track], b // LANES, b % LANES)):
+                for k, value in enumerate(
+                    estimate_of(branches.filters[track], b // LANES, b % LANES)
+                ):
                     difference[k] = value - mean[k]
                 entries = covariance_of(branches.filters[track, b // LANES], b % LANES)
                 k = 0
                 for row in range(4):
                     for column in range(row, 4):
-                        covariance[k] += probability * (entries[k] + difference[row] * difference[column])
+                        covariance[k] += probability * (
+                            entries[k] + difference[row] * difference[column]
+                        )
                         k += 1
         anchor = (mean[0], mean[1], mean[2], mean[3])
         log_weight = math.log(total)
-        _begin_branch(children, 0, count, mode, LATER, anchor, triangle(covariance), log_weight, model)
+        _begin_branch(
+            children,
+            0,
+            count,
+            mode,
+            LATER,
+            anchor,
+            triangle(covariance),
+            log_weight,
+            model,
+        )
         children.slots[0, count] = free[mode] if learns else 0
         count += 1
     return count
 
 
 @internal
-def _extend(branches: Branches, track: int, children: Branches, model: BeamModel) -> tuple[int, FloatArray]:
-    """Write the continuations of all branches of a track to `children`, (1, ...), oldest first if theirs are.
+def _extend(
+    branches: Branches,
+    track: int,
+    children: Branches,
+    model: BeamModel,
+) -> tuple[int, FloatArray]:
+    """Write the continuations of all branches of a track to `children`, (1, ...), oldest first
+    if theirs are.
 
-    Return their number, and the probabilities of each child that begins and its parent, (M, branches).
+    Return their number, and the probabilities of each child that begins and its parent, (M,
+    branches).
     """
     count = 0
     learns = model.prior.size > 0
     switches = np.zeros(branches.counts[track])
     for b in range(branches.counts[track]):
-        row, age = branches.rows[track, b], branches.ages[track, b]
+        row = branches.rows[track, b]
+        age = branches.ages[track, b]
         turns = 1 if branches.modes[track, b] > 0 else 0
         if learns:
-            column, slot = min(age, model.tables.shape[1]) - 1, branches.slots[track, b]
+            column = min(age, model.tables.shape[1]) - 1
+            slot = branches.slots[track, b]
             hazard = expected_hazard(branches.habits, track, slot, model.tables, row, column)
         else:
             hazard = model.hazards[2 * row + turns, min(age, model.hazards.shape[1]) - 1]
@@ -226,32 +350,62 @@ def _extend(branches: Branches, track: int, children: Branches, model: BeamModel
             _copy_branch(branches, track, b, children, 0, count)
             children.ages[0, count] = age + 1
             children.hazards[0, count] = hazard
-            children.filters[0, count // LANES].log_likelihood[count % LANES] = weight + math.log1p(-hazard)
+            children.filters[0, count // LANES].log_likelihood[count % LANES] = weight + math.log1p(
+                -hazard
+            )
             count += 1
     shares = np.zeros((2 * model.radii.size + 1, switches.size))
     free = switches.astype(np.int64)[:0]
     if learns:
         free = free_slots(branches.slots[track, : switches.size], branches.habits)
     if model.merged:
-        count = _switch(branches, track, switches, (0, switches.size), children, count, free, shares, model)
+        count = _switch(
+            branches,
+            track,
+            switches,
+            (0, switches.size),
+            children,
+            count,
+            free,
+            shares,
+            model,
+        )
     else:
         for b in range(switches.size):
-            count = _switch(branches, track, switches, (b, b + 1), children, count, free, shares, model)
+            count = _switch(
+                branches,
+                track,
+                switches,
+                (b, b + 1),
+                children,
+                count,
+                free,
+                shares,
+                model,
+            )
     return count, shares
 
 
 @compiled
 def step_branches(
-    branches: Branches, children: Branches, innovations: NDArray[Any], measured: NDArray[Any],
-    measurements: FloatArray, log_probability: FloatArray, model: BeamModel,
-) -> None:  # fmt: skip
-    """Advance the branches of all tracks by one tick, and write the log probabilities of the modes, (N, M).
+    branches: Branches,
+    children: Branches,
+    innovations: NDArray[Any],
+    measured: NDArray[Any],
+    measurements: FloatArray,
+    log_probability: FloatArray,
+    model: BeamModel,
+) -> None:
+    """Advance the branches of all tracks by one tick, and write the log probabilities of the
+    modes, (N, M).
 
-    `children`, (1, ...), with room for M times as many branches, and `innovations` and `measured`, (1,), are memory.
-    Measurements are (N, 2) or (N, 9), see `sensing.write_measured`.
+    `children`, (1, ...), with room for M times as many branches, and `innovations` and `measured`,
+    (1,), are memory. Measurements are (N, 2) or (N, 9), see `sensing.write_measured`.
     """
     capacity = branches.modes.shape[1]
-    first, last = np.uint64(0), np.uint64(LANES)  # with signed ones the loop over lanes is no SIMD code
+    # With signed ones the loop over lanes is no SIMD code.
+    first = np.uint64(0)
+    last = np.uint64(LANES)
     for track in range(measurements.shape[0]):
         for lane in range(LANES):
             write_measured(measured[0], lane, measurements[track])
@@ -259,28 +413,52 @@ def step_branches(
         weights = np.empty(count)
         for group in range((count + LANES - 1) // LANES):
             kalman = children.filters[0, group]
-            sense_hypothesis(kalman, innovations[0], first, last, measured[0], model.sensors, model.filters)
+            sense_hypothesis(
+                kalman,
+                innovations[0],
+                first,
+                last,
+                measured[0],
+                model.sensors,
+                model.filters,
+            )
             for c in range(group * LANES, min(count, (group + 1) * LANES)):
                 weights[c] = -kalman.log_likelihood[c % LANES]
         if model.joined:
-            order = join_branches(children.modes[0], children.rows[0], children.ages[0], weights, capacity)
+            order = join_branches(
+                children.modes[0],
+                children.rows[0],
+                children.ages[0],
+                weights,
+                capacity,
+            )
         else:
             order = np.argsort(weights, kind="mergesort")
         kept = min(order.size, capacity)
-        smallest = weights[order[:kept]].min()  # of the most probable branch
+        # Of the most probable branch.
+        smallest = weights[order[:kept]].min()
         total = 0.0
         for k in range(kept):
             total += math.exp(smallest - weights[order[k]])
         shift = smallest - math.log(total)
         log_probability[track] = 0.0
-        for k in range(kept if model.prior.size > 0 else 0):  # before their parents are overwritten
+        # Before their parents are overwritten.
+        for k in range(kept if model.prior.size > 0 else 0):
             c = order[k]
             mode = children.modes[0, c]
             if children.ages[0, c] == 1:
                 merge_habits(
-                    branches.habits, track, children.slots[0, c], mode, shares[mode], branches.slots[track],
-                    branches.modes[track], branches.rows[track], branches.ages[track], model.tables,
-                )  # fmt: skip
+                    branches.habits,
+                    track,
+                    children.slots[0, c],
+                    mode,
+                    shares[mode],
+                    branches.slots[track],
+                    branches.modes[track],
+                    branches.rows[track],
+                    branches.ages[track],
+                    model.tables,
+                )
         for k in range(kept):
             c = order[k]
             _copy_branch(children, 0, c, branches, track, k)

@@ -1,10 +1,12 @@
-"""What a branch of the beam learns of an object's habits: durations and order of its segments; compiled code.
+"""What a branch of the beam learns of an object's habits: durations and order of its segments;
+compiled code.
 
-The law of the durations is one of L laws: one for all modes ("same"), or one for straight motion and another for turns,
-independent of each other ("straight", "turns"). Given the history of a branch, these beliefs are exact by Bayes' rule:
-a segment that ends multiplies the belief in each law by the probability of its duration. The filters of a branch do not
-depend on the laws, so that all laws share them. The next modes are equally likely, or they have a Dirichlet prior,
-whose posterior follows from counts. Branches that merge average their habits.
+The law of the durations is one of L laws: one for all modes ("same"), or one for straight motion
+and another for turns, independent of each other ("straight", "turns"). Given the history of a
+branch, these beliefs are exact by Bayes' rule: a segment that ends multiplies the belief in each
+law by the probability of its duration. The filters of a branch do not depend on the laws, so that
+all laws share them. The next modes are equally likely, or they have a Dirichlet prior, whose
+posterior follows from counts. Branches that merge average their habits.
 """
 
 from typing import NamedTuple
@@ -15,30 +17,49 @@ from numpy.typing import NDArray
 from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.core.compilation import internal, summing
 
-Tables = NDArray[np.float32]  # (2, ages, 2, L), see `beam_filters.BeamModel`
+# (2, ages, 2, L), see `beam_filters.BeamModel`
+Tables = NDArray[np.float32]
 
-SAME = 0  # row of the beliefs in one law for all modes; rows 1 and 2 are straight motion and turns
-NEGLIGIBLE = 1e-3  # probability of a parent whose habits are left out of a mixture
-SMALLEST = np.float32(1e-30)  # beliefs below become 0: denormal numbers are slow
-PSEUDO_COUNT = 0.5  # of each next mode, if they are not equally likely
+# Row of the beliefs in one law for all modes; rows 1 and 2 are straight motion and turns.
+SAME = 0
+# Probability of a parent whose habits are left out of a mixture.
+NEGLIGIBLE = 1e-3
+# Beliefs below become 0: denormal numbers are slow.
+SMALLEST = np.float32(1e-30)
+# Of each next mode, if they are not equally likely.
+PSEUDO_COUNT = 0.5
 
 
 class Habits(NamedTuple):
     """Habits of N tracks, S slots for each.
 
-    Rows of `laws` are "same", "straight" and "turns". The last two have the same sum, the probability that they differ.
+    Rows of `laws` are "same", "straight" and "turns". The last two have the same sum, the
+    probability that they differ.
     """
 
-    laws: NDArray[np.float32]  # (N, S, 3, L) joint probabilities of law and kind when the present segment began
-    beliefs: NDArray[np.float32]  # (N, S, L) sum of the rows of `laws` that concern the present segment
-    orders: NDArray[np.float32]  # (N, S, M, M) expected number of switches from a mode (row) to another
-    following: FloatArray  # (N, S, M) probability that each mode follows the present segment
-    habitual: NDArray[np.float32]  # (N, S) probability that the next modes are not equally likely
+    # (N, S, 3, L) joint probabilities of law and kind when the present segment began.
+    laws: NDArray[np.float32]
+    # (N, S, L) sum of the rows of `laws` that concern the present segment.
+    beliefs: NDArray[np.float32]
+    # (N, S, M, M) expected number of switches from a mode (row) to another.
+    orders: NDArray[np.float32]
+    # (N, S, M) probability that each mode follows the present segment.
+    following: FloatArray
+    # (N, S) probability that the next modes are not equally likely.
+    habitual: NDArray[np.float32]
 
 
 @internal
-def begin_habits(habits: Habits, track: int, slots: int, prior: FloatArray, habitual: float) -> None:
-    """Give the first slots of a track, one for each mode, the prior of the laws, (3, L), and of habits."""
+def begin_habits(
+    habits: Habits,
+    track: int,
+    slots: int,
+    prior: FloatArray,
+    habitual: float,
+) -> None:
+    """Give the first slots of a track, one for each mode, the prior of the laws, (3, L), and of
+    habits.
+    """
     for slot in range(slots):
         habits.laws[track, slot] = prior
         habits.orders[track, slot] = 0.0
@@ -48,12 +69,17 @@ def begin_habits(habits: Habits, track: int, slots: int, prior: FloatArray, habi
 
 @internal
 def _begin_segment(habits: Habits, track: int, slot: int, mode: int) -> None:
-    """Write what concerns a segment of a mode: the beliefs, and the probabilities of the next modes."""
+    """Write what concerns a segment of a mode: the beliefs, and the probabilities of the next
+    modes.
+    """
     laws, own = habits.laws, 2 if mode > 0 else 1
     for law in range(laws.shape[3]):
-        habits.beliefs[track, slot, law] = laws[track, slot, SAME, law] + laws[track, slot, own, law]
+        habits.beliefs[track, slot, law] = (
+            laws[track, slot, SAME, law] + laws[track, slot, own, law]
+        )
     counts, habitual = habits.orders[track, slot, mode], habits.habitual[track, slot]
-    total, modes = 0.0, counts.size
+    total = 0.0
+    modes = counts.size
     for k in range(modes):
         total += counts[k]
     for k in range(modes):
@@ -63,12 +89,21 @@ def _begin_segment(habits: Habits, track: int, slot: int, mode: int) -> None:
 
 
 @summing
-def expected_hazard(habits: Habits, track: int, slot: int, tables: Tables, row: int, column: int) -> float:
-    """Return the probability that a segment ends after its present tick, by the beliefs when it began.
+def expected_hazard(
+    habits: Habits,
+    track: int,
+    slot: int,
+    tables: Tables,
+    row: int,
+    column: int,
+) -> float:
+    """Return the probability that a segment ends after its present tick, by the beliefs when it
+    began.
 
     row, column: of the tables, see `beam_filters.BeamModel`.
     """
-    total, ends = np.float32(0.0), np.float32(0.0)
+    total = np.float32(0.0)
+    ends = np.float32(0.0)
     for law in range(tables.shape[3]):
         total += habits.beliefs[track, slot, law] * tables[row, column, 0, law]
         ends += habits.beliefs[track, slot, law] * tables[row, column, 1, law]
@@ -77,10 +112,20 @@ def expected_hazard(habits: Habits, track: int, slot: int, tables: Tables, row: 
 
 @summing
 def _sums(
-    laws: NDArray[np.float32], track: int, slot: int, own: int, tables: Tables, row: int, column: int
+    laws: NDArray[np.float32],
+    track: int,
+    slot: int,
+    own: int,
+    tables: Tables,
+    row: int,
+    column: int,
 ) -> tuple[np.float32, np.float32, np.float32]:
-    """Return sums over the laws: of `SAME` times the probability of the end, of row `own` times it, of `own` alone."""
-    total, part, before = np.float32(0.0), np.float32(0.0), np.float32(0.0)
+    """Return sums over the laws: of `SAME` times the probability of the end, of row `own` times
+    it, of `own` alone.
+    """
+    total = np.float32(0.0)
+    part = np.float32(0.0)
+    before = np.float32(0.0)
     for law in range(laws.shape[3]):
         total += laws[track, slot, SAME, law] * tables[row, column, 1, law]
         part += laws[track, slot, own, law] * tables[row, column, 1, law]
@@ -90,14 +135,24 @@ def _sums(
 
 @internal
 def _add_posterior(
-    laws: NDArray[np.float32], track: int, slot: int, parent: int, weight: float, turns: int,
-    tables: Tables, row: int, column: int,
-) -> None:  # fmt: skip
-    """Add to the laws of a slot those of a parent after the end of its segment, times a weight; see `expected_hazard`.
+    laws: NDArray[np.float32],
+    track: int,
+    slot: int,
+    parent: int,
+    weight: float,
+    turns: int,
+    tables: Tables,
+    row: int,
+    column: int,
+) -> None:
+    """Add to the laws of a slot those of a parent after the end of its segment, times a weight;
+    see `expected_hazard`.
 
-    turns: 1 if the segment was a turn. Arrays are indexed and not sliced: numba counts references to slices.
+    turns: 1 if the segment was a turn. Arrays are indexed and not sliced: numba counts references
+    to slices.
     """
-    own, other = 1 + turns, 2 - turns
+    own = 1 + turns
+    other = 2 - turns
     joint, apart, before = _sums(laws, track, parent, own, tables, row, column)
     if joint + apart <= 0.0:
         laws[track, slot] += np.float32(weight) * laws[track, parent]
@@ -122,27 +177,52 @@ def free_slots(used: IntArray, habits: Habits) -> IntArray:
 
 @internal
 def merge_habits(
-    habits: Habits, track: int, slot: int, mode: int, weights: FloatArray,
-    slots: IntArray, modes: IntArray, rows: IntArray, ages: IntArray, tables: Tables,
-) -> None:  # fmt: skip
-    """Write the habits of a branch that begins with a switch to a mode: the mixture of its parents."""
+    habits: Habits,
+    track: int,
+    slot: int,
+    mode: int,
+    weights: FloatArray,
+    slots: IntArray,
+    modes: IntArray,
+    rows: IntArray,
+    ages: IntArray,
+    tables: Tables,
+) -> None:
+    """Write the habits of a branch that begins with a switch to a mode: the mixture of its
+    parents.
+    """
     laws, orders = habits.laws[track, slot], habits.orders[track, slot]
     laws[:] = np.float32(0.0)
     orders[:] = np.float32(0.0)
-    least, total, habitual = NEGLIGIBLE * weights.max(), 0.0, 0.0
+    least = NEGLIGIBLE * weights.max()
+    total = 0.0
+    habitual = 0.0
     for b in range(weights.size):
         if weights[b] > least:
             total += weights[b]
     for b in range(weights.size):
         if weights[b] > least:
             share = weights[b] / total
-            turns, column = 1 if modes[b] > 0 else 0, min(ages[b], tables.shape[1]) - 1
-            _add_posterior(habits.laws, track, slot, slots[b], share, turns, tables, rows[b], column)
+            turns = 1 if modes[b] > 0 else 0
+            column = min(ages[b], tables.shape[1]) - 1
+            _add_posterior(
+                habits.laws,
+                track,
+                slot,
+                slots[b],
+                share,
+                turns,
+                tables,
+                rows[b],
+                column,
+            )
             by_chance = (1.0 - habits.habitual[track, slots[b]]) / (orders.shape[0] - 1)
             habitual += share * (1.0 - by_chance / habits.following[track, slots[b], mode])
             for row in range(orders.shape[0]):
                 for column in range(orders.shape[0]):
-                    orders[row, column] += np.float32(share) * habits.orders[track, slots[b], row, column]
+                    orders[row, column] += (
+                        np.float32(share) * habits.orders[track, slots[b], row, column]
+                    )
             orders[modes[b], mode] += np.float32(share)
     for row in range(3):
         for law in range(laws.shape[1]):

@@ -1,8 +1,9 @@
 """Which branches of a full beam become one; compiled code.
 
-Switches to one mode at neighbouring ticks have nearly the same filters, and a beam that omits the least probable of
-them loses the probability of all switches that are young. Joined branches keep it: the more probable one of two takes
-the probability of the other, as in the reduction of mixtures (Runnalls 2007), with a cost that needs ages only.
+Switches to one mode at neighbouring ticks have nearly the same filters, and a beam that omits the
+least probable of them loses the probability of all switches that are young. Joined branches keep
+it: the more probable one of two takes the probability of the other, as in the reduction of mixtures
+(Runnalls 2007), with a cost that needs ages only.
 """
 
 import math
@@ -12,16 +13,23 @@ import numpy as np
 from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.core.compilation import internal
 
-YOUNG = 3.0  # ticks that are added to ages whose ratio is taken: the youngest are nearly the same
+# Ticks that are added to ages whose ratio is taken: the youngest are nearly the same.
+YOUNG = 3.0
 
 
 @internal
-def join_branches(modes: IntArray, rows: IntArray, ages: IntArray, weights: FloatArray, capacity: int) -> IntArray:
+def join_branches(
+    modes: IntArray,
+    rows: IntArray,
+    ages: IntArray,
+    weights: FloatArray,
+    capacity: int,
+) -> IntArray:
     """Return the branches that remain, in order, and change their weights.
 
-    Of two branches of one mode and row, neighbours in age, joining costs the harmonic sum of their probabilities times
-    the logarithm of the ratio of their ages; omitting a branch costs its probability. The cheapest is done until
-    `capacity` branches are left.
+    Of two branches of one mode and row, neighbours in age, joining costs the harmonic sum of their
+    probabilities times the logarithm of the ratio of their ages; omitting a branch costs its
+    probability. The cheapest is done until `capacity` branches are left.
 
     Args:
         modes, rows, ages: (B,) of the branches, oldest first, see `beam_filters.Branches`.
@@ -29,23 +37,34 @@ def join_branches(modes: IntArray, rows: IntArray, ages: IntArray, weights: Floa
         capacity: largest number that remains.
     """
     smallest = weights.min()
-    shares, reach = np.exp(smallest - weights), np.log(ages[: weights.size] + YOUNG)
-    kept, left = np.arange(weights.size), weights.size
-    last = np.empty(2 * modes.max() + 2, np.int64)  # place of the last branch of each mode and row
+    shares = np.exp(smallest - weights)
+    reach = np.log(ages[: weights.size] + YOUNG)
+    kept = np.arange(weights.size)
+    left = weights.size
+    # Place of the last branch of each mode and row.
+    last = np.empty(2 * modes.max() + 2, np.int64)
     while left > capacity:
         last[:] = -1
-        least, goes, takes = np.inf, -1, -1
+        least = np.inf
+        goes = -1
+        takes = -1
         for k in range(left):
             b = kept[k]
             kind = 2 * modes[b] + rows[b]
             before = last[kind]
             last[kind] = k
             if shares[b] < least:
-                least, goes, takes = shares[b], k, -1
+                least = shares[b]
+                goes = k
+                takes = -1
             if before >= 0:
                 older = kept[before]
                 both = shares[b] + shares[older]
-                cost = shares[b] * shares[older] / both * (reach[older] - reach[b]) if both > 0.0 else 0.0
+                cost = (
+                    shares[b] * shares[older] / both * (reach[older] - reach[b])
+                    if both > 0.0
+                    else 0.0
+                )
                 if cost < least:
                     least = cost
                     goes, takes = (before, k) if shares[b] >= shares[older] else (k, before)

@@ -1,7 +1,7 @@
-"""Classical tests for a change of the stated mode, CUSUM and Shiryaev-Roberts, and the rules on flights. Each mode is
-compared with the stated one by the log-likelihood ratios of single ticks, l = ln p(z | mode) - ln p(z | stated mode),
-of the running bank. When a statistic reaches the threshold, the statement changes to its mode and all statistics of the
-track begin anew.
+"""Classical tests for a change of the stated mode, CUSUM and Shiryaev-Roberts, and the rules on
+flights. Each mode is compared with the stated one by the log-likelihood ratios of single ticks, l =
+ln p(z | mode) - ln p(z | stated mode), of the running bank. When a statistic reaches the threshold,
+the statement changes to its mode and all statistics of the track begin anew.
 """
 
 from abc import ABC, abstractmethod
@@ -16,23 +16,31 @@ from hybrid_env.observation import QuickestLayout
 
 
 class ChangeDecider(Decider, ABC):
-    """A rule that changes its statement when the statistic of another mode reaches a threshold, > 0."""
+    """A rule that changes its statement when the statistic of another mode reaches a threshold,
+    > 0.
+    """
 
     task = UNKNOWN
     start: ClassVar[float]
 
     def __init__(self, threshold: float | None = None):
-        self.threshold = check_positive("threshold", self.default if threshold is None else threshold)
+        self.threshold = check_positive(
+            "threshold",
+            self.default if threshold is None else threshold,
+        )
 
     @abstractmethod
     def update(self, statistics: FloatArray, ratio: FloatArray) -> FloatArray:
         """Return the statistics after one more tick, (N, M). ratio: (N, M)."""
 
     def decide(
-        self, observation: Observations, state: FloatArray | None, episode_start: Any
+        self,
+        observation: Observations,
+        state: FloatArray | None,
+        episode_start: Any,
     ) -> tuple[Actions, FloatArray]:
-        """See `Decider.decide`; action i states mode i. The state are the statistics, (N, M). The first statement of an
-        episode is the most probable mode; rows tell where an episode begins.
+        """See `Decider.decide`; action i states mode i. The state are the statistics, (N, M). The
+        first statement of an episode is the most probable mode; rows tell where an episode begins.
         """
         layout = QuickestLayout.of_rows(observation)
         stated, started = read_statement(observation)
@@ -60,9 +68,13 @@ class CusumDecider(ChangeDecider):
         threshold: of G, above 0.
     """
 
-    name, title, symbol, default = "cusum", "CUSUM", "G", 4.0
+    name = "cusum"
+    title = "CUSUM"
+    symbol = "G"
+    default = 4.0
     thresholds = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 15.0)
-    colour, marker = "#a0a0a0", "s"
+    colour = "#a0a0a0"
+    marker = "s"
     start = 0.0
 
     def update(self, statistics: FloatArray, ratio: FloatArray) -> FloatArray:
@@ -80,9 +92,13 @@ class ShiryaevRobertsDecider(ChangeDecider):
         threshold: of ln R, above 0.
     """
 
-    name, title, symbol, default = "shiryaev-roberts", "Shiryaev-Roberts", "ln R", 6.0
+    name = "shiryaev-roberts"
+    title = "Shiryaev-Roberts"
+    symbol = "ln R"
+    default = 6.0
     thresholds = (2.0, 3.0, 4.0, 4.5, 5.0, 5.5, 6.0, 6.5, 7.0, 7.5, 8.0, 9.0, 10.0, 12.0, 15.0)
-    colour, marker = "#ff87f0", "d"
+    colour = "#ff87f0"
+    marker = "d"
     start = -np.inf
 
     def update(self, statistics: FloatArray, ratio: FloatArray) -> FloatArray:
@@ -93,17 +109,22 @@ class ShiryaevRobertsDecider(ChangeDecider):
 class FlightThresholdDecider(ThresholdDecider):
     """The threshold on the probabilities of the IMM filter over turn rates."""
 
-    name, task = "imm", FLIGHTS
+    name = "imm"
+    task = FLIGHTS
 
 
 class FlightBeamDecider(FlightThresholdDecider):
-    """The threshold on the semi-Markov posterior over turn rates, in which short turns are unlikely."""
+    """The threshold on the semi-Markov posterior over turn rates, in which short turns are
+    unlikely.
+    """
 
-    name, title = "beam", "beam"
+    name = "beam"
+    title = "beam"
 
 
 class FlightCusumDecider(CusumDecider):
     """CUSUM of the likelihoods of the modes in the IMM filter over turn rates."""
 
-    name, task = "cusum", FLIGHTS
+    name = "cusum"
+    task = FLIGHTS
     default = 3.5

@@ -21,7 +21,13 @@ RATES = (0.0, 10.0, 16.0, 24.0, -10.0, -16.0, -24.0)
 """Turn rates of the filters [deg/s]."""
 
 MODELS = tuple(
-    TurnModel(rates=RATES, acceleration=acceleration, straight=straight, turn=turn, within=10.0)
+    TurnModel(
+        rates=RATES,
+        acceleration=acceleration,
+        straight=straight,
+        turn=turn,
+        within=10.0,
+    )
     for acceleration, straight, turn in ((3, 60, 45), (2, 60, 45), (3, 200, 45), (6, 200, 100))
 )
 
@@ -48,7 +54,8 @@ class GliderRule(SeveralThresholds):
     histories: ClassVar[TurnHistories | None] = None
 
     def __init__(self, *settings: tuple[float, ...]):
-        self.values = np.array(settings or (self.usual,)).T[:, None]  # (numbers, 1, K)
+        # (numbers, 1, K)
+        self.values = np.array(settings or (self.usual,)).T[:, None]
         self.chosen = []
 
     def decide(self, observation: Any, state: Any, episode_start: Any) -> tuple[Actions, Any]:
@@ -69,10 +76,14 @@ class GliderRule(SeveralThresholds):
 
 
 class GliderImm(GliderRule):
-    """Thresholds on the probabilities of an IMM filter of turn rates: to a turn, and to straight flight."""
+    """Thresholds on the probabilities of an IMM filter of turn rates: to a turn, and to straight
+    flight.
+    """
 
-    name, title = "imm", "IMM"
-    numbers, usual = ("enter", "leave"), (0.95, 0.9)
+    name = "imm"
+    title = "IMM"
+    numbers = ("enter", "leave")
+    usual = (0.95, 0.9)
     grid = tuple(product((0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99), (0.5, 0.7, 0.8, 0.9, 0.95, 0.98)))
     models = MODELS
 
@@ -88,29 +99,35 @@ class GliderImm(GliderRule):
 class GliderWind(GliderImm):
     """The same with the wind in the state of each filter: circles drift."""
 
-    name, title = "imm-wind", "IMM with wind"
+    name = "imm-wind"
+    title = "IMM with wind"
     models = tuple(replace(model, wind=0.01) for model in MODELS)
 
 
 class GliderClimb(GliderImm):
     """The IMM that also measures the climb rate: gliders circle where the air rises."""
 
-    name, title = "imm-climb", "IMM with climb"
+    name = "imm-climb"
+    title = "IMM with climb"
     models = tuple(replace(model, climb=0.1, climb_level=0.3) for model in MODELS)
 
 
 class GliderWindClimb(GliderImm):
     """The IMM with wind and climb rate."""
 
-    name, title = "imm-wind-climb", "IMM, wind, climb"
+    name = "imm-wind-climb"
+    title = "IMM, wind, climb"
     models = tuple(replace(model, wind=0.01) for model in GliderClimb.models)
 
 
 class GliderBeam(GliderImm):
     """The thresholds on the semi-Markov posterior, in which a circle lasts at least 15 s."""
 
-    name, title = "beam", "beam"
-    models = tuple(replace(model, rates=(0.0, 6.0, 12.0, 20.0, -6.0, -12.0, -20.0)) for model in MODELS[::2])
+    name = "beam"
+    title = "beam"
+    models = tuple(
+        replace(model, rates=(0.0, 6.0, 12.0, 20.0, -6.0, -12.0, -20.0)) for model in MODELS[::2]
+    )
     histories = TurnHistories(shortest=(0.0, 15.0), branches=30)
 
 
@@ -127,18 +144,29 @@ class GroundTrackRule(GliderRule):
 class XcsoarRule(GroundTrackRule):
     """The rule of the glide computer XCSoar, by its facts: a turn rate that lasts.
 
-    The turn rate is limited to 50 deg/s and smoothed by a low-pass filter of factor 0.3. When it is at least
-    the rate for longer than the time to enter, the glider circles; when it is below for longer than the time
-    to leave, it does not.
+    The turn rate is limited to 50 deg/s and smoothed by a low-pass filter of factor 0.3. When it is
+    at least the rate for longer than the time to enter, the glider circles; when it is below for
+    longer than the time to leave, it does not.
     """
 
-    name, title = "xcsoar", "XCSoar, tuned"
-    numbers, usual = ("rate", "enter", "leave"), (7.0, 10.0, 6.0)
-    grid = tuple(product((4.0, 5.0, 6.0, 7.0, 8.0, 10.0), (4.0, 6.0, 8.0, 10.0, 15.0), (0.0, 2.0, 4.0, 6.0, 8.0)))
-    fastest, factor = np.radians(50.0), 0.3
+    name = "xcsoar"
+    title = "XCSoar, tuned"
+    numbers = ("rate", "enter", "leave")
+    usual = (7.0, 10.0, 6.0)
+    grid = tuple(
+        product(
+            (4.0, 5.0, 6.0, 7.0, 8.0, 10.0),
+            (4.0, 6.0, 8.0, 10.0, 15.0),
+            (0.0, 2.0, 4.0, 6.0, 8.0),
+        )
+    )
+    fastest = np.radians(50.0)
+    factor = 0.3
 
     def begin(self, shape: tuple[int, int]) -> tuple[Any, ...]:
-        """See `GliderRule.begin`: smoothed rate (N, 1), time since the rate contradicts (N, K), else -1."""
+        """See `GliderRule.begin`: smoothed rate (N, 1), time since the rate contradicts (N, K),
+        else -1.
+        """
         return (*super().begin(shape), np.zeros((shape[0], 1)), np.full(shape, -1.0))
 
     def step(self, seen: FloatArray, stated: IntArray, *memory: Any) -> tuple[Any, ...]:
@@ -147,7 +175,8 @@ class XcsoarRule(GroundTrackRule):
         rate = np.clip(turned / np.where(dt > 0.0, dt, 1.0), -self.fastest, self.fastest)
         smooth = np.where(dt > 0.0, smooth + self.factor * (rate - smooth), smooth)
         bound, enter, leave = self.values
-        turning, circling = np.abs(smooth) >= np.radians(bound), stated != STRAIGHT
+        turning = np.abs(smooth) >= np.radians(bound)
+        circling = stated != STRAIGHT
         waited = np.where(turning == circling, -1.0, np.where(waited < 0.0, 0.0, waited + dt))
         changes = waited > np.where(circling, leave, enter)
         side = np.where(smooth > 0.0, LEFT, RIGHT)
@@ -158,7 +187,8 @@ class XcsoarRule(GroundTrackRule):
 class XcsoarDefault(XcsoarRule):
     """XCSoar's rule with its defaults: 4 deg/s, 15 s to enter, 10 s to leave."""
 
-    name, title = "xcsoar-default", "XCSoar, default"
+    name = "xcsoar-default"
+    title = "XCSoar, default"
     usual = (4.0, 15.0, 10.0)
     grid = (usual,)
 
@@ -166,17 +196,22 @@ class XcsoarDefault(XcsoarRule):
 class AngleRule(GroundTrackRule):
     """The angle that the ground track has turned, forgotten in time, with hysteresis.
 
-    A glider circles when the angle with the longer memory reaches a threshold, until that with the shorter
-    memory falls below another.
+    A glider circles when the angle with the longer memory reaches a threshold, until that with the
+    shorter memory falls below another.
     """
 
-    name, title = "angle", "angle turned"
-    numbers, usual = ("memory", "enter", "leave"), (16.0, 150.0, 30.0)
+    name = "angle"
+    title = "angle turned"
+    numbers = ("memory", "enter", "leave")
+    usual = (16.0, 150.0, 30.0)
     grid = tuple(product((8.0, 12.0, 16.0), (90.0, 120.0, 150.0, 180.0), (20.0, 30.0, 45.0, 60.0)))
-    shorter = 8.0  # memory [s]
+    # Memory [s].
+    shorter = 8.0
 
     def begin(self, shape: tuple[int, int]) -> tuple[Any, ...]:
-        """See `GliderRule.begin`: angles with the longer memory (N, K) and the shorter one (N, 1) [rad]."""
+        """See `GliderRule.begin`: angles with the longer memory (N, K) and the shorter one (N,
+        1) [rad].
+        """
         return (*super().begin(shape), np.zeros(shape), np.zeros((shape[0], 1)))
 
     def step(self, seen: FloatArray, stated: IntArray, *memory: Any) -> tuple[Any, ...]:

@@ -1,7 +1,7 @@
-"""Filters of the measurements in an observation, one bank for each component of the anchor. An observation has the
-measurement relative to the anchor, in its heading frame, in which its velocity is (speed, 0): all that a filter needs
-except the model, which is that of the world. With several sensors it lacks the covariance of the measurement: then the
-filters also read what these measured.
+"""Filters of the measurements in an observation, one bank for each component of the anchor. An
+observation has the measurement relative to the anchor, in its heading frame, in which its velocity
+is (speed, 0): all that a filter needs except the model, which is that of the world. With several
+sensors it lacks the covariance of the measurement: then the filters also read what these measured.
 """
 
 import math
@@ -26,27 +26,34 @@ from hybrid_env.live import TRIANGLE
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
-ANCHOR_COLUMNS = 14  # the estimate [x, vx, y, vy], and the upper triangle of its covariance row by row
+# The estimate [x, vx, y, vy], and the upper triangle of its covariance row by row.
+ANCHOR_COLUMNS = 14
 
 
 class NoiseLaw(NamedTuple):
     """What filters assume of the noise."""
 
-    log_prior: float  # logarithm of the probability of the law before the first measurement, up to a constant
-    variance: float  # of most measurements, relative to R
-    outlier_variance: float  # of outliers, relative to R
-    log_outlier_odds: float  # logarithm of the share of outliers
-    distance: float  # squared whitened innovation from which a measurement counts as an outlier
+    # Logarithm of the probability of the law before the first measurement, up to a constant.
+    log_prior: float
+    # Of most measurements, relative to R.
+    variance: float
+    # Of outliers, relative to R.
+    outlier_variance: float
+    # Logarithm of the share of outliers.
+    log_outlier_odds: float
+    # Squared whitened innovation from which a measurement counts as an outlier.
+    distance: float
 
 
-# normal errors with an outlier in thirty, and heavy tails
+# Normal errors with an outlier in thirty, and heavy tails.
 LAWS = NoiseLaw(0.0, 1.0, 25.0, -3.5, 14.0), NoiseLaw(-3.0, 2.0, 40.0, -2.3, 12.0)
 
 
 class _Assumption(NamedTuple):
     """Filters that assume a law of the noise and an orientation of the heading frame."""
 
-    banks: Any  # C N lanes: the tracks of one component after the other
+    # C N lanes: the tracks of one component after the other.
+    banks: Any
     model: FilterModel
     outlier_model: FilterModel
     log_outlier_odds: float
@@ -54,7 +61,13 @@ class _Assumption(NamedTuple):
 
 
 @internal
-def _step_lane(bank: Any, lane: int, measured: Any, sensors: NDArray[Any], model: FilterModel) -> None:
+def _step_lane(
+    bank: Any,
+    lane: int,
+    measured: Any,
+    sensors: NDArray[Any],
+    model: FilterModel,
+) -> None:
     """Advance the filters of one lane; a measurement NaN only predicts."""
     missing = math.isnan(measured.measurement[0, lane])
     if not missing and sensors.size == 0:
@@ -73,7 +86,8 @@ def _any_outlier(bank: Any, lanes: int, distance: float, outlier: BoolArray) -> 
         smallest = distance
         for h in range(bank.hypotheses.size):
             innovation = bank.innovations[h]
-            x, y = innovation.white_x[lane], innovation.white_y[lane]
+            x = innovation.white_x[lane]
+            y = innovation.white_y[lane]
             smallest = min(smallest, x * x + y * y)
         outlier[lane] = smallest >= distance
         found = found or outlier[lane]
@@ -82,13 +96,22 @@ def _any_outlier(bank: Any, lanes: int, distance: float, outlier: BoolArray) -> 
 
 @compiled
 def _filter_tick(
-    own: _Assumption, log_likelihood: FloatArray, innovations: FloatArray, begins: BoolArray, anchors: FloatArray,
-    measurements: FloatArray, radii: FloatArray, sensors: NDArray[Any],
-    saved: NDArray[Any], measured: NDArray[Any], outlier: BoolArray,
-) -> None:  # fmt: skip
-    """Start the filters of some tracks, (N,), at anchors (C, N, 14), then advance all by one tick. Likelihoods (C, N,
-    M) and innovations (C, N, M, 3) are written. Measurements, see `sensing.write_measured`, are NaN if a tick has none.
-    The others are memory; `saved`, (M,) hypotheses, is (0,) if outliers do not have a model of their own.
+    own: _Assumption,
+    log_likelihood: FloatArray,
+    innovations: FloatArray,
+    begins: BoolArray,
+    anchors: FloatArray,
+    measurements: FloatArray,
+    radii: FloatArray,
+    sensors: NDArray[Any],
+    saved: NDArray[Any],
+    measured: NDArray[Any],
+    outlier: BoolArray,
+) -> None:
+    """Start the filters of some tracks, (N,), at anchors (C, N, 14), then advance all by one tick.
+    Likelihoods (C, N, M) and innovations (C, N, M, 3) are written. Measurements, see
+    `sensing.write_measured`, are NaN if a tick has none. The others are memory; `saved`, (M,)
+    hypotheses, is (0,) if outliers do not have a model of their own.
     """
     tracks = begins.size
     lanes_total = log_likelihood.shape[0] * tracks
@@ -116,40 +139,64 @@ def _filter_tick(
             for h in range(saved.size):
                 bank.hypotheses[h] = saved[h]
             for lane in range(lanes):
-                _step_lane(bank, lane, measured[0], sensors, own.outlier_model if outlier[lane] else own.model)
+                _step_lane(
+                    bank,
+                    lane,
+                    measured[0],
+                    sensors,
+                    own.outlier_model if outlier[lane] else own.model,
+                )
                 for h in range(saved.size if outlier[lane] else 0):
                     bank.hypotheses[h].log_likelihood[lane] += own.log_outlier_odds
         for lane in range(lanes):
             c, i = divmod(b * LANES + lane, tracks)
             for h in range(bank.hypotheses.size):
-                innovation, target = bank.innovations[h], innovations[c, i, h]
+                innovation = bank.innovations[h]
+                target = innovations[c, i, h]
                 log_likelihood[c, i, h] = bank.hypotheses[h].log_likelihood[lane]
                 target[0], target[1] = innovation.white_x[lane], innovation.white_y[lane]
                 target[2] = innovation.log_variance[lane]
 
 
 class ComponentFilters(OwnState):
-    """One bank for each of N tracks and of C components of the distribution of its anchor. With `robust` a measurement
-    that no hypothesis explains is an outlier, with a larger variance. There are filters for every law of `LAWS`,
-    weighted by the likelihood of all measurements of the episode, and for three orientations of the heading frame if
-    the axes have different variances. Otherwise these have their geometric mean.
+    """One bank for each of N tracks and of C components of the distribution of its anchor. With
+    `robust` a measurement that no hypothesis explains is an outlier, with a larger variance. There
+    are filters for every law of `LAWS`, weighted by the likelihood of all measurements of the
+    episode, and for three orientations of the heading frame if the axes have different variances.
+    Otherwise these have their geometric mean.
     """
 
-    log_likelihood: FloatArray  # (C, N, M) of all measurements since the start of the filters
-    innovations: FloatArray  # (C, N, M, 3) whitened, along and across the heading, and logarithm of the variance [m^2]
-    log_laws: FloatArray  # (laws, N) logarithms of the weights of the laws before the present segment
+    # (C, N, M) of all measurements since the start of the filters.
+    log_likelihood: FloatArray
+    # (C, N, M, 3) whitened, along and across the heading, and logarithm of the variance [m^2]
+    innovations: FloatArray
+    # (laws, N) logarithms of the weights of the laws before the present segment.
+    log_laws: FloatArray
 
-    def __init__(self, bank: str, components: int, tracks: int, world: WorldOptions, robust: bool = False):
+    def __init__(
+        self,
+        bank: str,
+        components: int,
+        tracks: int,
+        world: WorldOptions,
+        robust: bool = False,
+    ):
         self.bank, self.world, self.robust = bank, world, robust
         self.radii = np.array(world.radii)
         self.layout = Layout(world.hypotheses)
         x, y = np.broadcast_to(world.variances, 2).tolist()
         variances = [(float(np.sqrt(x * y)),) * 2]
         if robust and x != y:
-            variances = [(x, y), (y, x), ((x + y) / 2, (x + y) / 2)]
-        shape, blocks = (components, tracks, world.hypotheses), -(-components * tracks // LANES)
+            variances = [
+                (x, y),
+                (y, x),
+                ((x + y) / 2, (x + y) / 2),
+            ]
+        shape = (components, tracks, world.hypotheses)
+        blocks = -(-components * tracks // LANES)
         laws = LAWS if robust else LAWS[:1]
-        self._joint = np.zeros((len(laws), len(variances), *shape))  # log-likelihoods (laws, orientations, C, N, M)
+        # Log-likelihoods (laws, orientations, C, N, M).
+        self._joint = np.zeros((len(laws), len(variances), *shape))
         self._innovations = np.zeros((*self._joint.shape, 3))
         kind = AnchorAwareBank if world.sensors else BANKS[bank]
         fields = {"tau": world.tau, "process_variance": world.process_variance}
@@ -158,29 +205,50 @@ class ComponentFilters(OwnState):
             _Assumption(
                 bank_arrays(kind, self.radii.size, 1 if x == y else 2, blocks),
                 FilterModel(variance_x=law.variance * x, variance_y=law.variance * y, **fields),
-                FilterModel(variance_x=law.outlier_variance * x, variance_y=law.outlier_variance * y, **fields),
-                law.log_outlier_odds, law.distance,
+                FilterModel(
+                    variance_x=law.outlier_variance * x,
+                    variance_y=law.outlier_variance * y,
+                    **fields,
+                ),
+                law.log_outlier_odds,
+                law.distance,
             )
             for law in laws
             for x, y in variances
-        ]  # fmt: skip
+        ]
         self.prior = np.array([[law.log_prior] for law in laws])
         self.log_laws = np.tile(self.prior, (1, tracks))
-        saved = np.zeros(world.hypotheses if robust else 0, self.assumptions[0].banks.hypotheses.dtype)
+        saved = np.zeros(
+            world.hypotheses if robust else 0,
+            self.assumptions[0].banks.hypotheses.dtype,
+        )
         self.memory = saved, aligned_zeros((1,), MEASURED), np.zeros(LANES, np.bool_)
         self.sensors = sensors_of(world)
         self.log_likelihood, self.innovations = np.zeros(shape), np.zeros((*shape, 3))
         none = np.zeros(0, np.bool_), np.zeros((components, 0, ANCHOR_COLUMNS)), np.zeros((0, 2))
         written = self._joint[0, 0], self._innovations[0, 0]
-        prepare(_filter_tick, self.assumptions[0], *written, *none, self.radii, self.sensors, *self.memory)
+        prepare(
+            _filter_tick,
+            self.assumptions[0],
+            *written,
+            *none,
+            self.radii,
+            self.sensors,
+            *self.memory,
+        )
 
     def advance(
-        self, rows: Observations, begins: BoolArray, anchors: FloatArray, log_weights: FloatArray, first: BoolArray,
+        self,
+        rows: Observations,
+        begins: BoolArray,
+        anchors: FloatArray,
+        log_weights: FloatArray,
+        first: BoolArray,
         sensed: FloatArray | None = None,
-    ) -> None:  # fmt: skip
-        """Start the filters of tracks that begin, (N,), at anchors (C, N, 14), then advance all by a tick of rows.
-        `log_weights`, (N, C), are of the components of the last segment; `first`, (N,), is True where an episode
-        starts; `sensed` is from `sensed_of`.
+    ) -> None:
+        """Start the filters of tracks that begin, (N,), at anchors (C, N, 14), then advance all by
+        a tick of rows. `log_weights`, (N, C), are of the components of the last segment; `first`,
+        (N,), is True where an episode starts; `sensed` is from `sensed_of`.
         """
         if len(self.log_laws) > 1 and begins.any():
             self._weigh_laws(begins, log_weights, first)
@@ -189,9 +257,22 @@ class ComponentFilters(OwnState):
         else:
             measurements = in_rows(self.layout, rows, self.world.missed > 0.0)
         shape = len(self.assumptions), *self.log_likelihood.shape
-        written = zip(self.assumptions, self._joint.reshape(shape), self._innovations.reshape(*shape, 3), strict=True)
+        written = zip(
+            self.assumptions,
+            self._joint.reshape(shape),
+            self._innovations.reshape(*shape, 3),
+            strict=True,
+        )
         for one in written:
-            _filter_tick(*one, begins, anchors, measurements, self.radii, self.sensors, *self.memory)
+            _filter_tick(
+                *one,
+                begins,
+                anchors,
+                measurements,
+                self.radii,
+                self.sensors,
+                *self.memory,
+            )
         self._combine()
         if self.world.sensors:
             self.innovations = in_heading_frame(self.innovations, heading)
@@ -199,7 +280,8 @@ class ComponentFilters(OwnState):
     def _combine(self) -> None:
         """Write likelihoods and innovations, weighted over laws and orientations."""
         if len(self.assumptions) == 1:
-            self.log_likelihood, self.innovations = self._joint[0, 0], self._innovations[0, 0]
+            self.log_likelihood = self._joint[0, 0]
+            self.innovations = self._innovations[0, 0]
             return
         joint = self._joint + (self.log_laws - np.log(self._joint.shape[1]))[:, None, None, :, None]
         largest = joint.max((0, 1))
@@ -216,7 +298,9 @@ class ComponentFilters(OwnState):
         self.log_laws[:, begins] = laws - logsumexp(laws, axis=0)
 
     def state_arrays(self) -> dict[str, NDArray[Any]]:
-        """Return all arrays that determine the next ticks; writing into them changes the filters."""
+        """Return all arrays that determine the next ticks; writing into them changes the
+        filters.
+        """
         banks = {
             f"{k}.{name}.{field}": records[field]
             for k, one in enumerate(self.assumptions)
@@ -230,27 +314,46 @@ class ComponentFilters(OwnState):
     def select_tracks(self, tracks: BoolArray) -> "ComponentFilters":
         """Return the filters of the tracks selected by a mask (N,)."""
         components = len(self.log_likelihood)
-        selected = ComponentFilters(self.bank, components, int(tracks.sum()), self.world, self.robust)
+        selected = ComponentFilters(
+            self.bank,
+            components,
+            int(tracks.sum()),
+            self.world,
+            self.robust,
+        )
         lanes = np.flatnonzero(np.tile(tracks, components))
         blocks, lane = np.divmod(np.arange(lanes.size), LANES)
-        selected.log_laws[:], selected._joint[:] = self.log_laws[:, tracks], self._joint[:, :, :, tracks]
+        selected.log_laws[:], selected._joint[:] = (
+            self.log_laws[:, tracks],
+            self._joint[:, :, :, tracks],
+        )
         for mine, others in zip(self.assumptions, selected.assumptions, strict=True):
             for old, new in zip(mine.banks, others.banks, strict=True):
-                if old.ndim > 1 and len(old) == len(mine.banks.hypotheses):  # the others are temporary memory
+                # The others are temporary memory.
+                if old.ndim > 1 and len(old) == len(mine.banks.hypotheses):
                     for name in old.dtype.names:
                         new[name][blocks, ..., lane] = old[name][lanes // LANES, ..., lanes % LANES]
         return selected
 
 
 def joint_posterior(log_likelihood: FloatArray, log_weights: FloatArray) -> FloatArray:
-    """Return the posterior of components and equally likely hypotheses, (C, N, M), by logarithms of weights (N, C)."""
+    """Return the posterior of components and equally likely hypotheses, (C, N, M), by logarithms
+    of weights (N, C).
+    """
     joint = log_likelihood + log_weights.T[..., None]
     share = np.exp(joint - joint.max((0, 2), keepdims=True))
     return np.asarray(share / share.sum((0, 2), keepdims=True))
 
 
-def anchor_rows(layout: Layout, rows: Observations, mean: FloatArray | float, covariance: FloatArray) -> FloatArray:
-    """Return anchors (N, 14): estimates of rows in the heading frame, with mean errors and covariances (N, 4, 4)."""
+def anchor_rows(
+    layout: Layout,
+    rows: Observations,
+    mean: FloatArray | float,
+    covariance: FloatArray,
+) -> FloatArray:
+    """Return anchors (N, 14): estimates of rows in the heading frame, with mean errors and
+    covariances (N, 4, 4).
+    """
     anchors = np.zeros((len(rows), ANCHOR_COLUMNS))
     anchors[:, 1] = layout.read(rows, "speed")
     anchors[:, :4] += mean
@@ -259,9 +362,13 @@ def anchor_rows(layout: Layout, rows: Observations, mean: FloatArray | float, co
 
 
 def stated_covariance(layout: Layout, rows: Observations) -> FloatArray:
-    """Return the covariance of the anchor as stated by the bank, (N, 4, 4), the mean over the axes."""
+    """Return the covariance of the anchor as stated by the bank, (N, 4, 4), the mean over the
+    axes.
+    """
     noise = np.exp(layout.read(rows, "log_noise"))
-    xx, xv, vv = (noise * layout.read(rows, name) for name in ("anchor_xx", "anchor_xv", "anchor_vv"))
+    xx, xv, vv = (
+        noise * layout.read(rows, name) for name in ("anchor_xx", "anchor_xv", "anchor_vv")
+    )
     covariance = np.zeros((len(rows), 4, 4))
     for k in (0, 2):
         covariance[:, k, k], covariance[:, k + 1, k + 1] = xx, vv

@@ -18,28 +18,36 @@ from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel, probab
 Observations = NDArray[np.float32]
 Actions = NDArray[np.int64]
 
-# tasks: announced switches, unknown switches, recorded flights of aircraft and of gliders
+# Tasks: announced switches, unknown switches, recorded flights of aircraft and of gliders.
 ANNOUNCED, UNKNOWN, FLIGHTS, GLIDERS = "announced", "unknown", "flights", "gliders"
-DEFINED: list[type["Decider"]] = []  # all subclasses of `Decider`, in the order of their definition
+# All subclasses of `Decider`, in the order of their definition.
+DEFINED: list[type["Decider"]] = []
 
 
 class Decider:
     """A decision rule with the `predict` signature of Stable-Baselines3, vectorised over tracks.
 
-    A subclass with a `name` is found by that name in commands, tables and figures; nothing else lists it.
+    A subclass with a `name` is found by that name in commands, tables and figures; nothing else
+    lists it.
 
     Attributes:
-        name, title: on the command line, empty for a decider that is not found by a name; in tables and figures.
+        name, title: on the command line, empty for a decider that is not found by a name; in tables
+            and figures.
         task: what it decides, `ANNOUNCED`, `UNKNOWN`, `FLIGHTS` or `GLIDERS`.
-        symbol, thresholds, default: of its threshold: those to sweep, in order of increasing decision time, and the one
-            used when none is given.
-        second_threshold: name of a further argument of the class, the number after the comma in "ate:0.001,0.01".
-        options: of the environment that it needs, if they differ: another bank that follows the same object.
+        symbol, thresholds, default: of its threshold: those to sweep, in order of increasing
+            decision time, and the one used when none is given.
+        second_threshold: name of a further argument of the class, the number after the comma in
+            "ate:0.001,0.01".
+        options: of the environment that it needs, if they differ: another bank that follows the
+            same object.
         colour, marker: in figures, "#rrggbb" and a Matplotlib marker; empty for any.
-        observes: "rows" of the environment; "tracks" calls `observe` with the arrays of the environment.
-        every_tick: it has filters of its own that predict, so it is also asked in ticks without a measurement.
+        observes: "rows" of the environment; "tracks" calls `observe` with the arrays of the
+            environment.
+        every_tick: it has filters of its own that predict, so it is also asked in ticks without a
+            measurement.
         reads_options: its first argument are the options of the environment.
-        informed: it is told what a user does not know, as a bound: the true anchor, the law of the durations.
+        informed: it is told what a user does not know, as a bound: the true anchor, the law of the
+            durations.
     """
 
     name: ClassVar[str] = ""
@@ -62,19 +70,25 @@ class Decider:
         DEFINED.append(cls)
 
     def predict(
-        self, observation: Any, state: Any = None, episode_start: BoolArray | None = None, deterministic: bool = True
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: BoolArray | None = None,
+        deterministic: bool = True,
     ) -> tuple[Actions, Any]:
-        """Return the actions of N tracks for one step. A rule whose actions are never random has `decide` instead.
+        """Return the actions of N tracks for one step. A rule whose actions are never random has
+        `decide` instead.
 
         Args:
-            observation: (N, width) rows of the environment, see its docstring, or what `observe` returned.
+            observation: (N, width) rows of the environment, see its docstring, or what `observe`
+                returned.
             state: the state that the previous call returned; None at the first step.
             episode_start: (N,) True where an episode begins.
             deterministic: if False, a stochastic decider samples its actions.
 
         Returns:
-            (N,) actions of the environment (in `HybridTrackEnv` 0 waits and i + 1 declares hypothesis i, in
-            `HybridTrackQuickestEnv` i states hypothesis i) and the new state.
+            (N,) actions of the environment (in `HybridTrackEnv` 0 waits and i + 1 declares
+            hypothesis i, in `HybridTrackQuickestEnv` i states hypothesis i) and the new state.
         """
         return self.decide(observation, state, episode_start)
 
@@ -92,8 +106,14 @@ class Decider:
             return posterior_panel("Kalman filters")
         return probability_panel("bank")
 
-    def evidence(self, observation: Any, state: Any = None, episode_start: Any = None) -> FloatArray:
-        """Return what is compared with the threshold for each hypothesis, (N, M); the state stays as it is.
+    def evidence(
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,
+    ) -> FloatArray:
+        """Return what is compared with the threshold for each hypothesis, (N, M); the state
+        stays as it is.
 
         By default it is the posterior of the filters of the environment. Arguments as in `predict`.
         """
@@ -103,12 +123,16 @@ class Decider:
         return np.exp(QuickestLayout.of_rows(observation).read(observation, "log_probability"))
 
     def select_tracks(self, state: Any, tracks: BoolArray) -> Any:
-        """Return the state of the tracks selected by a mask (N,), or `NotImplemented` if none can be dropped."""
+        """Return the state of the tracks selected by a mask (N,), or `NotImplemented` if none
+        can be dropped.
+        """
         return NotImplemented
 
     @classmethod
     def together(cls, deciders: Sequence[Self]) -> "SeveralThresholds | None":
-        """Return one decider that computes for several thresholds what they share; None if nothing is."""
+        """Return one decider that computes for several thresholds what they share; None if
+        nothing is.
+        """
         return None
 
     @classmethod
@@ -121,7 +145,12 @@ class Decider:
     def family(cls, options: Any) -> "DeciderFamily":
         """Return the decider at any threshold, for the options of an environment."""
         return DeciderFamily(
-            cls.title, cls.symbol, cls.thresholds, cls.default, cls.maker(options), options=dict(cls.options)
+            cls.title,
+            cls.symbol,
+            cls.thresholds,
+            cls.default,
+            cls.maker(options),
+            options=dict(cls.options),
         )
 
 
@@ -147,12 +176,15 @@ class SeveralThresholds(Decider):
 class DeciderFamily:
     """A decider with one threshold that trades decision time against errors; see `Decider`."""
 
-    name: str  # shown in tables
+    # Shown in tables.
+    name: str
     symbol: str
     thresholds: tuple[float, ...]
     default: float
-    make: Callable[[float], Any]  # creates the decider at a threshold
-    hypotheses: int | None = None  # number M that the decider requires; None applies to any
+    # Creates the decider at a threshold.
+    make: Callable[[float], Any]
+    # Number M that the decider requires; None applies to any.
+    hypotheses: int | None = None
     options: dict[str, Any] = field(default_factory=dict)
 
 

@@ -9,17 +9,43 @@ from baselines.rules.decider import Actions, Decider, Observations, RowRule
 from hybrid_env.checks import check_integer
 from hybrid_env.observation import Layout
 
-NO_EARLY_DECISION = 10_000_000  # ticks; longer than any segment
+# Ticks; longer than any segment.
+NO_EARLY_DECISION = 10_000_000
 
 
 class FixedTimeDecider(RowRule):
-    """Declares the maximum-likelihood hypothesis at a fixed tick of each segment, or at the end of a shorter one."""
+    """Declares the maximum-likelihood hypothesis at a fixed tick of each segment, or at the end
+    of a shorter one.
+    """
 
-    name, title, symbol, default = "fixed", "fixed time", "ticks", 25
+    name = "fixed"
+    title = "fixed time"
+    symbol = "ticks"
+    default = 25
     thresholds: ClassVar[tuple[float, ...]] = (
-        5, 10, 15, 18, 20, 22, 24, 25, 26, 28, 30, 32, 34, 36, 40, 45, 50, 60, 80, 100,
-    )  # fmt: skip
-    colour, marker = "#a0a0a0", "s"
+        5,
+        10,
+        15,
+        18,
+        20,
+        22,
+        24,
+        25,
+        26,
+        28,
+        30,
+        32,
+        34,
+        36,
+        40,
+        45,
+        50,
+        60,
+        80,
+        100,
+    )
+    colour = "#a0a0a0"
+    marker = "s"
 
     def __init__(self, ticks: int = 25):
         self.ticks = check_integer("ticks", ticks)
@@ -40,6 +66,9 @@ class FixedTimeDecider(RowRule):
 class LikeliestAtEndDecider(FixedTimeDecider):
     """Declares the maximum-likelihood hypothesis at the end of the segment."""
 
-    name, title = "ml", "ML at the end"
-    thresholds, default = (NO_EARLY_DECISION,), NO_EARLY_DECISION
-    colour, marker = "#2d0069", "X"
+    name = "ml"
+    title = "ML at the end"
+    thresholds = (NO_EARLY_DECISION,)
+    default = NO_EARLY_DECISION
+    colour = "#2d0069"
+    marker = "X"

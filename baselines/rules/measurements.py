@@ -1,6 +1,7 @@
-"""What deciders observe that filter the measurements of the environment themselves, instead of reading its rows. With
-announced switches a row has the measurement, but with sensors not its covariance. Then these deciders also observe
-covariance, range rates, and the anchor, so that their filters run in the frame of the world.
+"""What deciders observe that filter the measurements of the environment themselves, instead of
+reading its rows. With announced switches a row has the measurement, but with sensors not its
+covariance. Then these deciders also observe covariance, range rates, and the anchor, so that their
+filters run in the frame of the world.
 """
 
 from typing import Any, Generic, TypeVar
@@ -22,15 +23,23 @@ from hybrid_env.world import World
 
 State = TypeVar("State")
 
-OBSERVED = 2 + 4 + 10  # width of an observation without the probabilities: measurement, estimate and covariance
-SENSED = 3 + MOST_RATES  # further columns with sensors: covariance of the measurement over R, and range rates
-OF_SENSORS = (2 + SENSED, 4, 2)  # columns of `sensed_of`: what `sensing.write_measured` reads, anchor, heading
+# Width of an observation without the probabilities: measurement, estimate and covariance.
+OBSERVED = 2 + 4 + 10
+# Further columns with sensors: covariance of the measurement over R, and range rates.
+SENSED = 3 + MOST_RATES
+# Columns of `sensed_of`: what `sensing.write_measured` reads, anchor, heading.
+OF_SENSORS = (2 + SENSED, 4, 2)
 
 
 def filter_model(options: QuickestOptions) -> FilterModel:
     """Return the model of a decider's own filters."""
     variances = options.variances
-    return FilterModel(options.tau, options.process_variance, float(variances[0]), float(variances[-1]))
+    return FilterModel(
+        options.tau,
+        options.process_variance,
+        float(variances[0]),
+        float(variances[-1]),
+    )
 
 
 def sensors_of(options: ModelOptions) -> NDArray[Any]:
@@ -42,7 +51,9 @@ _prepared: set[Any] = set()
 
 
 def run_compiled(function: Any, *arguments: Any) -> Any:
-    """Call a `compiled` function whose arguments always have the same types, prepared at its first call."""
+    """Call a `compiled` function whose arguments always have the same types, prepared at its
+    first call.
+    """
     if function not in _prepared:
         prepare(function, *arguments)
         _prepared.add(function)
@@ -50,8 +61,8 @@ def run_compiled(function: Any, *arguments: Any) -> Any:
 
 
 class MeasurementDecider(Decider, Generic[State]):
-    """A decider for M modes that observes the measurements, and the first estimate and probabilities of the bank. Its
-    state describes N tracks and is changed in place.
+    """A decider for M modes that observes the measurements, and the first estimate and
+    probabilities of the bank. Its state describes N tracks and is changed in place.
     """
 
     task = UNKNOWN
@@ -64,13 +75,15 @@ class MeasurementDecider(Decider, Generic[State]):
         raise NotImplementedError
 
     def begin_track(self, state: State, track: int, start: FloatArray) -> None:
-        """Begin an episode of a track from `start`, (14 + M,), after its first measurement: the estimate, the upper
-        triangle of its covariance and the logarithms of the mode probabilities.
+        """Begin an episode of a track from `start`, (14 + M,), after its first measurement: the
+        estimate, the upper triangle of its covariance and the logarithms of the mode probabilities.
         """
         raise NotImplementedError
 
     def step(self, state: State, measurements: FloatArray) -> None:
-        """Advance all tracks by one tick. measurements: (N, 2) or (N, 9), see `sensing.write_measured`."""
+        """Advance all tracks by one tick. measurements: (N, 2) or (N, 9), see
+        `sensing.write_measured`.
+        """
         raise NotImplementedError
 
     def statements(self, state: State, starts: BoolArray) -> Actions:
@@ -78,22 +91,37 @@ class MeasurementDecider(Decider, Generic[State]):
         raise NotImplementedError
 
     def observe(self, tracks: World) -> FloatArray:
-        """Return measurement, merged estimate, covariance, log probabilities of the modes, and what sensors add."""
+        """Return measurement, merged estimate, covariance, log probabilities of the modes, and
+        what sensors add.
+        """
         if tracks.options.switches != self.task:
             raise reject("options", type(tracks.options).__name__, f"those of {self.task} switches")
         parts = [tracks.field(name) for name in ("measurement", "estimate", "covariance")]
-        sensed = [tracks.field(name) for name in ("noise", "rates")] if tracks.options.sensors else []
+        sensed = (
+            [tracks.field(name) for name in ("noise", "rates")] if tracks.options.sensors else []
+        )
         return np.hstack([*parts, tracks.hypothesis_values(), *sensed])
 
     def decide(
-        self, observation: FloatArray, state: State | None, episode_start: BoolArray | None
+        self,
+        observation: FloatArray,
+        state: State | None,
+        episode_start: BoolArray | None,
     ) -> tuple[Actions, State]:
-        """See `Decider.decide`; action i states mode i. Tracks begin where `episode_start` says, or without a state."""
-        width, tracks = OBSERVED + self.hypotheses, len(observation)
+        """See `Decider.decide`; action i states mode i. Tracks begin where `episode_start` says,
+        or without a state.
+        """
+        width = OBSERVED + self.hypotheses
+        tracks = len(observation)
         if observation.ndim != 2 or observation.shape[1] not in (width, width + SENSED):
-            raise reject("observation shape", observation.shape, f"(N, {width}), with sensors {width + SENSED}")
+            raise reject(
+                "observation shape",
+                observation.shape,
+                f"(N, {width}), with sensors {width + SENSED}",
+            )
         if state is None:
-            state, episode_start = self.begin(tracks), np.ones(tracks, np.bool_)
+            state = self.begin(tracks)
+            episode_start = np.ones(tracks, np.bool_)
         starts = np.zeros(tracks, np.bool_) if episode_start is None else episode_start
         if not starts.all():
             self.step(state, np.hstack([observation[:, :2], observation[:, width:]]))
@@ -101,47 +129,79 @@ class MeasurementDecider(Decider, Generic[State]):
             self.begin_track(state, track, np.ascontiguousarray(observation[track, 2:width]))
         return self.statements(state, starts), state
 
-    def evidence(self, observation: FloatArray, state: Any = None, episode_start: Any = None) -> FloatArray:
+    def evidence(
+        self,
+        observation: FloatArray,
+        state: Any = None,
+        episode_start: Any = None,
+    ) -> FloatArray:
         """Return the probabilities of the modes by the bank, (N, M)."""
         return np.asarray(np.exp(observation[:, OBSERVED : OBSERVED + self.hypotheses]))
 
 
 def sensed_of(tracks: Any) -> FloatArray | None:
-    """Return what the sensors of a `World` measured, anchors and headings, (N, 15); None without sensors."""
+    """Return what the sensors of a `World` measured, anchors and headings, (N, 15); None without
+    sensors.
+    """
     names = ("measurement", "noise", "rates", "anchor", "heading")
     return np.hstack([tracks.field(name) for name in names]) if tracks.options.sensors else None
 
 
 def observe_sensed(tracks: Any) -> NDArray[Any]:
     """Return the rows of a `World`, with sensors followed by `sensed_of`."""
-    rows, sensed = tracks.take_rows(), sensed_of(tracks)
+    rows = tracks.take_rows()
+    sensed = sensed_of(tracks)
     return np.asarray(rows if sensed is None else np.hstack([rows, sensed]))
 
 
-def split_sensed(layout: Layout, observation: NDArray[Any]) -> tuple[NDArray[Any], FloatArray | None]:
+def split_sensed(
+    layout: Layout,
+    observation: NDArray[Any],
+) -> tuple[NDArray[Any], FloatArray | None]:
     """Return the rows of an observation, and `sensed_of` if it has it."""
     longer = observation.ndim == 2 and observation.shape[1] == layout.width + sum(OF_SENSORS)
-    return (observation[:, : layout.width], observation[:, layout.width :]) if longer else (observation, None)
+    return (
+        (observation[:, : layout.width], observation[:, layout.width :])
+        if longer
+        else (observation, None)
+    )
 
 
 def in_rows(layout: Layout, rows: NDArray[Any], missed: bool) -> FloatArray:
     """Return the measurements of rows in the heading frame, (N, 2), NaN where one is `missed`."""
     deviation = np.exp(0.5 * layout.read(rows, "log_noise"))[:, None]
     axes = ("along", "across")
-    measurements = deviation * np.stack([layout.read(rows, f"displacement_{axis}") for axis in axes], axis=-1)
-    if missed:  # then all innovations are exactly zero
-        measured = np.any([layout.read(rows, f"innovation_{axis}").any(-1) for axis in axes], axis=0)
+    measurements = deviation * np.stack(
+        [layout.read(rows, f"displacement_{axis}") for axis in axes],
+        axis=-1,
+    )
+    # Then all innovations are exactly zero.
+    if missed:
+        measured = np.any(
+            [layout.read(rows, f"innovation_{axis}").any(-1) for axis in axes],
+            axis=0,
+        )
         measurements[~measured] = np.nan
     return np.asarray(measurements)
 
 
-def in_world(sensed: FloatArray | None, anchors: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return measurements (N, 9), anchors (C, N, 14) in the frame of the world, and headings (N, 2)."""
+def in_world(
+    sensed: FloatArray | None,
+    anchors: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return measurements (N, 9), anchors (C, N, 14) in the frame of the world, and headings (N,
+    2).
+    """
     if sensed is None:
-        raise reject("observation", "a row of the environment", "what `observe` returns, with sensors")
+        raise reject(
+            "observation",
+            "a row of the environment",
+            "what `observe` returns, with sensors",
+        )
     measurements, origin, heading = np.split(sensed, np.cumsum(OF_SENSORS[:2]), axis=1)
     c, s = heading.T
-    turn, turned = np.zeros((len(heading), 4, 4)), np.empty_like(anchors)
+    turn = np.zeros((len(heading), 4, 4))
+    turned = np.empty_like(anchors)
     turn[:, range(4), range(4)] = c[:, None]
     turn[:, (0, 1), (2, 3)], turn[:, (2, 3), (0, 1)] = -s[:, None], s[:, None]
     turned[..., :4] = (turn @ anchors[..., :4, None])[..., 0] + origin * [1.0, 0.0, 1.0, 0.0]
@@ -153,5 +213,6 @@ def in_world(sensed: FloatArray | None, anchors: FloatArray) -> tuple[FloatArray
 def in_heading_frame(innovations: FloatArray, heading: FloatArray) -> FloatArray:
     """Return innovations (C, N, M, 3) along and across headings (N, 2)."""
     c, s = heading.T[..., None]
-    x, y = innovations[..., 0], innovations[..., 1]
+    x = innovations[..., 0]
+    y = innovations[..., 1]
     return np.stack([c * x + s * y, c * y - s * x, innovations[..., 2]], axis=-1)

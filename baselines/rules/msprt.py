@@ -1,7 +1,8 @@
-"""Sequential tests between all hypotheses. ATE tests only against the hypothesis that is currently active. The MSPRT
-declares a hypothesis when its posterior is large enough (Baum & Veeravalli 1994, "A sequential procedure for
-multihypothesis testing"), the gap rule when its likelihood ratio to every other one is (Armitage 1950). If only the
-type of motion is rewarded, the posterior should be that of the type, which neighbouring radii share.
+"""Sequential tests between all hypotheses. ATE tests only against the hypothesis that is currently
+active. The MSPRT declares a hypothesis when its posterior is large enough (Baum & Veeravalli 1994,
+"A sequential procedure for multihypothesis testing"), the gap rule when its likelihood ratio to
+every other one is (Armitage 1950). If only the type of motion is rewarded, the posterior should be
+that of the type, which neighbouring radii share.
 """
 
 import math
@@ -12,7 +13,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baselines.rules.decider import Actions, Decider, Observations, RowRule
-from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_array, check_between, check_choice, check_number
+from hybrid_env.checks import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    check_array,
+    check_between,
+    check_choice,
+    check_number,
+)
 from hybrid_env.core.observation_row import LOG_FLOOR
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
@@ -20,15 +29,41 @@ from hybrid_env.rendering.evidence import EvidencePanel, Threshold, posterior_pa
 
 By = Literal["hypothesis", "type"]
 CLIPPED_RATIO = LOG_FLOOR + 1e-3
-"""The environment clips log-likelihood ratios at `LOG_FLOOR`; values up to this one count as clipped."""
+"""The environment clips log-likelihood ratios at `LOG_FLOOR`; values up to this one count as
+clipped.
+"""
 ALPHAS = (
-    *(0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.12, 0.1, 0.08, 0.06, 0.05, 0.04, 0.03, 0.02, 0.015, 0.01),
+    *(
+        0.6,
+        0.5,
+        0.4,
+        0.3,
+        0.25,
+        0.2,
+        0.15,
+        0.12,
+        0.1,
+        0.08,
+        0.06,
+        0.05,
+        0.04,
+        0.03,
+        0.02,
+        0.015,
+        0.01,
+    ),
     *(5e-3, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10),
 )
 """Thresholds of the posterior error probability to sweep."""
 FEW_ALPHAS = (0.6, 0.4, 0.25, 0.15, 0.1, 0.08, 0.05, 0.03, 0.02, 0.01, 3e-3, 3e-4, 1e-5)
-"""Some of `ALPHAS`, for deciders that are slow to evaluate, and for tables over many environments."""
-PUBLISHED: dict[str, Any] = {"bank": "published", "evidence": 0.0, "follow": "declared"}
+"""Some of `ALPHAS`, for deciders that are slow to evaluate, and for tables over many
+environments.
+"""
+PUBLISHED: dict[str, Any] = {
+    "bank": "published",
+    "evidence": 0.0,
+    "follow": "declared",
+}
 """Options of the algorithms of the papers: their bank, on which every declaration counts."""
 ROBUST = PUBLISHED | {"likelihood": "student_t 50"}
 """The same with the robust likelihood."""
@@ -53,30 +88,46 @@ def type_sums(values: NDArray[Any]) -> FloatArray:
 
 
 def posterior_of(values: NDArray[np.floating], by_type: bool = False) -> FloatArray:
-    """Return the posterior of each hypothesis or of its type, (N, M), from likelihoods or posteriors (N, M)."""
-    sums = type_sums(values)[:, mode_types(values.shape[-1])] if by_type else values.astype(np.float64)
+    """Return the posterior of each hypothesis or of its type, (N, M), from likelihoods or
+    posteriors (N, M).
+    """
+    sums = (
+        type_sums(values)[:, mode_types(values.shape[-1])] if by_type else values.astype(np.float64)
+    )
     return np.asarray(sums / values.sum(-1, dtype=np.float64, keepdims=True))
 
 
 def _by_type(types: FloatArray, values: NDArray[Any]) -> tuple[FloatArray, IntArray]:
-    """Return the sum of all types (N, 3) but the largest one, and the place of the largest value (N, M) within it."""
+    """Return the sum of all types (N, 3) but the largest one, and the place of the largest value
+    (N, M) within it.
+    """
     chosen = types.argmax(-1)[:, None]
     best = np.where(mode_types(values.shape[-1]) == chosen, values, -np.inf).argmax(-1)
-    return np.where(np.arange(3) == chosen, 0.0, types).sum(-1), best  # accurate where 1 - p would cancel
+    # Accurate where 1 - p would cancel.
+    return np.where(np.arange(3) == chosen, 0.0, types).sum(-1), best
 
 
-def error_and_best(posterior: NDArray[np.floating], by_type: bool | BoolArray) -> tuple[FloatArray, IntArray]:
-    """Return the posterior error probability of the best declaration, and the hypothesis to declare, each (N,).
-    `by_type`, one value or (N,), counts only other types as errors, and declares the likeliest of the likeliest type.
+def error_and_best(
+    posterior: NDArray[np.floating],
+    by_type: bool | BoolArray,
+) -> tuple[FloatArray, IntArray]:
+    """Return the posterior error probability of the best declaration, and the hypothesis to
+    declare, each (N,). `by_type`, one value or (N,), counts only other types as errors, and
+    declares the likeliest of the likeliest type.
     """
     of_type, best_of_type = _by_type(type_sums(posterior), posterior)
     best = np.where(by_type, best_of_type, posterior.argmax(-1))
-    others = np.where(np.arange(posterior.shape[1]) == best[:, None], 0.0, posterior).sum(-1, dtype=np.float64)
+    others = np.where(np.arange(posterior.shape[1]) == best[:, None], 0.0, posterior).sum(
+        -1,
+        dtype=np.float64,
+    )
     return np.where(by_type, of_type, others), best
 
 
 def read_error_probability(observation: Observations, by: By) -> tuple[FloatArray, IntArray]:
-    """Return the log error probability of the best declaration, at least `LOG_FLOOR`, and its hypothesis, each (N,)."""
+    """Return the log error probability of the best declaration, at least `LOG_FLOOR`, and its
+    hypothesis, each (N,).
+    """
     layout = Layout.of_rows(observation)
     log_ratio = layout.read(observation, "log_ratio")
     if by == "hypothesis":
@@ -87,7 +138,8 @@ def read_error_probability(observation: Observations, by: By) -> tuple[FloatArra
 
 
 class PosteriorRule(RowRule):
-    """Declares the best hypothesis when its log posterior error probability falls to the limit of the tick.
+    """Declares the best hypothesis when its log posterior error probability falls to the limit
+    of the tick.
 
     Args:
         limits: (T,) by tick; the last one holds for all later ticks.
@@ -111,7 +163,12 @@ class PosteriorRule(RowRule):
         """Return the panel of `evidence`."""
         return posterior_panel("Kalman filters", self.by == "type", np.exp(self.limits))
 
-    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
+    def evidence(
+        self,
+        observation: Observations,
+        state: Any = None,
+        episode_start: Any = None,
+    ) -> FloatArray:
         """Return the posterior of each hypothesis or of its type, (N, M)."""
         log_ratio = Layout.of_rows(observation).read(observation, "log_ratio")
         return posterior_of(np.exp(log_ratio), self.by == "type")
@@ -121,12 +178,18 @@ class MSPRTDecider(PosteriorRule):
     """Declares the best hypothesis when its posterior error probability falls to alpha.
 
     Args:
-        alpha: threshold of the error probability, above 1e-13 (the resolution of the observation), at most 1.
+        alpha: threshold of the error probability, above 1e-13 (the resolution of the observation),
+            at most 1.
         by: see `PosteriorRule`.
     """
 
-    name, title, symbol, thresholds, default = "msprt", "MSPRT", "alpha", ALPHAS, 0.02
-    colour, marker = "#c80f82", "D"
+    name = "msprt"
+    title = "MSPRT"
+    symbol = "alpha"
+    thresholds = ALPHAS
+    default = 0.02
+    colour = "#c80f82"
+    marker = "D"
 
     def __init__(self, alpha: float = 0.02, by: By = "hypothesis"):
         smallest = math.nextafter(math.exp(LOG_FLOOR), 1.0)
@@ -137,8 +200,10 @@ class MSPRTDecider(PosteriorRule):
 class TypeMSPRTDecider(MSPRTDecider):
     """The MSPRT of types of motion: straight, left or right."""
 
-    name, title = "msprt-type", "MSPRT of types"
-    colour, marker = "#ff87f0", "d"
+    name = "msprt-type"
+    title = "MSPRT of types"
+    colour = "#ff87f0"
+    marker = "d"
 
     def __init__(self, alpha: float = 0.02):
         super().__init__(alpha, by="type")
@@ -147,7 +212,8 @@ class TypeMSPRTDecider(MSPRTDecider):
 class PublishedMSPRTDecider(MSPRTDecider):
     """The MSPRT of the published bank, in any environment."""
 
-    name, title = "msprt-published", "MSPRT, published bank"
+    name = "msprt-published"
+    title = "MSPRT, published bank"
     options = PUBLISHED
     colour = marker = ""
 
@@ -155,9 +221,11 @@ class PublishedMSPRTDecider(MSPRTDecider):
 class AnchorAwareMSPRTDecider(MSPRTDecider):
     """The MSPRT of the anchor-aware bank, by what the environment rewards."""
 
-    name, title = "msprt-aware", "MSPRT, anchor-aware"
+    name = "msprt-aware"
+    title = "MSPRT, anchor-aware"
     options: ClassVar[Mapping[str, Any]] = {"bank": "anchor_aware"}
-    colour, marker = "#3c000f", "*"
+    colour = "#3c000f"
+    marker = "*"
 
     @classmethod
     def maker(cls, options: WorldOptions) -> Callable[[float], Decider]:
@@ -168,7 +236,9 @@ class AnchorAwareMSPRTDecider(MSPRTDecider):
 class OracleMSPRTDecider(AnchorAwareMSPRTDecider):
     """The MSPRT of a bank that is told the true anchor: a bound for rules that are not."""
 
-    name, title, informed = "msprt-oracle", "MSPRT, true anchor", True
+    name = "msprt-oracle"
+    title = "MSPRT, true anchor"
+    informed = True
     options: ClassVar[Mapping[str, Any]] = {"bank": "oracle"}
     colour = marker = ""
 
@@ -176,20 +246,27 @@ class OracleMSPRTDecider(AnchorAwareMSPRTDecider):
 class RobustMSPRTDecider(MSPRTDecider):
     """The MSPRT on a bank with a robust likelihood."""
 
-    name, title = "msprt-robust", "MSPRT, robust"
+    name = "msprt-robust"
+    title = "MSPRT, robust"
     options = ROBUST
     colour = marker = ""
 
 
 class TypeDeclarations(Decider):
-    """A decider for an environment with `actions="types"`: what declares a hypothesis declares its type."""
+    """A decider for an environment with `actions="types"`: what declares a hypothesis declares
+    its type.
+    """
 
     def __init__(self, decider: Decider, hypotheses: int):
         self.decider, self.observes, self.every_tick = decider, decider.observes, decider.every_tick  # type: ignore[misc]
         self._types = np.concatenate([[0], mode_types(hypotheses) + 1])
 
     def predict(
-        self, observation: Any, state: Any = None, episode_start: BoolArray | None = None, deterministic: bool = True
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: BoolArray | None = None,
+        deterministic: bool = True,
     ) -> tuple[Actions, Any]:
         """See `Decider.predict`: 0 waits, and 1, 2 and 3 declare straight, left and right."""
         actions, state = self.decider.predict(observation, state, episode_start, deterministic)
@@ -203,23 +280,52 @@ class TypeDeclarations(Decider):
         """See `Decider.panel`."""
         return self.decider.panel()
 
-    def evidence(self, observation: Any, state: Any = None, episode_start: Any = None) -> FloatArray:
+    def evidence(
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,
+    ) -> FloatArray:
         """See `Decider.evidence`."""
         return self.decider.evidence(observation, state, episode_start)
 
 
 class GapDecider(RowRule):
-    """Declares the most likely hypothesis when its log-likelihood ratio to every other reaches a threshold.
+    """Declares the most likely hypothesis when its log-likelihood ratio to every other reaches a
+    threshold.
 
     Args:
         gap: threshold ln A, above 0 and below 30, where the observation clips ratios.
     """
 
-    name, title, symbol, default = "gap", "gap rule", "gap", 4.6
+    name = "gap"
+    title = "gap rule"
+    symbol = "gap"
+    default = 4.6
     thresholds = (
-        0.2, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.6, 5.0, 5.5, 6.0, 7.0, 8.0, 10.0, 13.0, 17.0, 22.0, 28.0,
-    )  # fmt: skip
-    colour, marker = "#695a00", "P"
+        0.2,
+        0.5,
+        1.0,
+        1.5,
+        2.0,
+        2.5,
+        3.0,
+        3.5,
+        4.0,
+        4.6,
+        5.0,
+        5.5,
+        6.0,
+        7.0,
+        8.0,
+        10.0,
+        13.0,
+        17.0,
+        22.0,
+        28.0,
+    )
+    colour = "#695a00"
+    marker = "P"
 
     def __init__(self, gap: float = 4.6):
         self.gap = check_between("gap", gap, 0.0, -LOG_FLOOR)
@@ -239,8 +345,15 @@ class GapDecider(RowRule):
             legend=f"gap {self.gap:g}",
         )
 
-    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
-        """Return the log-likelihood ratio of each hypothesis to the most likely of all others, (N, M)."""
+    def evidence(
+        self,
+        observation: Observations,
+        state: Any = None,
+        episode_start: Any = None,
+    ) -> FloatArray:
+        """Return the log-likelihood ratio of each hypothesis to the most likely of all others,
+        (N, M).
+        """
         log_ratio = Layout.of_rows(observation).read(observation, "log_ratio")
         second, first = np.partition(log_ratio, -2, axis=-1)[:, -2:].T
         is_best = np.arange(log_ratio.shape[1]) == log_ratio.argmax(-1)[:, None]

@@ -1,4 +1,6 @@
-"""Modules of users: a Python file is imported with helper modules of its own, and sources have a digest."""
+"""Modules of users: a Python file is imported with helper modules of its own, and sources have a
+digest.
+"""
 
 import ast
 import builtins
@@ -8,15 +10,23 @@ import importlib
 import importlib.util
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from importlib.machinery import EXTENSION_SUFFIXES, SOURCE_SUFFIXES, ModuleSpec, PathFinder, SourceFileLoader
+from importlib.machinery import (
+    EXTENSION_SUFFIXES,
+    SOURCE_SUFFIXES,
+    ModuleSpec,
+    PathFinder,
+    SourceFileLoader,
+)
 from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any, NamedTuple
 
 NAMESPACE = "own_deciders_"
 OURS = ("hybrid_env", "baselines", "agents")
-NEVER_BESIDE = {*OURS, *sys.stdlib_module_names}  # names that no file of a user replaces
-RELEASED = ("site-packages", "dist-packages")  # folders of installed packages, which are told by their versions
+# Names that no file of a user replaces.
+NEVER_BESIDE = {*OURS, *sys.stdlib_module_names}
+# Folders of installed packages, which are told by their versions.
+RELEASED = ("site-packages", "dist-packages")
 INDIRECT = {
     "import_module",
     "__import__",
@@ -28,7 +38,8 @@ INDIRECT = {
     "run_module",
 }
 """Names by which a source imports what it does not name."""
-LONGEST_NAME = 200  # characters of a text that may be the name of a file
+# Characters of a text that may be the name of a file.
+LONGEST_NAME = 200
 
 
 class _Loader(SourceFileLoader):
@@ -51,7 +62,11 @@ class _Finder:
     """Finds the modules of the namespaces of users' files."""
 
     @staticmethod
-    def find_spec(name: str, path: Sequence[str] | None = None, target: Any = None) -> ModuleSpec | None:
+    def find_spec(
+        name: str,
+        path: Sequence[str] | None = None,
+        target: Any = None,
+    ) -> ModuleSpec | None:
         """See `importlib.abc.MetaPathFinder`."""
         if path is None or not name.startswith(NAMESPACE):
             return None
@@ -72,7 +87,9 @@ def _import(
     fromlist: Sequence[str] | None = (),
     level: int = 0,
 ) -> ModuleType:
-    """Import a module as `__import__` does, but one that stands beside the file into the namespace of the file."""
+    """Import a module as `__import__` does, but one that stands beside the file into the
+    namespace of the file.
+    """
     top = name.partition(".")[0]
     if level or not _is_beside(namespace, top):
         return builtins.__import__(name, globals, locals, fromlist or (), level)
@@ -85,7 +102,9 @@ def _import(
 
 @functools.cache
 def _is_beside(namespace: str, top: str) -> bool:
-    """Return whether a module or package stands beside the file; a mere folder only if nothing else has its name."""
+    """Return whether a module or package stands beside the file; a mere folder only if nothing
+    else has its name.
+    """
     if top in NEVER_BESIDE:
         return False
     spec = PathFinder.find_spec(top, sys.modules[namespace].__path__)
@@ -95,8 +114,8 @@ def _is_beside(namespace: str, top: str) -> bool:
 def import_file(path: Path) -> ModuleType:
     """Import a Python file, once for each version of it and of what it imports.
 
-    What stands beside the file is imported for this file alone, so that files in two folders may have helper modules
-    of the same name.
+    What stands beside the file is imported for this file alone, so that files in two folders may
+    have helper modules of the same name.
     """
     return _import_version(path, file_digest(path) or str(path.stat().st_mtime_ns))
 
@@ -113,19 +132,24 @@ def _import_version(path: Path, version: str) -> ModuleType:
     spec = importlib.util.spec_from_file_location(name, path, loader=loader)
     assert spec is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # dataclasses look their module up
+    # Dataclasses look their module up.
+    sys.modules[name] = module
     loader.exec_module(module)
     return module
 
 
 def import_named(name: str) -> ModuleType:
-    """Import a module by its name; its digest is taken before, because the process keeps it as it was then."""
+    """Import a module by its name; its digest is taken before, because the process keeps it as
+    it was then.
+    """
     named_digest(name)
     return importlib.import_module(name)
 
 
 def named_digest(name: str) -> str | None:
-    """Return the digest of the package or file of a module when it was imported; None if that is not known."""
+    """Return the digest of the package or file of a module when it was imported; None if that is
+    not known.
+    """
     return _digest_at_import(name.partition(".")[0])
 
 
@@ -136,13 +160,18 @@ def _digest_at_import(top: str) -> str | None:
 
 
 def file_digest(path: Path) -> str | None:
-    """Return a digest of a Python file and of all that it imports and no release has; None if that is not known."""
+    """Return a digest of a Python file and of all that it imports and no release has; None if
+    that is not known.
+    """
     return _digest([path], path.parent)
 
 
 def _digest(files: Sequence[Path], folder: Path | None) -> str | None:
-    """Return the digest of files, of what they import, from a folder first, and of the files that they name."""
-    waiting, contents = list(files), {}
+    """Return the digest of files, of what they import, from a folder first, and of the files
+    that they name.
+    """
+    waiting = list(files)
+    contents = {}
     while waiting:
         path = waiting.pop().resolve()
         if path in contents:
@@ -166,13 +195,16 @@ def _digest(files: Sequence[Path], folder: Path | None) -> str | None:
 
 
 def _files(name: str, folder: Path | None, released: bool = False) -> Iterator[Path]:
-    """Yield the files of a module or of a whole package; those of installed packages only if `released`."""
+    """Yield the files of a module or of a whole package; those of installed packages only if
+    `released`.
+    """
     if name in NEVER_BESIDE:
         return
     try:
         beside = None if folder is None else PathFinder.find_spec(name, [str(folder)])
         spec = beside or importlib.util.find_spec(name)
-    except ValueError:  # a module without a specification
+    except ValueError:
+        # A module without a specification.
         return
     if spec is None:
         return
@@ -186,16 +218,20 @@ def _files(name: str, folder: Path | None, released: bool = False) -> Iterator[P
 class _Source(NamedTuple):
     """What a source names."""
 
-    imports: frozenset[str]  # top-level names of modules
-    texts: frozenset[str]  # that may be names of files
-    indirect: bool  # whether it imports, or may import, what it does not name
+    # Top-level names of modules.
+    imports: frozenset[str]
+    # That may be names of files.
+    texts: frozenset[str]
+    # Whether it imports, or may import, what it does not name.
+    indirect: bool
 
 
 @functools.cache
 def _read_source(content: bytes) -> _Source:
     try:
         nodes = list(ast.walk(ast.parse(content)))
-    except (SyntaxError, ValueError):  # it cannot be imported
+    except (SyntaxError, ValueError):
+        # It cannot be imported.
         return _Source(frozenset(), frozenset(), False)
     imports: set[str] = set()
     texts: set[str] = set()
@@ -204,17 +240,22 @@ def _read_source(content: bytes) -> _Source:
         match node:
             case ast.Import(names=modules):
                 imports |= {module.name.partition(".")[0] for module in modules}
-            case ast.ImportFrom(module=None, names=parts):  # from . import helper
+            # From . import helper.
+            case ast.ImportFrom(module=None, names=parts):
                 imports |= {part.name for part in parts}
             case ast.ImportFrom(module=str(module), names=parts):
                 imports.add(module.partition(".")[0])
                 names |= {part.name for part in parts}
-            case ast.Constant(value=str(text)) if 0 < len(text) < LONGEST_NAME and text.isprintable():
+            case ast.Constant(value=str(text)) if (
+                0 < len(text) < LONGEST_NAME and text.isprintable()
+            ):
                 texts.add(text)
             case ast.Name(id=name):
                 names.add(name)
-            case ast.Attribute(value=ast.Name(id="sys"), attr="path"):  # other folders are searched
+            # Other folders are searched.
+            case ast.Attribute(value=ast.Name(id="sys"), attr="path"):
                 names.add("import_module")
-            case ast.Attribute(attr=name) if name not in ("eval", "exec"):  # methods of models have these names
+            # Methods of models have these names.
+            case ast.Attribute(attr=name) if name not in ("eval", "exec"):
                 names.add(name)
     return _Source(frozenset(imports), frozenset(texts), bool(names & INDIRECT))

@@ -1,4 +1,6 @@
-"""Simulated paths of the posterior within segments without an early decision, and its calibration."""
+"""Simulated paths of the posterior within segments without an early decision, and its
+calibration.
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -12,17 +14,22 @@ from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_integer, re
 from hybrid_env.options import WorldOptions
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
-BIN_EDGES = (0.0, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 1.0)  # of the calibration, of the stated probability
-MIN_COUNT = 1000  # smaller bins are ignored: their accuracy has a standard error of up to 1.6 percentage points
+# Of the calibration, of the stated probability.
+BIN_EDGES = (0.0, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 1.0)
+# Smaller bins are ignored: their accuracy has a standard error of up to 1.6 percentage points.
+MIN_COUNT = 1000
 
 
 @dataclass(frozen=True)
 class PosteriorPaths:
     """Error probabilities of S segments over up to T ticks, when nobody decides before the end."""
 
-    log_error_probability: FloatArray  # (S, T) natural logarithms of the error probability of the best declaration
-    correct: BoolArray  # (S, T) whether that declaration would have been correct
-    length: IntArray  # (S,) number of recorded ticks; later entries are meaningless
+    # (S, T) natural logarithms of the error probability of the best declaration.
+    log_error_probability: FloatArray
+    # (S, T) whether that declaration would have been correct.
+    correct: BoolArray
+    # (S,) number of recorded ticks; later entries are meaningless.
+    length: IntArray
 
 
 class Never(RowRule):
@@ -33,18 +40,29 @@ class Never(RowRule):
         return np.zeros(len(rows), np.int64)
 
 
-def simulate_posterior_paths(episodes: int, seed: int, ticks: int | None = None, **options: Any) -> PosteriorPaths:
-    """Simulate episodes with seeds seed, seed + 1, ..., in which every segment is decided at its end, so that most
-    anchors are accurate; options as of `hybrid_env.WorldOptions`. Up to `ticks` of each segment are recorded.
+def simulate_posterior_paths(
+    episodes: int,
+    seed: int,
+    ticks: int | None = None,
+    **options: Any,
+) -> PosteriorPaths:
+    """Simulate episodes with seeds seed, seed + 1, ..., in which every segment is decided at its
+    end, so that most anchors are accurate; options as of `hybrid_env.WorldOptions`. Up to `ticks`
+    of each segment are recorded.
     """
     check_integer("seed", seed, minimum=0)
     world = WorldOptions.of(**options | {"undecided": "likeliest"})
     env = HybridTrackVectorEnv(check_integer("episodes", episodes), tick_info=False, **vars(world))
-    last = world.longest_segment if ticks is None else min(check_integer("ticks", ticks), world.longest_segment)
+    last = (
+        world.longest_segment
+        if ticks is None
+        else min(check_integer("ticks", ticks), world.longest_segment)
+    )
     by = rewarded(world)
     kind = mode_types(world.hypotheses) if by == "type" else np.arange(world.hypotheses)
     shape = (episodes * world.segments, last)
-    log_error_probability, correct = np.zeros(shape), np.zeros(shape, np.bool_)
+    log_error_probability = np.zeros(shape)
+    correct = np.zeros(shape, np.bool_)
     length = np.zeros(shape[0], np.int64)
     running = np.ones(episodes, np.bool_)
     first = np.arange(episodes) * world.segments
@@ -64,17 +82,25 @@ def simulate_posterior_paths(episodes: int, seed: int, ticks: int | None = None,
 
 @dataclass(frozen=True)
 class Calibration:
-    """Stated probability and accuracy of the best declaration, in B bins of the stated probability."""
+    """Stated probability and accuracy of the best declaration, in B bins of the stated
+    probability.
+    """
 
-    stated: FloatArray  # (B,) mean stated probability, 0 in an empty bin
-    accuracy: FloatArray  # (B,) share of correct declarations, 0 in an empty bin
-    count: IntArray  # (B,) number of segments
-    mean_stated: float  # over all segments
+    # (B,) mean stated probability, 0 in an empty bin.
+    stated: FloatArray
+    # (B,) share of correct declarations, 0 in an empty bin.
+    accuracy: FloatArray
+    # (B,) number of segments.
+    count: IntArray
+    # Over all segments.
+    mean_stated: float
     mean_accuracy: float
 
     @property
     def worst(self) -> float:
-        """Largest `stated` minus `accuracy` of a bin with at least `MIN_COUNT` segments; NaN without one."""
+        """Largest `stated` minus `accuracy` of a bin with at least `MIN_COUNT` segments; NaN
+        without one.
+        """
         gaps = (self.stated - self.accuracy)[self.count >= MIN_COUNT]
         return float(gaps[np.abs(gaps).argmax()]) if gaps.size else float("nan")
 
@@ -90,5 +116,7 @@ def calibration(paths: PosteriorPaths, tick: int) -> Calibration:
     bins = np.clip(np.digitize(stated, BIN_EDGES) - 1, 0, len(BIN_EDGES) - 2)
     count = np.bincount(bins, minlength=len(BIN_EDGES) - 1)
     total = np.maximum(count, 1)
-    mean, accuracy = (np.bincount(bins, values, minlength=count.size) / total for values in (stated, correct))
+    mean, accuracy = (
+        np.bincount(bins, values, minlength=count.size) / total for values in (stated, correct)
+    )
     return Calibration(mean, accuracy, count, float(1.0 - error.mean()), float(correct.mean()))

@@ -1,6 +1,7 @@
-"""Deciders that run filters of their own on the measurements, see `component_filters`: one starts the filters of the
-published bank from the covariance of the estimate at the switch, not from the identity; the other extended Kalman
-filters (`hybrid_env.core.banks.anchor_aware`) from the distribution of the anchor error.
+"""Deciders that run filters of their own on the measurements, see `component_filters`: one starts
+the filters of the published bank from the covariance of the estimate at the switch, not from the
+identity; the other extended Kalman filters (`hybrid_env.core.banks.anchor_aware`) from the
+distribution of the anchor error.
 """
 
 import functools
@@ -25,7 +26,8 @@ from hybrid_env.options import WorldOptions
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
 CALIBRATION_EPISODES = 2000
-FITTED_ALPHA = 0.05  # error probability at which the decider declares in these episodes
+# Error probability at which the decider declares in these episodes.
+FITTED_ALPHA = 0.05
 
 
 @dataclass
@@ -33,8 +35,10 @@ class _State:
     """What is known of N tracks with C components each."""
 
     filters: ComponentFilters
-    log_weights: FloatArray  # (N, C) logarithms of the weights of the components
-    posterior: FloatArray  # (N, M) of the last tick
+    # (N, C) logarithms of the weights of the components.
+    log_weights: FloatArray
+    # (N, M) of the last tick.
+    posterior: FloatArray
 
 
 class KeptCovarianceDecider(Decider):
@@ -43,11 +47,17 @@ class KeptCovarianceDecider(Decider):
     Args:
         world: options of the world, whose model the filters use.
         alpha: threshold of the posterior error probability, above 0 and at most 1.
-        robust: the filters reject outliers, learn whether tails are heavy and allow for axes of different variances.
+        robust: the filters reject outliers, learn whether tails are heavy and allow for axes of
+            different variances.
     """
 
-    name, title, symbol, thresholds, default = "msprt-kept", "MSPRT, kept P", "alpha", ALPHAS, 0.02
-    colour, marker = "#0000b4", ">"
+    name = "msprt-kept"
+    title = "MSPRT, kept P"
+    symbol = "alpha"
+    thresholds = ALPHAS
+    default = 0.02
+    colour = "#0000b4"
+    marker = ">"
     every_tick = reads_options = True
     bank: ClassVar[str] = "published"
     components: ClassVar[int] = 1
@@ -63,13 +73,26 @@ class KeptCovarianceDecider(Decider):
         """See `Decider.observe`: with sensors also what they measured."""
         return observe_sensed(tracks)
 
-    def anchors(self, rows: Observations, first: BoolArray, correct: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return initial estimates with covariances, (C, N, 14), and weights, (N, C), from first rows of a segment.
-        first: (N,) True for the first segment of an episode; correct: (N,) probability of a correct last declaration.
+    def anchors(
+        self,
+        rows: Observations,
+        first: BoolArray,
+        correct: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return initial estimates with covariances, (C, N, 14), and weights, (N, C), from first
+        rows of a segment. first: (N,) True for the first segment of an episode; correct: (N,)
+        probability of a correct last declaration.
         """
-        return anchor_rows(self.layout, rows, 0.0, stated_covariance(self.layout, rows))[None], np.ones((len(rows), 1))
+        return anchor_rows(self.layout, rows, 0.0, stated_covariance(self.layout, rows))[
+            None
+        ], np.ones((len(rows), 1))
 
-    def decide(self, observation: Observations, state: Any, episode_start: Any) -> tuple[Actions, Any]:
+    def decide(
+        self,
+        observation: Observations,
+        state: Any,
+        episode_start: Any,
+    ) -> tuple[Actions, Any]:
         """See `Decider.decide`. The state holds the filters and is changed in place."""
         layout = self.layout
         rows, sensed = split_sensed(layout, np.asarray(observation))
@@ -78,7 +101,11 @@ class KeptCovarianceDecider(Decider):
         if state is None:
             filters = ComponentFilters(self.bank, self.components, tracks, self.world, self.robust)
             M = self.world.hypotheses
-            state = _State(filters, np.zeros((tracks, self.components)), np.full((tracks, M), 1.0 / M))
+            state = _State(
+                filters,
+                np.zeros((tracks, self.components)),
+                np.full((tracks, M), 1.0 / M),
+            )
             begins[:] = True
         first = np.zeros(tracks, np.bool_) if episode_start is None else np.asarray(episode_start)
         anchors = np.zeros((self.components, tracks, component_filters.ANCHOR_COLUMNS))
@@ -89,29 +116,47 @@ class KeptCovarianceDecider(Decider):
             anchors[:, begins], weights = self.anchors(rows[begins], first[begins], correct)
             state.log_weights[begins] = np.log(np.maximum(weights, 1e-300))
         state.filters.advance(rows, begins, anchors, log_weights, first, sensed)
-        state.posterior = component_filters.joint_posterior(state.filters.log_likelihood, state.log_weights).sum(0)
+        state.posterior = component_filters.joint_posterior(
+            state.filters.log_likelihood,
+            state.log_weights,
+        ).sum(0)
         error, best = error_and_best(state.posterior, self.by_type)
         return np.where(error <= self.alpha, best + 1, 0), state
 
     def select_tracks(self, state: _State, tracks: BoolArray) -> _State:
-        """Return the state of the tracks selected by a mask (N,); `evaluate` drops finished tracks."""
-        return _State(state.filters.select_tracks(tracks), state.log_weights[tracks], state.posterior[tracks])
+        """Return the state of the tracks selected by a mask (N,); `evaluate` drops finished
+        tracks.
+        """
+        return _State(
+            state.filters.select_tracks(tracks),
+            state.log_weights[tracks],
+            state.posterior[tracks],
+        )
 
 
 class CalibratedAnchorDecider(KeptCovarianceDecider):
-    """MSPRT of extended Kalman filters, one bank per component of the distribution of the anchor error.
+    """MSPRT of extended Kalman filters, one bank per component of the distribution of the anchor
+    error.
 
-    Arguments as of `KeptCovarianceDecider`, and the distribution after correct and after wrong declarations, `prior`;
-    None uses the covariance that the bank states.
+    Arguments as of `KeptCovarianceDecider`, and the distribution after correct and after wrong
+    declarations, `prior`; None uses the covariance that the bank states.
     """
 
-    name, title = "calibrated", "calibrated anchor"
-    colour, marker = "#00e196", "p"
+    name = "calibrated"
+    title = "calibrated anchor"
+    colour = "#00e196"
+    marker = "p"
     bank = "anchor_aware"
     components = 4
     rejects_outliers: ClassVar[bool] = False
 
-    def __init__(self, world: WorldOptions, prior: AnchorPrior | None, alpha: float = 0.02, robust: bool = False):
+    def __init__(
+        self,
+        world: WorldOptions,
+        prior: AnchorPrior | None,
+        alpha: float = 0.02,
+        robust: bool = False,
+    ):
         super().__init__(world, alpha, robust)
         self.prior = prior
 
@@ -119,10 +164,17 @@ class CalibratedAnchorDecider(KeptCovarianceDecider):
     def maker(cls, options: WorldOptions) -> Callable[[float], Decider]:
         """Return the rule with the distribution of the anchor fitted to simulated episodes."""
         robust = cls.rejects_outliers
-        prior = functools.cache(lambda: fit_calibrated_anchor(options, CALIBRATION_EPISODES, FITTING, robust))
+        prior = functools.cache(
+            lambda: fit_calibrated_anchor(options, CALIBRATION_EPISODES, FITTING, robust)
+        )
         return lambda alpha: CalibratedAnchorDecider(options, prior(), alpha, robust)
 
-    def anchors(self, rows: Observations, first: BoolArray, correct: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def anchors(
+        self,
+        rows: Observations,
+        first: BoolArray,
+        correct: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
         """See `KeptCovarianceDecider.anchors`."""
         tracks = len(rows)
         weight = np.tile([1.0, 0.0, 0.0, 0.0], (tracks, 1))
@@ -131,7 +183,9 @@ class CalibratedAnchorDecider(KeptCovarianceDecider):
         later = np.flatnonzero(~first)
         if self.prior is not None and later.size:
             decided = self.layout.read(rows[later], "previous").argmax(-1)
-            weights, means, covariances = self.prior.after(mode_types(self.world.hypotheses)[decided])
+            weights, means, covariances = self.prior.after(
+                mode_types(self.world.hypotheses)[decided]
+            )
             outcome = np.stack([correct[later], 1.0 - correct[later]], axis=1)
             weight[later] = (weights * outcome[..., None]).reshape(-1, 4)
             mean[later] = means.reshape(-1, 4, 4)
@@ -143,23 +197,37 @@ class CalibratedAnchorDecider(KeptCovarianceDecider):
 class RobustCalibratedAnchorDecider(CalibratedAnchorDecider):
     """The same with filters that reject outliers."""
 
-    name, title = "calibrated-robust", "calibrated anchor, robust"
-    colour, marker = "#0f961e", "8"
+    name = "calibrated-robust"
+    title = "calibrated anchor, robust"
+    colour = "#0f961e"
+    marker = "8"
     rejects_outliers = True
 
 
-def fit_calibrated_anchor(world: WorldOptions, episodes: int, seed: int, robust: bool = False) -> AnchorPrior:
-    """Fit the distribution of the anchor error to simulated episodes, in which the decider itself declares.
+def fit_calibrated_anchor(
+    world: WorldOptions,
+    episodes: int,
+    seed: int,
+    robust: bool = False,
+) -> AnchorPrior:
+    """Fit the distribution of the anchor error to simulated episodes, in which the decider
+    itself declares.
 
-    The first of two rounds of episodes declares with the stated covariance, the second with the first fit.
+    The first of two rounds of episodes declares with the stated covariance, the second with the
+    first fit.
     """
     prior: AnchorPrior | None = None
-    rows = world.longest_segment + 1  # a segment decided at once, and the first tick of the next
+    # A segment decided at once, and the first tick of the next.
+    rows = world.longest_segment + 1
     for first in (seed, seed + episodes):
-        options = {**vars(world), "actions": "all"}  # the decider declares hypotheses
+        # The decider declares hypotheses.
+        options = {**vars(world), "actions": "all"}
         env = HybridTrackVectorEnv(episodes, trace_rows=rows, **options)
-        decider, running = CalibratedAnchorDecider(world, prior, FITTED_ALPHA, robust), np.ones(episodes, np.bool_)
-        errors, types, correct = [], [], []
+        decider = CalibratedAnchorDecider(world, prior, FITTED_ALPHA, robust)
+        running = np.ones(episodes, np.bool_)
+        errors = []
+        types = []
+        correct = []
         truth = np.empty(0)
         for now in rollout(env, decider, first):
             if now.step:

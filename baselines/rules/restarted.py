@@ -1,10 +1,12 @@
-"""Classical tests for a switch with filters that start at every possible moment of the switch; compiled.
+"""Classical tests for a switch with filters that start at every possible moment of the switch;
+compiled.
 
-Every track has the filter of its stated mode. At every tick a new filter of every other mode starts from the estimate
-and covariance that it has before the measurement: the hypothesis of a switch to that mode here. Its likelihood ratio
-compares all measurements since its start with the filter of the stated mode, which runs on (Willsky & Jones 1976;
-Golubkov 2020, eq. (7)). When the statement changes, the most likely filter of the new mode becomes that of the stated
-mode, and all others are dropped. The filters are those of `anchor_aware`, with an exact anchor those of `published`.
+Every track has the filter of its stated mode. At every tick a new filter of every other mode starts
+from the estimate and covariance that it has before the measurement: the hypothesis of a switch to
+that mode here. Its likelihood ratio compares all measurements since its start with the filter of
+the stated mode, which runs on (Willsky & Jones 1976; Golubkov 2020, eq. (7)). When the statement
+changes, the most likely filter of the new mode becomes that of the stated mode, and all others are
+dropped. The filters are those of `anchor_aware`, with an exact anchor those of `published`.
 """
 
 import math
@@ -16,66 +18,116 @@ from numpy.typing import NDArray
 from baselines.rules.beam_filters import copy_filter, triangle
 from baselines.rules.decider import Actions
 from baselines.rules.measurements import MeasurementDecider, filter_model, run_compiled, sensors_of
-from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_choice, check_integer, check_positive
+from hybrid_env.checks import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    check_choice,
+    check_integer,
+    check_positive,
+)
 from hybrid_env.core.arrays import aligned_zeros
-from hybrid_env.core.banks.anchor_aware import AWARE_HYPOTHESIS, begin_hypothesis, covariance_of, sense_hypothesis
+from hybrid_env.core.banks.anchor_aware import (
+    AWARE_HYPOTHESIS,
+    begin_hypothesis,
+    covariance_of,
+    sense_hypothesis,
+)
 from hybrid_env.core.banks.bank import INNOVATION, FilterModel, signed_radius
 from hybrid_env.core.banks.sensing import write_measured
 from hybrid_env.core.compilation import compiled, internal
 from hybrid_env.core.records import LANES, MEASURED, SENSOR, State, Triangle4
 from hybrid_env.quickest_options import QuickestOptions
 
-LONGEST_WINDOW = 10_000  # ticks
+# Ticks.
+LONGEST_WINDOW = 10_000
 
 
 class RestartedFilters(NamedTuple):
-    """The filters of N tracks with M modes, and W start ticks of each mode in G = W / LANES groups. Start k since the
-    last change of the statement has lane k % W % LANES of group k % W // LANES. The log-likelihood of its filter is
-    that of all measurements since the change, with the stated mode before.
+    """The filters of N tracks with M modes, and W start ticks of each mode in G = W / LANES groups.
+    Start k since the last change of the statement has lane k % W % LANES of group k % W // LANES.
+    The log-likelihood of its filter is that of all measurements since the change, with the stated
+    mode before.
     """
 
-    stated_filters: NDArray[Any]  # (N,) records `AWARE_HYPOTHESIS`, of which lane 0 is used: filter of the stated mode
-    started: NDArray[Any]  # (N, M, G) records `AWARE_HYPOTHESIS`, see above
-    counts: IntArray  # (N,) ticks since the last change of the statement
-    stated: IntArray  # (N,) stated modes
-    log_ratios: FloatArray  # (N, M) statistics of the last tick; 0 for the stated mode
-    innovations: NDArray[Any]  # (1,) record `INNOVATION`, temporary memory
-    measured: NDArray[Any]  # (1,) record `MEASURED`, temporary memory
+    # (N,) records `AWARE_HYPOTHESIS`, of which lane 0 is used: filter of the stated mode.
+    stated_filters: NDArray[Any]
+    # (N, M, G) records `AWARE_HYPOTHESIS`, see above.
+    started: NDArray[Any]
+    # (N,) ticks since the last change of the statement.
+    counts: IntArray
+    # (N,) stated modes.
+    stated: IntArray
+    # (N, M) statistics of the last tick; 0 for the stated mode.
+    log_ratios: FloatArray
+    # (1,) record `INNOVATION`, temporary memory.
+    innovations: NDArray[Any]
+    # (1,) record `MEASURED`, temporary memory.
+    measured: NDArray[Any]
 
 
 class RestartModel(NamedTuple):
     """The rule and what its filters assume."""
 
-    radii: FloatArray  # (n,) turn radii [m]
-    window: int  # W, number of start ticks
-    exact_anchor: bool  # whether centre and turn rate of a turn are certain
-    mean: bool  # whether the statistic is the mean of the likelihood ratios of all start ticks, or the largest
-    threshold: float  # of the logarithm of the statistic, at which the statement changes
-    margin: float  # smallest difference of this logarithm to that of the other modes that are not stated
-    filters: FilterModel  # model of the filters
-    sensors: NDArray[Any] = np.zeros(0, SENSOR)  # (k,) records `records.SENSOR`
+    # (n,) turn radii [m]
+    radii: FloatArray
+    # W, number of start ticks.
+    window: int
+    # Whether centre and turn rate of a turn are certain.
+    exact_anchor: bool
+    # Whether the statistic is the mean of the likelihood ratios of all start ticks, or the largest.
+    mean: bool
+    # Of the logarithm of the statistic, at which the statement changes.
+    threshold: float
+    # Smallest difference of this logarithm to that of the other modes that are not stated.
+    margin: float
+    # Model of the filters.
+    filters: FilterModel
+    # (k,) records `records.SENSOR`
+    sensors: NDArray[Any] = np.zeros(0, SENSOR)
 
 
 def restart_arrays(tracks: int, modes: int, window: int) -> RestartedFilters:
     """Return filters of zeros."""
-    stated, started = (tracks,), (tracks, modes, -(-window // LANES))
+    stated = (tracks,)
+    started = (tracks, modes, -(-window // LANES))
     return RestartedFilters(
-        aligned_zeros(stated, AWARE_HYPOTHESIS), aligned_zeros(started, AWARE_HYPOTHESIS),
-        np.zeros(tracks, np.int64), np.zeros(tracks, np.int64), np.zeros((tracks, modes)),
-        aligned_zeros((1,), INNOVATION), aligned_zeros((1,), MEASURED),
-    )  # fmt: skip
+        aligned_zeros(stated, AWARE_HYPOTHESIS),
+        aligned_zeros(started, AWARE_HYPOTHESIS),
+        np.zeros(tracks, np.int64),
+        np.zeros(tracks, np.int64),
+        np.zeros((tracks, modes)),
+        aligned_zeros((1,), INNOVATION),
+        aligned_zeros((1,), MEASURED),
+    )
 
 
 @internal
-def _begin_filter(kalman: Any, lane: int, anchor: State, covariance: Triangle4, mode: int, model: RestartModel) -> None:
+def _begin_filter(
+    kalman: Any,
+    lane: int,
+    anchor: State,
+    covariance: Triangle4,
+    mode: int,
+    model: RestartModel,
+) -> None:
     """Start the filter of a mode from an estimate and its covariance."""
-    radius, exact = signed_radius(mode, model.radii), model.exact_anchor
+    radius = signed_radius(mode, model.radii)
+    exact = model.exact_anchor
     begin_hypothesis(kalman, lane, anchor, covariance, radius, model.filters.tau, exact)
 
 
 @compiled
-def begin_restarted(filters: RestartedFilters, track: int, mode: int, start: FloatArray, model: RestartModel) -> None:
-    """Begin an episode of a track with a first statement; `start` as in `MeasurementDecider.begin_track`."""
+def begin_restarted(
+    filters: RestartedFilters,
+    track: int,
+    mode: int,
+    start: FloatArray,
+    model: RestartModel,
+) -> None:
+    """Begin an episode of a track with a first statement; `start` as in
+    `MeasurementDecider.begin_track`.
+    """
     anchor = (start[0], start[1], start[2], start[3])
     _begin_filter(filters.stated_filters[track], 0, anchor, triangle(start[4:14]), mode, model)
     filters.counts[track] = 0
@@ -85,7 +137,9 @@ def begin_restarted(filters: RestartedFilters, track: int, mode: int, start: Flo
 
 @internal
 def _likeliest_start(started: NDArray[Any], live: int) -> int:
-    """Return the number of the most likely one of the first `live` filters of a mode. started: (G,)."""
+    """Return the number of the most likely one of the first `live` filters of a mode. started:
+    (G,).
+    """
     best = 0
     for k in range(1, live):
         value = started[k // LANES].log_likelihood[k % LANES]
@@ -96,7 +150,9 @@ def _likeliest_start(started: NDArray[Any], live: int) -> int:
 
 @internal
 def _log_ratio(started: NDArray[Any], live: int, reference: float, mean: bool) -> float:
-    """Return the logarithm of the largest or `mean` likelihood ratio of the first `live` filters to a reference."""
+    """Return the logarithm of the largest or `mean` likelihood ratio of the first `live` filters
+    to a reference.
+    """
     best = _likeliest_start(started, live)
     largest = started[best // LANES].log_likelihood[best % LANES]
     if not mean:
@@ -110,7 +166,9 @@ def _log_ratio(started: NDArray[Any], live: int, reference: float, mean: bool) -
 @internal
 def _change(filters: RestartedFilters, track: int, live: int, model: RestartModel) -> None:
     """Change the statement of a track, if one mode reaches the threshold and exceeds all others."""
-    best, second, ratios = -1, -1, filters.log_ratios[track]
+    best = -1
+    second = -1
+    ratios = filters.log_ratios[track]
     for mode in range(ratios.size):
         if mode != filters.stated[track]:
             if best < 0 or ratios[mode] > ratios[best]:
@@ -119,7 +177,8 @@ def _change(filters: RestartedFilters, track: int, live: int, model: RestartMode
                 second = mode
     if ratios[best] < model.threshold or ratios[best] - ratios[second] < model.margin:
         return
-    start, stated_filter = _likeliest_start(filters.started[track, best], live), filters.stated_filters[track]
+    start = _likeliest_start(filters.started[track, best], live)
+    stated_filter = filters.stated_filters[track]
     copy_filter(filters.started[track, best, start // LANES], start % LANES, stated_filter, 0)
     stated_filter.log_likelihood[0] = 0.0
     filters.stated[track] = best
@@ -127,7 +186,11 @@ def _change(filters: RestartedFilters, track: int, live: int, model: RestartMode
 
 
 @compiled
-def step_restarted(filters: RestartedFilters, measurements: FloatArray, model: RestartModel) -> None:
+def step_restarted(
+    filters: RestartedFilters,
+    measurements: FloatArray,
+    model: RestartModel,
+) -> None:
     """Advance all tracks by a tick, with measurements as in `sensing.write_measured`."""
     innovation, measured = filters.innovations[0], filters.measured[0]
     for track in range(measurements.shape[0]):
@@ -150,49 +213,93 @@ def step_restarted(filters: RestartedFilters, measurements: FloatArray, model: R
             started[new // LANES].log_likelihood[new % LANES] = before
             for group in range((live + LANES - 1) // LANES):
                 kalman = started[group]
-                sense_hypothesis(kalman, innovation, 0, LANES, measured, model.sensors, model.filters)
+                sense_hypothesis(
+                    kalman,
+                    innovation,
+                    0,
+                    LANES,
+                    measured,
+                    model.sensors,
+                    model.filters,
+                )
             reference = stated_filter.log_likelihood[0]
             filters.log_ratios[track, mode] = _log_ratio(started, live, reference, model.mean)
         _change(filters, track, live, model)
 
 
 class RestartDecider(MeasurementDecider[RestartedFilters]):
-    """Changes its statement when a switch at one of the last ticks is likely enough; see the subclasses.
+    """Changes its statement when a switch at one of the last ticks is likely enough; see the
+    subclasses.
 
     Args:
         options: of the environment.
         threshold: of the logarithm of the statistic of the new mode, above 0.
-        margin: smallest difference of this logarithm to that of every other mode except the stated one, >= 0.
-        window: number of last ticks at which the switch can be, 1 to 10,000, at most since the last change of the
-            statement; None is that of the rule.
-        bank: filters of the modes, "published" or "anchor_aware" as in the option `bank` of the environment, with the
-            covariance of the estimate at which they start; None is that of the rule.
+        margin: smallest difference of this logarithm to that of every other mode except the stated
+            one, >= 0.
+        window: number of last ticks at which the switch can be, 1 to 10,000, at most since the last
+            change of the statement; None is that of the rule.
+        bank: filters of the modes, "published" or "anchor_aware" as in the option `bank` of the
+            environment, with the covariance of the estimate at which they start; None is that of
+            the rule.
     """
 
-    thresholds, default = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0), 5.0  # few: a filter for every start is slow
+    # Few: a filter for every start is slow.
+    thresholds = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+    default = 5.0
     mean: ClassVar[bool]
-    usual: ClassVar[tuple[int, str]]  # window and bank
+    # Window and bank.
+    usual: ClassVar[tuple[int, str]]
 
     def __init__(
-        self, options: QuickestOptions, threshold: float = 5.0, margin: float = 2.0, window: int | None = None,
+        self,
+        options: QuickestOptions,
+        threshold: float = 5.0,
+        margin: float = 2.0,
+        window: int | None = None,
         bank: Literal["published", "anchor_aware"] | None = None,
-    ):  # fmt: skip
-        window = check_integer("window", self.usual[0] if window is None else window, maximum=LONGEST_WINDOW)
-        chosen = check_choice("bank", self.usual[1] if bank is None else bank, ("published", "anchor_aware"))
-        threshold, margin = check_positive("threshold", threshold), check_positive("margin", margin, allow_zero=True)
+    ):
+        window = check_integer(
+            "window",
+            self.usual[0] if window is None else window,
+            maximum=LONGEST_WINDOW,
+        )
+        chosen = check_choice(
+            "bank",
+            self.usual[1] if bank is None else bank,
+            ("published", "anchor_aware"),
+        )
+        threshold, margin = (
+            check_positive("threshold", threshold),
+            check_positive("margin", margin, allow_zero=True),
+        )
         self.hypotheses = options.hypotheses
         self.model = RestartModel(
-            np.array(options.radii), window, chosen == "published", self.mean, threshold, margin,
-            filter_model(options), sensors_of(options),
-        )  # fmt: skip
+            np.array(options.radii),
+            window,
+            chosen == "published",
+            self.mean,
+            threshold,
+            margin,
+            filter_model(options),
+            sensors_of(options),
+        )
 
     def begin(self, tracks: int) -> RestartedFilters:
         """Return filters without meaning; see `MeasurementDecider.begin`."""
         return restart_arrays(tracks, self.hypotheses, self.model.window)
 
     def begin_track(self, state: RestartedFilters, track: int, start: FloatArray) -> None:
-        """State the most probable mode and start its filter; see `MeasurementDecider.begin_track`."""
-        run_compiled(begin_restarted, state, track, int(start[-self.hypotheses :].argmax()), start, self.model)
+        """State the most probable mode and start its filter; see
+        `MeasurementDecider.begin_track`.
+        """
+        run_compiled(
+            begin_restarted,
+            state,
+            track,
+            int(start[-self.hypotheses :].argmax()),
+            start,
+            self.model,
+        )
 
     def step(self, state: RestartedFilters, measurements: FloatArray) -> None:
         """Advance filters and statements; see `MeasurementDecider.step`."""
@@ -204,38 +311,52 @@ class RestartDecider(MeasurementDecider[RestartedFilters]):
 
 
 class GLRDecider(RestartDecider):
-    """The generalized likelihood ratio of a switch at one of the last ticks, with its own filter each.
+    """The generalized likelihood ratio of a switch at one of the last ticks, with its own filter
+    each.
 
-    The statistic of a mode is the largest likelihood ratio over the start ticks. Willsky and Jones 1976, "A generalized
-    likelihood ratio approach to the detection and estimation of jumps in linear systems"; the window as in Lai 1995,
-    "Sequential changepoint detection in quality control and dynamical systems". Without a margin wrong changes are
-    frequent, because the measurements after a switch contradict the stated mode before they tell the other modes apart.
+    The statistic of a mode is the largest likelihood ratio over the start ticks. Willsky and Jones
+    1976, "A generalized likelihood ratio approach to the detection and estimation of jumps in
+    linear systems"; the window as in Lai 1995, "Sequential changepoint detection in quality control
+    and dynamical systems". Without a margin wrong changes are frequent, because the measurements
+    after a switch contradict the stated mode before they tell the other modes apart.
 
     Args:
-        options, threshold, margin, window, bank: see `RestartDecider`; by default 60 ticks and "anchor_aware".
+        options, threshold, margin, window, bank: see `RestartDecider`; by default 60 ticks and
+            "anchor_aware".
     """
 
-    name, title, symbol = "glr", "GLR", "ln GLR"
-    colour, marker = "#0000b4", ">"
-    mean, usual = False, (60, "anchor_aware")
+    name = "glr"
+    title = "GLR"
+    symbol = "ln GLR"
+    colour = "#0000b4"
+    marker = ">"
+    mean = False
+    usual = (60, "anchor_aware")
 
 
 class MeanRatioDecider(RestartDecider):
     """The detector of Golubkov 2020, for M modes and any number of switches.
 
-    The statistic of a mode is the mean of the likelihood ratios of all start ticks, lambda_k of eq. (6): the likelihood
-    ratio of a switch at a uniformly distributed moment. The paper tests one turn against straight motion, once, as
-    `baselines.papers.golubkov2020.detect_switch` on recordings. Here every mode is tested against the stated one, and
-    after a change of the statement the test begins anew from the most likely filter of the new mode.
+    The statistic of a mode is the mean of the likelihood ratios of all start ticks, lambda_k of eq.
+    (6): the likelihood ratio of a switch at a uniformly distributed moment. The paper tests one
+    turn against straight motion, once, as `baselines.papers.golubkov2020.detect_switch` on
+    recordings. Here every mode is tested against the stated one, and after a change of the
+    statement the test begins anew from the most likely filter of the new mode.
 
-    The rule of the paper is `margin=0`, a window that is not shorter than the episode, and the threshold ln A = ln((1 -
-    beta) / alpha), 2.2 for alpha = beta = 0.1. Its lower threshold B, at which the test ends in favour of the stated
-    mode, is not used: here the test would begin anew, and forget switches that have just begun.
+    The rule of the paper is `margin=0`, a window that is not shorter than the episode, and the
+    threshold ln A = ln((1 - beta) / alpha), 2.2 for alpha = beta = 0.1. Its lower threshold B, at
+    which the test ends in favour of the stated mode, is not used: here the test would begin anew,
+    and forget switches that have just begun.
 
     Args:
-        options, threshold, margin, window, bank: see `RestartDecider`; by default 40 ticks and "published".
+        options, threshold, margin, window, bank: see `RestartDecider`; by default 40 ticks and
+            "published".
     """
 
-    name, title, symbol = "detector-2020", "detector 2020", "ln lambda"
-    colour, marker = "#695a00", "P"
-    mean, usual = True, (40, "published")
+    name = "detector-2020"
+    title = "detector 2020"
+    symbol = "ln lambda"
+    colour = "#695a00"
+    marker = "P"
+    mean = True
+    usual = (40, "published")

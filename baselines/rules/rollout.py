@@ -20,24 +20,36 @@ from hybrid_env.registration import make_track_vector_env, make_vector_env
 from hybrid_env.vector_env import HybridTrackQuickestVectorEnv
 from hybrid_env.wrappers import NO_DECISION
 
-DROPPED_BELOW = 0.8  # finished tracks are no longer passed to the decider once fewer than this fraction are unfinished
-LARGEST_BATCH = 700_000_000  # bytes
-LARGEST_RESULT = 10_000_000  # segments, which need half a gigabyte
+# Finished tracks are no longer passed to the decider once fewer than this fraction are unfinished.
+DROPPED_BELOW = 0.8
+# Bytes.
+LARGEST_BATCH = 700_000_000
+# Segments, which need half a gigabyte.
+LARGEST_RESULT = 10_000_000
 
 
 @dataclass
 class Now:
     """The present tick of a rollout, before the decider is asked."""
 
-    step: int  # number of steps so far
-    observation: Observations  # (N, width) rows of the present tick
-    seen: NDArray[Any]  # what the decider will read: the rows, or what it observes of the arrays
-    state: Any  # of the decider
-    starts: BoolArray  # (N,) True where an episode begins
-    terminated: BoolArray  # (N,) True where the last step ended an episode
-    actions: Actions  # (N,) of the last step; zeros before the first
-    rewards: FloatArray  # (N,) of the last step
-    info: dict[str, Any]  # of the last step or the reset
+    # Number of steps so far.
+    step: int
+    # (N, width) rows of the present tick.
+    observation: Observations
+    # What the decider will read: the rows, or what it observes of the arrays.
+    seen: NDArray[Any]
+    # Of the decider.
+    state: Any
+    # (N,) True where an episode begins.
+    starts: BoolArray
+    # (N,) True where the last step ended an episode.
+    terminated: BoolArray
+    # (N,) of the last step; zeros before the first.
+    actions: Actions
+    # (N,) of the last step.
+    rewards: FloatArray
+    # Of the last step or the reset.
+    info: dict[str, Any]
 
 
 def rollout(env: Any, model: Any, seed: int, unfinished: BoolArray | None = None) -> Iterator[Now]:
@@ -46,18 +58,23 @@ def rollout(env: Any, model: Any, seed: int, unfinished: BoolArray | None = None
     The decider is asked and the environment stepped when the loop goes on.
 
     Args:
-        env: Gymnasium's `VectorEnv` of N tracks, with their arrays as `world`; its autoreset mode says what follows an
-            episode.
+        env: Gymnasium's `VectorEnv` of N tracks, with their arrays as `world`; its autoreset mode
+            says what follows an episode.
         model: a decider, any object with its `predict`, or a function of the observations.
         seed: of the first track; track i has seed + i, so that deciders can be compared in pairs.
-        unfinished: (N,) tracks whose actions still count, written by the body of the loop. Others are no longer passed
-            to deciders that can drop tracks. Without it all count.
+        unfinished: (N,) tracks whose actions still count, written by the body of the loop. Others
+            are no longer passed to deciders that can drop tracks. Without it all count.
     """
-    decider, tracks = as_decider(model), env.num_envs
-    ask, running = Asked(decider, int(env.single_action_space.n)), np.arange(tracks)  # tracks passed to the decider
+    decider = as_decider(model)
+    tracks = env.num_envs
+    # Tracks passed to the decider.
+    ask = Asked(decider, int(env.single_action_space.n))
+    running = np.arange(tracks)
     rows, info = env.reset(seed=seed)
-    drops, actions = unfinished is not None, np.zeros(tracks, np.int64)
-    starts, terminated = np.ones(tracks, np.bool_), np.zeros(tracks, np.bool_)
+    drops = unfinished is not None
+    actions = np.zeros(tracks, np.int64)
+    starts = np.ones(tracks, np.bool_)
+    terminated = np.zeros(tracks, np.bool_)
     now = Now(0, rows, rows, None, starts, terminated, actions, np.zeros(tracks), info)
     while True:
         now.seen = now.observation if decider.observes == "rows" else ask.observe(env.world)
@@ -68,7 +85,8 @@ def rollout(env: Any, model: Any, seed: int, unfinished: BoolArray | None = None
                 kept = decider.select_tracks(now.state, left)
                 drops = kept is not NotImplemented
                 if drops:
-                    now.state, running = kept, running[left]
+                    now.state = kept
+                    running = running[left]
                     actions[:] = 0
         seen, starts = now.seen, now.starts
         if running.size < tracks:
@@ -90,18 +108,34 @@ def record_statements(decider: Any, tracks: int, seed: int, **options: Any) -> S
     return record_together([decider], tracks, seed, **options)[0]
 
 
-def record_together(deciders: Sequence[Any], tracks: int, seed: int, **options: Any) -> list[Statements]:
-    """Return `record_statements` of each of some deciders of one rule, computed together if they can be."""
-    make = partial(HybridTrackQuickestVectorEnv, tracks, autoreset_mode="Disabled", tick_info=False, **options)
+def record_together(
+    deciders: Sequence[Any],
+    tracks: int,
+    seed: int,
+    **options: Any,
+) -> list[Statements]:
+    """Return `record_statements` of each of some deciders of one rule, computed together if they
+    can be.
+    """
+    make = partial(
+        HybridTrackQuickestVectorEnv,
+        tracks,
+        autoreset_mode="Disabled",
+        tick_info=False,
+        **options,
+    )
     return record_in(make, deciders, check_integer("seed", seed, minimum=0))
 
 
 def record_in(make: Callable[[], Any], deciders: Sequence[Any], seed: int) -> list[Statements]:
-    """Return `record_together` in the environment that `make` returns, whose world has the field `true_mode`."""
+    """Return `record_together` in the environment that `make` returns, whose world has the field
+    `true_mode`.
+    """
     several = type(deciders[0]).together(deciders) if len(deciders) > 1 else None
     if several is None and len(deciders) > 1:
         return [one for decider in deciders for one in record_in(make, [decider], seed)]
-    decider, env = deciders[0] if several is None else several, make()
+    decider = deciders[0] if several is None else several
+    env = make()
     true_modes = np.empty((env.options.ticks, env.num_envs), np.int64)
     stated_modes = np.empty((len(deciders), *true_modes.shape), np.int64)
     for now in rollout(env, decider, seed):
@@ -114,12 +148,16 @@ def record_in(make: Callable[[], Any], deciders: Sequence[Any], seed: int) -> li
 
 
 def evaluate(
-    decider: Any, env_id: str = "hybrid_env:HybridTrack-v0", episodes: int = 1000, seed: int = 0, **options: Any
+    decider: Any,
+    env_id: str = "hybrid_env:HybridTrack-v0",
+    episodes: int = 1000,
+    seed: int = 0,
+    **options: Any,
 ) -> Decisions:
     """Run a decider on the episodes with seeds seed, seed + 1, ..., each exactly once.
 
-    All deciders face the same episodes: trajectories and noise do not depend on the decisions. They run in parallel,
-    one per track, in batches that need less than a gigabyte.
+    All deciders face the same episodes: trajectories and noise do not depend on the decisions. They
+    run in parallel, one per track, in batches that need less than a gigabyte.
 
     Args:
         decider: a decider, any object with its `predict`, or a function of the observations.
@@ -130,12 +168,22 @@ def evaluate(
     with suppress(AttributeError, NotImplementedError):
         trained = get_env().get_attr("spec")[0].id.rpartition(":")[2] if callable(get_env) else None
         if trained not in (None, name := env_id.rpartition(":")[2]):
-            warnings.warn(f"the model was trained in {trained} and is evaluated in {name}", stacklevel=2)
+            warnings.warn(
+                f"the model was trained in {trained} and is evaluated in {name}",
+                stacklevel=2,
+            )
     given = make_track_vector_env(env_id, 1, **options).options
     check_episodes("episodes", episodes, given)
     size = batch_size(given)
     batches = [
-        evaluate_batch(decider, env_id, min(size, episodes - first), seed + first, lambda share: None, options)
+        evaluate_batch(
+            decider,
+            env_id,
+            min(size, episodes - first),
+            seed + first,
+            lambda share: None,
+            options,
+        )
         for first in range(0, episodes, size)
     ]
     names = [name for name in vars(batches[0]) if name != "delay_cost"]
@@ -144,24 +192,37 @@ def evaluate(
 
 
 def evaluate_batch(
-    decider: Any, env_id: str, episodes: int, seed: int, on_progress: Callable[[float], None],
+    decider: Any,
+    env_id: str,
+    episodes: int,
+    seed: int,
+    on_progress: Callable[[float], None],
     options: Mapping[str, Any],
-) -> Decisions:  # fmt: skip
-    """Run a decider on episodes that all run in parallel; see `evaluate`. Progress is the share of decided segments."""
+) -> Decisions:
+    """Run a decider on episodes that all run in parallel; see `evaluate`. Progress is the share
+    of decided segments.
+    """
     given = make_vector_env(env_id, 1, **options)
     model = decider.model if isinstance(decider, Adapted) else decider
-    # a model of a learning library plays with the actions that it was trained with; all others declare hypotheses
+    # A model of a learning library plays with the actions that it was trained with; all others
+    # declare hypotheses.
     trained = getattr(model, "action_space", None) == given.single_action_space
     if not trained and given.options.actions == "best":
         raise reject("actions", "best", "'all' or 'types': deciders declare hypotheses")
-    env = make_vector_env(env_id, episodes, **(dict(options) if trained else {**options, "actions": "all"}))
+    env = make_vector_env(
+        env_id,
+        episodes,
+        **(dict(options) if trained else {**options, "actions": "all"}),
+    )
     width = getattr(getattr(decider, "observation_space", None), "shape", None)
     if width not in (None, env.single_observation_space.shape):
         allowed = f"one for observations of shape {env.single_observation_space.shape}"
         raise reject("observation shape of the decider", width, allowed)
     segments = env.options.segments
     recorded = {name: np.full((episodes, segments), one) for name, one in NO_DECISION.items()}
-    finished, unfinished = np.zeros(episodes, np.int64), np.ones(episodes, np.bool_)  # decisions of each track so far
+    # Decisions of each track so far.
+    finished = np.zeros(episodes, np.int64)
+    unfinished = np.ones(episodes, np.bool_)
     for now in rollout(env, decider, seed, unfinished):
         decided = now.info.get("_decided_mode") if now.step else None
         if decided is None:
@@ -175,7 +236,10 @@ def evaluate_batch(
         if not unfinished.any():
             break
     names = [name.removeprefix("decided_") if name != "decided_mode" else name for name in recorded]
-    return Decisions(**dict(zip(names, recorded.values(), strict=True)), delay_cost=env.options.delay_cost)
+    return Decisions(
+        **dict(zip(names, recorded.values(), strict=True)),
+        delay_cost=env.options.delay_cost,
+    )
 
 
 def check_episodes(name: str, episodes: int, options: WorldOptions) -> None:
@@ -185,4 +249,5 @@ def check_episodes(name: str, episodes: int, options: WorldOptions) -> None:
 
 def batch_size(options: WorldOptions) -> int:
     """Return the largest number of episodes that are run in parallel."""
-    return max(1, LARGEST_BATCH // (2500 + 2800 * options.hypotheses))  # bytes of an episode, with a network
+    # Bytes of an episode, with a network.
+    return max(1, LARGEST_BATCH // (2500 + 2800 * options.hypotheses))

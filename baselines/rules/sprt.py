@@ -1,7 +1,7 @@
-"""Wald's sequential probability ratio test (SPRT) over a bank of hypotheses. Golubkov 2018, rule (5): every hypothesis
-i is tested against the active hypothesis q_A, the last decided mode, with the log-likelihood ratio lambda_i = ln
-p(innovations | H_i) - ln p(innovations | H_qA). Rule (5) uses all pairs lambda_ij; the algorithm of the paper only
-these.
+"""Wald's sequential probability ratio test (SPRT) over a bank of hypotheses. Golubkov 2018, rule
+(5): every hypothesis i is tested against the active hypothesis q_A, the last decided mode, with the
+log-likelihood ratio lambda_i = ln p(innovations | H_i) - ln p(innovations | H_qA). Rule (5) uses
+all pairs lambda_ij; the algorithm of the paper only these.
 """
 
 import math
@@ -37,23 +37,33 @@ def sprt_thresholds(alpha: float, beta: float | None = None) -> tuple[float, flo
 
 
 @compiled
-def sprt_test(log_likelihood: FloatArray, running: BoolArray, reference: int, upper: float, lower: float) -> int:
+def sprt_test(
+    log_likelihood: FloatArray,
+    running: BoolArray,
+    reference: int,
+    upper: float,
+    lower: float,
+) -> int:
     """Perform the test at one tick. Golubkov 2018, rule (5) and algorithm 1, lines 10 and 11.
 
-    Rejects hypotheses with a ratio <= the threshold B `lower` in place. Returns the one with the largest ratio >= the
-    threshold A `upper`, the `reference` q_A if all others are rejected, or -1 to continue the test.
+    Rejects hypotheses with a ratio <= the threshold B `lower` in place. Returns the one with the
+    largest ratio >= the threshold A `upper`, the `reference` q_A if all others are rejected, or -1
+    to continue the test.
 
     Args:
         log_likelihood: (M,) cumulative log-likelihoods since the switch, up to a common constant.
         running: (M,) True for hypotheses not yet rejected.
     """
-    winner, largest, left = -1, upper, 0
+    winner = -1
+    largest = upper
+    left = 0
     for h in range(log_likelihood.size):
         if h == reference or not running[h]:
             continue
         ratio = log_likelihood[h] - log_likelihood[reference]
         if ratio >= largest and (winner < 0 or ratio > largest):
-            winner, largest = h, ratio
+            winner = h
+            largest = ratio
         if ratio <= lower:
             running[h] = False
         else:
@@ -65,7 +75,12 @@ def sprt_test(log_likelihood: FloatArray, running: BoolArray, reference: int, up
 
 @compiled
 def _test_tracks(
-    log_likelihood: FloatArray, reference: IntArray, running: BoolArray, upper: float, lower: float, actions: IntArray
+    log_likelihood: FloatArray,
+    reference: IntArray,
+    running: BoolArray,
+    upper: float,
+    lower: float,
+    actions: IntArray,
 ) -> None:
     for i in range(reference.size):
         actions[i] = sprt_test(log_likelihood[i], running[i], reference[i], upper, lower) + 1
@@ -74,16 +89,20 @@ def _test_tracks(
 class SPRTDecider(Decider):
     """The test of ATE on the rows of the environment, whatever its bank.
 
-    The ratios in an observation refer to the most likely hypothesis, which the test may have rejected, and they are
-    clipped. Where a ratio is clipped, the decider accumulates the log-likelihood from the innovations and their
-    variances. Its decisions differ from `ate.track` only where a ratio is within float32 precision of a threshold.
+    The ratios in an observation refer to the most likely hypothesis, which the test may have
+    rejected, and they are clipped. Where a ratio is clipped, the decider accumulates the
+    log-likelihood from the innovations and their variances. Its decisions differ from `ate.track`
+    only where a ratio is within float32 precision of a threshold.
 
     Args:
         alpha: type I error probability.
         beta: type II error probability; None uses alpha.
     """
 
-    name, title, symbol, default = "sprt", "SPRT", "alpha", 1e-3
+    name = "sprt"
+    title = "SPRT"
+    symbol = "alpha"
+    default = 1e-3
     thresholds = (
         *(0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02, 0.015, 0.01, 7e-3, 5e-3, 3e-3, 2e-3, 1e-3),
         *(5e-4, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10),
@@ -96,17 +115,24 @@ class SPRTDecider(Decider):
         self.upper, self.lower = sprt_thresholds(alpha, beta)
 
     def decide(
-        self, observation: Observations, state: Any, episode_start: Any
+        self,
+        observation: Observations,
+        state: Any,
+        episode_start: Any,
     ) -> tuple[Actions, tuple[FloatArray, BoolArray]]:
-        """See `Decider.decide`. The state is (log-likelihoods, hypotheses not yet rejected), both (N, M).
+        """See `Decider.decide`. The state is (log-likelihoods, hypotheses not yet rejected),
+        both (N, M).
 
-        If there is no state after the first tick of a segment, the test starts from the clipped ratios with all
-        hypotheses.
+        If there is no state after the first tick of a segment, the test starts from the clipped
+        ratios with all hypotheses.
         """
         read = partial(Layout.of_rows(observation).read, observation)
-        along, across, ratios = read("innovation_along"), read("innovation_across"), read("log_ratio")
+        along = read("innovation_along")
+        across = read("innovation_across")
+        ratios = read("log_ratio")
         increment = -read("log_variance") - 0.5 * (along**2 + across**2)
-        log_likelihood, running = ratios, np.ones(ratios.shape, np.bool_)
+        log_likelihood = ratios
+        running = np.ones(ratios.shape, np.bool_)
         if state is not None:
             best = ratios.argmax(-1)[:, None]
             accumulated = state[0] + increment
@@ -124,9 +150,15 @@ class SPRTDecider(Decider):
     def panel(self) -> EvidencePanel:
         """Return the panel of `evidence`."""
         lower, upper = math.exp(self.lower), math.exp(self.upper)
-        return sprt_panel((1.0 - lower) / (upper - lower))  # Wald's thresholds solved for alpha
+        # Wald's thresholds solved for alpha.
+        return sprt_panel((1.0 - lower) / (upper - lower))
 
-    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
+    def evidence(
+        self,
+        observation: Observations,
+        state: Any = None,
+        episode_start: Any = None,
+    ) -> FloatArray:
         """Return the log-likelihood ratio of each hypothesis to the active mode, (N, M)."""
         log_likelihood = self.decide(observation, state, episode_start)[1][0]
         active = Layout.of_rows(observation).read(observation, "previous").argmax(-1)
@@ -134,16 +166,21 @@ class SPRTDecider(Decider):
 
 
 class ATEDecider(SPRTDecider):
-    """The algorithm of the paper: the test on the published bank, where every declaration counts."""
+    """The algorithm of the paper: the test on the published bank, where every declaration
+    counts.
+    """
 
-    name, title = "ate", "ATE (SPRT)"
+    name = "ate"
+    title = "ATE (SPRT)"
     options = PUBLISHED
-    colour, marker = "#6900ff", "o"
+    colour = "#6900ff"
+    marker = "o"
 
 
 class RobustSPRTDecider(SPRTDecider):
     """The test of ATE on a bank with a robust likelihood."""
 
-    name, title = "ate-robust", "ATE (SPRT), robust"
+    name = "ate-robust"
+    title = "ATE (SPRT), robust"
     options = ROBUST
     colour = marker = ""

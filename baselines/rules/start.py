@@ -1,6 +1,7 @@
-"""The first estimate of a live track, from its first measurements, and the gate of the later ones. A measurement that
-no motion explains is an error of the sensor, or a new track: it would move the estimate by any distance, and its
-velocity with it. The filters of turns are linearised there, and need not come back.
+"""The first estimate of a live track, from its first measurements, and the gate of the later ones.
+A measurement that no motion explains is an error of the sensor, or a new track: it would move the
+estimate by any distance, and its velocity with it. The filters of turns are linearised there, and
+need not come back.
 """
 
 import math
@@ -14,8 +15,11 @@ from hybrid_env.checks import FloatArray
 from hybrid_env.core.compilation import compiled, inlined
 from hybrid_env.options import ModelOptions
 
-FEW = 3  # measurements for a bank that runs on: it knows how inaccurate its estimate is, and corrects it
-MANY = 10  # measurements for a bank that starts at a switch: the centre of its turns follows from the estimate
+# Measurements for a bank that runs on: it knows how inaccurate its estimate is, and corrects it.
+FEW = 3
+# Measurements for a bank that starts at a switch: the centre of its turns follows from the
+# estimate.
+MANY = 10
 
 
 def unit_noise(options: ModelOptions) -> FloatArray:
@@ -25,11 +29,15 @@ def unit_noise(options: ModelOptions) -> FloatArray:
 
 
 def line_estimate(
-    ticks: NDArray[Any], points: FloatArray, noises: FloatArray, options: ModelOptions
+    ticks: NDArray[Any],
+    points: FloatArray,
+    noises: FloatArray,
+    options: ModelOptions,
 ) -> tuple[FloatArray, FloatArray]:
-    """Fit a straight line to m measurements (m, 2) [m]. Return estimate and covariance (4, 4) at the last one: of the
-    noise of the measurements, xx, xy, yy [m^2] in `noises`, (m, 3), of the process noise, and of the turns of the bank,
-    all equally probable. Of a single measurement the velocity is 0, with infinite variance.
+    """Fit a straight line to m measurements (m, 2) [m]. Return estimate and covariance (4, 4) at
+    the last one: of the noise of the measurements, xx, xy, yy [m^2] in `noises`, (m, 3), of the
+    process noise, and of the turns of the bank, all equally probable. Of a single measurement the
+    velocity is 0, with infinite variance.
     """
     matrices = noises[:, [[0, 1], [1, 2]]]
     if len(ticks) == 1:
@@ -39,9 +47,11 @@ def line_estimate(
         return np.array([x, 0.0, y, 0.0]), covariance
     ages = ticks[-1] - ticks
     times = options.tau * ages
-    weights = np.linalg.pinv(np.stack([np.ones_like(times), -times], axis=1))  # of position and velocity
+    # Of position and velocity.
+    weights = np.linalg.pinv(np.stack([np.ones_like(times), -times], axis=1))
     estimate = (weights @ points).T.ravel()
-    # the noise that a velocity gets i ticks before the last measurement has moved the earlier positions
+    # The noise that a velocity gets i ticks before the last measurement has moved the earlier
+    # positions.
     moved = weights @ (options.tau * np.maximum(ages[:, None] - np.arange(ages[0]), 0))
     covariance = np.einsum("iab,ci,di->acbd", matrices, weights, weights).reshape(4, 4)
     covariance += np.kron(np.eye(2), options.process_variance * moved @ moved.T)
@@ -49,7 +59,8 @@ def line_estimate(
     speed = float(np.hypot(*velocity))
     if speed > 0.0:
         turn_rates = np.minimum(speed / np.array(options.radii), np.pi / options.tau)
-        acceleration = 2.0 * float(((speed * turn_rates) ** 2).sum()) / options.hypotheses  # mean square
+        # Mean square.
+        acceleration = 2.0 * float(((speed * turn_rates) ** 2).sum()) / options.hypotheses
         bend = weights @ (0.5 * times**2)
         across = np.array([-velocity[1], velocity[0]]) / speed
         covariance += acceleration * np.kron(np.outer(across, across), np.outer(bend, bend))
@@ -57,9 +68,10 @@ def line_estimate(
 
 
 class FirstMeasurements:
-    """Collects measurements until more of them would not make the estimate of the velocity better. The line is fitted
-    to as many of the last ones as give the smallest variance of the velocity: few if the object turns by a large angle
-    in a tick, up to `most` if they are noisy. A track can begin when it is `complete`.
+    """Collects measurements until more of them would not make the estimate of the velocity better.
+    The line is fitted to as many of the last ones as give the smallest variance of the velocity:
+    few if the object turns by a large angle in a tick, up to `most` if they are noisy. A track can
+    begin when it is `complete`.
     """
 
     def __init__(self, options: ModelOptions, most: int):
@@ -67,24 +79,35 @@ class FirstMeasurements:
         self.estimate: FloatArray = np.full(4, np.nan)
         self.covariance: FloatArray = np.diag(np.full(4, np.inf))
         self._tick = 0
-        self._measured: list[list[float]] = []  # tick, x, y, and the covariance xx, xy, yy
+        # Tick, x, y, and the covariance xx, xy, yy.
+        self._measured: list[list[float]] = []
 
     def skip(self) -> None:
         """Advance by one tick without a measurement; the estimate moves on along the line."""
         self._tick += 1
         motion = np.kron(np.eye(2), [[1.0, self.options.tau], [0.0, 1.0]])
         self.estimate = motion @ self.estimate
-        if len(self._measured) > 1:  # otherwise a variance is infinite
+        # Otherwise a variance is infinite.
+        if len(self._measured) > 1:
             process = np.diag([0.0, self.options.process_variance] * 2)
             self.covariance = motion @ self.covariance @ motion.T + process
 
     def add(self, x: float, y: float, noise: Sequence[float] | FloatArray | None = None) -> None:
-        """Advance by one tick with a measurement [m], and its covariance xx, xy, yy [m^2]; None is R."""
+        """Advance by one tick with a measurement [m], and its covariance xx, xy, yy [m^2]; None
+        is R.
+        """
         self._tick += 1
-        self._measured.append([self._tick, x, y, *(unit_noise(self.options) if noise is None else noise)])
+        self._measured.append(
+            [self._tick, x, y, *(unit_noise(self.options) if noise is None else noise)]
+        )
         rows = np.array(self._measured)
-        ticks, points, noises = rows[:, 0], rows[:, 1:3], rows[:, 3:]
-        fits = [line_estimate(ticks[-m:], points[-m:], noises[-m:], self.options) for m in range(2, len(rows) + 1)]
+        ticks = rows[:, 0]
+        points = rows[:, 1:3]
+        noises = rows[:, 3:]
+        fits = [
+            line_estimate(ticks[-m:], points[-m:], noises[-m:], self.options)
+            for m in range(2, len(rows) + 1)
+        ]
         if not fits:
             self.estimate, self.covariance = line_estimate(ticks, points, noises, self.options)
             return
@@ -95,14 +118,25 @@ class FirstMeasurements:
 
 
 DEVIATIONS = 10.0
-"""Default distance from the nearest predicted position, in standard deviations, that is still accepted."""
+"""Default distance from the nearest predicted position, in standard deviations, that is still
+accepted.
+"""
 
-PATIENCE = 5  # measurements outside of the gate, after which the track begins again: the object is elsewhere
-LARGEST_TURN = 1.0  # angle in a tick [rad] above which a turn is no explanation of a measurement
+# Measurements outside of the gate, after which the track begins again: the object is elsewhere.
+PATIENCE = 5
+# Angle in a tick [rad] above which a turn is no explanation of a measurement.
+LARGEST_TURN = 1.0
 
 
 @inlined
-def _squared_distance(dx: float, dy: float, xx: float, xy: float, yy: float, allowed: float) -> float:
+def _squared_distance(
+    dx: float,
+    dy: float,
+    xx: float,
+    xy: float,
+    yy: float,
+    allowed: float,
+) -> float:
     """Return d' S^-1 d of a vector that is shorter by an allowed length."""
     length = math.hypot(dx, dy)
     left = max(length - allowed, 0.0) / max(length, 1e-300)
@@ -111,21 +145,30 @@ def _squared_distance(dx: float, dy: float, xx: float, xy: float, yy: float, all
 
 @compiled
 def gate_distance(
-    measurement: FloatArray, estimate: FloatArray, covariance: FloatArray,
-    radii: FloatArray, tau: float, noise: FloatArray, ticks: int,
-) -> float:  # fmt: skip
-    """Return the distance of a measurement (2,) from the nearest predicted position, in standard deviations. Predicted
-    are straight motion and the turns of the bank by no large angle, from an estimate (4,) one tick before, its
-    covariance (4, 4) and that of the measurement, `noise`, xx, xy, yy [m^2]. What turns in the `ticks` since the
-    estimate was certainly right can have added to the distance from a straight line does not count.
+    measurement: FloatArray,
+    estimate: FloatArray,
+    covariance: FloatArray,
+    radii: FloatArray,
+    tau: float,
+    noise: FloatArray,
+    ticks: int,
+) -> float:
+    """Return the distance of a measurement (2,) from the nearest predicted position, in standard
+    deviations. Predicted are straight motion and the turns of the bank by no large angle, from an
+    estimate (4,) one tick before, its covariance (4, 4) and that of the measurement, `noise`, xx,
+    xy, yy [m^2]. What turns in the `ticks` since the estimate was certainly right can have added to
+    the distance from a straight line does not count.
     """
     P = covariance
     xx = P[0, 0] + 2.0 * tau * P[0, 1] + tau * tau * P[1, 1] + noise[0]
     yy = P[2, 2] + 2.0 * tau * P[2, 3] + tau * tau * P[3, 3] + noise[2]
     xy = P[0, 2] + tau * (P[0, 3] + P[1, 2]) + tau * tau * P[1, 3] + noise[1]
-    u, v = tau * estimate[1], tau * estimate[3]
-    dx, dy = measurement[0] - estimate[0], measurement[1] - estimate[2]
-    step, allowed = math.hypot(u, v), 0.0
+    u = tau * estimate[1]
+    v = tau * estimate[3]
+    dx = measurement[0] - estimate[0]
+    dy = measurement[1] - estimate[2]
+    step = math.hypot(u, v)
+    allowed = 0.0
     if ticks > 1 and step <= LARGEST_TURN * radii.min():
         path = step * ticks
         allowed = path * min(path / (2.0 * radii.min()), 2.0)
@@ -133,8 +176,10 @@ def gate_distance(
     for k in range(radii.size):
         angle = step / radii[k]
         if 0.0 < angle <= LARGEST_TURN:
-            along, across = math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle
+            along = math.sin(angle) / angle
+            across = (1.0 - math.cos(angle)) / angle
             for side in (-1.0, 1.0):
-                x, y = along * u - side * across * v, along * v + side * across * u
+                x = along * u - side * across * v
+                y = along * v + side * across * u
                 nearest = min(nearest, _squared_distance(dx - x, dy - y, xx, xy, yy, allowed))
     return math.sqrt(nearest)

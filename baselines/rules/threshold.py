@@ -15,7 +15,12 @@ from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
 
 @compiled
 def _choose(
-    log_probability: FloatArray, stated: Actions, started: BoolArray, threshold: float, release: float, actions: Actions
+    log_probability: FloatArray,
+    stated: Actions,
+    started: BoolArray,
+    threshold: float,
+    release: float,
+    actions: Actions,
 ) -> None:
     """Write the next statements; see `ThresholdDecider.choose`. The thresholds are logarithms."""
     for i in range(stated.size):
@@ -27,13 +32,21 @@ def _choose(
 
 @compiled
 def _choose_by_rows(
-    observation: Observations, modes: int, columns: tuple[int, int], scale: float,
-    threshold: float, release: float, actions: Actions,
-) -> None:  # fmt: skip
-    """Write the next statements from rows. columns: the first of the log probabilities, of the statement."""
+    observation: Observations,
+    modes: int,
+    columns: tuple[int, int],
+    scale: float,
+    threshold: float,
+    release: float,
+    actions: Actions,
+) -> None:
+    """Write the next statements from rows. columns: the first of the log probabilities, of the
+    statement.
+    """
     tracks = observation.shape[0]
     log_probability = np.empty((tracks, modes))
-    stated, started = np.zeros(tracks, np.int64), np.zeros(tracks, np.bool_)
+    stated = np.zeros(tracks, np.int64)
+    started = np.zeros(tracks, np.bool_)
     for i in range(tracks):
         for h in range(modes):
             log_probability[i, h] = observation[i, columns[0] + h] / scale
@@ -57,16 +70,22 @@ def reachable_probabilities(hypotheses: int) -> tuple[float, ...]:
 class ThresholdDecider(RowRule):
     """Changes its statement to the most probable mode when that is probable enough.
 
-    Between the two thresholds the last statement is kept, so that it does not alternate between two probable modes.
+    Between the two thresholds the last statement is kept, so that it does not alternate between two
+    probable modes.
 
     Args:
         threshold: smallest probability of a mode to which the statement changes, 0 to 1.
-        release: largest probability of the stated mode at which the statement may change, 0 to 1; 1 has no effect.
+        release: largest probability of the stated mode at which the statement may change, 0 to 1; 1
+            has no effect.
     """
 
-    name, task, title = "threshold", UNKNOWN, "IMM threshold"
-    symbol, default = "probability", 0.6
-    colour, marker = "#6900ff", "o"
+    name = "threshold"
+    task = UNKNOWN
+    title = "IMM threshold"
+    symbol = "probability"
+    default = 0.6
+    colour = "#6900ff"
+    marker = "o"
 
     def __init__(self, threshold: float = 0.6, release: float = 1.0):
         self.threshold = _check_probability("threshold", threshold)
@@ -80,13 +99,23 @@ class ThresholdDecider(RowRule):
         return replace(super().family(options), thresholds=thresholds)
 
     def act(self, rows: Observations) -> Actions:
-        """See `RowRule.act`; rows of `hybrid_env.HybridTrackQuickestEnv` have the last statement."""
+        """See `RowRule.act`; rows of `hybrid_env.HybridTrackQuickestEnv` have the last
+        statement.
+        """
         rows = np.ascontiguousarray(rows, np.float32)
         layout = QuickestLayout.of_rows(rows)
         actions = np.empty(len(rows), np.int64)
         columns = layout.slices["log_probability"].start, layout.slices["stated"].start
         scale = layout.scales["log_probability"]
-        _choose_by_rows(rows, layout.hypotheses, columns, scale, self._log_threshold, self._log_release, actions)
+        _choose_by_rows(
+            rows,
+            layout.hypotheses,
+            columns,
+            scale,
+            self._log_threshold,
+            self._log_release,
+            actions,
+        )
         return actions
 
     def panel(self) -> EvidencePanel:
@@ -94,8 +123,8 @@ class ThresholdDecider(RowRule):
         return probability_panel("bank", self.threshold)
 
     def choose(self, log_probability: FloatArray, stated: Actions, started: BoolArray) -> Actions:
-        """Return the next statements of N tracks, (N,), from log probabilities of the modes, (N, M), and the last ones,
-        (N,).
+        """Return the next statements of N tracks, (N,), from log probabilities of the modes, (N,
+        M), and the last ones, (N,).
 
         Where none has `started`, it is the most probable mode.
         """
@@ -112,7 +141,9 @@ class ThresholdDecider(RowRule):
 
 
 def read_statement(observation: Observations) -> tuple[Actions, BoolArray]:
-    """Return the last stated mode of N tracks, (N,), and whether there has been a statement, (N,)."""
+    """Return the last stated mode of N tracks, (N,), and whether there has been a statement,
+    (N,).
+    """
     stated = QuickestLayout.of_rows(observation).read(observation, "stated")
     return stated.argmax(-1), stated.max(-1) > 0.0
 

@@ -1,4 +1,6 @@
-"""A decider on a live sensor: a measurement at a time gives mode, probabilities, estimate and covariance."""
+"""A decider on a live sensor: a measurement at a time gives mode, probabilities, estimate and
+covariance.
+"""
 
 import operator
 from typing import Any, NamedTuple
@@ -8,9 +10,25 @@ from numpy.typing import ArrayLike
 
 from baselines.rules.decider import Decider
 from baselines.rules.own import Asked, as_decider, name_of
-from baselines.rules.start import DEVIATIONS, FEW, MANY, PATIENCE, FirstMeasurements, gate_distance, unit_noise
+from baselines.rules.start import (
+    DEVIATIONS,
+    FEW,
+    MANY,
+    PATIENCE,
+    FirstMeasurements,
+    gate_distance,
+    unit_noise,
+)
 from hybrid_env import checks
-from hybrid_env.checks import FloatArray, OwnState, check_array, check_covariance, check_integer, check_number, reject
+from hybrid_env.checks import (
+    FloatArray,
+    OwnState,
+    check_array,
+    check_covariance,
+    check_integer,
+    check_number,
+    reject,
+)
 from hybrid_env.core.compilation import prepare
 from hybrid_env.limits import check_ticks
 from hybrid_env.live import OnlineTrack, live_track
@@ -18,24 +36,29 @@ from hybrid_env.options import ModelOptions, WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Fused, check_fused, fuse
 
-LONGEST_GAP = 1000  # ticks between two measurements
+# Ticks between two measurements.
+LONGEST_GAP = 1000
 
 
 class OnlineEstimate(NamedTuple):
     """What is known after a measurement.
 
     Attributes:
-        mode: the stated or last declared mode: 0 straight, then the left and the right turns in the order of the radii.
-        decided: False while the first measurements are collected; then with unknown switches as long as the mode is
-            only assumed: until the evidence for it reaches the threshold of the decider, the statement changes, or from
-            the start if `begin` is told the mode or the decider has no such threshold. With announced switches False
-            from a switch to the declaration of its mode; then `mode` is the one before.
+        mode: the stated or last declared mode: 0 straight, then the left and the right turns in the
+            order of the radii.
+        decided: False while the first measurements are collected; then with unknown switches as
+            long as the mode is only assumed: until the evidence for it reaches the threshold of the
+            decider, the statement changes, or from the start if `begin` is told the mode or the
+            decider has no such threshold. With announced switches False from a switch to the
+            declaration of its mode; then `mode` is the one before.
         probabilities: (M,) of the modes.
         estimate: (4,) [x, vx, y, vy] [m, m/s]; NaN before the first measurement.
         covariance: (4, 4) of the estimate; variances that nothing is known of are infinite.
-        agrees: False if no motion of the track explains the measurement, see `OnlineTracker`; it is not used then.
-        recalculated: with the option `recalculation`, at a declaration: estimates (k, 4) and covariances (k, 4, 4) of
-            the k ticks since the switch by the filter of the declared mode; otherwise None.
+        agrees: False if no motion of the track explains the measurement, see `OnlineTracker`; it is
+            not used then.
+        recalculated: with the option `recalculation`, at a declaration: estimates (k, 4) and
+            covariances (k, 4, 4) of the k ticks since the switch by the filter of the declared
+            mode; otherwise None.
     """
 
     mode: int
@@ -50,34 +73,39 @@ class OnlineEstimate(NamedTuple):
 class OnlineTracker(OwnState):
     """A decider behind the bank of its environment, on measurements that come one at a time.
 
-    The same measurements, first estimate and switches give the same rows, modes and estimates as in the environment,
-    bit for bit, as long as the gate refuses none.
+    The same measurements, first estimate and switches give the same rows, modes and estimates as in
+    the environment, bit for bit, as long as the gate refuses none.
 
-    With `QuickestOptions` the switch moments are unknown: the decider states a mode at every measurement.
-    Probabilities, estimate and covariance are those of the bank, the interacting multiple model.
+    With `QuickestOptions` the switch moments are unknown: the decider states a mode at every
+    measurement. Probabilities, estimate and covariance are those of the bank, the interacting
+    multiple model.
 
-    With `WorldOptions` the caller announces a switch by `switch`. Until the decider declares the mode of the segment,
-    the estimate is that of the filter of the last decided mode. From then on the filter of the declared mode follows
-    the object to the next switch and gives its anchor; the decider is not asked and the probabilities do not change. A
-    segment that ends undecided is decided as in the options. With `follow="bank"` the estimate is merged over all
-    filters; with `refine_radius` mode and estimate are those of the likeliest hypothesis of the declared type.
+    With `WorldOptions` the caller announces a switch by `switch`. Until the decider declares the
+    mode of the segment, the estimate is that of the filter of the last decided mode. From then on
+    the filter of the declared mode follows the object to the next switch and gives its anchor; the
+    decider is not asked and the probabilities do not change. A segment that ends undecided is
+    decided as in the options. With `follow="bank"` the estimate is merged over all filters; with
+    `refine_radius` mode and estimate are those of the likeliest hypothesis of the declared type.
 
-    Measurements come at multiples of the tick `tau` of the options. After a jump of k ticks the bank predicts k - 1
-    ticks without a measurement, in which only deciders with filters of their own, whose `every_tick` is True, are
-    asked.
+    Measurements come at multiples of the tick `tau` of the options. After a jump of k ticks the
+    bank predicts k - 1 ticks without a measurement, in which only deciders with filters of their
+    own, whose `every_tick` is True, are asked.
 
     A measurement far from every predicted position is not used (`gate`): it counts as missing, and
-    `OnlineEstimate.agrees` is False. After `start.PATIENCE` of them, without two used ones in a row between them, the
-    track begins again with the next measurements. With announced switches the gate is wider, since the mode may be
-    wrong or unknown. A new object begins a track, see `begin`. Copies and pickled objects go on independently.
+    `OnlineEstimate.agrees` is False. After `start.PATIENCE` of them, without two used ones in a row
+    between them, the track begins again with the next measurements. With announced switches the
+    gate is wider, since the mode may be wrong or unknown. A new object begins a track, see `begin`.
+    Copies and pickled objects go on independently.
 
     Args:
-        options: of the environment whose model the bank uses. Those of its simulated object, such as speed, noise and
-            scheme, are used only by deciders, and `initial_error` if `begin` is given an estimate without a covariance.
+        options: of the environment whose model the bank uses. Those of its simulated object, such
+            as speed, noise and scheme, are used only by deciders, and `initial_error` if `begin` is
+            given an estimate without a covariance.
         decider: reads rows of that environment.
-        tolerance: of the time between two measurements, as a fraction of a tick, above 0 and below 0.5.
-        gate: distance from the nearest predicted position above which a measurement is not used, in standard
-            deviations; None uses all.
+        tolerance: of the time between two measurements, as a fraction of a tick, above 0 and below
+            0.5.
+        gate: distance from the nearest predicted position above which a measurement is not used, in
+            standard deviations; None uses all.
 
     >>> from baselines import ThresholdDecider
     >>> tracker = OnlineTracker(QuickestOptions(measurement_variance=0.01), ThresholdDecider(0.6))
@@ -88,32 +116,47 @@ class OnlineTracker(OwnState):
     """
 
     def __init__(
-        self, options: WorldOptions | QuickestOptions, decider: Decider, tolerance: float = 0.1,
+        self,
+        options: WorldOptions | QuickestOptions,
+        decider: Decider,
+        tolerance: float = 0.1,
         gate: float | None = DEVIATIONS,
-    ):  # fmt: skip
+    ):
         self.world: OnlineTrack = live_track(options)
         self.options, self.decider = options, as_decider(decider)
         self.tolerance = checks.check_between("tolerance", tolerance, 0.0, 0.5)
         self.gate = None if gate is None else checks.check_positive("gate", gate)
         self._model = np.array(options.radii), options.tau
         self._noise = unit_noise(options)
-        prepare(gate_distance, np.zeros(2), np.zeros(4), np.zeros((4, 4)), *self._model, self._noise, 1)
+        prepare(
+            gate_distance,
+            np.zeros(2),
+            np.zeros(4),
+            np.zeros((4, 4)),
+            *self._model,
+            self._noise,
+            1,
+        )
         self._ask = Asked(self.decider, int(self.world.action_space().n))
         self._longest = options.longest_segment
         self._try_decider()
         self.begin()
 
     def begin(
-        self, estimate: ArrayLike | None = None, covariance: ArrayLike | None = None, mode: int | None = None
+        self,
+        estimate: ArrayLike | None = None,
+        covariance: ArrayLike | None = None,
+        mode: int | None = None,
     ) -> None:
         """Begin a track, and forget the last one.
 
-        Without an estimate a straight line is fitted to the first measurements, 3 with unknown and up to 10 with
-        announced switches. The bank begins after the last of them; until then the estimate is that of the line, and all
-        modes are equally probable.
+        Without an estimate a straight line is fitted to the first measurements, 3 with unknown and
+        up to 10 with announced switches. The bank begins after the last of them; until then the
+        estimate is that of the line, and all modes are equally probable.
 
         Args:
-            estimate: (4,) [x, vx, y, vy] one tick before the first measurement [m, m/s]; None collects.
+            estimate: (4,) [x, vx, y, vy] one tick before the first measurement [m, m/s]; None
+                collects.
             covariance: (4, 4) of the estimate; None is that of the options, see `initial_error`.
             mode: before the first tick; None if it is not known.
         """
@@ -123,39 +166,47 @@ class OnlineTracker(OwnState):
         first = None if estimate is None else self._checked_estimate(estimate, covariance)
         self._mode = known
         self._assumed = mode is None and not self.world.announced
-        self._collected = FirstMeasurements(self.options, MANY if self.world.announced else FEW) if not first else None
+        self._collected = (
+            FirstMeasurements(self.options, MANY if self.world.announced else FEW)
+            if not first
+            else None
+        )
         if first is not None:
             self.world.begin_track(*first, known)
         self._last_time: float | None = None
         self._refused = self._agreed = 0
         self._measured = False
-        self._ticks: int | None = self._longest  # of the segment that the next measurement begins
+        # Of the segment that the next measurement begins.
+        self._ticks: int | None = self._longest
         self._decider_state: Any = None
         self._episode_start = np.ones(1, np.bool_)
 
     def switch(self, ticks: int | None = None) -> None:
         """Announce that the next update is the first one after a switch, also `update(None)`.
 
-        Some learned deciders read the number of ticks until the next switch; None assumes the longest segment.
+        Some learned deciders read the number of ticks until the next switch; None assumes the
+        longest segment.
         """
         if not self.world.announced:
             raise reject("switch", "an announced switch", "none with QuickestOptions")
         self._ticks = self._longest if ticks is None else check_ticks("ticks", ticks)
 
     def update(
-        self, measurement: ArrayLike | dict[int, ArrayLike] | Fused | None, time: float | None = None
+        self,
+        measurement: ArrayLike | dict[int, ArrayLike] | Fused | None,
+        time: float | None = None,
     ) -> OnlineEstimate:
         """Process the measurement of a tick, and return what is known after it.
 
         Args:
-            measurement: (2,) position of variance R [m]; or what the sensors of the options measured, as a mapping from
-                their place in the list: (x, y), (range, bearing) or (range, bearing, range rate) [m, rad, m/s]; None if
-                there is none in this tick.
+            measurement: (2,) position of variance R [m]; or what the sensors of the options
+                measured, as a mapping from their place in the list: (x, y), (range, bearing) or
+                (range, bearing, range rate) [m, rad, m/s]; None if there is none in this tick.
             time: of the measurement [s]; None is one tick after the last one.
 
         Raises:
-            ArgumentError: the measurement is not finite, the time does not fit the ticks, or a measurement is missing
-                and the decider cannot do without it.
+            ArgumentError: the measurement is not finite, the time does not fit the ticks, or a
+                measurement is missing and the decider cannot do without it.
         """
         point = _checked(measurement, self.options)
         moment = None if time is None else check_number("time", time)
@@ -174,7 +225,8 @@ class OnlineTracker(OwnState):
         world.recalculated = None
         for k in range(missing):
             if point is None and k == missing - 1:
-                self._begin_announced()  # the tick of `update(None)` itself
+                # The tick of `update(None)` itself.
+                self._begin_announced()
             self._skip()
         agrees = True
         if point is not None:
@@ -182,7 +234,8 @@ class OnlineTracker(OwnState):
             self._begin_announced()
             agrees = self._agrees(point)
             self._agreed = (self._agreed + 1) * agrees
-            if agrees:  # a single one may agree only because its prediction is so uncertain
+            # A single one may agree only because its prediction is so uncertain.
+            if agrees:
                 self._refused *= self._agreed < 2
                 world.measure(*point.position, point)
                 if world.asks:
@@ -191,15 +244,22 @@ class OnlineTracker(OwnState):
                 self._refused += 1
                 self._skip()
         found = OnlineEstimate(
-            world.mode, world.decided and not self._assumed, world.probabilities(), world.estimate(),
-            world.covariance(), agrees, world.recalculated,
-        )  # fmt: skip
-        if self._refused >= PATIENCE:  # the track begins anew; with announced switches in the same segment
+            world.mode,
+            world.decided and not self._assumed,
+            world.probabilities(),
+            world.estimate(),
+            world.covariance(),
+            agrees,
+            world.recalculated,
+        )
+        # The track begins anew; with announced switches in the same segment.
+        if self._refused >= PATIENCE:
             kept = self._last_time, world.ticks_left, self._assumed
             self.begin(mode=world.mode)
             self._last_time, self._ticks, self._assumed = kept
             assert self._collected is not None
-            self._collected.estimate = world.estimate()  # until the first of them
+            # Until the first of them.
+            self._collected.estimate = world.estimate()
         return found
 
     @property
@@ -217,7 +277,10 @@ class OnlineTracker(OwnState):
         """Return whether a motion of the track explains a measurement."""
         if self.gate is None:
             return True
-        world, noise = self.world, self._noise if point.covariance is None else np.array(point.covariance)
+        world, noise = (
+            self.world,
+            self._noise if point.covariance is None else np.array(point.covariance),
+        )
         seen = np.array(point.position), world.estimate(), world.covariance()
         return gate_distance(*seen, *self._model, noise, world.uncertain_ticks) <= self.gate
 
@@ -233,14 +296,26 @@ class OnlineTracker(OwnState):
             return 0
         tau = self.options.tau
         passed = (time - self._last_time) / tau
-        ticks = round(passed) if abs(passed) < 2 * LONGEST_GAP else 0  # it may be infinite
+        # It may be infinite.
+        ticks = round(passed) if abs(passed) < 2 * LONGEST_GAP else 0
         if not (1 <= ticks <= LONGEST_GAP and abs(passed - ticks) <= self.tolerance):
             moments = f"{self._last_time:.9g} and 1 to {LONGEST_GAP} ticks of {tau:g} s more"
-            raise reject("time", time, f"{moments}, within {self.tolerance:g} of a tick; begin() begins a new track")
+            raise reject(
+                "time",
+                time,
+                f"{moments}, within {self.tolerance:g} of a tick; begin() begins a new track",
+            )
         return ticks - 1
 
-    def _begins_after(self, collected: FirstMeasurements, point: Fused | None, missing: int) -> bool:
-        """Collect a measurement after missing ones; return whether the bank has begun before it instead."""
+    def _begins_after(
+        self,
+        collected: FirstMeasurements,
+        point: Fused | None,
+        missing: int,
+    ) -> bool:
+        """Collect a measurement after missing ones; return whether the bank has begun before it
+        instead.
+        """
         for _ in range(missing):
             collected.skip()
         if point is None:
@@ -257,8 +332,12 @@ class OnlineTracker(OwnState):
 
     def _ask_decider(self) -> int:
         """Return the action of the decider on the present row."""
-        seen, first, evidence = self.decider.observe(self.world), self._episode_start, None
-        levels = [one.levels[-1] for one in self.decider.panel().thresholds] if self._assumed else []
+        seen = self.decider.observe(self.world)
+        first = self._episode_start
+        evidence = None
+        levels = (
+            [one.levels[-1] for one in self.decider.panel().thresholds] if self._assumed else []
+        )
         if levels:
             evidence = self.decider.evidence(seen, self._decider_state, first)[0]
         actions, self._decider_state = self._ask(seen, self._decider_state, first)
@@ -270,7 +349,9 @@ class OnlineTracker(OwnState):
         return action
 
     def _try_decider(self) -> None:
-        """Ask the decider about a row, so that its code is compiled and a wrong decider is found at once."""
+        """Ask the decider about a row, so that its code is compiled and a wrong decider is found
+        at once.
+        """
         options, world = self.options, self.world
         self.begin(np.array([0.0, options.speed, 0.0, 0.0]))
         world.begin_segment(self._longest)
@@ -278,10 +359,16 @@ class OnlineTracker(OwnState):
         try:
             self._ask_decider()
         except Exception as error:
-            allowed = f"one for rows of {world.environment} with {options.hypotheses} hypotheses: {error}"
+            allowed = (
+                f"one for rows of {world.environment} with {options.hypotheses} hypotheses: {error}"
+            )
             raise reject("decider", name_of(self.decider), allowed) from error
 
-    def _checked_estimate(self, estimate: ArrayLike, covariance: ArrayLike | None) -> tuple[FloatArray, FloatArray]:
+    def _checked_estimate(
+        self,
+        estimate: ArrayLike,
+        covariance: ArrayLike | None,
+    ) -> tuple[FloatArray, FloatArray]:
         """Return a checked first estimate, (4,), and its covariance, (4, 4)."""
         mean = check_array("estimate", estimate, (4,))
         if covariance is None:
@@ -291,7 +378,9 @@ class OnlineTracker(OwnState):
 
 
 def _checked(measurement: Any, options: ModelOptions) -> Fused | None:
-    """Return a checked measurement; two floats are checked without an array, which would be slow."""
+    """Return a checked measurement; two floats are checked without an array, which would be
+    slow.
+    """
     if measurement is None:
         return None
     if isinstance(measurement, Fused):
@@ -299,7 +388,9 @@ def _checked(measurement: Any, options: ModelOptions) -> Fused | None:
     if isinstance(measurement, dict):
         return fuse(options.sensors, measurement)
     x, y = measurement if isinstance(measurement, tuple) and len(measurement) == 2 else (None, None)
-    # a sum that is not too large is not NaN
-    if not (isinstance(x, float) and isinstance(y, float) and abs(x) + abs(y) <= checks.LARGEST_NUMBER):
+    # A sum that is not too large is not NaN.
+    if not (
+        isinstance(x, float) and isinstance(y, float) and abs(x) + abs(y) <= checks.LARGEST_NUMBER
+    ):
         x, y = check_array("measurement", measurement, (2,)).tolist()
     return Fused((x, y))

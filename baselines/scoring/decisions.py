@@ -8,7 +8,10 @@ import numpy as np
 from baselines.scoring.scores import Statistic, quotient, ratio
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 
-RMSE = Statistic(("squared_error", "length"), lambda error, length: np.sqrt(quotient(error, length)))
+RMSE = Statistic(
+    ("squared_error", "length"),
+    lambda error, length: np.sqrt(quotient(error, length)),
+)
 ERROR_AFTER = {
     "correct": ratio("wrong_after_correct", "after_correct"),
     "wrong": ratio("wrong_after_wrong", "after_wrong"),
@@ -20,15 +23,23 @@ ERROR_AFTER = {
 class Decisions:
     """All decisions in E episodes with K segments each, as arrays of shape (E, K)."""
 
-    correct: BoolArray  # as defined by the reward, exactly or by type
-    type_correct: BoolArray  # the type (straight, left or right) is correct
-    ticks: IntArray  # decision time within the segment
-    forced: BoolArray  # the segment ended without a declaration
-    true_mode: IntArray  # index into the bank
+    # As defined by the reward, exactly or by type.
+    correct: BoolArray
+    # The type (straight, left or right) is correct.
+    type_correct: BoolArray
+    # Decision time within the segment.
+    ticks: IntArray
+    # The segment ended without a declaration.
+    forced: BoolArray
+    # Index into the bank.
+    true_mode: IntArray
     decided_mode: IntArray
-    length: IntArray  # of the segment, in ticks
-    squared_error: FloatArray  # of the estimated position, summed over the segment [m^2]
-    delay_cost: float  # per tick
+    # Of the segment, in ticks.
+    length: IntArray
+    # Of the estimated position, summed over the segment [m^2].
+    squared_error: FloatArray
+    # Per tick.
+    delay_cost: float
 
     @cached_property
     def reward(self) -> FloatArray:
@@ -38,15 +49,33 @@ class Decisions:
     @property
     def figures(self) -> FloatArray:
         """Figures of each episode, (E, 11), see `COLUMNS`."""
-        previous, wrong = self.correct[:, :-1], ~self.correct[:, 1:]
-        shares = [one.mean(1) for one in (self.correct, self.type_correct, self.ticks, self.reward, self.forced)]
+        previous = self.correct[:, :-1]
+        wrong = ~self.correct[:, 1:]
+        shares = [
+            one.mean(1)
+            for one in (self.correct, self.type_correct, self.ticks, self.reward, self.forced)
+        ]
         sums = [self.squared_error.sum(1), self.length.sum(1)]
-        after = [(wrong & previous).sum(1), previous.sum(1), (wrong & ~previous).sum(1), (~previous).sum(1)]
+        after = [
+            (wrong & previous).sum(1),
+            previous.sum(1),
+            (wrong & ~previous).sum(1),
+            (~previous).sum(1),
+        ]
         return np.stack([*shares, *sums, *after], axis=1)
 
 
 COLUMNS = (
-    "accuracy", "type_accuracy", "ticks", "reward", "forced", "squared_error", "length",
-    "wrong_after_correct", "after_correct", "wrong_after_wrong", "after_wrong",
-)  # fmt: skip
+    "accuracy",
+    "type_accuracy",
+    "ticks",
+    "reward",
+    "forced",
+    "squared_error",
+    "length",
+    "wrong_after_correct",
+    "after_correct",
+    "wrong_after_wrong",
+    "after_wrong",
+)
 """Figures of an episode: means over its segments, then sums."""

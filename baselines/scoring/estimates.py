@@ -9,30 +9,38 @@ import numpy as np
 
 from hybrid_env.checks import FloatArray, IntArray
 
-RESAMPLES, CONFIDENCE = 2000, 0.95  # of the bootstrap
+# Of the bootstrap.
+RESAMPLES, CONFIDENCE = 2000, 0.95
 
 
 @dataclass(frozen=True)
 class Estimate:
     """A point estimate with its 95 % confidence interval."""
 
-    value: float  # infinite where a level is not reached, NaN where nothing was counted
-    low: float  # bounds of the confidence interval
+    # Infinite where a level is not reached, NaN where nothing was counted.
+    value: float
+    # Bounds of the confidence interval.
+    low: float
     high: float
 
     def as_json(self) -> dict[str, float | None]:
         """Return finite numbers, and None for others."""
-        return {name: number if np.isfinite(number) else None for name, number in vars(self).items()}
+        return {
+            name: number if np.isfinite(number) else None for name, number in vars(self).items()
+        }
 
 
 def confidence_interval(
-    episodes: FloatArray, of_means: Callable[[FloatArray], Any] = lambda means: means
+    episodes: FloatArray,
+    of_means: Callable[[FloatArray], Any] = lambda means: means,
 ) -> tuple[float, float]:
-    """Return the percentile bootstrap 95 % confidence interval of a function of means over episodes, from (E, ...).
-    Whole episodes are resampled (Efron 1979), because the decisions within one are dependent. `of_means` maps means
-    (..., *episodes.shape[1:]) to the statistic (...); resamples where it is NaN do not count.
+    """Return the percentile bootstrap 95 % confidence interval of a function of means over
+    episodes, from (E, ...). Whole episodes are resampled (Efron 1979), because the decisions within
+    one are dependent. `of_means` maps means (..., *episodes.shape[1:]) to the statistic (...);
+    resamples where it is NaN do not count.
     """
-    from scipy import stats  # it loads slowly
+    # It loads slowly.
+    from scipy import stats
 
     if len(episodes) < 2 or np.ptp(episodes, axis=0).max() == 0.0:
         value = float(of_means(episodes.mean(0)))
@@ -42,9 +50,15 @@ def confidence_interval(
         return of_means(episodes[index].mean(axis=axis if axis >= 0 else index.ndim + axis))
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", stats.DegenerateDataWarning)  # of resamples that do not count
+        # Of resamples that do not count.
+        warnings.simplefilter("ignore", stats.DegenerateDataWarning)
         found = stats.bootstrap(
-            (np.arange(len(episodes)),), statistic, n_resamples=RESAMPLES, batch=100, method="percentile", rng=0
+            (np.arange(len(episodes)),),
+            statistic,
+            n_resamples=RESAMPLES,
+            batch=100,
+            method="percentile",
+            rng=0,
         ).bootstrap_distribution
     if np.isnan(found).all():
         return float("nan"), float("nan")
@@ -53,10 +67,13 @@ def confidence_interval(
 
 
 def wilson_interval(share: float, episodes: int) -> tuple[float, float]:
-    """Return Wilson's (1927) interval for the probability of an episode whose share is 1, if all have the share 0 or 1;
-    the mean share is at least this probability.
+    """Return Wilson's (1927) interval for the probability of an episode whose share is 1, if all
+    have the share 0 or 1; the mean share is at least this probability.
     """
     from scipy import stats
 
-    interval = stats.binomtest(round(share * episodes), episodes).proportion_ci(CONFIDENCE, method="wilson")
+    interval = stats.binomtest(round(share * episodes), episodes).proportion_ci(
+        CONFIDENCE,
+        method="wilson",
+    )
     return float(interval.low), float(interval.high)

@@ -1,4 +1,6 @@
-"""Scores of statements of any origin, `score(times, truth, statements)`, with intervals and differences."""
+"""Scores of statements of any origin, `score(times, truth, statements)`, with intervals and
+differences.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -12,14 +14,23 @@ from numpy.typing import NDArray
 
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores
-from baselines.scoring.timelines import NOTHING, Timeline, TimelineCounts, count_timeline, statistics
+from baselines.scoring.timelines import (
+    NOTHING,
+    Timeline,
+    TimelineCounts,
+    count_timeline,
+    statistics,
+)
 from hybrid_env.checks import ArgumentError, check_array, check_positive, dimensions, reject
 
 HOUR = 3600.0
-MOST_BLOCKS, FEWEST_BLOCKS = 20, 10  # of equal time, of a single track; with fewer there are no intervals
+# Of equal time, of a single track; with fewer there are no intervals.
+MOST_BLOCKS, FEWEST_BLOCKS = 20, 10
 SWITCHES_OF_A_BLOCK = 2
-MISSING = ("NAType", "NaTType")  # types of a missing mode in pandas, which is not imported
-ONE_SET = "statements"  # name of statements that are given without a name
+# Types of a missing mode in pandas, which is not imported.
+MISSING = ("NAType", "NaTType")
+# Name of statements that are given without a name.
+ONE_SET = "statements"
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +38,8 @@ class TimelineScores:
     """Scores of one or several sets of statements on the same tracks.
 
     Attributes:
-        scores: figures `TimelineCounts` of every track, or of every block of a single track, by the name of the set.
+        scores: figures `TimelineCounts` of every track, or of every block of a single track, by the
+            name of the set.
         timelines: of every track, by the name of the set.
         modes: names of the modes, by whose indices the timelines are.
         period: time in which false changes are counted.
@@ -47,7 +59,9 @@ class TimelineScores:
 
     @property
     def unit(self) -> str:
-        """What is drawn with replacement for the intervals: tracks, blocks of a single one, or nothing."""
+        """What is drawn with replacement for the intervals: tracks, blocks of a single one, or
+        nothing.
+        """
         units = next(iter(self.scores.values())).episodes
         return "tracks" if self.tracks > 1 else f"{units} blocks" if units > 1 else ""
 
@@ -58,7 +72,9 @@ class TimelineScores:
 
     @cached_property
     def differences(self) -> dict[str, dict[str, Estimate]]:
-        """The figures of each other set less those of the first on the same tracks, with paired intervals."""
+        """The figures of each other set less those of the first on the same tracks, with paired
+        intervals.
+        """
         first, *others = self.scores
         return {name: self._estimates(self.scores[name], self.scores[first]) for name in others}
 
@@ -69,16 +85,21 @@ class TimelineScores:
             for of in (self.estimates, self.differences)
         )
         return {
-            "tracks": self.tracks, "intervals_over": self.unit or None, "period": self.period,
+            "tracks": self.tracks,
+            "intervals_over": self.unit or None,
+            "period": self.period,
             "modes": [str(mode) for mode in self.modes],
             "scored": float(next(iter(self.scores.values())).of("scored", 0).sum()),
-            "figures": figures, "less_first": less_first,
-        }  # fmt: skip
+            "figures": figures,
+            "less_first": less_first,
+        }
 
     def _estimates(self, scores: Scores, other: Scores | None = None) -> dict[str, Estimate]:
         found = {}
         for key, statistic in statistics(self.period).items():
-            one = scores.estimate(statistic) if other is None else scores.difference(other, statistic)
+            one = (
+                scores.estimate(statistic) if other is None else scores.difference(other, statistic)
+            )
             found[key] = one if self.unit else Estimate(one.value, math.nan, math.nan)
         return found
 
@@ -90,29 +111,42 @@ class _Track(NamedTuple):
     modes: list[Any]
 
     def coded(self, codes: dict[Any, int]) -> "_Track":
-        """Return the track with indices of its modes, for which `codes` grows; `NOTHING` for a missing one."""
+        """Return the track with indices of its modes, for which `codes` grows; `NOTHING` for a
+        missing one.
+        """
         return _Track(self.times, [_code(mode, codes) for mode in self.modes])
 
 
 def score(
-    times: Any, truth: Any, statements: Any, *, statement_times: Any = None, per: float = HOUR, normal: Any = None
+    times: Any,
+    truth: Any,
+    statements: Any,
+    *,
+    statement_times: Any = None,
+    per: float = HOUR,
+    normal: Any = None,
 ) -> TimelineScores:
     """Score statements of any origin: agreement, delay, misses, false changes, with 95 % intervals.
 
-    A sample of the truth, and a statement, holds until the next one; the last time of the truth ends the track. A list
-    of switches with a last row at the end is therefore as good as samples. Modes are numbers or strings; where the
-    truth is None, NaN or "", nothing is scored, and where a statement is, none is right. Intervals are bootstrapped
-    over tracks, for a single track over up to 20 blocks of equal time with two switches on average; with fewer than 10
-    blocks there are none.
+    A sample of the truth, and a statement, holds until the next one; the last time of the truth
+    ends the track. A list of switches with a last row at the end is therefore as good as samples.
+    Modes are numbers or strings; where the truth is None, NaN or "", nothing is scored, and where a
+    statement is, none is right. Intervals are bootstrapped over tracks, for a single track over up
+    to 20 blocks of equal time with two switches on average; with fewer than 10 blocks there are
+    none.
 
     Args:
-        times: (n,) increasing times of the truth, numbers or datetimes (seconds); a list of them for several tracks.
+        times: (n,) increasing times of the truth, numbers or datetimes (seconds); a list of them
+            for several tracks.
         truth: (n,) true modes, or a list of such arrays.
-        statements: (n,) stated modes, or a list of such arrays; of several sets a dict by their names.
-        statement_times: as `statements`, with their times; None are those of the truth. Both may be empty, of a track
-            on which nothing is stated.
-        per: time in which false changes are counted, in the unit of the times; an hour if these are seconds.
-        normal: true mode, away from which a false change is a false alarm, counted in the time in which it is true.
+        statements: (n,) stated modes, or a list of such arrays; of several sets a dict by their
+            names.
+        statement_times: as `statements`, with their times; None are those of the truth. Both may be
+            empty, of a track on which nothing is stated.
+        per: time in which false changes are counted, in the unit of the times; an hour if these are
+            seconds.
+        normal: true mode, away from which a false change is a false alarm, counted in the time in
+            which it is true.
     """
     period = check_positive("per", per)
     true = _tracks("times", times, "truth", truth)
@@ -123,19 +157,34 @@ def score(
     moments = [track.coded(codes) for track in true]
     known = len(codes)
     if not known:
-        raise ArgumentError("truth has no mode: expected at least one sample that is not None, NaN or ''")
+        raise ArgumentError(
+            "truth has no mode: expected at least one sample that is not None, NaN or ''"
+        )
     if normal is not None and normal not in codes:
-        raise reject("normal", normal, "a mode of the truth, such as " + ", ".join(map(str, list(codes)[:5])))
+        raise reject(
+            "normal",
+            normal,
+            "a mode of the truth, such as " + ", ".join(map(str, list(codes)[:5])),
+        )
     timelines = {}
     for name, stated in sets.items():
         place = f"statements[{name!r}]" if isinstance(statements, Mapping) else "statements"
         own = statement_times.get(name) if isinstance(statement_times, Mapping) else statement_times
         found = _tracks(
-            "times" if own is None else "statement_times", times if own is None else own, place, stated, True
+            "times" if own is None else "statement_times",
+            times if own is None else own,
+            place,
+            stated,
+            True,
         )
         if len(found) != len(true):
-            raise ArgumentError(f"{place} has {len(found)} tracks: expected {len(true)}, as the truth")
-        found = [track if track.modes else _Track(at.times[:1], [None]) for track, at in zip(found, true, strict=True)]
+            raise ArgumentError(
+                f"{place} has {len(found)} tracks: expected {len(true)}, as the truth"
+            )
+        found = [
+            track if track.modes else _Track(at.times[:1], [None])
+            for track, at in zip(found, true, strict=True)
+        ]
         coded = [track.coded(codes) for track in found]
         spoken = {mode for track in coded for mode in track.modes} - {NOTHING}
         if spoken and min(spoken) >= known:
@@ -147,15 +196,29 @@ def score(
     return TimelineScores(scores, timelines, tuple(codes), period, normal)
 
 
-def _tracks(name: str, times: Any, word: str, modes: Any, may_be_empty: bool = False) -> list[_Track]:
-    """Return the tracks of one or several arrays of times and modes; those of statements may be empty."""
+def _tracks(
+    name: str,
+    times: Any,
+    word: str,
+    modes: Any,
+    may_be_empty: bool = False,
+) -> list[_Track]:
+    """Return the tracks of one or several arrays of times and modes; those of statements may be
+    empty.
+    """
     first = next(iter(times), 0.0) if dimensions(times) == 1 else times
     if dimensions(times) == 1 and (isinstance(first, str) or dimensions(first) != 1):
         times, modes = [times], [modes]
-    if not dimensions(times) or not isinstance(times, Sequence | np.ndarray) or not dimensions(modes):
+    if (
+        not dimensions(times)
+        or not isinstance(times, Sequence | np.ndarray)
+        or not dimensions(modes)
+    ):
         raise reject(name, times, "an array of times, or a list of such arrays")
     if len(times) != len(modes) or not len(times):
-        raise ArgumentError(f"{word} has {len(modes)} tracks: expected {len(times)}, as {name}, at least one")
+        raise ArgumentError(
+            f"{word} has {len(modes)} tracks: expected {len(times)}, as {name}, at least one"
+        )
     found = []
     for number, (clock, values) in enumerate(zip(times, modes, strict=True)):
         place = name if len(times) == 1 else f"{name}[{number}]"
@@ -163,9 +226,16 @@ def _tracks(name: str, times: Any, word: str, modes: Any, may_be_empty: bool = F
             raise reject(place, clock, "an array of times")
         if dimensions(values) != 1 or len(values) != len(clock):
             shape = np.shape(values)
-            raise ArgumentError(f"{word} has shape {shape} for {len(clock)} {place}: expected one mode for each")
+            raise ArgumentError(
+                f"{word} has shape {shape} for {len(clock)} {place}: expected one mode for each"
+            )
         is_empty = may_be_empty and not len(clock)
-        found.append(_Track(np.zeros(0) if is_empty else _times(place, clock), np.asarray(values, object).tolist()))
+        found.append(
+            _Track(
+                np.zeros(0) if is_empty else _times(place, clock),
+                np.asarray(values, object).tolist(),
+            )
+        )
     return found
 
 
@@ -186,7 +256,11 @@ def _times(name: str, values: Any) -> NDArray[Any]:
         array = check_array(name, values, (None,))
     wrong = np.flatnonzero(~(array[1:] > array[:-1]))
     if wrong.size:
-        raise reject(f"{name}[{wrong[0] + 1}]", str(array[wrong[0] + 1]), f"a time after {array[wrong[0]]}")
+        raise reject(
+            f"{name}[{wrong[0] + 1}]",
+            str(array[wrong[0] + 1]),
+            f"a time after {array[wrong[0]]}",
+        )
     return array
 
 
@@ -200,11 +274,21 @@ def _code(mode: Any, codes: dict[Any, int]) -> int:
 
 
 def _merge(true: _Track, stated: _Track, name: str) -> Timeline:
-    """Return truth and statements at the moments at which either has a sample, until the end of the truth."""
+    """Return truth and statements at the moments at which either has a sample, until the end of
+    the truth.
+    """
     if true.times.dtype.kind != stated.times.dtype.kind:
-        raise reject(name, str(stated.times[0]), f"times as those of the truth, such as {true.times[0]}")
+        raise reject(
+            name,
+            str(stated.times[0]),
+            f"times as those of the truth, such as {true.times[0]}",
+        )
     if stated.times[0] > true.times[-1]:
-        raise reject(name, str(stated.times[0]), f"a first time before the end of the truth, {true.times[-1]}")
+        raise reject(
+            name,
+            str(stated.times[0]),
+            f"a first time before the end of the truth, {true.times[-1]}",
+        )
     clock = np.union1d(true.times, stated.times)
     clock = clock[(clock >= true.times[0]) & (clock <= true.times[-1])]
     rows = np.searchsorted(true.times, clock, "right") - 1
@@ -212,21 +296,24 @@ def _merge(true: _Track, stated: _Track, name: str) -> Timeline:
     at = np.searchsorted(stated.times, clock, "right") - 1
     spoken = np.where(at >= 0, np.array(stated.modes)[at], NOTHING)
     scored = modes != NOTHING
-    # where the truth is not known the mode before goes on, so that its return is no switch
+    # Where the truth is not known the mode before goes on, so that its return is no switch.
     known = np.maximum.accumulate(np.where(scored, np.arange(len(clock)), -1))
     modes = modes[np.where(known < 0, int(scored.argmax()), known)]
     elapsed = clock - clock[0]
     seconds = elapsed if elapsed.dtype.kind == "f" else elapsed / np.timedelta64(1, "s")
     weights = np.where(scored, np.append(np.diff(seconds), 0.0), 0.0)
-    denser = max(true.times, stated.times, key=len)  # a list of switches has no samples
+    # A list of switches has no samples.
+    denser = max(true.times, stated.times, key=len)
     samples = np.isin(clock, denser) & scored
-    samples[-1] = False  # the end
+    # The end.
+    samples[-1] = False
     return Timeline(np.asarray(seconds), modes, spoken, scored, weights, samples)
 
 
 def _scores(name: str, tracks: Sequence[Timeline], normal: int | None) -> Scores:
     """Return the scores of one set, with a row for each track or each block of a single one."""
-    blocks, one = None, tracks[0]
+    blocks = None
+    one = tracks[0]
     count = min(MOST_BLOCKS, int((np.diff(one.modes) != 0).sum()) // SWITCHES_OF_A_BLOCK)
     if len(tracks) == 1 and count >= FEWEST_BLOCKS:
         blocks = np.minimum((count * (one.times / one.times[-1])).astype(np.int64), count - 1)

@@ -1,6 +1,7 @@
-"""The scores of a decider: figures of every episode at every threshold, and what follows from them. Every result is a
-function of means over episodes, a `Statistic`. One bootstrap over episodes gives its confidence interval, and the
-paired interval of a difference between two deciders on the same episodes.
+"""The scores of a decider: figures of every episode at every threshold, and what follows from them.
+Every result is a function of means over episodes, a `Statistic`. One bootstrap over episodes gives
+its confidence interval, and the paired interval of a difference between two deciders on the same
+episodes.
 """
 
 import math
@@ -14,18 +15,21 @@ from numpy.typing import NDArray
 from baselines.scoring.estimates import Estimate, confidence_interval, wilson_interval
 from hybrid_env.checks import FloatArray
 
-NOT_REACHED = 1e9  # finite, because a difference of infinities would be NaN
+# Finite, because a difference of infinities would be NaN.
+NOT_REACHED = 1e9
 
 
 @dataclass(frozen=True)
 class Statistic:
     """A function of means over episodes."""
 
-    columns: tuple[str, ...]  # names of the figures that it needs, see `Scores`
-    # from the means of these figures, (..., K) each, to (..., K), or to (...) if it reads the whole operating curve;
-    # `NOT_REACHED` stands for infinity, NaN for nothing counted
+    # Names of the figures that it needs, see `Scores`.
+    columns: tuple[str, ...]
+    # From the means of these figures, (..., K) each, to (..., K), or to (...) if it reads the whole
+    # operating curve; `NOT_REACHED` stands for infinity, NaN for nothing counted.
     function: Callable[..., FloatArray]
-    share: bool = False  # it is a mean share, whose interval is Wilson's if all episodes have the share 0 or 1
+    # It is a mean share, whose interval is Wilson's if all episodes have the share 0 or 1.
+    share: bool = False
 
 
 def mean(column: str, share: bool = False) -> Statistic:
@@ -45,13 +49,14 @@ def quotient(numerator: FloatArray, denominator: FloatArray) -> FloatArray:
 
 
 def at_level(measure: str, level: float, statistic: Statistic, falling: bool = False) -> Statistic:
-    """Return a statistic where the operating curve first reaches a level of a figure, or falls to it if `falling`, by
-    linear interpolation between thresholds; `NOT_REACHED` beyond the level.
+    """Return a statistic where the operating curve first reaches a level of a figure, or falls to
+    it if `falling`, by linear interpolation between thresholds; `NOT_REACHED` beyond the level.
     """
     sign = -1.0 if falling else 1.0
 
     def function(means: FloatArray, *others: FloatArray) -> FloatArray:
-        curve, values = sign * means, statistic.function(*others)
+        curve = sign * means
+        values = statistic.function(*others)
         reached = curve >= sign * level
         right = reached.argmax(-1)[..., None]
         (x0, y0), (x1, y1) = (
@@ -66,12 +71,16 @@ def at_level(measure: str, level: float, statistic: Statistic, falling: bool = F
 
 
 def interpolated(measure: str, level: float, column: str) -> Statistic:
-    """Return the mean of a figure where the mean of another, which rises with the thresholds, has a level: linear
-    between thresholds, and constant beyond them.
+    """Return the mean of a figure where the mean of another, which rises with the thresholds, has a
+    level: linear between thresholds, and constant beyond them.
     """
 
     def function(means: FloatArray, values: FloatArray) -> FloatArray:
-        pairs = zip(means.reshape(-1, means.shape[-1]), values.reshape(-1, means.shape[-1]), strict=True)
+        pairs = zip(
+            means.reshape(-1, means.shape[-1]),
+            values.reshape(-1, means.shape[-1]),
+            strict=True,
+        )
         return np.array([np.interp(level, *pair) for pair in pairs]).reshape(means.shape[:-1])
 
     return Statistic((measure, column), function, share=True)
@@ -81,13 +90,20 @@ def interpolated(measure: str, level: float, column: str) -> Statistic:
 class Scores:
     """Figures of one decider on E episodes at K thresholds."""
 
-    name: str  # of the decider, in tables
-    symbol: str  # of its threshold
-    thresholds: tuple[float, ...]  # K thresholds
-    columns: tuple[str, ...]  # names of F figures
-    values: FloatArray  # (E, F, K) figures
-    extra: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # (K, ...) by name, what is no mean over episodes
-    bank: str = ""  # that the decider reads, for tables; empty where all environments have the same
+    # Of the decider, in tables.
+    name: str
+    # Of its threshold.
+    symbol: str
+    # K thresholds.
+    thresholds: tuple[float, ...]
+    # Names of F figures.
+    columns: tuple[str, ...]
+    # (E, F, K) figures.
+    values: FloatArray
+    # (K, ...) by name, what is no mean over episodes.
+    extra: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    # That the decider reads, for tables; empty where all environments have the same.
+    bank: str = ""
 
     @property
     def episodes(self) -> int:
@@ -102,18 +118,27 @@ class Scores:
         """Return the scores of a single threshold."""
         extra = {name: array[index : index + 1] for name, array in self.extra.items()}
         chosen = self.thresholds[index : index + 1]
-        return replace(self, thresholds=chosen, values=np.ascontiguousarray(self.values[..., index, None]), extra=extra)
+        return replace(
+            self,
+            thresholds=chosen,
+            values=np.ascontiguousarray(self.values[..., index, None]),
+            extra=extra,
+        )
 
     def some(self, episodes: Sequence[int]) -> "Scores":
         """Return the scores on some of the episodes, without `extra`."""
         return replace(self, values=self.values[list(episodes)], extra={})
 
     def curve(self, statistic: Statistic) -> FloatArray:
-        """Return a statistic at every threshold, (K,), or a number if it depends on the whole curve."""
+        """Return a statistic at every threshold, (K,), or a number if it depends on the whole
+        curve.
+        """
         return np.asarray(statistic.function(*np.moveaxis(self._rows(statistic).mean(0), -2, 0)))
 
     def estimate(self, statistic: Statistic, index: int | None = None) -> Estimate:
-        """Return a statistic with its confidence interval at the threshold of an index, or of the whole curve."""
+        """Return a statistic with its confidence interval at the threshold of an index, or of
+        the whole curve.
+        """
         rows = self._rows(statistic, index)
         found = _estimate(rows, lambda means: _number(statistic, means))
         if statistic.share and found.low == found.high and found.value in (0.0, 1.0):
@@ -121,13 +146,18 @@ class Scores:
         return found
 
     def difference(
-        self, other: "Scores", statistic: Statistic, index: int | None = None, of_other: int | None = None,
+        self,
+        other: "Scores",
+        statistic: Statistic,
+        index: int | None = None,
+        of_other: int | None = None,
         combine: Callable[[FloatArray, FloatArray], FloatArray] = np.subtract,
-    ) -> Estimate:  # fmt: skip
-        """Return the difference self - other on the same episodes, or another function, with its paired interval;
-        `index` and `of_other` are of the thresholds, see `estimate`.
+    ) -> Estimate:
+        """Return the difference self - other on the same episodes, or another function, with its
+        paired interval; `index` and `of_other` are of the thresholds, see `estimate`.
         """
-        mine, theirs = self._rows(statistic, index), other._rows(statistic, of_other)
+        mine = self._rows(statistic, index)
+        theirs = other._rows(statistic, of_other)
         split = mine.shape[-1]
 
         def of_means(means: FloatArray) -> Any:
@@ -137,10 +167,16 @@ class Scores:
         return _estimate(np.concatenate([mine, theirs], axis=-1), of_means)
 
     def ratio(self, other: "Scores", statistic: Statistic) -> Estimate:
-        """Return the quotient self / other of a statistic of the whole curve; infinite where one is not reached."""
+        """Return the quotient self / other of a statistic of the whole curve; infinite where one
+        is not reached.
+        """
 
         def divide(mine: FloatArray, theirs: FloatArray) -> FloatArray:
-            return np.where(np.maximum(mine, theirs) < NOT_REACHED, quotient(mine, theirs), NOT_REACHED)
+            return np.where(
+                np.maximum(mine, theirs) < NOT_REACHED,
+                quotient(mine, theirs),
+                NOT_REACHED,
+            )
 
         return self.difference(other, statistic, combine=divide)
 
@@ -158,4 +194,6 @@ def _number(statistic: Statistic, means: FloatArray) -> FloatArray:
 
 def _estimate(episodes: FloatArray, of_means: Callable[[FloatArray], Any]) -> Estimate:
     numbers = float(of_means(episodes.mean(0))), *confidence_interval(episodes, of_means=of_means)
-    return Estimate(*(math.copysign(math.inf, one) if abs(one) > NOT_REACHED / 2 else one for one in numbers))
+    return Estimate(
+        *(math.copysign(math.inf, one) if abs(one) > NOT_REACHED / 2 else one for one in numbers)
+    )

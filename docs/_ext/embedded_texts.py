@@ -1,9 +1,10 @@
 """Put texts of the code into Markdown pages, so that each is written once.
 
-`<!-- docstring hybrid_env.HybridTrackEnv -->` becomes the docstring of a class, in Markdown as Gymnasium's
-environments are documented; `<!-- help compare -->` becomes the output of `hybridtrack compare --help`;
-`<!-- file CONTRIBUTING.md -->` becomes that file of the repository, with links to pages of the site;
-`<!-- card shipped -->` becomes a table of the card of shipped weights, and the settings of their training.
+`<!-- docstring hybrid_env.HybridTrackEnv -->` becomes the docstring of a class, in Markdown as
+Gymnasium's environments are documented; `<!-- help compare -->` becomes the output of `hybridtrack
+compare --help`; `<!-- file CONTRIBUTING.md -->` becomes that file of the repository, with links to
+pages of the site; `<!-- card shipped -->` becomes a table of the card of shipped weights, and the
+settings of their training.
 """
 
 import contextlib
@@ -40,7 +41,9 @@ def help_text(command: str) -> str:
 
 
 def file(name: str) -> str:
-    """A Markdown file of the repository's root; its links to files that are no pages become text."""
+    """A Markdown file of the repository's root; its links to files that are no pages become
+    text.
+    """
     text = (ROOT / name).read_text(encoding="utf-8").replace("](docs/", "](")
     for page in ("CHANGELOG", "CONTRIBUTING", "SECURITY"):
         text = text.replace(f"]({page}.md)", f"]({page.lower()}.md)")
@@ -48,7 +51,9 @@ def file(name: str) -> str:
 
 
 def card(folder: str) -> str:
-    """The card of shipped weights as a table, and the settings of their training as a code block."""
+    """The card of shipped weights as a table, and the settings of their training as a code
+    block.
+    """
     import yaml
     from safetensors.numpy import load_file
 
@@ -58,13 +63,18 @@ def card(folder: str) -> str:
     numbers = sum(array.size for array in load_file(weights).values())
     digest = hashlib.sha256(weights.read_bytes()).hexdigest()
     settings = told.get("settings") or told["recipe"]["entry"]
-    rows = {"weights": f"{numbers:,} numbers, {weights.stat().st_size:,} bytes", "SHA-256": f"`{digest}`"}
+    rows = {
+        "weights": f"{numbers:,} numbers, {weights.stat().st_size:,} bytes",
+        "SHA-256": f"`{digest}`",
+    }
     if "recipe" in told:
         rows["training"] = (
-            f"recipe `{told['recipe']['name']}` from seed {told['seed']} in `{told['environment']}`: "
-            f"{told['steps']:,} ticks in {told['seconds']:,.0f} s"
+            f"recipe `{told['recipe']['name']}` from seed {told['seed']} in"
+            f" `{told['environment']}`: {told['steps']:,} ticks in {told['seconds']:,.0f} s"
         )
-        found = {key.partition("/")[2]: value for key, value in told["measured"].items() if "/" in key}
+        found = {
+            key.partition("/")[2]: value for key, value in told["measured"].items() if "/" in key
+        }
         names = {"sprt": "reward of ATE", "threshold": "reward of the threshold rule"}
         rows["at the end of training"] = ", ".join(
             f"{names.get(key, key.replace('_', ' '))} {value:.3f}" for key, value in found.items()
@@ -72,19 +82,31 @@ def card(folder: str) -> str:
     else:
         rows["training"] = f"recipe `flights` from seed {settings['seed']}: {told['rounds']} rounds"
     rows["versions"] = ", ".join(f"{name} {number}" for name, number in told["versions"].items())
-    table = "\n".join(["| | |", "|---|---|", *(f"| {name} | {text} |" for name, text in rows.items())])
-    return f"{table}\n\n```yaml\n{yaml.safe_dump(settings, sort_keys=False, default_flow_style=None)}```"
+    table = "\n".join(
+        ["| | |", "|---|---|", *(f"| {name} | {text} |" for name, text in rows.items())]
+    )
+    shown = yaml.safe_dump(settings, sort_keys=False, default_flow_style=None)
+    return f"{table}\n\n```yaml\n{shown}```"
 
 
 def embed(app: Any, page: str, source: list[str]) -> None:
     """Replace the marks of a page; a handler of Sphinx's event `source-read`."""
-    texts = {"docstring": docstring, "help": help_text, "file": file, "card": card}
+    texts = {
+        "docstring": docstring,
+        "help": help_text,
+        "file": file,
+        "card": card,
+    }
     source[0] = MARK.sub(lambda mark: texts[mark[1]](mark[2]), source[0])
 
 
 def outdated(app: Any, env: Any, *pages: Any) -> list[str]:
-    """Pages with marks, which are always read again; a handler of Sphinx's event `env-get-outdated`."""
-    return [page for page in env.found_docs if MARK.search(Path(env.doc2path(page)).read_text("utf-8"))]
+    """Pages with marks, which are always read again; a handler of Sphinx's event
+    `env-get-outdated`.
+    """
+    return [
+        page for page in env.found_docs if MARK.search(Path(env.doc2path(page)).read_text("utf-8"))
+    ]
 
 
 def setup(app: Any) -> dict[str, bool]:

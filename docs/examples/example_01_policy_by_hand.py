@@ -81,7 +81,9 @@ for axes in (left, right):
     axes.grid(alpha=0.25)
     axes.margins(0.1)
 for time, accuracy, value, margin in zip(times, accuracies, rewards, margins, strict=True):
-    left.annotate(f"{margin:g}", (time, 100.0 * accuracy), xytext=(6, -10), textcoords="offset points")
+    left.annotate(
+        f"{margin:g}", (time, 100.0 * accuracy), xytext=(6, -10), textcoords="offset points"
+    )
     right.annotate(f"{margin:g}", (time, value), xytext=(6, -10), textcoords="offset points")
 figure.suptitle("Numbers at the points: the margin")
 plt.show()

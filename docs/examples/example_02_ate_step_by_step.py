@@ -27,7 +27,9 @@ print(measurements.shape, recording.lengths)
 # are below the lower one.
 
 alpha = 1e-3
-found = track_ate(measurements, recording.lengths, radii=radii, measurement_variance=0.1, alpha=alpha)
+found = track_ate(
+    measurements, recording.lengths, radii=radii, measurement_variance=0.1, alpha=alpha
+)
 upper, lower = sprt_thresholds(alpha)
 begins = np.cumsum(recording.lengths) - recording.lengths
 for begin, mode, tick in zip(begins, found.decided, found.ticks, strict=True):
@@ -42,14 +44,21 @@ for mode in range(3):
     for k, begin in enumerate(begins):
         part = slice(begin, begin + recording.lengths[k])
         label = mode_name(mode, radii) if k == 0 else None
-        axes.plot(ticks[part], found.ratios[part, mode], color=mode_colour(mode, radii), label=label)
+        axes.plot(
+            ticks[part], found.ratios[part, mode], color=mode_colour(mode, radii), label=label
+        )
 for threshold in (lower, upper):
     axes.hlines(threshold, 0, len(ticks), color="0.3", linestyle="--", linewidth=1)
 axes.text(len(ticks) + 2, upper, "accept", va="center")
 axes.text(len(ticks) + 2, lower, "keep", va="center")
 for begin in begins:
     axes.axvline(begin + 0.5, color="0.8", linewidth=1, zorder=0)
-axes.set(xlabel="tick", ylabel="log-likelihood ratio", ylim=(3 * lower, 2.2 * upper), xlim=(0, len(ticks) + 25))
+axes.set(
+    xlabel="tick",
+    ylabel="log-likelihood ratio",
+    ylim=(3 * lower, 2.2 * upper),
+    xlim=(0, len(ticks) + 25),
+)
 axes.legend(frameon=False, ncols=3, loc="upper right")
 plt.show()
 
@@ -63,7 +72,12 @@ axes.plot(*recording.truth[0][:, [0, 2]].T, color="black", linewidth=1, label="t
 estimates = found.estimates[:, [0, 2]]
 for mode in range(3):
     chosen = np.where((found.modes == mode)[:, None], estimates, np.nan)
-    axes.plot(*chosen.T, color=mode_colour(mode, radii), linewidth=2, label=f"estimate, {mode_name(mode, radii)}")
+    axes.plot(
+        *chosen.T,
+        color=mode_colour(mode, radii),
+        linewidth=2,
+        label=f"estimate, {mode_name(mode, radii)}",
+    )
 decisions = estimates[begins + found.ticks - 1]
 axes.plot(*decisions.T, "kx", markersize=8, markeredgewidth=2, label="decision")
 axes.set(xlabel="x, m", ylabel="y, m", aspect="equal")

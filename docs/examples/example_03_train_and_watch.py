@@ -17,7 +17,8 @@ from agents import evaluate
 model = PPO("MlpPolicy", gym.make("hybrid_env:HybridTrack-v0"))
 model.learn(150_000)
 for name, decider in {"PPO": model, "ATE": "ate", "SPRT": "sprt"}.items():
-    print(f"{name} {evaluate(decider)['reward'].value:.3f}")  # per segment, on the same 1,000 episodes
+    reward = evaluate(decider)["reward"].value  # per segment, on the same 1,000 episodes
+    print(f"{name} {reward:.3f}")
 
 # %%
 # One episode, tick by tick: the probability that the policy gives to each action.
@@ -32,7 +33,9 @@ probabilities, decisions = [], []
 terminated = False
 while not terminated:
     with torch.no_grad():
-        logits = model.policy.get_distribution(torch.as_tensor(observation)[None]).distribution.logits[0]
+        logits = model.policy.get_distribution(
+            torch.as_tensor(observation)[None]
+        ).distribution.logits[0]
     probabilities.append(np.exp(logits.numpy()))
     action, _ = model.predict(observation, deterministic=True)
     observation, _, terminated, _, info = env.step(action)
@@ -43,14 +46,21 @@ figure, axes = plt.subplots(figsize=(9, 3.6), layout="constrained")
 colours = ("0.75", "#d55e00", "#0072b2", "#009e73")
 labels = ("wait", "declare straight", "declare left", "declare right")
 axes.stackplot(
-    np.arange(1, len(probabilities) + 1), np.array(probabilities).T, colors=colours, labels=labels, step="mid"
+    np.arange(1, len(probabilities) + 1),
+    np.array(probabilities).T,
+    colors=colours,
+    labels=labels,
+    step="mid",
 )
 for step, mode, correct in decisions:
     axes.axvline(step + 0.5, color="black", linewidth=1)
     text = ("straight", "left", "right")[mode] + ("" if correct else ", wrong")
     axes.text(step, 1.02, text, ha="right", va="bottom", fontsize=9)
 axes.set(
-    xlabel="step of the episode", ylabel="probability of the action", ylim=(0, 1), xlim=(1, len(probabilities) + 0.5)
+    xlabel="step of the episode",
+    ylabel="probability of the action",
+    ylim=(0, 1),
+    xlim=(1, len(probabilities) + 0.5),
 )
 axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=4, frameon=False)
 plt.show()

@@ -26,7 +26,12 @@ flight = simulate("S70 L60r5 S40 R75r5 L60r5", seed=0, measurement_variance=vari
 file = Path(tempfile.mkdtemp()) / "flight.csv"
 times = tau * np.arange(1, len(flight.measurements[0]) + 1)
 np.savetxt(
-    file, np.column_stack([times, flight.measurements[0]]), delimiter=",", header="t,x,y", comments="", fmt="%.4f"
+    file,
+    np.column_stack([times, flight.measurements[0]]),
+    delimiter=",",
+    header="t,x,y",
+    comments="",
+    fmt="%.4f",
 )
 
 rows = np.loadtxt(file, delimiter=",", skiprows=1)
@@ -50,8 +55,12 @@ print("warnings:", unknown.warnings or "none")
 # **A live sensor.** A tracker takes one measurement after the other, and states mode, probabilities and estimate at each. It has to
 # be told the model.
 
-tracker = OnlineTracker(QuickestOptions(radii=radii, tau=tau, measurement_variance=variance), ThresholdDecider(0.6))
-updates = [tracker.update(position, time) for time, position in zip(times, measurements, strict=True)]
+tracker = OnlineTracker(
+    QuickestOptions(radii=radii, tau=tau, measurement_variance=variance), ThresholdDecider(0.6)
+)
+updates = [
+    tracker.update(position, time) for time, position in zip(times, measurements, strict=True)
+]
 probabilities = np.array([now.probabilities for now in updates])
 stated = np.array([now.mode for now in updates])
 
@@ -59,17 +68,28 @@ stated = np.array([now.mode for now in updates])
 # All three over time; the true modes are known here, because the recording is simulated.
 
 true = np.repeat([0, 1, 0, 2, 1], flight.lengths)
-figure, (top, bottom) = plt.subplots(2, 1, figsize=(9, 5), layout="constrained", sharex=True, height_ratios=(1, 1.5))
+figure, (top, bottom) = plt.subplots(
+    2, 1, figsize=(9, 5), layout="constrained", sharex=True, height_ratios=(1, 1.5)
+)
 for row, modes in enumerate((true, known.modes, unknown.modes, stated)):
     for mode in range(3):
         left = times[modes == mode] - tau
-        top.barh(row, np.full(left.size, tau), left=left, color=mode_colour(mode, radii), linewidth=0)
+        top.barh(
+            row, np.full(left.size, tau), left=left, color=mode_colour(mode, radii), linewidth=0
+        )
 top.set_yticks(range(4), ["truth", "known moments", "nothing known", "live"])
 top.invert_yaxis()
 top.set_title("Modes")
 for mode in range(3):
-    bottom.plot(times, probabilities[:, mode], color=mode_colour(mode, radii), label=mode_name(mode, radii))
-bottom.set(xlabel="time, s", ylabel="probability", title="Probabilities of the live tracker", xlim=(0, times[-1]))
+    bottom.plot(
+        times, probabilities[:, mode], color=mode_colour(mode, radii), label=mode_name(mode, radii)
+    )
+bottom.set(
+    xlabel="time, s",
+    ylabel="probability",
+    title="Probabilities of the live tracker",
+    xlim=(0, times[-1]),
+)
 bottom.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
 plt.show()
 

@@ -51,7 +51,9 @@ def mean_reward(env, alpha_straight, alpha_turn=0.05, episodes=60):
         observation, _ = env.reset(seed=seed)
         terminated = False
         while not terminated:
-            observation, reward, terminated, _, _ = env.step(act(observation, alpha_straight, alpha_turn))
+            observation, reward, terminated, _, _ = env.step(
+                act(observation, alpha_straight, alpha_turn)
+            )
             total += float(reward)
     return total / (6 * episodes)
 
@@ -74,7 +76,10 @@ for label, values in rewards.items():
     axes.plot(alphas[best], values[best], "o", color=line.get_color(), markersize=9)
     print(f"{label}: best alpha for straight motion {alphas[best]:g}, reward {values[best]:.3f}")
 axes.invert_xaxis()
-axes.set(xlabel="error probability at which straight motion is declared", ylabel="mean reward per segment")
+axes.set(
+    xlabel="error probability at which straight motion is declared",
+    ylabel="mean reward per segment",
+)
 axes.grid(alpha=0.25)
 axes.legend(frameon=False)
 plt.show()

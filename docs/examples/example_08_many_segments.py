@@ -37,7 +37,9 @@ while not finished.all():
         ticks.append(info["ticks"][new])
     finished |= terminated
 correct, ticks = np.concatenate(correct), np.concatenate(ticks)
-print(f"{correct.size:,} segments: {100 * correct.mean():.2f} % correct after {ticks.mean():.2f} ticks")
+print(
+    f"{correct.size:,} segments: {100 * correct.mean():.2f} % correct after {ticks.mean():.2f} ticks"
+)
 print("less than 20 s" if time.perf_counter() - began < 20.0 else "slower than expected")
 
 # %%
@@ -48,7 +50,9 @@ rules = {"SPRT": SPRTDecider(1e-4), "MSPRT": MSPRTDecider(0.03)}
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
 for name, rule in rules.items():
     found = evaluate(rule, "hybrid_env:HybridTrackPublished-v0", episodes=tracks, seed=1_000_000)
-    print(f"{name}: {100 * found.correct.mean():.2f} % correct after {found.ticks.mean():.2f} ticks")
+    print(
+        f"{name}: {100 * found.correct.mean():.2f} % correct after {found.ticks.mean():.2f} ticks"
+    )
     counts = np.bincount(found.ticks.ravel(), minlength=101)[:101]
     left.step(np.arange(101), 100 * counts / found.ticks.size, where="mid", label=name)
     wrong = np.bincount(found.ticks.ravel(), weights=~found.correct.ravel(), minlength=101)[:101]
@@ -58,8 +62,14 @@ for name, rule in rules.items():
     bounds = np.array([test.proportion_ci(method="wilson") for test in tests])
     (line,) = right.plot(at, 100 * wrong / counts, label=name)
     right.fill_between(at, *100 * bounds.T, color=line.get_color(), alpha=0.25, linewidth=0)
-left.set(xlabel="decision time, ticks", ylabel="segments, %", title="When they decide", xlim=(0, 70))
-right.set(xlabel="decision time, ticks", ylabel="wrong decisions, %", title="Errors, with 95 % intervals (Wilson)")
+left.set(
+    xlabel="decision time, ticks", ylabel="segments, %", title="When they decide", xlim=(0, 70)
+)
+right.set(
+    xlabel="decision time, ticks",
+    ylabel="wrong decisions, %",
+    title="Errors, with 95 % intervals (Wilson)",
+)
 right.set_ylim(bottom=0)
 for axes in (left, right):
     axes.grid(alpha=0.25)

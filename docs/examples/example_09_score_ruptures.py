@@ -71,7 +71,9 @@ def live(positions, penalty):
     """Mode of the last segment, from the positions so far."""
     signal, modes = turn_signal(positions), np.zeros(options.ticks, int)
     for end in range(4, len(signal) + 1):
-        ends = ruptures.KernelCPD(kernel="linear", min_size=2).fit(signal[:end]).predict(pen=penalty)
+        ends = (
+            ruptures.KernelCPD(kernel="linear", min_size=2).fit(signal[:end]).predict(pen=penalty)
+        )
         modes[(end - 1) * stride + 2 * width :] = mode_of(signal[([0, *ends])[-2] : end])
     return modes
 
@@ -98,20 +100,34 @@ statements = {
 }
 result = score([times] * tracks, list(true), statements, per=60.0)
 for name, figures in result.estimates.items():
-    print(f"{name}:", ", ".join(f"{key} {one.value:.2f}" for key, one in figures.items() if key != "false_alarms"))
+    print(
+        f"{name}:",
+        ", ".join(
+            f"{key} {one.value:.2f}" for key, one in figures.items() if key != "false_alarms"
+        ),
+    )
 for name, figures in result.differences.items():
     delay = figures["full_delay"]
-    print(f"{name}: delay {delay.value:+.2f} s [{delay.low:+.2f}, {delay.high:+.2f}] from that of the IMM")
+    print(
+        f"{name}: delay {delay.value:+.2f} s [{delay.low:+.2f}, {delay.high:+.2f}] from that of the IMM"
+    )
 
 # %%
 # Afterwards, ruptures agrees best: it has seen what came next. Live, from the same positions as the rule, it is later and changes more
 # often. It is made for whole signals, and the rule is given the model of the tracks.
 # ``hybridtrack score truth.csv imm.csv ruptures.csv`` prints the same from files.
 
-figure, (bars, plane) = plt.subplots(1, 2, figsize=(10, 3.2), width_ratios=(2, 1), layout="constrained")
+figure, (bars, plane) = plt.subplots(
+    1, 2, figsize=(10, 3.2), width_ratios=(2, 1), layout="constrained"
+)
 rows = np.stack([true[0], *(stated[0] for stated in statements.values())])
 bars.imshow(
-    rows, aspect="auto", interpolation="nearest", extent=(0, times[-1], len(rows) - 0.5, -0.5), cmap="Set2", vmax=7
+    rows,
+    aspect="auto",
+    interpolation="nearest",
+    extent=(0, times[-1], len(rows) - 0.5, -0.5),
+    cmap="Set2",
+    vmax=7,
 )
 bars.set_yticks(range(len(rows)), ["truth", *statements])
 bars.set(xlabel="t, s", title="One track: straight green, left orange, right blue")

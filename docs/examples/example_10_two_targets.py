@@ -36,8 +36,12 @@ from hybrid_env.rendering.evidence import mode_colour, mode_name
 from hybrid_env.simulation import simulate
 
 tau, variance, radii = 0.1, 0.01, (5.0,)
-down = simulate("S40 R20r5 S60 L60r5", seed=1, start=(0, 2, 8, 0), tau=tau, measurement_variance=variance)
-up = simulate("S40 L20r5 S60 R60r5", seed=5, start=(-1, 2, -6.6, 0), tau=tau, measurement_variance=variance)
+down = simulate(
+    "S40 R20r5 S60 L60r5", seed=1, start=(0, 2, 8, 0), tau=tau, measurement_variance=variance
+)
+up = simulate(
+    "S40 L20r5 S60 R60r5", seed=5, start=(-1, 2, -6.6, 0), tau=tau, measurement_variance=variance
+)
 truth = np.stack([down.truth[0], up.truth[0]])
 ticks = truth.shape[1]
 
@@ -54,9 +58,14 @@ for k in range(ticks):
 # model for steady motion and one for turns.
 
 sensor = LinearGaussian(4, (0, 2), variance * np.eye(2))
-imm = IMMFilter([KalmanFilter(MotionModel("CV", 2, noise), variance, (3.0,)) for noise in (0.01, 3.0)], sojourns=5.0)
+imm = IMMFilter(
+    [KalmanFilter(MotionModel("CV", 2, noise), variance, (3.0,)) for noise in (0.01, 3.0)],
+    sojourns=5.0,
+)
 predictor, updater = IMMPredictor(imm), IMMUpdater(imm, measurement_model=sensor)
-associator = GNNWith2DAssignment(DistanceHypothesiser(predictor, updater, Mahalanobis(), missed_distance=4))
+associator = GNNWith2DAssignment(
+    DistanceHypothesiser(predictor, updater, Mahalanobis(), missed_distance=4)
+)
 deleter = UpdateTimeStepsDeleter(10)
 initiator = MultiMeasurementInitiator(
     GaussianState(np.zeros((4, 1)), np.diag([0.0, 9.0, 0.0, 9.0]), timestamp=start),
@@ -73,12 +82,17 @@ tracks = sorted(tracks, key=len)[-2:]
 options = QuickestOptions(radii=radii, tau=tau, measurement_variance=variance)
 stated = [decide_track(track, OnlineTracker(options, ThresholdDecider(0.8))) for track in tracks]
 
-figure, (ground, probability) = plt.subplots(2, 1, figsize=(9, 7.5), layout="constrained", height_ratios=(2, 1))
+figure, (ground, probability) = plt.subplots(
+    2, 1, figsize=(9, 7.5), layout="constrained", height_ratios=(2, 1)
+)
 clutter = np.array([np.ravel(one.state_vector) for _, scan in scans for one in scan])
 ground.plot(*clutter.T, ".", color="0.8", markersize=3, label="detections")
 ground.plot(*truth[:, :, [0, 2]].T, color="0.6", linewidth=4, alpha=0.5)
 for track, updates, style in zip(tracks, stated, ("-", ":"), strict=True):
-    modes, where = np.array([now.mode for now in updates]), np.array([now.estimate for now in updates])
+    modes, where = (
+        np.array([now.mode for now in updates]),
+        np.array([now.estimate for now in updates]),
+    )
     times = np.array([(state.timestamp - start).total_seconds() for state in track])
     for mode in range(3):
         part = modes == mode
@@ -87,13 +101,24 @@ for track, updates, style in zip(tracks, stated, ("-", ":"), strict=True):
         probability.plot(times, chance, style, color=mode_colour(mode, radii))
     switches = times[np.flatnonzero(np.diff(modes)) + 1]
     missed = sum(measured_position(state) is None for state in track)
-    errors = np.linalg.norm(where[:, None, [0, 2]] - truth[:, -len(track) :, [0, 2]].swapaxes(0, 1), axis=-1)
+    errors = np.linalg.norm(
+        where[:, None, [0, 2]] - truth[:, -len(track) :, [0, 2]].swapaxes(0, 1), axis=-1
+    )
     own = int(errors.mean(0).argmin())
-    print(("from above:", "from below:")[own], f"{len(track)} of {ticks} ticks, {missed} without a detection,")
-    print(f"    never more than {errors[:, own].max():.2f} m from its target, switches stated at", switches, "s")
+    print(
+        ("from above:", "from below:")[own],
+        f"{len(track)} of {ticks} ticks, {missed} without a detection,",
+    )
+    print(
+        f"    never more than {errors[:, own].max():.2f} m from its target, switches stated at",
+        switches,
+        "s",
+    )
 for mode in range(3):
     ground.plot([], [], "o", color=mode_colour(mode, radii), label=mode_name(mode, radii))
 ground.set(xlabel="x, m", ylabel="y, m", aspect="equal", title="Stated modes of both tracks")
 ground.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
-probability.set(xlabel="time, s", ylabel="probability", title="Modes of both tracks, solid and dotted")
+probability.set(
+    xlabel="time, s", ylabel="probability", title="Modes of both tracks, solid and dotted"
+)
 plt.show()

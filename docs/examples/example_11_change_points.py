@@ -58,7 +58,9 @@ detector = ModeDetector(radii=radii).fit(track)
 stated, found = detector.predict_modes(track), detector.predict(track)
 figure, axes = plt.subplots(figsize=(9, 5), layout="constrained")
 for mode in range(3):
-    axes.plot(*track[stated == mode].T, ".", color=mode_colour(mode, radii), label=mode_name(mode, radii))
+    axes.plot(
+        *track[stated == mode].T, ".", color=mode_colour(mode, radii), label=mode_name(mode, radii)
+    )
 axes.plot(*track[switches].T, "ko", markersize=11, fillstyle="none", label="true switches")
 axes.plot(*track[found].T, "kx", markersize=9, label="ModeDetector")
 axes.plot(*track[pelt(track)].T, "k+", markersize=11, label="PELT on turn rates")

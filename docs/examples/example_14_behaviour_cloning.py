@@ -30,14 +30,18 @@ main(["dataset", "--env", env_id, "--policies", "shipped", "--episodes", "1000"]
 episodes = list(minari.load_dataset(f"{env_id}/shipped-v0"))
 rows = torch.as_tensor(np.concatenate([episode.observations[:-1] for episode in episodes]))
 actions = torch.as_tensor(np.concatenate([episode.actions for episode in episodes]))
-print(f"{len(rows):,} rows of {rows.shape[1]} numbers; it waits in {100 * (actions == 0).float().mean():.0f} %")
+print(
+    f"{len(rows):,} rows of {rows.shape[1]} numbers; it waits in {100 * (actions == 0).float().mean():.0f} %"
+)
 
 # %%
 # Behaviour cloning is classification of the rows by the action.
 
 torch.set_num_threads(1)
 torch.manual_seed(0)
-net = nn.Sequential(nn.Linear(rows.shape[1], 64), nn.Tanh(), nn.Linear(64, 64), nn.Tanh(), nn.Linear(64, 4))
+net = nn.Sequential(
+    nn.Linear(rows.shape[1], 64), nn.Tanh(), nn.Linear(64, 64), nn.Tanh(), nn.Linear(64, 4)
+)
 epochs, batch = 20, 512
 optimizer = torch.optim.Adam(net.parameters(), 3e-3)
 schedule = torch.optim.lr_scheduler.LinearLR(optimizer, 1.0, 0.02, epochs)
@@ -77,7 +81,11 @@ class Clone:
 
 
 options = gym.make(f"hybrid_env:{env_id}").unwrapped.options
-deciders = {"shipped": load_decider("shipped", options), "clone": Clone(), "ATE": load_decider("ate", options)}
+deciders = {
+    "shipped": load_decider("shipped", options),
+    "clone": Clone(),
+    "ATE": load_decider("ate", options),
+}
 results = {name: evaluate(decider, env_id, episodes=1000) for name, decider in deciders.items()}
 for name, found in results.items():
     low, high = confidence_interval(found.reward.mean(1))
@@ -91,8 +99,13 @@ for name, found in results.items():
 # sees the present row only.
 
 figure, axes = plt.subplots(figsize=(6, 3.8), layout="constrained")
-curve = [evaluate(Clone(threshold), env_id, episodes=1000) for threshold in (0.7, 0.6, 0.5, 0.4, 0.3, 0.2)]
-axes.plot([one.ticks.mean() for one in curve], [one.reward.mean() for one in curve], "o-", label="clone")
+curve = [
+    evaluate(Clone(threshold), env_id, episodes=1000)
+    for threshold in (0.7, 0.6, 0.5, 0.4, 0.3, 0.2)
+]
+axes.plot(
+    [one.ticks.mean() for one in curve], [one.reward.mean() for one in curve], "o-", label="clone"
+)
 for (name, found), marker in zip(results.items(), "*os", strict=True):
     if name != "clone":
         axes.plot(found.ticks.mean(), found.reward.mean(), marker, markersize=10, label=name)

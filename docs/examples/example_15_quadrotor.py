@@ -55,7 +55,9 @@ def desired_attitude(thrust: np.ndarray) -> np.ndarray:
     return np.stack([cross(second, third), second, third], axis=1)
 
 
-def rotor_commands(rotation: np.ndarray, rates: np.ndarray, desired: np.ndarray, thrust: np.ndarray) -> np.ndarray:
+def rotor_commands(
+    rotation: np.ndarray, rates: np.ndarray, desired: np.ndarray, thrust: np.ndarray
+) -> np.ndarray:
     """Forces of the four rotors, (4,) [N].
 
     Args:
@@ -91,7 +93,11 @@ class Quadrotor:
         engine.setGravity(0.0, 0.0, -flights.GRAVITY)
         self._body = engine.createMultiBody(baseMass=MASS, basePosition=position.tolist())
         engine.changeDynamics(
-            self._body, -1, localInertiaDiagonal=INERTIA.tolist(), linearDamping=0.0, angularDamping=0.0
+            self._body,
+            -1,
+            localInertiaDiagonal=INERTIA.tolist(),
+            linearDamping=0.0,
+            angularDamping=0.0,
         )
         thrust = np.array([0.0, 0.0, flights.GRAVITY]) - flights.drag(velocity)
         quaternion = Rotation.from_matrix(desired_attitude(thrust)).as_quat().tolist()

@@ -1,6 +1,7 @@
-"""Arrays that are declared once: allocated from Python, and found by their addresses in compiled code. A named tuple of
-arrays declares each of them by `Annotated[NDArray[...], Array(dtype, sizes)]`. A size is a number or a field of the
-parameter record; the address is in the field with the name of the array.
+"""Arrays that are declared once: allocated from Python, and found by their addresses in compiled
+code. A named tuple of arrays declares each of them by `Annotated[NDArray[...], Array(dtype,
+sizes)]`. A size is a number or a field of the parameter record; the address is in the field with
+the name of the array.
 """
 
 import math
@@ -21,30 +22,40 @@ FloatArray = NDArray[np.float64]
 Records = NDArray[Any]
 Owner = Literal["tracks", "options", "thread"]
 
-CACHE_LINE = 64  # bytes
-HUGE_PAGE = 1 << 21  # bytes
+# Bytes.
+CACHE_LINE = 64
+# Bytes.
+HUGE_PAGE = 1 << 21
 
 
 @dataclass(frozen=True)
 class Array:
-    """The declaration of an array: its type, and its shape as numbers or fields of the parameter record."""
+    """The declaration of an array: its type, and its shape as numbers or fields of the parameter
+    record.
+    """
 
     dtype: Any
     sizes: tuple[int | str, ...]
-    of: Owner = "tracks"  # whose state it holds; "options" do not change, "thread" is temporary, shared by its blocks
-    at: str = ""  # field with its address, if that is not its name: another view of the same memory
+    # Whose state it holds; "options" do not change, "thread" is temporary, shared by its blocks.
+    of: Owner = "tracks"
+    # Field with its address, if that is not its name: another view of the same memory.
+    at: str = ""
 
 
 def declared(arrays: type, *owners: Owner) -> dict[str, Array]:
-    """Return the declarations of a named tuple by name, of all owners or of some; views are left out."""
+    """Return the declarations of a named tuple by name, of all owners or of some; views are left
+    out.
+    """
     found = {name: one.__metadata__[0] for name, one in arrays.__annotations__.items()}
-    return {name: one for name, one in found.items() if not one.at and (not owners or one.of in owners)}
+    return {
+        name: one for name, one in found.items() if not one.at and (not owners or one.of in owners)
+    }
 
 
 def aligned_zeros(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
-    """Return an array of zeros aligned to a cache line, so that the eight lanes of a field fill one line. Large arrays
-    request huge pages: with pages of 4 kB the address cache misses every few tracks, which takes longer than the
-    computation.
+    """Return an array of zeros aligned to a cache line, so that the eight lanes of a field fill one
+    line. Large arrays request huge pages: with pages of 4 kB the address cache misses every few
+    tracks, which takes longer than the computation.
     """
     kind = np.dtype(dtype)
     size = math.prod(shape) * kind.itemsize
@@ -52,9 +63,10 @@ def aligned_zeros(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
     line = CACHE_LINE
     if size >= HUGE_PAGE // 2 and hasattr(mmap, "MADV_HUGEPAGE"):
         line = HUGE_PAGE
-        # private mapping: a forked process gets a copy, and huge pages require it
+        # Private mapping: a forked process gets a copy, and huge pages require it.
         pages = mmap.mmap(-1, size + 2 * HUGE_PAGE, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
-        with suppress(OSError):  # the system has no huge pages
+        # The system has no huge pages.
+        with suppress(OSError):
             pages.madvise(mmap.MADV_HUGEPAGE)
         memory = np.frombuffer(pages, np.uint8)
     else:
@@ -77,7 +89,8 @@ def _inttoptr(_typing: Any, address: Any) -> Any:
     return types.voidptr(address), build
 
 
-_pointer_to: Any = intrinsic(_inttoptr)  # convert an integer to a pointer for `numba.carray`
+# Convert an integer to a pointer for `numba.carray`.
+_pointer_to: Any = intrinsic(_inttoptr)
 
 
 @inlined
@@ -86,7 +99,8 @@ def array_at(address: int, shape: tuple[int, ...], dtype: Any) -> Any:
     return carray(_pointer_to(address), shape, dtype)
 
 
-# In compiled code a tuple of different types is built by a tree of functions, with one leaf for each element.
+# In compiled code a tuple of different types is built by a tree of functions, with one leaf for
+# each element.
 
 
 def _size_reader(size: int | str) -> Any:
@@ -96,7 +110,9 @@ def _size_reader(size: int | str) -> Any:
 
 
 def _tuple_reader(readers: list[Any]) -> Any:
-    """Return the compiled function of the tuple of the values of compiled functions of one argument."""
+    """Return the compiled function of the tuple of the values of compiled functions of one
+    argument.
+    """
     if len(readers) == 1:
         one = readers[0]
         return inlined(lambda source: (one(source),))
@@ -104,7 +120,8 @@ def _tuple_reader(readers: list[Any]) -> Any:
         one, two = readers
         return inlined(lambda source: (one(source), two(source)))
     half = len(readers) // 2
-    first, second = _tuple_reader(readers[:half]), _tuple_reader(readers[half:])
+    first = _tuple_reader(readers[:half])
+    second = _tuple_reader(readers[half:])
     return inlined(lambda source: first(source) + second(source))
 
 

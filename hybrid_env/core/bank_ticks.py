@@ -1,5 +1,5 @@
-"""What every filter of the bank did at a tick, in the axes of the plane, for `info` and `KalmanBank`. A row has the
-`BANK_COLUMNS` of one filter.
+"""What every filter of the bank did at a tick, in the axes of the plane, for `info` and
+`KalmanBank`. A row has the `BANK_COLUMNS` of one filter.
 """
 
 import math
@@ -30,8 +30,8 @@ def write_innovation(
 ) -> None:
     """Write the innovation of one filter and its covariance, before the filter steps.
 
-    measurement: (2, LANES) [m], of which NaN gives an innovation of NaN; noise: covariance xx, xy, yy of the
-    measurement [m^2].
+    measurement: (2, LANES) [m], of which NaN gives an innovation of NaN; noise: covariance xx, xy,
+    yy of the measurement [m^2].
     """
     x, y, xx, xy, yy = operations.predicted_position(bank, hypothesis, lane, model)
     row[0] = measurement[0, lane] - x
@@ -50,37 +50,58 @@ def write_estimate(row: FloatArray, bank: Any, hypothesis: int, lane: int) -> No
 
 @internal
 def write_innovations(
-    bank_ticks: FloatArray, b: int, block: Any, first: int, last: int, bank: Any, setting: Any
+    bank_ticks: FloatArray,
+    b: int,
+    block: Any,
+    first: int,
+    last: int,
+    bank: Any,
+    setting: Any,
 ) -> None:
-    """Write the innovations of lanes first .. last - 1 of block b and their covariances, before the filters step.
+    """Write the innovations of lanes first .. last - 1 of block b and their covariances, before
+    the filters step.
 
-    Without a measurement the innovation is NaN, and its covariance is that for a position of variance R.
+    Without a measurement the innovation is NaN, and its covariance is that for a position of
+    variance R.
     """
     model = filter_model(setting, 1.0)
     for lane in range(first, last):
         missing = math.isnan(block.measurement[0, lane])
-        noise_xx, noise_xy, noise_yy = model.variance_x, 0.0, model.variance_y
+        noise_xx = model.variance_x
+        noise_xy = 0.0
+        noise_yy = model.variance_y
         if setting.irregular and not missing:
-            # of fused sensors, which have one R
+            # Of fused sensors, which have one R.
             noise_xx *= block.noise[0, lane]
             noise_xy = model.variance_x * block.noise[1, lane]
             noise_yy *= block.noise[2, lane]
         for h in range(bank.hypotheses.size):
             row = bank_ticks[b * LANES + lane, h]
-            write_innovation(row, bank, h, lane, block.measurement, (noise_xx, noise_xy, noise_yy), model)
+            write_innovation(
+                row,
+                bank,
+                h,
+                lane,
+                block.measurement,
+                (noise_xx, noise_xy, noise_yy),
+                model,
+            )
 
 
 @internal
 def write_corrected(bank_ticks: FloatArray, b: int, first: int, last: int, bank: Any) -> None:
-    """Write estimates and covariances of lanes first .. last - 1 of block b, after the filters have stepped."""
+    """Write estimates and covariances of lanes first .. last - 1 of block b, after the filters
+    have stepped.
+    """
     for lane in range(first, last):
         for h in range(bank.hypotheses.size):
             write_estimate(bank_ticks[b * LANES + lane, h], bank, h, lane)
 
 
 def read_bank_ticks(rows: FloatArray) -> dict[str, FloatArray]:
-    """Return copies of the columns of rows, (..., M, columns), by their names in `info`: (..., M, 2) innovations,
-    (..., M, 2, 2) their covariances, (..., M, 4) estimates, (..., M, 4, 4) covariances.
+    """Return copies of the columns of rows, (..., M, columns), by their names in `info`: (..., M,
+    2) innovations, (..., M, 2, 2) their covariances, (..., M, 4) estimates, (..., M, 4, 4)
+    covariances.
     """
     ends = np.cumsum(list(BANK_COLUMNS.values()))
     parts = dict(zip(BANK_COLUMNS, np.split(rows, ends[:-1], axis=-1), strict=True))

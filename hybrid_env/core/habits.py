@@ -1,12 +1,14 @@
 """Habits of an object drawn anew for every episode: the law of its durations and of its next modes.
 
-A law is the mixture of two humps with equal probability. A duration of a hump is offset + U + G ticks, where U = 0,
-..., span - 1 is uniform and G = 1, 2, ... geometric with a given mean; with a mean of 1, G is 1. One law in five each
-is narrow (uniform, the longest duration 1 to 1.2 times the shortest), wide (1.2 to 3 times), geometric (an offset of up
-to 80 ticks, which a third has not, and a mean of 10 to 100), of two narrow humps, or different for straight motion and
-turns, each of one of these kinds. The shortest uniform duration is 20 to 150 ticks. Ranges are uniform in the
-logarithm, offsets uniform. A third of the orders has equally likely next modes; the others one preferred next mode
-after each mode, with a probability of 0.5 to 1 above its equal share of the rest.
+A law is the mixture of two humps with equal probability. A duration of a hump is offset + U + G
+ticks, where U = 0, ..., span - 1 is uniform and G = 1, 2, ... geometric with a given mean; with a
+mean of 1, G is 1. One law in five each is narrow (uniform, the longest duration 1 to 1.2 times the
+shortest), wide (1.2 to 3 times), geometric (an offset of up to 80 ticks, which a third has not, and
+a mean of 10 to 100), of two narrow humps, or different for straight motion and turns, each of one
+of these kinds. The shortest uniform duration is 20 to 150 ticks. Ranges are uniform in the
+logarithm, offsets uniform. A third of the orders has equally likely next modes; the others one
+preferred next mode after each mode, with a probability of 0.5 to 1 above its equal share of the
+rest.
 """
 
 import math
@@ -21,8 +23,10 @@ from hybrid_env.core.elementary import exp, log
 from hybrid_env.core.noise import integer_below, uniform
 
 NARROW, WIDE, GEOMETRIC, TWO_HUMPS, DIFFERENT = range(5)
-OFFSET, SPAN, MEAN = range(3)  # of a hump
-BURN_IN = 1000  # ticks, least time from the first switch to a random moment
+# Of a hump.
+OFFSET, SPAN, MEAN = range(3)
+# Ticks, least time from the first switch to a random moment.
+BURN_IN = 1000
 
 
 @internal
@@ -61,7 +65,9 @@ def _draw_mode_law(state: NDArray[np.uint64], lane: int, kind: int, law: Any) ->
 
 @internal
 def draw_law(state: NDArray[np.uint64], lane: int, law: FloatArray) -> None:
-    """Draw the laws of straight motion and turns, (2, 2, 3): mode, hump, and offset, span and mean."""
+    """Draw the laws of straight motion and turns, (2, 2, 3): mode, hump, and offset, span and
+    mean.
+    """
     kind = integer_below(state, lane, 5)
     if kind == DIFFERENT:
         for turns in range(2):
@@ -99,7 +105,9 @@ def draw_from_law(state: NDArray[np.uint64], lane: int, law: FloatArray, longest
 
 @internal
 def draw_remaining(state: NDArray[np.uint64], lane: int, law: FloatArray, longest: int) -> int:
-    """Return the ticks left at a random moment of segments of one mode; arguments as in `draw_from_law`."""
+    """Return the ticks left at a random moment of segments of one mode; arguments as in
+    `draw_from_law`.
+    """
     left = -BURN_IN - integer_below(state, lane, BURN_IN)
     while left <= 0:
         left += draw_from_law(state, lane, law, 1_000_000)
@@ -109,10 +117,12 @@ def draw_remaining(state: NDArray[np.uint64], lane: int, law: FloatArray, longes
 @internal
 def draw_mode(state: NDArray[np.uint64], lane: int, probabilities: FloatArray) -> int:
     """Return a mode with the given probabilities, (M,)."""
-    number, last = uniform(state, lane), 0
+    number = uniform(state, lane)
+    last = 0
     for mode in range(probabilities.size):
         if probabilities[mode] > 0.0:
-            last = mode  # the last possible one, if the sum is below 1 by rounding
+            # The last possible one, if the sum is below 1 by rounding.
+            last = mode
             number -= probabilities[mode]
             if number < 0.0:
                 break

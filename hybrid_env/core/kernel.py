@@ -1,6 +1,7 @@
-"""The kernel: object, measurement, bank, reward, fast-forward and autoreset of many tracks in one loop. The operations
-of every tick are loops over the lanes of a block (see `records`). Decisions and new segments occur in few tracks and
-are computed for single lanes. Threads step different blocks.
+"""The kernel: object, measurement, bank, reward, fast-forward and autoreset of many tracks in one
+loop. The operations of every tick are loops over the lanes of a block (see `records`). Decisions
+and new segments occur in few tracks and are computed for single lanes. Threads step different
+blocks.
 """
 
 import math
@@ -11,7 +12,14 @@ import numpy as np
 from hybrid_env.core.arrays import FloatArray, Records
 from hybrid_env.core.bank_ticks import write_corrected, write_innovations
 from hybrid_env.core.banks import operations
-from hybrid_env.core.banks.bank import IDENTITY, estimate_of, filter_model, likeliest, likeliest_of_type, mode_type
+from hybrid_env.core.banks.bank import (
+    IDENTITY,
+    estimate_of,
+    filter_model,
+    likeliest,
+    likeliest_of_type,
+    mode_type,
+)
 from hybrid_env.core.banks.mixture import merged_estimate, write_merged_covariance
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.motion import heading_vector
@@ -25,24 +33,54 @@ from hybrid_env.core.observation_row import (
     write_tick,
     write_twin,
 )
-from hybrid_env.core.records import DECISION, DECISION_FLAGS, LANES, SEGMENT_COLUMNS, state_of, triangle_of, write_lane
-from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move, move_lane, sum_errors
+from hybrid_env.core.records import (
+    DECISION,
+    DECISION_FLAGS,
+    LANES,
+    SEGMENT_COLUMNS,
+    state_of,
+    triangle_of,
+    write_lane,
+)
+from hybrid_env.core.true_object import (
+    begin_motion,
+    draw_first_estimate,
+    move,
+    move_lane,
+    sum_errors,
+)
 
-NO_COVARIANCE = (0.0,) * 10  # of the oracle bank, whose anchor is exact
+# Of the oracle bank, whose anchor is exact.
+NO_COVARIANCE = (0.0,) * 10
 MODE, LENGTH = SEGMENT_COLUMNS.index("mode"), SEGMENT_COLUMNS.index("length")
 DECIDED_MODE, DECIDED_TRUE_MODE, TICKS, DECIDED_LENGTH, SQUARED_ERROR = range(len(DECISION))
 HAS_DECISION, CORRECT, TYPE_CORRECT, FORCED = range(len(DECISION_FLAGS))
-DECIDED, TERMINATED = 1, 2  # events of a step, combined as bits
-RIGHT = 3  # the action that declares a right turn, where actions declare types
+# Events of a step, combined as bits.
+DECIDED, TERMINATED = 1, 2
+# The action that declares a right turn, where actions declare types.
+RIGHT = 3
 
 
 @inlined
-def _record_estimate(block: Any, lane: int, hypotheses: Records, trace: FloatArray, merged: bool) -> None:
-    """Record the estimate of the active filter or the merged one, its squared error, and a row of a stored trace."""
-    estimate = merged_estimate(hypotheses, lane) if merged else estimate_of(hypotheses, block.active_mode[lane], lane)
+def _record_estimate(
+    block: Any,
+    lane: int,
+    hypotheses: Records,
+    trace: FloatArray,
+    merged: bool,
+) -> None:
+    """Record the estimate of the active filter or the merged one, its squared error, and a row
+    of a stored trace.
+    """
+    estimate = (
+        merged_estimate(hypotheses, lane)
+        if merged
+        else estimate_of(hypotheses, block.active_mode[lane], lane)
+    )
     write_lane(block.estimate, lane, estimate)
     x, _, y, _ = estimate
-    error_x, error_y = x - block.truth[0, lane], y - block.truth[2, lane]
+    error_x = x - block.truth[0, lane]
+    error_y = y - block.truth[2, lane]
     block.squared_error[lane] += error_x * error_x + error_y * error_y
     if trace.shape[0] > 0 and block.trace_length[lane] < trace.shape[0]:
         row = trace[block.trace_length[lane]]
@@ -57,7 +95,9 @@ def _record_estimate(block: Any, lane: int, hypotheses: Records, trace: FloatArr
 
 @inlined
 def begin_bank(block: Any, lane: int, bank: Any, radii: FloatArray, setting: Any) -> None:
-    """Begin a segment of the bank: every filter starts from the anchor and the kept covariance of the block."""
+    """Begin a segment of the bank: every filter starts from the anchor and the kept covariance
+    of the block.
+    """
     anchor, covariance = state_of(block.anchor, lane), triangle_of(block.covariance, lane)
     speed, heading_x, heading_y = heading_vector(anchor[1], anchor[3])
     block.speed[lane], block.heading[0, lane], block.heading[1, lane] = speed, heading_x, heading_y
@@ -71,7 +111,9 @@ def begin_bank(block: Any, lane: int, bank: Any, radii: FloatArray, setting: Any
 
 @inlined
 def _begin_segment(block: Any, lane: int, bank: Any, arrays: Any, setting: Any) -> None:
-    """Begin a segment, before its first tick: the object from its true state, the bank from the estimate."""
+    """Begin a segment, before its first tick: the object from its true state, the bank from the
+    estimate.
+    """
     table = arrays.table
     if setting.random_scheme:
         row = integer_below(block.random_state, lane, table.shape[0])
@@ -89,10 +131,20 @@ def _begin_segment(block: Any, lane: int, bank: Any, arrays: Any, setting: Any) 
 
 
 @inlined
-def step_irregular(bank: Any, first: Any, last: Any, block: Any, sensors: Records, setting: Any) -> None:
-    """Advance every filter of lanes first .. last - 1 where measurements may be missing or of any covariance."""
+def step_irregular(
+    bank: Any,
+    first: Any,
+    last: Any,
+    block: Any,
+    sensors: Records,
+    setting: Any,
+) -> None:
+    """Advance every filter of lanes first .. last - 1 where measurements may be missing or of
+    any covariance.
+    """
     for lane in range(first, last):
-        missing, model = math.isnan(block.measurement[0, lane]), filter_model(setting, 1.0)
+        missing = math.isnan(block.measurement[0, lane])
+        model = filter_model(setting, 1.0)
         if missing or setting.radar:
             operations.predict(bank, np.uint64(lane), model)
             for h in range(0 if missing else bank.hypotheses.size):
@@ -103,9 +155,19 @@ def step_irregular(bank: Any, first: Any, last: Any, block: Any, sensors: Record
 
 
 @inlined
-def follow_irregular(bank: Any, lane: int, chosen: int, block: Any, sensors: Any, setting: Any) -> None:
-    """Advance the filter of one hypothesis; see `step_irregular`. Without a measurement all are predicted."""
-    missing, model = math.isnan(block.measurement[0, lane]), filter_model(setting, 1.0)
+def follow_irregular(
+    bank: Any,
+    lane: int,
+    chosen: int,
+    block: Any,
+    sensors: Any,
+    setting: Any,
+) -> None:
+    """Advance the filter of one hypothesis; see `step_irregular`. Without a measurement all are
+    predicted.
+    """
+    missing = math.isnan(block.measurement[0, lane])
+    model = filter_model(setting, 1.0)
     if missing or setting.radar:
         before = bank.hypotheses[chosen].log_likelihood[lane]
         operations.predict(bank, np.uint64(lane), model)
@@ -118,8 +180,17 @@ def follow_irregular(bank: Any, lane: int, chosen: int, block: Any, sensors: Any
 
 
 @internal
-def step_lanes(block: Any, bank: Any, first: int, last: int, sensors: Records, setting: Any) -> None:
-    """Advance every filter of lanes first .. last - 1 by the measurement of the block, if there is one."""
+def step_lanes(
+    block: Any,
+    bank: Any,
+    first: int,
+    last: int,
+    sensors: Records,
+    setting: Any,
+) -> None:
+    """Advance every filter of lanes first .. last - 1 by the measurement of the block, if there
+    is one.
+    """
     if setting.irregular:
         step_irregular(bank, first, last, block, sensors, setting)
     else:
@@ -136,13 +207,19 @@ def chosen_mode(block: Any, lane: int, bank: Any, action: int, setting: Any) -> 
         return likeliest(bank.hypotheses, lane)
     if setting.declare_type:
         first_right = bank.hypotheses.size // 2 + 1
-        return likeliest_of_type(bank.hypotheses, lane, first_right if action == RIGHT else action - 1)
+        return likeliest_of_type(
+            bank.hypotheses,
+            lane,
+            first_right if action == RIGHT else action - 1,
+        )
     return action - 1
 
 
 @inlined
 def set_anchor(block: Any, lane: int, bank: Any, chosen: int, merged: bool) -> None:
-    """Set the estimate at a switch and its covariance: of the chosen filter, or merged over the bank."""
+    """Set the estimate at a switch and its covariance: of the chosen filter, or merged over the
+    bank.
+    """
     if merged:
         mean = merged_estimate(bank.hypotheses, lane)
         write_lane(block.estimate, lane, mean)
@@ -153,7 +230,15 @@ def set_anchor(block: Any, lane: int, bank: Any, chosen: int, merged: bool) -> N
 
 
 @internal
-def _decide(block: Any, lane: int, i: int, action: int, bank: Any, arrays: Any, setting: Any) -> None:
+def _decide(
+    block: Any,
+    lane: int,
+    i: int,
+    action: int,
+    bank: Any,
+    arrays: Any,
+    setting: Any,
+) -> None:
     """Record the decision of track i and fast-forward to the end of the segment."""
     trace, decisions, flags = arrays.trace[i], arrays.decisions, arrays.decision_flags
     n = bank.hypotheses.size // 2
@@ -173,12 +258,15 @@ def _decide(block: Any, lane: int, i: int, action: int, bank: Any, arrays: Any, 
     if setting.recalculated > 0 and action > 0:
         block.squared_error[lane] = arrays.errors[i // LANES, chosen, lane]
     noise, irregular, merged = arrays.scratch[0].noise, setting.irregular, setting.merged
-    model, start, stop = filter_model(setting, 1.0), np.uint64(lane), np.uint64(lane + 1)
+    model = filter_model(setting, 1.0)
+    start = np.uint64(lane)
+    stop = np.uint64(lane + 1)
     while block.tick[lane] < block.length[lane]:
         ticks = 1 if irregular else min(LANES, block.length[lane] - block.tick[lane])
         if irregular:
             move(block, noise, start, stop, arrays.sensors, setting)
-        else:  # the noise of several ticks is drawn at once with SIMD code
+        else:
+            # The noise of several ticks is drawn at once with SIMD code.
             draw_noise_ahead(block.random_state, lane, noise, ticks, setting)
         for column in range(ticks):
             if not irregular:
@@ -207,12 +295,16 @@ def counted_action(arrays: Any, i: int) -> int:
 
 @inlined
 def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) -> int:
-    """Step the tracks of a block; see `kernels.advance_published`. Returns their events, combined as bits."""
+    """Step the tracks of a block; see `kernels.advance_published`. Returns their events,
+    combined as bits.
+    """
     block, scratch = arrays.blocks[b], arrays.scratch[0]
     lanes = min(LANES, setting.tracks - b * LANES)
     events = 0
-    new_segments = 0  # one bit per lane
-    all_running = True  # all lanes advance in this tick
+    # One bit per lane.
+    new_segments = 0
+    # All lanes advance in this tick.
+    all_running = True
     for lane in range(lanes):
         i = b * LANES + lane
         action = counted_action(arrays, i)
@@ -231,10 +323,12 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) ->
         if reset or arrays.terminated[i]:
             draw_first_estimate(block, scratch.noise, lane, setting)
             block.segment[lane] = 0
-            block.active_mode[lane] = 0  # Golubkov 2018, algorithm 1, line 2
+            # Golubkov 2018, algorithm 1, line 2.
+            block.active_mode[lane] = 0
             arrays.rewards[i] = 0.0
             arrays.terminated[i] = False
-            event = DECIDED  # a segment begins
+            # A segment begins.
+            event = DECIDED
         elif action == 0 and block.tick[lane] < block.length[lane]:
             arrays.rewards[i] = -setting.delay_cost
             event = 0
@@ -257,8 +351,10 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) ->
         if scratch.running[first] == 0:
             continue
         last = lanes if all_running else first + 1
-        # unsigned indices need no check for negative values, so that loops over lanes compile to SIMD code
-        start, stop = np.uint64(first), np.uint64(last)
+        # Unsigned indices need no check for negative values, so that loops over lanes compile to
+        # SIMD code.
+        start = np.uint64(first)
+        stop = np.uint64(last)
         move(block, scratch.noise, start, stop, arrays.sensors, setting)
         if setting.bank_rows > 0:
             write_innovations(arrays.bank_ticks, b, block, first, last, bank, setting)

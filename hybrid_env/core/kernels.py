@@ -1,6 +1,7 @@
-"""The compiled entry points of the kernel, two for each bank. All other options are read at run time. On a live sensor
-the measurement comes from the caller; all else is computed by the same functions, so that the same measurements give
-the same rows; `irregular` is True in the parameters, because any measurement may be missing.
+"""The compiled entry points of the kernel, two for each bank. All other options are read at run
+time. On a live sensor the measurement comes from the caller; all else is computed by the same
+functions, so that the same measurements give the same rows; `irregular` is True in the parameters,
+because any measurement may be missing.
 """
 
 from typing import Any
@@ -12,7 +13,13 @@ from hybrid_env.core.arrays import array_at
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.anchor_aware import AnchorAwareBank, aware_banks
 from hybrid_env.core.banks.bank import likeliest_of_type
-from hybrid_env.core.banks.imm import ImmBank, begin_imm, imm_banks, imm_of_block, step_imm_irregular
+from hybrid_env.core.banks.imm import (
+    ImmBank,
+    begin_imm,
+    imm_banks,
+    imm_of_block,
+    step_imm_irregular,
+)
 from hybrid_env.core.banks.published import PublishedBank, published_banks
 from hybrid_env.core.compilation import compiled, internal
 from hybrid_env.core.kernel import (
@@ -36,20 +43,24 @@ from hybrid_env.core.quickest_kernel import record_statement
 from hybrid_env.core.records import LANES, state_of, write_lane
 from hybrid_env.core.state import PARAMETERS, arrays_of
 
-STEP, RESET, MEASURE, BEGIN = range(4)  # commands: of the environments the first two, on a live sensor the others
+# Commands: of the environments the first two, on a live sensor the others.
+STEP, RESET, MEASURE, BEGIN = range(4)
 
-FIRST, LAST = np.uint64(0), np.uint64(1)  # range of lanes; unsigned as in the other kernels
+# Range of lanes; unsigned as in the other kernels.
+FIRST, LAST = np.uint64(0), np.uint64(1)
 
 
 @internal
 def advance_live(begins: bool, banks: Any, arrays: Any, setting: Any) -> int:
-    """Begin a segment, process a measurement, or declare a mode, on the first lane of the first block. With `begins`
-    the last segment ends, and the bank starts from its estimate; the first one, whose `segment` is -1, from that of the
-    block. Action 0 advances the bank by the `measurement`, and writes the observation until a mode is declared; i + 1
-    declares mode i, once the mask allows it. Then `estimate` and `covariance` are those of the last decided mode, or
+    """Begin a segment, process a measurement, or declare a mode, on the first lane of the first
+    block. With `begins` the last segment ends, and the bank starts from its estimate; the first
+    one, whose `segment` is -1, from that of the block. Action 0 advances the bank by the
+    `measurement`, and writes the observation until a mode is declared; i + 1 declares mode i, once
+    the mask allows it. Then `estimate` and `covariance` are those of the last decided mode, or
     merged.
     """
-    block, bank = arrays.blocks[0], operations.bank_of_block(banks, 0)
+    block = arrays.blocks[0]
+    bank = operations.bank_of_block(banks, 0)
     if begins:
         if block.segment[0] >= 0:
             if not arrays.decision_flags[HAS_DECISION, 0]:
@@ -92,12 +103,14 @@ def advance_live(begins: bool, banks: Any, arrays: Any, setting: Any) -> int:
 
 @internal
 def advance_live_quickest(begins: bool, banks: Any, arrays: Any, setting: Any) -> int:
-    """Begin tracks, or process statements and measurements, with unknown switch moments. With `begins` every filter
-    starts from `estimate` and `covariance` of its track; the action is the mode before the first tick, -1 if it is not
-    known. Otherwise it is the statement of the last tick.
+    """Begin tracks, or process statements and measurements, with unknown switch moments. With
+    `begins` every filter starts from `estimate` and `covariance` of its track; the action is the
+    mode before the first tick, -1 if it is not known. Otherwise it is the statement of the last
+    tick.
     """
     for b in range(setting.first_block, setting.last_block):
-        block, bank = arrays.blocks[b], imm_of_block(banks, b)
+        block = arrays.blocks[b]
+        bank = imm_of_block(banks, b)
         lanes = min(LANES, setting.tracks - b * LANES)
         for lane in range(lanes):
             stated = arrays.actions[b * LANES + lane]
@@ -117,10 +130,11 @@ def advance_live_quickest(begins: bool, banks: Any, arrays: Any, setting: Any) -
 
 @compiled
 def advance_published(address: int, command: int) -> int:
-    """Step every track, or with `RESET` begin a new episode on every track whose action is not 0. A terminated track
-    begins its next episode; its last observation is the one on which the last decision was made. The address is that of
-    a record `PARAMETERS`, whose arrays must exist during the call. Returns `DECIDED` if any track made a decision, plus
-    `TERMINATED` if any terminated; or, if the action of track i is outside the space, -1 - i, and no track is stepped.
+    """Step every track, or with `RESET` begin a new episode on every track whose action is not 0. A
+    terminated track begins its next episode; its last observation is the one on which the last
+    decision was made. The address is that of a record `PARAMETERS`, whose arrays must exist during
+    the call. Returns `DECIDED` if any track made a decision, plus `TERMINATED` if any terminated;
+    or, if the action of track i is outside the space, -1 - i, and no track is stepped.
     """
     setting = array_at(address, (1,), PARAMETERS)[0]
     return kernel.advance(command == RESET, published_banks(setting), arrays_of(setting), setting)
@@ -137,7 +151,12 @@ def advance_aware(address: int, command: int) -> int:
 def advance_quickest(address: int, command: int) -> int:
     """Like `advance_published`, with unknown switch moments; a statement is not an event."""
     setting = array_at(address, (1,), PARAMETERS)[0]
-    return quickest_kernel.advance(command == RESET, imm_banks(setting), arrays_of(setting), setting)
+    return quickest_kernel.advance(
+        command == RESET,
+        imm_banks(setting),
+        arrays_of(setting),
+        setting,
+    )
 
 
 @compiled
@@ -161,8 +180,16 @@ def live_quickest(address: int, command: int) -> int:
     return advance_live_quickest(command == BEGIN, imm_banks(setting), arrays_of(setting), setting)
 
 
-KERNELS: dict[type, Any] = {PublishedBank: advance_published, AnchorAwareBank: advance_aware, ImmBank: advance_quickest}
+KERNELS: dict[type, Any] = {
+    PublishedBank: advance_published,
+    AnchorAwareBank: advance_aware,
+    ImmBank: advance_quickest,
+}
 """The entry point of each bank."""
 
-LIVE_KERNELS: dict[type, Any] = {PublishedBank: live_published, AnchorAwareBank: live_aware, ImmBank: live_quickest}
+LIVE_KERNELS: dict[type, Any] = {
+    PublishedBank: live_published,
+    AnchorAwareBank: live_aware,
+    ImmBank: live_quickest,
+}
 """The entry point of each bank on a live sensor."""

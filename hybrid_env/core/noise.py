@@ -1,7 +1,8 @@
-"""Random numbers of the kernel: one xoshiro256++ generator per track, and the noise of the object from it. A track of a
-vector environment has the same stream as a single environment with the same seed. Blackman & Vigna 2021 (xoshiro256++);
-Box & Muller 1958 (normals); Chambers, Mallows & Stuck 1976 (stable distributions); Bailey 1994 (Student's t). None has
-a rejection step, so that several tracks, or ticks of one track, are drawn with SIMD code.
+"""Random numbers of the kernel: one xoshiro256++ generator per track, and the noise of the object
+from it. A track of a vector environment has the same stream as a single environment with the same
+seed. Blackman & Vigna 2021 (xoshiro256++); Box & Muller 1958 (normals); Chambers, Mallows & Stuck
+1976 (stable distributions); Bailey 1994 (Student's t). None has a rejection step, so that several
+tracks, or ticks of one track, are drawn with SIMD code.
 """
 
 import math
@@ -14,17 +15,27 @@ from hybrid_env.core.arrays import FloatArray
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import ONE, exp, float_of, log, sine_cosine
 
-GAUSSIAN, OUTLIERS, LEVY, STUDENT_T = range(4)  # laws of the measurement noise
-NOISE_ROWS = 7  # of the arrays that `draw_noise` writes
-LOST = 6  # the row with the uniform number that decides whether a tick has a measurement
-LARGEST_EXPONENT = 700.0  # of the elementary exponential
-SMALLEST_COSINE = 1e-17  # of the largest angle below 90 degrees
+# Laws of the measurement noise.
+GAUSSIAN, OUTLIERS, LEVY, STUDENT_T = range(4)
+# Of the arrays that `draw_noise` writes.
+NOISE_ROWS = 7
+# The row with the uniform number that decides whether a tick has a measurement.
+LOST = 6
+# Of the elementary exponential.
+LARGEST_EXPONENT = 700.0
+# Of the largest angle below 90 degrees.
+SMALLEST_COSINE = 1e-17
 
 _Words = tuple[np.uint64, np.uint64, np.uint64, np.uint64]
 
 
 @inlined
-def _advance(s0: np.uint64, s1: np.uint64, s2: np.uint64, s3: np.uint64) -> tuple[np.uint64, _Words]:
+def _advance(
+    s0: np.uint64,
+    s1: np.uint64,
+    s2: np.uint64,
+    s3: np.uint64,
+) -> tuple[np.uint64, _Words]:
     """Return the next 64 random bits and the next state. xoshiro256++."""
     total = s0 + s3
     bits = ((total << np.uint64(23)) | (total >> np.uint64(41))) + s0
@@ -46,7 +57,9 @@ def _to_uniform(bits: np.uint64) -> float:
 
 @inlined
 def next_uint64(state: NDArray[np.uint64], lane: int) -> np.uint64:
-    """Return the next 64 random bits. state: (4, LANES), not all zero in the lane, advanced in place."""
+    """Return the next 64 random bits. state: (4, LANES), not all zero in the lane, advanced in
+    place.
+    """
     bits, words = _advance(state[0, lane], state[1, lane], state[2, lane], state[3, lane])
     state[0, lane], state[1, lane], state[2, lane], state[3, lane] = words
     return bits
@@ -61,7 +74,10 @@ def uniform(state: NDArray[np.uint64], lane: int) -> float:
 @inlined
 def _draw_uniforms(state: NDArray[np.uint64], lane: int, noise: FloatArray, column: int) -> None:
     """Draw four uniforms into rows 0 .. 3 of a column, with the state in registers."""
-    s0, s1, s2, s3 = state[0, lane], state[1, lane], state[2, lane], state[3, lane]
+    s0 = state[0, lane]
+    s1 = state[1, lane]
+    s2 = state[2, lane]
+    s3 = state[3, lane]
     for k in range(4):
         bits, (s0, s1, s2, s3) = _advance(s0, s1, s2, s3)
         noise[k, column] = _to_uniform(bits)
@@ -70,13 +86,17 @@ def _draw_uniforms(state: NDArray[np.uint64], lane: int, noise: FloatArray, colu
 
 @internal
 def integer_below(state: NDArray[np.uint64], lane: int, bound: int) -> np.int64:
-    """Return a uniform integer in 0 .. bound - 1. The bias of the product method is below bound / 2^52."""
+    """Return a uniform integer in 0 .. bound - 1. The bias of the product method is below bound
+    / 2^52.
+    """
     return np.int64(uniform(state, lane) * bound)
 
 
 @internal
 def draw_normals(state: NDArray[np.uint64], noise: FloatArray, first: int, last: int) -> None:
-    """Draw four numbers from N(0, 1), of magnitude below 8.5, into rows 0 .. 3 for lanes first .. last - 1."""
+    """Draw four numbers from N(0, 1), of magnitude below 8.5, into rows 0 .. 3 for lanes first
+    .. last - 1.
+    """
     for lane in range(first, last):
         _draw_uniforms(state, lane, noise, lane)
     for pair in range(2):
@@ -84,10 +104,16 @@ def draw_normals(state: NDArray[np.uint64], noise: FloatArray, first: int, last:
 
 
 @internal
-def draw_noise(state: NDArray[np.uint64], noise: FloatArray, first: int, last: int, setting: Any) -> None:
-    """Draw the noise of one tick for lanes first .. last - 1, (NOISE_ROWS, LANES). Rows 0 and 1 are draws of N(0, 1),
-    of magnitude below 8.5, for the velocities; 2 and 3 errors of the measured coordinates over sqrt(R); row `LOST` is
-    uniform in [0, 1) if measurements may be missing.
+def draw_noise(
+    state: NDArray[np.uint64],
+    noise: FloatArray,
+    first: int,
+    last: int,
+    setting: Any,
+) -> None:
+    """Draw the noise of one tick for lanes first .. last - 1, (NOISE_ROWS, LANES). Rows 0 and 1 are
+    draws of N(0, 1), of magnitude below 8.5, for the velocities; 2 and 3 errors of the measured
+    coordinates over sqrt(R); row `LOST` is uniform in [0, 1) if measurements may be missing.
     """
     for lane in range(first, last):
         _draw_uniforms(state, lane, noise, lane)
@@ -98,8 +124,16 @@ def draw_noise(state: NDArray[np.uint64], noise: FloatArray, first: int, last: i
 
 
 @internal
-def draw_noise_ahead(state: NDArray[np.uint64], lane: int, noise: FloatArray, ticks: int, setting: Any) -> None:
-    """Draw the noise of up to LANES consecutive ticks of one lane; column k holds that of tick k."""
+def draw_noise_ahead(
+    state: NDArray[np.uint64],
+    lane: int,
+    noise: FloatArray,
+    ticks: int,
+    setting: Any,
+) -> None:
+    """Draw the noise of up to LANES consecutive ticks of one lane; column k holds that of tick
+    k.
+    """
     further = setting.noise_law != GAUSSIAN or setting.missed > 0.0
     for tick in range(ticks):
         _draw_uniforms(state, lane, noise, tick)
@@ -109,8 +143,16 @@ def draw_noise_ahead(state: NDArray[np.uint64], lane: int, noise: FloatArray, ti
 
 
 @internal
-def _draw_further(state: NDArray[np.uint64], lane: int, noise: FloatArray, column: int, setting: Any) -> None:
-    """Draw the uniform numbers that only some settings need: rows 4 and 5 for the law, and `LOST`."""
+def _draw_further(
+    state: NDArray[np.uint64],
+    lane: int,
+    noise: FloatArray,
+    column: int,
+    setting: Any,
+) -> None:
+    """Draw the uniform numbers that only some settings need: rows 4 and 5 for the law, and
+    `LOST`.
+    """
     if setting.noise_law == OUTLIERS or setting.noise_law == LEVY:
         noise[4, column] = uniform(state, lane)
     if setting.noise_law == LEVY:
@@ -148,13 +190,16 @@ def _to_normals(noise: FloatArray, k: int, first: int, last: int) -> None:
 
 @inlined
 def _stable(number: float, other: float, index: float) -> float:
-    """Return a draw with the characteristic function exp(-|t|^index): Chambers, Mallows & Stuck 1976, eq. (4.1)."""
+    """Return a draw with the characteristic function exp(-|t|^index): Chambers, Mallows & Stuck
+    1976, eq. (4.1).
+    """
     angle = math.pi * (number - 0.5)
     sine, _ = sine_cosine(index * angle)
     _, cosine = sine_cosine(angle)
     _, other_cosine = sine_cosine((1.0 - index) * angle)
     waiting = -log(1.0 - other)
-    exponent = (  # in logarithms, so that no factor overflows
+    # In logarithms, so that no factor overflows.
+    exponent = (
         log(abs(sine))
         - log(max(cosine, SMALLEST_COSINE)) / index
         + (1.0 - index) / index * (log(max(other_cosine, SMALLEST_COSINE)) - log(waiting))
@@ -166,7 +211,9 @@ def _stable(number: float, other: float, index: float) -> float:
 @internal
 def _to_stable(noise: FloatArray, first: int, last: int, setting: Any) -> None:
     """Transform the uniforms in rows 2 .. 5 to two independent stable draws in rows 2 and 3."""
-    index, scale, clip = setting.noise_shape, setting.noise_scale, setting.noise_clip
+    index = setting.noise_shape
+    scale = setting.noise_scale
+    clip = setting.noise_clip
     for k in range(2, 4):
         for column in range(first, last):
             draw = scale * _stable(noise[k, column], noise[k + 2, column], index)
@@ -175,10 +222,12 @@ def _to_stable(noise: FloatArray, first: int, last: int, setting: Any) -> None:
 
 @internal
 def _to_student(noise: FloatArray, first: int, last: int, setting: Any) -> None:
-    """Transform the uniforms in rows 2 and 3 to a draw of the bivariate Student t distribution. Bailey 1994: its
-    squared radius r satisfies P(r > q) = (1 + q / freedom)^(-freedom / 2).
+    """Transform the uniforms in rows 2 and 3 to a draw of the bivariate Student t distribution.
+    Bailey 1994: its squared radius r satisfies P(r > q) = (1 + q / freedom)^(-freedom / 2).
     """
-    freedom, scale, clip = setting.noise_shape, setting.noise_scale, setting.noise_clip
+    freedom = setting.noise_shape
+    scale = setting.noise_scale
+    clip = setting.noise_clip
     for column in range(first, last):
         power = exp(min(-2.0 / freedom * log(1.0 - noise[2, column]), LARGEST_EXPONENT))
         radius = scale * math.sqrt(max(freedom * (power - 1.0), 0.0))

@@ -1,5 +1,6 @@
-"""The kernel with unknown switch moments: object, measurement, IMM bank, statements and autoreset. A statement changes
-nothing but its reward, so that every sequence of statements sees the same measurements.
+"""The kernel with unknown switch moments: object, measurement, IMM bank, statements and autoreset.
+A statement changes nothing but its reward, so that every sequence of statements sees the same
+measurements.
 """
 
 from typing import Any
@@ -17,15 +18,17 @@ from hybrid_env.core.observation_row import write_quickest_row
 from hybrid_env.core.records import LANES
 from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move
 
-FIRST_DURATIONS, OTHER_DURATIONS = 0, 2  # rows of the table of durations; those of turns follow
+# Rows of the table of durations; those of turns follow.
+FIRST_DURATIONS, OTHER_DURATIONS = 0, 2
 
 
 @internal
 def draw_duration(cumulative: FloatArray, number: float) -> int:
-    """Return a duration from a number in [0, 1) and the cumulative probabilities of 1, 2, ..., `ticks`, by bisection;
-    `ticks` + 1 stands for all that are longer.
+    """Return a duration from a number in [0, 1) and the cumulative probabilities of 1, 2, ...,
+    `ticks`, by bisection; `ticks` + 1 stands for all that are longer.
     """
-    low, high = 0, cumulative.size
+    low = 0
+    high = cumulative.size
     while low < high:
         middle = (low + high) // 2
         if number < cumulative[middle]:
@@ -36,12 +39,21 @@ def draw_duration(cumulative: FloatArray, number: float) -> int:
 
 
 @internal
-def _begin_segment(block: Any, lane: int, i: int, mode: int, row: int, arrays: Any, setting: Any) -> None:
+def _begin_segment(
+    block: Any,
+    lane: int,
+    i: int,
+    mode: int,
+    row: int,
+    arrays: Any,
+    setting: Any,
+) -> None:
     """Begin a segment of a mode; row: the law of straight segments in the table of durations."""
     turns = 1 if mode > 0 else 0
     block.true_mode[lane] = mode
     if setting.drawn_laws > 0:
-        law, longest = arrays.drawn_law[i, turns], setting.ticks + 1
+        law = arrays.drawn_law[i, turns]
+        longest = setting.ticks + 1
         if row == FIRST_DURATIONS and not setting.start_known:
             block.length[lane] = draw_remaining(block.random_state, lane, law, longest)
         else:
@@ -87,7 +99,9 @@ def _switch(block: Any, lane: int, i: int, arrays: Any, setting: Any) -> None:
 
 @inlined
 def record_statement(block: Any, lane: int, stated: int) -> bool:
-    """Record the statement of a track. Returns whether it differs from the last one; the first does not."""
+    """Record the statement of a track. Returns whether it differs from the last one; the first
+    does not.
+    """
     before = block.stated_ticks[lane]
     changed = before > 0 and stated != block.stated_mode[lane]
     block.stated_ticks[lane] = 1 if changed else before + 1
@@ -96,8 +110,18 @@ def record_statement(block: Any, lane: int, stated: int) -> bool:
 
 
 @inlined
-def _prepare_lane(reset: bool, block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any) -> bool:
-    """Apply the action of track i, or begin its next episode. Returns whether the track advances."""
+def _prepare_lane(
+    reset: bool,
+    block: Any,
+    lane: int,
+    i: int,
+    bank: Any,
+    arrays: Any,
+    setting: Any,
+) -> bool:
+    """Apply the action of track i, or begin its next episode. Returns whether the track
+    advances.
+    """
     if reset and arrays.actions[i] == 0:
         return False
     if reset or arrays.terminated[i]:
@@ -118,11 +142,14 @@ def _prepare_lane(reset: bool, block: Any, lane: int, i: int, bank: Any, arrays:
 
 @inlined
 def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) -> int:
-    """Step the tracks of a block; see `kernels.advance_quickest`. Returns their events, combined as bits."""
+    """Step the tracks of a block; see `kernels.advance_quickest`. Returns their events, combined
+    as bits.
+    """
     block, scratch = arrays.blocks[b], arrays.scratch[0]
     lanes = min(LANES, setting.tracks - b * LANES)
     events = 0
-    all_running = True  # all lanes advance in this tick
+    # All lanes advance in this tick.
+    all_running = True
     for lane in range(lanes):
         i = b * LANES + lane
         runs = _prepare_lane(reset, block, lane, i, bank, arrays, setting)
@@ -134,8 +161,10 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) ->
         if scratch.running[first] == 0:
             continue
         last = lanes if all_running else first + 1
-        # unsigned indices need no check for negative values, so that loops over lanes compile to SIMD code
-        start, stop = np.uint64(first), np.uint64(last)
+        # Unsigned indices need no check for negative values, so that loops over lanes compile to
+        # SIMD code.
+        start = np.uint64(first)
+        stop = np.uint64(last)
         move(block, scratch.noise, start, stop, arrays.sensors, setting)
         if setting.irregular:
             step_imm_irregular(bank, block, start, stop, arrays, setting)

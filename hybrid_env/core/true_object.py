@@ -1,5 +1,6 @@
-"""The true object: its start, motion with process noise on the velocity, and measurements of its position. Golubkov
-2018, eq. (1). Without a measurement a tick has NaN; those of several sensors are fused.
+"""The true object: its start, motion with process noise on the velocity, and measurements of its
+position. Golubkov 2018, eq. (1). Without a measurement a tick has NaN; those of several sensors are
+fused.
 """
 
 import math
@@ -20,8 +21,9 @@ SIGNED_RADIUS = SEGMENT_COLUMNS.index("signed_radius")
 
 @internal
 def draw_first_estimate(block: Any, noise: FloatArray, lane: int, setting: Any) -> None:
-    """Set the initial state of the object of a lane, and draw the first estimate, whose error has the normal
-    distribution whose covariance the bank may use. noise: (NOISE_ROWS, LANES), overwritten.
+    """Set the initial state of the object of a lane, and draw the first estimate, whose error has
+    the normal distribution whose covariance the bank may use. noise: (NOISE_ROWS, LANES),
+    overwritten.
     """
     heading = setting.heading
     if math.isnan(heading):
@@ -32,10 +34,9 @@ def draw_first_estimate(block: Any, noise: FloatArray, lane: int, setting: Any) 
     draw_normals(block.random_state, noise, np.uint64(lane), np.uint64(lane + 1))
     block.clock[lane] = 0
     write_lane(block.noise, lane, (1.0, 0.0, 1.0))
-    xx, yy, vv = (
-        setting.initial_position * setting.variance_x, setting.initial_position * setting.variance_y,
-        setting.initial_velocity,
-    )  # fmt: skip
+    xx = setting.initial_position * setting.variance_x
+    yy = setting.initial_position * setting.variance_y
+    vv = setting.initial_velocity
     for k, variance in enumerate((xx, vv, yy, vv)):
         block.estimate[k, lane] = block.truth[k, lane] + math.sqrt(variance) * noise[k, lane]
     write_lane(block.covariance, lane, (xx, 0.0, 0.0, 0.0, vv, 0.0, 0.0, yy, 0.0, vv))
@@ -43,9 +44,12 @@ def draw_first_estimate(block: Any, noise: FloatArray, lane: int, setting: Any) 
 
 @internal
 def begin_motion(block: Any, lane: int, segment: FloatArray, tau: float) -> None:
-    """Begin a segment, a row of the segment table: centre and turn rate follow from the true state of the lane."""
+    """Begin a segment, a row of the segment table: centre and turn rate follow from the true
+    state of the lane.
+    """
     x, vx, y, vy = state_of(block.truth, lane)
-    signed_radius = segment[SIGNED_RADIUS]  # 0 is straight
+    # 0 is straight.
+    signed_radius = segment[SIGNED_RADIUS]
     speed, heading_x, heading_y = heading_vector(vx, vy)
     turn_rate = 0.0 if signed_radius == 0.0 else speed / abs(signed_radius)
     write_lane(block.true_motion, lane, motion_coefficients(turn_rate, tau))
@@ -54,10 +58,15 @@ def begin_motion(block: Any, lane: int, segment: FloatArray, tau: float) -> None
 
 @inlined
 def move_lane(block: Any, lane: int, noise: FloatArray, column: int, setting: Any) -> None:
-    """Move the object of one lane by one tick and measure its position; column: that of the noise for this tick."""
+    """Move the object of one lane by one tick and measure its position; column: that of the
+    noise for this tick.
+    """
     truth = block.truth
-    motion, centre = block.true_motion, block.true_centre
-    C, S, W = motion[0, lane], motion[1, lane], motion[2, lane]
+    motion = block.true_motion
+    centre = block.true_centre
+    C = motion[0, lane]
+    S = motion[1, lane]
+    W = motion[2, lane]
     x, vx = propagate(truth[0, lane], truth[1, lane], centre[0, lane], C, S, W)
     y, vy = propagate(truth[2, lane], truth[3, lane], centre[1, lane], C, S, W)
     truth[0, lane] = x
@@ -71,46 +80,64 @@ def move_lane(block: Any, lane: int, noise: FloatArray, column: int, setting: An
 
 @inlined
 def _sense(block: Any, lane: int, noise: FloatArray, sensors: Records, setting: Any) -> None:
-    """Move the object of one lane by one tick, and fuse the measurements of all sensors that have one: their mean
-    weighted by the inverse covariances, whose sum is its inverse covariance. Every sensor draws random numbers in every
-    tick, so that the stream does not depend on where the object is.
+    """Move the object of one lane by one tick, and fuse the measurements of all sensors that have
+    one: their mean weighted by the inverse covariances, whose sum is its inverse covariance. Every
+    sensor draws random numbers in every tick, so that the stream does not depend on where the
+    object is.
     """
     clock, truth, first, last = block.clock[lane], block.truth, np.uint64(lane), np.uint64(lane + 1)
-    information = (0.0, 0.0, 0.0, 0.0, 0.0)  # over that of one sensor of variance R
+    # Over that of one sensor of variance R.
+    information = (0.0, 0.0, 0.0, 0.0, 0.0)
     for k in range(sensors.size):
         sensor = sensors[k]
         draw_noise(block.random_state, noise, first, last, setting)
-        if k == 0:  # the first draw also moves the object
+        # The first draw also moves the object.
+        if k == 0:
             move_lane(block, lane, noise, lane, setting)
         x, y = truth[0, lane] - sensor.x, truth[2, lane] - sensor.y
         distance = math.hypot(x, y)
         measures = clock % sensor.period == 0 and distance <= sensor.range
         measures = measures and not (setting.missed > 0.0 and noise[LOST, lane] < setting.missed)
-        noise_x, noise_y = noise[2, lane], noise[3, lane]
+        noise_x = noise[2, lane]
+        noise_y = noise[3, lane]
         if sensor.rate_row >= 0:
             draw_noise(block.random_state, noise, first, last, setting)
-            rate = range_rate(x, y, truth[1, lane], truth[3, lane]) + sensor.rate_deviation * noise[2, lane]
+            rate = (
+                range_rate(x, y, truth[1, lane], truth[3, lane])
+                + sensor.rate_deviation * noise[2, lane]
+            )
             block.rates[sensor.rate_row, lane] = rate if measures else np.nan
         if not measures:
             continue
         if sensor.bearing_deviation > 0.0:
             along_x, along_y = (x / distance, y / distance) if distance > 0.0 else (1.0, 0.0)
             turned = sensor.bearing_deviation * noise_y
-            sine, cosine = math.sin(turned), math.cos(turned)
+            sine = math.sin(turned)
+            cosine = math.cos(turned)
             found = to_position(
-                distance + sensor.deviation * noise_x, cosine * along_x - sine * along_y,
-                sine * along_x + cosine * along_y, sensor.deviation, sensor.bearing_deviation,
-            )  # fmt: skip
-            inverse = 1.0 / (sensor.precision * sensor.deviation * sensor.deviation)  # 1 / R
+                distance + sensor.deviation * noise_x,
+                cosine * along_x - sine * along_y,
+                sine * along_x + cosine * along_y,
+                sensor.deviation,
+                sensor.bearing_deviation,
+            )
+            # 1 / R.
+            inverse = 1.0 / (sensor.precision * sensor.deviation * sensor.deviation)
             information = add_information(
-                information, found[0] - x, found[1] - y, (inverse * found[2], inverse * found[3], inverse * found[4])
+                information,
+                found[0] - x,
+                found[1] - y,
+                (inverse * found[2], inverse * found[3], inverse * found[4]),
             )
         else:
             weight = sensor.precision * sensor.deviation
             information = (
-                information[0] + sensor.precision, information[1], information[2] + sensor.precision,
-                information[3] + weight * noise_x, information[4] + weight * noise_y,
-            )  # fmt: skip
+                information[0] + sensor.precision,
+                information[1],
+                information[2] + sensor.precision,
+                information[3] + weight * noise_x,
+                information[4] + weight * noise_y,
+            )
     block.clock[lane] = clock + 1
     if information[0] > 0.0:
         error_x, error_y, xx, xy, yy = fused_position(information)
@@ -123,18 +150,28 @@ def _sense(block: Any, lane: int, noise: FloatArray, sensors: Records, setting: 
 
 @inlined
 def sum_errors(block: Any, lane: int, hypotheses: Records, errors: FloatArray) -> None:
-    """Add the squared position errors of all filters to their sums since the switch, (M, LANES) [m^2]."""
+    """Add the squared position errors of all filters to their sums since the switch, (M, LANES)
+    [m^2].
+    """
     for h in range(hypotheses.size):
         x, _, y, _ = estimate_of(hypotheses, h, lane)
-        error_x, error_y = x - block.truth[0, lane], y - block.truth[2, lane]
+        error_x = x - block.truth[0, lane]
+        error_y = y - block.truth[2, lane]
         before = 0.0 if block.tick[lane] == 1 else errors[h, lane]
         errors[h, lane] = before + error_x * error_x + error_y * error_y
 
 
 @internal
-def move(block: Any, noise: FloatArray, first: int, last: int, sensors: Records, setting: Any) -> None:
-    """Move the objects of lanes first .. last - 1 by one tick and measure their positions, without sensors with
-    variance R everywhere. noise: (NOISE_ROWS, LANES), overwritten.
+def move(
+    block: Any,
+    noise: FloatArray,
+    first: int,
+    last: int,
+    sensors: Records,
+    setting: Any,
+) -> None:
+    """Move the objects of lanes first .. last - 1 by one tick and measure their positions, without
+    sensors with variance R everywhere. noise: (NOISE_ROWS, LANES), overwritten.
     """
     if sensors.size > 0:
         for lane in range(first, last):

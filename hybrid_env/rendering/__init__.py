@@ -1,6 +1,7 @@
-"""Rendering of a running episode: `history` has all ticks, `evidence` what the evidence panel shows, with names and
-colours of modes, `figure` is a frame with two panels, `window` the renderer. Only `figure` imports matplotlib, with the
-first frame.
+"""Rendering of a running episode: `history` has all ticks, `evidence` what the evidence panel
+shows, with names and colours of modes, `figure` is a frame with two panels, `window` the renderer.
+Only `figure` imports matplotlib, with the first frame.
 """
 
-FRAME_SIZE = (900, 450)  # width, height [px]
+# Width, height [px].
+FRAME_SIZE = (900, 450)

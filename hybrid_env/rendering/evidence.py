@@ -15,19 +15,26 @@ TYPE_COLOURS = ("#d55e00", "#0072b2", "#009e73")
 
 DEFAULT_ALPHA = 0.001
 SINGLE_COLOUR = "#404040"
-RATIO_LIMIT = 15.0  # limit of the axis, unless a threshold needs more
-POSTERIOR_LIMIT = 0.001  # lower limit of the axis of posterior probabilities, unless a threshold needs more
-AXIS_MARGIN = 1.15  # limit of an axis, relative to the threshold
+# Limit of the axis, unless a threshold needs more.
+RATIO_LIMIT = 15.0
+# Lower limit of the axis of posterior probabilities, unless a threshold needs more.
+POSTERIOR_LIMIT = 0.001
+# Limit of an axis, relative to the threshold.
+AXIS_MARGIN = 1.15
 
 
 def mode_name(mode: int, radii: Sequence[float]) -> str:
-    """Return the name of a mode, an index in the bank of some radii [m]: "S", "L r=5 m" or "R r=5 m"."""
+    """Return the name of a mode, an index in the bank of some radii [m]: "S", "L r=5 m" or "R
+    r=5 m".
+    """
     kind = _type_of(mode, radii)
     return "S" if kind == 0 else f"{'SLR'[kind]} r={radii[(mode - 1) % len(radii)]:g} m"
 
 
 def mode_colour(mode: int, radii: Sequence[float]) -> str:
-    """Return the colour "#rrggbb" of a mode: straight red, left blue, right green; tighter turns are darker."""
+    """Return the colour "#rrggbb" of a mode: straight red, left blue, right green; tighter turns
+    are darker.
+    """
     kind = _type_of(mode, radii)
     if kind == 0 or len(radii) == 1:
         return TYPE_COLOURS[kind]
@@ -51,7 +58,9 @@ def _type_of(mode: int, radii: Sequence[float]) -> int:
 
 @dataclass(frozen=True)
 class Threshold:
-    """A level of the evidence at which a decision is made, (T,) by ticks since the switch; the last one holds on."""
+    """A level of the evidence at which a decision is made, (T,) by ticks since the switch; the
+    last one holds on.
+    """
 
     levels: FloatArray
     name: str = ""
@@ -64,13 +73,15 @@ class EvidencePanel:
     label: str
     limits: tuple[float, float]
     scale: Literal["linear", "logit"] = "linear"
-    # of each hypothesis, of straight motion, left and right turns, or a single one; those that share a curve must have
-    # the same evidence
+    # Of each hypothesis, of straight motion, left and right turns, or a single one; those that
+    # share a curve must have the same evidence.
     curves: Literal["hypothesis", "type", "single"] = "hypothesis"
-    thresholds: tuple[Threshold, ...] = ()  # drawn as dashed lines
-    legend: str = ""  # of the thresholds
-    # whether true and stated modes are drawn below the curves, for unknown switch moments: there are then no decisions,
-    # and the evidence does not begin anew at a switch
+    # Drawn as dashed lines.
+    thresholds: tuple[Threshold, ...] = ()
+    # Of the thresholds.
+    legend: str = ""
+    # Whether true and stated modes are drawn below the curves, for unknown switch moments: there
+    # are then no decisions, and the evidence does not begin anew at a switch.
     ribbons: bool = False
 
     def colours(self, radii: Sequence[float]) -> dict[int, str]:
@@ -89,7 +100,9 @@ def ratio_limits(threshold: float) -> tuple[float, float]:
 
 
 def sprt_panel(alpha: float) -> EvidencePanel:
-    """Return the panel of log-likelihood ratios to the active mode, with the thresholds of the SPRT at an alpha."""
+    """Return the panel of log-likelihood ratios to the active mode, with the thresholds of the
+    SPRT at an alpha.
+    """
     upper = math.log((1.0 - alpha) / alpha)
     return EvidencePanel(
         label="log-likelihood ratio to the active mode",
@@ -99,9 +112,13 @@ def sprt_panel(alpha: float) -> EvidencePanel:
     )
 
 
-def posterior_panel(source: str, by_type: bool = False, alpha: FloatArray | None = None) -> EvidencePanel:
-    """Return the panel of posterior probabilities with the threshold 1 - alpha. alpha: (T,) threshold on the posterior
-    error probability at each tick; None draws none.
+def posterior_panel(
+    source: str,
+    by_type: bool = False,
+    alpha: FloatArray | None = None,
+) -> EvidencePanel:
+    """Return the panel of posterior probabilities with the threshold 1 - alpha. alpha: (T,)
+    threshold on the posterior error probability at each tick; None draws none.
     """
     limit = 1.0 - POSTERIOR_LIMIT
     thresholds: tuple[Threshold, ...] = ()
@@ -122,8 +139,8 @@ def posterior_panel(source: str, by_type: bool = False, alpha: FloatArray | None
 
 
 def probability_panel(source: str = "", threshold: float = 0.0) -> EvidencePanel:
-    """Return the panel of the probabilities of the modes, for unknown switch moments. threshold: smallest probability
-    of a mode to which the statement changes; 0 draws none.
+    """Return the panel of the probabilities of the modes, for unknown switch moments. threshold:
+    smallest probability of a mode to which the statement changes; 0 draws none.
     """
     return EvidencePanel(
         label=f"probability ({source})" if source else "probability",

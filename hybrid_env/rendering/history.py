@@ -1,5 +1,6 @@
-"""Every tick of the running episode, for figures and recordings: a timeline of true modes beside one of stated modes. A
-declaration is a statement that begins at its tick and holds until the next switch.
+"""Every tick of the running episode, for figures and recordings: a timeline of true modes beside
+one of stated modes. A declaration is a statement that begins at its tick and holds until the next
+switch.
 """
 
 from collections.abc import Sequence
@@ -16,7 +17,9 @@ ACTIVE, SEGMENT, TRUE_MODE = TRACE_INDEX["active_mode"], TRACE_INDEX["segment"],
 
 
 class Decision(NamedTuple):
-    """One decision of the episode: its tick, 1 at the first measurement, and the evidence for its mode at this tick."""
+    """One decision of the episode: its tick, 1 at the first measurement, and the evidence for
+    its mode at this tick.
+    """
 
     time: int
     evidence: float
@@ -29,37 +32,58 @@ class Decision(NamedTuple):
 
 
 class History:
-    """All ticks of the running episode, with announced or with unknown switch moments. `decisions` are the declarations
-    so far, none with unknown switches.
+    """All ticks of the running episode, with announced or with unknown switch moments. `decisions`
+    are the declarations so far, none with unknown switches.
     """
 
     def __init__(self) -> None:
         self.episode = -1
-        self.begin()  # an empty episode, which is not counted
+        # An empty episode, which is not counted.
+        self.begin()
 
     def begin(self) -> None:
         """Discard the last episode; the first tick of a new one is added next."""
         self.episode += 1
         self.finished = False
         self.decisions: list[Decision] = []
-        self._parts: list[FloatArray] = []  # rows with the columns of the trace, the true mode and the evidence
+        # Rows with the columns of the trace, the true mode and the evidence.
+        self._parts: list[FloatArray] = []
 
     def add(
-        self, trace: Sequence[ArrayLike] | FloatArray, evidence: FloatArray, info: dict[str, Any], finished: bool
+        self,
+        trace: Sequence[ArrayLike] | FloatArray,
+        evidence: FloatArray,
+        info: dict[str, Any],
+        finished: bool,
     ) -> None:
-        """Store the ticks of one step, (ticks, len(TRACE_COLUMNS)), with those skipped after a decision and the first
-        tick of the next segment, none if the step ends the episode; evidence: (M,) at the current tick.
+        """Store the ticks of one step, (ticks, len(TRACE_COLUMNS)), with those skipped after a
+        decision and the first tick of the next segment, none if the step ends the episode;
+        evidence: (M,) at the current tick.
         """
         if "decided_mode" in info:
             value = float(self.evidence[-1, info["decided_mode"]])
-            names = ("decided_mode", "decided_true_mode", "correct", "forced", "ticks", "decided_length")
+            names = (
+                "decided_mode",
+                "decided_true_mode",
+                "correct",
+                "forced",
+                "ticks",
+                "decided_length",
+            )
             self.decisions.append(Decision(len(self.trace), value, *(info[name] for name in names)))
         self.finished, self.segment, self.tick = finished, info["segment"], info["tick"]
         rows = np.reshape(np.asarray(trace, np.float64), (-1, len(TRACE_COLUMNS)))
         current = rows[:, SEGMENT] == info["segment"]
-        true = np.where(current, info["true_mode"], info.get("decided_true_mode", info["true_mode"]))
-        self._parts.append(np.column_stack([rows, true, np.full((len(rows), len(evidence)), np.nan)]))
-        if not finished:  # only the last tick was processed by every filter of the bank
+        true = np.where(
+            current,
+            info["true_mode"],
+            info.get("decided_true_mode", info["true_mode"]),
+        )
+        self._parts.append(
+            np.column_stack([rows, true, np.full((len(rows), len(evidence)), np.nan)])
+        )
+        # Only the last tick was processed by every filter of the bank.
+        if not finished:
             self.set_evidence(evidence)
 
     def state(self, mode: int) -> None:
@@ -89,7 +113,9 @@ class History:
 
     @property
     def trace(self) -> FloatArray:
-        """(T, len(TRACE_COLUMNS)); with unknown switches the active mode is the stated one, NaN before it is."""
+        """(T, len(TRACE_COLUMNS)); with unknown switches the active mode is the stated one, NaN
+        before it is.
+        """
         return self._rows[:, :TRUE_MODE]
 
     @property
@@ -108,14 +134,21 @@ class History:
         return np.flatnonzero(np.diff(self.trace[:, SEGMENT], prepend=-1.0))
 
 
-def record_declaration(history: History, trace: FloatArray, info: dict[str, Any], finished: bool) -> None:
+def record_declaration(
+    history: History,
+    trace: FloatArray,
+    info: dict[str, Any],
+    finished: bool,
+) -> None:
     """Add a step with announced switches: its ticks (ticks, len(TRACE_COLUMNS)) and its `info`."""
     active = 0 if finished else int(trace[-1, ACTIVE])
     history.add(trace, info["log_likelihood"] - info["log_likelihood"][active], info, finished)
 
 
 def record_statement(history: History, action: int, info: dict[str, Any], finished: bool) -> None:
-    """Add a step with unknown switches: the statement of the last tick and the `info` of the present one."""
+    """Add a step with unknown switches: the statement of the last tick and the `info` of the
+    present one.
+    """
     if history.started:
         history.state(action)
     row = [*info["truth"], *info["measurement"], *info["estimate"][[0, 2]], np.nan, info["segment"]]

@@ -24,7 +24,9 @@ class NoDisplayError(RuntimeError):
 
 
 class Window:
-    """A pygame window of at most some frames per second. The first frame opens it; pygame is imported only then."""
+    """A pygame window of at most some frames per second. The first frame opens it; pygame is
+    imported only then.
+    """
 
     def __init__(self, fps: int):
         self.fps = fps
@@ -33,7 +35,9 @@ class Window:
         self._clock: Any = None
 
     def wants_frame(self, size: tuple[int, int]) -> bool:
-        """Open the window if necessary and process its events. Returns False if the user has closed it."""
+        """Open the window if necessary and process its events. Returns False if the user has
+        closed it.
+        """
         if self.closed_by_user:
             return False
         pygame = _import_pygame()
@@ -43,10 +47,13 @@ class Window:
                 self._surface = pygame.display.set_mode(size)
             except pygame.error as error:
                 pygame.display.quit()
-                raise NoDisplayError(f"no window can be opened ({error}): use render_mode='rgb_array'") from None
+                raise NoDisplayError(
+                    f"no window can be opened ({error}): use render_mode='rgb_array'"
+                ) from None
             pygame.display.set_caption("HybridTrack")
             self._clock = pygame.time.Clock()
-        if pygame.event.get(pygame.QUIT):  # all other events stay in the queue for the calling program
+        # All other events stay in the queue for the calling program.
+        if pygame.event.get(pygame.QUIT):
             self.close()
             self.closed_by_user = True
         return not self.closed_by_user
@@ -55,7 +62,10 @@ class Window:
         """Show a frame, (height, width, 4) uint8 RGBA, in the window opened by `wants_frame`."""
         pygame = _import_pygame()
         height, width = frame.shape[:2]
-        self._surface.blit(pygame.image.frombuffer(frame.tobytes(), (width, height), "RGBA"), (0, 0))
+        self._surface.blit(
+            pygame.image.frombuffer(frame.tobytes(), (width, height), "RGBA"),
+            (0, 0),
+        )
         pygame.display.flip()
         self._clock.tick(self.fps)
 
@@ -68,8 +78,8 @@ class Window:
 
 
 def display_available() -> bool:
-    """Return whether a window can be opened on a display, without which SDL silently renders off screen. A working
-    driver named in SDL_VIDEODRIVER counts as a display.
+    """Return whether a window can be opened on a display, without which SDL silently renders off
+    screen. A working driver named in SDL_VIDEODRIVER counts as a display.
     """
     chosen = any(map(os.environ.get, ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")))
     displays = any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
@@ -101,11 +111,13 @@ class Renderer:
 
     def __getstate__(self) -> dict[str, Any]:
         window = None if self.window is None else Window(self.window.fps)
-        return self.__dict__ | {"window": window, "_figure": None}  # neither can be copied or pickled
+        # Neither can be copied or pickled.
+        return self.__dict__ | {"window": window, "_figure": None}
 
     def draw(self, history: History) -> Any:
-        """Draw one frame of the episode so far, (height, width, 3) uint8, a new array; None if frames are shown in a
-        window, also after the user has closed it, so that the calling loop can continue.
+        """Draw one frame of the episode so far, (height, width, 3) uint8, a new array; None if
+        frames are shown in a window, also after the user has closed it, so that the calling loop
+        can continue.
         """
         if self.window is not None and not self.window.wants_frame(FRAME_SIZE):
             return None

@@ -17,6 +17,7 @@ def unwrapped(capsys):
 def test_a_run_is_trained_resumed_and_evaluated(capsys, tmp_path):
     run = str(tmp_path / "run")
     small = ["n_envs=8", "n_steps=32", "batch_size=64", "policy_kwargs.net_arch=[8]"]
+
     assert main(["train", "--out", run, "--steps", "256", "--set", *small]) == 0
     assert main(["train", "--resume", run, "--steps", "512"]) == 0
     assert "512 steps" in unwrapped(capsys)
@@ -30,7 +31,12 @@ def test_reproduce_prints_results_and_writes_tables_and_figures(capsys, tmp_path
     out = tmp_path / "results"
     assert main(["reproduce", "--runs", "4", "--out", str(out)]) == 0
     printed = capsys.readouterr().out
-    for words in ("Table 4, decision", "Tsyganov 2019: Table, RMSE", "are recommended", "identification"):
+    for words in (
+        "Table 4, decision",
+        "Tsyganov 2019: Table, RMSE",
+        "are recommended",
+        "identification",
+    ):
         assert words in printed
     names = {path.name for path in out.iterdir()}
     assert {
@@ -49,7 +55,11 @@ def test_reproduce_prints_results_and_writes_tables_and_figures(capsys, tmp_path
 
 def test_compare_prints_tables_and_writes_figures_and_data(capsys, tmp_path, monkeypatch):
     out = tmp_path / "results"
-    line = "compare --episodes 20 --selection-episodes 20 --steps 2048 --agents ppo --scheme random\\ 2x30-40"
+    line = (
+        "compare --episodes 20 --selection-episodes 20 --steps 2048 --agents ppo --scheme random\\"
+        " 2x30-40"
+    )
+
     assert main([*shlex.split(line), "--out", str(out)]) == 0
     printed = capsys.readouterr().out
     for words in ("On the operating curves", "Error rate", "anchor-aware bank"):
@@ -60,13 +70,19 @@ def test_compare_prints_tables_and_writes_figures_and_data(capsys, tmp_path, mon
     assert all(name in printed for name in names)
     assert data["segments"] == 40
     assert (out / "compare.png").read_bytes().startswith(b"\x89PNG")
-    assert {path.name for path in out.iterdir()} == {"agents", "compare.json", "compare.png", "episode.png"}
+    assert {path.name for path in out.iterdir()} == {
+        "agents",
+        "compare.json",
+        "compare.png",
+        "episode.png",
+    }
 
 
 def test_evaluate_shows_degradation_in_shifted_environments(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(shifts, "MOST_THRESHOLDS", 3)
     out = tmp_path / "shifts.json"
     line = f"evaluate fixed msprt --shifted --episodes 10 --scheme random\\ 2x20-30 --out {out}"
+
     assert main(shlex.split(line)) == 0
     printed = capsys.readouterr().out
     for words in ("nominal", "5 % outliers", "twice the radii", "half the length", "MSPRT"):

@@ -20,7 +20,12 @@ NO_SPACE = os.strerror(errno.ENOSPC)
 @pytest.mark.parametrize("line", ["--help"])
 def test_a_full_disk_is_one_line(line):
     with open("/dev/full", "w") as full:
-        done = subprocess.run([*COMMAND, *line.split()], stdout=full, stderr=subprocess.PIPE, text=True)
+        done = subprocess.run(
+            [*COMMAND, *line.split()],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
     assert done.returncode == 2
     lines = [text for text in done.stderr.splitlines() if "compiling" not in text]
     assert lines == [f"hybridtrack: [Errno {errno.ENOSPC}] {NO_SPACE}"]
@@ -30,28 +35,51 @@ def test_a_full_disk_is_one_line(line):
 def test_a_reader_that_closes_the_output_ends_the_command_quietly(line):
     end, closed = os.pipe()
     os.close(end)
-    done = subprocess.run([*COMMAND, *line.split()], stdout=closed, stderr=subprocess.PIPE, text=True)
+    done = subprocess.run(
+        [*COMMAND, *line.split()],
+        stdout=closed,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
     os.close(closed)
+
     assert done.returncode == 1
     assert [text for text in done.stderr.splitlines() if "compiling" not in text] == []
 
 
-@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, NO_SPACE, "a\nb" * 200), MemoryError("x" * 500)])
+@pytest.mark.parametrize(
+    "error",
+    [OSError(errno.ENOSPC, NO_SPACE, "a\nb" * 200), MemoryError("x" * 500)],
+)
 def test_an_error_of_the_system_is_one_line(error, monkeypatch, capsys):
     def fail(self):
         raise error
 
     monkeypatch.setattr("agents.studies.evaluate_command.Evaluate.run", fail)
+
     assert main(["evaluate"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert len(line) <= 300
 
 
-@pytest.mark.parametrize("text", ["s[/b]", "[b]", ":dog:", "a" * 5000, "\udcff", "a\nb", "\x1b[31m"])
 @pytest.mark.parametrize(
-    "line", ["{}", "evaluate {}", "evaluate --out {}/x.json", "track {}", "play --out x.gif --decider {}",
-             "train --recipe {}", "train --set {}", "evaluate --episodes {}", "evaluate --scheme {}"],
-)  # fmt: skip
+    "text",
+    ["s[/b]", "[b]", ":dog:", "a" * 5000, "\udcff", "a\nb", "\x1b[31m"],
+)
+@pytest.mark.parametrize(
+    "line",
+    [
+        "{}",
+        "evaluate {}",
+        "evaluate --out {}/x.json",
+        "track {}",
+        "play --out x.gif --decider {}",
+        "train --recipe {}",
+        "train --set {}",
+        "evaluate --episodes {}",
+        "evaluate --scheme {}",
+    ],
+)
 def test_any_text_of_the_user_gives_one_line(line, text, capsys):
     assert main([text if part == "{}" else part.replace("{}", text) for part in line.split()]) == 2
     (message,) = capsys.readouterr().err.splitlines()
@@ -63,6 +91,7 @@ def test_names_of_run_folders_are_printed_as_they_are(name, tmp_path, capsys, mo
     monkeypatch.chdir(tmp_path)
     shutil.copytree(policy_folder(SHIPPED, ANNOUNCED), tmp_path / name)
     few = ["--episodes", "2", "--scheme", "S5"]
+
     assert main(["evaluate", name, *few]) == 0
     assert name in capsys.readouterr().out
     assert main(["play", "--decider", name, "--scheme", "S5", "--out", "[b]x.png"]) == 0

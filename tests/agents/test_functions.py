@@ -23,29 +23,49 @@ def test_evaluate_returns_the_figures_of_the_command(tmp_path):
     found = agents.evaluate("msprt:0.02", "HybridTrack-v0", episodes=10, seed=3, **WORLD)
     out = tmp_path / "out.json"
     flags = f"--episodes 10 --seed 3 --out {out} --scheme"
+
     assert main(["evaluate", "msprt:0.02", *flags.split(), WORLD["scheme"]]) == 0
     (figures,) = json.loads(out.read_text())
     assert figures["reward"] == found["reward"].as_json()
     assert (
-        figures["accuracy"] == agents.evaluate(MSPRTDecider(0.02), episodes=10, seed=3, **WORLD)["accuracy"].as_json()
+        figures["accuracy"]
+        == agents.evaluate(MSPRTDecider(0.02), episodes=10, seed=3, **WORLD)["accuracy"].as_json()
     )
-    assert agents.evaluate(agents.load("msprt:0.02", **WORLD), episodes=10, seed=3, **WORLD) == found
+    assert (
+        agents.evaluate(agents.load("msprt:0.02", **WORLD), episodes=10, seed=3, **WORLD) == found
+    )
 
 
 def test_an_agent_is_trained_and_evaluated(tmp_path):
-    agent = agents.train("ppo", steps=1280, changes=SMALL_PPO, out=tmp_path / "run", **WORLD)
+    agent = agents.train(
+        "ppo",
+        steps=1280,
+        changes=SMALL_PPO,
+        out=tmp_path / "run",
+        **WORLD,
+    )
     found = agents.evaluate(agent, episodes=4, **WORLD)
+
     assert found == agents.evaluate(str(tmp_path / "run"), episodes=4, **WORLD)
     with pytest.raises(ArgumentError, match="is not allowed"):
         agents.train("ppo", out=tmp_path / "run")
 
 
 def test_compare_takes_names_and_functions(tmp_path):
-    settings = {"episodes": 4, "selection_episodes": 4, "jobs": 1, **WORLD}
+    settings = {
+        "episodes": 4,
+        "selection_episodes": 4,
+        "jobs": 1,
+        **WORLD,
+    }
     result = agents.compare(["msprt", first], [], **settings)
+
     assert [entry.name for entry in result.entries] == ["MSPRT", "first"]
     assert result.picture().axes
-    with pytest.raises(ArgumentError, match=r"^out=.* expected None with deciders that are no names"):
+    with pytest.raises(
+        ArgumentError,
+        match=r"^out=.* expected None with deciders that are no names",
+    ):
         agents.compare(["msprt", first], [], out=tmp_path, **settings)
     with pytest.raises(ArgumentError, match=r"^episodes=0 is not allowed"):
         agents.compare(["msprt"], [], episodes=0)

@@ -1,4 +1,6 @@
-"""The command line: every invalid value of a flag is rejected in one line, and nothing is written."""
+"""The command line: every invalid value of a flag is rejected in one line, and nothing is
+written.
+"""
 
 import shlex
 from dataclasses import fields
@@ -62,7 +64,8 @@ INVALID_WORLD_ARGUMENTS = [
     ("--tua 3", "--tua"),
 ]
 INVALID_ARGUMENTS = [
-    (f"{WORLD_COMMANDS[k % len(WORLD_COMMANDS)]} {flags}", message)  # one command after the other
+    # One command after the other.
+    (f"{WORLD_COMMANDS[k % len(WORLD_COMMANDS)]} {flags}", message)
     for k, (flags, message) in enumerate(INVALID_WORLD_ARGUMENTS)
 ] + [
     ("", "Expected one of"),
@@ -185,19 +188,30 @@ INVALID_ARGUMENTS += [
 INVALID_ARGUMENTS += [
     (f"{command} {flags}", message)
     for command in ("limits", "compare", "evaluate", "reproduce", "tune")
-    for flags, message in (("--jobs 0", "jobs=0"), ("--engine spark", "spark"))
+    for flags, message in (
+        ("--jobs 0", "jobs=0"),
+        ("--engine spark", "spark"),
+    )
 ]
 
 
 @pytest.mark.parametrize(("line", "message"), INVALID_ARGUMENTS)
-def test_invalid_arguments_are_rejected_with_one_line_and_exit_code_2(line, message, capsys, tmp_path, monkeypatch):
+def test_invalid_arguments_are_rejected_with_one_line_and_exit_code_2(
+    line,
+    message,
+    capsys,
+    tmp_path,
+    monkeypatch,
+):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bad.txt").write_bytes(b"\x00\x01not a table")
     (tmp_path / "good.csv").write_text("x,y\n0,0\n1,1\n")
     before = sorted(tmp_path.rglob("*"))
+
     assert main(shlex.split(line)) == 2
     captured = capsys.readouterr()
-    announced = "HybridTrack: compiling "  # the first time only
+    # The first time only.
+    announced = "HybridTrack: compiling "
     lines = [line for line in captured.err.splitlines() if not line.startswith(announced)]
     assert len(lines) == 1
     assert lines[0].startswith("hybridtrack: ")
@@ -208,7 +222,15 @@ def test_invalid_arguments_are_rejected_with_one_line_and_exit_code_2(line, mess
 
 def test_every_flag_has_an_invalid_value_in_the_list():
     lines = " ".join(line for line, _ in INVALID_ARGUMENTS)
-    positional = {(Track, "files"), (Score, "files"), (Evaluate, "deciders"), (Reproduce, "papers")}
+    positional = {
+        (Track, "files"),
+        (Score, "files"),
+        (Evaluate, "deciders"),
+        (Reproduce, "papers"),
+    }
     for kind in (Compare, Train, Evaluate, Play, Reproduce, Track, Limits, Tune, Score):
         for name in {field.name for field in fields(kind)} - {"trust"}:
-            assert (kind, name) in positional or f"--{name.replace('_', '-')}" in lines, (kind, name)
+            assert (kind, name) in positional or f"--{name.replace('_', '-')}" in lines, (
+                kind,
+                name,
+            )

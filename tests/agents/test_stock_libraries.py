@@ -1,4 +1,6 @@
-"""Learning libraries with only the id replaced. Those that are not in the development extra are optional."""
+"""Learning libraries with only the id replaced. Those that are not in the development extra are
+optional.
+"""
 
 import gymnasium as gym
 import pytest
@@ -8,23 +10,28 @@ import hybrid_env
 EASY = "hybrid_env:HybridTrack-v0"
 IDS = tuple(hybrid_env.ENVIRONMENTS)
 
-pytestmark = pytest.mark.filterwarnings("ignore")  # those of other libraries are not ours
+# Those of other libraries are not ours.
+pytestmark = pytest.mark.filterwarnings("ignore")
 
 
 def test_stable_baselines3_learns_with_its_defaults():
     from stable_baselines3 import PPO
 
-    model = PPO("MlpPolicy", EASY, device="cpu", seed=0)  # the id is enough
+    # The id is enough.
+    model = PPO("MlpPolicy", EASY, device="cpu", seed=0)
     model.learn(2048)
+
     assert model.num_timesteps == 2048
 
 
 @pytest.mark.parametrize("env_id", IDS)
 def test_torchrl_gym_env(env_id):
     envs = pytest.importorskip("torchrl.envs")
-    env = envs.GymEnv(f"hybrid_env:{env_id}")  # tries the keyword frameskip first
+    # Tries the keyword frameskip first.
+    env = envs.GymEnv(f"hybrid_env:{env_id}")
     env.auto_register_info_dict()
     rollout = env.rollout(20)
+
     assert rollout["observation"].shape[-1] == env.observation_spec["observation"].shape[-1]
     assert rollout["next", "tick"].dtype.is_floating_point is False
     envs.check_env_specs(env)
@@ -39,11 +46,14 @@ def test_tianshou_collects_steps_of_a_policy():
 
     workers = env.DummyVectorEnv([lambda: gym.make(EASY) for _ in range(2)])
     actor = DiscreteActor(
-        preprocess_net=Net(state_shape=(28,), hidden_sizes=[16]), action_shape=4, softmax_output=False
+        preprocess_net=Net(state_shape=(28,), hidden_sizes=[16]),
+        action_shape=4,
+        softmax_output=False,
     )
     policy = DiscreteActorPolicy(actor=actor, action_space=gym.make(EASY).action_space)
     collector = data.Collector(policy, workers, data.VectorReplayBuffer(200, 2))
     collector.reset()
+
     assert collector.collect(n_step=100).n_collected_steps == 100
 
 
@@ -87,5 +97,10 @@ def test_a_limit_that_would_cut_episodes_off_is_refused_for_all_tracks_in_one_ar
 
 
 def test_wrappers_of_single_tracks_work_with_tracks_one_by_one():
-    wrapped = gym.make_vec(EASY, 2, vectorization_mode="sync", wrappers=[gym.wrappers.FlattenObservation])
+    wrapped = gym.make_vec(
+        EASY,
+        2,
+        vectorization_mode="sync",
+        wrappers=[gym.wrappers.FlattenObservation],
+    )
     assert wrapped.reset(seed=0)[0].shape == (2, 28)

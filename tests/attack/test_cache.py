@@ -1,4 +1,6 @@
-"""The cache of compiled functions under attack: any bytes in its files, and the functions return the same."""
+"""The cache of compiled functions under attack: any bytes in its files, and the functions return
+the same.
+"""
 
 import runpy
 
@@ -23,7 +25,8 @@ def norm(x):
 
 @pytest.mark.parametrize("cases", counts(3, 500))
 def test_functions_with_a_damaged_cache_return_the_same(tmp_path, monkeypatch, cases):
-    path, cache = tmp_path / "program.py", tmp_path / "cache"
+    path = tmp_path / "program.py"
+    cache = tmp_path / "cache"
     path.write_text(PROGRAM)
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(cache))
     values = np.arange(9.0)
@@ -35,7 +38,10 @@ def test_functions_with_a_damaged_cache_return_the_same(tmp_path, monkeypatch, c
 
     run()
     intact = {file: file.read_bytes() for file in cache.rglob("*") if file.is_file()}
-    contents = st.fixed_dictionaries({}, optional={file: damaged(data) for file, data in intact.items()})
+    contents = st.fixed_dictionaries(
+        {},
+        optional={file: damaged(data) for file, data in intact.items()},
+    )
 
     def use(given):
         for file, data in (intact | given).items():

@@ -1,4 +1,6 @@
-"""Random values of options: a world is refused in one line, or its rows are in the observation space."""
+"""Random values of options: a world is refused in one line, or its rows are in the observation
+space.
+"""
 
 import dataclasses
 import datetime
@@ -30,7 +32,9 @@ numbers = st.one_of(
     st.sampled_from([0, 1, -1, 10**400, True, 5e-324, 1.8e308, math.pi, *LIMITS]),
     st.sampled_from(LIMITS).map(lambda value: float(np.nextafter(value, math.inf))),
     st.sampled_from(LIMITS).map(lambda value: float(np.nextafter(value, -math.inf))),
-    st.sampled_from([np.int8, np.uint64, np.float16, np.float32, np.longdouble]).map(lambda kind: kind(3)),
+    st.sampled_from([np.int8, np.uint64, np.float16, np.float32, np.longdouble]).map(
+        lambda kind: kind(3)
+    ),
     st.decimals(),
     st.fractions(),
 )
@@ -38,7 +42,9 @@ sequences = st.one_of(
     st.lists(numbers, max_size=4),
     st.tuples(numbers, numbers),
     st.lists(st.floats(), max_size=4).map(np.array),
-    st.lists(st.floats(), max_size=3).map(lambda values: np.ma.array(values, mask=[True] * len(values))),
+    st.lists(st.floats(), max_size=3).map(
+        lambda values: np.ma.array(values, mask=[True] * len(values))
+    ),
     st.floats().map(np.array),
     st.lists(st.lists(numbers, max_size=2), max_size=2),
     st.sets(st.floats(), max_size=3),
@@ -49,7 +55,9 @@ words = st.one_of(
     st.from_regex(r"\A([SLR][0-9]{1,8}(r[0-9.]{1,8})?[ ,;]?){1,5}\Z"),
     st.from_regex(r"\Arandom [0-9]{1,8}x[0-9]{1,8}(-[0-9]{1,8})?\Z"),
     st.integers(1, 6000).map(lambda digits: "S" + "9" * digits),
-    st.sampled_from(["published", "anchor_aware", "oracle", "exact", "type", "best", "keep", "declared"]),
+    st.sampled_from(
+        ["published", "anchor_aware", "oracle", "exact", "type", "best", "keep", "declared"]
+    ),
 )
 others = st.one_of(
     st.none(),
@@ -58,15 +66,23 @@ others = st.one_of(
     st.datetimes(),
     st.complex_numbers(),
     st.dictionaries(st.text(), numbers, max_size=2),
-    st.sampled_from([object(), len, int, np.timedelta64(5, "s"), decimal.Decimal(5), datetime.date(2020, 1, 1)]),
+    st.sampled_from(
+        [object(), len, int, np.timedelta64(5, "s"), decimal.Decimal(5), datetime.date(2020, 1, 1)]
+    ),
 )
 
 
 @st.composite
 def laws(draw):
-    """Return a law of noise, of the package or an own subclass, whose numbers may have been replaced."""
+    """Return a law of noise, of the package or an own subclass, whose numbers may have been
+    replaced.
+    """
     base = draw(st.sampled_from([Noise, GaussianNoise, OutlierNoise, LevyNoise, StudentNoise]))
-    own = {"example": draw(st.text()), "law": draw(numbers), "numbers": draw(st.tuples(numbers, numbers, numbers))}
+    own = {
+        "example": draw(st.text()),
+        "law": draw(numbers),
+        "numbers": draw(st.tuples(numbers, numbers, numbers)),
+    }
     law = object.__new__(type("OwnNoise", (base,), own) if draw(st.booleans()) else base)
     for field in dataclasses.fields(base):
         object.__setattr__(law, field.name, draw(numbers))
@@ -87,7 +103,9 @@ def schemes(draw):
 
 def check(build, seconds=2.0):
     """Build options, or check their refusal. Returns None if they are refused."""
-    start, options, refusal = time.process_time(), None, None
+    start = time.process_time()
+    options = None
+    refusal = None
     try:
         options = build()
     except (ArgumentError, TypeError) as error:
@@ -96,7 +114,8 @@ def check(build, seconds=2.0):
     if refusal is not None:
         message = str(refusal)
         assert isinstance(refusal, ArgumentError) or "unexpected keyword" in message, message
-        assert len(message) <= 350, message  # the longest names all options
+        # The longest names all options.
+        assert len(message) <= 350, message
         assert len(message.splitlines()) == 1, message
     return options
 
@@ -124,18 +143,30 @@ def check_scheme(parts):
 
     scheme = check(build)
     if scheme is not None:
-        check_world({"scheme": scheme, "correctness": "type", "speed": 1e-3})
+        check_world(
+            {
+                "scheme": scheme,
+                "correctness": "type",
+                "speed": 1e-3,
+            }
+        )
 
 
 def check_env(env_id, tracks, name, value):
     """Refuse a keyword of `gym.make` or a seed, or step the environment."""
-    cls, given = environment_options(env_id), {name: value} if name in OF_ENV[env_id] else {}
+    cls = environment_options(env_id)
+    given = {name: value} if name in OF_ENV[env_id] else {}
     options = check(lambda: cls.of(**(ENVIRONMENTS[env_id] | given)))
     if options is None or not affordable(options):
         return
     given |= {name: value} if name != "seed" and (tracks or name not in OF_VECTOR) else {}
-    make = functools.partial(gym.make_vec, env_id, tracks) if tracks else functools.partial(gym.make, env_id)
-    env = check(lambda: make(**given), 60.0)  # may compile
+    make = (
+        functools.partial(gym.make_vec, env_id, tracks)
+        if tracks
+        else functools.partial(gym.make, env_id)
+    )
+    # May compile.
+    env = check(lambda: make(**given), 60.0)
     start = env and check(lambda: env.reset(seed=value if name == "seed" else 0))
     if start is not None:
         env.action_space.seed(0)
@@ -143,7 +174,8 @@ def check_env(env_id, tracks, name, value):
             row, reward, terminated, _, _ = env.step(env.action_space.sample())
             assert row in env.observation_space
             assert np.isfinite(reward).all()
-            if np.any(terminated):  # an episode of one tick
+            # An episode of one tick.
+            if np.any(terminated):
                 env.reset()
 
 
@@ -154,15 +186,23 @@ def check_value(seed, name, value):
 
 NUMBERS = ["heading", "measurement_variance", "process_variance", "radii", "speed", "tau"]
 OF_VECTOR = ["autoreset_mode", "tick_info", "trace_rows", "threads"]
-OF_ENV = {one: [field.name for field in dataclasses.fields(environment_options(one))] for one in ENVIRONMENTS}
+OF_ENV = {
+    one: [field.name for field in dataclasses.fields(environment_options(one))]
+    for one in ENVIRONMENTS
+}
 PLACES = [
     (one, tracks, name)
-    for one in ENVIRONMENTS for tracks in (0, 3) for name in (*OF_ENV[one], *OF_VECTOR, "seed")
-]  # fmt: skip
+    for one in ENVIRONMENTS
+    for tracks in (0, 3)
+    for name in (*OF_ENV[one], *OF_VECTOR, "seed")
+]
 KINDS = {
     "noise": (lambda law: check_world({"scheme": "random 3x1-5", "noise": law}), [laws()]),
     "gym.make": (lambda place, value: check_env(*place, value), [st.sampled_from(PLACES), values]),
-    "one value": (check_value, [st.integers(0, 2**32), st.sampled_from(NAMES) | st.text(min_size=1), values]),
+    "one value": (
+        check_value,
+        [st.integers(0, 2**32), st.sampled_from(NAMES) | st.text(min_size=1), values],
+    ),
     "numbers": (
         lambda keywords: check_world({"scheme": "random 3x1-5"} | keywords),
         [st.dictionaries(st.sampled_from(NUMBERS), numbers, max_size=3)],
@@ -175,7 +215,10 @@ SIZES = {
 }
 
 
-@pytest.mark.parametrize("size", ["quick", pytest.param("study", marks=pytest.mark.study)])
+@pytest.mark.parametrize(
+    "size",
+    ["quick", pytest.param("study", marks=pytest.mark.study)],
+)
 @pytest.mark.parametrize("kind", KINDS)
 def test_random_options_are_refused_in_one_line_or_their_world_stays_in_its_space(kind, size):
     run, strategies = KINDS[kind]

@@ -15,9 +15,24 @@ LARGEST = 2**63 - 1
 RAGGED = [[0.0, 1.0], [2.0]]
 
 BAD_LENGTHS = [
-    [LARGEST, LARGEST, 12], [2**64 + 10], [10**400], [5, 0, 5], [-5, 15], [5.0, 5.0], [True] * 10, [[5], [5]], [5, [5]],
-    10, "10", None, np.array(10), np.ma.masked_array([5, 5], [False, True]), datetime.timedelta(seconds=10), [2, 3], [],
-]  # fmt: skip
+    [LARGEST, LARGEST, 12],
+    [2**64 + 10],
+    [10**400],
+    [5, 0, 5],
+    [-5, 15],
+    [5.0, 5.0],
+    [True] * 10,
+    [[5], [5]],
+    [5, [5]],
+    10,
+    "10",
+    None,
+    np.array(10),
+    np.ma.masked_array([5, 5], [False, True]),
+    datetime.timedelta(seconds=10),
+    [2, 3],
+    [],
+]
 """The first sum wraps to 10 in 64 bits."""
 
 
@@ -28,11 +43,25 @@ def test_lengths(lengths):
 
 
 BAD_POSITIONS = [
-    np.zeros((0, 2)), np.zeros((10, 3)), np.zeros(10), np.full((10, 2), np.nan), [["a", "b"]] * 10,
+    np.zeros((0, 2)),
+    np.zeros((10, 3)),
+    np.zeros(10),
+    np.full((10, 2), np.nan),
+    [["a", "b"]] * 10,
     [[True, False]] * 10,
-    np.ma.masked_array(POSITIONS, np.arange(20).reshape(10, 2) == 3), [[1, 10**400]] * 10, np.ones((10, 2), complex),
-    [[datetime.timedelta(1)] * 2] * 10, np.full((10, 2), np.timedelta64(1, "s")), RAGGED, "text", None, Ellipsis,
-]  # fmt: skip
+    np.ma.masked_array(
+        POSITIONS,
+        np.arange(20).reshape(10, 2) == 3,
+    ),
+    [[1, 10**400]] * 10,
+    np.ones((10, 2), complex),
+    [[datetime.timedelta(1)] * 2] * 10,
+    np.full((10, 2), np.timedelta64(1, "s")),
+    RAGGED,
+    "text",
+    None,
+    Ellipsis,
+]
 
 
 @pytest.mark.parametrize("positions", BAD_POSITIONS, ids=str)
@@ -45,13 +74,19 @@ def test_measurements(positions):
         assert refused(call).startswith("measurements")
 
 
-@pytest.mark.parametrize("tested", [0, 3, "1", [1, "2"], RAGGED, [[1]], np.array([[1]]), 1.0, {1: 2}, []], ids=str)
+@pytest.mark.parametrize(
+    "tested",
+    [0, 3, "1", [1, "2"], RAGGED, [[1]], np.array([[1]]), 1.0, {1: 2}, []],
+    ids=str,
+)
 def test_tested_hypotheses(tested):
     assert refused(detect_switch, POSITIONS, tested=tested).startswith("tested")
 
 
 @pytest.mark.parametrize(
-    "start", [RAGGED, [1.0] * 3, [0.0, 1.0], "1234", [0.0, np.nan, 0.0, 0.0], np.zeros((2, 4))], ids=str
+    "start",
+    [RAGGED, [1.0] * 3, [0.0, 1.0], "1234", [0.0, np.nan, 0.0, 0.0], np.zeros((2, 4))],
+    ids=str,
 )
 def test_start(start):
     assert refused(track_ate, POSITIONS, [10], start).startswith("start")
@@ -59,28 +94,44 @@ def test_start(start):
 
 OTHERS = {
     track_ate: [
-        ({"radii": [0.0]}, "radii=[0.0]"), ({"tau": 0.0}, "tau=0.0"),
+        ({"radii": [0.0]}, "radii=[0.0]"),
+        ({"tau": 0.0}, "tau=0.0"),
         ({"process_variance": -1.0}, "process_variance=-1.0"),
-        ({"measurement_variance": -1.0}, "measurement_variance=-1.0"), ({"alpha": 0.0}, "alpha=0.0"),
-        ({"alpha": 0.6, "beta": 0.4}, "alpha + beta=1.0"), ({"beta": float("nan")}, "beta=nan"),
-        ({"undecided": "guess"}, "undecided='guess'"), ({"recalculation": "twice"}, "recalculation='twice'"),
-        ({"reference": "left"}, "reference='left'"), ({"refine_radius": "yes"}, "refine_radius='yes'"),
+        ({"measurement_variance": -1.0}, "measurement_variance=-1.0"),
+        ({"alpha": 0.0}, "alpha=0.0"),
+        ({"alpha": 0.6, "beta": 0.4}, "alpha + beta=1.0"),
+        ({"beta": float("nan")}, "beta=nan"),
+        ({"undecided": "guess"}, "undecided='guess'"),
+        ({"recalculation": "twice"}, "recalculation='twice'"),
+        ({"reference": "left"}, "reference='left'"),
+        ({"refine_radius": "yes"}, "refine_radius='yes'"),
     ],
     filter_known_modes: [
-        ({"signed_radii": [0.0, 5.0]}, "signed_radii="), ({"signed_radii": [np.nan]}, "signed_radii[0]=nan"),
-        ({"start_covariance": [1.0, 0.0]}, "start_covariance has shape (2,)"), ({"tau": -1.0}, "tau=-1.0"),
-        ({"carry_covariance": 1}, "carry_covariance=1"), ({"measurement_variance": 0.0}, "measurement_variance=0.0"),
+        ({"signed_radii": [0.0, 5.0]}, "signed_radii="),
+        ({"signed_radii": [np.nan]}, "signed_radii[0]=nan"),
+        ({"start_covariance": [1.0, 0.0]}, "start_covariance has shape (2,)"),
+        ({"tau": -1.0}, "tau=-1.0"),
+        ({"carry_covariance": 1}, "carry_covariance=1"),
+        ({"measurement_variance": 0.0}, "measurement_variance=0.0"),
     ],
     detect_switch: [
-        ({"radii": []}, "radii=[]"), ({"alpha": 0.5}, "alpha=0.5"), ({"margin": -1.0}, "margin=-1.0"),
-        ({"alpha": 0.4, "beta": 0.6}, "alpha + beta=1.0"), ({"published_root": 1}, "published_root=1"),
+        ({"radii": []}, "radii=[]"),
+        ({"alpha": 0.5}, "alpha=0.5"),
+        ({"margin": -1.0}, "margin=-1.0"),
+        ({"alpha": 0.4, "beta": 0.6}, "alpha + beta=1.0"),
+        ({"published_root": 1}, "published_root=1"),
     ],
-}  # fmt: skip
-GIVEN = {track_ate: {"lengths": [10]}, filter_known_modes: {"lengths": [10], "signed_radii": [0.0]}, detect_switch: {}}
+}
+GIVEN = {
+    track_ate: {"lengths": [10]},
+    filter_known_modes: {"lengths": [10], "signed_radii": [0.0]},
+    detect_switch: {},
+}
 
 
 @pytest.mark.parametrize(
-    ("call", "arguments", "message"), [(call, *row) for call, rows in OTHERS.items() for row in rows]
+    ("call", "arguments", "message"),
+    [(call, *row) for call, rows in OTHERS.items() for row in rows],
 )
 def test_other_arguments(call, arguments, message):
     assert message in refused(call, POSITIONS, **GIVEN[call] | arguments)

@@ -44,7 +44,11 @@ def world(options):
 
 def live(options):
     track = live_track(options)
-    track.begin_track(np.array([0.0, 2.0, 0.0, 0.0]), np.eye(4), -1)
+    track.begin_track(
+        np.array([0.0, 2.0, 0.0, 0.0]),
+        np.eye(4),
+        -1,
+    )
     track.begin_segment(40)
 
     def step(track, k):
@@ -56,7 +60,11 @@ def live(options):
 
 def measured():
     tracks = MeasuredTracks(QuickestOptions(), 3)
-    tracks.begin_all(np.zeros((3, 4)), np.eye(4), np.zeros(3, np.int64))
+    tracks.begin_all(
+        np.zeros((3, 4)),
+        np.eye(4),
+        np.zeros(3, np.int64),
+    )
 
     def step(tracks, k):
         tracks.measure_all(POINTS[[k] * 3])
@@ -76,7 +84,9 @@ def tracker(options, decider):
 
 
 def kinematic(track_filter):
-    """Return a filter of two tracks, and a step in which one has no measurement: the other changes in place."""
+    """Return a filter of two tracks, and a step in which one has no measurement: the other
+    changes in place.
+    """
     track_filter.begin(2)
     track_filter.update(POINTS[:2])
 
@@ -92,11 +102,24 @@ def components():
     env = gym.make_vec("hybrid_env:HybridTrack-v0", 3)
     rows, _ = env.reset(seed=0)
     filters = ComponentFilters("anchor_aware", 1, 3, WorldOptions(), robust=True)
-    every, anchors = np.ones(3, np.bool_), np.zeros((1, 3, 14))
-    filters.advance(rows, every, anchors, np.zeros((3, 1)), every)
+    every = np.ones(3, np.bool_)
+    anchors = np.zeros((1, 3, 14))
+    filters.advance(
+        rows,
+        every,
+        anchors,
+        np.zeros((3, 1)),
+        every,
+    )
 
     def step(filters, k):
-        filters.advance(rows, ~every, anchors, np.zeros((3, 1)), ~every)
+        filters.advance(
+            rows,
+            ~every,
+            anchors,
+            np.zeros((3, 1)),
+            ~every,
+        )
         return filters.log_likelihood.copy()
 
     return filters, step
@@ -104,9 +127,17 @@ def components():
 
 CV, QUICKEST = MotionModel("CV", axes=2, noise=1.0), QuickestOptions()
 KINDS = {
-    **{env_id: lambda env_id=env_id: environment(gym.make(env_id).unwrapped) for env_id in ENVIRONMENTS},
-    **{f"3 {env_id}": lambda env_id=env_id: environment(gym.make_vec(env_id, 3)) for env_id in ENVIRONMENTS},
-    "drawn frames": lambda: environment(gym.make("HybridTrackQuickest-v0", render_mode="rgb_array").unwrapped),
+    **{
+        env_id: lambda env_id=env_id: environment(gym.make(env_id).unwrapped)
+        for env_id in ENVIRONMENTS
+    },
+    **{
+        f"3 {env_id}": lambda env_id=env_id: environment(gym.make_vec(env_id, 3))
+        for env_id in ENVIRONMENTS
+    },
+    "drawn frames": lambda: environment(
+        gym.make("HybridTrackQuickest-v0", render_mode="rgb_array").unwrapped
+    ),
     "two threads": lambda: environment(gym.make_vec("HybridTrack-v0", 20, threads=2)),
     "complete info": lambda: environment(CompleteInfo(gym.make("HybridTrack-v0").unwrapped)),
     "world": lambda: world(WorldOptions()),
@@ -119,11 +150,17 @@ KINDS = {
     "tracker of a beam": lambda: tracker(QUICKEST, BeamDecider(QUICKEST, branches=5)),
     "announced tracker": lambda: tracker(WorldOptions(), SPRTDecider()),
     "Kalman filter": lambda: kinematic(KalmanFilter(CV, 0.1, start_deviations=[3.0])),
-    "IMM": lambda: kinematic(IMMFilter([KalmanFilter(CV, 0.1, start_deviations=[3.0])] * 2, sojourns=10.0)),
+    "IMM": lambda: kinematic(
+        IMMFilter([KalmanFilter(CV, 0.1, start_deviations=[3.0])] * 2, sojourns=10.0)
+    ),
     "particles": lambda: kinematic(ParticleFilter(CV, 0.3, particles=50, start_deviations=[3.0])),
     "component filters": components,
 }
-COPIES = {"copy": copy.copy, "deepcopy": copy.deepcopy, "pickle": lambda one: pickle.loads(pickle.dumps(one))}
+COPIES = {
+    "copy": copy.copy,
+    "deepcopy": copy.deepcopy,
+    "pickle": lambda one: pickle.loads(pickle.dumps(one)),
+}
 
 
 @pytest.mark.parametrize("how", COPIES.values(), ids=COPIES)

@@ -1,14 +1,16 @@
 """Filters of the true mode are consistent wherever their model is exact.
 
-Then whitened innovations are independent standard normals, the normalized innovation squared (NIS) has a
-chi-square distribution with 2 degrees of freedom, and the normalized estimation error squared one with
+Then whitened innovations are independent standard normals, the normalized innovation squared (NIS)
+has a chi-square distribution with 2 degrees of freedom, and the normalized estimation error squared
+one with
 4. The model is exact if
 
-- the anchor is exact, as in the oracle bank, or in the first segment with `initial_error=0`: centre and rate
-  of a turn are those of the object,
+- the anchor is exact, as in the oracle bank, or in the first segment with `initial_error=0`: centre
+  and rate of a turn are those of the object,
 - the object moves straight and the covariance of the anchor is the true one: the model is linear.
 
-The anchor-aware bank is exact to first order in the relative error of the anchor's velocity, here 0.5 %.
+The anchor-aware bank is exact to first order in the relative error of the anchor's velocity, here
+0.5 %.
 """
 
 import numpy as np
@@ -28,12 +30,19 @@ UNEQUAL = {"measurement_variance": (0.02, 0.3), "process_variance": 0.02}
 CASES = {
     "oracle, straight": {"scheme": "S60", "bank": "oracle"},
     "oracle, turn": {"scheme": "L60r5", "bank": "oracle"},
-    "oracle, fast turn, unequal noise": {"scheme": "R60r5", "bank": "oracle", "speed": 30.0} | UNEQUAL,
+    "oracle, fast turn, unequal noise": {
+        "scheme": "R60r5",
+        "bank": "oracle",
+        "speed": 30.0,
+    }
+    | UNEQUAL,
     "published, exact anchor, straight": {"scheme": "S60"} | EXACT_ANCHOR,
     "published, exact anchor, turn": {"scheme": "R60r5"} | EXACT_ANCHOR,
     "published, exact anchor, turn, unequal noise": {"scheme": "L60r5"} | EXACT_ANCHOR | UNEQUAL,
     "published, true covariance, straight": {"scheme": "S60"} | TRUE_COVARIANCE,
-    "published, true covariance, straight, unequal noise": {"scheme": "S60"} | TRUE_COVARIANCE | UNEQUAL,
+    "published, true covariance, straight, unequal noise": {"scheme": "S60"}
+    | TRUE_COVARIANCE
+    | UNEQUAL,
     "anchor-aware, straight": {"scheme": "S60", "bank": "anchor_aware"},
     "anchor-aware, straight, unequal noise": {"scheme": "S60", "bank": "anchor_aware"} | UNEQUAL,
     "anchor-aware, exact anchor, turn": {"scheme": "L60r5", "bank": "anchor_aware"} | EXACT_ANCHOR,
@@ -43,24 +52,32 @@ CASES = {
 
 
 def run(tracks, seed, **options):
-    """Follow one segment. Returns whitened innovations (T, N, 2) and normalized squared errors (N,)."""
+    """Follow one segment. Returns whitened innovations (T, N, 2) and normalized squared errors
+    (N,).
+    """
     env = HybridTrackVectorEnv(tracks, tick_info=True, **options)
     layout = Layout(env.options.hypotheses)
     rows, info = env.reset(seed=seed)
     mode = int(info["true_mode"][0])
     white = np.empty((TICKS, tracks, 2))
-    # The heading of the anchor depends on its error: components along and across it are not exactly normal.
+    # The heading of the anchor depends on its error: components along and across it are not exactly
+    # normal.
     velocity = info["anchor"][:, 1] + 1j * info["anchor"][:, 3]
     heading = velocity / np.abs(velocity)
     for k in range(TICKS):
-        along, across = (layout.read(rows, f"innovation_{name}")[:, mode] for name in ("along", "across"))
+        along, across = (
+            layout.read(rows, f"innovation_{name}")[:, mode] for name in ("along", "across")
+        )
         fixed = (along + 1j * across) * heading
         white[k] = np.stack([fixed.real, fixed.imag], axis=1)
         if k + 1 < TICKS:
             rows, *_, info = env.step(np.zeros(tracks, np.int64))
     bank = env.world.bank
     filters = bank.hypotheses[:, mode]
-    estimate = np.stack([filters[name].ravel() for name in ("x", "vx", "y", "vy")], axis=1)[:tracks]
+    estimate = np.stack(
+        [filters[name].ravel() for name in ("x", "vx", "y", "vy")],
+        axis=1,
+    )[:tracks]
     error = estimate - info["truth"]
     covariance = np.zeros((tracks, 4, 4))
     if env.options.bank == "anchor_aware":
@@ -68,14 +85,23 @@ def run(tracks, seed, **options):
         whole[:, *TRIANGLE7] = filters["covariance"].swapaxes(1, 2).reshape(-1, 28)[:tracks]
         covariance[:, *TRIANGLE4] = whole[:, :4, :4][:, *TRIANGLE4]
     else:
-        column = min(mode, 1)  # one radius
+        # One radius.
+        column = min(mode, 1)
         for axis in (0, -1):
             shared = bank.covariances[:, axis, column]
             first = 0 if axis == 0 else 2
-            for i, j, name in ((0, 0, "xx"), (0, 1, "xv"), (1, 1, "vv")):
+            for i, j, name in (
+                (0, 0, "xx"),
+                (0, 1, "xv"),
+                (1, 1, "vv"),
+            ):
                 covariance[:, first + i, first + j] = shared[name].ravel()[:tracks]
     covariance += np.triu(covariance, 1).swapaxes(1, 2)
-    error_squared = np.einsum("ni,ni->n", error, np.linalg.solve(covariance, error[..., None])[..., 0])
+    error_squared = np.einsum(
+        "ni,ni->n",
+        error,
+        np.linalg.solve(covariance, error[..., None])[..., 0],
+    )
     return white, error_squared
 
 
@@ -86,19 +112,21 @@ def inside(sum_of_squares, degrees):
 
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize(
-    "tracks", [pytest.param(1000, id="quick"), pytest.param(200_000, id="study", marks=pytest.mark.study)]
+    "tracks",
+    [pytest.param(1000, id="quick"), pytest.param(200_000, id="study", marks=pytest.mark.study)],
 )
 def test_the_filter_of_the_true_mode_is_consistent_where_its_model_is_exact(name, tracks):
     white, error_squared = run(tracks, 2018, **CASES[name])
-    # tick by tick, in total, and the error at the last tick
+    # Tick by tick, in total, and the error at the last tick.
     for k in range(TICKS):
         assert inside((white[k] ** 2).sum(), 2 * tracks), k
+
     assert inside((white**2).sum(), white.size)
     assert inside(error_squared.sum(), 4 * tracks)
-    # both have the whole distribution, not only the mean
+    # Both have the whole distribution, not only the mean.
     assert stats.kstest((white[-1] ** 2).sum(-1), stats.chi2(2).cdf).pvalue > FIVE_SIGMA
     assert stats.kstest(error_squared, stats.chi2(4).cdf).pvalue > FIVE_SIGMA
-    # zero mean, no correlation between the axes and between ticks
+    # Zero mean, no correlation between the axes and between ticks.
     assert abs(white.mean()) < 5.0 / np.sqrt(white.size)
     assert abs((white[..., 0] * white[..., 1]).mean()) < 5.0 / np.sqrt(white[..., 0].size)
     for lag in (1, 2, 5, 20):
@@ -109,7 +137,11 @@ def test_the_filter_of_the_true_mode_is_consistent_where_its_model_is_exact(name
 INEXACT = {
     "published, anchor with an error, turn": {"scheme": "L60r5"} | TRUE_COVARIANCE,
     "published, P := I": {"scheme": "S60"},
-    "outliers": {"scheme": "S60", "bank": "oracle", "noise": "outliers 0.01"},
+    "outliers": {
+        "scheme": "S60",
+        "bank": "oracle",
+        "noise": "outliers 0.01",
+    },
 }
 
 

@@ -19,15 +19,28 @@ def test_a_law_is_its_text_and_its_probabilities_sum_to_1(text):
     probabilities = duration_probabilities(law, 3000)
     np.testing.assert_allclose(probabilities.sum(), 1, rtol=1e-12)
     np.testing.assert_allclose(probabilities @ ticks, law.mean_duration, rtol=1e-12)
-    # the law of the remaining ticks is stationary: one tick later the same, after switches included
+    # The law of the remaining ticks is stationary: one tick later the same, after switches
+    # included.
     remaining = remaining_probabilities(law, 3000)
     np.testing.assert_allclose(remaining.sum(), 1, rtol=1e-12)
     later = np.append(remaining[1:], 0) + remaining[0] * probabilities
     np.testing.assert_allclose(later, remaining, atol=1e-15)
 
 
-BAD = ["", "geometric", "geometric 0.5", "geometric 1e3", "uniform 100-50", "uniform 0-5", "-1 + geometric 5",
-       "uniform 5-" + "9" * 19, 75, None, ("geometric", 75), "geometric " + "9" * 19]  # fmt: skip
+BAD = [
+    "",
+    "geometric",
+    "geometric 0.5",
+    "geometric 1e3",
+    "uniform 100-50",
+    "uniform 0-5",
+    "-1 + geometric 5",
+    "uniform 5-" + "9" * 19,
+    75,
+    None,
+    ("geometric", 75),
+    "geometric " + "9" * 19,
+]
 
 
 @pytest.mark.parametrize("value", BAD)
@@ -37,27 +50,45 @@ def test_other_values_are_refused_in_one_line(value):
 
 @pytest.mark.parametrize("text", LAWS[:3])
 def test_the_environment_draws_durations_and_modes_from_the_law(text):
-    tracks, ticks = 2000, 400
-    env = HybridTrackQuickestVectorEnv(tracks, tick_info=True, durations=text, ticks=ticks, start="random")
+    tracks = 2000
+    ticks = 400
+    env = HybridTrackQuickestVectorEnv(
+        tracks,
+        tick_info=True,
+        durations=text,
+        ticks=ticks,
+        start="random",
+    )
     _, info = env.reset(seed=1)
-    modes, segments = [info["true_mode"]], [info["segment"]]
+    modes = [info["true_mode"]]
+    segments = [info["segment"]]
     for _ in range(ticks - 1):
         *_, info = env.step(np.zeros(tracks, np.int64))
         modes.append(info["true_mode"])
         segments.append(info["segment"])
     modes, segments = np.array(modes), np.array(segments)
     switched = np.diff(segments, axis=0) == 1
-    np.testing.assert_array_equal(switched, np.diff(modes, axis=0) != 0)
-    # switches are stationary: as many in every part of the episode
+
+    np.testing.assert_array_equal(
+        switched,
+        np.diff(modes, axis=0) != 0,
+    )
+    # Switches are stationary: as many in every part of the episode.
     law = parse_durations(text)
     expected = tracks * 50 / law.mean_duration
-    for part in np.split(switched[:-1].sum(1)[: ticks - 50], (ticks - 50) // 50):
+    for part in np.split(
+        switched[:-1].sum(1)[: ticks - 50],
+        (ticks - 50) // 50,
+    ):
         assert abs(part.sum() - expected) < 6 * np.sqrt(expected)
-    # every mode follows each of the two others equally often
-    before, after = modes[:-1][switched], modes[1:][switched]
-    counts = np.array([((before == i) & (after == j)).sum() for i in range(3) for j in range(3) if i != j])
+    # Every mode follows each of the two others equally often.
+    before = modes[:-1][switched]
+    after = modes[1:][switched]
+    counts = np.array(
+        [((before == i) & (after == j)).sum() for i in range(3) for j in range(3) if i != j]
+    )
     assert (abs(counts - counts.mean()) < 6 * np.sqrt(counts.mean())).all()
-    # first segments, and second ones that begin early enough, have their laws
+    # First segments, and second ones that begin early enough, have their laws.
     first = (segments == 0).sum(0)
     second = (segments == 1).sum(0)[first < 100]
     for lengths, probabilities in (

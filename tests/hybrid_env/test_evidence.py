@@ -1,4 +1,6 @@
-"""A declaration counts from a posterior on; before, it waits. The mask says which declarations count."""
+"""A declaration counts from a posterior on; before, it waits. The mask says which declarations
+count.
+"""
 
 import itertools
 
@@ -18,28 +20,48 @@ from hybrid_env import (
 from hybrid_env.registration import BANK_RADII
 
 TRACKS, EVIDENCE = 16, 0.9
-RADII = {3: (5.0,), 5: (3.0, 8.0), 21: BANK_RADII}
-EVIDENT_IDS = [env_id for env_id, options in hybrid_env.ENVIRONMENTS.items() if "evidence" in options]
+RADII = {
+    3: (5.0,),
+    5: (3.0, 8.0),
+    21: BANK_RADII,
+}
+EVIDENT_IDS = [
+    env_id for env_id, options in hybrid_env.ENVIRONMENTS.items() if "evidence" in options
+]
 WORLDS = list(
-    itertools.product(RADII, ("exact", "type"), ("published", "anchor_aware"), ("all", "types", "best"), (0.0, 0.4))
+    itertools.product(
+        RADII,
+        ("exact", "type"),
+        ("published", "anchor_aware"),
+        ("all", "types", "best"),
+        (0.0, 0.4),
+    )
 )
 
 
 def posteriors(log_likelihood, correctness):
-    """Posteriors of the hypotheses, or of straight, left and right: (..., M) or (..., 3), with equal priors."""
+    """Posteriors of the hypotheses, or of straight, left and right: (..., M) or (..., 3), with
+    equal priors.
+    """
     likelihood = np.exp(log_likelihood - log_likelihood.max(-1, keepdims=True))
     posterior = likelihood / likelihood.sum(-1, keepdims=True)
     if correctness == "exact":
         return posterior
     side = posterior.shape[-1] // 2
     sides = np.split(posterior[..., 1:], [side], axis=-1)
-    return np.stack([posterior[..., 0], *(one.sum(-1) for one in sides)], axis=-1)
+    return np.stack(
+        [posterior[..., 0], *(one.sum(-1) for one in sides)],
+        axis=-1,
+    )
 
 
 def expected_mask(env, info):
     """The mask by the log-likelihoods in `info`."""
     largest = posteriors(info["log_likelihood"], env.options.correctness).max(-1)
-    mask = np.ones((*np.shape(largest), env.options.action_count), np.int8)
+    mask = np.ones(
+        (*np.shape(largest), env.options.action_count),
+        np.int8,
+    )
     mask[..., 1:] = (largest >= env.options.evidence)[..., None]
     return mask
 
@@ -47,13 +69,22 @@ def expected_mask(env, info):
 @pytest.mark.parametrize(("hypotheses", "correctness", "bank", "actions", "missed"), WORLDS)
 def test_a_declaration_before_the_evidence_waits(hypotheses, correctness, bank, actions, missed):
     options = {
-        "radii": RADII[hypotheses], "correctness": correctness, "bank": bank, "actions": actions, "missed": missed,
+        "radii": RADII[hypotheses],
+        "correctness": correctness,
+        "bank": bank,
+        "actions": actions,
+        "missed": missed,
         "measurement_variance": 0.01,
-    }  # fmt: skip
-    limited, free = (HybridTrackVectorEnv(TRACKS, tick_info=True, evidence=one, **options) for one in (EVIDENCE, 0.0))
-    generator, done = np.random.default_rng(5), np.zeros(TRACKS, bool)
+    }
+    limited, free = (
+        HybridTrackVectorEnv(TRACKS, tick_info=True, evidence=one, **options)
+        for one in (EVIDENCE, 0.0)
+    )
+    generator = np.random.default_rng(5)
+    done = np.zeros(TRACKS, bool)
     waited = declared = 0
     (row, info), (other_row, other_info) = limited.reset(seed=3), free.reset(seed=3)
+
     assert row.tobytes() == other_row.tobytes()
     for _ in range(250):
         mask = expected_mask(limited, info)
@@ -91,6 +122,7 @@ def test_the_mask_of_a_single_environment_is_of_the_kind_that_spaces_sample_by(e
         *_, done, _, info = env.step(action)
         if done:
             _, info = env.reset()
+
     assert 0 < masked < 300
 
 
@@ -123,13 +155,19 @@ def test_random_policies_pass_the_passive_checker(env_id, masked):
 @pytest.mark.parametrize("action", [0, 1, 3])
 @pytest.mark.parametrize("undecided", ["likeliest", "keep"])
 def test_a_masked_declaration_on_the_last_tick_is_a_forced_decision(undecided, action):
-    env = HybridTrackEnv(scheme="L4r5 S4", evidence=1.0 - 1e-9, undecided=undecided, bank="anchor_aware")
+    env = HybridTrackEnv(
+        scheme="L4r5 S4",
+        evidence=1.0 - 1e-9,
+        undecided=undecided,
+        bank="anchor_aware",
+    )
     _, info = env.reset(seed=2)
     for tick in range(1, 5):
         assert (info["tick"], info["segment"]) == (tick, 0)
         assert info["action_mask"].tolist() == [1, 0, 0, 0]
         likeliest = info["log_likelihood"].argmax()
         _, reward, done, _, info = env.step(action)
+
     assert not done
     assert info["forced"]
     assert info["ticks"] == info["decided_length"] == 4
@@ -142,11 +180,16 @@ def test_a_masked_declaration_on_the_last_tick_is_a_forced_decision(undecided, a
 def test_without_evidence_every_declaration_counts(make, correctness):
     env = make(evidence=0, correctness=correctness, bank="anchor_aware")
     _, info = env.reset(seed=0)
+
     assert np.all(info["action_mask"] == 1)
     assert env.action_masks().all()
     action = 2 if make is HybridTrackEnv else np.array([2])
     *_, info = env.step(action)
-    assert (np.ravel(info["ticks"])[0], np.ravel(info["decided_mode"])[0], np.ravel(info["forced"])[0]) == (1, 1, False)
+    assert (
+        np.ravel(info["ticks"])[0],
+        np.ravel(info["decided_mode"])[0],
+        np.ravel(info["forced"])[0],
+    ) == (1, 1, False)
 
 
 @pytest.mark.parametrize("make", [HybridTrackQuickestEnv, HybridTrackQuickestVectorEnv])
@@ -163,10 +206,20 @@ def test_with_unknown_switches_every_statement_counts(make):
 @pytest.mark.parametrize("radii", RADII.values(), ids=RADII)
 @pytest.mark.parametrize("action", [1, 2, 3])
 def test_a_declared_type_stands_for_its_likeliest_hypothesis(radii, action):
-    env = HybridTrackVectorEnv(50, tick_info=True, radii=radii, actions="types", correctness="type")
+    env = HybridTrackVectorEnv(
+        50,
+        tick_info=True,
+        radii=radii,
+        actions="types",
+        correctness="type",
+    )
     assert env.single_action_space.n == 4
     n = len(radii)
-    first, last = {1: (0, 1), 2: (1, n + 1), 3: (n + 1, 2 * n + 1)}[action]
+    first, last = {
+        1: (0, 1),
+        2: (1, n + 1),
+        3: (n + 1, 2 * n + 1),
+    }[action]
     _, info = env.reset(seed=4)
     for _ in range(7):
         *_, info = env.step(np.zeros(50, np.int64))

@@ -25,14 +25,21 @@ def segments_of(modes, segments):
     found = []
     for mode, number in zip(modes.T, segments.T, strict=True):
         starts = np.flatnonzero(np.diff(number)) + 1
-        found += zip(mode[starts[:-1]], mode[starts[1:]], np.diff(starts), strict=True)
+        found += zip(
+            mode[starts[:-1]],
+            mode[starts[1:]],
+            np.diff(starts),
+            strict=True,
+        )
     return np.array(found)
 
 
 def test_a_drawn_law_and_order_are_those_of_the_episode():
-    tracks, ticks = 60, 3000
+    tracks = 60
+    ticks = 3000
     env = HybridTrackQuickestVectorEnv(tracks, ticks=ticks, tick_info=True, **DRAWN)
     modes, segments, info = timeline(env, ticks, 1)
+
     np.testing.assert_allclose(info["order"].sum(2), 1.0)
     errors = []
     for track in range(tracks):
@@ -55,12 +62,23 @@ def test_a_drawn_law_and_order_are_those_of_the_episode():
 def test_a_fixed_order_and_laws_by_mode_are_followed():
     order = "0 0.9 0.1, 0.2 0 0.8, 1 0 0"
     law = "straight uniform 20-30, turns uniform 5-6 or uniform 9-9"
-    env = HybridTrackQuickestVectorEnv(200, tick_info=True, ticks=500, durations=law, order=order)
+    env = HybridTrackQuickestVectorEnv(
+        200,
+        tick_info=True,
+        ticks=500,
+        durations=law,
+        order=order,
+    )
     found = segments_of(*timeline(env, 500, 2)[:2])
     counts = np.zeros((3, 3))
     np.add.at(counts, (found[:, 0], found[:, 1]), 1)
     expected = env.options.order_matrix
-    np.testing.assert_allclose(counts / counts.sum(1, keepdims=True), expected, atol=0.03)
+
+    np.testing.assert_allclose(
+        counts / counts.sum(1, keepdims=True),
+        expected,
+        atol=0.03,
+    )
     assert set(found[found[:, 0] == 0, 2]) == set(range(20, 31))
     turns = found[found[:, 0] > 0, 2]
     assert set(turns) == {5, 6, 9}
@@ -78,14 +96,16 @@ def test_texts_of_laws():
 
 
 @pytest.mark.parametrize(
-    "value", ["often", 3, "1 0, 0 1", [[0, 1, 0]] * 3, "0 1 x, 1 0 0, 1 0 0", "0 2 -1, 1 0 0, 1 0 0"]
+    "value",
+    ["often", 3, "1 0, 0 1", [[0, 1, 0]] * 3, "0 1 x, 1 0 0, 1 0 0", "0 2 -1, 1 0 0, 1 0 0"],
 )
 def test_other_orders_are_refused_in_one_line(value):
     refused(QuickestOptions, order=value)
 
 
 @pytest.mark.parametrize(
-    "value", ["straight uniform 5", "uniform 5 or", "drawn or uniform 5", "straight drawn, turns uniform 5"]
+    "value",
+    ["straight uniform 5", "uniform 5 or", "drawn or uniform 5", "straight drawn, turns uniform 5"],
 )
 def test_other_laws_are_refused_in_one_line(value):
     refused(QuickestOptions, durations=value)

@@ -8,38 +8,62 @@ from hybrid_env.sensors import parse_sensors
 
 
 def test_fused_errors_have_the_stated_variance():
-    sensors = [Sensor(variance=0.4, period=2), Sensor(variance=0.1, position=(0.0, 50.0), range=50.1)]
+    sensors = [
+        Sensor(variance=0.4, period=2),
+        Sensor(variance=0.1, position=(0.0, 50.0), range=50.1),
+    ]
     env = HybridTrackVectorEnv(
-        4000, tick_info=True, scheme="S9", sensors=sensors, heading=0.0, process_variance=0.0
-    )  # fmt: skip
+        4000,
+        tick_info=True,
+        scheme="S9",
+        sensors=sensors,
+        heading=0.0,
+        process_variance=0.0,
+    )
     _, info = env.reset(seed=1)
     seen = []
     for k in range(9):
         error = info["measurement"] - info["truth"][:, [0, 2]]
         ratio = env.world.field("noise")[:, 0]
-        # both sensors, or the second one alone, relative to a variance of 0.1
-        np.testing.assert_allclose(ratio, 1 / (0.1 / 0.4 + 1) if k % 2 == 0 else 1.0)
+        # Both sensors, or the second one alone, relative to a variance of 0.1.
+        np.testing.assert_allclose(
+            ratio,
+            1 / (0.1 / 0.4 + 1) if k % 2 == 0 else 1.0,
+        )
         known = ~np.isnan(error[:, 0])
         seen.append(known.mean())
         if known.any():
             white = error[known] / np.sqrt(0.1 * ratio[known])[:, None]
             assert white.var() == pytest.approx(1.0, abs=5 * np.sqrt(2 / white.size))
         info = env.step(np.zeros(4000, np.int64))[4]
+
     assert seen[0] == 1.0
 
 
 def test_one_sensor_of_variance_r_is_the_plain_world():
-    plain, sensed = HybridTrackVectorEnv(9), HybridTrackVectorEnv(9, sensors=[Sensor(variance=0.1)])
-    rows, others = plain.reset(seed=2)[0], sensed.reset(seed=2)[0]
+    plain = HybridTrackVectorEnv(9)
+    sensed = HybridTrackVectorEnv(9, sensors=[Sensor(variance=0.1)])
+    rows = plain.reset(seed=2)[0]
+    others = sensed.reset(seed=2)[0]
     generator = np.random.default_rng(0)
     for _ in range(300):
         np.testing.assert_allclose(rows, others, atol=2e-4)
-        actions = np.where(generator.random(9) < 0.05, generator.integers(1, 4, 9), 0)
-        rows, others = plain.step(actions)[0], sensed.step(actions)[0]
+        actions = np.where(
+            generator.random(9) < 0.05,
+            generator.integers(1, 4, 9),
+            0,
+        )
+        rows = plain.step(actions)[0]
+        others = sensed.step(actions)[0]
 
 
 def test_a_text_stands_for_a_sensor():
-    full = Sensor(variance=0.4, position=(10.0, 20.0), period=5, range=30.0)
+    full = Sensor(
+        variance=0.4,
+        position=(10.0, 20.0),
+        period=5,
+        range=30.0,
+    )
     assert parse_sensors(["0.4 period 5 range 30 at 10 20", "0.1"]) == (full, Sensor(variance=0.1))
     for text in ("", "near", "0.1 at 1", "0.1 period 1.5", "0.1 speed 3", "-1", "0.1 range"):
         with pytest.raises(ArgumentError, match=r"sensors=.*texts such as"):

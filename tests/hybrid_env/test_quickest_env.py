@@ -10,7 +10,9 @@ SHORT = {"ticks": 40, "durations": "uniform 5-12"}
 
 
 def test_statements_change_nothing_but_rewards_and_their_own_features():
-    envs = [HybridTrackQuickestVectorEnv(20, tick_info=True, measurement_variance=0.3) for _ in range(2)]
+    envs = [
+        HybridTrackQuickestVectorEnv(20, tick_info=True, measurement_variance=0.3) for _ in range(2)
+    ]
     layout = QuickestLayout(3)
     own = np.zeros(layout.width, bool)
     for name in ("stated", "stated_ticks"):
@@ -21,6 +23,7 @@ def test_statements_change_nothing_but_rewards_and_their_own_features():
         np.testing.assert_array_equal(results[0][:, ~own], results[1][:, ~own])
         results = [env.step(generator.integers(0, 3, 20))[0] for env in envs]
     truths = [env.world.field("truth") for env in envs]
+
     np.testing.assert_array_equal(*truths)
 
 
@@ -29,11 +32,21 @@ def test_rewards_follow_the_statement_and_its_changes():
     layout = QuickestLayout(3)
     row, info = env.reset(seed=3)
     generator = np.random.default_rng(3)
-    stated, count = None, 0
+    stated = None
+    count = 0
     for k in range(40):
-        np.testing.assert_array_equal(layout.read(row, "stated"), np.arange(3) == stated)
-        np.testing.assert_allclose(layout.read(row, "stated_ticks"), count, rtol=1e-6)
-        action = int(generator.integers(3)) if generator.random() < 0.4 or stated is None else stated
+        np.testing.assert_array_equal(
+            layout.read(row, "stated"),
+            np.arange(3) == stated,
+        )
+        np.testing.assert_allclose(
+            layout.read(row, "stated_ticks"),
+            count,
+            rtol=1e-6,
+        )
+        action = (
+            int(generator.integers(3)) if generator.random() < 0.4 or stated is None else stated
+        )
         right = action == info["true_mode"]
         changed = stated is not None and action != stated
         row, reward, terminated, truncated, info = env.step(np.int64(action))
@@ -50,6 +63,7 @@ def test_a_known_start_is_a_switch_to_a_mode_that_the_bank_knows(text):
     env = HybridTrackQuickestVectorEnv(1000, tick_info=True, durations=text)
     _, info = env.reset(seed=2)
     modes = info["true_mode"]
+
     assert (np.bincount(modes) > 250).all()
     probability = np.exp(info["log_probability"])[np.arange(1000), modes]
     np.testing.assert_allclose(probability, 1 - 1 / 75, atol=2e-3)

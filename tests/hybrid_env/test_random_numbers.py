@@ -18,16 +18,30 @@ FIVE_SIGMA = 2.0 * stats.norm.sf(5.0)
 
 
 @pytest.mark.parametrize(
-    "count", [pytest.param(3 * 10**5, id="quick"), pytest.param(10**8, id="study", marks=pytest.mark.study)]
+    "count",
+    [
+        pytest.param(3 * 10**5, id="quick"),
+        pytest.param(
+            10**8,
+            id="study",
+            marks=pytest.mark.study,
+        ),
+    ],
 )
 def test_draws_are_standard_normal_in_moments_histogram_and_tails(count):
-    bins, powers = 1000, range(1, 9)
-    moments, histogram, beyond = np.zeros(len(powers)), np.zeros(bins), np.zeros(3)
+    bins = 1000
+    powers = range(1, 9)
+    moments = np.zeros(len(powers))
+    histogram = np.zeros(bins)
+    beyond = np.zeros(3)
     total = 0
     for seed in itertools.count(5, 1024):
         sample = drawn_noise(min(count // 4096 + 1, 1000), 1024, seed).ravel()
         moments += [(sample**power).sum() for power in powers]
-        histogram += np.bincount((special.ndtr(sample) * bins).astype(int), minlength=bins)
+        histogram += np.bincount(
+            (special.ndtr(sample) * bins).astype(int),
+            minlength=bins,
+        )
         beyond += [(np.abs(sample) > limit).sum() for limit in (3.0, 4.0, 5.0)]
         total += sample.size
         if total >= count:
@@ -36,6 +50,7 @@ def test_draws_are_standard_normal_in_moments_histogram_and_tails(count):
         expected, square = (special.factorial2(k - 1) * (k % 2 == 0) for k in (power, 2 * power))
         assert abs(moment - expected) < 5.0 * math.sqrt((square - expected**2) / total), power
     chi_square = ((histogram - total / bins) ** 2).sum() / (total / bins)
+
     assert abs(chi_square - (bins - 1)) < 5.0 * math.sqrt(2 * (bins - 1))
     for limit, found in zip((3.0, 4.0, 5.0), beyond, strict=True):
         assert stats.binomtest(int(found), total, 2 * stats.norm.sf(limit)).pvalue > FIVE_SIGMA
@@ -43,21 +58,30 @@ def test_draws_are_standard_normal_in_moments_histogram_and_tails(count):
 
 @pytest.mark.parametrize(
     ("seeds", "ticks"),
-    [pytest.param(64, 4000, id="quick"), pytest.param(1024, 25_000, id="study", marks=pytest.mark.study)],
+    [
+        pytest.param(64, 4000, id="quick"),
+        pytest.param(
+            1024,
+            25_000,
+            id="study",
+            marks=pytest.mark.study,
+        ),
+    ],
 )
 def test_streams_of_neighbouring_seeds_and_lanes_are_uncorrelated(seeds, ticks):
-    # lane i of the environment has seed 1000 + i
+    # Lane i of the environment has seed 1000 + i.
     streams = drawn_noise(ticks, seeds, 1000)
     for transform in (lambda z: z, lambda z: (z**2 - 1.0) / math.sqrt(2.0), np.sign):
         values = transform(streams)
         for distance, lag in itertools.product((1, 2, LANES), (0, 1, -1)):
             ahead = values[max(lag, 0) : ticks + min(lag, 0), :, distance:]
             behind = values[max(-lag, 0) : ticks - max(lag, 0), :, : seeds - distance]
-            pairs = (ahead * behind).mean((0, 1))  # of every pair of neighbours
+            # Of every pair of neighbours.
+            pairs = (ahead * behind).mean((0, 1))
             error = 1.0 / math.sqrt(4 * ahead.shape[0])
             assert np.abs(pairs).max() < 5.0 * error, (distance, lag)
             assert abs(pairs.mean()) < 5.0 * error / math.sqrt(pairs.size), (distance, lag)
-        # between the four draws of a tick, of the same and of the neighbouring lane
+        # Between the four draws of a tick, of the same and of the neighbouring lane.
         for i, j in itertools.permutations(range(4), 2):
             for distance in (0, 1):
                 product = values[:, i, distance:] * values[:, j, : seeds - distance]
@@ -72,10 +96,14 @@ def test_the_first_draws_of_successive_seeds_are_independent():
     uniform = (heading / (2.0 * math.pi)) % 1.0
     noise = (info["measurement"] - info["truth"][:, [0, 2]]) / math.sqrt(0.1)
     counts = np.bincount(info["true_mode"], minlength=3)
+
     assert stats.kstest(uniform, "uniform").pvalue > FIVE_SIGMA
     assert stats.kstest(noise.ravel(), "norm").pvalue > FIVE_SIGMA
     assert stats.chisquare(counts).pvalue > FIVE_SIGMA
     centred = (uniform - 0.5) * math.sqrt(12.0)
     mode = (info["true_mode"] - 1.0) * math.sqrt(1.5)
-    for first, second in itertools.product((centred, noise[:, 0], noise[:, 1], mode), repeat=2):
+    for first, second in itertools.product(
+        (centred, noise[:, 0], noise[:, 1], mode),
+        repeat=2,
+    ):
         assert abs((first[1:] * second[:-1]).mean()) < 5.0 / math.sqrt(tracks - 1)

@@ -1,4 +1,6 @@
-"""Attributes and arrays that compiled code relies on cannot be replaced; copies do not share memory."""
+"""Attributes and arrays that compiled code relies on cannot be replaced; copies do not share
+memory.
+"""
 
 import copy
 import pickle
@@ -19,13 +21,21 @@ from hybrid_env.core.records import LANES
 from hybrid_env.live import AnnouncedTrack, OnlineTrack
 from hybrid_env.world import World
 
-ENVIRONMENTS = [HybridTrackVectorEnv, HybridTrackEnv, HybridTrackQuickestVectorEnv, HybridTrackQuickestEnv]
+ENVIRONMENTS = [
+    HybridTrackVectorEnv,
+    HybridTrackEnv,
+    HybridTrackQuickestVectorEnv,
+    HybridTrackQuickestEnv,
+]
 
 
 @pytest.mark.parametrize("make", ENVIRONMENTS)
 def test_options_and_arrays_of_an_environment_cannot_be_replaced(make):
     env = make()
-    for owner, names in ((env, ("options", "world")), (env.world, sorted(env.world.read_only))):
+    for owner, names in (
+        (env, ("options", "world")),
+        (env.world, sorted(env.world.read_only)),
+    ):
         for name in names:
             with pytest.raises(AttributeError, match=f"{type(owner).__name__}.{name} is read-only"):
                 setattr(owner, name, None)
@@ -33,7 +43,11 @@ def test_options_and_arrays_of_an_environment_cannot_be_replaced(make):
 
 @pytest.mark.parametrize("tracks", [1, LANES, LANES + 3])
 @pytest.mark.parametrize(
-    ("make", "options"), [(HybridTrackVectorEnv, {"trace_rows": 3}), (HybridTrackQuickestVectorEnv, {})]
+    ("make", "options"),
+    [
+        (HybridTrackVectorEnv, {"trace_rows": 3}),
+        (HybridTrackQuickestVectorEnv, {}),
+    ],
 )
 @pytest.mark.parametrize("threads", [1, 2])
 def test_a_copy_has_memory_of_its_own_and_continues_alike(make, options, tracks, threads):

@@ -16,20 +16,27 @@ from hybrid_env import HybridTrackEnv, HybridTrackVectorEnv, Sensor
 from hybrid_env.registration import make_track_vector_env
 
 IDS = tuple(hybrid_env.ENVIRONMENTS)
-SENSORS = (Sensor(variance=0.4, period=2), Sensor(variance=0.05, position=(3.0, 4.0), range=4.0), Sensor(variance=1.0))
+SENSORS = (
+    Sensor(variance=0.4, period=2),
+    Sensor(variance=0.05, position=(3.0, 4.0), range=4.0),
+    Sensor(variance=1.0),
+)
 CHECKED = [
     *((env_id, {}) for env_id in IDS),
     *(
         pytest.param(env_id, options, marks=pytest.mark.filterwarnings("ignore:.*:UserWarning"))
         for env_id in ("HybridTrackPublished-v0", "HybridTrackQuickest-v0")
-        for options in ({"missed": 0.1, "noise": "levy 1.5"}, {"sensors": SENSORS})
+        for options in (
+            {"missed": 0.1, "noise": "levy 1.5"},
+            {"sensors": SENSORS},
+        )
     ),
 ]
 
 
 @pytest.mark.parametrize(("env_id", "options"), CHECKED)
 def test_the_checkers_of_gymnasium_and_stable_baselines3_pass(env_id, options):
-    # Gymnasium's checker compares the info of two first ticks, where NaN would not equal NaN
+    # Gymnasium's checker compares the info of two first ticks, where NaN would not equal NaN.
     pytest.importorskip("matplotlib")
     sb3 = pytest.importorskip("stable_baselines3.common.env_checker")
     env = gym.make(env_id, render_mode="rgb_array", **options).unwrapped
@@ -43,9 +50,15 @@ def test_every_vectorization_mode_gives_the_same_episodes(env_id, mode):
     env = gym.make_vec(f"hybrid_env:{env_id}", num_envs=2, vectorization_mode=mode)
     expected = gym.make_vec(env_id, num_envs=2)
     try:
-        np.testing.assert_array_equal(env.reset(seed=3)[0], expected.reset(seed=3)[0])
+        np.testing.assert_array_equal(
+            env.reset(seed=3)[0],
+            expected.reset(seed=3)[0],
+        )
         for _ in range(5):
-            np.testing.assert_array_equal(env.step(np.zeros(2, int))[0], expected.step(np.zeros(2, int))[0])
+            np.testing.assert_array_equal(
+                env.step(np.zeros(2, int))[0],
+                expected.step(np.zeros(2, int))[0],
+            )
     finally:
         env.close()
 
@@ -56,7 +69,10 @@ def test_forkserver_processes_create_the_environment_by_module_and_id():
     try:
         rows = env.reset(seed=6)[0]
         assert rows.shape == (2, 28)
-        np.testing.assert_array_equal(rows[1], gym.make("HybridTrackPublished-v0").reset(seed=7)[0])
+        np.testing.assert_array_equal(
+            rows[1],
+            gym.make("HybridTrackPublished-v0").reset(seed=7)[0],
+        )
         assert env.step(np.array([0, 1]))[0].shape == (2, 28)
     finally:
         env.close()
@@ -106,11 +122,15 @@ def test_longer_episodes_need_a_larger_limit_or_none(env_id):
     options = LONGER[env_id]
     for limit in (-1, 20_000, None):
         assert gym.make_vec(env_id, 2, max_episode_steps=limit, **options).reset(seed=0)
+
     assert make_track_vector_env(env_id, 2, **options).reset(seed=0)
     assert type(gym.make(env_id).unwrapped)(**options).reset(seed=0)
 
 
-@pytest.mark.parametrize("limit", ["many", 1.5, True, -2, 0, 599])
+@pytest.mark.parametrize(
+    "limit",
+    ["many", 1.5, True, -2, 0, 599],
+)
 def test_other_limits_are_refused_in_one_line(limit):
     assert refused(HybridTrackVectorEnv, max_episode_steps=limit).startswith("max_episode_steps=")
 
@@ -121,7 +141,7 @@ def test_the_environments_can_be_played_with_the_keys_of_gymnasium(env_id, monke
     pytest.importorskip("matplotlib")
     pygame = pytest.importorskip("pygame")
     with warnings.catch_warnings():
-        # it asks matplotlib for a window, which it does not need for a game
+        # It asks matplotlib for a window, which it does not need for a game.
         warnings.simplefilter("ignore")
         from gymnasium.utils.play import PlayableGame
 
@@ -129,6 +149,7 @@ def test_the_environments_can_be_played_with_the_keys_of_gymnasium(env_id, monke
     env.reset(seed=0)
     game = PlayableGame(env)
     keys = env.unwrapped.get_keys_to_action()
+
     assert game.relevant_keys == {key for (key,) in keys} == set(map(ord, "wad"))
     for key in game.relevant_keys:
         game.process_event(pygame.event.Event(pygame.KEYDOWN, key=key))
@@ -141,7 +162,11 @@ def test_the_environments_can_be_played_with_the_keys_of_gymnasium(env_id, monke
 
 @pytest.mark.parametrize("actions", ["all", "types"])
 def test_the_keys_declare_straight_left_and_right(actions):
-    for key, expected in (("w", {0}), ("a", {1, 2}), ("d", {3, 4})):
+    for key, expected in (
+        ("w", {0}),
+        ("a", {1, 2}),
+        ("d", {3, 4}),
+    ):
         env = HybridTrackEnv(radii=(3.0, 5.0), actions=actions, correctness="type")
         env.reset(seed=0)
         *_, info = env.step(env.get_keys_to_action()[(ord(key),)])

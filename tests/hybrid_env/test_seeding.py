@@ -7,7 +7,18 @@ from gymnasium.utils import seeding
 from hybrid_env import ArgumentError, HybridTrackEnv, HybridTrackVectorEnv
 from hybrid_env.world import random_states, state_of
 
-SEEDS = [*range(300), 2**31, 2**32 - 1, 2**32, 2**32 + 7, 2**63, 2**64 - 1, 2**64, 2**100, 12345678901234567]
+SEEDS = [
+    *range(300),
+    2**31,
+    2**32 - 1,
+    2**32,
+    2**32 + 7,
+    2**63,
+    2**64 - 1,
+    2**64,
+    2**100,
+    12345678901234567,
+]
 
 
 def test_states_equal_those_of_the_generators():
@@ -22,20 +33,36 @@ def test_none_draws_different_states():
     assert (random_states([None]) != random_states([None])).any()
 
 
-@pytest.mark.parametrize("first", [0, 2**32 - 2, 2**64 - 3])
+@pytest.mark.parametrize(
+    "first",
+    [0, 2**32 - 2, 2**64 - 3],
+)
 def test_a_track_equals_a_single_environment(first):
     vector = HybridTrackVectorEnv(5)
     rows, _ = vector.reset(seed=first)
     for i, row in enumerate(rows):
-        np.testing.assert_array_equal(HybridTrackEnv().reset(seed=first + i)[0], row)
+        np.testing.assert_array_equal(
+            HybridTrackEnv().reset(seed=first + i)[0],
+            row,
+        )
     for seeds in ([first + i for i in range(5)], np.array([first + i for i in range(5)])):
         np.testing.assert_array_equal(vector.reset(seed=seeds)[0], rows)
 
 
 BAD_SEEDS = [
-    np.array(3), -1, True, 1.5, "12345", [1, 2], (1, 2), [1, 2, 3, 4, -5], [1, 2, 3, 4, 0.5], {},
-    np.zeros((5, 5)), object(),
-]  # fmt: skip
+    np.array(3),
+    -1,
+    True,
+    1.5,
+    "12345",
+    [1, 2],
+    (1, 2),
+    [1, 2, 3, 4, -5],
+    [1, 2, 3, 4, 0.5],
+    {},
+    np.zeros((5, 5)),
+    object(),
+]
 
 
 @pytest.mark.parametrize("seed", BAD_SEEDS, ids=range(len(BAD_SEEDS)))
@@ -53,10 +80,17 @@ def test_options_of_reset_are_a_dict(options):
 
 
 SIZES = [
-    {"num_envs": 0}, {"num_envs": 2.0}, {"num_envs": 10**30}, {"num_envs": np.array(3)},
-    {"num_envs": 2**31 - 1, "trace_rows": 10**6}, {"trace_rows": -1}, {"trace_rows": 10**12}, {"threads": 0},
-    {"threads": 10**9}, {"autoreset_mode": "soon"},
-]  # fmt: skip
+    {"num_envs": 0},
+    {"num_envs": 2.0},
+    {"num_envs": 10**30},
+    {"num_envs": np.array(3)},
+    {"num_envs": 2**31 - 1, "trace_rows": 10**6},
+    {"trace_rows": -1},
+    {"trace_rows": 10**12},
+    {"threads": 0},
+    {"threads": 10**9},
+    {"autoreset_mode": "soon"},
+]
 
 
 @pytest.mark.parametrize("arguments", SIZES, ids=str)

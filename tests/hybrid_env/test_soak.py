@@ -1,4 +1,5 @@
-"""Random worlds inside the allowed ranges: every row is finite and in the observation space, episodes end.
+"""Random worlds inside the allowed ranges: every row is finite and in the observation space,
+episodes end.
 
 A failure prints the seed and the options; `random_worlds.soak` with the same arguments repeats it.
 """
@@ -24,38 +25,72 @@ def soak_or_report(options, tracks, ticks, seed, **arguments):
     ("worlds", "ticks"),
     [
         pytest.param(80, 20_000, id="quick"),
-        pytest.param(3300, 310_000, id="study", marks=pytest.mark.study),  # 10^9 ticks
+        # 10^9 ticks.
+        pytest.param(
+            3300,
+            310_000,
+            id="study",
+            marks=pytest.mark.study,
+        ),
     ],
 )
 def test_rows_rewards_and_ends_of_random_worlds(worlds, ticks):
-    done, banks = 0, set()
+    done = 0
+    banks = set()
     for seed in range(worlds):
         options = random_options(np.random.default_rng(seed))
         done += soak_or_report(options, 256, ticks, seed)
         banks.add(options["bank"])
+
     assert done >= worlds * ticks
     assert banks == set(BANKS)
 
 
 EDGES = {
-    "many segments": {"scheme": "random 1000000x1-3"}, "one long segment": {"scheme": "S100000 L100000r5 R100000r5"},
+    "many segments": {"scheme": "random 1000000x1-3"},
+    "one long segment": {"scheme": "S100000 L100000r5 R100000r5"},
     "many radii": {"radii": np.geomspace(0.01, 1e6, 300), "speed": 0.1},
-    "fast turn": {"speed": LARGEST_TURN * 5.0, "tau": 1.0, "scheme": "random 1000x1-50"},
-    "fast turn, loud": {"speed": 5e3, "measurement_variance": 1e6, "scheme": "random 1000x1-50"},
-    "exact": {"process_variance": 0.0, "initial_error": 0, "measurement_variance": 1e-18, "radii": 10.0},
-    "exact anchor": {"initial_error": 0, "reset_covariance": False}, "process noise": {"process_variance": 1e18},
+    "fast turn": {
+        "speed": LARGEST_TURN * 5.0,
+        "tau": 1.0,
+        "scheme": "random 1000x1-50",
+    },
+    "fast turn, loud": {
+        "speed": 5e3,
+        "measurement_variance": 1e6,
+        "scheme": "random 1000x1-50",
+    },
+    "exact": {
+        "process_variance": 0.0,
+        "initial_error": 0,
+        "measurement_variance": 1e-18,
+        "radii": 10.0,
+    },
+    "exact anchor": {"initial_error": 0, "reset_covariance": False},
+    "process noise": {"process_variance": 1e18},
     "first estimate": {"initial_error": (1e12, 1e14)},
     "outliers": {"noise": "outliers 0.999999", "measurement_variance": 100.0},
     "heavy tails": {"noise": "student_t 1", "missed": 0.5},
     "no measurements": {"missed": 0.999999, "scheme": "random 1000x50-3000"},
-    "far sensors": {"sensors": [Sensor(variance=1e-6, range=3.0), Sensor(variance=1e6, period=7, range=40.0)]},
+    "far sensors": {
+        "sensors": [Sensor(variance=1e-6, range=3.0), Sensor(variance=1e6, period=7, range=40.0)]
+    },
     "huge tick": {"tau": 1e9, "speed": 1e-7},
-    "keeps covariance": {"reset_covariance": False, "process_variance": 0.0, "scheme": "random 1000x5-50"},
-}  # fmt: skip
+    "keeps covariance": {
+        "reset_covariance": False,
+        "process_variance": 0.0,
+        "scheme": "random 1000x5-50",
+    },
+}
 
 
 @pytest.mark.parametrize("name", EDGES)
 @pytest.mark.parametrize("bank", ["published", "anchor_aware"])
 @pytest.mark.parametrize("follow", ["declared", "bank"])
 def test_rows_rewards_and_ends_of_extreme_worlds(name, bank, follow):
-    soak_or_report({"bank": bank, "follow": follow} | EDGES[name], 64, 20_000, 1)
+    soak_or_report(
+        {"bank": bank, "follow": follow} | EDGES[name],
+        64,
+        20_000,
+        1,
+    )

@@ -1,4 +1,6 @@
-"""The rows of the bank, of the measurement alone and of the true state belong to the same episodes."""
+"""The rows of the bank, of the measurement alone and of the true state belong to the same
+episodes.
+"""
 
 import gymnasium as gym
 import numpy as np
@@ -9,16 +11,29 @@ from hostile_input import refused
 from hybrid_env import HybridTrackVectorEnv, Layout, QuickestLayout, RawLayout, Sensor, StateLayout
 from hybrid_env.registration import BANK_RADII
 
-TWINS = {"bank": Layout, "raw": RawLayout, "state": StateLayout}
+TWINS = {
+    "bank": Layout,
+    "raw": RawLayout,
+    "state": StateLayout,
+}
 WORLDS = {
-    "default": {}, "evidence": {"bank": "anchor_aware", "evidence": 0.9, "radii": (3.0, 8.0)},
+    "default": {},
+    "evidence": {
+        "bank": "anchor_aware",
+        "evidence": 0.9,
+        "radii": (3.0, 8.0),
+    },
     "types": {
-        "bank": "anchor_aware", "evidence": 0.9, "radii": BANK_RADII, "correctness": "type", "actions": "types",
+        "bank": "anchor_aware",
+        "evidence": 0.9,
+        "radii": BANK_RADII,
+        "correctness": "type",
+        "actions": "types",
         "follow": "bank",
     },
     "missed, unequal axes": {"missed": 0.4, "measurement_variance": (0.05, 0.4)},
     "sensors": {"sensors": (Sensor(variance=0.4, period=2), Sensor(variance=0.05, range=4.0))},
-}  # fmt: skip
+}
 
 
 def in_heading_frame(vectors, anchor):
@@ -32,12 +47,19 @@ def in_heading_frame(vectors, anchor):
 def test_twins_have_the_same_episodes_and_every_row_is_in_its_space(options):
     tracks = 11
     envs = [
-        HybridTrackVectorEnv(tracks, tick_info=True, observation=name, scheme="random 2x5-20", **options)
+        HybridTrackVectorEnv(
+            tracks,
+            tick_info=True,
+            observation=name,
+            scheme="random 2x5-20",
+            **options,
+        )
         for name in TWINS
     ]
     results = [env.reset(seed=6) for env in envs]
     infos = [info for _, info in results]
-    generator, episodes = np.random.default_rng(1), 0
+    generator = np.random.default_rng(1)
+    episodes = 0
     for _ in range(200):
         for (row, *_), env in zip(results, envs, strict=True):
             assert env.observation_space.contains(row)
@@ -46,7 +68,11 @@ def test_twins_have_the_same_episodes_and_every_row_is_in_its_space(options):
             for name, values in info.items():
                 np.testing.assert_array_equal(values, infos[0][name], err_msg=name)
         wait = generator.random(tracks) < 0.8
-        actions = np.where(wait, 0, generator.integers(0, envs[0].single_action_space.n, tracks))
+        actions = np.where(
+            wait,
+            0,
+            generator.integers(0, envs[0].single_action_space.n, tracks),
+        )
         results = [env.step(actions) for env in envs]
         infos = [result[4] for result in results]
         for _, rewards, terminated, truncated, _ in results:
@@ -54,6 +80,7 @@ def test_twins_have_the_same_episodes_and_every_row_is_in_its_space(options):
             np.testing.assert_array_equal(terminated, results[0][2])
             assert not truncated.any()
         episodes += terminated.sum()
+
     assert episodes > tracks
 
 
@@ -61,16 +88,28 @@ def test_twins_have_the_same_episodes_and_every_row_is_in_its_space(options):
 def test_the_layouts_read_the_true_state_and_the_measurement_relative_to_the_anchor(options):
     tracks = 9
     raw, state = (
-        HybridTrackVectorEnv(tracks, tick_info=True, observation=name, scheme="L12r8 S9", **{"radii": 8.0} | options)
+        HybridTrackVectorEnv(
+            tracks,
+            tick_info=True,
+            observation=name,
+            scheme="L12r8 S9",
+            **{"radii": 8.0} | options,
+        )
         for name in ("raw", "state")
     )
     R = np.exp(np.log(np.broadcast_to(raw.options.variances, 2)).mean())
-    raw_layout, state_layout = RawLayout(raw.options.hypotheses), StateLayout(state.options.hypotheses)
+    raw_layout = RawLayout(raw.options.hypotheses)
+    state_layout = StateLayout(state.options.hypotheses)
     (raw_rows, info), (state_rows, _) = raw.reset(seed=2), state.reset(seed=2)
     for tick in range(1, 13):
-        anchor, truth, places = info["anchor"], info["truth"], [0, 2]
+        anchor = info["anchor"]
+        truth = info["truth"]
+        places = [0, 2]
         missing = np.isnan(info["measurement"][:, 0])
-        along, across = in_heading_frame((info["measurement"] - anchor[:, places]) / np.sqrt(R), anchor)
+        along, across = in_heading_frame(
+            (info["measurement"] - anchor[:, places]) / np.sqrt(R),
+            anchor,
+        )
         common = {"ticks": np.full(tracks, tick), "ticks_left": np.full(tracks, 12 - tick)}
         common["log_noise"] = np.full(tracks, np.log(R))
         expected = common | {
@@ -81,7 +120,13 @@ def test_the_layouts_read_the_true_state_and_the_measurement_relative_to_the_anc
         }
         assert expected.keys() == raw_layout.slices.keys()
         for name, value in expected.items():
-            np.testing.assert_allclose(raw_layout.read(raw_rows, name), value, rtol=1e-5, atol=1e-5, err_msg=name)
+            np.testing.assert_allclose(
+                raw_layout.read(raw_rows, name),
+                value,
+                rtol=1e-5,
+                atol=1e-5,
+                err_msg=name,
+            )
 
         position = in_heading_frame((truth - anchor)[:, places] / np.sqrt(R), anchor)
         velocity = in_heading_frame(truth[:, [1, 3]], anchor)
@@ -94,17 +139,28 @@ def test_the_layouts_read_the_true_state_and_the_measurement_relative_to_the_anc
         }
         assert expected.keys() == state_layout.slices.keys()
         for name, value in expected.items():
-            np.testing.assert_allclose(state_layout.read(state_rows, name), value, rtol=1e-5, atol=1e-5, err_msg=name)
+            np.testing.assert_allclose(
+                state_layout.read(state_rows, name),
+                value,
+                rtol=1e-5,
+                atol=1e-5,
+                err_msg=name,
+            )
         wait = np.zeros(tracks, np.int64)
         (raw_rows, *_, info), (state_rows, *_) = raw.step(wait), state.step(wait)
+
     assert (info["segment"] == 1).all()
 
 
-@pytest.mark.parametrize("env_id", ["HybridTrack-v0", "HybridTrackBank-v0", "HybridTrackPublished-v0"])
+@pytest.mark.parametrize(
+    "env_id",
+    ["HybridTrack-v0", "HybridTrackBank-v0", "HybridTrackPublished-v0"],
+)
 @pytest.mark.parametrize("observation", TWINS)
 def test_the_checker_of_gymnasium_passes_for_each_twin(env_id, observation):
     env = gym.make(env_id, observation=observation).unwrapped
     layout = TWINS[observation](env.options.hypotheses)
+
     assert env.observation_space.shape == (layout.width,)
     check_env(env, skip_render_check=True)
 
@@ -113,6 +169,7 @@ def test_the_checker_of_gymnasium_passes_for_each_twin(env_id, observation):
 def test_a_layout_shows_its_names_and_places(kind):
     layout = kind(3)
     shown = repr(layout)
+
     assert shown.startswith(f"{kind.__name__}(3): ")
     for name, place in layout.slices.items():
         assert f"{name} {place.start}:{place.stop}" in shown

@@ -26,41 +26,80 @@ MADE = [
     ("HybridTrackPublishedBank-v0", {}),
     ("HybridTrack-v0", {}),
     ("HybridTrackBank-v0", {}),
-    ("HybridTrack-v0", {"correctness": "type", "actions": "types", "missed": 0.3}),
+    (
+        "HybridTrack-v0",
+        {
+            "correctness": "type",
+            "actions": "types",
+            "missed": 0.3,
+        },
+    ),
     ("HybridTrackQuickest-v0", SHORT),
     ("HybridTrackQuickest-v0", SHORT | UNEQUAL),
     *(
         (env_id, short | options)
-        for env_id, short in (("HybridTrackPublished-v0", {}), ("HybridTrackQuickest-v0", SHORT))
-        for options in ({"missed": 0.4}, {"sensors": SENSORS}, {"sensors": SENSORS, "missed": 0.4})
+        for env_id, short in (
+            ("HybridTrackPublished-v0", {}),
+            ("HybridTrackQuickest-v0", SHORT),
+        )
+        for options in (
+            {"missed": 0.4},
+            {"sensors": SENSORS},
+            {"sensors": SENSORS, "missed": 0.4},
+        )
     ),
     ("HybridTrackPublished-v0", {"noise": "levy 1.5 1 44"}),
     ("HybridTrackPublished-v0", {"bank": "anchor_aware", "noise": "outliers 0.1"}),
     ("HybridTrackPublished-v0", {"bank": "anchor_aware", "follow": "bank"}),
-    ("HybridTrackQuickest-v0", {"ticks": 40, "durations": "drawn", "order": "drawn", "start": "random"}),
+    (
+        "HybridTrackQuickest-v0",
+        {
+            "ticks": 40,
+            "durations": "drawn",
+            "order": "drawn",
+            "start": "random",
+        },
+    ),
     ("HybridTrackQuickest-v0", {"ticks": 40, "order": "cycle"}),
     ("HybridTrackQuickest-v0", SHORT | {"noise": "student_t 3"}),
 ]
 VIEWS = {
-    "announced": (HybridTrackVectorEnv, HybridTrackEnv, {"scheme": "random 2x5-9", "radii": (3.0, 5.0)}),
+    "announced": (
+        HybridTrackVectorEnv,
+        HybridTrackEnv,
+        {"scheme": "random 2x5-9", "radii": (3.0, 5.0)},
+    ),
     "evidence": (
         HybridTrackVectorEnv,
         HybridTrackEnv,
-        {"scheme": "random 2x5-9", "radii": (3.0, 5.0), "bank": "anchor_aware", "evidence": 0.5},
+        {
+            "scheme": "random 2x5-9",
+            "radii": (3.0, 5.0),
+            "bank": "anchor_aware",
+            "evidence": 0.5,
+        },
     ),
     "unknown": (HybridTrackQuickestVectorEnv, HybridTrackQuickestEnv, SHORT),
 }
-"""The vector and the single environment with each kind of switches, and options of short episodes."""
+"""The vector and the single environment with each kind of switches, and options of short
+episodes.
+"""
 
 
 def random_actions(generator, shape, count):
     """Draw mostly waiting actions, so that episodes are long and decision times vary."""
-    return np.where(generator.random(shape) < 0.93, 0, generator.integers(0, count, shape))
+    return np.where(
+        generator.random(shape) < 0.93,
+        0,
+        generator.integers(0, count, shape),
+    )
 
 
 @pytest.mark.parametrize(("env_id", "options"), MADE)
 def test_vector_tracks_equal_single_environments_bit_for_bit_across_autoresets(env_id, options):
-    tracks, steps, seed = LANES + 3, 700, 42
+    tracks = LANES + 3
+    steps = 700
+    seed = 42
     vector = gym.make_vec(env_id, tracks, tick_info=True, **options)
     singles = [gym.make(env_id, **options).unwrapped for _ in range(tracks)]
     rows, vector_info = vector.reset(seed=seed)
@@ -78,7 +117,8 @@ def test_vector_tracks_equal_single_environments_bit_for_bit_across_autoresets(e
         for i, single in enumerate(singles):
             if restart[i]:
                 row, info = single.reset()
-                reward, done = 0.0, False
+                reward = 0.0
+                done = False
                 episodes += 1
             else:
                 row, reward, done, _, info = single.step(actions[i])
@@ -91,9 +131,12 @@ def test_vector_tracks_equal_single_environments_bit_for_bit_across_autoresets(e
                     np.asarray(value).tobytes()
                     == np.asarray(vector_info[key][i]).astype(np.asarray(value).dtype).tobytes()
                 )
-            present = {key for key in vector_info if not key.startswith("_") and vector_info[f"_{key}"][i]}
+            present = {
+                key for key in vector_info if not key.startswith("_") and vector_info[f"_{key}"][i]
+            }
             assert present == set(info)
             waited += not info["action_mask"][-1]
+
     assert episodes >= 2 * tracks
     assert (waited > 0) == (env_id in ("HybridTrack-v0", "HybridTrackBank-v0"))
 
@@ -104,13 +147,16 @@ def test_the_vector_environment_equals_a_sync_vector_env_of_single_environments(
     vector, single, options = VIEWS[view]
     ours = vector(3, autoreset_mode=mode, tick_info=True, **options)
     theirs = SyncVectorEnv([lambda: single(**options)] * 3, autoreset_mode=mode)
-    first, expected = ours.reset(seed=7), theirs.reset(seed=7)
+    first = ours.reset(seed=7)
+    expected = theirs.reset(seed=7)
+
     np.testing.assert_array_equal(first[0], expected[0])
     generator = np.random.default_rng(1)
     resets = 0
     for _ in range(300):
         actions = random_actions(generator, 3, ours.single_action_space.n)
-        mine, other = ours.step(actions), theirs.step(actions)
+        mine = ours.step(actions)
+        other = theirs.step(actions)
         for k in range(4):
             np.testing.assert_array_equal(mine[k], other[k])
         resets += mine[2].sum()
@@ -119,7 +165,9 @@ def test_the_vector_environment_equals_a_sync_vector_env_of_single_environments(
 
 
 def compare_infos(mine, other):
-    """Compare the info of two vector environments, of which the first has the same keys in every step."""
+    """Compare the info of two vector environments, of which the first has the same keys in every
+    step.
+    """
     assert set(mine) >= set(other)
     assert not any(mine[key].any() for key in set(mine) - set(other) if key.startswith("_"))
     for key, value in other.items():
@@ -132,7 +180,11 @@ def compare_infos(mine, other):
                     np.testing.assert_array_equal(row, expected)
         else:
             mask = other["_" + key] if not key.startswith("_") else slice(None)
-            np.testing.assert_array_equal(np.asarray(mine[key])[mask], np.asarray(value)[mask], err_msg=key)
+            np.testing.assert_array_equal(
+                np.asarray(mine[key])[mask],
+                np.asarray(value)[mask],
+                err_msg=key,
+            )
 
 
 def test_disabled_autoreset_resets_only_the_masked_tracks():
@@ -141,6 +193,7 @@ def test_disabled_autoreset_resets_only_the_masked_tracks():
     for _ in range(7):
         env.step(np.zeros(3, int))
     _, _, terminated, _, _ = env.step(np.array([0, 0, 0]))
+
     assert terminated.all()
     with pytest.raises(gym.error.ResetNeeded, match="reset_mask"):
         env.step(np.zeros(3, int))
@@ -156,7 +209,10 @@ def test_disabled_autoreset_resets_only_the_masked_tracks():
 def test_the_first_reset_must_include_all_tracks():
     env = HybridTrackVectorEnv(3, autoreset_mode="Disabled")
     with pytest.raises(gym.error.ResetNeeded, match="requires an earlier reset"):
-        env.reset(seed=0, options={"reset_mask": np.array([True, False, False])})
+        env.reset(
+            seed=0,
+            options={"reset_mask": np.array([True, False, False])},
+        )
 
 
 def test_an_environment_unpickled_from_read_only_buffers_steps_in_its_own_memory():
@@ -170,6 +226,7 @@ def test_an_environment_unpickled_from_read_only_buffers_steps_in_its_own_memory
     for _ in range(20):
         rows = [one.step(np.zeros(3, np.int64))[0] for one in (env, again)]
         np.testing.assert_array_equal(*rows)
+
     assert frozen == before
 
 
@@ -183,10 +240,17 @@ def test_an_environment_unpickled_from_read_only_buffers_steps_in_its_own_memory
 )
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
 def test_results_do_not_depend_on_threads(make, options, mode):
-    tracks, generator = 61, np.random.default_rng(4)
+    tracks = 61
+    generator = np.random.default_rng(4)
     options = options | {"measurement_variance": (0.1, 0.2), "autoreset_mode": mode}
-    alone, together = (make(tracks, threads=threads, tick_info=True, **options) for threads in (1, 3))
-    np.testing.assert_array_equal(alone.reset(seed=1)[0], together.reset(seed=1)[0])
+    alone, together = (
+        make(tracks, threads=threads, tick_info=True, **options) for threads in (1, 3)
+    )
+
+    np.testing.assert_array_equal(
+        alone.reset(seed=1)[0],
+        together.reset(seed=1)[0],
+    )
     for _ in range(150):
         actions = random_actions(generator, tracks, alone.single_action_space.n)
         *arrays, info = alone.step(actions)
@@ -205,12 +269,15 @@ def test_a_forked_process_starts_its_own_threads():
     env.step(wait)
     child = os.fork()
     if child == 0:
-        signal.alarm(20)  # a hanging child ends with a signal
+        # A hanging child ends with a signal.
+        signal.alarm(20)
         env.step(wait)
         os._exit(0)
+
     assert os.waitpid(child, 0)[1] == 0
     env.close()
-    env.world.step()  # starts the threads again
+    # Starts the threads again.
+    env.world.step()
 
 
 def test_an_invalid_action_in_one_thread_steps_no_track():
@@ -221,5 +288,9 @@ def test_an_invalid_action_in_one_thread_steps_no_track():
     actions[33] = 9
     with pytest.raises(gym.error.InvalidAction, match="action=9"):
         env.step(actions)
+
     np.testing.assert_array_equal(env.world.observations, rows)
-    np.testing.assert_array_equal(env.step(actions * 0)[0], same.step(actions * 0)[0])
+    np.testing.assert_array_equal(
+        env.step(actions * 0)[0],
+        same.step(actions * 0)[0],
+    )

@@ -1,4 +1,6 @@
-"""Measure the speed of environment, bank, tracker, study and training, against CartPole and filterpy."""
+"""Measure the speed of environment, bank, tracker, study and training, against CartPole and
+filterpy.
+"""
 
 import argparse
 import datetime
@@ -37,13 +39,22 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """
     parser = argparse.ArgumentParser(prog="python -m tools.bench", description=__doc__)
     parser.add_argument(
-        "groups", nargs="*", metavar="group",
+        "groups",
+        nargs="*",
+        metavar="group",
         help=f"all by default, in about three minutes: {', '.join(GROUPS)}",
-    )  # fmt: skip
-    parser.add_argument("--out", type=Path, default=Path("results"), help="folder for bench.json and bench.md")
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("results"),
+        help="folder for bench.json and bench.md",
+    )
     chosen = parser.parse_args(arguments)
     if unknown := set(chosen.groups) - set(GROUPS):
-        parser.error(f"unknown group {', '.join(sorted(unknown))}: expected some of {', '.join(GROUPS)}")
+        parser.error(
+            f"unknown group {', '.join(sorted(unknown))}: expected some of {', '.join(GROUPS)}"
+        )
     chosen.out.mkdir(parents=True, exist_ok=True)
     machine = f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
     title = f"{datetime.date.today():%Y-%m-%d}, {machine}"

@@ -18,11 +18,14 @@ BANK_RADII = tuple(float(radius) for radius in range(1, 11))
 BANKS: dict[str, tuple[float, ...]] = {"3 hypotheses": (5.0,), "21 hypotheses": BANK_RADII}
 ENV_ID = "hybrid_env:HybridTrackPublished-v0"
 QUICKEST_ID = "hybrid_env:HybridTrackQuickest-v0"
-DECLARE_EVERY = 25  # steps, in the runs with declarations
+# Steps, in the runs with declarations.
+DECLARE_EVERY = 25
 
 
 def waiting_step(env: Any) -> Callable[[], Any]:
-    """A call that steps a reset vector environment with action 0: every track waits, or states mode 0."""
+    """A call that steps a reset vector environment with action 0: every track waits, or states
+    mode 0.
+    """
     wait = np.zeros(env.num_envs, np.int64)
     return lambda: env.step(wait)
 
@@ -34,7 +37,10 @@ def single_environment() -> Iterator[Measurement]:
     for (name, radii), goal in zip(BANKS.items(), (2.0, 1.8), strict=True):
         env = HybridTrackEnv(radii=radii)
         env.reset(seed=0)
-        times = measure_in_turn(partial(_step_or_reset, env, 0), partial(_step_or_reset, cartpole, 1))
+        times = measure_in_turn(
+            partial(_step_or_reset, env, 0),
+            partial(_step_or_reset, cartpole, 1),
+        )
         yield speed_ratio("single environment against CartPole-v1", name, *times, goal)
 
 
@@ -44,19 +50,37 @@ def _step_or_reset(env: Any, action: int) -> None:
 
 
 def vector_environment() -> Iterator[Measurement]:
-    """N tracks against CartPole's vector entry point, waiting and with declarations, and SyncVectorEnv."""
+    """N tracks against CartPole's vector entry point, waiting and with declarations, and
+    SyncVectorEnv.
+    """
     for tracks, goal in {8: 10.0, 64: 4.0}.items():
-        times = measure_in_turn(waiting_step(_tracks(tracks, tick_info=True)), _cartpole_step(tracks))
+        times = measure_in_turn(
+            waiting_step(_tracks(tracks, tick_info=True)),
+            _cartpole_step(tracks),
+        )
         group = "vector environment against CartPole's, waiting, default info"
         yield speed_ratio(group, f"3 hypotheses, {tracks} tracks", *times, goal)
     goals = {
-        "3 hypotheses": {8: 10.0, 64: 4.0, 1024: 0.7, 16384: 0.33},
-        "21 hypotheses": {8: 6.0, 64: 1.6, 1024: 0.25, 16384: 0.084},
+        "3 hypotheses": {
+            8: 10.0,
+            64: 4.0,
+            1024: 0.7,
+            16384: 0.33,
+        },
+        "21 hypotheses": {
+            8: 6.0,
+            64: 1.6,
+            1024: 0.25,
+            16384: 0.084,
+        },
     }
     for declaring in (False, True):
         for bank, radii in BANKS.items():
             for tracks, goal in goals[bank].items():
-                runner = Steps(_tracks(tracks, radii=radii), 1.0 / DECLARE_EVERY if declaring else 0.0)
+                runner = Steps(
+                    _tracks(tracks, radii=radii),
+                    1.0 / DECLARE_EVERY if declaring else 0.0,
+                )
                 times = measure_in_turn(runner.step, _cartpole_step(tracks))
                 way = "1 declaration in 25, simulated ticks" if declaring else "waiting"
                 group = f"vector environment against CartPole's, {way}, tick_info=False"
@@ -69,15 +93,24 @@ def vector_environment() -> Iterator[Measurement]:
 
 
 def gymnasium_benchmark() -> Iterator[Measurement]:
-    """Steps a second of Gymnasium's own `benchmark_vector_step`, of N tracks and of CartPole. Two of three random
-    actions are declarations, which run the rest of a segment within the step, mostly more than 50 ticks.
+    """Steps a second of Gymnasium's own `benchmark_vector_step`, of N tracks and of CartPole. Two
+    of three random actions are declarations, which run the rest of a segment within the step,
+    mostly more than 50 ticks.
     """
     for tracks in (8, 64, 1024):
         for env_id in (ENV_ID, "CartPole-v1"):
             env = gym.make_vec(env_id, tracks, vectorization_mode="vector_entry_point")
-            rates = [performance.benchmark_vector_step(env, timing.WHOLE_SECONDS, seed=0) for _ in range(3)]
+            rates = [
+                performance.benchmark_vector_step(env, timing.WHOLE_SECONDS, seed=0)
+                for _ in range(3)
+            ]
             name = f"{env_id.removeprefix('hybrid_env:')}, {tracks:,} tracks"
-            yield figure("benchmark_vector_step of Gymnasium, random actions", name, rates, "steps/s")
+            yield figure(
+                "benchmark_vector_step of Gymnasium, random actions",
+                name,
+                rates,
+                "steps/s",
+            )
 
 
 def unknown_switches() -> Iterator[Measurement]:
@@ -95,14 +128,20 @@ def threads() -> Iterator[Measurement]:
     """Two threads against one, 16,384 tracks waiting."""
     for (name, radii), goal in zip(BANKS.items(), (1.7, None), strict=True):
         one, two = (waiting_step(_tracks(16384, radii=radii, threads=count)) for count in (1, 2))
-        yield speed_ratio("two threads against one, 16,384 tracks", name, *measure_in_turn(two, one), goal)
+        yield speed_ratio(
+            "two threads against one, 16,384 tracks",
+            name,
+            *measure_in_turn(two, one),
+            goal,
+        )
 
 
 def banks() -> Iterator[Measurement]:
     """The anchor-aware bank against the published one, 1,024 tracks waiting."""
     for name, radii in BANKS.items():
         aware, published = (
-            waiting_step(_tracks(1024, radii=radii, bank=bank)) for bank in ("anchor_aware", "published")
+            waiting_step(_tracks(1024, radii=radii, bank=bank))
+            for bank in ("anchor_aware", "published")
         )
         goal = 0.25 if name == "3 hypotheses" else None
         group = "anchor-aware bank against the published bank, 1,024 tracks"
@@ -138,13 +177,16 @@ class Steps:
 
     def __init__(self, env: HybridTrackVectorEnv, declaring: float):
         self.env, self.turn = env, 0
-        self.rows = (np.random.default_rng(1).random((64, env.num_envs)) < declaring).astype(np.int64)
+        self.rows = (np.random.default_rng(1).random((64, env.num_envs)) < declaring).astype(
+            np.int64
+        )
         extra = 0
         for _ in range(256):
             info = self.step()
             decided = info.get("_ticks")
             if decided is not None:
-                # a declaration at its k-th tick runs the rest of the segment and the first tick of the next
+                # A declaration at its k-th tick runs the rest of the segment and the first tick of
+                # the next.
                 extra += int((info["decided_length"] - info["ticks"])[decided].sum())
         self.ticks_per_step = 1.0 + extra / 256 / env.num_envs
 

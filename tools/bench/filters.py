@@ -1,4 +1,6 @@
-"""Speed of a bank's step and of a paper's study against filterpy, with a 4x4 filter for each hypothesis."""
+"""Speed of a bank's step and of a paper's study against filterpy, with a 4x4 filter for each
+hypothesis.
+"""
 
 import importlib.util
 import math
@@ -25,22 +27,28 @@ def bank_step() -> Iterator[Measurement]:
     """One tick of a bank against filterpy's KalmanFilter."""
     measurement = np.array([0.1, 0.2])
     for name, radii in BANKS.items() if has_filterpy() else ():
-        bank, peer = KalmanBank(radii), FilterpyBank(radii)
+        bank = KalmanBank(radii)
+        peer = FilterpyBank(radii)
         bank.anchor(golubkov2018.START)
         times = measure_in_turn(partial(bank.step, measurement), partial(peer.step, measurement))
         yield speed_ratio("bank step", f"{name}, against filterpy", *times)
 
 
 def study_2018() -> Iterator[Measurement]:
-    """ATE over 100 runs of the 2018 scheme against filterpy filters, extrapolated from some ticks."""
+    """ATE over 100 runs of the 2018 scheme against filterpy filters, extrapolated from some
+    ticks.
+    """
     if not has_filterpy():
         return
     recording = simulate(golubkov2018.SCHEME, 100, 0, start=golubkov2018.START)
-    bank_ticks = int(golubkov2018.run_ate(recording, 0.1).ticks.sum())  # while the whole bank runs
+    # While the whole bank runs.
+    bank_ticks = int(golubkov2018.run_ate(recording, 0.1).ticks.sum())
     alone_ticks = recording.measurements[:, :, 0].size - bank_ticks
     z = np.array([0.1, 0.2])
-    bank, alone = FilterpyBank(golubkov2018.RADII), FilterpyBank(())
-    ours, theirs = [], []
+    bank = FilterpyBank(golubkov2018.RADII)
+    alone = FilterpyBank(())
+    ours = []
+    theirs = []
     for _ in range(timing.REPETITIONS):
         ours.append(seconds_per_call(lambda: golubkov2018.run_ate(recording, 0.1)))
         bank_time, alone_time = (seconds_per_call(partial(peer.step, z)) for peer in (bank, alone))
@@ -55,12 +63,15 @@ def has_filterpy() -> bool:
 
 
 def transitions(radii: tuple[float, ...]) -> list[tuple[NDArray[Any], NDArray[Any]]]:
-    """Phi (4, 4) and B (4,) of every hypothesis, anchored at the start of Golubkov 2018, eq. (1)."""
+    """Phi (4, 4) and B (4,) of every hypothesis, anchored at the start of Golubkov 2018, eq.
+    (1).
+    """
     x, vx, y, vy = golubkov2018.START
     made = [(np.kron(np.eye(2), [[1.0, TAU], [0.0, 1.0]]), np.zeros(4))]
     for signed in (*radii, *(-radius for radius in radii)):
         rate = math.hypot(vx, vy) / abs(signed)
-        cosine, sine = math.cos(rate * TAU), math.sin(rate * TAU)
+        cosine = math.cos(rate * TAU)
+        sine = math.sin(rate * TAU)
         Phi = np.kron(np.eye(2), [[cosine, sine / rate], [-rate * sine, cosine]])
         side = math.copysign(1.0, signed)
         centre = np.array([x - side * vy / rate, 0.0, y + side * vx / rate, 0.0])
@@ -77,7 +88,13 @@ class FilterpyBank:
         self.filters: list[Any] = []
         for Phi, B in transitions(radii):
             one = KalmanFilter(dim_x=4, dim_z=2, dim_u=1)
-            one.x, one.F, one.H, one.Q, one.R = np.array(golubkov2018.START), Phi, H, GQG, R * np.eye(2)
+            one.x, one.F, one.H, one.Q, one.R = (
+                np.array(golubkov2018.START),
+                Phi,
+                H,
+                GQG,
+                R * np.eye(2),
+            )
             one.B = B
             self.filters.append(one)
         self.log_likelihood = np.zeros(len(self.filters))

@@ -1,4 +1,6 @@
-"""Speed of whole programs: the tracker on a live sensor, and the training of PPO against that on CartPole."""
+"""Speed of whole programs: the tracker on a live sensor, and the training of PPO against that on
+CartPole.
+"""
 
 import time
 from collections.abc import Callable, Iterator
@@ -14,11 +16,16 @@ from hybrid_env import QuickestOptions, WorldOptions
 from tools.bench import timing
 from tools.bench.timing import Measurement, figure, measure_in_turn, speed_ratio
 
-GOAL = 20.0  # us of a measurement
-SEGMENT = 50  # ticks between announced switches
+# Us of a measurement.
+GOAL = 20.0
+# Ticks between announced switches.
+SEGMENT = 50
 
 CASES: dict[str, tuple[Callable[[], OnlineTracker], float | None]] = {
-    "unknown switches, threshold": (lambda: OnlineTracker(QuickestOptions(), ThresholdDecider()), GOAL),
+    "unknown switches, threshold": (
+        lambda: OnlineTracker(QuickestOptions(), ThresholdDecider()),
+        GOAL,
+    ),
     "unknown switches, CUSUM": (lambda: OnlineTracker(QuickestOptions(), CusumDecider()), None),
     "announced switches, MSPRT": (lambda: OnlineTracker(WorldOptions(), MSPRTDecider()), GOAL),
     "announced switches, SPRT": (lambda: OnlineTracker(WorldOptions(), SPRTDecider()), None),
@@ -38,13 +45,20 @@ def online_tracker() -> Iterator[Measurement]:
         asked = partial(decider.predict, row, state, np.zeros(1, np.bool_), True)
         times, alone = (1e6 * np.array(one) for one in measure_in_turn(measure, asked))
         yield figure(
-            "on-line tracker, a measurement, 3 hypotheses", name, times, "us", goal=goal, at_most=True,
+            "on-line tracker, a measurement, 3 hypotheses",
+            name,
+            times,
+            "us",
+            goal=goal,
+            at_most=True,
             detail=f"{np.median(alone):.3g} us a call of the decider alone",
-        )  # fmt: skip
+        )
 
 
 def _sensor(tracker: OnlineTracker) -> Callable[[], None]:
-    """A call that feeds a tracker with the next noisy measurement of an object on a straight line."""
+    """A call that feeds a tracker with the next noisy measurement of an object on a straight
+    line.
+    """
     noise = np.random.default_rng(0).normal(0.0, 0.3, (997, 2)).tolist()
     announced = isinstance(tracker.options, WorldOptions)
     tick = 0
@@ -61,7 +75,9 @@ def _sensor(tracker: OnlineTracker) -> Callable[[], None]:
 
 
 def training() -> Iterator[Measurement]:
-    """PPO with 256 tracks against CartPole in DummyVecEnv, equal settings; the environment's share."""
+    """PPO with 256 tracks against CartPole in DummyVecEnv, equal settings; the environment's
+    share.
+    """
     import torch
     from stable_baselines3 import PPO
     from stable_baselines3.common.env_util import make_vec_env
@@ -71,11 +87,16 @@ def training() -> Iterator[Measurement]:
     torch.set_num_threads(1)
     recipe = load_recipe("ppo", "HybridTrackPublished-v0").settings
     assert isinstance(recipe, PPOSettings)
-    tracks, rollout = 256, 64
+    tracks = 256
+    rollout = 64
     steps = tracks * rollout
     settings: dict[str, Any] = {
-        "n_steps": rollout, "batch_size": 8192, "n_epochs": 4, "device": "cpu", "seed": 0,
-    }  # fmt: skip
+        "n_steps": rollout,
+        "batch_size": 8192,
+        "n_epochs": 4,
+        "device": "cpu",
+        "seed": 0,
+    }
     env = HybridTrackVecEnv(num_envs=tracks)
     inside = [0.0]
     plain = env.step_wait
@@ -92,7 +113,9 @@ def training() -> Iterator[Measurement]:
     theirs_model = PPO("MlpPolicy", make_vec_env("CartPole-v1", tracks), **settings)
     ours_model.learn(steps)
     theirs_model.learn(steps)
-    ours, theirs, shares = [], [], []
+    ours = []
+    theirs = []
+    shares = []
     for _ in range(timing.REPETITIONS):
         inside[0] = 0.0
         ours.append(_seconds_of_training(ours_model, 2 * steps))

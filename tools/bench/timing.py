@@ -1,7 +1,8 @@
-"""Timing of two functions side by side, the measurement that results, and the table of measurements.
+"""Timing of two functions side by side, the measurement that results, and the table of
+measurements.
 
-The two are called in turn, A B A B, in one process. The figure is the median of the ratios of the pairs, so
-that a drift of the machine's speed affects both sides.
+The two are called in turn, A B A B, in one process. The figure is the median of the ratios of the
+pairs, so that a drift of the machine's speed affects both sides.
 """
 
 import time
@@ -13,8 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 REPETITIONS = 7
-SECONDS = 0.05  # of one measurement, about
-WHOLE_SECONDS = 1  # of one measurement by Gymnasium
+# Of one measurement, about.
+SECONDS = 0.05
+# Of one measurement by Gymnasium.
+WHOLE_SECONDS = 1
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,9 @@ class Measurement:
 
 
 def figure(group: str, name: str, figures: ArrayLike, unit: str, **options: Any) -> Measurement:
-    """The median of some figures with their range; options are further attributes of `Measurement`."""
+    """The median of some figures with their range; options are further attributes of
+    `Measurement`.
+    """
     low, middle, high = np.percentile(np.asarray(figures, np.float64), [0, 50, 100])
     return Measurement(group, name, float(middle), float(low), float(high), unit, **options)
 
@@ -68,7 +73,10 @@ def seconds_per_call(function: Callable[[], Any]) -> float:
         count = max(count + 1, int(count * min(1.2 * SECONDS / max(elapsed, 1e-9), 100.0)))
 
 
-def measure_in_turn(ours: Callable[[], Any], theirs: Callable[[], Any]) -> tuple[list[float], list[float]]:
+def measure_in_turn(
+    ours: Callable[[], Any],
+    theirs: Callable[[], Any],
+) -> tuple[list[float], list[float]]:
     """Seconds per call of two functions, measured A B A B after one call of each."""
     ours()
     theirs()
@@ -77,15 +85,26 @@ def measure_in_turn(ours: Callable[[], Any], theirs: Callable[[], Any]) -> tuple
 
 
 def speed_ratio(
-    group: str, name: str, ours: list[float], theirs: list[float], goal: float | None = None, work: float = 1.0
+    group: str,
+    name: str,
+    ours: list[float],
+    theirs: list[float],
+    goal: float | None = None,
+    work: float = 1.0,
 ) -> Measurement:
-    """How many times as fast ours is: theirs over ours, times the work of our call in units of theirs."""
+    """How many times as fast ours is: theirs over ours, times the work of our call in units of
+    theirs.
+    """
     detail = f"{_time(float(np.median(ours)))} against {_time(float(np.median(theirs)))}"
     return figure(group, name, work * np.divide(theirs, ours), "x", goal=goal, detail=detail)
 
 
 def _time(seconds: float) -> str:
-    for unit, scale in (("s", 1.0), ("ms", 1e3), ("us", 1e6)):
+    for unit, scale in (
+        ("s", 1.0),
+        ("ms", 1e3),
+        ("us", 1e6),
+    ):
         if seconds * scale >= 1.0:
             return f"{seconds * scale:.3g} {unit}"
     return f"{seconds * 1e9:.3g} ns"
@@ -95,12 +114,21 @@ def words(one: Measurement) -> tuple[str, str, str, str, str]:
     """Value, range, goal, whether it is met, and absolute times, as texts."""
     spread = "" if one.low == one.high else f"{one.low:.3g} to {one.high:.3g}"
     goal = "" if one.goal is None else f"{'<=' if one.at_most else '>='} {one.goal:g}"
-    met = {True: "met", False: "not met", None: ""}[one.met]
+    met = {
+        True: "met",
+        False: "not met",
+        None: "",
+    }[one.met]
     return f"{one.value:,.3g} {one.unit}".strip(), spread, goal, met, one.detail
 
 
 def markdown(found: Sequence[Measurement], title: str) -> str:
     """Measurements as a table in Markdown."""
-    lines = [f"{title}.", "", "| measurement | median | range | goal | | times |", "|---|---|---|---|---|---|"]
+    lines = [
+        f"{title}.",
+        "",
+        "| measurement | median | range | goal | | times |",
+        "|---|---|---|---|---|---|",
+    ]
     lines += [f"| {one.group}: {one.name} | " + " | ".join(words(one)) + " |" for one in found]
     return "\n".join(lines) + "\n"

@@ -1,4 +1,6 @@
-"""Figure of ATE against multiple models: error, delay and wrong statements over the measurement variance."""
+"""Figure of ATE against multiple models: error, delay and wrong statements over the measurement
+variance.
+"""
 
 from matplotlib.figure import Figure
 
@@ -10,7 +12,9 @@ from baselines.papers.reproduction import Reproduction
 
 def draw(result: Reproduction) -> dict[str, Figure]:
     """Return the figure by its file name."""
-    styles = dict(zip(MULTIPLE_MODELS, FURTHER_STYLES, strict=False)) | {"ATE": decider_style("ATE (SPRT)")}
+    styles = dict(zip(MULTIPLE_MODELS, FURTHER_STYLES, strict=False)) | {
+        "ATE": decider_style("ATE (SPRT)")
+    }
     variances = Axis("R, m²", log=True, ticks={variance: f"{variance:g}" for variance in VARIANCES})
     rows = []
     for metric in COMPARED:

@@ -1,6 +1,7 @@
-"""Flights: random curves, the limits, drag and guidance of the aircraft, and a point mass that flies them. Novospaskyi
-2025, sections 2.1.1 (curves and waypoints) and 2.1.2 (a quadrotor flies through all waypoints, and failed flights are
-discarded). The vehicle is not described; the values are those of a fast quadrotor that can turn at 50 m/s.
+"""Flights: random curves, the limits, drag and guidance of the aircraft, and a point mass that
+flies them. Novospaskyi 2025, sections 2.1.1 (curves and waypoints) and 2.1.2 (a quadrotor flies
+through all waypoints, and failed flights are discarded). The vehicle is not described; the values
+are those of a fast quadrotor that can turn at 50 m/s.
 """
 
 import math
@@ -11,42 +12,67 @@ from scipy.interpolate import CubicHermiteSpline
 
 from hybrid_env.checks import FloatArray
 
-FLIGHTS = 133  # number of flights of the thesis
-# Bounds of the control points on each axis [m]; the thesis states 5 km x 5 km and at most 400 m height.
+# Number of flights of the thesis.
+FLIGHTS = 133
+# Bounds of the control points on each axis [m]; the thesis states 5 km x 5 km and at most 400 m
+# height.
 SPACE = ((0.0, 5000.0), (0.0, 5000.0), (50.0, 400.0))
-CONTROL_POINTS = 4  # of a curve: cubic curves
-SPACING = 100.0  # distance between waypoints on the curve [m]
-SHORTEST = 1500.0  # length of the shortest curve that is flown [m], half a minute of flight
-GRAVITY = 9.81  # [m/s^2]
-SPEED = 51.0  # commanded speed [m/s]; with the turns, the mean speed is 50 m/s, as in the thesis
-LARGEST_FORCE = 2.5 * GRAVITY  # largest thrust per mass [m/s^2]
+# Of a curve: cubic curves.
+CONTROL_POINTS = 4
+# Distance between waypoints on the curve [m].
+SPACING = 100.0
+# Length of the shortest curve that is flown [m], half a minute of flight.
+SHORTEST = 1500.0
+# [m/s^2]
+GRAVITY = 9.81
+# Commanded speed [m/s]; with the turns, the mean speed is 50 m/s, as in the thesis.
+SPEED = 51.0
+# Largest thrust per mass [m/s^2].
+LARGEST_FORCE = 2.5 * GRAVITY
 # Smallest upward thrust per mass that is commanded, so that the attitude can be controlled [m/s^2].
 SMALLEST_FORCE = 0.2 * GRAVITY
 LARGEST_TILT = math.radians(60.0)
-DRAG = 0.0016  # drag per mass over squared speed [1/m]: 4 m/s^2 at 50 m/s
-FORCE_LAG = 0.2  # time constant of the point mass from commanded to actual thrust vector [s]; a quadrotor has to tilt
-VELOCITY_GAIN = 1.2  # acceleration commanded for one metre per second of velocity error [1/s]
-CAPTURE = 40.0  # distance at which a waypoint counts as passed [m]
-TIME_LIMIT = 8.0  # longest time from one waypoint to the next [s]; a flight that takes longer has failed
-RECORD_STEP = 0.05  # time between recorded states, and between commands of the guidance [s]
-BATCH = 32  # attempts of flights at once
-_SAMPLES = 1001  # of a curve, for its length
+# Drag per mass over squared speed [1/m]: 4 m/s^2 at 50 m/s.
+DRAG = 0.0016
+# Time constant of the point mass from commanded to actual thrust vector [s]; a quadrotor has to
+# tilt.
+FORCE_LAG = 0.2
+# Acceleration commanded for one metre per second of velocity error [1/s].
+VELOCITY_GAIN = 1.2
+# Distance at which a waypoint counts as passed [m].
+CAPTURE = 40.0
+# Longest time from one waypoint to the next [s]; a flight that takes longer has failed.
+TIME_LIMIT = 8.0
+# Time between recorded states, and between commands of the guidance [s].
+RECORD_STEP = 0.05
+# Attempts of flights at once.
+BATCH = 32
+# Of a curve, for its length.
+_SAMPLES = 1001
 
 
 def bezier(control_points: FloatArray, parameters: FloatArray) -> FloatArray:
-    """Points (S, 3) of a Bezier curve, from its control points (C, 3) and parameters in [0, 1], (S,)."""
-    degree, shares = len(control_points) - 1, parameters[:, None]
+    """Points (S, 3) of a Bezier curve, from its control points (C, 3) and parameters in [0, 1],
+    (S,).
+    """
+    degree = len(control_points) - 1
+    shares = parameters[:, None]
     index = np.arange(degree + 1)
     weights = np.array([math.comb(degree, k) for k in index], dtype=np.float64)
     return (weights * shares**index * (1.0 - shares) ** (degree - index)) @ control_points
 
 
 def flight_route(seed: int, attempt: int) -> FloatArray:
-    """Waypoints (W, 3) [m] of an attempt, on a random curve in `SPACE` of at least `SHORTEST`, its ends included."""
+    """Waypoints (W, 3) [m] of an attempt, on a random curve in `SPACE` of at least `SHORTEST`,
+    its ends included.
+    """
     generator = np.random.default_rng((seed, 0, attempt))
     low, high = np.array(SPACE).T
     while True:
-        curve = bezier(generator.uniform(low, high, (CONTROL_POINTS, 3)), np.linspace(0.0, 1.0, _SAMPLES))
+        curve = bezier(
+            generator.uniform(low, high, (CONTROL_POINTS, 3)),
+            np.linspace(0.0, 1.0, _SAMPLES),
+        )
         length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
         if length[-1] >= SHORTEST:
             break
@@ -60,8 +86,8 @@ def drag(velocity: FloatArray) -> FloatArray:
 
 
 def thrust_command(position: FloatArray, velocity: FloatArray, target: FloatArray) -> FloatArray:
-    """Thrust per mass [m/s^2] that flies from a position to a target at `SPEED`, within the limits, all (..., 3): the
-    vertical part is limited first, then the horizontal one.
+    """Thrust per mass [m/s^2] that flies from a position to a target at `SPEED`, within the limits,
+    all (..., 3): the vertical part is limited first, then the horizontal one.
     """
     way = target - position
     distance = np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-9)
@@ -75,14 +101,25 @@ def thrust_command(position: FloatArray, velocity: FloatArray, target: FloatArra
 
 
 class Guidance:
-    """Progress of N vehicles along their waypoints, (W, 3) [m] each with its own W; the first one is the start.
-    `flying` and `succeeded`, (N,), are those still on the way, and those that have passed their last waypoint.
+    """Progress of N vehicles along their waypoints, (W, 3) [m] each with its own W; the first one
+    is the start. `flying` and `succeeded`, (N,), are those still on the way, and those that have
+    passed their last waypoint.
     """
 
     def __init__(self, waypoints: list[FloatArray]):
         self._counts = np.array([len(points) for points in waypoints])
         longest = self._counts.max()
-        padded = [np.pad(points, ((0, longest - len(points)), (0, 0)), mode="edge") for points in waypoints]
+        padded = [
+            np.pad(
+                points,
+                (
+                    (0, longest - len(points)),
+                    (0, 0),
+                ),
+                mode="edge",
+            )
+            for points in waypoints
+        ]
         self._waypoints = np.stack(padded)
         self._rows = np.arange(len(waypoints))
         self._next = np.ones(len(waypoints), dtype=np.int64)
@@ -91,12 +128,20 @@ class Guidance:
         self.succeeded = np.zeros(len(waypoints), dtype=bool)
 
     def start(self) -> tuple[FloatArray, FloatArray]:
-        """Positions [m] and velocities [m/s] at the start, each (N, 3): in flight, along the curve."""
+        """Positions [m] and velocities [m/s] at the start, each (N, 3): in flight, along the
+        curve.
+        """
         way = self._waypoints[:, 1] - self._waypoints[:, 0]
-        return self._waypoints[:, 0].copy(), SPEED * way / np.linalg.norm(way, axis=1, keepdims=True)
+        return self._waypoints[:, 0].copy(), SPEED * way / np.linalg.norm(
+            way,
+            axis=1,
+            keepdims=True,
+        )
 
     def targets(self, position: FloatArray) -> FloatArray:
-        """Next waypoints, (N, 3) [m], `RECORD_STEP` after the last call, at positions (N, 3) [m]."""
+        """Next waypoints, (N, 3) [m], `RECORD_STEP` after the last call, at positions (N, 3)
+        [m].
+        """
         target = self._waypoints[self._rows, self._next]
         passed = self.flying & (np.linalg.norm(target - position, axis=1) < CAPTURE)
         self._since = np.where(passed, 0.0, self._since + RECORD_STEP)
@@ -112,8 +157,10 @@ class Guidance:
 class Flight:
     """States every `RECORD_STEP` seconds from time 0."""
 
-    positions: FloatArray  # (T, 3) [m]
-    velocities: FloatArray  # (T, 3) [m/s]
+    # (T, 3) [m]
+    positions: FloatArray
+    # (T, 3) [m/s]
+    velocities: FloatArray
 
     @property
     def times(self) -> FloatArray:
@@ -133,8 +180,11 @@ def fly_point_masses(routes: list[FloatArray]) -> list[Flight | None]:
     step = RECORD_STEP
     share = 1.0 - np.exp(-step / FORCE_LAG)
     gravity = np.array([0.0, 0.0, -GRAVITY])
-    force = -gravity - drag(velocity)  # in equilibrium
-    positions, velocities, lengths = [position], [velocity], np.ones(len(routes), dtype=np.int64)
+    # In equilibrium.
+    force = -gravity - drag(velocity)
+    positions = [position]
+    velocities = [velocity]
+    lengths = np.ones(len(routes), dtype=np.int64)
     while True:
         command = thrust_command(position, velocity, guidance.targets(position))
         if not guidance.flying.any():
@@ -146,7 +196,8 @@ def fly_point_masses(routes: list[FloatArray]) -> list[Flight | None]:
         positions.append(position)
         velocities.append(velocity)
         lengths += guidance.flying
-    flown, speeds = np.stack(positions, axis=1), np.stack(velocities, axis=1)
+    flown = np.stack(positions, axis=1)
+    speeds = np.stack(velocities, axis=1)
     return [
         Flight(flown[index, :length].copy(), speeds[index, :length].copy()) if succeeded else None
         for index, (length, succeeded) in enumerate(zip(lengths, guidance.succeeded, strict=True))

@@ -1,4 +1,6 @@
-"""The study: flights, tuning on 30 % of them, errors on the others, next to the published tables."""
+"""The study: flights, tuning on 30 % of them, errors on the others, next to the published
+tables.
+"""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +12,14 @@ from typing import Any
 import numpy as np
 
 from baselines.papers.novospaskyi import radars, tables
-from baselines.papers.novospaskyi.filters import COMBINED, CONTENDERS, ROBUST, SOUND, THESIS, run_contender
+from baselines.papers.novospaskyi.filters import (
+    COMBINED,
+    CONTENDERS,
+    ROBUST,
+    SOUND,
+    THESIS,
+    run_contender,
+)
 from baselines.papers.novospaskyi.flights import FLIGHTS, Flight, point_mass_flights
 from baselines.papers.novospaskyi.radars import NOISES, Noise, Scan, Tracks, measure, scan_flight
 from baselines.papers.novospaskyi.tables import PAPER, PARAMETERS, UNFILTERED
@@ -22,19 +31,25 @@ Progress = Callable[[str, int, int], None]
 Calls = Mapping[Any, Callable[[], Any]]
 # Runs independent calls by name, and calls back with the name of each that has ended.
 Run = Callable[[Calls, Callable[[Any], None]], Iterator[tuple[Any, Any]]]
-TRIALS = 60  # trials of each tuning
-RUNS = 10  # seeds of the noise on the test flights
-PART = 10  # trials of a tuning in one call
+# Trials of each tuning.
+TRIALS = 60
+# Seeds of the noise on the test flights.
+RUNS = 10
+# Trials of a tuning in one call.
+PART = 10
 
 
 @dataclass(frozen=True)
 class Example:
-    """One test flight for the figures: what its radars see, and estimates of filters by noise and name."""
+    """One test flight for the figures: what its radars see, and estimates of filters by noise
+    and name.
+    """
 
     flight: Flight
     scan: Scan
     tracks: dict[Noise, Tracks]
-    estimates: dict[Noise, dict[str, tuple[FloatArray, FloatArray]]]  # positions and velocities
+    # Positions and velocities.
+    estimates: dict[Noise, dict[str, tuple[FloatArray, FloatArray]]]
 
 
 def silent(stage: str, done: int, total: int) -> None:
@@ -50,9 +65,16 @@ def one_by_one(calls: Calls, on_done: Callable[[Any], None]) -> Iterator[tuple[A
 
 
 def reproduce(
-    runs: int = RUNS, seed: int = 0, *, folder: Path, flights: int = FLIGHTS, trials: int = TRIALS,
-    fly: Callable[[int, int], list[Flight]] = point_mass_flights, run: Run = one_by_one, progress: Progress = silent,
-) -> Reproduction:  # fmt: skip
+    runs: int = RUNS,
+    seed: int = 0,
+    *,
+    folder: Path,
+    flights: int = FLIGHTS,
+    trials: int = TRIALS,
+    fly: Callable[[int, int], list[Flight]] = point_mass_flights,
+    run: Run = one_by_one,
+    progress: Progress = silent,
+) -> Reproduction:
     """Reproduce tables 3.5 and 3.6, and compare them with sound settings and robust filters.
 
     Args:
@@ -62,7 +84,8 @@ def reproduce(
         flights: number of flights, at least 4.
         trials: number of trials of each tuning.
         fly: returns a number of flights for a seed.
-        run: where tunings and evaluations run, for example in several processes; the results are the same.
+        run: where tunings and evaluations run, for example in several processes; the results are
+            the same.
         progress: called with the stage, the work done and the total.
     """
     runs, seed = check_integer("runs", runs), check_integer("seed", seed, minimum=0)
@@ -72,9 +95,13 @@ def reproduce(
     except OSError as error:
         raise reject("folder", str(folder), f"a writable folder ({error.strerror})") from None
     flown = fly(flights, seed)
-    scans = [scan_flight(flight, np.random.default_rng((seed, 1, k))) for k, flight in enumerate(flown)]
+    scans = [
+        scan_flight(flight, np.random.default_rng((seed, 1, k))) for k, flight in enumerate(flown)
+    ]
     first = round(radars.TRAINING_SHARE * flights)
-    training = {noise: measure(scans[:first], noise, (seed, radars.TRAINING_NOISE)) for noise in NOISES}
+    training = {
+        noise: measure(scans[:first], noise, (seed, radars.TRAINING_NOISE)) for noise in NOISES
+    }
     parameters = tune_filters(training, seed, folder, trials, run, progress)
     calls = {
         (noise, label): partial(evaluate, *of, scans[first:], noise, runs, seed)
@@ -82,56 +109,95 @@ def reproduce(
         for label, of in {UNFILTERED: (None, {}), **_rows(noise, parameters[noise])}.items()
     }
     found = _run_stage(run, progress, "test flights", calls)
-    by_noise = {noise: {label: values for (of, label), values in found.items() if of == noise} for noise in NOISES}
+    by_noise = {
+        noise: {label: values for (of, label), values in found.items() if of == noise}
+        for noise in NOISES
+    }
     results = tables.Results(by_noise, parameters)
     return Reproduction(
-        PAPER, runs, seed, tables.cells(results, seed), tables.findings(results, seed, flights, first),
-        {"flight": _example(flown[first], scans[first], seed, parameters)}, RUNS, f"{FLIGHTS} flights",
-    )  # fmt: skip
+        PAPER,
+        runs,
+        seed,
+        tables.cells(results, seed),
+        tables.findings(results, seed, flights, first),
+        {"flight": _example(flown[first], scans[first], seed, parameters)},
+        RUNS,
+        f"{FLIGHTS} flights",
+    )
 
 
 def _run_stage(
-    run: Run, progress: Progress, stage: str, calls: Calls, before: int = 0, total: int | None = None
+    run: Run,
+    progress: Progress,
+    stage: str,
+    calls: Calls,
+    before: int = 0,
+    total: int | None = None,
 ) -> dict[Any, Any]:
     """Results by name of the calls of a stage, of whose `total` work `before` is done."""
-    done, whole = count(before + 1), total or len(calls)
+    done = count(before + 1)
+    whole = total or len(calls)
     progress(stage, before, whole)
     return dict(run(calls, lambda name: progress(stage, next(done), whole)))
 
 
 def tune_filters(
-    training: dict[Noise, Tracks], seed: int, folder: Path, trials: int = TRIALS, run: Run = one_by_one,
-    progress: Progress = silent, robust: Sequence[str] = tuple(ROBUST),
-) -> dict[Noise, dict[str, dict[str, Any]]]:  # fmt: skip
-    """Parameters of all filters by noise and name, tuned on the training flights, the robust ones after the plain CV
-    filter, with which they are compared; arguments as of `reproduce`.
+    training: dict[Noise, Tracks],
+    seed: int,
+    folder: Path,
+    trials: int = TRIALS,
+    run: Run = one_by_one,
+    progress: Progress = silent,
+    robust: Sequence[str] = tuple(ROBUST),
+) -> dict[Noise, dict[str, dict[str, Any]]]:
+    """Parameters of all filters by noise and name, tuned on the training flights, the robust ones
+    after the plain CV filter, with which they are compared; arguments as of `reproduce`.
     """
-    names = sorted(THESIS | SOUND, key=lambda name: "IMM" not in name)  # the longest first
-    parts, filters = range(0, trials, PART), len(names) * len(NOISES) + len(robust)
+    # The longest first.
+    names = sorted(THESIS | SOUND, key=lambda name: "IMM" not in name)
+    parts = range(0, trials, PART)
+    filters = len(names) * len(NOISES) + len(robust)
 
     def tuned(tunings: dict[Any, Tuning], before: int) -> dict[Any, Any]:
-        """Best parameters; each part continues the trials of the one before, so that progress is seen."""
+        """Best parameters; each part continues the trials of the one before, so that progress is
+        seen.
+        """
         found: dict[Any, Any] = {}
         for number, done in enumerate(parts):
-            calls = {name: replace(one, trials=min(done + PART, trials)).run for name, one in tunings.items()}
+            calls = {
+                name: replace(one, trials=min(done + PART, trials)).run
+                for name, one in tunings.items()
+            }
             finished = before * len(parts) + number * len(tunings)
             found = _run_stage(run, progress, "tuning", calls, finished, filters * len(parts))
         return found
 
-    tuning = partial(Tuning, training=training, trials=trials, seed=seed, folder=folder)
+    tuning = partial(
+        Tuning,
+        training=training,
+        trials=trials,
+        seed=seed,
+        folder=folder,
+    )
     found = tuned({(noise, name): tuning(name, noise) for name in names for noise in NOISES}, 0)
     parameters = {noise: {name: found[noise, name] for name in names} for noise in NOISES}
     plain = parameters["gaussian"]["CV"]
     reference = tuning("CV", "gaussian").cost(plain)
     later = {name: tuning(name, None, plain=plain, reference=reference) for name in robust}
     found = tuned(later, filters - len(robust))
-    imm, student = parameters["gaussian"]["IMM (CV, CA)"], found["CV, Student-t"]
+    imm = parameters["gaussian"]["IMM (CV, CA)"]
+    student = found["CV, Student-t"]
     found[COMBINED] = imm | {key: student[key] for key in ("degrees of freedom", "scale")}
     return {noise: parameters[noise] | found for noise in NOISES}
 
 
 def evaluate(
-    name: str | None, parameters: dict[str, Any], scans: list[Scan], noise: Noise, runs: int, seed: int
+    name: str | None,
+    parameters: dict[str, Any],
+    scans: list[Scan],
+    noise: Noise,
+    runs: int,
+    seed: int,
 ) -> FloatArray:
     """`tuning.errors` of a filter, or of no filter, on the test flights, (runs, F, 4)."""
     parts = [vars(measure(scans, noise, (seed, radars.TEST_NOISE, run))) for run in range(runs)]
@@ -142,7 +208,8 @@ def evaluate(
 def _rows(noise: Noise, tuned: dict[str, dict[str, Any]]) -> dict[str, tuple[str, dict[str, Any]]]:
     """Names and parameters of the filters by label: tuned, and those of the thesis as published."""
     published = PARAMETERS[noise]
-    limit = tuple(1e-6 * variance for variance in published["KF CV"]["variances"])  # of gains 1 and 2 / t
+    # Of gains 1 and 2 / t.
+    limit = tuple(1e-6 * variance for variance in published["KF CV"]["variances"])
     return {
         **{name: (name, found) for name, found in tuned.items()},
         **{tables.as_published(name): (name, published[name]) for name in THESIS},
@@ -150,10 +217,17 @@ def _rows(noise: Noise, tuned: dict[str, dict[str, Any]]) -> dict[str, tuple[str
     }
 
 
-def _example(flight: Flight, scan: Scan, seed: int, parameters: dict[Noise, dict[str, dict[str, Any]]]) -> Example:
+def _example(
+    flight: Flight,
+    scan: Scan,
+    seed: int,
+    parameters: dict[Noise, dict[str, dict[str, Any]]],
+) -> Example:
     """The first test flight with estimates of every filter."""
     tracks = {noise: measure([scan], noise, (seed, radars.TEST_NOISE, 0)) for noise in NOISES}
-    estimates: dict[Noise, dict[str, tuple[FloatArray, FloatArray]]] = {noise: {} for noise in NOISES}
+    estimates: dict[Noise, dict[str, tuple[FloatArray, FloatArray]]] = {
+        noise: {} for noise in NOISES
+    }
     for noise in NOISES:
         for label, (name, chosen) in _rows(noise, parameters[noise]).items():
             positions, velocities = run_contender(CONTENDERS[name], chosen, tracks[noise])

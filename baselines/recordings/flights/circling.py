@@ -1,10 +1,10 @@
 """What a glider was doing: straight flight, circles to the left or to the right, by two rules.
 
-Rule a sees the whole flight: a smoother, from whose velocities the wind is removed, gives the turn rate in
-the air. The wind is the centre of the circle on which ground velocities lie while a glider circles (its
-hodograph). Rule b is the Viterbi decoder of libigc, which another author wrote for the same purpose. The
-label is what both say. Where they differ nothing is scored, and a change lies in the middle. Both read the
-same positions.
+Rule a sees the whole flight: a smoother, from whose velocities the wind is removed, gives the turn
+rate in the air. The wind is the centre of the circle on which ground velocities lie while a glider
+circles (its hodograph). Rule b is the Viterbi decoder of libigc, which another author wrote for the
+same purpose. The label is what both say. Where they differ nothing is scored, and a change lies in
+the middle. Both read the same positions.
 """
 
 import tempfile
@@ -23,20 +23,34 @@ from baselines.recordings.flights.labels import (
     find_turns,
     row_edges,
     smoothed_states,
-)  # fmt: skip
+)
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 
-CIRCLES = LabelRules(jerk=1.0, peak=4.0, bound=4.0, change=270.0, duration=0.0, merge=10.0)
-"""Circles of rule a. Rule b knows when there are circles, and its rule here only how long they must be."""
+CIRCLES = LabelRules(
+    jerk=1.0,
+    peak=4.0,
+    bound=4.0,
+    change=270.0,
+    duration=0.0,
+    merge=10.0,
+)
+"""Circles of rule a. Rule b knows when there are circles, and its rule here only how long they
+must be.
+"""
 DECODED = replace(CIRCLES, peak=1e-3, bound=1e-3)
 UNSCORED = 180.0
 """Turns of 180 to 270 deg are neither circles nor straight flight."""
 
-MEAN, WINDOW = 4.0, 40.0  # time of the mean turn rate, and of a hodograph [s]
-TURNED = np.radians(300.0)  # by the velocity in the window of a hodograph
-CALMEST = 1.5  # largest wind, in radii of the hodograph
-SLOWEST = 1.0  # airspeed below which turn rates are as at this one [m/s]
-PART, MARGIN = 600, 60  # positions that are smoothed at once
+# Time of the mean turn rate, and of a hodograph [s].
+MEAN, WINDOW = 4.0, 40.0
+# By the velocity in the window of a hodograph.
+TURNED = np.radians(300.0)
+# Largest wind, in radii of the hodograph.
+CALMEST = 1.5
+# Airspeed below which turn rates are as at this one [m/s].
+SLOWEST = 1.0
+# Positions that are smoothed at once.
+PART, MARGIN = 600, 60
 NOT_FLYING = -1
 
 
@@ -57,7 +71,10 @@ class AirMotion(NamedTuple):
 def air_motion(flights: Sequence[Flight]) -> list[AirMotion]:
     """Return the motion of flights in the air, by the smoother; 0 outside of their pieces."""
     batch = stack_flights(flights, PART, MARGIN)
-    states = batch.unstack(smoothed_states(batch, CIRCLES.jerk), [len(flight.times) for flight in flights])
+    states = batch.unstack(
+        smoothed_states(batch, CIRCLES.jerk),
+        [len(flight.times) for flight in flights],
+    )
     found = []
     for flight, state in zip(flights, states, strict=True):
         motion = AirMotion(*(np.zeros(state.shape[:1] + shape) for shape in ((), (), (2,))))
@@ -78,8 +95,8 @@ def air_motion(flights: Sequence[Flight]) -> list[AirMotion]:
 def hodograph_wind(times: FloatArray, velocities: FloatArray) -> FloatArray:
     """Return the wind (n, 2) [m/s], interpolated between circles; without any 0.
 
-    It is the centre of the circle through the ground velocities of 40 s, by the algebraic fit of Kasa 1976,
-    "A circle fitting procedure and its error analysis".
+    It is the centre of the circle through the ground velocities of 40 s, by the algebraic fit of
+    Kasa 1976, "A circle fitting procedure and its error analysis".
 
     Args:
         times: (n,) [s].
@@ -103,20 +120,32 @@ def hodograph_wind(times: FloatArray, velocities: FloatArray) -> FloatArray:
 
 
 def window_sums(times: FloatArray, width: float, values: FloatArray) -> FloatArray:
-    """Return sums of values (n, ...) over the rows within half a width [s] before and after each row."""
+    """Return sums of values (n, ...) over the rows within half a width [s] before and after each
+    row.
+    """
     first = np.searchsorted(times, times - 0.5 * width)
     end = np.searchsorted(times, times + 0.5 * width, "right")
     sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
     return np.asarray(sums[end] - sums[first])
 
 
-def circles(flight: Flight, rates: FloatArray, rules: LabelRules = CIRCLES) -> tuple[IntArray, BoolArray]:
-    """Return the modes (n,) of a flight with turn rates (n,) [rad/s], and where they are doubtful."""
-    modes, doubtful = np.zeros(len(rates), np.int64), np.zeros(len(rates), np.bool_)
+def circles(
+    flight: Flight,
+    rates: FloatArray,
+    rules: LabelRules = CIRCLES,
+) -> tuple[IntArray, BoolArray]:
+    """Return the modes (n,) of a flight with turn rates (n,) [rad/s], and where they are
+    doubtful.
+    """
+    modes = np.zeros(len(rates), np.int64)
+    doubtful = np.zeros(len(rates), np.bool_)
     for piece in flight.pieces:
-        rows, edges = slice(*piece), row_edges(flight.times[slice(*piece)])
+        rows = slice(*piece)
+        edges = row_edges(flight.times[slice(*piece)])
         modes[rows] = find_turns(edges, rates[rows], rules)[0]
-        doubtful[rows] = find_turns(edges, rates[rows], replace(rules, change=UNSCORED))[0] != modes[rows]
+        doubtful[rows] = (
+            find_turns(edges, rates[rows], replace(rules, change=UNSCORED))[0] != modes[rows]
+        )
     return modes, doubtful
 
 
@@ -137,9 +166,18 @@ def label_glider(flight: Flight, motion: AirMotion, decoded: IntArray) -> Labels
         weights[slice(*piece)] = np.minimum(widths, LONGEST_WEIGHT * float(np.median(widths)))
     scored &= weights > 0.0
     known = np.flatnonzero(scored)
-    if known.size:  # elsewhere the mode of the nearest row
+    # Elsewhere the mode of the nearest row.
+    if known.size:
         modes = modes[known][np.searchsorted(0.5 * (known[1:] + known[:-1]), np.arange(len(modes)))]
-    return Labels(flight.times, modes, scored, np.where(scored, weights, 0.0), motion.rates, motion.speeds, other)
+    return Labels(
+        flight.times,
+        modes,
+        scored,
+        np.where(scored, weights, 0.0),
+        motion.rates,
+        motion.speeds,
+        other,
+    )
 
 
 def decode(records: Sequence[bytes]) -> IntArray:
@@ -155,7 +193,8 @@ def decode(records: Sequence[bytes]) -> IntArray:
 
         max_time_violations = max_alt_change_violations = len(records)
 
-    with tempfile.TemporaryDirectory() as folder:  # it reads files only
+    # It reads files only.
+    with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "flight.igc"
         path.write_bytes(b"\n".join([b"HFDTE010100", *records, b""]))
         flight = libigc.Flight.create_from_file(str(path), Config)

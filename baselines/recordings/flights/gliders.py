@@ -1,9 +1,10 @@
-"""Flights of paragliders: the logs in the tests of the npm package igc-xc-score 1.8.0, where the user has it.
+"""Flights of paragliders: the logs in the tests of the npm package igc-xc-score 1.8.0, where the
+user has it.
 
-The package has the licence LGPL-3.0-or-later; its logs carry no terms of their own. They name pilots, so a
-log is known by the first eight digits of its SHA-256 only. Sixteen logs, in two halves, are open to
-development. The others are sealed: their bytes are hashed, and nothing else is read before weights, settings
-and labels are frozen.
+The package has the licence LGPL-3.0-or-later; its logs carry no terms of their own. They name
+pilots, so a log is known by the first eight digits of its SHA-256 only. Sixteen logs, in two
+halves, are open to development. The others are sealed: their bytes are hashed, and nothing else is
+read before weights, settings and labels are frozen.
 """
 
 import hashlib
@@ -18,26 +19,50 @@ from baselines.recordings.reading.igc import IgcLog
 from hybrid_env.checks import reject
 
 HALVES = {
-    "A": ("cd09652f", "4bb015b2", "9eda24c9", "0935cf0a", "2db3bc4f", "a507d60d", "bdf970cc", "f31276f9"),
-    "B": ("c0ac3c64", "37d715ef", "a70f0b86", "15ec1e84", "e6737605", "dc9160c7", "efe900e9", "d56e0aed"),
+    "A": (
+        "cd09652f",
+        "4bb015b2",
+        "9eda24c9",
+        "0935cf0a",
+        "2db3bc4f",
+        "a507d60d",
+        "bdf970cc",
+        "f31276f9",
+    ),
+    "B": (
+        "c0ac3c64",
+        "37d715ef",
+        "a70f0b86",
+        "15ec1e84",
+        "e6737605",
+        "dc9160c7",
+        "efe900e9",
+        "d56e0aed",
+    ),
 }
 """The logs that are open."""
 SEALED = "sealed"
 LEFT_OUT = ("29cd4087", "787d5dad", "e483b3e5")
 """Too short, or with 5 s between positions."""
 ACROSS, ROUNDING = 0.3, 0.15
-"""Standard deviation of a position across the velocity [m], and what each metre of rounding adds."""
+"""Standard deviation of a position across the velocity [m], and what each metre of rounding
+adds.
+"""
 
-EXPECTED = "the archive igc-xc-score-1.8.0.tgz (npm pack igc-xc-score@1.8.0), or a folder with its logs"
+EXPECTED = (
+    "the archive igc-xc-score-1.8.0.tgz (npm pack igc-xc-score@1.8.0), or a folder with its logs"
+)
 
 
 def read_logs(source: Path | str) -> dict[str, bytes]:
-    """Return the contents of the `.igc` files of an archive or folder, by the digits of their digest.
+    """Return the contents of the `.igc` files of an archive or folder, by the digits of their
+    digest.
 
     Raises:
         ArgumentError: there are none, or they cannot be read.
     """
-    place, suffix = Path(source), ".igc"
+    place = Path(source)
+    suffix = ".igc"
     try:
         if place.is_dir():
             contents = [path.read_bytes() for path in place.rglob(f"*{suffix}")]
@@ -65,13 +90,21 @@ def half_of(identity: str) -> str:
 
 
 def glider_flight(identity: str, group: str, log: IgcLog) -> Flight:
-    """Return the flight of a log; its tier is its group, with the error of a position in this log."""
+    """Return the flight of a log; its tier is its group, with the error of a position in this
+    log.
+    """
     projection = centred_projection(log.latitudes, log.longitudes)
     return Flight(
-        identity, error_tier(group, log.step), log.times - log.times[0],
-        projection.forward(log.latitudes, log.longitudes), np.full(len(log.times), np.nan), projection, 0, 0,
+        identity,
+        error_tier(group, log.step),
+        log.times - log.times[0],
+        projection.forward(log.latitudes, log.longitudes),
+        np.full(len(log.times), np.nan),
+        projection,
+        0,
+        0,
         log.altitudes,
-    )  # fmt: skip
+    )
 
 
 def error_tier(group: str, step: float) -> Tier:

@@ -1,10 +1,11 @@
 """What each flight was doing, from a smoother that sees the whole flight.
 
-The Rauch-Tung-Striebel smoother of constant acceleration gives the turn rate at every position. Rows in which
-it exceeds a bound are a candidate; candidates that turn fast, far and long enough are turns, other rows
-are straight motion. Rows in which this cannot be said with confidence are not scored: candidates that are no
-turns (slow drifts, wiggles), low speeds, and rows in which the same rules say something else when they are
-applied to the track angle that the aircraft reports from its own sensors.
+The Rauch-Tung-Striebel smoother of constant acceleration gives the turn rate at every position.
+Rows in which it exceeds a bound are a candidate; candidates that turn fast, far and long enough are
+turns, other rows are straight motion. Rows in which this cannot be said with confidence are not
+scored: candidates that are no turns (slow drifts, wiggles), low speeds, and rows in which the same
+rules say something else when they are applied to the track angle that the aircraft reports from its
+own sensors.
 """
 
 from collections.abc import Sequence
@@ -22,10 +23,14 @@ from hybrid_env.checks import BoolArray, FloatArray, IntArray
 
 MODE_NAMES = ("straight", "left", "right")
 
-START_DEVIATIONS = (200.0, 5.0)  # of velocity and acceleration at the start [m/s, m/s^2]
-OWN_WINDOW = 10.0  # time over which the rate of the own track angle is taken [s]
-NEIGHBOURS = 3  # positions before and after that give the velocity of the noise model
-LONGEST_WEIGHT = 3.0  # steps; time in longer gaps is not scored
+# Of velocity and acceleration at the start [m/s, m/s^2].
+START_DEVIATIONS = (200.0, 5.0)
+# Time over which the rate of the own track angle is taken [s].
+OWN_WINDOW = 10.0
+# Positions before and after that give the velocity of the noise model.
+NEIGHBOURS = 3
+# Steps; time in longer gaps is not scored.
+LONGEST_WEIGHT = 3.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,24 +87,37 @@ class Labels:
 
 
 def label_flights(
-    flights: Sequence[Flight], rules: LabelRules | None = None, smoothed: tuple[FloatArray, FloatArray] | None = None
+    flights: Sequence[Flight],
+    rules: LabelRules | None = None,
+    smoothed: tuple[FloatArray, FloatArray] | None = None,
 ) -> list[Labels]:
     """Return the labels of flights.
 
     Args:
         flights: the flights.
         rules: settings.
-        smoothed: turn rates and speeds of `smoothed_rates` with the same jerk, if they are known already.
+        smoothed: turn rates and speeds of `smoothed_rates` with the same jerk, if they are known
+            already.
     """
     chosen = LabelRules() if rules is None else rules
     batch = stack_flights(flights)
     rates, speeds = smoothed_rates(batch, chosen.jerk) if smoothed is None else smoothed
     lengths = [len(flight.times) for flight in flights]
-    arrays = zip(flights, batch.unstack(rates, lengths), batch.unstack(speeds, lengths), strict=True)
+    arrays = zip(
+        flights,
+        batch.unstack(rates, lengths),
+        batch.unstack(speeds, lengths),
+        strict=True,
+    )
     return [label_flight(*of_flight, chosen) for of_flight in arrays]
 
 
-def label_flight(flight: Flight, rates: FloatArray, speeds: FloatArray, rules: LabelRules) -> Labels:
+def label_flight(
+    flight: Flight,
+    rates: FloatArray,
+    speeds: FloatArray,
+    rules: LabelRules,
+) -> Labels:
     """Return the labels of one flight; rows outside of its pieces are not scored.
 
     Args:
@@ -109,7 +127,9 @@ def label_flight(flight: Flight, rates: FloatArray, speeds: FloatArray, rules: L
         rules: settings.
     """
     n = len(flight.times)
-    modes, own, weights = np.zeros(n, np.int64), np.full(n, -1), np.zeros(n)
+    modes = np.zeros(n, np.int64)
+    own = np.full(n, -1)
+    weights = np.zeros(n)
     scored, inside = np.zeros((2, n), np.bool_)
     for first, end in flight.pieces:
         rows = slice(first, end)
@@ -122,19 +142,30 @@ def label_flight(flight: Flight, rates: FloatArray, speeds: FloatArray, rules: L
             own_rates = angle_rates(flight.times[known], flight.tracks[known])
             own[known] = find_turns(row_edges(flight.times[known]), own_rates, rules)[0]
         scored[rows] = (modes[rows] != STRAIGHT) | ~turning
-        weights[rows] = np.minimum(np.diff(edges), LONGEST_WEIGHT * float(np.median(np.diff(times))))
+        weights[rows] = np.minimum(
+            np.diff(edges),
+            LONGEST_WEIGHT * float(np.median(np.diff(times))),
+        )
     scored &= (speeds >= rules.speed) & ((own < 0) | (own == modes))
     rates, speeds = (np.where(inside, values, 0.0) for values in (rates, speeds))
     return Labels(flight.times, modes, scored, np.where(scored, weights, 0.0), rates, speeds, own)
 
 
 def scored_alike(labels: Labels, other: Labels) -> Labels:
-    """Return labels that are scored only where those of another flight with the same times are scored too."""
-    return replace(labels, scored=labels.scored & other.scored, weights=np.where(other.scored, labels.weights, 0.0))
+    """Return labels that are scored only where those of another flight with the same times are
+    scored too.
+    """
+    return replace(
+        labels,
+        scored=labels.scored & other.scored,
+        weights=np.where(other.scored, labels.weights, 0.0),
+    )
 
 
 def smoothed_rates(batch: Batch, jerk: float) -> tuple[FloatArray, FloatArray]:
-    """Return turn rates [rad/s] and speeds [m/s], (T, B), of the smoother that sees the whole flight."""
+    """Return turn rates [rad/s] and speeds [m/s], (T, B), of the smoother that sees the whole
+    flight.
+    """
     states = smoothed_states(batch, jerk)
     vx, ax, vy, ay = (states[..., k] for k in (1, 2, 4, 5))
     squares = vx**2 + vy**2
@@ -145,16 +176,24 @@ def smoothed_states(batch: Batch, jerk: float) -> FloatArray:
     """Return the states [x, vx, ax, y, vy, ay] of this smoother, (T, B, 6) [m, m/s, m/s^2]."""
     noises = batch.noise(local_velocities(batch))
     model = MotionModel("CA", 2, jerk)
-    filtered = run_filter(KalmanFilter(model, 1.0, START_DEVIATIONS), batch.positions, batch.times, noises=noises)
+    filtered = run_filter(
+        KalmanFilter(model, 1.0, START_DEVIATIONS),
+        batch.positions,
+        batch.times,
+        noises=noises,
+    )
     return np.asarray(smooth(model, filtered, batch.times).states)
 
 
 def local_velocities(batch: Batch) -> FloatArray:
-    """Return the mean velocity (T, B, 2) [m/s] from three positions before to three after; 0 when padded."""
+    """Return the mean velocity (T, B, 2) [m/s] from three positions before to three after; 0
+    when padded.
+    """
     total, tracks = batch.times.shape
     last = batch.present.sum(0) - 1
     rows = np.arange(total)[:, None]
-    before, after = np.clip(rows - NEIGHBOURS, 0, last), np.clip(rows + NEIGHBOURS, 0, last)
+    before = np.clip(rows - NEIGHBOURS, 0, last)
+    after = np.clip(rows + NEIGHBOURS, 0, last)
     which = np.arange(tracks)
     moved = batch.positions[after, which] - batch.positions[before, which]
     passed = batch.times[after, which] - batch.times[before, which]
@@ -167,7 +206,11 @@ def row_edges(times: FloatArray) -> FloatArray:
     return np.concatenate([times[:1], middle, times[-1:]])
 
 
-def find_turns(edges: FloatArray, rates: FloatArray, rules: LabelRules) -> tuple[IntArray, BoolArray]:
+def find_turns(
+    edges: FloatArray,
+    rates: FloatArray,
+    rules: LabelRules,
+) -> tuple[IntArray, BoolArray]:
     """Return the mode of every row, (n,), and whether its turn rate exceeds the bound.
 
     Args:
@@ -179,13 +222,21 @@ def find_turns(edges: FloatArray, rates: FloatArray, rules: LabelRules) -> tuple
     shortest = max(rules.duration, 1.5 * float(np.median(np.diff(edges))))
     modes = np.zeros(len(rates), np.int64)
     turning = np.abs(rates) > bound
-    for mode, sign in ((LEFT, 1.0), (RIGHT, -1.0)):
+    for mode, sign in (
+        (LEFT, 1.0),
+        (RIGHT, -1.0),
+    ):
         flags = np.concatenate([[False], sign * rates > bound, [False]]).astype(np.int8)
-        firsts, ends = np.flatnonzero(np.diff(flags) == 1), np.flatnonzero(np.diff(flags) == -1)
+        firsts = np.flatnonzero(np.diff(flags) == 1)
+        ends = np.flatnonzero(np.diff(flags) == -1)
         if not firsts.size:
             continue
         apart = edges[firsts[1:]] - edges[ends[:-1]] >= rules.merge
-        for first, end in zip(firsts[np.append(True, apart)], ends[np.append(apart, True)], strict=True):
+        for first, end in zip(
+            firsts[np.append(True, apart)],
+            ends[np.append(apart, True)],
+            strict=True,
+        ):
             rows = slice(int(first), int(end))
             widths = np.diff(edges[rows.start : rows.stop + 1])
             turned = abs(float((rates[rows] * widths).sum()))
@@ -196,11 +247,16 @@ def find_turns(edges: FloatArray, rates: FloatArray, rules: LabelRules) -> tuple
 
 
 def angle_rates(times: FloatArray, angles: FloatArray) -> FloatArray:
-    """Return the rate (n,) of angles [rad], the slope of a line over 10 s, or over three rows if longer."""
+    """Return the rate (n,) of angles [rad], the slope of a line over 10 s, or over three rows if
+    longer.
+    """
     unwrapped = np.unwrap(angles)
     rows = np.arange(len(times))
     first = np.minimum(np.searchsorted(times, times - 0.5 * OWN_WINDOW), np.maximum(rows - 1, 0))
-    end = np.maximum(np.searchsorted(times, times + 0.5 * OWN_WINDOW, "right"), np.minimum(rows + 2, len(times)))
+    end = np.maximum(
+        np.searchsorted(times, times + 0.5 * OWN_WINDOW, "right"),
+        np.minimum(rows + 2, len(times)),
+    )
     origin = times - times[0]
 
     def total(values: FloatArray) -> FloatArray:

@@ -13,10 +13,11 @@ from hybrid_env.checks import IntArray
 
 _COMMON = statistics(3600.0)
 _ENDS = ("switches", "missed", "delay", "ends", "missed_ends", "delay_of_ends")
-# Figures of a set of flights: share of the scored time; mean delay of the detected changes [s]; share of the changes
-# of the label that are missed; false changes in an hour of scored time; of them, those to a turn in straight motion;
-# changes of the statement for each change of the label; delay and share of misses of the changes to turns (enter, in)
-# and to straight motion (leave, out). NaN where nothing is counted.
+# Figures of a set of flights: share of the scored time; mean delay of the detected changes [s];
+# share of the changes of the label that are missed; false changes in an hour of scored time; of
+# them, those to a turn in straight motion; changes of the statement for each change of the label;
+# delay and share of misses of the changes to turns (enter, in) and to straight motion (leave, out).
+# NaN where nothing is counted.
 STATISTICS: dict[str, Statistic] = {
     "agreement": _COMMON["agreement"],
     "delay": _COMMON["delay"],
@@ -31,8 +32,15 @@ STATISTICS: dict[str, Statistic] = {
 }
 
 
-def score_flights(name: str, flights: Sequence[Flight], labels: Sequence[Labels], stated: Sequence[IntArray]) -> Scores:
-    """Return the scores of a decider from statements (n,) on flights, one row of `TimelineCounts` for each."""
+def score_flights(
+    name: str,
+    flights: Sequence[Flight],
+    labels: Sequence[Labels],
+    stated: Sequence[IntArray],
+) -> Scores:
+    """Return the scores of a decider from statements (n,) on flights, one row of
+    `TimelineCounts` for each.
+    """
     counts = [count_flight(*one) for one in zip(flights, labels, stated, strict=True)]
     return Scores(name, "", (0.0,), TimelineCounts._fields, np.array(counts)[..., None])
 
@@ -43,6 +51,13 @@ def count_flight(flight: Flight, labels: Labels, stated: IntArray) -> TimelineCo
     for piece in flight.pieces:
         rows = slice(*piece)
         scored = labels.scored[rows]
-        track = Timeline(labels.times[rows], labels.modes[rows], stated[rows], scored, labels.weights[rows], scored)
+        track = Timeline(
+            labels.times[rows],
+            labels.modes[rows],
+            stated[rows],
+            scored,
+            labels.weights[rows],
+            scored,
+        )
         counts.append(count_timeline(track, normal=STRAIGHT))
     return TimelineCounts(*np.sum(counts, axis=(0, 1)).tolist())

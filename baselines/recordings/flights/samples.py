@@ -1,6 +1,6 @@
-"""The recorded flights in the samples of the package `traffic`, read without importing it, where the user has them.
-ADS-B reports, most of them from the OpenSky Network. Olive 2019, "traffic, a toolbox for processing and analysing air
-traffic data", doi 10.21105/joss.01518.
+"""The recorded flights in the samples of the package `traffic`, read without importing it, where
+the user has them. ADS-B reports, most of them from the OpenSky Network. Olive 2019, "traffic, a
+toolbox for processing and analysing air traffic data", doi 10.21105/joss.01518.
 """
 
 import gzip
@@ -16,15 +16,20 @@ import pandas as pd
 from baselines.recordings.flights.flight import UNUSABLE, Flight, clean_flight, tier_of
 from hybrid_env.checks import ArgumentError, FloatArray, reject
 
-GAP = 600.0  # reports of an aircraft that are further apart in time [s] belong to different flights
+# Reports of an aircraft that are further apart in time [s] belong to different flights.
+GAP = 600.0
 SUFFIX = ".json.gz"
-MILLISECONDS = 1e11  # larger times since 1970 are in milliseconds
-INSTALL = "expected the package 'traffic' (pip install --no-deps traffic), or the folder or wheel of it"
+# Larger times since 1970 are in milliseconds.
+MILLISECONDS = 1e11
+INSTALL = (
+    "expected the package 'traffic' (pip install --no-deps traffic), or the folder or wheel of it"
+)
 
 
 class Samples:
-    """The sample files of a source: a folder with `.json.gz` files, also in its subfolders, or a wheel of the package.
-    None uses the installed package. Raises `ArgumentError` if there are no samples.
+    """The sample files of a source: a folder with `.json.gz` files, also in its subfolders, or a
+    wheel of the package. None uses the installed package. Raises `ArgumentError` if there are no
+    samples.
     """
 
     def __init__(self, source: Path | str | None = None):
@@ -34,7 +39,11 @@ class Samples:
             places = [*sorted(self.source.rglob(f"*{SUFFIX}"))]
         elif zipfile.is_zipfile(self.source):
             archive = zipfile.ZipFile(self.source)
-            places = [zipfile.Path(archive, name) for name in sorted(archive.namelist()) if name.endswith(SUFFIX)]
+            places = [
+                zipfile.Path(archive, name)
+                for name in sorted(archive.namelist())
+                if name.endswith(SUFFIX)
+            ]
         else:
             raise ArgumentError(f"source={self.source} is not a folder or a wheel: {INSTALL}")
         self._files = {place.name.removesuffix(SUFFIX): place for place in places}
@@ -44,7 +53,8 @@ class Samples:
 
     def flights_of(self, name: str) -> dict[str, pd.DataFrame]:
         """Return the reports of every flight of a file by its id `file:icao24:k`, k from 0."""
-        if self._last[0] == name:  # flights of a file are often read one by one
+        # Flights of a file are often read one by one.
+        if self._last[0] == name:
             return self._last[1]
         if name not in self._files:
             raise reject("file", name, f"a sample of {self.source}")
@@ -70,14 +80,19 @@ class Samples:
         """Return a flight by its id `file:icao24:k`, if it has enough positions."""
         name, separator, _ = identity.partition(":")
         if name in UNUSABLE:
-            raise reject("flight", identity, "a file in which turns can be seen; this one is too sparse")
+            raise reject(
+                "flight",
+                identity,
+                "a file in which turns can be seen; this one is too sparse",
+            )
         flights = self.flights_of(name) if separator else {}
         if identity not in flights:
             some = f", such as {', '.join(list(flights)[:5])}" if flights else ""
             raise reject("flight", identity, f"an id file:icao24:k{some}")
         reports = flights[identity]
         times = report_times(reports["timestamp"])
-        if "last_position" in reports:  # when the position was received; the timestamp is that of the report
+        # When the position was received; the timestamp is that of the report.
+        if "last_position" in reports:
             received = report_times(reports["last_position"])
             times = np.where(np.isnan(received), times, received)
         tier = tier_of(identity, "last_position" in reports, times)

@@ -1,10 +1,12 @@
 """Recorded flights in the setting of `HybridTrackQuickest-v0`: real motion, simulated noise.
 
-The path of the smoother of the labels, at ticks of one second, is taken for the true one. White noise is added, equal
-in both axes, with which a tick at the speed of the flight is as long as one of the default environment: v tau / sigma =
-0.63. With lengths in units of sigma and times in ticks, the environment's deciders read a flight as they are. Its turns
-have a radius of 25 v s, which is 2.3 deg/s: that of a bank of 20 deg at 90 m/s, and of 25 deg at 115 m/s (tan bank = v
-omega / g); aircraft in civil traffic turn at 3 deg/s or with a bank of 25 deg, whichever is slower (ICAO Doc 8168).
+The path of the smoother of the labels, at ticks of one second, is taken for the true one. White
+noise is added, equal in both axes, with which a tick at the speed of the flight is as long as one
+of the default environment: v tau / sigma = 0.63. With lengths in units of sigma and times in ticks,
+the environment's deciders read a flight as they are. Its turns have a radius of 25 v s, which is
+2.3 deg/s: that of a bank of 20 deg at 90 m/s, and of 25 deg at 115 m/s (tan bank = v omega / g);
+aircraft in civil traffic turn at 3 deg/s or with a bank of 25 deg, whichever is slower (ICAO Doc
+8168).
 """
 
 from collections.abc import Sequence
@@ -19,18 +21,22 @@ from baselines.rules.tracker import OnlineTracker
 from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.quickest_options import QuickestOptions
 
-TICK = 1.0  # [s]
+# [s]
+TICK = 1.0
 
 # The default environment; a flight begins at any moment of a mode that nobody knows.
 WORLD = QuickestOptions(start="random")
 
 
 def semi_real_flights(
-    flights: Sequence[Flight], labels: Sequence[Labels], generator: np.random.Generator
+    flights: Sequence[Flight],
+    labels: Sequence[Labels],
+    generator: np.random.Generator,
 ) -> tuple[list[Flight], list[Labels]]:
-    """Return flights at ticks of 1 s with white noise, and their labels. The speed v is the median over the ticks at
-    speeds that are scored. The tier has sigma as `across`, and no error of the time. A tick has the label of the
-    nearest position; it is not scored if that is not, or is 1.5 median steps away.
+    """Return flights at ticks of 1 s with white noise, and their labels. The speed v is the median
+    over the ticks at speeds that are scored. The tier has sigma as `across`, and no error of the
+    time. A tick has the label of the nearest position; it is not scored if that is not, or is 1.5
+    median steps away.
     """
     batch = stack_flights(flights)
     states = smoothed_states(batch, LabelRules().jerk)
@@ -41,17 +47,28 @@ def semi_real_flights(
         path = smooth_path(times, states[: end - first, column], ticks)
         nearest = first + np.searchsorted(0.5 * (times[1:] + times[:-1]), ticks)
         parts[k].append((ticks, path, nearest))
-    made, kept = [], []
+    made = []
+    kept = []
     for flight, label, part in zip(flights, labels, parts, strict=True):
         ticks, path, rows = (np.concatenate(one) for one in zip(*part, strict=True))
         speeds = np.hypot(path[:, 1], path[:, 3])
         moving = speeds >= LabelRules().speed
         sigma = noise_deviation(float(np.median(speeds[moving] if moving.any() else speeds)))
         positions = path[:, ::2] + sigma * generator.standard_normal((len(path), 2))
-        far = np.abs(label.times[rows] - ticks) > 0.5 * LONGEST_WEIGHT * float(np.median(np.diff(label.times)))
+        far = np.abs(label.times[rows] - ticks) > 0.5 * LONGEST_WEIGHT * float(
+            np.median(np.diff(label.times))
+        )
         scored = label.scored[rows] & ~far
         tier, tracks = flight.tier._replace(across=sigma, timing=0.0), flight.tracks[rows]
-        made.append(replace(flight, tier=tier, times=ticks, positions=positions, tracks=tracks))
+        made.append(
+            replace(
+                flight,
+                tier=tier,
+                times=ticks,
+                positions=positions,
+                tracks=tracks,
+            )
+        )
         weights = np.where(scored, TICK, 0.0)
         of_ticks = label.modes[rows], scored, weights, label.rates[rows], speeds, label.own[rows]
         kept.append(Labels(ticks, *of_ticks))
@@ -59,17 +76,25 @@ def semi_real_flights(
 
 
 def smooth_path(times: FloatArray, states: FloatArray, ticks: FloatArray) -> FloatArray:
-    """Return the path [x, vx, y, vy], (T, 4), at ticks [s] within smoothed states [x, vx, ax, y, vy, ay] at times [s].
-    With white jerk the expected path between two states is the polynomial of degree five through both.
+    """Return the path [x, vx, y, vy], (T, 4), at ticks [s] within smoothed states [x, vx, ax, y,
+    vy, ay] at times [s]. With white jerk the expected path between two states is the polynomial of
+    degree five through both.
     """
     row = np.clip(np.searchsorted(times, ticks, "right") - 1, 0, len(times) - 2)
     h = (times[row + 1] - times[row])[:, None]
     s = (ticks - times[row])[:, None] / h
     x, v, a = (states[:, k::3] * 1.0 for k in range(3))
-    x0, v0, a0, a1 = x[row], h * v[row], h**2 * a[row], h**2 * a[row + 1]
-    # what is missing at the end of the step, of position, velocity and acceleration
-    p, q, r = x[row + 1] - x0 - v0 - 0.5 * a0, h * v[row + 1] - v0 - a0, a1 - a0
-    c3, c4, c5 = 10.0 * p - 4.0 * q + 0.5 * r, -15.0 * p + 7.0 * q - r, 6.0 * p - 3.0 * q + 0.5 * r
+    x0 = x[row]
+    v0 = h * v[row]
+    a0 = h**2 * a[row]
+    a1 = h**2 * a[row + 1]
+    # What is missing at the end of the step, of position, velocity and acceleration.
+    p = x[row + 1] - x0 - v0 - 0.5 * a0
+    q = h * v[row + 1] - v0 - a0
+    r = a1 - a0
+    c3 = 10.0 * p - 4.0 * q + 0.5 * r
+    c4 = -15.0 * p + 7.0 * q - r
+    c5 = 6.0 * p - 3.0 * q + 0.5 * r
     position = x0 + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
     velocity = (v0 + s * (a0 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))) / h
     return np.stack([position[:, 0], velocity[:, 0], position[:, 1], velocity[:, 1]], axis=1)
@@ -81,7 +106,9 @@ def noise_deviation(speed: float) -> float:
 
 
 def state_semi_real(decider: Decider, flights: Sequence[Flight]) -> list[IntArray]:
-    """Return the statements, (T,), of a decider for the options `WORLD` on flights of `semi_real_flights`."""
+    """Return the statements, (T,), of a decider for the options `WORLD` on flights of
+    `semi_real_flights`.
+    """
     tracker = OnlineTracker(WORLD, decider)
     results = []
     for flight in flights:

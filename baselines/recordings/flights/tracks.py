@@ -1,4 +1,6 @@
-"""Recorded flights as an environment with unknown switches: the same rows, from filters for turn rates."""
+"""Recorded flights as an environment with unknown switches: the same rows, from filters for turn
+rates.
+"""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -15,19 +17,27 @@ from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.core.observation_row import LOG_FLOOR
 from hybrid_env.observation import QuickestLayout
 
-MODES = 3  # straight, left, right
-SMALLEST = 1e-300  # probability
+# Straight, left, right.
+MODES = 3
+# Probability.
+SMALLEST = 1e-300
 
 
 class FlightTracks:
-    """B pieces of flights, each an episode, at positions `tick`. Of the rows of `hybrid_env.HybridTrackQuickestEnv`,
-    the probabilities of the modes (T, B, 3), by default of the IMM filter, its likelihood ratios and the last statement
-    are filled.
+    """B pieces of flights, each an episode, at positions `tick`. Of the rows of
+    `hybrid_env.HybridTrackQuickestEnv`, the probabilities of the modes (T, B, 3), by default of the
+    IMM filter, its likelihood ratios and the last statement are filled.
     """
 
-    def __init__(self, batch: Batch, estimates: TurnEstimates, probabilities: FloatArray | None = None):
+    def __init__(
+        self,
+        batch: Batch,
+        estimates: TurnEstimates,
+        probabilities: FloatArray | None = None,
+    ):
         self.batch, self.estimates = batch, estimates
-        self.num_envs, self.tick = batch.times.shape[1], 0
+        self.num_envs = batch.times.shape[1]
+        self.tick = 0
         self.single_action_space = spaces.Discrete(MODES)
         told = estimates.probabilities if probabilities is None else probabilities
         likelihoods = estimates.log_likelihoods
@@ -37,7 +47,10 @@ class FlightTracks:
             ("log_probability", np.log(np.maximum(told, SMALLEST))),
             ("log_ratio", likelihoods - likelihoods.max(-1, keepdims=True)),
         ):
-            self._rows[..., layout.slices[name]] = layout.scales[name] * np.maximum(values, LOG_FLOOR)
+            self._rows[..., layout.slices[name]] = layout.scales[name] * np.maximum(
+                values,
+                LOG_FLOOR,
+            )
         self._stated = layout.slices["stated"].start
 
     @property
@@ -49,9 +62,11 @@ class FlightTracks:
     def turned(self) -> FloatArray:
         """(T, B) angle by which the ground track turned at each position [rad], anticlockwise."""
         moves = np.diff(self.batch.positions, axis=0)
-        moved = np.hypot(moves[..., 0], moves[..., 1]) > 0.0  # not NaN
+        # Not NaN.
+        moved = np.hypot(moves[..., 0], moves[..., 1]) > 0.0
         rows = np.where(moved, np.arange(len(moves))[:, None], 0)
-        last = np.maximum.accumulate(rows, axis=0)  # the track of an object that rests is the last one
+        # The track of an object that rests is the last one.
+        last = np.maximum.accumulate(rows, axis=0)
         angles = np.take_along_axis(np.arctan2(moves[..., 1], moves[..., 0]), last, axis=0)
         known = np.take_along_axis(moved, last, axis=0)
         change = np.diff(np.where(known, angles, 0.0), axis=0)
@@ -64,8 +79,13 @@ class FlightTracks:
         self.tick = 0
         return self._rows[0].copy(), {}
 
-    def step(self, actions: Actions) -> tuple[Observations, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
-        """Go on to the next positions after statements (N,); after the last ones the episodes end."""
+    def step(
+        self,
+        actions: Actions,
+    ) -> tuple[Observations, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
+        """Go on to the next positions after statements (N,); after the last ones the episodes
+        end.
+        """
         last = self.tick == len(self._rows) - 1
         self.tick = min(self.tick + 1, len(self._rows) - 1)
         rows = self._rows[self.tick].copy()
@@ -74,11 +94,18 @@ class FlightTracks:
         return rows, np.zeros(self.num_envs), ended, np.zeros(self.num_envs, np.bool_), {}
 
     def statements(self, decider: Any, lengths: Sequence[int]) -> list[IntArray]:
-        """Return the statements of a decider on each flight of n positions, (n,); 0 outside of the pieces."""
+        """Return the statements of a decider on each flight of n positions, (n,); 0 outside of
+        the pieces.
+        """
         (stated,) = self.statements_together(decider, lengths, 1)
         return stated
 
-    def statements_together(self, decider: Any, lengths: Sequence[int], count: int) -> list[list[NDArray[Any]]]:
+    def statements_together(
+        self,
+        decider: Any,
+        lengths: Sequence[int],
+        count: int,
+    ) -> list[list[NDArray[Any]]]:
         """Return `statements` of each of the `count` deciders that are computed together."""
         total = len(self.batch.times)
         stated: NDArray[Any] = np.empty((count, *self.batch.times.shape), np.int8)

@@ -11,11 +11,33 @@ from baselines.recordings.reading.names import SECONDS, split_unit
 from hybrid_env.checks import ArgumentError, FloatArray, IntArray, reject
 
 # Cells without a value.
-MISSING = ["", "nan", "NaN", "NAN", "NA", "N/A", "n/a", "#N/A", "null", "NULL", "None", "<NA>", "-nan"]
-MAX_TIME = 1e21  # [s]
-EPOCH = (6.3e8, 4.2e9)  # [s] since 1970: the years 1990 to 2103
-EPOCH_UNITS = {"s": "seconds", "ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
-SCALES = ("utc", "gmt", "unix", "epoch", "posix", "gps")  # time scales that stand where a unit may stand
+MISSING = [
+    "",
+    "nan",
+    "NaN",
+    "NAN",
+    "NA",
+    "N/A",
+    "n/a",
+    "#N/A",
+    "null",
+    "NULL",
+    "None",
+    "<NA>",
+    "-nan",
+]
+# [s]
+MAX_TIME = 1e21
+# [s] since 1970: the years 1990 to 2103.
+EPOCH = (6.3e8, 4.2e9)
+EPOCH_UNITS = {
+    "s": "seconds",
+    "ms": "milliseconds",
+    "us": "microseconds",
+    "ns": "nanoseconds",
+}
+# Time scales that stand where a unit may stand.
+SCALES = ("utc", "gmt", "unix", "epoch", "posix", "gps")
 DECIMAL_COMMA = r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?"
 GERMAN = r"(\d{2})\.(\d{2})\.(\d{4})(.*)"
 FORMAT = "a format such as '%d/%m/%Y %H:%M:%S'"
@@ -25,14 +47,22 @@ FORMAT = "a format such as '%d/%m/%Y %H:%M:%S'"
 class Table:
     """Cells of a file, before it is known what they mean."""
 
-    file: str  # its path for messages, shortened
-    frame: pd.DataFrame  # the cells, one column for each of `names`, labelled by its number from 0
-    names: tuple[str, ...]  # of the columns as in the file; empty for a column without a name
-    headed: bool = True  # whether the file names its columns
-    row_word: str = "row"  # what a row is called in messages: line, row or point
-    first_row: int = 1  # number of the first row in messages
-    segments: IntArray | None = None  # (n,) number of the segment of a GPX track of each row
-    notes: list[str] = field(default_factory=list)  # what was left out or assumed, for the summary
+    # Its path for messages, shortened.
+    file: str
+    # The cells, one column for each of `names`, labelled by its number from 0.
+    frame: pd.DataFrame
+    # Of the columns as in the file; empty for a column without a name.
+    names: tuple[str, ...]
+    # Whether the file names its columns.
+    headed: bool = True
+    # What a row is called in messages: line, row or point.
+    row_word: str = "row"
+    # Number of the first row in messages.
+    first_row: int = 1
+    # (n,) number of the segment of a GPX track of each row.
+    segments: IntArray | None = None
+    # What was left out or assumed, for the summary.
+    notes: list[str] = field(default_factory=list)
 
     def place(self, row: int, column: int) -> str:
         """Return file, row and column for a message; row and column are counted from 0."""
@@ -50,18 +80,25 @@ class Table:
 class Numbers(NamedTuple):
     """Cells of a column as numbers."""
 
-    values: FloatArray  # (n,) NaN where a cell is empty, and where it is not a number
-    wrong: IntArray  # rows whose cell is neither a number nor empty
-    comma: bool = False  # whether the decimal separator is a comma
+    # (n,) NaN where a cell is empty, and where it is not a number.
+    values: FloatArray
+    # Rows whose cell is neither a number nor empty.
+    wrong: IntArray
+    # Whether the decimal separator is a comma.
+    comma: bool = False
 
 
 class Times(NamedTuple):
     """Times of all rows of a file."""
 
-    seconds: FloatArray  # (n,) [s]; dates are counted from the earliest one
-    epoch: str | None  # date of time 0, ISO 8601; None for times without a date
-    kind: str  # how the cells were understood, for the summary
-    unit: str = "s"  # or `ticks` for numbers of rows
+    # (n,) [s]; dates are counted from the earliest one.
+    seconds: FloatArray
+    # Date of time 0, ISO 8601; None for times without a date.
+    epoch: str | None
+    # How the cells were understood, for the summary.
+    kind: str
+    # Or `ticks` for numbers of rows.
+    unit: str = "s"
 
 
 def counted(number: int, word: str) -> str:
@@ -80,7 +117,11 @@ def parse_numbers(cells: "pd.Series[object]") -> Numbers:
     values = np.array(pd.to_numeric(texts, errors="coerce"), np.float64)
     wrong = np.isnan(values) & ~empty
     commas = texts[wrong].str.fullmatch(DECIMAL_COMMA)
-    if wrong.any() and commas.all() and not texts[~wrong & ~empty].str.contains(".", regex=False).any():
+    if (
+        wrong.any()
+        and commas.all()
+        and not texts[~wrong & ~empty].str.contains(".", regex=False).any()
+    ):
         values[wrong] = pd.to_numeric(texts[wrong].str.replace(",", "."), errors="coerce")
         return Numbers(values, np.empty(0, np.int64), comma=True)
     return Numbers(values, np.flatnonzero(wrong))
@@ -90,7 +131,8 @@ def parse_times(table: Table, column: int, unit: str | None) -> Times:
     """Parse a column of times; a unit or format of None is recognised."""
     if unit is not None and unit not in SECONDS and "%" not in unit:
         raise reject("time_unit", unit, f"one of {', '.join(SECONDS)}, or {FORMAT}")
-    cells, epoch = table.frame[column], None
+    cells = table.frame[column]
+    epoch = None
     types = pd.api.types
     dated = types.is_datetime64_any_dtype(cells) or types.is_timedelta64_dtype(cells)
     if dated or (unit is not None and "%" in unit):
@@ -99,7 +141,8 @@ def parse_times(table: Table, column: int, unit: str | None) -> Times:
         numbers = parse_numbers(cells)
         if not numbers.wrong.size:
             return _from_numbers(table, column, numbers.values, unit)
-        broken = len(numbers.wrong) < len(cells) / 2  # a broken number among numbers
+        # A broken number among numbers.
+        broken = len(numbers.wrong) < len(cells) / 2
         times, kind = (pd.Series(numbers.values), "") if broken else _from_dates(cells, None)
     if types.is_datetime64_any_dtype(times):
         start = times.min()
@@ -132,16 +175,21 @@ def _from_numbers(table: Table, column: int, values: FloatArray, unit: str | Non
     _check_times(table, column, values)
     clock = _clock_seconds(values) if unit is None else None
     if clock is not None:
-        if np.ptp(values // 1e6):  # a date stands before the time of day
+        # A date stands before the time of day.
+        if np.ptp(values // 1e6):
             allowed = "--time-unit with a format such as '%Y%m%d%H%M%S'"
-            raise reject(f"{table.file}: {table.label(column)}", table.frame[column].iloc[0], allowed)
+            raise reject(
+                f"{table.file}: {table.label(column)}",
+                table.frame[column].iloc[0],
+                allowed,
+            )
         return Times(clock, None, "hours, minutes and seconds (HHMMSS)")
     since_1970 = epoch_unit(values)
     if since_1970 is None or unit not in (None, since_1970):
         scale = SECONDS[unit.lower()] if unit else 1.0
         return Times(values * scale, None, f"in {unit}" if unit not in (None, "s") else "")
     cells = table.frame[column]
-    # nanoseconds since 1970 need more than the 53 bits of a float
+    # Nanoseconds since 1970 need more than the 53 bits of a float.
     exact = cells if pd.api.types.is_integer_dtype(cells) else pd.Series(values)
     start = exact.min()
     seconds = (exact - start).to_numpy(np.float64) * SECONDS[since_1970]
@@ -150,21 +198,27 @@ def _from_numbers(table: Table, column: int, values: FloatArray, unit: str | Non
 
 
 def _clock_seconds(values: FloatArray) -> FloatArray | None:
-    """Return the seconds of numbers that are times of day such as 101559, None if they are not: minutes and seconds
-    never exceed 59, and the steps, which jump by 40 at each minute, are more even without that.
+    """Return the seconds of numbers that are times of day such as 101559, None if they are not:
+    minutes and seconds never exceed 59, and the steps, which jump by 40 at each minute, are more
+    even without that.
     """
-    hours, minutes, seconds = values // 1e4 % 100, values // 100 % 100, values % 100
+    hours = values // 1e4 % 100
+    minutes = values // 100 % 100
+    seconds = values % 100
     if values.min() < 0.0 or hours.max() > 23 or minutes.max() > 59 or seconds.max() >= 60.0:
         return None
     clock = 3600.0 * hours + 60.0 * minutes + seconds
-    steps, clock_steps = np.diff(values[np.diff(values, prepend=-1.0) != 0.0]), np.diff(np.unique(clock))
+    steps = np.diff(values[np.diff(values, prepend=-1.0) != 0.0])
+    clock_steps = np.diff(np.unique(clock))
     if len(steps) < 2 or len(clock_steps) < 2 or not np.ptp(clock_steps) < np.ptp(steps):
         return None
     return clock
 
 
 def _from_dates(cells: "pd.Series[object]", form: str | None) -> "tuple[pd.Series[object], str]":
-    """Dates, durations or times of day of cells, NaT where they are none, and how they were understood."""
+    """Dates, durations or times of day of cells, NaT where they are none, and how they were
+    understood.
+    """
     if pd.api.types.is_timedelta64_dtype(cells):
         return cells, "durations"
     if pd.api.types.is_datetime64_any_dtype(cells):
@@ -174,7 +228,8 @@ def _from_dates(cells: "pd.Series[object]", form: str | None) -> "tuple[pd.Serie
     if form is not None:
         try:
             return pd.to_datetime(texts, format=form, utc=True, errors="coerce"), kind
-        except (ValueError, LookupError, TypeError, OverflowError, re.error) as error:  # of the pattern that it becomes
+        except (ValueError, LookupError, TypeError, OverflowError, re.error) as error:
+            # Of the pattern that it becomes.
             raise reject("time_unit", form, f"a format of dates ({error})") from None
     first, texts = str(texts.iloc[0]), texts.str.replace(",", ".")
     if first.count(":") == 2 and first.find(":") <= 2:
@@ -192,5 +247,11 @@ def _check_times(table: Table, column: int, seconds: FloatArray) -> None:
     row = int(wrong[0])
     cell = table.frame[column].iloc[row]
     if pd.isna(cell) or not str(cell).strip():
-        raise ArgumentError(f"{table.place(row, column)}: the cell is empty: expected a time in every row")
-    raise reject(table.place(row, column), str(cell), f"a number, an ISO date, or --time-unit with {FORMAT}")
+        raise ArgumentError(
+            f"{table.place(row, column)}: the cell is empty: expected a time in every row"
+        )
+    raise reject(
+        table.place(row, column),
+        str(cell),
+        f"a number, an ISO date, or --time-unit with {FORMAT}",
+    )

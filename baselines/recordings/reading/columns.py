@@ -10,33 +10,53 @@ from baselines.recordings.reading.cells import Table, epoch_unit
 from baselines.recordings.reading.names import INDEX, ROLES, plain_name, role_of
 from hybrid_env.checks import ArgumentError, reject
 
-ONE_OBJECT = "none"  # value of --object for a file with one object
+# Value of --object for a file with one object.
+ONE_OBJECT = "none"
 PLANE, DEGREES, POLAR = {"x", "y"}, {"lat", "lon"}, {"range", "bearing"}
 HINT = "name them by --columns, for example --columns time=1 x=2 y=3"
-LISTED = 8  # so many columns are listed in a message
+# So many columns are listed in a message.
+LISTED = 8
 
 
 @dataclass
 class Columns:
     """Numbers of columns from 0."""
 
-    roles: dict[str, int]  # the columns of `time`, `x`, `y`, `lat` and `lon`
-    index: int | None = None  # an index, whose whole numbers are ticks if there are no times
-    object: int | None = None  # the column that tells objects apart
-    left_out: list[str] = field(default_factory=list)  # names of the columns that are not used
-    chosen: bool = False  # whether the caller has named columns
+    # The columns of `time`, `x`, `y`, `lat` and `lon`.
+    roles: dict[str, int]
+    # An index, whose whole numbers are ticks if there are no times.
+    index: int | None = None
+    # The column that tells objects apart.
+    object: int | None = None
+    # Names of the columns that are not used.
+    left_out: list[str] = field(default_factory=list)
+    # Whether the caller has named columns.
+    chosen: bool = False
 
 
 def find_columns(
-    table: Table, columns: Mapping[str, str] | None, object_column: str | None, polar: bool = False
+    table: Table,
+    columns: Mapping[str, str] | None,
+    object_column: str | None,
+    polar: bool = False,
 ) -> Columns:
-    """Find the columns of times, positions, with `polar` those of a radar, and objects by their names."""
+    """Find the columns of times, positions, with `polar` those of a radar, and objects by their
+    names.
+    """
     names = {"time" if role == "t" else role: str(name) for role, name in (columns or {}).items()}
     for role in names:
         if role not in ROLES:
             raise reject("columns", role, f"names of columns for {', '.join(ROLES)}")
-    if names and not any(names.keys() >= axes for axes in (PLANE, DEGREES, POLAR)) and set(names) != {"time"}:
-        raise reject("columns", dict(columns or {}), "x and y, or lat and lon, and time where the file has times")
+    if (
+        names
+        and not any(names.keys() >= axes for axes in (PLANE, DEGREES, POLAR))
+        and set(names) != {"time"}
+    ):
+        raise reject(
+            "columns",
+            dict(columns or {}),
+            "x and y, or lat and lon, and time where the file has times",
+        )
     given = {role: numbered_column(table, "columns", name) for role, name in names.items()}
     found = Columns(_roles(table, given, polar), chosen=bool(given))
     used = set(found.roles.values())
@@ -45,7 +65,12 @@ def find_columns(
     elif object_column != ONE_OBJECT:
         found.object = numbered_column(table, "object", object_column)
     cells = table.frame[0]
-    if table.headed and 0 not in used and plain_name(table.names[0]) in INDEX and not cells.isna().all():
+    if (
+        table.headed
+        and 0 not in used
+        and plain_name(table.names[0]) in INDEX
+        and not cells.isna().all()
+    ):
         if "time" not in found.roles and _is_time(cells):
             found.roles["time"] = 0
         else:
@@ -77,7 +102,11 @@ def _roles(table: Table, given: dict[str, int], polar: bool) -> dict[str, int]:
     roles = dict(given)
     used = ("time", *(("range", "bearing", "rate") if polar else ("x", "y", "lat", "lon")))
     for role in ("time",) if set(given) - {"time"} else used:
-        named = [k for k, name in enumerate(table.names) if role_of(name) == role and k not in given.values()]
+        named = [
+            k
+            for k, name in enumerate(table.names)
+            if role_of(name) == role and k not in given.values()
+        ]
         if role in given or not named:
             continue
         if len(named) > 1:
@@ -89,7 +118,8 @@ def _roles(table: Table, given: dict[str, int], polar: bool) -> dict[str, int]:
         wanted = "range and bearing" if polar else "x, y or lat, lon"
         raise ArgumentError(f"{table.file}: no columns {wanted} ({listed_columns(table)}): {HINT}")
     if len(found) > 1:
-        lat, lon = table.label(roles["lat"]), table.label(roles["lon"])
+        lat = table.label(roles["lat"])
+        lon = table.label(roles["lon"])
         advice = f"choose by --columns, for example lat={lat} lon={lon}"
         raise ArgumentError(f"{table.file}: it has x, y and lat, lon: {advice}")
     kept = {"time", *found[0], *(("rate",) if polar else ())}
@@ -97,8 +127,8 @@ def _roles(table: Table, given: dict[str, int], polar: bool) -> dict[str, int]:
 
 
 def object_column_of(table: Table, used: set[int]) -> int | None:
-    """Return the column by whose values objects differ, by its name. One that is different in every row is a number of
-    the row; one that is the same in every row names the object.
+    """Return the column by whose values objects differ, by its name. One that is different in every
+    row is a number of the row; one that is the same in every row names the object.
     """
     codes = {}
     for k, name in enumerate(table.names):
@@ -112,7 +142,9 @@ def object_column_of(table: Table, used: set[int]) -> int | None:
     for other in several[1:]:
         if not np.array_equal(codes[several[0]], codes[other]):
             labels = table.labels([several[0], other])
-            raise ArgumentError(f"{table.file}: {labels} tell objects apart differently: choose by --object")
+            raise ArgumentError(
+                f"{table.file}: {labels} tell objects apart differently: choose by --object"
+            )
     return next(iter([*several, *codes]), None)
 
 
@@ -122,7 +154,12 @@ def _is_time(cells: "pd.Series[object]") -> bool:
         return True
     if pd.api.types.is_numeric_dtype(cells):
         return epoch_unit(cells.to_numpy(np.float64, na_value=np.nan)) is not None
-    dates = pd.to_datetime(cells.iloc[:1].astype("str"), format="ISO8601", utc=True, errors="coerce")
+    dates = pd.to_datetime(
+        cells.iloc[:1].astype("str"),
+        format="ISO8601",
+        utc=True,
+        errors="coerce",
+    )
     return bool(dates.notna().all())
 
 

@@ -24,13 +24,25 @@ from baselines.recordings.reading.parquet import read_parquet
 from baselines.recordings.reading.sizes import check_size
 from hybrid_env.checks import ArgumentError, reject
 
-MAX_LINE = 50_000  # characters
-MAX_COMMENTS = 10_000  # lines before the header
-HEAD_ROWS = 50  # number of rows from which the delimiter is found
-LONGEST_NAME = 80  # characters of the path in a message
+# Characters.
+MAX_LINE = 50_000
+# Lines before the header.
+MAX_COMMENTS = 10_000
+# Number of rows from which the delimiter is found.
+HEAD_ROWS = 50
+# Characters of the path in a message.
+LONGEST_NAME = 80
 ALLOWED = "a CSV, TSV, Parquet, GPX or IGC file"
-DELIMITERS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','", " ": "space"}  # delimiters and their names in messages
-TEXT_BYTES = bytes({9, 10, 12, 13, *range(32, 256)})  # bytes that a text may have
+# Delimiters and their names in messages.
+DELIMITERS = {
+    "\t": "tab",
+    ";": "';'",
+    "|": "'|'",
+    ",": "','",
+    " ": "space",
+}
+# Bytes that a text may have.
+TEXT_BYTES = bytes({9, 10, 12, 13, *range(32, 256)})
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:
@@ -69,9 +81,11 @@ def _content(path: Path) -> tuple[str, bytes]:
     try:
         if path.is_dir():
             raise reject("file", name, f"{ALLOWED}, not a folder")
-        if not path.is_file():  # for example a named pipe, which would wait for its writer
+        # For example a named pipe, which would wait for its writer.
+        if not path.is_file():
             raise reject("file", name, f"an existing file: {ALLOWED}")
-        size, most = path.stat().st_size / 1e6, sizes.MAX_BYTES / 1e6
+        size = path.stat().st_size / 1e6
+        most = sizes.MAX_BYTES / 1e6
         if size > most:
             allowed = f"a file of at most {most:.0f} MB, not {size:.0f} MB: split the recording"
             raise reject("file", name, allowed)
@@ -85,28 +99,44 @@ def _content(path: Path) -> tuple[str, bytes]:
         return name, content
     try:
         with gzip.open(io.BytesIO(content)) as stream:
-            most_bytes = min(sizes.MAX_BYTES, max(sizes.MAX_RATIO * len(content), sizes.ALWAYS_BYTES))
+            most_bytes = min(
+                sizes.MAX_BYTES,
+                max(sizes.MAX_RATIO * len(content), sizes.ALWAYS_BYTES),
+            )
             content = stream.read(most_bytes + 1)
     except (OSError, EOFError, zlib.error) as error:
         raise ArgumentError(f"{name}: the gzip file is damaged or cut off ({error})") from None
     if len(content) > most_bytes:
-        allowed = f"at most {most_bytes / 1e6:.0f} MB when decompressed: decompress it first, or split the recording"
+        allowed = (
+            f"at most {most_bytes / 1e6:.0f} MB when decompressed: decompress it first, or split"
+            " the recording"
+        )
         raise reject("file", name, allowed)
     return name, content
 
 
 def _read_gpx(content: bytes, name: str) -> Table:
-    """Read the track points of a GPX file: time, lat, lon, and the track and the segment of each point."""
+    """Read the track points of a GPX file: time, lat, lon, and the track and the segment of each
+    point.
+    """
     check_size(content.count(b"<trkpt"), name)
     if content.count(b"<") > sizes.MAX_TAGS:
-        raise ArgumentError(f"{name}: more than {sizes.MAX_TAGS:,} tags are not allowed: split the recording")
+        raise ArgumentError(
+            f"{name}: more than {sizes.MAX_TAGS:,} tags are not allowed: split the recording"
+        )
     try:
         tracks = gpxpy.parse(content.decode("utf-8-sig")).tracks
     except (gpxpy.gpx.GPXException, ValueError, TypeError, LookupError, RecursionError) as error:
         reason = " ".join(str(error).split())[:100]
         raise ArgumentError(f"{name}: the file begins as XML but is not GPX ({reason})") from None
     points = [
-        (point.time, point.latitude, point.longitude, track.name or f"track {number}", (number, part))
+        (
+            point.time,
+            point.latitude,
+            point.longitude,
+            track.name or f"track {number}",
+            (number, part),
+        )
         for number, track in enumerate(tracks, start=1)
         for part, segment in enumerate(track.segments)
         for point in segment.points
@@ -121,24 +151,38 @@ def _read_gpx(content: bytes, name: str) -> Table:
     if times.notna().any():
         frame.insert(0, "time", pd.to_datetime(times, utc=True))
     names = tuple(frame.columns)
-    return Table(name, frame.set_axis(range(len(names)), axis=1), names, row_word="point", segments=segments)
+    return Table(
+        name,
+        frame.set_axis(range(len(names)), axis=1),
+        names,
+        row_word="point",
+        segments=segments,
+    )
 
 
 def _check_gpx_times(content: bytes, name: str) -> None:
-    """Refuse a time of a track that gpxpy does not read; it takes such points for ones without a time."""
+    """Refuse a time of a track that gpxpy does not read; it takes such points for ones without a
+    time.
+    """
     for cell in re.findall(rb"<(?:\w+:)?time\b[^<>]*>([^<]*)<", content[content.find(b"<trk") :]):
         text = cell.decode("utf-8", errors="replace").strip()
         try:
             gpxpy.gpxfield.parse_time(text)
         except (gpxpy.gpx.GPXException, ValueError):
-            raise reject(f"{name}: time", text, "an ISO date and time such as 2024-05-01T10:00:00Z") from None
+            raise reject(
+                f"{name}: time",
+                text,
+                "an ISO date and time such as 2024-05-01T10:00:00Z",
+            ) from None
 
 
 def _read_text(content: bytes, name: str) -> Table:
     notes: list[str] = []
-    # before they are split, with their ends of Unix or of an old Mac
+    # Before they are split, with their ends of Unix or of an old Mac.
     if max(content.count(b"\n"), content.count(b"\r")) > sizes.MAX_ROWS + MAX_COMMENTS:
-        raise ArgumentError(f"{name}: more than {sizes.MAX_ROWS:,} rows are not allowed: split the recording")
+        raise ArgumentError(
+            f"{name}: more than {sizes.MAX_ROWS:,} rows are not allowed: split the recording"
+        )
     lines, first = _lines(_decoded(content, name, notes), name, notes)
     delimiter = max(DELIMITERS, key=lambda one: _fit(lines[: HEAD_ROWS + 1], one))
     if delimiter == " ":
@@ -163,7 +207,9 @@ def _decoded(content: bytes, name: str, notes: list[str]) -> str:
         except UnicodeDecodeError:
             raise ArgumentError(f"{name}: not a text file: the UTF-16 text is damaged") from None
     content = content.removeprefix(codecs.BOM_UTF8).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    control, allowed, at = content.translate(None, TEXT_BYTES), "a text file (CSV or TSV)", 0
+    control = content.translate(None, TEXT_BYTES)
+    allowed = "a text file (CSV or TSV)"
+    at = 0
     try:
         if not control:
             return content.decode("utf-8")
@@ -173,9 +219,12 @@ def _decoded(content: bytes, name: str, notes: list[str]) -> str:
         if "\ufffd" not in text:
             notes.append("read as Windows-1252, as it is not UTF-8")
             return text
-        allowed, at = "UTF-8", error.start
+        allowed = "UTF-8"
+        at = error.start
     line = content.count(b"\n", 0, at) + 1
-    raise ArgumentError(f"{name}, line {line}: byte {content[at]:#04x} is not allowed: expected {allowed}")
+    raise ArgumentError(
+        f"{name}, line {line}: byte {content[at]:#04x} is not allowed: expected {allowed}"
+    )
 
 
 def _lines(text: str, name: str, notes: list[str]) -> tuple[list[str], int]:
@@ -190,10 +239,14 @@ def _lines(text: str, name: str, notes: list[str]) -> tuple[list[str], int]:
     if empty:
         notes.append(f"{counted(empty, 'empty row')} at the end left out")
     first = 0
-    while first < min(len(lines), MAX_COMMENTS) and (not lines[first].strip() or _is_comment(lines[first : first + 2])):
+    while first < min(len(lines), MAX_COMMENTS) and (
+        not lines[first].strip() or _is_comment(lines[first : first + 2])
+    ):
         first += 1
     if first == MAX_COMMENTS:
-        raise ArgumentError(f"{name}: more than {MAX_COMMENTS:,} lines before the header: expected rows of numbers")
+        raise ArgumentError(
+            f"{name}: more than {MAX_COMMENTS:,} lines before the header: expected rows of numbers"
+        )
     if first == len(lines):
         raise reject("file", name, "rows of numbers, not an empty file")
     if first:
@@ -202,15 +255,21 @@ def _lines(text: str, name: str, notes: list[str]) -> tuple[list[str], int]:
     if lines[0].lstrip().startswith("#"):
         lines[0] = lines[0].lstrip().removeprefix("#").strip()
     if len(lines) > sizes.MAX_ROWS + 1:
-        raise ArgumentError(f"{name}: more than {sizes.MAX_ROWS:,} rows are not allowed: split the recording")
+        raise ArgumentError(
+            f"{name}: more than {sizes.MAX_ROWS:,} rows are not allowed: split the recording"
+        )
     blank = next((number for number, line in enumerate(lines) if not line or line.isspace()), None)
     if blank is not None:
-        raise ArgumentError(f"{name}, line {first + blank + 1}: a blank line is not allowed: remove it")
+        raise ArgumentError(
+            f"{name}, line {first + blank + 1}: a blank line is not allowed: remove it"
+        )
     return lines, first + 1
 
 
 def _is_comment(lines: list[str]) -> bool:
-    """Whether the first of two lines is a comment; the last before the rows may be the header of numpy.savetxt."""
+    """Whether the first of two lines is a comment; the last before the rows may be the header of
+    numpy.savetxt.
+    """
     line = lines[0].strip()
     if not line.startswith("#"):
         return re.fullmatch(r"sep=.", line) is not None
@@ -219,14 +278,18 @@ def _is_comment(lines: list[str]) -> bool:
 
 
 def _fit(lines: list[str], delimiter: str) -> tuple[float, ...]:
-    """Return how well a delimiter fits: known names in the header, share of rows with equally many cells, and whether
-    the header has as many. Where none fits, it is the comma.
+    """Return how well a delimiter fits: known names in the header, share of rows with equally many
+    cells, and whether the header has as many. Where none fits, it is the comma.
     """
     header, *rows = (_cells(line, delimiter) for line in lines)
     [(usual, times)] = Counter(map(len, rows or [header])).most_common(1)
     if usual < 2:
         return -1, delimiter == ","
-    return (sum(role_of(cell) is not None for cell in header), times / max(len(rows), 1), abs(usual - len(header)) <= 1)
+    return (
+        sum(role_of(cell) is not None for cell in header),
+        times / max(len(rows), 1),
+        abs(usual - len(header)) <= 1,
+    )
 
 
 def _cells(line: str, delimiter: str) -> list[str]:
@@ -239,8 +302,8 @@ def _cells(line: str, delimiter: str) -> list[str]:
 
 
 def _names(rows: list[list[str]], line: str) -> tuple[str, ...]:
-    """Return the names of the columns. Rows may have one more cell than the header: the name of the row, or an empty
-    one at the end. The header may have another delimiter, as of numpy.savetxt.
+    """Return the names of the columns. Rows may have one more cell than the header: the name of the
+    row, or an empty one at the end. The header may have another delimiter, as of numpy.savetxt.
     """
     names = rows[0]
     [(usual, _)] = Counter(map(len, rows[1:])).most_common(1)
@@ -266,13 +329,22 @@ def _parsed(lines: list[str], delimiter: str, columns: int, name: str, first: in
             pa.py_buffer("\n".join(lines).encode()),
             pyarrow.csv.ReadOptions(column_names=names, use_threads=False, block_size=4_000_000),
             pyarrow.csv.ParseOptions(delimiter=delimiter, invalid_row_handler=refuse),
-            pyarrow.csv.ConvertOptions(null_values=MISSING, strings_can_be_null=True, quoted_strings_can_be_null=True),
+            pyarrow.csv.ConvertOptions(
+                null_values=MISSING,
+                strings_can_be_null=True,
+                quoted_strings_can_be_null=True,
+            ),
         )
     except pa.ArrowException as error:
         if not wrong:
-            raise ArgumentError(f"{name}: not CSV: {str(error).removeprefix('CSV parse error: ')}") from None
+            raise ArgumentError(
+                f"{name}: not CSV: {str(error).removeprefix('CSV parse error: ')}"
+            ) from None
         row, text = wrong[0], wrong[0].text.split("\n")[0][:60]
-        allowed = f"{row.expected_columns} cells between {DELIMITERS[delimiter]}, not {row.actual_columns}"
+        allowed = (
+            f"{row.expected_columns} cells between {DELIMITERS[delimiter]}, not"
+            f" {row.actual_columns}"
+        )
         raise reject(f"{name}, line {row.number + first - 1}: row", text, allowed) from None
     if table.num_rows != len(lines):
         raise ArgumentError(f"{name}: not CSV: a quoted cell goes over several lines")

@@ -1,8 +1,9 @@
 """The position records of a flight log in the IGC format; no other record is kept.
 
-FAI, "Technical specification for GNSS flight recorders", appendix A: a B record has time of day, latitude,
-longitude, validity and two altitudes in columns 2 to 35. The I record names further columns, of which LAD and
-LOD are more digits of the minutes. The headers, which name the pilot, are not read.
+FAI, "Technical specification for GNSS flight recorders", appendix A: a B record has time of day,
+latitude, longitude, validity and two altitudes in columns 2 to 35. The I record names further
+columns, of which LAD and LOD are more digits of the minutes. The headers, which name the pilot, are
+not read.
 """
 
 import re
@@ -14,13 +15,16 @@ import numpy as np
 from hybrid_env.checks import ArgumentError, BoolArray, FloatArray
 
 DAY = 86400.0
-LONGEST_STEP = 60.0  # after a longer step from one record to the next [s] the clock was set, or there is a gap
-FEW = 10  # records between two of these steps that the clock was wrong for, if the others fit without them
+# After a longer step from one record to the next [s] the clock was set, or there is a gap.
+LONGEST_STEP = 60.0
+# Records between two of these steps that the clock was wrong for, if the others fit without them.
+FEW = 10
 RECORD = re.compile(
     rb"^(B(\d\d)(\d\d)(\d\d)(\d\d)(\d{5})([NS])(\d{3})(\d{5})([EW])[AV]([-\d]\d{4})([-\d]\d{4}))([^\r\n]*)",
     re.MULTILINE,
 )
-METRES = 111_200.0  # of a degree of latitude
+# Of a degree of latitude.
+METRES = 111_200.0
 
 
 class IgcLog(NamedTuple):
@@ -33,7 +37,8 @@ class IgcLog(NamedTuple):
         step: resolution of latitude [m].
         records: (n,) the first 35 columns of each B record, for other readers.
         left_out: number of positions whose time does not fit those around them.
-        set_back: number of times that the clock was set back; from then on `times` are of the next day.
+        set_back: number of times that the clock was set back; from then on `times` are of the next
+            day.
     """
 
     times: FloatArray
@@ -52,18 +57,23 @@ class IgcLog(NamedTuple):
         if self.left_out:
             found.append(f"positions left out whose time does not fit: {self.left_out:,}")
         if self.set_back:
-            found.append(f"times that the clock was set back, where a new piece begins: {self.set_back:,}")
+            found.append(
+                f"times that the clock was set back, where a new piece begins: {self.set_back:,}"
+            )
         return found
 
 
 def is_igc(content: bytes) -> bool:
     """Return whether the content of a file is a log: a capital first, and B records."""
-    return content[:100].lstrip(b"\xef\xbb\xbf \r\n")[:1].isupper() and RECORD.search(content) is not None
+    return (
+        content[:100].lstrip(b"\xef\xbb\xbf \r\n")[:1].isupper()
+        and RECORD.search(content) is not None
+    )
 
 
 def parse_igc(name: str, content: bytes) -> IgcLog:
-    """Return the positions of a log, without those whose time is not after the one before, or has jumped for a few
-    records. Where the clock was set back for good, the times go on a day later.
+    """Return the positions of a log, without those whose time is not after the one before, or has
+    jumped for a few records. Where the clock was set back for good, the times go on a day later.
 
     Args:
         name: of the log, for messages.
@@ -79,8 +89,13 @@ def parse_igc(name: str, content: bytes) -> IgcLog:
     numbers = [np.array(columns[k]).astype(np.float64) for k in (1, 2, 3, 4, 5, 7, 8, 10, 11)]
     hours, minutes, seconds, *parts, pressure, satellites = numbers
     clock = 3600.0 * hours + 60.0 * minutes + seconds
-    head, angles, step = content[: content.index(columns[0][0])], [], 0.0
-    for k, signs, negative, word in ((0, 6, b"S", b"LAD"), (2, 9, b"W", b"LOD")):
+    head = content[: content.index(columns[0][0])]
+    angles = []
+    step = 0.0
+    for k, signs, negative, word in (
+        (0, 6, b"S", b"LAD"),
+        (2, 9, b"W", b"LOD"),
+    ):
         more, digits = _more_digits(head, word, columns[12])
         degrees = parts[k] + (parts[k + 1] + more) / 60_000.0
         angles.append(np.where(np.array(columns[signs]) == negative, -degrees, degrees))
@@ -90,7 +105,8 @@ def parse_igc(name: str, content: bytes) -> IgcLog:
     places = np.flatnonzero(known & ((latitudes != 0.0) | (longitudes != 0.0)))
     fitting = places[_fits(clock[places])]
     steps = np.diff(clock[fitting], prepend=clock[fitting][:1]) % DAY
-    steps -= DAY * (steps >= DAY - LONGEST_STEP)  # a late record
+    # A late record.
+    steps -= DAY * (steps >= DAY - LONGEST_STEP)
     times = clock[fitting][:1] + np.cumsum(steps)
     later = times > np.append(-np.inf, np.maximum.accumulate(times)[:-1])
     times, kept = times[later], fitting[later]
@@ -100,38 +116,59 @@ def parse_igc(name: str, content: bytes) -> IgcLog:
     records = tuple(columns[0][k] for k in kept)
     set_back = int((np.diff(times) > 0.5 * DAY).sum())
     left_out = len(places) - len(kept)
-    return IgcLog(times, latitudes[kept], longitudes[kept], altitudes[kept], step, records, left_out, set_back)
+    return IgcLog(
+        times,
+        latitudes[kept],
+        longitudes[kept],
+        altitudes[kept],
+        step,
+        records,
+        left_out,
+        set_back,
+    )
 
 
 def _fits(clock: FloatArray) -> BoolArray:
-    """Return which times of day (n,) [s] fit those around them: all but a few between two jumps of the clock, unless
-    they lie between the time before and the next of many.
+    """Return which times of day (n,) [s] fit those around them: all but a few between two jumps of
+    the clock, unless they lie between the time before and the next of many.
     """
     fits = np.ones(len(clock), np.bool_)
     if not len(clock):
         return fits
     steps = np.diff(clock, prepend=clock[0]) % DAY
     jumps = np.flatnonzero((steps > LONGEST_STEP) & (steps < DAY - LONGEST_STEP))
-    begins, ends = np.append(0, jumps), np.append(jumps, len(clock))
+    begins = np.append(0, jumps)
+    ends = np.append(jumps, len(clock))
     counts = ends - begins
     many = counts > min(FEW, int(counts.max()) - 1)
     last_many = clock[ends[many][-1] - 1]
-    # with none of many after it, a time is right in the half day that follows
+    # With none of many after it, a time is right in the half day that follows.
     bounds = np.append(clock[begins[many]], last_many + 0.5 * DAY)[np.cumsum(many) - many]
     before = bounds[0] - 0.5 * DAY
-    for begin, end, bound, sure in zip(begins.tolist(), ends.tolist(), bounds.tolist(), many.tolist(), strict=True):
-        first, last, longest = ((time - before) % DAY for time in (clock[begin], clock[end - 1], bound))
+    for begin, end, bound, sure in zip(
+        begins.tolist(),
+        ends.tolist(),
+        bounds.tolist(),
+        many.tolist(),
+        strict=True,
+    ):
+        first, last, longest = (
+            (time - before) % DAY for time in (clock[begin], clock[end - 1], bound)
+        )
         fits[begin:end] = sure or first <= last < longest
         before = clock[end - 1] if fits[begin] else before
     return fits
 
 
 def _more_digits(head: bytes, word: bytes, tails: Sequence[bytes]) -> tuple[FloatArray, int]:
-    """Return what an extension of the B records adds to thousandths of minutes, (n,), and its digits."""
+    """Return what an extension of the B records adds to thousandths of minutes, (n,), and its
+    digits.
+    """
     for line in re.findall(rb"^I\d\d([^\r\n]*)", head, re.MULTILINE):
         for first, last in re.findall(rb"(\d\d)(\d\d)" + word, line):
             columns = slice(max(int(first) - 36, 0), int(last) - 35)
-            cells, digits = np.array([tail[columns] for tail in tails]), int(last) - int(first) + 1
+            cells = np.array([tail[columns] for tail in tails])
+            digits = int(last) - int(first) + 1
             valid = np.char.isdigit(cells) & (np.char.str_len(cells) == digits)
             if 2 * valid.sum() > len(tails):
                 return np.where(valid, cells, b"0").astype(np.float64) / 10.0**digits, digits

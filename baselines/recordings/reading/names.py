@@ -6,31 +6,136 @@ import re
 # Names of the columns of times and positions, in lower case and joined by underscores.
 ROLES = {
     "time": (
-        "t", "time", "times", "timestamp", "datetime", "date_time", "date", "epoch", "ts", "unix", "unixtime",
-        "unix_time", "posix", "utc", "elapsed", "elapsed_time", "basedatetime", "sec", "secs", "seconds",
-        "millis", "milliseconds", "gps_time", "utc_time", "time_utc",
+        "t",
+        "time",
+        "times",
+        "timestamp",
+        "datetime",
+        "date_time",
+        "date",
+        "epoch",
+        "ts",
+        "unix",
+        "unixtime",
+        "unix_time",
+        "posix",
+        "utc",
+        "elapsed",
+        "elapsed_time",
+        "basedatetime",
+        "sec",
+        "secs",
+        "seconds",
+        "millis",
+        "milliseconds",
+        "gps_time",
+        "utc_time",
+        "time_utc",
     ),
-    "x": ("x", "easting", "east", "e", "pos_x", "x_pos", "posx", "position_x", "x_position", "px",
-          "utm_easting", "utm_e", "utm_x", "x_coordinate", "coord_x"),
-    "y": ("y", "northing", "north", "n", "pos_y", "y_pos", "posy", "position_y", "y_position", "py",
-          "utm_northing", "utm_n", "utm_y", "y_coordinate", "coord_y"),
-    "lat": ("lat", "latitude", "location_lat", "position_lat", "gps_lat", "gps_latitude", "lats",
-            "latitudes"),
-    "lon": ("lon", "lng", "long", "longitude", "location_long", "location_lon", "position_long",
-            "position_lon", "gps_lon", "gps_long", "gps_longitude", "lons", "longitudes"),
+    "x": (
+        "x",
+        "easting",
+        "east",
+        "e",
+        "pos_x",
+        "x_pos",
+        "posx",
+        "position_x",
+        "x_position",
+        "px",
+        "utm_easting",
+        "utm_e",
+        "utm_x",
+        "x_coordinate",
+        "coord_x",
+    ),
+    "y": (
+        "y",
+        "northing",
+        "north",
+        "n",
+        "pos_y",
+        "y_pos",
+        "posy",
+        "position_y",
+        "y_position",
+        "py",
+        "utm_northing",
+        "utm_n",
+        "utm_y",
+        "y_coordinate",
+        "coord_y",
+    ),
+    "lat": (
+        "lat",
+        "latitude",
+        "location_lat",
+        "position_lat",
+        "gps_lat",
+        "gps_latitude",
+        "lats",
+        "latitudes",
+    ),
+    "lon": (
+        "lon",
+        "lng",
+        "long",
+        "longitude",
+        "location_long",
+        "location_lon",
+        "position_long",
+        "position_lon",
+        "gps_lon",
+        "gps_long",
+        "gps_longitude",
+        "lons",
+        "longitudes",
+    ),
     "range": ("range", "rng", "rho", "distance", "slant_range", "measured_range"),
     "bearing": ("bearing", "brg", "azimuth", "az", "measured_bearing"),
     "rate": ("range_rate", "rangerate", "doppler", "radial_velocity", "radial_speed", "rdot"),
-}  # fmt: skip
+}
 
 # Names of columns that tell objects apart.
 OBJECTS = (
-    "object", "object_id", "obj", "obj_id", "id", "track_id", "trackid", "target", "target_id",
-    "vehicle", "vehicle_id", "agent", "agent_id", "ship", "ship_id", "mmsi", "icao24", "icao", "hex",
-    "callsign", "flight", "flight_id", "individual", "individual_local_identifier", "tag_local_identifier",
-    "animal", "animal_id", "name", "ped_id", "pedestrian_id", "person", "person_id", "pid", "uid", "uuid",
-    "tag", "tag_id",
-)  # fmt: skip
+    "object",
+    "object_id",
+    "obj",
+    "obj_id",
+    "id",
+    "track_id",
+    "trackid",
+    "target",
+    "target_id",
+    "vehicle",
+    "vehicle_id",
+    "agent",
+    "agent_id",
+    "ship",
+    "ship_id",
+    "mmsi",
+    "icao24",
+    "icao",
+    "hex",
+    "callsign",
+    "flight",
+    "flight_id",
+    "individual",
+    "individual_local_identifier",
+    "tag_local_identifier",
+    "animal",
+    "animal_id",
+    "name",
+    "ped_id",
+    "pedestrian_id",
+    "person",
+    "person_id",
+    "pid",
+    "uid",
+    "uuid",
+    "tag",
+    "tag_id",
+)
 ROLE_OF = {name: role for role, names in (ROLES | {"object": OBJECTS}).items() for name in names}
 # Names of an index: the number of the row, as spreadsheets and pandas write it.
 INDEX = ("", "unnamed_0", "index", "row", "nr", "no")
@@ -56,10 +161,23 @@ LENGTHS = (
 )
 # Units of time [s].
 SECONDS = {
-    "s": 1.0, "sec": 1.0, "secs": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "millis": 1e-3,
-    "milliseconds": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9, "min": 60.0, "minutes": 60.0,
-    "h": 3600.0, "hours": 3600.0,
-}  # fmt: skip
+    "s": 1.0,
+    "sec": 1.0,
+    "secs": 1.0,
+    "seconds": 1.0,
+    "ms": 1e-3,
+    "msec": 1e-3,
+    "millis": 1e-3,
+    "milliseconds": 1e-3,
+    "us": 1e-6,
+    "µs": 1e-6,
+    "μs": 1e-6,
+    "ns": 1e-9,
+    "min": 60.0,
+    "minutes": 60.0,
+    "h": 3600.0,
+    "hours": 3600.0,
+}
 
 
 def plain_name(name: str) -> str:
@@ -69,8 +187,9 @@ def plain_name(name: str) -> str:
 
 @functools.lru_cache(maxsize=256)
 def split_unit(name: str) -> tuple[str, str | None]:
-    """Return the plain name of a column and its unit, None if it has none. The unit is in brackets or after a slash, as
-    in `x [m]`, `x (km)` and `t/s`, or a known one after an underscore, as in `t_ms`.
+    """Return the plain name of a column and its unit, None if it has none. The unit is in brackets
+    or after a slash, as in `x [m]`, `x (km)` and `t/s`, or a known one after an underscore, as in
+    `t_ms`.
     """
     found = re.fullmatch(r"\s*(.+?)\s*(?:\[(.*)\]|\((.*)\)|/\s*(\w+))\s*", name)
     if found:

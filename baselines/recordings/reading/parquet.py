@@ -19,9 +19,10 @@ def read_parquet(content: bytes, name: str) -> Table:
     try:
         file = pyarrow.parquet.ParquetFile(pa.BufferReader(content))
         texts = [one.name for one in file.schema_arrow if _is_text(one.type)]
-        # texts that repeat are stored once, and may be far larger than the file
+        # Texts that repeat are stored once, and may be far larger than the file.
         file = pyarrow.parquet.ParquetFile(pa.BufferReader(content), read_dictionary=texts)
-        rows, names = file.metadata.num_rows, _flat_columns(file, name, notes)
+        rows = file.metadata.num_rows
+        names = _flat_columns(file, name, notes)
         check_size(rows, name, len(names))
         everything = len(names) == len(file.schema_arrow.names)
         table = file.read(columns=None if everything else names, use_threads=False)
@@ -33,31 +34,46 @@ def read_parquet(content: bytes, name: str) -> Table:
         raise ArgumentError(f"{name}: the Parquet file is damaged ({error})") from None
     if not rows:
         raise reject("file", name, "a file with rows, not an empty table")
-    # pandas writes an index without a name as the last column
+    # Pandas writes an index without a name as the last column.
     order = sorted(range(len(names)), key=lambda k: names[k] != INDEX)
     frame = frame.iloc[:, order].set_axis(range(len(names)), axis=1)
-    return Table(name, frame, tuple("" if names[k] == INDEX else names[k] for k in order), notes=notes)
+    return Table(
+        name,
+        frame,
+        tuple("" if names[k] == INDEX else names[k] for k in order),
+        notes=notes,
+    )
 
 
 def _flat_columns(file: pyarrow.parquet.ParquetFile, name: str, notes: list[str]) -> list[str]:
-    """Return the columns whose cells are numbers, texts or times; refuse another one that is needed, and sizes that are
-    too large.
+    """Return the columns whose cells are numbers, texts or times; refuse another one that is
+    needed, and sizes that are too large.
     """
-    kept, others = [], []
+    kept = []
+    others = []
     for field in file.schema_arrow:
         kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
         if not pa.types.is_nested(kind) and not any(test(kind) for test in BYTES):
             kept.append(field.name)
         elif role_of(field.name):
-            raise reject(f"{name}: type of {field.name}", str(field.type), "numbers, texts or times")
+            raise reject(
+                f"{name}: type of {field.name}",
+                str(field.type),
+                "numbers, texts or times",
+            )
         else:
             others.append(field.name)
     if others:
-        notes.append(f"columns of other types left out: {', '.join(others[:5])}" + " ..." * (len(others) > 5))
+        notes.append(
+            f"columns of other types left out: {', '.join(others[:5])}" + " ..." * (len(others) > 5)
+        )
     groups = [file.metadata.row_group(k) for k in range(file.metadata.num_row_groups)]
     chunks = [group.column(k) for group in groups for k in range(group.num_columns)]
     wanted = set(kept)
-    check_bytes(sum(one.total_uncompressed_size for one in chunks if one.path_in_schema in wanted), name)
+    check_bytes(
+        sum(one.total_uncompressed_size for one in chunks if one.path_in_schema in wanted),
+        name,
+    )
     return kept
 
 
@@ -71,7 +87,9 @@ def _text_bytes(column: pa.ChunkedArray) -> int:
 
 def _without_dictionaries(schema: pa.Schema) -> pa.Schema:
     """Return a schema with the texts themselves."""
-    return pa.schema([one.with_type(one.type.value_type) if _repeats(one.type) else one for one in schema])
+    return pa.schema(
+        [one.with_type(one.type.value_type) if _repeats(one.type) else one for one in schema]
+    )
 
 
 def _repeats(kind: pa.DataType) -> bool:

@@ -1,4 +1,6 @@
-"""From cells to positions on a plane, and what they must not look like: degrees, and several objects."""
+"""From cells to positions on a plane, and what they must not look like: degrees, and several
+objects.
+"""
 
 from typing import NamedTuple
 
@@ -10,35 +12,59 @@ from baselines.recordings.reading.names import DEGREES, split_unit
 from hybrid_env.checks import ArgumentError, FloatArray, IntArray, reject
 from hybrid_env.sensors import Radar
 
-MAX_VALUE = 1e12  # largest absolute value of a coordinate; its powers do not overflow
-MAX_LATITUDE, MAX_LONGITUDE = 90.0, 360.0  # [deg]
-SLOW = 0.01  # objects move by less than this number of degrees in a second, and most of them by more metres than it
-OFFSET = 2.0  # degrees are this far from 0, compared with their extent, and at least one degree
+# Largest absolute value of a coordinate; its powers do not overflow.
+MAX_VALUE = 1e12
+# [deg]
+MAX_LATITUDE, MAX_LONGITUDE = 90.0, 360.0
+# Objects move by less than this number of degrees in a second, and most of them by more metres than
+# it.
+SLOW = 0.01
+# Degrees are this far from 0, compared with their extent, and at least one degree.
+OFFSET = 2.0
 MIN_ROWS = 8
-WINDOW = 4  # rows among which the previous row of the same object is looked for
-FAR = 10.0  # A row is far from the previous one if another of the rows before it is this many times nearer
+# Rows among which the previous row of the same object is looked for.
+WINDOW = 4
+# A row is far from the previous one if another of the rows before it is this many times nearer.
+FAR = 10.0
 FAR_SHARE = 0.25
-JUMP = 50.0  # A jump is this many times faster than any other step
-END_SHARE = 0.2  # A jump this close to an end of the recording is an error of measurement rather than another object
+# A jump is this many times faster than any other step.
+JUMP = 50.0
+# A jump this close to an end of the recording is an error of measurement rather than another
+# object.
+END_SHARE = 0.2
 
 
 class Places(NamedTuple):
     """Positions of all rows of a file."""
 
-    values: FloatArray  # (n, 2) x and y, or longitude and latitude [deg]; NaN where a cell is empty
-    unit: str | None  # of the positions on the plane; None if the file does not name it
-    degrees: bool  # whether `values` are degrees
-    rates: FloatArray | None = None  # (n,) range rates of a radar
+    # (n, 2) x and y, or longitude and latitude [deg]; NaN where a cell is empty.
+    values: FloatArray
+    # Of the positions on the plane; None if the file does not name it.
+    unit: str | None
+    # Whether `values` are degrees.
+    degrees: bool
+    # (n,) range rates of a radar.
+    rates: FloatArray | None = None
 
 
 def _read(table: Table, column: int, largest: float, smallest: float | None = None) -> Numbers:
-    """Parse a column of numbers of a magnitude, or empty cells. smallest: None is minus the largest."""
-    found, least = parse_numbers(table.frame[column]), -largest if smallest is None else smallest
-    wrong = np.union1d(found.wrong, np.flatnonzero((found.values > largest) | (found.values < least)))
+    """Parse a column of numbers of a magnitude, or empty cells. smallest: None is minus the
+    largest.
+    """
+    found = parse_numbers(table.frame[column])
+    least = -largest if smallest is None else smallest
+    wrong = np.union1d(
+        found.wrong,
+        np.flatnonzero((found.values > largest) | (found.values < least)),
+    )
     if wrong.size:
         cell = table.frame[column].iloc[wrong[0]]
         shown = cell if isinstance(cell, (str, float, int, bool)) else str(cell)
-        limits = f"of magnitude at most {largest:g}" if smallest is None else f"from {smallest:g} to {largest:g}"
+        limits = (
+            f"of magnitude at most {largest:g}"
+            if smallest is None
+            else f"from {smallest:g} to {largest:g}"
+        )
         allowed = f"a finite number {limits}, or an empty cell"
         raise reject(table.place(int(wrong[0]), column), shown, allowed)
     return found
@@ -53,7 +79,9 @@ def read_positions(table: Table, found: Columns, unit: str | None) -> Places:
         raise reject("unit", unit, f"no value, as {table.file} has latitudes and longitudes")
     if not degrees and unit is None:
         if len(named) > 1:
-            raise ArgumentError(f"{table.file}: {table.labels(axes)} have different units: expected one, or --unit")
+            raise ArgumentError(
+                f"{table.file}: {table.labels(axes)} have different units: expected one, or --unit"
+            )
         unit = named.pop()
     if not degrees and unit is not None and unit.lower() in DEGREES:
         degrees = True
@@ -62,35 +90,57 @@ def read_positions(table: Table, found: Columns, unit: str | None) -> Places:
     numbers = [_read(table, column, limit) for column, limit in zip(axes, limits, strict=True)]
     if any(one.comma for one in numbers):
         table.notes.append("decimal comma")
-    return Places(np.column_stack([one.values for one in numbers]), "m" if degrees else unit, degrees)
+    return Places(
+        np.column_stack([one.values for one in numbers]),
+        "m" if degrees else unit,
+        degrees,
+    )
 
 
 def read_polar(table: Table, found: Columns, radar: Radar) -> Places:
-    """Parse ranges and bearings of a radar to positions, and range rates if it measures them. Bearings in degrees are
-    clockwise from the y axis (north), those in radians counter-clockwise from the x axis.
+    """Parse ranges and bearings of a radar to positions, and range rates if it measures them.
+    Bearings in degrees are clockwise from the y axis (north), those in radians counter-clockwise
+    from the x axis.
     """
     names = ("range", "bearing", "rate")[: radar.values]
     if names[-1] not in found.roles:
         raise ArgumentError(f"{table.file}: no column range_rate: name it by --columns rate=...")
     least = {"range": 0.0}
-    ranges, bearings, *rates = (_read(table, found.roles[name], MAX_VALUE, least.get(name)).values for name in names)
+    ranges, bearings, *rates = (
+        _read(table, found.roles[name], MAX_VALUE, least.get(name)).values for name in names
+    )
     length, angle, *speed = (split_unit(table.names[found.roles[name]])[1] for name in names)
     if angle not in (None, "rad", *DEGREES):
-        raise reject(f"{table.file}: unit of {table.label(found.roles['bearing'])}", angle, "deg or rad")
+        raise reject(
+            f"{table.file}: unit of {table.label(found.roles['bearing'])}",
+            angle,
+            "deg or rad",
+        )
     if length is not None and speed not in ([], [None], [f"{length}/s"]):
         raise reject(
-            f"{table.file}: unit of {table.label(found.roles['rate'])}", speed[0], f"{length}/s, as of the range"
+            f"{table.file}: unit of {table.label(found.roles['rate'])}",
+            speed[0],
+            f"{length}/s, as of the range",
         )
     radians = angle == "rad"
-    table.notes.append(f"bearings in {'radians from the x axis' if radians else 'degrees from north'}")
+    table.notes.append(
+        f"bearings in {'radians from the x axis' if radians else 'degrees from north'}"
+    )
     rows = np.column_stack([ranges, bearings if radians else np.radians(90.0 - bearings)])
     positions = np.array([radar.located(row)[:2] for row in rows])
     return Places(positions, length, False, *rates)
 
 
-def check_positions(table: Table, places: Places, seconds: FloatArray, rows: IntArray, marked: bool) -> None:
-    """Check that measurements look like those of one object, and without a unit not like degrees: those in `rows` (k,),
-    at least two, at increasing times [s] or numbers of rows; `marked`: they are known to be of one object.
+def check_positions(
+    table: Table,
+    places: Places,
+    seconds: FloatArray,
+    rows: IntArray,
+    marked: bool,
+) -> None:
+    """Check that measurements look like those of one object, and without a unit not like degrees:
+    those in `rows` (k,), at least two, at increasing times [s] or numbers of rows; `marked`: they
+    are known to be of one object.
     """
     positions = places.values[rows]
     reason = None if marked else _unmarked_objects(seconds, positions)
@@ -100,14 +150,16 @@ def check_positions(table: Table, places: Places, seconds: FloatArray, rows: Int
     if places.unit is None and _look_like_degrees(seconds, positions):
         (west, south), (east, north) = positions.min(axis=0), positions.max(axis=0)
         raise ArgumentError(
-            f"{table.file}: x from {west:.6g} to {east:.6g} and y from {south:.6g} to {north:.6g} look like "
-            "degrees: --unit deg for longitude x and latitude y, or --unit m for a plane"
+            f"{table.file}: x from {west:.6g} to {east:.6g} and y from {south:.6g} to {north:.6g}"
+            " look like degrees: --unit deg for longitude x and latitude y, or --unit m for a"
+            " plane"
         )
 
 
 def _look_like_degrees(seconds: FloatArray, positions: FloatArray) -> bool:
     """Whether x and y may be degrees: in their range, slow, and far from 0 for their extent."""
-    largest, extent = np.abs(positions).max(axis=0), np.ptp(positions, axis=0)
+    largest = np.abs(positions).max(axis=0)
+    extent = np.ptp(positions, axis=0)
     if largest.max() > MAX_LONGITUDE / 2.0 or largest.min() > MAX_LATITUDE or not extent.any():
         return False
     speeds = np.abs(np.diff(positions, axis=0)).max(axis=1) / np.diff(seconds)
@@ -116,8 +168,9 @@ def _look_like_degrees(seconds: FloatArray, positions: FloatArray) -> bool:
 
 
 def _unmarked_objects(times: FloatArray, positions: FloatArray) -> str | None:
-    """Return why the rows seem to be of more than one object, or None: many are far from the row before, but near to
-    one of the three before that, or a single step is far longer than all others.
+    """Return why the rows seem to be of more than one object, or None: many are far from the row
+    before, but near to one of the three before that, or a single step is far longer than all
+    others.
     """
     count = len(positions)
     if count < MIN_ROWS:
@@ -133,5 +186,8 @@ def _unmarked_objects(times: FloatArray, positions: FloatArray) -> str | None:
     at = int(np.argmax(speeds))
     others = np.delete(speeds, at).max()
     if speeds[at] > JUMP * others > 0.0 and END_SHARE <= (at + 1) / count <= 1.0 - END_SHARE:
-        return f"a jump of {before[0, at + 1]:.6g}, {speeds[at] / others:.0f} times faster than any other step"
+        return (
+            f"a jump of {before[0, at + 1]:.6g}, {speeds[at] / others:.0f} times faster than any"
+            " other step"
+        )
     return None

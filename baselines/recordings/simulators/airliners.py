@@ -1,10 +1,11 @@
 """Airliners of the air traffic simulator BlueSky, which commanded headings fly through turns.
 
-Hoekstra & Ellerbroek 2016, "BlueSky ATC simulator project: an open data and open source approach", ICRAT.
-Its performance model OpenAP (Sun, Hoekstra & Ellerbroek 2020) limits speeds and accelerations. Unlike the
-object of the environments, an airliner is told another speed every two minutes on average, and reaches it in
-half a minute; its bank, not its radius, is given, so that the radius follows the square of the speed. BlueSky
-is a module of its own (extra `simulators`). Its airliners turn without rolling first.
+Hoekstra & Ellerbroek 2016, "BlueSky ATC simulator project: an open data and open source approach",
+ICRAT. Its performance model OpenAP (Sun, Hoekstra & Ellerbroek 2020) limits speeds and
+accelerations. Unlike the object of the environments, an airliner is told another speed every two
+minutes on average, and reaches it in half a minute; its bank, not its radius, is given, so that the
+radius follows the square of the speed. BlueSky is a module of its own (extra `simulators`). Its
+airliners turn without rolling first.
 """
 
 import contextlib
@@ -23,17 +24,25 @@ from baselines.recordings.simulators.aircraft import FOOT, SETTLED, Aircraft, dr
 from baselines.recordings.simulators.paths import CONTROL, Path, flown_path
 from hybrid_env.checks import FloatArray
 
-KNOT = 0.514444  # [m/s]
-TOGETHER = 20  # airliners that are simulated at the same time, far from each other
-SPEED_TIME = 120.0  # mean time between two commanded speeds [s]
-SPEED_SPREAD = 0.15  # a commanded speed differs from the nominal one by up to this share
-AHEAD = 90.0  # a turn is commanded by headings so far ahead [deg]
-RENEWED = 10.0  # time after which they are commanded anew [s]
+# [m/s]
+KNOT = 0.514444
+# Airliners that are simulated at the same time, far from each other.
+TOGETHER = 20
+# Mean time between two commanded speeds [s].
+SPEED_TIME = 120.0
+# A commanded speed differs from the nominal one by up to this share.
+SPEED_SPREAD = 0.15
+# A turn is commanded by headings so far ahead [deg].
+AHEAD = 90.0
+# Time after which they are commanded anew [s].
+RENEWED = 10.0
 
 
 @dataclass(frozen=True)
 class Airliner(Aircraft):
-    """An airliner of BlueSky; the attributes are those of `Aircraft`, with the type designator as its name."""
+    """An airliner of BlueSky; the attributes are those of `Aircraft`, with the type designator
+    as its name.
+    """
 
     simulator: ClassVar[str] = "BlueSky"
     module: ClassVar[str] = "bluesky"
@@ -44,18 +53,48 @@ class Airliner(Aircraft):
 
 
 AIRLINERS = {
-    "regional jet": Airliner("E190", 10000.0, 250.0, 148.5, 25.0, 1.0, (0.8, 1.6, 3.2), (20.0, 80.0, 320.0)),
-    "narrow-body": Airliner("A320", 20000.0, 270.0, 186.1, 25.0, 1.0, (0.8, 1.6, 3.2), (20.0, 100.0, 500.0)),
-    "wide-body": Airliner("B744", 30000.0, 270.0, 217.0, 20.0, 1.0, (1.6, 3.2, 6.4), (20.0, 100.0, 500.0)),
+    "regional jet": Airliner(
+        "E190",
+        10000.0,
+        250.0,
+        148.5,
+        25.0,
+        1.0,
+        (0.8, 1.6, 3.2),
+        (20.0, 80.0, 320.0),
+    ),
+    "narrow-body": Airliner(
+        "A320",
+        20000.0,
+        270.0,
+        186.1,
+        25.0,
+        1.0,
+        (0.8, 1.6, 3.2),
+        (20.0, 100.0, 500.0),
+    ),
+    "wide-body": Airliner(
+        "B744",
+        30000.0,
+        270.0,
+        217.0,
+        20.0,
+        1.0,
+        (1.6, 3.2, 6.4),
+        (20.0, 100.0, 500.0),
+    ),
 }
 
 
 @contextlib.contextmanager
 def _bluesky() -> Iterator[Any]:
-    """Give BlueSky with no traffic at time 0. It prints nothing, and reads no waypoints, which take long."""
+    """Give BlueSky with no traffic at time 0. It prints nothing, and reads no waypoints, which
+    take long.
+    """
     with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
         warnings.simplefilter("ignore", DeprecationWarning)
-        from bluesky.navdatabase import Navdatabase  # an extra
+        # An extra.
+        from bluesky.navdatabase import Navdatabase
 
         with mock.patch.object(Navdatabase, "reset"):
             simulator = _started()
@@ -68,7 +107,8 @@ def _started() -> Any:
     """Return BlueSky, which starts once in a process."""
     import bluesky
 
-    with tempfile.TemporaryDirectory() as folder:  # else it makes one in the home
+    # Else it makes one in the home.
+    with tempfile.TemporaryDirectory() as folder:
         bluesky.init(mode="sim", detached=True, workdir=folder)
     return bluesky
 
@@ -76,8 +116,12 @@ def _started() -> Any:
 @functools.lru_cache(maxsize=8)
 def _fly_together(craft: Airliner, block: int, duration: float) -> list[Path]:
     """Return the flights of `TOGETHER` successive seeds."""
-    count, settled = round(duration / CONTROL), round(SETTLED / CONTROL)
-    modes, banks, headings, speeds = [], [], [], []
+    count = round(duration / CONTROL)
+    settled = round(SETTLED / CONTROL)
+    modes = []
+    banks = []
+    headings = []
+    speeds = []
     for track in range(TOGETHER):
         generator = np.random.default_rng(block * TOGETHER + track)
         mode, bank = draw_commands(craft, count, generator)
@@ -97,7 +141,12 @@ def draw_speeds(craft: Airliner, count: int, generator: np.random.Generator) -> 
     return np.asarray(craft.airspeed * factors[told][np.cumsum(told) - 1])
 
 
-def _fly(craft: Airliner, headings: FloatArray, banks: FloatArray, speeds: FloatArray) -> FloatArray:
+def _fly(
+    craft: Airliner,
+    headings: FloatArray,
+    banks: FloatArray,
+    speeds: FloatArray,
+) -> FloatArray:
     """Return velocities east and north after every command, (n, N, 2) [m/s].
 
     Args:
@@ -109,12 +158,23 @@ def _fly(craft: Airliner, headings: FloatArray, banks: FloatArray, speeds: Float
     found = np.empty((banks.shape[1], len(headings), 2))
     names = [f"HT{track:03d}" for track in range(len(headings))]
     with _bluesky() as simulator:
-        traffic, command = simulator.traf, simulator.stack.stack
-        north, alike = 0.5 * np.arange(len(names)), np.ones(len(names))
-        traffic.cre(names, craft.name, north, 0.0 * alike, headings, craft.height * FOOT * alike, speeds[:, 0] * KNOT)
+        traffic = simulator.traf
+        command = simulator.stack.stack
+        north = 0.5 * np.arange(len(names))
+        alike = np.ones(len(names))
+        traffic.cre(
+            names,
+            craft.name,
+            north,
+            0.0 * alike,
+            headings,
+            craft.height * FOOT * alike,
+            speeds[:, 0] * KNOT,
+        )
         command(f"DT {CONTROL}")
         simulator.sim.step()
-        begun, told = np.zeros(len(names), np.int64), np.zeros((2, len(names)))
+        begun = np.zeros(len(names), np.int64)
+        told = np.zeros((2, len(names)))
         for k, (bank, speed) in enumerate(zip(banks.T, speeds.T, strict=True)):
             switched = (bank != told[0]) | (k == 0)
             begun[switched] = k

@@ -1,9 +1,9 @@
 """Cars of the traffic simulator SUMO on road nets that it generates.
 
-Lopez et al. 2018, "Microscopic traffic simulation using SUMO", ITSC. Twenty cars drive at random through a
-net, each with its own wish of speed, in each other's way: they change lanes, brake for corners and for others
-who have the right of way, and stop. The mode is the yaw rate: a car turns while it exceeds `TURNING`. SUMO is
-a program of its own (extra `simulators`).
+Lopez et al. 2018, "Microscopic traffic simulation using SUMO", ITSC. Twenty cars drive at random
+through a net, each with its own wish of speed, in each other's way: they change lanes, brake for
+corners and for others who have the right of way, and stop. The mode is the yaw rate: a car turns
+while it exceeds `TURNING`. SUMO is a program of its own (extra `simulators`).
 """
 
 import functools
@@ -21,15 +21,25 @@ from baselines.recordings.simulators.paths import CONTROL, Path
 from hybrid_env.checks import FloatArray
 
 TURNING = 0.1
-"""Yaw rate, as mean of `YAW_TIME`, above which a car turns [rad/s]; a change of the lane remains below."""
+"""Yaw rate, as mean of `YAW_TIME`, above which a car turns [rad/s]; a change of the lane remains
+below.
+"""
 
-YAW_TIME = 1.0  # [s]
-TOGETHER = 20  # cars in a net at the same time
-SETTLED = 60.0  # time of driving before the track begins [s]
-FASTEST = 30.0  # above the speed of all cars [m/s]
+# [s]
+YAW_TIME = 1.0
+# Cars in a net at the same time.
+TOGETHER = 20
+# Time of driving before the track begins [s].
+SETTLED = 60.0
+# Above the speed of all cars [m/s].
+FASTEST = 30.0
 NET_SEED = "1"
-NET_FLAGS = "--default.lanenumber 2 --junctions.limit-turn-speed 2.5 --junctions.internal-link-detail 20"
-SUMO_FLAGS = "--lanechange.duration 3 --time-to-teleport -1 --fcd-output.attributes x,y,angle --precision 3"
+NET_FLAGS = (
+    "--default.lanenumber 2 --junctions.limit-turn-speed 2.5 --junctions.internal-link-detail 20"
+)
+SUMO_FLAGS = (
+    "--lanechange.duration 3 --time-to-teleport -1 --fcd-output.attributes x,y,angle --precision 3"
+)
 CAR = '<vType id="car" sigma="0.5" speedDev="0.15"/>'
 
 
@@ -41,7 +51,8 @@ class RoadNet:
         flags: of `netgenerate`, by which it is made.
         speed: median of the cars [m/s].
         radius: median in turns [m].
-        lasting: durations of modes: the least one, and the mean of what is exponential beyond it, of all modes [s].
+        lasting: durations of modes: the least one, and the mean of what is exponential beyond it,
+            of all modes [s].
         ticks, noises: see `Aircraft`.
     """
 
@@ -62,20 +73,27 @@ class RoadNet:
 
 CARS = {
     "grid": RoadNet(
-        "--grid --grid.number 6 --grid.length 150 --default.junctions.radius 12 --default.speed 13.9",
-        12.5, 17.9, (1.0, 8.1),
+        "--grid --grid.number 6 --grid.length 150 --default.junctions.radius 12 --default.speed"
+        " 13.9",
+        12.5,
+        17.9,
+        (1.0, 8.1),
     ),
     "ring roads": RoadNet(
-        "--spider --spider.arm-number 9 --spider.circle-number 5 --spider.space-radius 150 --spider.omit-center "
-        "--default.junctions.radius 25 --default.speed 16.7",
-        16.0, 39.0, (1.0, 6.7),
+        "--spider --spider.arm-number 9 --spider.circle-number 5 --spider.space-radius 150"
+        " --spider.omit-center --default.junctions.radius 25 --default.speed 16.7",
+        16.0,
+        39.0,
+        (1.0, 6.7),
     ),
     "country": RoadNet(
-        "--rand --rand.iterations 100 --rand.min-distance 200 --rand.max-distance 400 --rand.min-angle 45 "
-        "--default.junctions.radius 40 --default.speed 22.2",
-        16.8, 51.0, (1.0, 6.6),
+        "--rand --rand.iterations 100 --rand.min-distance 200 --rand.max-distance 400"
+        " --rand.min-angle 45 --default.junctions.radius 40 --default.speed 22.2",
+        16.8,
+        51.0,
+        (1.0, 6.6),
     ),
-}  # fmt: skip
+}
 
 
 @functools.lru_cache(maxsize=8)
@@ -107,34 +125,43 @@ def _drive(net: RoadNet, block: int, count: int) -> list[FloatArray]:
         cars.write_text(_routes(ElementTree.parse(roads).getroot(), block, FASTEST * duration))
         flags = f"--step-length {CONTROL} --end {duration} --seed {block} {SUMO_FLAGS}"
         _run("sumo", f"{flags} -n", roads, "-r", cars, "--fcd-output", found)
-        rows = np.loadtxt(found, delimiter=";", skiprows=1)  # time, car, x, y, heading; in the order of time
+        # Time, car, x, y, heading; in the order of time.
+        rows = np.loadtxt(found, delimiter=";", skiprows=1)
     return [rows[rows[:, 1] == car][-count:, 2:] for car in range(TOGETHER)]
 
 
 def _run(program: str, flags: str, *further: str | FilePath) -> None:
-    import sumo  # an extra
+    # An extra.
+    import sumo
 
     command = [FilePath(sumo.SUMO_HOME) / "bin" / program, *flags.split(), *further]
     subprocess.run(command, check=True, capture_output=True)
 
 
 def _routes(roads: ElementTree.Element, seed: int, length: float) -> str:
-    """Return the demand of SUMO: cars that turn at random at every junction, for at least a length [m]."""
+    """Return the demand of SUMO: cars that turn at random at every junction, for at least a
+    length [m].
+    """
     edges = [one for one in roads.findall("edge") if one.get("function") != "internal"]
     lengths = {str(one.get("id")): float(one[0].get("length", 0.0)) for one in edges}
     following: dict[str, set[str]] = {edge: set() for edge in lengths}
     for one in roads.findall("connection"):
         if one.get("from") in following:
             following[str(one.get("from"))].add(str(one.get("to")))
-    while ends := {edge for edge, after in following.items() if not after}:  # roads that end
+    # Roads that end.
+    while ends := {edge for edge, after in following.items() if not after}:
         following = {edge: after - ends for edge, after in following.items() if edge not in ends}
-    generator, names = np.random.default_rng(seed), sorted(following)
+    generator = np.random.default_rng(seed)
+    names = sorted(following)
     lines = []
     for car in range(TOGETHER):
         route = [names[generator.integers(len(names))]]
         while sum(lengths[edge] for edge in route) < length:
             after = sorted(following[route[-1]])
             route.append(after[generator.integers(len(after))])
-        start = f'id="{car}" type="car" depart="0" departPos="random" departLane="best" departSpeed="max"'
+        start = (
+            f'id="{car}" type="car" depart="0" departPos="random" departLane="best"'
+            ' departSpeed="max"'
+        )
         lines.append(f'<vehicle {start}><route edges="{" ".join(route)}"/></vehicle>')
     return "\n".join(["<routes>", CAR, *lines, "</routes>"])

@@ -1,4 +1,6 @@
-"""What every simulator gives: a path with its modes, of something of which deciders are told a little."""
+"""What every simulator gives: a path with its modes, of something of which deciders are told a
+little.
+"""
 
 from typing import NamedTuple
 
@@ -24,5 +26,6 @@ class Path(NamedTuple):
 
 def flown_path(velocities: FloatArray, modes: IntArray) -> Path:
     """Return the path, which begins at 0, of velocities east and north (n, 2) [m/s]."""
-    moved = CONTROL * (np.cumsum(velocities, axis=0) - 0.5 * (velocities + velocities[0]))  # trapezoids
+    # Trapezoids.
+    moved = CONTROL * (np.cumsum(velocities, axis=0) - 0.5 * (velocities + velocities[0]))
     return Path(np.stack([moved, velocities], axis=2).reshape(-1, 4), modes)

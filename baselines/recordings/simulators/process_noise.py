@@ -1,8 +1,9 @@
-"""Process noise by the evidence: banks that are told different ones, of which the likeliest is read.
+"""Process noise by the evidence: banks that are told different ones, of which the likeliest is
+read.
 
-The likelihood of a measurement in a bank follows from its rows, as that of multiple models (Magill 1965). The
-logarithms are summed with an exponential memory, so that the choice follows an object that drives at constant
-speed and then brakes.
+The likelihood of a measurement in a bank follows from its rows, as that of multiple models (Magill
+1965). The logarithms are summed with an exponential memory, so that the choice follows an object
+that drives at constant speed and then brakes.
 """
 
 import numpy as np
@@ -33,11 +34,15 @@ class LikeliestNoise:
         self.evidence: FloatArray = np.zeros(1)
 
     def choose(self, rows: Observations) -> Observations:
-        """Return the rows (N, width) of the likeliest bank of each track at the next tick of K banks, (K, N, width)."""
+        """Return the rows (N, width) of the likeliest bank of each track at the next tick of K
+        banks, (K, N, width).
+        """
         probabilities = np.exp(self.layout.read(rows, "log_probability"))
         prior = probabilities if self.last is None else self.last @ self.transitions
         self.last = probabilities
-        squares = sum(self.layout.read(rows, f"innovation_{axis}") ** 2 for axis in ("along", "across"))
+        squares = sum(
+            self.layout.read(rows, f"innovation_{axis}") ** 2 for axis in ("along", "across")
+        )
         logs = -0.5 * squares - self.layout.read(rows, "log_variance")
         largest = logs.max(-1, keepdims=True)
         likelihood = np.log((prior * np.exp(logs - largest)).sum(-1)) + largest[..., 0]

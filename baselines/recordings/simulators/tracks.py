@@ -19,16 +19,23 @@ from hybrid_env.checks import BoolArray, FloatArray, IntArray, OwnState
 from hybrid_env.live import MeasuredTracks
 from hybrid_env.quickest_options import QuickestOptions
 
-VEHICLES: dict[str, Aircraft | RoadNet] = {**AIRCRAFT, **AIRLINERS, **CARS}
+VEHICLES: dict[str, Aircraft | RoadNet] = {
+    **AIRCRAFT,
+    **AIRLINERS,
+    **CARS,
+}
 """What moves in the worlds, by name."""
 
 MINUTES = 15.0
 """Duration of a path [min]."""
 
 PROCESS = 0.0158
-"""Deviation of the velocity by the process noise of a tick over the speed, as in the default environment."""
+"""Deviation of the velocity by the process noise of a tick over the speed, as in the default
+environment.
+"""
 
-NOISE_STREAM = 1  # random numbers of the noise are none of the path
+# Random numbers of the noise are none of the path.
+NOISE_STREAM = 1
 
 
 def world_options(kind: str, tick: float, noise: float) -> dict[str, Any]:
@@ -42,36 +49,45 @@ def world_options(kind: str, tick: float, noise: float) -> dict[str, Any]:
     one = VEHICLES[kind]
     shortest, further = (max(1, round(time / tick)) for time in one.lasting)
     return {
-        "radii": (one.radius,), "speed": one.speed, "tau": tick, "measurement_variance": noise**2,
-        "process_variance": (PROCESS * one.speed) ** 2, "durations": f"{shortest} + geometric {further}",
-        "ticks": int(60.0 * MINUTES / tick), "initial_error": (0.3, (0.07 * one.speed) ** 2),
-    }  # fmt: skip
+        "radii": (one.radius,),
+        "speed": one.speed,
+        "tau": tick,
+        "measurement_variance": noise**2,
+        "process_variance": (PROCESS * one.speed) ** 2,
+        "durations": f"{shortest} + geometric {further}",
+        "ticks": int(60.0 * MINUTES / tick),
+        "initial_error": (0.3, (0.07 * one.speed) ** 2),
+    }
 
 
-@functools.lru_cache(256)  # a simulator takes a second for a path, which the nine worlds of a kind share
+# A simulator takes a second for a path, which the nine worlds of a kind share.
+@functools.lru_cache(256)
 def _path(kind: str, seed: int, duration: float) -> Path:
     return VEHICLES[kind].travel(seed, duration)
 
 
 Paths = tuple[FloatArray, IntArray, FloatArray]
-"""Measured positions (T, N, 2) [m], true modes (T, N), and estimates of the states [x, vx, y, vy] one tick before the
-first of them (N, 4), with the error of the options."""
+"""Measured positions (T, N, 2) [m], true modes (T, N), and estimates of the states [x, vx, y, vy]
+one tick before the first of them (N, 4), with the error of the options.
+"""
 
 Travel = Callable[[QuickestOptions, int, int], Paths]
 """Makes the paths of some options, of a number of tracks N and of a seed."""
 
 
 class GivenTracks(OwnState):
-    """Given paths with noise as a vector environment with the rows of `hybrid_env.HybridTrackQuickestEnv`.
+    """Given paths with noise as a vector environment with the rows of
+    `hybrid_env.HybridTrackQuickestEnv`.
 
-    Bank and deciders know the mode in which a path begins, and an estimate with the error of the options.
+    Bank and deciders know the mode in which a path begins, and an estimate with the error of the
+    options.
 
     Args:
         travel: makes the paths, see `Travel`.
         options: of the bank; `tau` and `measurement_variance` are those of the sensor.
         tracks: N.
-        factors: process noise of the banks, as factors of that of the options, 1 among them; of several, rows are
-            those of the likeliest one, see `process_noise`.
+        factors: process noise of the banks, as factors of that of the options, 1 among them; of
+            several, rows are those of the likeliest one, see `process_noise`.
 
     Attributes:
         num_envs: N.
@@ -79,9 +95,17 @@ class GivenTracks(OwnState):
         world: arrays of the bank with the process noise of the options.
     """
 
-    def __init__(self, travel: Travel, options: QuickestOptions, tracks: int, factors: Sequence[float] = (1.0,)):
+    def __init__(
+        self,
+        travel: Travel,
+        options: QuickestOptions,
+        tracks: int,
+        factors: Sequence[float] = (1.0,),
+    ):
         self.travel, self.options, self.num_envs = travel, options, tracks
-        told = [replace(options, process_variance=one * options.process_variance) for one in factors]
+        told = [
+            replace(options, process_variance=one * options.process_variance) for one in factors
+        ]
         self.worlds = [MeasuredTracks(one, tracks) for one in told]
         self.world = self.worlds[list(factors).index(1.0)]
         self.single_action_space = spaces.Discrete(options.hypotheses)
@@ -107,8 +131,13 @@ class GivenTracks(OwnState):
         rows = np.stack([world.take_rows() for world in self.worlds])
         return rows[0] if len(rows) == 1 else self._chooser.choose(rows)
 
-    def step(self, actions: Actions) -> tuple[Observations, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
-        """Go on to the next positions after statements (N,); after the last ones the episodes end."""
+    def step(
+        self,
+        actions: Actions,
+    ) -> tuple[Observations, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
+        """Go on to the next positions after statements (N,); after the last ones the episodes
+        end.
+        """
         for world in self.worlds:
             world.actions[:] = actions
         ended = np.full(self.num_envs, self._tick == len(self._points))
@@ -116,17 +145,27 @@ class GivenTracks(OwnState):
         return rows, np.zeros(self.num_envs), ended, np.zeros(self.num_envs, np.bool_), {}
 
 
-def simulated_tracks(kind: str, options: QuickestOptions, tracks: int, factors: Sequence[float]) -> GivenTracks:
+def simulated_tracks(
+    kind: str,
+    options: QuickestOptions,
+    tracks: int,
+    factors: Sequence[float],
+) -> GivenTracks:
     """Return tracks of a key of `VEHICLES`; other arguments as for `GivenTracks`."""
     return GivenTracks(functools.partial(simulated_travel, kind), options, tracks, factors)
 
 
 def simulated_travel(kind: str, options: QuickestOptions, tracks: int, seed: int) -> Paths:
-    """Return paths of a key of `VEHICLES`. Track i has that of `seed` + i, whatever noise and tick are."""
-    deviation, ends = math.sqrt(options.variances[0]), options.tau * np.arange(options.ticks + 1)
+    """Return paths of a key of `VEHICLES`. Track i has that of `seed` + i, whatever noise and
+    tick are.
+    """
+    deviation = math.sqrt(options.variances[0])
+    ends = options.tau * np.arange(options.ticks + 1)
     moments = CONTROL * np.arange(round(60.0 * MINUTES / CONTROL))
     rows = np.minimum(np.searchsorted(moments, ends - 0.5 * CONTROL), len(moments) - 1)
-    points, starts, modes = [], [], np.empty((options.ticks, tracks), np.int64)
+    points = []
+    starts = []
+    modes = np.empty((options.ticks, tracks), np.int64)
     for track in range(tracks):
         path = _path(kind, seed + track, 60.0 * MINUTES)
         generator = np.random.default_rng([seed + track, NOISE_STREAM])

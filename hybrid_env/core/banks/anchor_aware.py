@@ -1,9 +1,10 @@
 """The anchor-aware bank: the likelihood of every turn includes the uncertainty of the anchor.
 
-Centre and turn rate, which the published bank treats as exact, are part of the state of an extended Kalman filter, see
-`extended_kalman`. The straight line is a turn of rate 0 whose centre and rate have no variance. With an exact anchor
-the filters are the published ones with covariances between the axes, which measurements of a radar need. A filter that
-diverges keeps its state and its log-likelihood decreases, so that no NaN occurs.
+Centre and turn rate, which the published bank treats as exact, are part of the state of an extended
+Kalman filter, see `extended_kalman`. The straight line is a turn of rate 0 whose centre and rate
+have no variance. With an exact anchor the filters are the published ones with covariances between
+the axes, which measurements of a radar need. A filter that diverges keeps its state and its
+log-likelihood decreases, so that no NaN occurs.
 """
 
 import math
@@ -22,18 +23,24 @@ from hybrid_env.core.motion import bank_turn_rate, heading_vector, turn_centre
 from hybrid_env.core.records import State, Triangle4, lanes_of, write_lane
 
 AWARE_HYPOTHESIS = lanes_of(
-    *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),  # estimate [m, m/s]
-    *((name, np.float64, ()) for name in ("centre_x", "centre_y")),  # of the turn [m]
-    ("turn_rate", np.float64, ()),  # [rad/s]
-    ("covariance", np.float64, (28,)),  # of the seven states, upper triangle row by row
-    ("log_likelihood", np.float64, ()),  # cumulative since the switch
+    # Estimate [m, m/s].
+    *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),
+    # Of the turn [m].
+    *((name, np.float64, ()) for name in ("centre_x", "centre_y")),
+    # [rad/s]
+    ("turn_rate", np.float64, ()),
+    # Of the seven states, upper triangle row by row.
+    ("covariance", np.float64, (28,)),
+    # Cumulative since the switch.
+    ("log_likelihood", np.float64, ()),
 )
 """State of one filter."""
 
 ANCHOR_ENTRIES = tuple(k for k, column in enumerate(np.triu_indices(7)[1].tolist()) if column > 3)
 """Entries of the covariance of the seven states that belong to the centre and the turn rate."""
 
-DIVERGED = 1e3  # decrease of the log-likelihood per tick of a diverged filter
+# Decrease of the log-likelihood per tick of a diverged filter.
+DIVERGED = 1e3
 
 
 class AnchorAwareBank(NamedTuple):
@@ -49,23 +56,35 @@ aware_of_block = block_reader(AnchorAwareBank)
 
 @internal
 def begin_aware(
-    bank: AnchorAwareBank, lane: int, anchor: State, covariance: Triangle4, radii: FloatArray, model: Any
+    bank: AnchorAwareBank,
+    lane: int,
+    anchor: State,
+    covariance: Triangle4,
+    radii: FloatArray,
+    model: Any,
 ) -> None:
     """Start every filter of a lane from the anchor; arguments as in `begin_published`."""
     for h in range(bank.hypotheses.size):
-        radius, exact = signed_radius(h, radii), model.exact_anchor > 0.0
+        radius = signed_radius(h, radii)
+        exact = model.exact_anchor > 0.0
         begin_hypothesis(bank.hypotheses[h], lane, anchor, covariance, radius, model.tau, exact)
 
 
 @internal
 def begin_hypothesis(
-    kalman: Any, lane: int, anchor: State, covariance: Triangle4, radius: float, tau: float, exact: bool = False
+    kalman: Any,
+    lane: int,
+    anchor: State,
+    covariance: Triangle4,
+    radius: float,
+    tau: float,
+    exact: bool = False,
 ) -> None:
-    """Start one filter of a lane from the anchor. radius: signed as in `signed_radius` [m]; exact: whether centre and
-    turn rate have no variance.
+    """Start one filter of a lane from the anchor. radius: signed as in `signed_radius` [m]; exact:
+    whether centre and turn rate have no variance.
     """
     speed, heading_x, heading_y = heading_vector(anchor[1], anchor[3])
-    # bounded: the heading of an object slower than its uncertainty deviates by about 1 rad at most
+    # Bounded: the heading of an object slower than its uncertainty deviates by about 1 rad at most.
     inverse_speed = 1.0 / max(speed, math.sqrt(covariance[4] + covariance[9]), 1e-12)
     set_estimate(kalman, lane, anchor)
     kalman.log_likelihood[lane] = 0.0
@@ -82,42 +101,96 @@ def begin_hypothesis(
 @inlined
 def _covariance7(P: FloatArray, lane: int) -> ekf.Triangle7:
     return (
-        P[0, lane], P[1, lane], P[2, lane], P[3, lane], P[4, lane], P[5, lane], P[6, lane],
-        P[7, lane], P[8, lane], P[9, lane], P[10, lane], P[11, lane], P[12, lane],
-        P[13, lane], P[14, lane], P[15, lane], P[16, lane], P[17, lane],
-        P[18, lane], P[19, lane], P[20, lane], P[21, lane],
-        P[22, lane], P[23, lane], P[24, lane], P[25, lane], P[26, lane], P[27, lane],
-    )  # fmt: skip
+        P[0, lane],
+        P[1, lane],
+        P[2, lane],
+        P[3, lane],
+        P[4, lane],
+        P[5, lane],
+        P[6, lane],
+        P[7, lane],
+        P[8, lane],
+        P[9, lane],
+        P[10, lane],
+        P[11, lane],
+        P[12, lane],
+        P[13, lane],
+        P[14, lane],
+        P[15, lane],
+        P[16, lane],
+        P[17, lane],
+        P[18, lane],
+        P[19, lane],
+        P[20, lane],
+        P[21, lane],
+        P[22, lane],
+        P[23, lane],
+        P[24, lane],
+        P[25, lane],
+        P[26, lane],
+        P[27, lane],
+    )
 
 
 @inlined
-def predict_hypothesis(kalman: Any, lane: int, model: Any) -> tuple[float, float, float, float, ekf.Triangle7]:
+def predict_hypothesis(
+    kalman: Any,
+    lane: int,
+    model: Any,
+) -> tuple[float, float, float, float, ekf.Triangle7]:
     """Return the predicted estimate (x, vx, y, vy) of a filter and its predicted covariance."""
     x, u, y, v = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
     centre_x, centre_y = kalman.centre_x[lane], kalman.centre_y[lane]
     turn = ekf.turn_coefficients(kalman.turn_rate[lane], model.tau)
     C, S, W, _, dC, dS, dW = turn
-    from_x, from_y = x - centre_x, y - centre_y
+    from_x = x - centre_x
+    from_y = y - centre_y
     by_rate = dC * from_x + dS * u, dC * u - dW * from_x, dC * from_y + dS * v, dC * v - dW * from_y
-    predicted = ekf.predict_covariance(_covariance7(kalman.covariance, lane), turn, by_rate, model.process_variance)
-    new_x, new_u = centre_x + C * from_x + S * u, C * u - W * from_x
-    new_y, new_v = centre_y + C * from_y + S * v, C * v - W * from_y
+    predicted = ekf.predict_covariance(
+        _covariance7(kalman.covariance, lane),
+        turn,
+        by_rate,
+        model.process_variance,
+    )
+    new_x = centre_x + C * from_x + S * u
+    new_u = C * u - W * from_x
+    new_y = centre_y + C * from_y + S * v
+    new_v = C * v - W * from_y
     return new_x, new_u, new_y, new_v, predicted
 
 
 @internal
-def step_hypothesis(kalman: Any, innovation: Any, first: int, last: int, measurement: FloatArray, model: Any) -> None:
+def step_hypothesis(
+    kalman: Any,
+    innovation: Any,
+    first: int,
+    last: int,
+    measurement: FloatArray,
+    model: Any,
+) -> None:
     """Advance one filter and its log-likelihood by one tick; arguments as in `step_published`."""
     P = kalman.covariance
     variance_x, variance_y = model.variance_x, model.variance_y
     for lane in range(first, last):
         x, u, y, v = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
-        centre_x, centre_y, rate = kalman.centre_x[lane], kalman.centre_y[lane], kalman.turn_rate[lane]
+        centre_x, centre_y, rate = (
+            kalman.centre_x[lane],
+            kalman.centre_y[lane],
+            kalman.turn_rate[lane],
+        )
         p = _covariance7(P, lane)
         new_x, new_u, new_y, new_v, predicted = predict_hypothesis(kalman, lane, model)
 
-        # sequential corrections by x and y; the product of both densities is the joint density
-        k = predicted[0], predicted[1], predicted[2], predicted[3], predicted[4], predicted[5], predicted[6]
+        # Sequential corrections by x and y; the product of both densities is the joint density.
+        k = (
+            predicted[0],
+            predicted[1],
+            predicted[2],
+            predicted[3],
+            predicted[4],
+            predicted[5],
+            predicted[6],
+        )
         innovation_x = measurement[0, lane] - new_x
         sigma_x = k[0] + variance_x
         inverse_x = 1.0 / sigma_x
@@ -129,10 +202,11 @@ def step_hypothesis(kalman: Any, innovation: Any, first: int, last: int, measure
         inverse_y = 1.0 / sigma_y
         corrected = ekf.condition(after_x, m, inverse_y)
         gain_y = innovation_y * inverse_y
-        white_x, white_y = innovation_x * math.sqrt(inverse_x), innovation_y * math.sqrt(inverse_y)
+        white_x = innovation_x * math.sqrt(inverse_x)
+        white_y = innovation_y * math.sqrt(inverse_y)
         log_variance = 0.5 * (log(sigma_x) + log(sigma_y))
 
-        # these comparisons are False for NaN and for values that would lead to NaN
+        # These comparisons are False for NaN and for values that would lead to NaN.
         valid = (
             (sigma_x > 0.5 * variance_x)
             & (sigma_y > 0.5 * variance_y)
@@ -152,8 +226,10 @@ def step_hypothesis(kalman: Any, innovation: Any, first: int, last: int, measure
         innovation.white_x[lane] = white_x if valid else 0.0
         innovation.white_y[lane] = white_y if valid else 0.0
         innovation.log_variance[lane] = log_variance if valid else 2.0 * math.log(LARGEST)
-        kalman.log_likelihood[lane] += log_likelihood(white_x, white_y, log_variance) if valid else -DIVERGED
-        # written out, because a loop over so many entries would not become SIMD code
+        kalman.log_likelihood[lane] += (
+            log_likelihood(white_x, white_y, log_variance) if valid else -DIVERGED
+        )
+        # Written out, because a loop over so many entries would not become SIMD code.
         P[0, lane] = corrected[0] if valid else p[0]
         P[1, lane] = corrected[1] if valid else p[1]
         P[2, lane] = corrected[2] if valid else p[2]
@@ -185,24 +261,47 @@ def step_hypothesis(kalman: Any, innovation: Any, first: int, last: int, measure
 
 
 @internal
-def step_aware(bank: AnchorAwareBank, first: int, last: int, measurement: FloatArray, model: Any) -> None:
-    """Advance every filter of lanes first .. last - 1 by one tick; see `published.step_published`."""
+def step_aware(
+    bank: AnchorAwareBank,
+    first: int,
+    last: int,
+    measurement: FloatArray,
+    model: Any,
+) -> None:
+    """Advance every filter of lanes first .. last - 1 by one tick; see
+    `published.step_published`.
+    """
     for h in range(bank.hypotheses.size):
         step_hypothesis(bank.hypotheses[h], bank.innovations[h], first, last, measurement, model)
 
 
 @internal
-def follow_aware(bank: AnchorAwareBank, lane: int, hypothesis: int, measurement: FloatArray, model: Any) -> None:
+def follow_aware(
+    bank: AnchorAwareBank,
+    lane: int,
+    hypothesis: int,
+    measurement: FloatArray,
+    model: Any,
+) -> None:
     """Advance the filter of one hypothesis of a lane by one tick, without its log-likelihood."""
     kalman = bank.hypotheses[hypothesis]
     before = kalman.log_likelihood[lane]
-    step_hypothesis(kalman, bank.innovations[hypothesis], np.uint64(lane), np.uint64(lane + 1), measurement, model)
+    step_hypothesis(
+        kalman,
+        bank.innovations[hypothesis],
+        np.uint64(lane),
+        np.uint64(lane + 1),
+        measurement,
+        model,
+    )
     kalman.log_likelihood[lane] = before
 
 
 @internal
 def predict_aware(bank: AnchorAwareBank, lane: int, model: Any) -> None:
-    """Advance every filter of a lane by one tick without a measurement; see `published.predict_published`."""
+    """Advance every filter of a lane by one tick without a measurement; see
+    `published.predict_published`.
+    """
     for h in range(bank.hypotheses.size):
         _predict_only(bank.hypotheses[h], bank.innovations[h], lane, model)
 
@@ -211,8 +310,10 @@ def predict_aware(bank: AnchorAwareBank, lane: int, model: Any) -> None:
 def _predict_only(kalman: Any, innovation: Any, lane: int, model: Any) -> None:
     """Advance one filter of a lane by one tick without a measurement."""
     x, u, y, v, predicted = predict_hypothesis(kalman, lane, model)
-    # also False for NaN: a filter that diverges keeps its state
-    valid = (predicted[0] + predicted[13] < LARGEST * LARGEST) & (predicted[7] + predicted[18] < LARGEST * LARGEST)
+    # Also False for NaN: a filter that diverges keeps its state.
+    valid = (predicted[0] + predicted[13] < LARGEST * LARGEST) & (
+        predicted[7] + predicted[18] < LARGEST * LARGEST
+    )
     if valid & (abs(u) + abs(v) < LARGEST):
         set_estimate(kalman, lane, (x, u, y, v))
         write_lane(kalman.covariance, lane, predicted)
@@ -223,22 +324,47 @@ def _predict_only(kalman: Any, innovation: Any, lane: int, model: Any) -> None:
 
 
 @internal
-def correct_aware(bank: AnchorAwareBank, lane: int, hypothesis: int, block: Any, sensors: Records, model: Any) -> None:
+def correct_aware(
+    bank: AnchorAwareBank,
+    lane: int,
+    hypothesis: int,
+    block: Any,
+    sensors: Records,
+    model: Any,
+) -> None:
     """Correct one filter of a lane after `predict_aware`; see `sensing.correct_by_sensors`."""
     _correct(bank.hypotheses[hypothesis], bank.innovations[hypothesis], lane, block, sensors, model)
 
 
 @internal
-def _correct(kalman: Any, innovation: Any, lane: int, block: Any, sensors: Records, model: Any) -> None:
-    """Correct one predicted filter of a lane by all that is measured, and update its log-likelihood."""
+def _correct(
+    kalman: Any,
+    innovation: Any,
+    lane: int,
+    block: Any,
+    sensors: Records,
+    model: Any,
+) -> None:
+    """Correct one predicted filter of a lane by all that is measured, and update its
+    log-likelihood.
+    """
     state = (
-        kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane],
-        kalman.centre_x[lane], kalman.centre_y[lane], kalman.turn_rate[lane],
-    )  # fmt: skip
+        kalman.x[lane],
+        kalman.vx[lane],
+        kalman.y[lane],
+        kalman.vy[lane],
+        kalman.centre_x[lane],
+        kalman.centre_y[lane],
+        kalman.turn_rate[lane],
+    )
     predicted = _covariance7(kalman.covariance, lane)
     found, p, measured, valid = correct_by_sensors(state, predicted, block, lane, sensors, model)
     set_estimate(kalman, lane, (found[0], found[1], found[2], found[3]))
-    kalman.centre_x[lane], kalman.centre_y[lane], kalman.turn_rate[lane] = found[4], found[5], found[6]
+    kalman.centre_x[lane], kalman.centre_y[lane], kalman.turn_rate[lane] = (
+        found[4],
+        found[5],
+        found[6],
+    )
     write_lane(kalman.covariance, lane, p)
     innovation.white_x[lane], innovation.white_y[lane] = measured[0], measured[1]
     innovation.log_variance[lane] = measured[2] if valid else 2.0 * math.log(LARGEST)
@@ -247,10 +373,16 @@ def _correct(kalman: Any, innovation: Any, lane: int, block: Any, sensors: Recor
 
 @internal
 def sense_hypothesis(
-    kalman: Any, innovation: Any, first: int, last: int, block: Any, sensors: Records, model: Any
+    kalman: Any,
+    innovation: Any,
+    first: int,
+    last: int,
+    block: Any,
+    sensors: Records,
+    model: Any,
 ) -> None:
-    """Advance one filter by one tick of any kind: without a measurement, or with those of sensors. block: with the
-    fields of `records.MEASURED`; without sensors all lanes or none are NaN.
+    """Advance one filter by one tick of any kind: without a measurement, or with those of sensors.
+    block: with the fields of `records.MEASURED`; without sensors all lanes or none are NaN.
     """
     if sensors.size == 0 and not math.isnan(block.measurement[0, first]):
         step_hypothesis(kalman, innovation, first, last, block.measurement, model)
@@ -263,9 +395,14 @@ def sense_hypothesis(
 
 @internal
 def predicted_position_aware(
-    bank: AnchorAwareBank, hypothesis: int, lane: int, model: Any
+    bank: AnchorAwareBank,
+    hypothesis: int,
+    lane: int,
+    model: Any,
 ) -> tuple[float, float, float, float, float]:
-    """Return the predicted position x, y of one hypothesis before a tick [m], and its covariance xx, xy, yy [m^2]."""
+    """Return the predicted position x, y of one hypothesis before a tick [m], and its covariance
+    xx, xy, yy [m^2].
+    """
     x, _, y, _, covariance = predict_hypothesis(bank.hypotheses[hypothesis], lane, model)
     return x, y, covariance[0], covariance[2], covariance[13]
 
@@ -281,6 +418,14 @@ def covariance_of(kalman: Any, lane: int) -> Triangle4:
     """Return the covariance of [x, vx, y, vy] of one filter, upper triangle row by row."""
     P = kalman.covariance
     return (
-        P[0, lane], P[1, lane], P[2, lane], P[3, lane], P[7, lane], P[8, lane], P[9, lane],
-        P[13, lane], P[14, lane], P[18, lane],
-    )  # fmt: skip
+        P[0, lane],
+        P[1, lane],
+        P[2, lane],
+        P[3, lane],
+        P[7, lane],
+        P[8, lane],
+        P[9, lane],
+        P[13, lane],
+        P[14, lane],
+        P[18, lane],
+    )

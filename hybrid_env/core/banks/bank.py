@@ -1,5 +1,5 @@
-"""What all banks share: types, the innovations, the model, and the order of the hypotheses: 0 is straight, 1 .. n are
-left turns, n + 1 .. 2n are right turns.
+"""What all banks share: types, the innovations, the model, and the order of the hypotheses: 0 is
+straight, 1 .. n are left turns, n + 1 .. 2n are right turns.
 """
 
 from typing import Any, NamedTuple
@@ -11,8 +11,10 @@ from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.records import State, Triangle4, lanes_of
 
 INNOVATION = lanes_of(
-    *((name, np.float64, ()) for name in ("white_x", "white_y")),  # innovation / standard deviation
-    ("log_variance", np.float64, ()),  # ln of the innovation variance [m^2], mean of the axes
+    # Innovation / standard deviation.
+    *((name, np.float64, ()) for name in ("white_x", "white_y")),
+    # Ln of the innovation variance [m^2], mean of the axes.
+    ("log_variance", np.float64, ()),
 )
 """Innovation of one filter at the current tick."""
 
@@ -34,9 +36,15 @@ class FilterModel(NamedTuple):
 def filter_model(setting: Any, ratio: float) -> FilterModel:
     """Return the model of the filters for a measurement whose variance over R is `ratio`."""
     return FilterModel(
-        setting.tau, setting.process_variance, ratio * setting.variance_x, ratio * setting.variance_y,
-        setting.stay_probability, setting.switch_probability, setting.freedom, setting.exact_anchor,
-    )  # fmt: skip
+        setting.tau,
+        setting.process_variance,
+        ratio * setting.variance_x,
+        ratio * setting.variance_y,
+        setting.stay_probability,
+        setting.switch_probability,
+        setting.freedom,
+        setting.exact_anchor,
+    )
 
 
 IDENTITY: Triangle4 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
@@ -44,10 +52,15 @@ IDENTITY: Triangle4 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 
 
 def bank_arrays(bank: Any, radii_count: int, axes: int = 1, blocks: int | None = None) -> Any:
-    """Return a bank of zeros for n radii and 1 or 2 distinct axes. blocks: number of blocks of tracks, the first axis
-    of the arrays that they do not share; None is a single block without this axis.
+    """Return a bank of zeros for n radii and 1 or 2 distinct axes. blocks: number of blocks of
+    tracks, the first axis of the arrays that they do not share; None is a single block without this
+    axis.
     """
-    sizes = {"modes": 2 * radii_count + 1, "columns": radii_count + 1, "axes": axes}
+    sizes = {
+        "modes": 2 * radii_count + 1,
+        "columns": radii_count + 1,
+        "axes": axes,
+    }
     sizes["blocks_count"] = 1 if blocks is None else blocks
     arrays = {name: allocate(one, sizes) for name, one in declared(bank).items()}
     if blocks is None:
@@ -63,10 +76,14 @@ def mode_type(mode: int, radii_count: int) -> int:
 
 @internal
 def signed_radius(hypothesis: int, radii: FloatArray) -> float:
-    """Return the radius of a hypothesis [m], positive to the left, negative to the right, 0 if straight."""
+    """Return the radius of a hypothesis [m], positive to the left, negative to the right, 0 if
+    straight.
+    """
     if hypothesis == 0:
         return 0.0
-    return radii[hypothesis - 1] if hypothesis <= radii.size else -radii[hypothesis - radii.size - 1]
+    return (
+        radii[hypothesis - 1] if hypothesis <= radii.size else -radii[hypothesis - radii.size - 1]
+    )
 
 
 @internal

@@ -1,22 +1,25 @@
-"""The interacting multiple model (IMM) bank: filters that run on over switches at unknown moments. Blom & Bar-Shalom
-1988, "The interacting multiple model algorithm for systems with Markovian switching coefficients".
+"""The interacting multiple model (IMM) bank: filters that run on over switches at unknown moments.
+Blom & Bar-Shalom 1988, "The interacting multiple model algorithm for systems with Markovian
+switching coefficients".
 
-Each of M hypotheses has a Kalman filter of a coordinated turn and a probability, whose logarithm is stored, so that
-none is lost in an outlier. The mode is a Markov chain whose transition matrix has 1 - hazard on the diagonal and hazard
-/ (M - 1) elsewhere. A tick has three steps:
+Each of M hypotheses has a Kalman filter of a coordinated turn and a probability, whose logarithm is
+stored, so that none is lost in an outlier. The mode is a Markov chain whose transition matrix has 1
+- hazard on the diagonal and hazard / (M - 1) elsewhere. A tick has three steps:
 
-1. Mixing. The mode before the tick, given the mode h in the tick, is h with the probability w and otherwise
-   distributed as without this knowledge. Filter h therefore starts from a normal distribution with mean and covariance
-   of a mixture of two terms: its own estimate, with weight w, and the merged estimate of all filters.
+1. Mixing. The mode before the tick, given the mode h in the tick, is h with the probability w and
+   otherwise distributed as without this knowledge. Filter h therefore starts from a normal
+   distribution with mean and covariance of a mixture of two terms: its own estimate, with weight w,
+   and the merged estimate of all filters.
 2. Every filter predicts, is corrected by the measurement, and gives its log-likelihood.
 3. Mean and covariance of the mixture of all filters are the merged estimate.
 
-In every tick of a coordinated turn the object turns by the angle a = speed * tau / radius about the centre that follows
-from its velocity: Golubkov 2018, eq. (1), with the switch at the present tick. Its filter therefore needs no anchor.
-The angle follows from the estimated velocity and is then treated as known, because the turn rate of the object does not
-change with the process noise of a segment. The state is [x, vx, y, vy], with the suffixes x, u, y and v below; a
-covariance is its upper triangle row by row, 10 numbers. A filter that diverges keeps its initial condition and becomes
-unlikely, so that no NaN occurs.
+In every tick of a coordinated turn the object turns by the angle a = speed * tau / radius about the
+centre that follows from its velocity: Golubkov 2018, eq. (1), with the switch at the present tick.
+Its filter therefore needs no anchor. The angle follows from the estimated velocity and is then
+treated as known, because the turn rate of the object does not change with the process noise of a
+segment. The state is [x, vx, y, vy], with the suffixes x, u, y and v below; a covariance is its
+upper triangle row by row, 10 numbers. A filter that diverges keeps its initial condition and
+becomes unlikely, so that no NaN occurs.
 """
 
 import math
@@ -35,18 +38,24 @@ from hybrid_env.core.motion import LARGEST_ANGLE
 from hybrid_env.core.records import State, Triangle4, lanes_of, state_of, triangle_of, write_lane
 
 IMM_HYPOTHESIS = lanes_of(
-    *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),  # estimate [m, m/s]
-    ("covariance", np.float64, (10,)),  # upper triangle row by row
+    # Estimate [m, m/s].
+    *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),
+    # Upper triangle row by row.
+    ("covariance", np.float64, (10,)),
     ("log_probability", np.float64, ()),
-    ("log_likelihood", np.float64, ()),  # of the current tick
+    # Of the current tick.
+    ("log_likelihood", np.float64, ()),
 )
 """State of one filter."""
 
-DIVERGED = -1e3  # log-likelihood of a tick in which a filter diverges
+# Log-likelihood of a tick in which a filter diverges.
+DIVERGED = -1e3
 
 
 class ImmBank(NamedTuple):
-    """The bank of a block of tracks, M hypotheses. The blocks of a thread share innovations and sums."""
+    """The bank of a block of tracks, M hypotheses. The blocks of a thread share innovations and
+    sums.
+    """
 
     hypotheses: Annotated[Records, Array(IMM_HYPOTHESIS, ("blocks_count", "modes"))]
     innovations: Annotated[Records, Array(INNOVATION, ("modes",), "thread")]
@@ -59,29 +68,40 @@ imm_of_block = block_reader(ImmBank)
 
 @inlined
 def turn_coefficients(angle: float, tau: float) -> State:
-    """Return (C, S, along, across) of a turn by an angle a in a tick of length tau: the new velocity is (C u - S v, S u
-    + C v), with C = cos a and S = sin a; the position changes by (along u - across v, across u + along v), with along =
-    tau sin(a) / a, across = tau (1 - cos a) / a [s].
+    """Return (C, S, along, across) of a turn by an angle a in a tick of length tau: the new
+    velocity is (C u - S v, S u + C v), with C = cos a and S = sin a; the position changes by (along
+    u - across v, across u + along v), with along = tau sin(a) / a, across = tau (1 - cos a) / a
+    [s].
     """
     half = 0.5 * angle
     sine, cosine = sine_cosine(half)
     quotient = sine / half if half != 0.0 else 1.0
-    # half angles avoid the cancellation of 1 - cos a
+    # Half angles avoid the cancellation of 1 - cos a.
     return (
-        1.0 - 2.0 * sine * sine, 2.0 * sine * cosine, tau * quotient * cosine, tau * quotient * sine,
-    )  # fmt: skip
+        1.0 - 2.0 * sine * sine,
+        2.0 * sine * cosine,
+        tau * quotient * cosine,
+        tau * quotient * sine,
+    )
 
 
 @inlined
 def predict_covariance(p: Triangle4, turn: State, process_variance: float) -> Triangle4:
-    """Return the predicted covariance F P F' + G Q G', F the transition matrix; turn: from `turn_coefficients`."""
+    """Return the predicted covariance F P F' + G Q G', F the transition matrix; turn: from
+    `turn_coefficients`.
+    """
     xx, xu, xy, xv, uu, uy, uv, yy, yv, vv = p
     C, S, along, across = turn
-    # covariance of the new position with the old velocity
-    x_u, x_v = xu + along * uu - across * uv, xv + along * uv - across * vv
-    y_u, y_v = uy + across * uu + along * uv, yv + across * uv + along * vv
-    # covariance of the new velocity with the old one
-    u_u, u_v, v_u, v_v = C * uu - S * uv, C * uv - S * vv, S * uu + C * uv, S * uv + C * vv
+    # Covariance of the new position with the old velocity.
+    x_u = xu + along * uu - across * uv
+    x_v = xv + along * uv - across * vv
+    y_u = uy + across * uu + along * uv
+    y_v = yv + across * uv + along * vv
+    # Covariance of the new velocity with the old one.
+    u_u = C * uu - S * uv
+    u_v = C * uv - S * vv
+    v_u = S * uu + C * uv
+    v_v = S * uv + C * vv
     return (
         xx + along * (x_u + xu) - across * (x_v + xv),
         C * x_u - S * x_v,
@@ -93,24 +113,33 @@ def predict_covariance(p: Triangle4, turn: State, process_variance: float) -> Tr
         yy + across * (y_u + uy) + along * (y_v + yv),
         S * y_u + C * y_v,
         S * v_u + C * v_v + process_variance,
-    )  # fmt: skip
+    )
 
 
 @inlined
 def condition_x(p: Triangle4, inverse: float, variance: float) -> Triangle4:
-    """Return the corrected covariance P - K H P after a measurement of x with variance R. inverse: 1 / innovation
-    variance [1/m^2].
+    """Return the corrected covariance P - K H P after a measurement of x with variance R. inverse:
+    1 / innovation variance [1/m^2].
     """
     xx, xu, xy, xv, uu, uy, uv, yy, yv, vv = p
-    left = variance * inverse  # the row of the measured coordinate is K R, which avoids cancellation
-    gain_u, gain_y, gain_v = xu * inverse, xy * inverse, xv * inverse
-    # variances are bounded below, so that rounding does not make them negative
+    # The row of the measured coordinate is K R, which avoids cancellation.
+    left = variance * inverse
+    gain_u = xu * inverse
+    gain_y = xy * inverse
+    gain_v = xv * inverse
+    # Variances are bounded below, so that rounding does not make them negative.
     return (
-        xx * left, xu * left, xy * left, xv * left,
-        max(uu - gain_u * xu, gain_u * gain_u * variance), uy - gain_u * xy, uv - gain_u * xv,
-        max(yy - gain_y * xy, gain_y * gain_y * variance), yv - gain_y * xv,
+        xx * left,
+        xu * left,
+        xy * left,
+        xv * left,
+        max(uu - gain_u * xu, gain_u * gain_u * variance),
+        uy - gain_u * xy,
+        uv - gain_u * xv,
+        max(yy - gain_y * xy, gain_y * gain_y * variance),
+        yv - gain_y * xv,
         max(vv - gain_v * xv, gain_v * gain_v * variance),
-    )  # fmt: skip
+    )
 
 
 @inlined
@@ -122,8 +151,8 @@ def exchange_axes(p: Triangle4) -> Triangle4:
 
 @internal
 def begin_imm(bank: ImmBank, block: Any, lane: int, known: int) -> None:
-    """Start every filter of a lane from the merged estimate of the block. known: the mode before the first tick; -1 if
-    it is not known, all equally probable.
+    """Start every filter of a lane from the merged estimate of the block. known: the mode before
+    the first tick; -1 if it is not known, all equally probable.
     """
     for h in range(bank.hypotheses.size):
         kalman = bank.hypotheses[h]
@@ -145,34 +174,51 @@ def mix(kalman: Any, block: Any, lane: int, model: Any) -> tuple[float, State, T
     prior = from_itself + model.switch_probability
     own = from_itself / prior
     difference = (
-        kalman.x[lane] - merged_x, kalman.vx[lane] - merged_u,
-        kalman.y[lane] - merged_y, kalman.vy[lane] - merged_v,
-    )  # fmt: skip
+        kalman.x[lane] - merged_x,
+        kalman.vx[lane] - merged_u,
+        kalman.y[lane] - merged_y,
+        kalman.vy[lane] - merged_v,
+    )
     mean = (
-        merged_x + own * difference[0], merged_u + own * difference[1],
-        merged_y + own * difference[2], merged_v + own * difference[3],
-    )  # fmt: skip
-    mine, merged = triangle_of(kalman.covariance, lane), triangle_of(block.covariance, lane)
+        merged_x + own * difference[0],
+        merged_u + own * difference[1],
+        merged_y + own * difference[2],
+        merged_v + own * difference[3],
+    )
+    mine = triangle_of(kalman.covariance, lane)
+    merged = triangle_of(block.covariance, lane)
     return prior, mean, mixture_of_two(own, mine, merged, difference)
 
 
 @inlined
 def predict(mean: State, mixed: Triangle4, curvature: float, model: Any) -> tuple[State, Triangle4]:
-    """Return the predicted estimate of a filter and its covariance; curvature: 1 / radius, positive to the left."""
+    """Return the predicted estimate of a filter and its covariance; curvature: 1 / radius,
+    positive to the left.
+    """
     x, u, y, v = mean
     angle = curvature * math.sqrt(u * u + v * v) * model.tau
     turn = turn_coefficients(max(min(angle, LARGEST_ANGLE), -LARGEST_ANGLE), model.tau)
     C, S, along, across = turn
     predicted = predict_covariance(mixed, turn, model.process_variance)
-    new_x, new_y = x + along * u - across * v, y + across * u + along * v
+    new_x = x + along * u - across * v
+    new_y = y + across * u + along * v
     return (new_x, C * u - S * v, new_y, S * u + C * v), predicted
 
 
 @internal
 def _step_hypothesis(
-    kalman: Any, innovation: Any, block: Any, first: int, last: int, curvature: float, model: Any, freedom: float | None
+    kalman: Any,
+    innovation: Any,
+    block: Any,
+    first: int,
+    last: int,
+    curvature: float,
+    model: Any,
+    freedom: float | None,
 ) -> None:
-    """Mix, predict and correct one filter of lanes first .. last - 1, without normalizing its probability."""
+    """Mix, predict and correct one filter of lanes first .. last - 1, without normalizing its
+    probability.
+    """
     P = kalman.covariance
     variance_x, variance_y = model.variance_x, model.variance_y
     for lane in range(first, last):
@@ -180,7 +226,7 @@ def _step_hypothesis(
         x, u, y, v = mean
         moved, predicted = predict(mean, mixed, curvature, model)
         new_x, new_u, new_y, new_v = moved
-        # sequential corrections by x and y; the product of both densities is the joint density
+        # Sequential corrections by x and y; the product of both densities is the joint density.
         sigma_x = predicted[0] + variance_x
         inverse_x = 1.0 / sigma_x
         innovation_x = block.measurement[0, lane] - new_x
@@ -191,10 +237,11 @@ def _step_hypothesis(
         innovation_y = block.measurement[1, lane] - (new_y + predicted[2] * gain_x)
         gain_y = innovation_y * inverse_y
         corrected = exchange_axes(condition_x(after_x, inverse_y, variance_y))
-        white_x, white_y = innovation_x * math.sqrt(inverse_x), innovation_y * math.sqrt(inverse_y)
+        white_x = innovation_x * math.sqrt(inverse_x)
+        white_y = innovation_y * math.sqrt(inverse_y)
         log_variance = 0.5 * (log(sigma_x) + log(sigma_y))
 
-        # these comparisons are False for NaN and for values that would lead to NaN
+        # These comparisons are False for NaN and for values that would lead to NaN.
         valid = (
             (sigma_x + sigma_y < LARGEST * LARGEST)
             & (predicted[4] + predicted[9] < LARGEST * LARGEST)
@@ -224,14 +271,33 @@ def _curvature(hypothesis: int, radii: FloatArray) -> float:
 
 
 @internal
-def step_imm(bank: ImmBank, block: Any, first: int, last: int, radii: FloatArray, model: Any) -> None:
-    """Advance every filter, its probability and the merged estimate of lanes first .. last - 1 by one tick. block: with
-    `measurement`, (2, LANES), and `estimate` and `covariance` of the merged estimate.
+def step_imm(
+    bank: ImmBank,
+    block: Any,
+    first: int,
+    last: int,
+    radii: FloatArray,
+    model: Any,
+) -> None:
+    """Advance every filter, its probability and the merged estimate of lanes first .. last - 1 by
+    one tick. block: with `measurement`, (2, LANES), and `estimate` and `covariance` of the merged
+    estimate.
     """
     for h in range(bank.hypotheses.size):
-        kalman, innovation, curvature = bank.hypotheses[h], bank.innovations[h], _curvature(h, radii)
+        kalman = bank.hypotheses[h]
+        innovation = bank.innovations[h]
+        curvature = _curvature(h, radii)
         if model.freedom > 0.0:
-            _step_hypothesis(kalman, innovation, block, first, last, curvature, model, model.freedom)
+            _step_hypothesis(
+                kalman,
+                innovation,
+                block,
+                first,
+                last,
+                curvature,
+                model,
+                model.freedom,
+            )
         else:
             _step_hypothesis(kalman, innovation, block, first, last, curvature, model, None)
     normalize(bank, first, last)
@@ -240,18 +306,24 @@ def step_imm(bank: ImmBank, block: Any, first: int, last: int, radii: FloatArray
 
 @internal
 def predict_imm(bank: ImmBank, block: Any, lane: int, radii: FloatArray, model: Any) -> None:
-    """Advance every filter of a lane by one tick without a measurement: mixing, prediction and output. The
-    probabilities follow the Markov chain; innovations are zero, with the variance of a measurement.
+    """Advance every filter of a lane by one tick without a measurement: mixing, prediction and
+    output. The probabilities follow the Markov chain; innovations are zero, with the variance of a
+    measurement.
     """
     for h in range(bank.hypotheses.size):
-        kalman, innovation = bank.hypotheses[h], bank.innovations[h]
+        kalman = bank.hypotheses[h]
+        innovation = bank.innovations[h]
         prior, mean, mixed = mix(kalman, block, lane, model)
         moved, predicted = predict(mean, mixed, _curvature(h, radii), model)
-        finite = (predicted[0] + predicted[7] < LARGEST * LARGEST) & (predicted[4] + predicted[9] < LARGEST * LARGEST)
-        finite &= abs(moved[1]) + abs(moved[3]) < LARGEST  # also False for NaN
+        finite = (predicted[0] + predicted[7] < LARGEST * LARGEST) & (
+            predicted[4] + predicted[9] < LARGEST * LARGEST
+        )
+        # Also False for NaN.
+        finite &= abs(moved[1]) + abs(moved[3]) < LARGEST
         set_estimate(kalman, lane, moved if finite else mean)
         write_lane(kalman.covariance, lane, predicted if finite else mixed)
-        sigma_x, sigma_y = kalman.covariance[0, lane] + model.variance_x, kalman.covariance[7, lane] + model.variance_y
+        sigma_x = kalman.covariance[0, lane] + model.variance_x
+        sigma_y = kalman.covariance[7, lane] + model.variance_y
         innovation.white_x[lane] = innovation.white_y[lane] = 0.0
         innovation.log_variance[lane] = 0.5 * (log(sigma_x) + log(sigma_y))
         kalman.log_likelihood[lane] = 0.0
@@ -262,18 +334,51 @@ def predict_imm(bank: ImmBank, block: Any, lane: int, radii: FloatArray, model: 
 
 @internal
 def correct_imm(bank: ImmBank, block: Any, lane: int, sensors: Records, model: Any) -> None:
-    """Correct every filter of a lane after `predict_imm`, by all that is measured; see `sensing`."""
+    """Correct every filter of a lane after `predict_imm`, by all that is measured; see
+    `sensing`.
+    """
     for h in range(bank.hypotheses.size):
-        kalman, innovation = bank.hypotheses[h], bank.innovations[h]
+        kalman = bank.hypotheses[h]
+        innovation = bank.innovations[h]
         state = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane], 0.0, 0.0, 0.0
         xx, xu, xy, xv, uu, uy, uv, yy, yv, vv = triangle_of(kalman.covariance, lane)
         p = (
-            xx, xu, xy, xv, 0.0, 0.0, 0.0, uu, uy, uv, 0.0, 0.0, 0.0, yy, yv, 0.0, 0.0, 0.0, vv, 0.0,
-            0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-        )  # fmt: skip
+            xx,
+            xu,
+            xy,
+            xv,
+            0.0,
+            0.0,
+            0.0,
+            uu,
+            uy,
+            uv,
+            0.0,
+            0.0,
+            0.0,
+            yy,
+            yv,
+            0.0,
+            0.0,
+            0.0,
+            vv,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+        )
         found, q, measured, valid = correct_by_sensors(state, p, block, lane, sensors, model)
         set_estimate(kalman, lane, (found[0], found[1], found[2], found[3]))
-        write_lane(kalman.covariance, lane, (q[0], q[1], q[2], q[3], q[7], q[8], q[9], q[13], q[14], q[18]))
+        write_lane(
+            kalman.covariance,
+            lane,
+            (q[0], q[1], q[2], q[3], q[7], q[8], q[9], q[13], q[14], q[18]),
+        )
         innovation.white_x[lane], innovation.white_y[lane] = measured[0], measured[1]
         innovation.log_variance[lane] = measured[2]
         likelihood = measured[3] if valid else DIVERGED
@@ -284,10 +389,20 @@ def correct_imm(bank: ImmBank, block: Any, lane: int, sensors: Records, model: A
 
 
 @internal
-def step_imm_irregular(bank: ImmBank, block: Any, first: int, last: int, arrays: Any, setting: Any) -> None:
-    """Advance every filter where measurements may be missing or of different variances, lane by lane."""
+def step_imm_irregular(
+    bank: ImmBank,
+    block: Any,
+    first: int,
+    last: int,
+    arrays: Any,
+    setting: Any,
+) -> None:
+    """Advance every filter where measurements may be missing or of different variances, lane by
+    lane.
+    """
     for lane in range(first, last):
-        missing, model = math.isnan(block.measurement[0, lane]), filter_model(setting, 1.0)
+        missing = math.isnan(block.measurement[0, lane])
+        model = filter_model(setting, 1.0)
         if missing or setting.radar:
             predict_imm(bank, block, lane, arrays.radii, model)
             if not missing:

@@ -1,6 +1,6 @@
-"""Mixtures of the estimates of a bank: probabilities, and the first two moments. The weights are the likelihoods with
-announced switches, whose priors are equal, and the probabilities of the IMM bank with unknown ones. Blom & Bar-Shalom
-1988, output step.
+"""Mixtures of the estimates of a bank: probabilities, and the first two moments. The weights are
+the likelihoods with announced switches, whose priors are equal, and the probabilities of the IMM
+bank with unknown ones. Blom & Bar-Shalom 1988, output step.
 """
 
 import math
@@ -18,7 +18,8 @@ from hybrid_env.core.records import State, Triangle4, lanes_of
 SUMS = lanes_of(("largest", np.float64, ()), ("total", np.float64, ()))
 """Maximum log probability of the hypotheses before normalization, and the sum relative to it."""
 
-NEGLIGIBLE = -700.0  # smaller log probabilities count as this one
+# Smaller log probabilities count as this one.
+NEGLIGIBLE = -700.0
 
 
 @internal
@@ -35,11 +36,13 @@ def normalize(bank: Any, first: int, last: int) -> None:
     for h in range(bank.hypotheses.size):
         kalman = bank.hypotheses[h]
         for lane in range(first, last):
-            sums.total[lane] += exp(max(kalman.log_probability[lane] - sums.largest[lane], NEGLIGIBLE))
+            sums.total[lane] += exp(
+                max(kalman.log_probability[lane] - sums.largest[lane], NEGLIGIBLE)
+            )
     for h in range(bank.hypotheses.size):
         kalman = bank.hypotheses[h]
         for lane in range(first, last):
-            # the first difference is exact where it matters, also for very small likelihoods
+            # The first difference is exact where it matters, also for very small likelihoods.
             ratio = kalman.log_probability[lane] - sums.largest[lane]
             kalman.log_probability[lane] = ratio - log(sums.total[lane])
 
@@ -48,7 +51,8 @@ def normalize(bank: Any, first: int, last: int) -> None:
 def merge(bank: Any, block: Any, first: int, last: int) -> None:
     """Write the mean and the covariance of the mixture of all filters to the block."""
     estimate, covariance = block.estimate, block.covariance
-    origin = bank.hypotheses[0]  # sums of differences lose no digits far from the origin
+    # Sums of differences lose no digits far from the origin.
+    origin = bank.hypotheses[0]
     for lane in range(first, last):
         estimate[0, lane], estimate[1, lane] = origin.x[lane], origin.vx[lane]
         estimate[2, lane], estimate[3, lane] = origin.y[lane], origin.vy[lane]
@@ -67,8 +71,10 @@ def merge(bank: Any, block: Any, first: int, last: int) -> None:
         P = kalman.covariance
         for lane in range(first, last):
             weight = exp(max(kalman.log_probability[lane], NEGLIGIBLE))
-            a, b = kalman.x[lane] - estimate[0, lane], kalman.vx[lane] - estimate[1, lane]
-            c, d = kalman.y[lane] - estimate[2, lane], kalman.vy[lane] - estimate[3, lane]
+            a = kalman.x[lane] - estimate[0, lane]
+            b = kalman.vx[lane] - estimate[1, lane]
+            c = kalman.y[lane] - estimate[2, lane]
+            d = kalman.vy[lane] - estimate[3, lane]
             products = a * a, a * b, a * c, a * d, b * b, b * c, b * d, c * c, c * d, d * d
             for k in range(10):
                 covariance[k, lane] += weight * (P[k, lane] + products[k])
@@ -98,7 +104,11 @@ def mixture_of_two(own: float, mine: Triangle4, merged: Triangle4, difference: S
 def merged_estimate(hypotheses: Records, lane: int) -> State:
     """Return the posterior mean [x, vx, y, vy] of a lane [m, m/s]."""
     largest = hypotheses[likeliest(hypotheses, lane)].log_likelihood[lane]
-    total, x, vx, y, vy = 0.0, 0.0, 0.0, 0.0, 0.0
+    total = 0.0
+    x = 0.0
+    vx = 0.0
+    y = 0.0
+    vy = 0.0
     for h in range(hypotheses.size):
         weight = math.exp(hypotheses[h].log_likelihood[lane] - largest)
         estimate = estimate_of(hypotheses, h, lane)

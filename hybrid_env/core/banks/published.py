@@ -1,7 +1,7 @@
-"""The published bank of Kalman filters, one per hypothesis: straight, left turns, right turns. Golubkov 2018, eq. (2)
-and (4), with the scalar formulas of `kalman`. The covariances depend on the turn rate but not on the data, also with
-the robust likelihood: the left and the right turn of a radius share them, and so do both axes if their measurement
-variances are equal.
+"""The published bank of Kalman filters, one per hypothesis: straight, left turns, right turns.
+Golubkov 2018, eq. (2) and (4), with the scalar formulas of `kalman`. The covariances depend on the
+turn rate but not on the data, also with the robust likelihood: the left and the right turn of a
+radius share them, and so do both axes if their measurement variances are equal.
 """
 
 import math
@@ -11,36 +11,59 @@ import numpy as np
 
 from hybrid_env.core.arrays import Array, FloatArray, Records, block_reader, reader
 from hybrid_env.core.banks.bank import INNOVATION, radius_column, set_estimate, signed_radius
-from hybrid_env.core.banks.kalman import correct_covariance, kalman_gain, predict_covariance, student_weight, weigh
+from hybrid_env.core.banks.kalman import (
+    correct_covariance,
+    kalman_gain,
+    predict_covariance,
+    student_weight,
+    weigh,
+)
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import log
-from hybrid_env.core.motion import bank_turn_rate, heading_vector, motion_coefficients, propagate, turn_centre
+from hybrid_env.core.motion import (
+    bank_turn_rate,
+    heading_vector,
+    motion_coefficients,
+    propagate,
+    turn_centre,
+)
 from hybrid_env.core.records import State, Triangle4, lanes_of
 
 HYPOTHESIS = lanes_of(
-    *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),  # estimate [m, m/s]
-    *((name, np.float64, ()) for name in ("centre_x", "centre_y")),  # of the turn [m]
-    ("log_likelihood", np.float64, ()),  # cumulative since the switch
+    # Estimate [m, m/s].
+    *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),
+    # Of the turn [m].
+    *((name, np.float64, ()) for name in ("centre_x", "centre_y")),
+    # Cumulative since the switch.
+    ("log_likelihood", np.float64, ()),
 )
 """State of one filter."""
 
 COVARIANCE = lanes_of(
-    *((name, np.float64, ()) for name in ("cosine", "sine_velocity", "sine_position")),  # of the transition
-    *((name, np.float64, ()) for name in ("xx", "xv", "vv")),  # of (position, velocity) [m^2, m^2/s, m^2/s^2]
+    # Of the transition.
+    *((name, np.float64, ()) for name in ("cosine", "sine_velocity", "sine_position")),
+    # Of (position, velocity) [m^2, m^2/s, m^2/s^2].
+    *((name, np.float64, ()) for name in ("xx", "xv", "vv")),
 )
 """Transition and covariance on one axis, shared by the filters of one radius."""
 
 GAIN = lanes_of(
-    *((name, np.float64, ()) for name in ("gain_x", "gain_v")),  # of position and velocity
-    ("whitener", np.float64, ()),  # 1 / standard deviation of the innovation [1/m]
-    ("log_variance", np.float64, ()),  # ln of the innovation variance [m^2]
+    # Of position and velocity.
+    *((name, np.float64, ()) for name in ("gain_x", "gain_v")),
+    # 1 / standard deviation of the innovation [1/m].
+    ("whitener", np.float64, ()),
+    # Ln of the innovation variance [m^2].
+    ("log_variance", np.float64, ()),
 )
-"""Gain and innovation variance on one axis at the current tick, shared by the filters of one radius."""
+"""Gain and innovation variance on one axis at the current tick, shared by the filters of one
+radius.
+"""
 
 
 class PublishedBank(NamedTuple):
-    """The bank of a block of tracks, for n radii, M = 2n + 1 hypotheses and A = 1 or 2 distinct axes. Column 0 of
-    covariances and gains is straight, column c uses radius c - 1. The blocks of a thread share innovations and gains.
+    """The bank of a block of tracks, for n radii, M = 2n + 1 hypotheses and A = 1 or 2 distinct
+    axes. Column 0 of covariances and gains is straight, column c uses radius c - 1. The blocks of a
+    thread share innovations and gains.
     """
 
     hypotheses: Annotated[Records, Array(HYPOTHESIS, ("blocks_count", "modes"))]
@@ -55,11 +78,17 @@ published_of_block = block_reader(PublishedBank)
 
 @internal
 def begin_published(
-    bank: PublishedBank, lane: int, anchor: State, covariance: Triangle4, radii: FloatArray, model: Any
+    bank: PublishedBank,
+    lane: int,
+    anchor: State,
+    covariance: Triangle4,
+    radii: FloatArray,
+    model: Any,
 ) -> None:
-    """Start every filter of a lane from the anchor, which also determines turn rates and centres. anchor: estimate [x,
-    vx, y, vy] at the switch [m, m/s]; covariance: of it, whose entries between the axes are ignored; radii: (n,) of the
-    bank [m]; model: a `FilterModel`, or a record with its fields.
+    """Start every filter of a lane from the anchor, which also determines turn rates and centres.
+    anchor: estimate [x, vx, y, vy] at the switch [m, m/s]; covariance: of it, whose entries between
+    the axes are ignored; radii: (n,) of the bank [m]; model: a `FilterModel`, or a record with its
+    fields.
     """
     x, vx, y, vy = anchor
     speed, heading_x, heading_y = heading_vector(vx, vy)
@@ -85,15 +114,27 @@ def _predicted(shared: Any, lane: int, process_variance: float) -> tuple[float, 
     """Return the predicted covariance of one radius and axis."""
     return predict_covariance(
         (shared.xx[lane], shared.xv[lane], shared.vv[lane]),
-        shared.cosine[lane], shared.sine_velocity[lane], shared.sine_position[lane], process_variance,
-    )  # fmt: skip
+        shared.cosine[lane],
+        shared.sine_velocity[lane],
+        shared.sine_position[lane],
+        process_variance,
+    )
 
 
 @inlined
-def _step_covariance(shared: Any, gain: Any, lane: int, process_variance: float, variance: float) -> float:
-    """Update the covariance and gain of one radius and axis. Returns the innovation variance [m^2]."""
+def _step_covariance(
+    shared: Any,
+    gain: Any,
+    lane: int,
+    process_variance: float,
+    variance: float,
+) -> float:
+    """Update the covariance and gain of one radius and axis. Returns the innovation variance
+    [m^2].
+    """
     covariance = _predicted(shared, lane, process_variance)
-    innovation_variance = covariance[0] + variance  # Sigma = H P H' + R
+    # Sigma = H P H' + R.
+    innovation_variance = covariance[0] + variance
     gain_x, gain_v = kalman_gain(covariance, innovation_variance)
     xx, xv, vv = correct_covariance(covariance, gain_x, gain_v, variance)
     shared.xx[lane], shared.xv[lane], shared.vv[lane] = xx, xv, vv
@@ -104,14 +145,24 @@ def _step_covariance(shared: Any, gain: Any, lane: int, process_variance: float,
 @inlined
 def predict_estimate(kalman: Any, shared: Any, lane: int) -> State:
     """Return the predicted estimate [x, vx, y, vy] of a filter. Golubkov 2018, eq. (2)."""
-    C, S, W = shared.cosine[lane], shared.sine_velocity[lane], shared.sine_position[lane]
+    C = shared.cosine[lane]
+    S = shared.sine_velocity[lane]
+    W = shared.sine_position[lane]
     x, vx = propagate(kalman.x[lane], kalman.vx[lane], kalman.centre_x[lane], C, S, W)
     y, vy = propagate(kalman.y[lane], kalman.vy[lane], kalman.centre_y[lane], C, S, W)
     return x, vx, y, vy
 
 
 @inlined
-def _correct_estimate(kalman: Any, predicted: State, gain_x: Any, gain_y: Any, lane: int, x: float, y: float) -> None:
+def _correct_estimate(
+    kalman: Any,
+    predicted: State,
+    gain_x: Any,
+    gain_y: Any,
+    lane: int,
+    x: float,
+    y: float,
+) -> None:
     """Correct the predicted estimate of a filter by an innovation, which may be weighted [m]."""
     kalman.x[lane] = predicted[0] + gain_x.gain_x[lane] * x
     kalman.vx[lane] = predicted[1] + gain_x.gain_v[lane] * x
@@ -120,14 +171,22 @@ def _correct_estimate(kalman: Any, predicted: State, gain_x: Any, gain_y: Any, l
 
 
 @inlined
-def _step_estimates(bank: PublishedBank, first: int, last: int, measurement: FloatArray, freedom: float | None) -> None:
+def _step_estimates(
+    bank: PublishedBank,
+    first: int,
+    last: int,
+    measurement: FloatArray,
+    freedom: float | None,
+) -> None:
     """Predict and correct the estimates of every filter, and update their log-likelihoods."""
     axes, columns = bank.covariances.shape
     for h in range(bank.hypotheses.size):
-        kalman, innovation = bank.hypotheses[h], bank.innovations[h]
+        kalman = bank.hypotheses[h]
+        innovation = bank.innovations[h]
         column = radius_column(h, columns - 1)
         shared = bank.covariances[0, column]
-        gain_x, gain_y = bank.gains[0, column], bank.gains[axes - 1, column]
+        gain_x = bank.gains[0, column]
+        gain_y = bank.gains[axes - 1, column]
         for lane in range(first, last):
             predicted = predict_estimate(kalman, shared, lane)
             innovation_x = measurement[0, lane] - predicted[0]
@@ -136,7 +195,15 @@ def _step_estimates(bank: PublishedBank, first: int, last: int, measurement: Flo
             white_y = innovation_y * gain_y.whitener[lane]
             log_variance = 0.5 * (gain_x.log_variance[lane] + gain_y.log_variance[lane])
             weight, likelihood = weigh(white_x, white_y, log_variance, freedom)
-            _correct_estimate(kalman, predicted, gain_x, gain_y, lane, weight * innovation_x, weight * innovation_y)
+            _correct_estimate(
+                kalman,
+                predicted,
+                gain_x,
+                gain_y,
+                lane,
+                weight * innovation_x,
+                weight * innovation_y,
+            )
             innovation.white_x[lane] = white_x
             innovation.white_y[lane] = white_y
             innovation.log_variance[lane] = log_variance
@@ -144,17 +211,30 @@ def _step_estimates(bank: PublishedBank, first: int, last: int, measurement: Flo
 
 
 @internal
-def step_published(bank: PublishedBank, first: int, last: int, measurement: FloatArray, model: Any) -> None:
-    """Advance every filter and its log-likelihood of lanes first .. last - 1 by one tick with a measurement, (2, LANES)
-    [m]. Golubkov 2018, eq. (2) and (4).
+def step_published(
+    bank: PublishedBank,
+    first: int,
+    last: int,
+    measurement: FloatArray,
+    model: Any,
+) -> None:
+    """Advance every filter and its log-likelihood of lanes first .. last - 1 by one tick with a
+    measurement, (2, LANES) [m]. Golubkov 2018, eq. (2) and (4).
     """
     axes, columns = bank.covariances.shape
     for axis in range(axes):
         variance = model.variance_x if axis == 0 else model.variance_y
         for column in range(columns):
-            shared, gain = bank.covariances[axis, column], bank.gains[axis, column]
+            shared = bank.covariances[axis, column]
+            gain = bank.gains[axis, column]
             for lane in range(first, last):
-                innovation_variance = _step_covariance(shared, gain, lane, model.process_variance, variance)
+                innovation_variance = _step_covariance(
+                    shared,
+                    gain,
+                    lane,
+                    model.process_variance,
+                    variance,
+                )
                 gain.whitener[lane] = math.sqrt(1.0 / innovation_variance)
                 gain.log_variance[lane] = log(innovation_variance)
     if model.freedom > 0.0:
@@ -164,22 +244,31 @@ def step_published(bank: PublishedBank, first: int, last: int, measurement: Floa
 
 
 @internal
-def follow_published(bank: PublishedBank, lane: int, hypothesis: int, measurement: FloatArray, model: Any) -> None:
-    """Advance the filter of one hypothesis of a lane after a decision, without its log-likelihood. Golubkov 2018,
-    algorithm 1, line 15.
+def follow_published(
+    bank: PublishedBank,
+    lane: int,
+    hypothesis: int,
+    measurement: FloatArray,
+    model: Any,
+) -> None:
+    """Advance the filter of one hypothesis of a lane after a decision, without its log-likelihood.
+    Golubkov 2018, algorithm 1, line 15.
     """
     axes, columns = bank.covariances.shape
     column = radius_column(hypothesis, columns - 1)
     for axis in range(axes):
         variance = model.variance_x if axis == 0 else model.variance_y
-        shared, gain = bank.covariances[axis, column], bank.gains[axis, column]
+        shared = bank.covariances[axis, column]
+        gain = bank.gains[axis, column]
         innovation_variance = _step_covariance(shared, gain, lane, model.process_variance, variance)
         if model.freedom > 0.0:
             gain.whitener[lane] = math.sqrt(1.0 / innovation_variance)
-    gain_x, gain_y = bank.gains[0, column], bank.gains[axes - 1, column]
+    gain_x = bank.gains[0, column]
+    gain_y = bank.gains[axes - 1, column]
     kalman = bank.hypotheses[hypothesis]
     predicted = predict_estimate(kalman, bank.covariances[0, column], lane)
-    x, y = measurement[0, lane] - predicted[0], measurement[1, lane] - predicted[2]
+    x = measurement[0, lane] - predicted[0]
+    y = measurement[1, lane] - predicted[2]
     if model.freedom > 0.0:
         weight = student_weight(x * gain_x.whitener[lane], y * gain_y.whitener[lane], model.freedom)
         x, y = weight * x, weight * y
@@ -188,7 +277,9 @@ def follow_published(bank: PublishedBank, lane: int, hypothesis: int, measuremen
 
 @internal
 def predict_published(bank: PublishedBank, lane: int, model: Any) -> None:
-    """Advance every filter of a lane by one tick without a measurement: only the prediction of eq. (2)."""
+    """Advance every filter of a lane by one tick without a measurement: only the prediction of
+    eq. (2).
+    """
     axes, columns = bank.covariances.shape
     for axis in range(axes):
         variance = model.variance_x if axis == 0 else model.variance_y
@@ -198,27 +289,41 @@ def predict_published(bank: PublishedBank, lane: int, model: Any) -> None:
             shared.xx[lane], shared.xv[lane], shared.vv[lane] = xx, xv, vv
             bank.gains[axis, column].log_variance[lane] = log(xx + variance)
     for h in range(bank.hypotheses.size):
-        kalman, innovation = bank.hypotheses[h], bank.innovations[h]
+        kalman = bank.hypotheses[h]
+        innovation = bank.innovations[h]
         column = radius_column(h, columns - 1)
         set_estimate(kalman, lane, predict_estimate(kalman, bank.covariances[0, column], lane))
         innovation.white_x[lane] = innovation.white_y[lane] = 0.0
         innovation.log_variance[lane] = 0.5 * (
-            bank.gains[0, column].log_variance[lane] + bank.gains[axes - 1, column].log_variance[lane]
+            bank.gains[0, column].log_variance[lane]
+            + bank.gains[axes - 1, column].log_variance[lane]
         )
 
 
 @internal
 def correct_published(
-    bank: PublishedBank, lane: int, hypothesis: int, block: Any, sensors: Records, model: Any
+    bank: PublishedBank,
+    lane: int,
+    hypothesis: int,
+    block: Any,
+    sensors: Records,
+    model: Any,
 ) -> None:
-    """With a radar the bank is the anchor-aware one with an exact anchor: the axes are not independent."""
+    """With a radar the bank is the anchor-aware one with an exact anchor: the axes are not
+    independent.
+    """
 
 
 @internal
 def predicted_position_published(
-    bank: PublishedBank, hypothesis: int, lane: int, model: Any
+    bank: PublishedBank,
+    hypothesis: int,
+    lane: int,
+    model: Any,
 ) -> tuple[float, float, float, float, float]:
-    """Return the predicted position x, y of one hypothesis before a tick [m], and its covariance xx, xy, yy [m^2]."""
+    """Return the predicted position x, y of one hypothesis before a tick [m], and its covariance
+    xx, xy, yy [m^2].
+    """
     axes, columns = bank.covariances.shape
     column = radius_column(hypothesis, columns - 1)
     x, _, y, _ = predict_estimate(bank.hypotheses[hypothesis], bank.covariances[0, column], lane)
@@ -232,5 +337,17 @@ def covariance_published(bank: PublishedBank, hypothesis: int, lane: int) -> Tri
     """Return the covariance of [x, vx, y, vy] of one hypothesis, upper triangle row by row."""
     axes, columns = bank.covariances.shape
     column = radius_column(hypothesis, columns - 1)
-    x, y = bank.covariances[0, column], bank.covariances[axes - 1, column]
-    return x.xx[lane], x.xv[lane], 0.0, 0.0, x.vv[lane], 0.0, 0.0, y.xx[lane], y.xv[lane], y.vv[lane]
+    x = bank.covariances[0, column]
+    y = bank.covariances[axes - 1, column]
+    return (
+        x.xx[lane],
+        x.xv[lane],
+        0.0,
+        0.0,
+        x.vv[lane],
+        0.0,
+        0.0,
+        y.xx[lane],
+        y.xv[lane],
+        y.vv[lane],
+    )

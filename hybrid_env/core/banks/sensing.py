@@ -1,7 +1,8 @@
-"""The correction of a filter by what the sensors measure: a position with any covariance, and range rates. It is
-corrected by the coordinates along the principal axes of the position's covariance, whose errors are independent, and
-then by one range rate after the other, linearised at the estimate corrected so far. A filter has the seven states of
-`extended_kalman`; one of four states is embedded in it.
+"""The correction of a filter by what the sensors measure: a position with any covariance, and range
+rates. It is corrected by the coordinates along the principal axes of the position's covariance,
+whose errors are independent, and then by one range rate after the other, linearised at the estimate
+corrected so far. A filter has the seven states of `extended_kalman`; one of four states is embedded
+in it.
 """
 
 import math
@@ -20,14 +21,16 @@ from hybrid_env.core.records import MOST_RATES, State
 Scalar = tuple[float, float, bool]
 """Whitened innovation, logarithm of its variance, and False if the filter has diverged."""
 
-LARGEST = 1e12  # [m] or [m/s]; a filter with larger values has diverged
-ROUNDING = 1e-6  # tolerance of a negative variance, relative to the predicted variance
+# [m] or [m/s]; a filter with larger values has diverged.
+LARGEST = 1e12
+# Tolerance of a negative variance, relative to the predicted variance.
+ROUNDING = 1e-6
 
 
 @internal
 def write_measured(block: Any, lane: int, measured: FloatArray) -> None:
-    """Write what is measured to a lane of a record with the fields of `records.MEASURED`. measured: (2,) position of
-    variance R, or (9,) with covariance xx, xy, yy over R and range rates.
+    """Write what is measured to a lane of a record with the fields of `records.MEASURED`. measured:
+    (2,) position of variance R, or (9,) with covariance xx, xy, yy over R and range rates.
     """
     block.measurement[0, lane], block.measurement[1, lane] = measured[0], measured[1]
     for k in range(3):
@@ -38,8 +41,11 @@ def write_measured(block: Any, lane: int, measured: FloatArray) -> None:
 
 @inlined
 def principal_axes(xx: float, xy: float, yy: float) -> State:
-    """Return cosine and sine of the first principal axis of a covariance, and the variances along both."""
-    half, mean = 0.5 * (xx - yy), 0.5 * (xx + yy)
+    """Return cosine and sine of the first principal axis of a covariance, and the variances
+    along both.
+    """
+    half = 0.5 * (xx - yy)
+    mean = 0.5 * (xx + yy)
     length = math.sqrt(half * half + xy * xy)
     if length == 0.0:
         return 1.0, 0.0, xx, yy
@@ -54,9 +60,15 @@ def principal_axes(xx: float, xy: float, yy: float) -> State:
 
 @internal
 def correct_scalar(
-    state: Vector7, p: Triangle7, h: State, innovation: float, variance: float
+    state: Vector7,
+    p: Triangle7,
+    h: State,
+    innovation: float,
+    variance: float,
 ) -> tuple[Vector7, Triangle7, Scalar]:
-    """Correct a filter by a measurement h . [x, vx, y, vy] with a variance; return it with the innovation."""
+    """Correct a filter by a measurement h . [x, vx, y, vy] with a variance; return it with the
+    innovation.
+    """
     a, b, c, d = h
     k = (
         a * p[0] + b * p[1] + c * p[2] + d * p[3],
@@ -70,7 +82,7 @@ def correct_scalar(
     sigma = a * k[0] + b * k[1] + c * k[2] + d * k[3] + variance
     inverse = 1.0 / sigma
     left = condition(p, k, inverse)
-    # these comparisons are False for NaN and for values that would lead to NaN
+    # These comparisons are False for NaN and for values that would lead to NaN.
     valid = (
         (sigma > 0.5 * variance)
         & (sigma < LARGEST * LARGEST)
@@ -84,20 +96,31 @@ def correct_scalar(
         return state, p, (0.0, 0.0, False)
     gain = innovation * inverse
     moved = (
-        state[0] + gain * k[0], state[1] + gain * k[1], state[2] + gain * k[2], state[3] + gain * k[3],
-        state[4] + gain * k[4], state[5] + gain * k[5], state[6] + gain * k[6],
-    )  # fmt: skip
+        state[0] + gain * k[0],
+        state[1] + gain * k[1],
+        state[2] + gain * k[2],
+        state[3] + gain * k[3],
+        state[4] + gain * k[4],
+        state[5] + gain * k[5],
+        state[6] + gain * k[6],
+    )
     return moved, left, (innovation * math.sqrt(inverse), log(sigma), True)
 
 
 @inlined
-def _rate_model(state: Vector7, p: Triangle7, rate: float, sensor: Any) -> tuple[State, float, float]:
-    """Return the derivatives of a range rate by [x, vx, y, vy], its innovation, and its variance. Near the radar the
-    bearing is uncertain: what this adds in second order adds to the variance.
+def _rate_model(
+    state: Vector7,
+    p: Triangle7,
+    rate: float,
+    sensor: Any,
+) -> tuple[State, float, float]:
+    """Return the derivatives of a range rate by [x, vx, y, vy], its innovation, and its variance.
+    Near the radar the bearing is uncertain: what this adds in second order adds to the variance.
     """
     x, u, y, v = state[0] - sensor.x, state[1], state[2] - sensor.y, state[3]
     distance = max(math.hypot(x, y), 1e-150)
-    along_x, along_y = x / distance, y / distance
+    along_x = x / distance
+    along_y = y / distance
     expected = range_rate(x, y, u, v)
     across = along_y * along_y * p[0] - 2.0 * along_x * along_y * p[2] + along_x * along_x * p[13]
     angle = min(max(across, 0.0) / (distance * distance), 1e6)
@@ -108,21 +131,39 @@ def _rate_model(state: Vector7, p: Triangle7, rate: float, sensor: Any) -> tuple
 
 @internal
 def correct_by_sensors(
-    state: Vector7, p: Triangle7, block: Any, lane: int, sensors: Records, model: Any
+    state: Vector7,
+    p: Triangle7,
+    block: Any,
+    lane: int,
+    sensors: Records,
+    model: Any,
 ) -> tuple[Vector7, Triangle7, State, bool]:
-    """Correct a predicted filter by all that is measured in a tick: a position, and range rates of the sensors. Returns
-    state, covariance, (whitened innovation x and y, mean logarithm of its variance, log-likelihood), and False if the
-    filter has diverged: then state and covariance are the predicted ones.
+    """Correct a predicted filter by all that is measured in a tick: a position, and range rates of
+    the sensors. Returns state, covariance, (whitened innovation x and y, mean logarithm of its
+    variance, log-likelihood), and False if the filter has diverged: then state and covariance are
+    the predicted ones.
     """
     noise, R = block.noise, model.variance_x
-    cosine, sine, first, second = principal_axes(R * noise[0, lane], R * noise[1, lane], R * noise[2, lane])
-    after, q, valid = state, p, True
-    white_first, white_second, log_variance, log_rates, distance, count = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    cosine, sine, first, second = principal_axes(
+        R * noise[0, lane],
+        R * noise[1, lane],
+        R * noise[2, lane],
+    )
+    after = state
+    q = p
+    valid = True
+    white_first = 0.0
+    white_second = 0.0
+    log_variance = 0.0
+    log_rates = 0.0
+    distance = 0.0
+    count = 0.0
     for k in range(-2, sensors.size):
         if k < 0:
             h_x, h_y, variance = (cosine, sine, first) if k == -2 else (-sine, cosine, second)
             h = h_x, 0.0, h_y, 0.0
-            x, y = block.measurement[0, lane] - after[0], block.measurement[1, lane] - after[2]
+            x = block.measurement[0, lane] - after[0]
+            y = block.measurement[1, lane] - after[2]
             innovation = h_x * x + h_y * y
         else:
             row = sensors[k].rate_row
@@ -142,15 +183,19 @@ def correct_by_sensors(
         else:
             log_rates += 0.5 * (LOG_TWO_PI + log_sigma)
     likelihood = -0.5 * distance
-    if model.freedom > 0.0:  # all corrections of a tick have one weight, see `kalman.weigh`
+    # All corrections of a tick have one weight, see `kalman.weigh`.
+    if model.freedom > 0.0:
         likelihood = -0.5 * (model.freedom + count) * log(1.0 + distance / model.freedom)
         w = min((model.freedom + count) / (model.freedom + distance), 1.0)
         after = (
-            state[0] + w * (after[0] - state[0]), state[1] + w * (after[1] - state[1]),
-            state[2] + w * (after[2] - state[2]), state[3] + w * (after[3] - state[3]),
-            state[4] + w * (after[4] - state[4]), state[5] + w * (after[5] - state[5]),
+            state[0] + w * (after[0] - state[0]),
+            state[1] + w * (after[1] - state[1]),
+            state[2] + w * (after[2] - state[2]),
+            state[3] + w * (after[3] - state[3]),
+            state[4] + w * (after[4] - state[4]),
+            state[5] + w * (after[5] - state[5]),
             state[6] + w * (after[6] - state[6]),
-        )  # fmt: skip
+        )
     if not valid:
         return state, p, (0.0, 0.0, 0.0, 0.0), False
     white_x = cosine * white_first - sine * white_second

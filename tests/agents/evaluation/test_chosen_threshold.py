@@ -24,7 +24,10 @@ def few_episodes():
     patch.undo()
 
 
-@pytest.mark.parametrize("name", ["ate:0%", "ate:50%", "ate:-1%", "ate:x%", "ate:nan%", "ate:2/1000", "fixed:auto:3"])
+@pytest.mark.parametrize(
+    "name",
+    ["ate:0%", "ate:50%", "ate:-1%", "ate:x%", "ate:nan%", "ate:2/1000", "fixed:auto:3"],
+)
 def test_other_endings_are_refused(name):
     with pytest.raises(ArgumentError, match="decider"):
         find_family(name, task_of(HOME, {}).options)
@@ -40,15 +43,21 @@ def alpha_of(name, **options):
 def test_the_threshold_for_the_reward_depends_on_the_delay_cost():
     told = alpha_of("msprt:auto")
     assert told in find_family("msprt", task_of(HOME, {}).options).thresholds
-    assert told < alpha_of("msprt:auto", delay_cost=0.1)  # waiting costs more
+    # Waiting costs more.
+    assert told < alpha_of("msprt:auto", delay_cost=0.1)
 
 
 def test_a_promised_error_rate_is_held_on_other_episodes():
-    for rate, noise in ((0.03, "gaussian"), (0.1, "gaussian"), (0.2, "student_t 3")):
+    for rate, noise in (
+        (0.03, "gaussian"),
+        (0.1, "gaussian"),
+        (0.2, "student_t 3"),
+    ):
         task = task_of(HOME, {"noise": noise})
         scores = sweep(task, find_family(f"msprt:{100 * rate:g}%", task.options), 300, 0)
         error = 1.0 - float(scores.curve(task.statistic("accuracy"))[0])
-        counting = 2.0 * np.sqrt(rate / 300 / 6) + 2.0 * np.sqrt(rate / 450 / 6)  # episodes near the rate
+        # Episodes near the rate.
+        counting = 2.0 * np.sqrt(rate / 300 / 6) + 2.0 * np.sqrt(rate / 450 / 6)
         assert abs(error - rate) < counting
 
 
@@ -63,7 +72,10 @@ def test_a_rate_that_cannot_be_held_is_told():
 
 def test_unknown_switches_have_a_reward_and_a_rate_of_wrong_changes():
     task = task_of("HybridTrackQuickest-v0", {"ticks": 200})
-    few, many = (find_family(f"threshold:{rate}/1000", task.options).make(0.0).threshold for rate in (2, 8))
+    few, many = (
+        find_family(f"threshold:{rate}/1000", task.options).make(0.0).threshold for rate in (2, 8)
+    )
+
     assert 0.5 < many < few < 1.0
     family = find_family("threshold:auto", task.options)
     assert family.make(0.0).threshold in find_family("threshold", task.options).thresholds

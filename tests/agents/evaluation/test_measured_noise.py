@@ -6,9 +6,27 @@ from agents.evaluation import measured_noise
 from agents.evaluation.tasks import BANK, QUICKEST, THREE, task_of
 from hybrid_env.noises import GaussianNoise, LevyNoise, OutlierNoise, StudentNoise
 
-WALKER = {"speed": 1.4, "radii": (2.0,), "measurement_variance": 9.0, "process_variance": 0.01, "tau": 1.0}
-AIRCRAFT = {"speed": 200.0, "radii": (5000.0,), "measurement_variance": 100.0, "process_variance": 0.1, "tau": 4.0}
-SHIP = {"speed": 8.0, "radii": (400.0, 900.0), "measurement_variance": 100.0, "process_variance": 0.01, "tau": 5.0}
+WALKER = {
+    "speed": 1.4,
+    "radii": (2.0,),
+    "measurement_variance": 9.0,
+    "process_variance": 0.01,
+    "tau": 1.0,
+}
+AIRCRAFT = {
+    "speed": 200.0,
+    "radii": (5000.0,),
+    "measurement_variance": 100.0,
+    "process_variance": 0.1,
+    "tau": 4.0,
+}
+SHIP = {
+    "speed": 8.0,
+    "radii": (400.0, 900.0),
+    "measurement_variance": 100.0,
+    "process_variance": 0.01,
+    "tau": 5.0,
+}
 
 
 def law_of(env_id=THREE, **options):
@@ -34,7 +52,8 @@ def test_normal_noise_is_found_to_be_normal_at_any_scale(env_id, options):
 def test_the_laws_are_told_apart_and_their_numbers_found():
     found = law_of(noise="outliers 0.05 8")
     assert isinstance(found, OutlierNoise)
-    assert found.share == pytest.approx(0.05, rel=0.3)  # 25,000 measurements, more than 1,000 outliers
+    # 25,000 measurements, more than 1,000 outliers.
+    assert found.share == pytest.approx(0.05, rel=0.3)
     assert found.ratio == pytest.approx(8.0, rel=0.2)
     found = law_of(QUICKEST, noise="student_t 3", **SHIP)
     assert isinstance(found, StudentNoise)
@@ -57,17 +76,23 @@ def test_too_few_measurements_count_as_normal():
 
 
 def test_differences_are_those_within_an_episode():
-    assert not measured_noise._histogram(task_of(QUICKEST, {"ticks": 2}).options, "gaussian", 0).any()
+    assert not measured_noise._histogram(
+        task_of(QUICKEST, {"ticks": 2}).options,
+        "gaussian",
+        0,
+    ).any()
 
 
 def test_the_true_law_is_not_read(monkeypatch):
     """Only the measurements of the environment with the true law may differ."""
-    seen, true = [], measured_noise._histogram
+    seen = []
+    true = measured_noise._histogram
 
     def histogram(options, noise, seed):
         seen.append(str(noise))
         return true(options, "gaussian", seed)
 
     monkeypatch.setattr(measured_noise, "_histogram", histogram)
+
     assert isinstance(law_of(noise="levy 1.2"), GaussianNoise)
     assert len(seen) == 2

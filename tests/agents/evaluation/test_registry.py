@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from agents.evaluation.registry import NAMED, SHIPPED, find_decider, find_family, load_decider, policy_folder
+from agents.evaluation.registry import (
+    NAMED,
+    SHIPPED,
+    find_decider,
+    find_family,
+    load_decider,
+    policy_folder,
+)
 from baselines import record_statements
 from baselines.rules import refiltering
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
@@ -16,14 +23,25 @@ OPTIONS = {
 }
 
 
-AGENTS = [*((task, SHIPPED) for task in OPTIONS), *((task, name) for name, (task, _) in NAMED.items())]
+AGENTS = [
+    *((task, SHIPPED) for task in OPTIONS),
+    *((task, name) for name, (task, _) in NAMED.items()),
+]
 
 
-@pytest.mark.parametrize(("task", "name"), [*((task, name) for task in OPTIONS for name in rules(task)), *AGENTS])
-def test_every_decider_decides_at_its_default_and_can_be_made_at_every_threshold(task, name, monkeypatch):
+@pytest.mark.parametrize(
+    ("task", "name"),
+    [*((task, name) for task in OPTIONS for name in rules(task)), *AGENTS],
+)
+def test_every_decider_decides_at_its_default_and_can_be_made_at_every_threshold(
+    task,
+    name,
+    monkeypatch,
+):
     monkeypatch.setattr(refiltering, "CALIBRATION_EPISODES", 100)
     options = OPTIONS[task]
     family, threshold = find_decider(name, options)
+
     assert threshold == family.default
     assert family.default in family.thresholds
     assert len(set(family.thresholds)) == len(family.thresholds)
@@ -36,7 +54,9 @@ def test_every_decider_decides_at_its_default_and_can_be_made_at_every_threshold
     elif not family.options:
         env = HybridTrackVectorEnv(2, **vars(options))
         rows, _ = env.reset(seed=5)
-        seen = rows if getattr(decider, "observes", "rows") == "rows" else decider.observe(env.world)
+        seen = (
+            rows if getattr(decider, "observes", "rows") == "rows" else decider.observe(env.world)
+        )
         actions, _ = decider.predict(seen, None, np.ones(2, np.bool_))
         assert (actions <= options.hypotheses).all()
 
@@ -44,8 +64,14 @@ def test_every_decider_decides_at_its_default_and_can_be_made_at_every_threshold
 @pytest.mark.parametrize(
     ("task", "name"),
     [
-        *((UNKNOWN, name) for name in ("oracle", "", "ate", "cusum:0", "threshold:much", "threshold:nan")),
-        *((ANNOUNCED, name) for name in ("oracle", "", "cusum", "ate:much", "ate:nan", "ate:2", "ml:0.5")),
+        *(
+            (UNKNOWN, name)
+            for name in ("oracle", "", "ate", "cusum:0", "threshold:much", "threshold:nan")
+        ),
+        *(
+            (ANNOUNCED, name)
+            for name in ("oracle", "", "cusum", "ate:much", "ate:nan", "ate:2", "ml:0.5")
+        ),
         (UNKNOWN, "threshold:2"),
     ],
 )

@@ -12,7 +12,10 @@ from baselines.rules.decider import DeciderFamily
 from baselines.rules.rollout import evaluate
 
 ANNOUNCED = AnnouncedTask("hybrid_env:HybridTrackPublished-v0", {"scheme": "random 3x20-40"})
-UNKNOWN = UnknownTask("hybrid_env:HybridTrackQuickest-v0", {"ticks": 120, "durations": "uniform 20-40"})
+UNKNOWN = UnknownTask(
+    "hybrid_env:HybridTrackQuickest-v0",
+    {"ticks": 120, "durations": "uniform 20-40"},
+)
 
 
 def family(*thresholds, make=ThresholdDecider):
@@ -20,7 +23,10 @@ def family(*thresholds, make=ThresholdDecider):
 
 
 FIXED = family(5.0, 20.0, make=lambda ticks: FixedTimeDecider(int(ticks)))
-CASES = [(ANNOUNCED, FIXED), (UNKNOWN, family(0.6, 0.9))]
+CASES = [
+    (ANNOUNCED, FIXED),
+    (UNKNOWN, family(0.6, 0.9)),
+]
 
 
 def test_scores_of_announced_switches_are_those_of_recorded_decisions():
@@ -56,11 +62,13 @@ def test_a_beam_computes_its_thresholds_at_once_with_the_same_statements():
 
 @pytest.mark.parametrize(("task", "deciders"), CASES)
 def test_batches_do_not_change_scores(task, deciders, monkeypatch):
-    shares, found = [], []
+    shares = []
+    found = []
     for size in (None, 4):
         if size is not None:
             monkeypatch.setattr(type(task), "batch", lambda self: 4)
         found.append(sweep(task, deciders, 10, 3, shares.append))
+
     np.testing.assert_array_equal(found[0].values, found[1].values)
     for name, array in found[0].extra.items():
         np.testing.assert_array_equal(array, found[1].extra[name])

@@ -18,9 +18,22 @@ def curve(name, values, **more):
 
 
 CURVES = [
-    curve("ATE (SPRT)", [0.2, 0.6, 0.7, 0.75, 0.8], selected=[(15.0, 0.6)]),
-    curve("ppo", [0.3, 0.7, 0.8, 0.85, 1.2], bounds=np.array([[0.2] * 5, [0.9] * 5])),
-    curve("fixed time", [0.1, 0.3, 0.4, 0.45, 0.5], size=0.0, dashes="--"),
+    curve(
+        "ATE (SPRT)",
+        [0.2, 0.6, 0.7, 0.75, 0.8],
+        selected=[(15.0, 0.6)],
+    ),
+    curve(
+        "ppo",
+        [0.3, 0.7, 0.8, 0.85, 1.2],
+        bounds=np.array([[0.2] * 5, [0.9] * 5]),
+    ),
+    curve(
+        "fixed time",
+        [0.1, 0.3, 0.4, 0.45, 0.5],
+        size=0.0,
+        dashes="--",
+    ),
 ]
 
 
@@ -39,7 +52,9 @@ def test_one_legend_beside_the_panels_has_every_curve(figure, tmp_path):
     assert legend.get_window_extent().x0 > max(axes.get_window_extent().x1 for axes in figure.axes)
 
 
-def test_curves_have_the_colours_and_markers_of_their_deciders_and_selected_points_are_filled(figure):
+def test_curves_have_the_colours_and_markers_of_their_deciders_and_selected_points_are_filled(
+    figure,
+):
     axes = figure.axes[0]
     for one in CURVES:
         drawn = [line for line in axes.lines if line.get_color() == one.style.colour]

@@ -7,10 +7,12 @@ from matplotlib.colors import to_hex
 from agents.figures.tracks import recording_figure
 
 NAMES = ("straight", "left turn", "right turn")
-PIECES = [(0, 6), (6, 10)]  # a gap of five minutes between them
+# A gap of five minutes between them.
+PIECES = [(0, 6), (6, 10)]
 MINUTES = np.array([0.0, 1, 2, 3, 4, 5, 10, 11, 12, 13])
 POINTS = np.stack([MINUTES, 0.5 * MINUTES], axis=1)
-LABELS = np.array([0, 0, 0, 1, 1, 3, 2, 2, 2, 2])  # 3 is not scored
+# 3 is not scored.
+LABELS = np.array([0, 0, 0, 1, 1, 3, 2, 2, 2, 2])
 STATED = {"beam": np.array([0, 0, 0, 0, 1, 1, 0, 2, 2, 2]), "CUSUM": np.zeros(10, int)}
 
 
@@ -32,14 +34,25 @@ def test_bars_show_labels_and_statements_but_no_gap(figure, colours):
     timeline = figure.axes[1]
     assert [label.get_text() for label in timeline.get_yticklabels()] == ["label", "beam", "CUSUM"]
     bars = [
-        (round(bar.get_y() + bar.get_height() / 2), bar.get_x(), bar.get_width(), to_hex(bar.get_facecolor()))
+        (
+            round(bar.get_y() + bar.get_height() / 2),
+            bar.get_x(),
+            bar.get_width(),
+            to_hex(bar.get_facecolor()),
+        )
         for bar in timeline.patches
     ]
     straight, left, right, _ = colours
     assert bars == [
-        (0, 0, 3, straight), (0, 3, 2, left), (0, 10, 3, right),
-        (1, 0, 4, straight), (1, 4, 1, left), (1, 10, 1, straight), (1, 11, 2, right),
-        (2, 0, 5, straight), (2, 10, 3, straight),
-    ]  # fmt: skip
+        (0, 0, 3, straight),
+        (0, 3, 2, left),
+        (0, 10, 3, right),
+        (1, 0, 4, straight),
+        (1, 4, 1, left),
+        (1, 10, 1, straight),
+        (1, 11, 2, right),
+        (2, 0, 5, straight),
+        (2, 10, 3, straight),
+    ]
     assert timeline.get_xlabel() == "t [min]"
     assert timeline.get_xlim() == (0.0, 13.0)

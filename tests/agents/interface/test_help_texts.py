@@ -10,7 +10,11 @@ from agents.cli import COMMANDS, EXAMPLES, main, parse
 LINES = [(name, line) for name, lines in EXAMPLES.items() for line in lines]
 
 
-@pytest.mark.parametrize(("name", "line"), LINES, ids=[line for _, line in LINES])
+@pytest.mark.parametrize(
+    ("name", "line"),
+    LINES,
+    ids=[line for _, line in LINES],
+)
 def test_an_example_is_a_command_that_parses(name, line):
     program, *arguments = shlex.split(line, comments=True)
     assert program == "hybridtrack"

@@ -1,4 +1,6 @@
-"""YAML of users: what is no plain value is refused in one line, and times are not taken for numbers."""
+"""YAML of users: what is no plain value is refused in one line, and times are not taken for
+numbers.
+"""
 
 import pytest
 from hostile_input import refused
@@ -40,12 +42,27 @@ def test_yaml_that_is_no_plain_value_is_refused_in_one_line(kind, tmp_path):
     with pytest.raises(ValueError, match=r".+"):
         parse_yaml(text)
     path = tmp_path / "recipe.yml"
-    for entry in (f"default: {text}", f"default: {{algo: ppo, n_steps: {text}}}", f"default: {{? {text} : 1}}"):
+    for entry in (
+        f"default: {text}",
+        f"default: {{algo: ppo, n_steps: {text}}}",
+        f"default: {{? {text} : 1}}",
+    ):
         path.write_text(entry)
         refused(load_recipe, str(path), ENV)
+
     assert "set=" in refused(load_recipe, "ppo", ENV, [f"learning_rate={text}"])
 
 
 def test_a_quoted_time_is_a_text_and_numbers_are_as_before():
-    values = parse_yaml(r'{a: "1:59:59", b: 1.5, c: 1_000, d: 0x10, e: "\u00e4\U0001F600", f: 1e-3, g: -0.5}')
-    assert values == {"a": "1:59:59", "b": 1.5, "c": 1000, "d": 16, "e": "\u00e4\U0001f600", "f": "1e-3", "g": -0.5}
+    values = parse_yaml(
+        r'{a: "1:59:59", b: 1.5, c: 1_000, d: 0x10, e: "\u00e4\U0001F600", f: 1e-3, g: -0.5}'
+    )
+    assert values == {
+        "a": "1:59:59",
+        "b": 1.5,
+        "c": 1000,
+        "d": 16,
+        "e": "\u00e4\U0001f600",
+        "f": "1e-3",
+        "g": -0.5,
+    }

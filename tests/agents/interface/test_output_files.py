@@ -6,7 +6,13 @@ import pytest
 import torch
 from safetensors.torch import save_file
 
-from agents.interface.output_files import PART_PREFIX, STALE_AFTER, atomic_file, output_folder, write_json
+from agents.interface.output_files import (
+    PART_PREFIX,
+    STALE_AFTER,
+    atomic_file,
+    output_folder,
+    write_json,
+)
 from hybrid_env.checks import ArgumentError
 
 
@@ -25,6 +31,7 @@ def test_a_planted_link_is_not_followed(tmp_path, monkeypatch):
     link.symlink_to(victim)
     with pytest.raises(ArgumentError) as caught, atomic_file(tmp_path / "a.csv"):
         raise AssertionError
+
     assert "File exists" in one_line(caught)
     assert victim.read_text() == "untouched"
 
@@ -36,25 +43,39 @@ def test_names_of_temporary_files_differ_and_a_long_name_can_be_written(tmp_path
         assert first.name.startswith(PART_PREFIX)
         first.write_text("1")
         second.write_text("2")
+
     assert path.read_text() == "1"
     assert list(tmp_path.iterdir()) == [path]
 
 
 def test_old_temporary_files_are_removed_and_no_others(tmp_path):
-    names = [f"{PART_PREFIX}old.part.png", f"{PART_PREFIX}new.part.png", "old.part.png", ".old.1.part.png"]
+    names = [
+        f"{PART_PREFIX}old.part.png",
+        f"{PART_PREFIX}new.part.png",
+        "old.part.png",
+        ".old.1.part.png",
+    ]
     for name in names:
         (tmp_path / name).write_text("")
     for name in names[:1] + names[2:]:
-        os.utime(tmp_path / name, times=(0, os.stat(tmp_path / name).st_mtime - STALE_AFTER - 10))
+        os.utime(
+            tmp_path / name,
+            times=(0, os.stat(tmp_path / name).st_mtime - STALE_AFTER - 10),
+        )
     write_json(tmp_path / "a.json", 1)
+
     assert {path.name for path in tmp_path.iterdir()} == {*names[1:], "a.json"}
 
 
-@pytest.mark.parametrize("target", [Path("/dev/null"), Path("/dev/full"), Path("/")])
+@pytest.mark.parametrize(
+    "target",
+    [Path("/dev/null"), Path("/dev/full"), Path("/")],
+)
 def test_a_folder_or_a_device_is_not_replaced(target):
     before = target.stat()
     with pytest.raises(ArgumentError) as caught:
         write_json(target, 1)
+
     assert "not a folder or device" in one_line(caught)
     assert target.stat().st_mode == before.st_mode
 
@@ -64,7 +85,8 @@ def full_disk(part: Path) -> None:
 
 
 def weights_into_no_folder(part: Path) -> None:
-    save_file({"a": torch.zeros(2)}, part / "below a file")  # raises a SafetensorError
+    # Raises a SafetensorError.
+    save_file({"a": torch.zeros(2)}, part / "below a file")
 
 
 @pytest.mark.parametrize("writer", [full_disk, weights_into_no_folder])

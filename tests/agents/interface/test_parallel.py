@@ -34,6 +34,7 @@ def test_results_come_in_the_order_of_the_calls(jobs):
     done = []
     calls = {f"call {number}": functools.partial(square, number) for number in range(6)}
     found = list(Workers(jobs).results(calls, done.append))
+
     assert [name for name, _ in found] == list(calls)
     assert [result for _, (result, _) in found] == [0, 1, 4, 9, 16, 25]
     assert sorted(done) == list(calls)
@@ -42,7 +43,9 @@ def test_results_come_in_the_order_of_the_calls(jobs):
 
 
 def test_the_call_of_a_lost_worker_is_repeated(tmp_path):
-    calls = {number: functools.partial(killed_once, tmp_path / "killed", number) for number in range(4)}
+    calls = {
+        number: functools.partial(killed_once, tmp_path / "killed", number) for number in range(4)
+    }
     assert dict(Workers(2).results(calls)) == {number: number for number in range(4)}
     assert list(Workers(2).results({})) == []
     assert (tmp_path / "killed").exists()
@@ -81,4 +84,5 @@ def test_workers_trust_what_the_command_trusts_and_no_longer():
     for trust in (True, False, True):
         with trusting(trust):
             assert {found for _, found in Workers(2).results(calls)} == {trust}
+
     assert not trusted()

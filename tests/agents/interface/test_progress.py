@@ -20,7 +20,8 @@ def wait_for(stream, text):
 
 def test_without_a_terminal_lines_come_on_the_standard_error_stream(monkeypatch):
     monkeypatch.setattr(progress, "FIRST_LINE", 0.01)
-    errors, output = io.StringIO(), io.StringIO()
+    errors = io.StringIO()
+    output = io.StringIO()
     monkeypatch.setattr("sys.stderr", errors)
     with progress_display(Console(file=output)) as display:
         task = display.add_task("Training", total=200, note="")
@@ -31,6 +32,7 @@ def test_without_a_terminal_lines_come_on_the_standard_error_stream(monkeypatch)
         next_task = display.add_task("Evaluating", total=10, note="")
         wait_for(errors.getvalue, "Evaluating: 0 %")
         display.advance(next_task, 10)
+
     assert output.getvalue() == ""
     lines = errors.getvalue().splitlines()
     pattern = r"(Training|Evaluating): \d+ % after \d:\d\d:\d\d(, about \d:\d\d:\d\d left)?(: .*)?"
@@ -42,5 +44,8 @@ def test_without_a_terminal_lines_come_on_the_standard_error_stream(monkeypatch)
 
 def test_a_short_command_prints_no_lines(capsys):
     with progress_display(Console(file=io.StringIO())) as display:
-        display.update(display.add_task("Reading", total=1.0, note=""), completed=1.0)
+        display.update(
+            display.add_task("Reading", total=1.0, note=""),
+            completed=1.0,
+        )
     assert capsys.readouterr().err == ""

@@ -9,7 +9,8 @@ import pytest
 from agents.interface.parallel import Workers
 from agents.studies.limits import calls as limit_calls
 
-pytestmark = pytest.mark.filterwarnings("ignore")  # those of Ray are not ours
+# Those of Ray are not ours.
+pytestmark = pytest.mark.filterwarnings("ignore")
 
 
 @pytest.fixture
@@ -39,6 +40,7 @@ def test_a_killed_node_changes_no_byte(nodes):
     workers = Workers(2, "ray")
     calls = {number: functools.partial(node_after, 0.5, number) for number in range(4)}
     found = [result for _, result in workers.results(calls)]
+
     assert [number for number, _ in found] == list(range(4))
     assert len({node for _, node in found}) == 2
 
@@ -47,7 +49,8 @@ def test_a_killed_node_changes_no_byte(nodes):
     slow = {number: functools.partial(node_after, 4.0, number) for number in range(4)}
     killer = threading.Timer(2.0, lambda: cluster.remove_node(second, allow_graceful=False))
     killer.start()
-    survived = [result for _, result in workers.results(slow)]  # two were running, one on the killed node
+    # Two were running, one on the killed node.
+    survived = [result for _, result in workers.results(slow)]
     killer.join()
     assert [number for number, _ in survived] == list(range(4))
     assert len({node for _, node in survived}) == 1

@@ -42,8 +42,10 @@ def folder(tmp_path_factory):
 
 
 def test_a_decider_gives_the_same_file_twice_and_its_rewards_are_those_of_its_estimates(folder):
-    name, notes = f"{folder}/mine.py:first", []
+    name = f"{folder}/mine.py:first"
+    notes = []
     first, second = (play(name, Workers(), notes.append) for _ in range(2))
+
     assert json.dumps(first) == json.dumps(second)
     assert notes == [*protocol.WORLDS] * 2
     assert (first["title"], first["kind"]) == ("first", "memoryless")
@@ -51,14 +53,19 @@ def test_a_decider_gives_the_same_file_twice_and_its_rewards_are_those_of_its_es
         if world.startswith("unknown"):
             assert "width=20" in one["refused"]
         else:
-            assert one["metrics"]["reward"]["value"] == pytest.approx(reward(first, world).value, abs=1e-6)
+            assert one["metrics"]["reward"]["value"] == pytest.approx(
+                reward(first, world).value,
+                abs=1e-6,
+            )
     with pytest.raises(ArgumentError, match=r"mine.py line 10: RuntimeError: no idea"):
         play(f"{folder}/mine.py:broken", Workers(), notes.append)
 
 
 def test_the_command_shows_files_and_refuses_those_that_were_changed(folder, capsys, monkeypatch):
     monkeypatch.chdir(folder)
-    monkeypatch.setattr(table, "shipped_entries", list)  # they have more episodes
+    # They have more episodes.
+    monkeypatch.setattr(table, "shipped_entries", list)
+
     assert main(["league", "mine.py:first", "--out", "out"]) == 0
     shown = capsys.readouterr().out
     assert "first (memoryless) in every world" in shown
@@ -80,7 +87,8 @@ def test_the_command_shows_files_and_refuses_those_that_were_changed(folder, cap
             protocol.read_entry(file)
         assert main(f"league --table {file} --out out".split()) == 2
     monkeypatch.setattr(protocol, "play", lambda *_: pytest.fail("played"))
-    for name in ("mine.py", "runs/none"):  # refused before any work, and no folder is left
+    # Refused before any work, and no folder is left.
+    for name in ("mine.py", "runs/none"):
         assert main(["league", "mine.py:first", name, "--out", "none"]) == 2
         assert f"decider='{name}' is not allowed" in capsys.readouterr().err
     assert not (folder / "none").exists()
@@ -89,8 +97,22 @@ def test_the_command_shows_files_and_refuses_those_that_were_changed(folder, cap
 FORGED = {
     "title": ["", " beam", "two\nlines", 5, None],
     "kind": ["oracle", 5, None],
-    "worlds": [5, {"Mars": {"refused": "no"}}, {"R = 0.1": 5}, {"R = 0.1": {"refused": 5}}, {"R = 0.1": {}}],
-    "cost": [5, {}, {"calibration": None, "microseconds": -1.0, "seconds": 1.0}],
+    "worlds": [
+        5,
+        {"Mars": {"refused": "no"}},
+        {"R = 0.1": 5},
+        {"R = 0.1": {"refused": 5}},
+        {"R = 0.1": {}},
+    ],
+    "cost": [
+        5,
+        {},
+        {
+            "calibration": None,
+            "microseconds": -1.0,
+            "seconds": 1.0,
+        },
+    ],
 }
 FORGED_PLAY = {
     "threshold": ["a", None, True],
@@ -109,14 +131,23 @@ FORGED_PLAY = {
 }
 
 
-@pytest.mark.parametrize(("name", "value"), [(name, value) for name, values in FORGED.items() for value in values])
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [(name, value) for name, values in FORGED.items() for value in values],
+)
 def test_a_forged_file_is_refused_in_one_line(entry, tmp_path, name, value):
     refused(entry | {name: value}, tmp_path)
 
 
-@pytest.mark.parametrize(("name", "value"), [(name, value) for name, values in FORGED_PLAY.items() for value in values])
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [(name, value) for name, values in FORGED_PLAY.items() for value in values],
+)
 def test_a_forged_world_is_refused_in_one_line(entry, tmp_path, name, value):
-    refused(entry | {"worlds": {"R = 0.1": entry["worlds"]["R = 0.1"] | {name: value}}}, tmp_path)
+    refused(
+        entry | {"worlds": {"R = 0.1": entry["worlds"]["R = 0.1"] | {name: value}}},
+        tmp_path,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -125,7 +156,14 @@ def entry():
     names = {metric.name: {"value": None} for metric in protocol.world_task("R = 0.1").metrics}
     content = {
         "threshold": 0.0,
-        "metrics": names | {"reward": {"value": 0.5, "low": 0.4, "high": 0.6}},
+        "metrics": names
+        | {
+            "reward": {
+                "value": 0.5,
+                "low": 0.4,
+                "high": 0.6,
+            }
+        },
         "rewards": protocol.pack(np.full(8, 0.5)),
     }
     return protocol.make_entry("mine.py:rule", "rule", "memoryless", {"R = 0.1": content})
@@ -139,14 +177,23 @@ def refused(content, folder):
     assert "\n" not in str(error.value)
 
 
-def test_a_file_with_a_title_of_the_package_or_of_another_file_is_refused(entry, tmp_path, monkeypatch, capsys):
+def test_a_file_with_a_title_of_the_package_or_of_another_file_is_refused(
+    entry,
+    tmp_path,
+    monkeypatch,
+    capsys,
+):
     own, other = (tmp_path / name for name in ("own.json", "other.json"))
     own.write_text(json.dumps(entry))
+
     assert protocol.read_entry(own) == entry
     ours = _signed(entry | {"decider": "beam", "title": "beam"})
     monkeypatch.setattr(table, "shipped_entries", lambda: [ours])
     line = ["league", "--out", str(tmp_path / "out"), "--table", str(own), str(other)]
-    for title, owner in (("beam", "the package"), ("rule", "another file")):
+    for title, owner in (
+        ("beam", "the package"),
+        ("rule", "another file"),
+    ):
         other.write_text(json.dumps(_signed(entry | {"title": title, "kind": "recurrent"})))
         assert main(line) == 2
         assert f"a title that {owner} has not; this one is '{title}'" in capsys.readouterr().err
@@ -155,12 +202,20 @@ def test_a_file_with_a_title_of_the_package_or_of_another_file_is_refused(entry,
         assert main(line) == 0
 
 
-def test_own_deciders_with_titles_of_the_package_or_of_others_are_called_by_their_paths(folder, tmp_path, monkeypatch):
+def test_own_deciders_with_titles_of_the_package_or_of_others_are_called_by_their_paths(
+    folder,
+    tmp_path,
+    monkeypatch,
+):
     monkeypatch.setattr(table, "shipped_entries", list)
     monkeypatch.chdir(folder)
     (folder / "other.py").write_text(RULE + "\nfirst.title = 'other'\n")
     (folder / "same.py").write_text(RULE)
-    assert main(["league", "mine.py:first", "other.py:first", "same.py:first", "--out", str(tmp_path)]) == 0
+
+    assert (
+        main(["league", "mine.py:first", "other.py:first", "same.py:first", "--out", str(tmp_path)])
+        == 0
+    )
     titles = {protocol.read_entry(path)["title"] for path in tmp_path.glob("*.json")}
     assert titles == {"mine.py:first", "other", "same.py:first"}
 
@@ -176,10 +231,12 @@ def test_the_entries_of_the_package_are_of_this_protocol(monkeypatch):
     monkeypatch.setattr(protocol, "EPISODES", EPISODES)
     entries = shipped_entries()
     titles = [one["title"] for one in entries]
+
     assert {"ATE (SPRT)", "MSPRT", "shipped", "ppo", "beam"} <= set(titles)
     assert len(set(titles)) == len(titles)
     assert all(set(one["worlds"]) == set(WORLDS) for one in entries)
-    both = sum(one["title"] == "shipped" for one in entries)  # it plays in both tables
+    # It plays in both tables.
+    both = sum(one["title"] == "shipped" for one in entries)
     assert len(league_markdown(entries).splitlines()) == 5 + len(entries) + both
     (legend,) = league_figure(entries).legends
     assert len(legend.get_texts()) == len(entries)

@@ -1,4 +1,6 @@
-"""The anchor agent: invariances, which the agent of rewards and the learned stop share, loss and decisions."""
+"""The anchor agent: invariances, which the agent of rewards and the learned stop share, loss and
+decisions.
+"""
 
 import functools
 from dataclasses import replace
@@ -27,7 +29,10 @@ def random_net(seed=0, hidden=12):
     """Networks whose predictions depend on all of their inputs."""
     torch.manual_seed(seed)
     net = AnchorNetworks(hidden)
-    torch.nn.init.normal_(net.anchor.output.weight, std=0.02)
+    torch.nn.init.normal_(
+        net.anchor.output.weight,
+        std=0.02,
+    )
     return net
 
 
@@ -49,8 +54,14 @@ def reward_agent(world):
 def stopping_agent(world):
     torch.manual_seed(0)
     net = StoppingNetworks(12)
-    torch.nn.init.normal_(net.anchor.output.weight, std=0.02)
-    torch.nn.init.normal_(net.stopping.output.weight, std=0.3)
+    torch.nn.init.normal_(
+        net.anchor.output.weight,
+        std=0.02,
+    )
+    torch.nn.init.normal_(
+        net.stopping.output.weight,
+        std=0.3,
+    )
     return StoppingDecider(net, world)
 
 
@@ -60,10 +71,18 @@ every = pytest.mark.parametrize("agent", [anchor_agent, reward_agent, stopping_a
 def mirrored(rows):
     """Observation rows of the mirrored trajectory, with left and right turns exchanged."""
     layout = Layout.of_rows(rows)
-    M, n = layout.hypotheses, layout.hypotheses // 2
+    M = layout.hypotheses
+    n = layout.hypotheses // 2
     order = np.array([0, *range(n + 1, M), *range(1, n + 1)])
     out = rows.copy()
-    for name in ("log_ratio", "innovation_along", "innovation_across", "log_variance", "previous", "curvature"):
+    for name in (
+        "log_ratio",
+        "innovation_along",
+        "innovation_across",
+        "log_variance",
+        "previous",
+        "curvature",
+    ):
         out[:, layout.slices[name]] = rows[:, layout.slices[name]][:, order]
     for name in ("innovation_across", "curvature", "displacement_across"):
         out[:, layout.slices[name]] *= -1
@@ -73,7 +92,8 @@ def mirrored(rows):
 def posteriors_of(decider, env, ticks=TICKS, transform=lambda rows: rows, declare=True):
     """Posterior (ticks, N, M) in an environment in which one track after the other declares."""
     rows, _ = env.reset(seed=3)
-    state, start = None, np.ones(env.num_envs, np.bool_)
+    state = None
+    start = np.ones(env.num_envs, np.bool_)
     posteriors = []
     for tick in range(ticks):
         posterior, state = decider.posterior(transform(rows), state, start)
@@ -105,20 +125,36 @@ def in_other_units(world, length, time):
     ("options", "length", "time"),
     [
         ({"reset_covariance": False}, 1000.0, 1.0),
-        ({"bank": "anchor_aware", "radii": (3.0, 6.0), "correctness": "type"}, 1.0, 60.0),
         (
-            {"bank": "anchor_aware", "follow": "bank", "measurement_variance": (0.05, 0.2), "noise": "outliers 0.05"},
-            0.3048, 1e-3,
+            {
+                "bank": "anchor_aware",
+                "radii": (3.0, 6.0),
+                "correctness": "type",
+            },
+            1.0,
+            60.0,
+        ),
+        (
+            {
+                "bank": "anchor_aware",
+                "follow": "bank",
+                "measurement_variance": (0.05, 0.2),
+                "noise": "outliers 0.05",
+            },
+            0.3048,
+            1e-3,
         ),
     ],
-)  # fmt: skip
+)
 def test_a_change_of_units_changes_no_decision(options, length, time, agent):
     world = WorldOptions.of(**options)
-    results, actions = [], []
+    results = []
+    actions = []
     for one in (world, in_other_units(world, length, time)):
         decider = agent(one)
         results.append(posteriors_of(decider, HybridTrackVectorEnv(TRACKS, **vars(one))))
         actions.append(evaluate(decider, episodes=20, seed=1, **vars(one)))
+
     np.testing.assert_allclose(*results, atol=1e-4)
     np.testing.assert_array_equal(actions[0].ticks, actions[1].ticks)
     np.testing.assert_array_equal(actions[0].decided_mode, actions[1].decided_mode)
@@ -132,6 +168,7 @@ def test_a_mirrored_trajectory_gives_the_mirrored_posterior(radii, agent):
     order = mirrored(env.reset(seed=0)[0])[1]
     original = posteriors_of(decider, env)
     reflected = posteriors_of(decider, env, transform=lambda rows: mirrored(rows)[0])
+
     np.testing.assert_allclose(reflected, original[..., order], atol=1e-4)
 
 
@@ -143,7 +180,12 @@ def test_one_network_applies_to_any_bank_and_does_not_depend_on_the_order_of_rad
         decider = agent(env.options)
         posteriors.append(posteriors_of(decider, env, ticks=20, declare=False))
     order = [0, 3, 2, 1, 6, 5, 4]
-    np.testing.assert_allclose(posteriors[0], posteriors[1][..., order], atol=1e-4)
+
+    np.testing.assert_allclose(
+        posteriors[0],
+        posteriors[1][..., order],
+        atol=1e-4,
+    )
 
 
 def test_the_loss_of_the_anchors_is_the_density_of_the_mixture():
@@ -151,10 +193,12 @@ def test_the_loss_of_the_anchors_is_the_density_of_the_mixture():
     inputs, errors = torch.randn(5, net.inputs), torch.randn(5, 4)
     with torch.no_grad():
         log_weight, mean, factor = net(inputs)
-        weight, covariance = log_weight.exp().double(), (factor @ factor.mT).double()
+        weight = log_weight.exp().double()
+        covariance = (factor @ factor.mT).double()
         density = [
             sum(
-                weight[i, c] * multivariate_normal(mean[i, c].double(), covariance[i, c]).pdf(errors[i])
+                weight[i, c]
+                * multivariate_normal(mean[i, c].double(), covariance[i, c]).pdf(errors[i])
                 for c in range(weight.shape[1])
             )
             for i in range(5)
@@ -165,26 +209,62 @@ def test_the_loss_of_the_anchors_is_the_density_of_the_mixture():
 def test_a_wrong_radius_costs_what_the_network_predicts_where_only_the_type_is_rewarded():
     world = WorldOptions(radii=(2.0, 2.0001, 8.0), correctness="type")
     rows, _ = HybridTrackVectorEnv(3, **vars(world)).reset(seed=0)
-    posterior = np.array([[0.0, 0.5, 0.5, 0, 0, 0, 0], [0.0, 0.5, 0, 0.5, 0, 0, 0], [0.2, 0.4, 0.4, 0, 0, 0, 0]])
-    net, scales, alpha = random_net(), Scales.of([world], [3]), np.full(3, 0.1)
-    error, best = errors_and_best(net, rows, scales, posterior, np.ones(3, np.bool_), alpha)
-    assert error[0] == pytest.approx(0.0, abs=1e-5)  # both turns are the same
+    posterior = np.array(
+        [[0.0, 0.5, 0.5, 0, 0, 0, 0], [0.0, 0.5, 0, 0.5, 0, 0, 0], [0.2, 0.4, 0.4, 0, 0, 0, 0]]
+    )
+    net = random_net()
+    scales = Scales.of([world], [3])
+    alpha = np.full(3, 0.1)
+    error, best = errors_and_best(
+        net,
+        rows,
+        scales,
+        posterior,
+        np.ones(3, np.bool_),
+        alpha,
+    )
+    # Both turns are the same.
+    assert error[0] == pytest.approx(0.0, abs=1e-5)
     assert error[1] > 0.01
-    assert error[2] == pytest.approx(0.2)  # above alpha: nothing is declared, and nothing is added
+    # Above alpha: nothing is declared, and nothing is added.
+    assert error[2] == pytest.approx(0.2)
     assert (best > 0).all()
-    exact, _ = errors_and_best(net, rows, scales, posterior, np.zeros(3, np.bool_), alpha)
+    exact, _ = errors_and_best(
+        net,
+        rows,
+        scales,
+        posterior,
+        np.zeros(3, np.bool_),
+        alpha,
+    )
     np.testing.assert_allclose(exact, [0.5, 0.5, 0.6])
-    following = Scales.of([replace(world, follow="bank")], [3])  # the next anchor is the same after any turn
-    error, _ = errors_and_best(net, rows, following, posterior, np.ones(3, np.bool_), alpha)
+    # The next anchor is the same after any turn.
+    following = Scales.of([replace(world, follow="bank")], [3])
+    error, _ = errors_and_best(
+        net,
+        rows,
+        following,
+        posterior,
+        np.ones(3, np.bool_),
+        alpha,
+    )
     np.testing.assert_allclose(error, [0.0, 0.0, 0.2], atol=1e-12)
 
 
-@pytest.mark.parametrize("options", [{}, {"measurement_variance": 1.0}])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"measurement_variance": 1.0},
+    ],
+)
 def test_the_shipped_agent_beats_the_sprt_at_any_threshold(options):
     decider = load_decider("shipped-threshold", WorldOptions(**options))
     reward = evaluate(decider, episodes=100, seed=50, **options).reward.mean(1)
     for alpha in (0.1, 1e-2, 1e-3, 1e-6):
-        gain = reward - evaluate(SPRTDecider(alpha), episodes=100, seed=50, **options).reward.mean(1)
+        gain = reward - evaluate(SPRTDecider(alpha), episodes=100, seed=50, **options).reward.mean(
+            1
+        )
         assert gain.mean() > 4 * gain.std() / 10
 
 
@@ -192,5 +272,10 @@ def test_the_shipped_agent_beats_the_sprt_at_any_threshold(options):
 @pytest.mark.parametrize("name", ["R 0.1", "axes", "walker"])
 def test_the_shipped_agent_decides_on_a_live_sensor_as_in_the_environment(name, correctness):
     options = {"correctness": correctness, **COMMON[name]}
-    decided = same_as_announced(load_decider("shipped-threshold:0.03", WorldOptions(**options)), seed=6, **options)
+    decided = same_as_announced(
+        load_decider("shipped-threshold:0.03", WorldOptions(**options)),
+        seed=6,
+        **options,
+    )
+
     assert not all(forced for _, forced in decided)

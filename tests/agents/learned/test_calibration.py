@@ -17,8 +17,11 @@ def stated_and_right(decider, env, segments, ticks=(2, 5, 10, 20, 40)):
     Recorded at some ticks of every segment, and at the decision.
     """
     rows, _ = env.reset(seed=11)
-    state, start = None, np.ones(env.num_envs, np.bool_)
-    stated, right, decided = [], [], 0
+    state = None
+    start = np.ones(env.num_envs, np.bool_)
+    stated = []
+    right = []
+    decided = 0
     while decided < segments:
         posterior, state = decider.posterior(rows, state, start)
         best = posterior.argmax(1)
@@ -33,16 +36,24 @@ def stated_and_right(decider, env, segments, ticks=(2, 5, 10, 20, 40)):
 
 
 @pytest.mark.parametrize("R", [0.01, 0.1, 1.0])
-@pytest.mark.parametrize("segments", [4_000, pytest.param(100_000, marks=pytest.mark.study)])
+@pytest.mark.parametrize(
+    "segments",
+    [4_000, pytest.param(100_000, marks=pytest.mark.study)],
+)
 def test_every_bin_of_the_stated_probability_is_within_three_points(R, segments):
     torch.set_num_threads(1)
     env = HybridTrackVectorEnv(500, AutoresetMode.SAME_STEP, False, measurement_variance=R)
-    stated, right = stated_and_right(load_decider("shipped-threshold:0.02", env.options), env, segments)
+    stated, right = stated_and_right(
+        load_decider("shipped-threshold:0.02", env.options),
+        env,
+        segments,
+    )
     index = np.digitize(stated, BINS[1:-1])
     for k in range(len(BINS) - 1):
         chosen = index == k
         count = chosen.sum()
         if count >= 100:
             mean = stated[chosen].mean()
-            error = 4 * np.sqrt(mean * (1 - mean) / count)  # of the sample
+            # Of the sample.
+            error = 4 * np.sqrt(mean * (1 - mean) / count)
             assert abs(mean - right[chosen].mean()) <= 0.03 + error

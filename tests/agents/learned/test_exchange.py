@@ -20,16 +20,37 @@ RELU = {"activation_fn": torch.nn.ReLU, "net_arch": [16]}
 MODELS = {
     "ppo": lambda: PPO("MlpPolicy", ENV, seed=1),
     "relu": lambda: PPO("MlpPolicy", ENV, seed=1, policy_kwargs=RELU),
-    "two heads": lambda: A2C("MlpPolicy", ENV, policy_kwargs={"net_arch": {"pi": [8], "vf": [16, 4]}}),
+    "two heads": lambda: A2C(
+        "MlpPolicy",
+        ENV,
+        policy_kwargs={"net_arch": {"pi": [8], "vf": [16, 4]}},
+    ),
     "linear": lambda: A2C("MlpPolicy", ENV, seed=1, policy_kwargs={"net_arch": []}),
     "dqn": lambda: DQN("MlpPolicy", ENV, seed=1, buffer_size=10),
-    "qrdqn": lambda: QRDQN("MlpPolicy", ENV, seed=1, buffer_size=10, policy_kwargs={"n_quantiles": 7}),
-    "lstm": lambda: RecurrentPPO("MlpLstmPolicy", ENV, seed=1, policy_kwargs={"lstm_hidden_size": 8}),
-    "one lstm": lambda: RecurrentPPO(
-        "MlpLstmPolicy", ENV, seed=1,
-        policy_kwargs={"lstm_hidden_size": 8, "enable_critic_lstm": False, "n_lstm_layers": 2},
+    "qrdqn": lambda: QRDQN(
+        "MlpPolicy",
+        ENV,
+        seed=1,
+        buffer_size=10,
+        policy_kwargs={"n_quantiles": 7},
     ),
-}  # fmt: skip
+    "lstm": lambda: RecurrentPPO(
+        "MlpLstmPolicy",
+        ENV,
+        seed=1,
+        policy_kwargs={"lstm_hidden_size": 8},
+    ),
+    "one lstm": lambda: RecurrentPPO(
+        "MlpLstmPolicy",
+        ENV,
+        seed=1,
+        policy_kwargs={
+            "lstm_hidden_size": 8,
+            "enable_critic_lstm": False,
+            "n_lstm_layers": 2,
+        },
+    ),
+}
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -37,9 +58,12 @@ def test_a_saved_model_decides_as_the_library_does(name, tmp_path):
     model = MODELS[name]()
     model.save(tmp_path / "model.zip")
     family, threshold = find_decider(str(tmp_path / "model.zip"), OPTIONS)
+
     assert (family.name, threshold, family.hypotheses) == ("model", 0.0, 3)
     assert len(family.thresholds) > 10
-    decider, state, theirs = family.make(0.0), None, None
+    decider = family.make(0.0)
+    state = None
+    theirs = None
     for seen in rows():
         starts = np.full(5, state is None)
         actions, state = decider.predict(seen, state, starts)
@@ -67,7 +91,10 @@ def test_layers_of_ones_own_need_trust(tmp_path, monkeypatch):
     monkeypatch.setenv(TRUST, "1")
     decider = find_family(str(tmp_path / "model.zip"), OPTIONS).make(0.0)
     for seen in rows(3):
-        np.testing.assert_array_equal(decider.predict(seen)[0], model.predict(seen, deterministic=True)[0])
+        np.testing.assert_array_equal(
+            decider.predict(seen)[0],
+            model.predict(seen, deterministic=True)[0],
+        )
 
 
 @pytest.mark.parametrize("ending", ["--episodes 1", "--episodes 0", "--out nothing/here.json"])
@@ -76,6 +103,7 @@ def test_trust_ends_with_its_command(tmp_path, ending, capsys):
     PPO("MlpPolicy", ENV, seed=1, policy_kwargs=policy_kwargs).save(tmp_path / "model.zip")
     line = ["evaluate", str(tmp_path / "model.zip"), "--env", ENV, "--scheme", "S9"]
     main([*line, "--trust", *ending.split()])
+
     assert not trusted()
     capsys.readouterr()
     assert main([*line, "--episodes", "1"]) == 2
@@ -93,11 +121,19 @@ def test_a_damaged_zip_is_one_line(tmp_path, damage):
             if damage == "pickle":
                 file.writestr("policy.pth", b"cos\nsystem\n(S'false'\ntR.")
     else:
-        path.write_bytes({"empty": b"", "text": b"not a zip", "cut": content[: len(content) // 2]}[damage])
+        path.write_bytes(
+            {
+                "empty": b"",
+                "text": b"not a zip",
+                "cut": content[: len(content) // 2],
+            }[damage]
+        )
     with pytest.raises(
-        ArgumentError, match=r"model\.zip.* is not allowed: expected a policy that can be read"
+        ArgumentError,
+        match=r"model\.zip.* is not allowed: expected a policy that can be read",
     ) as error:
         find_family(str(path), OPTIONS)
+
     assert "\n" not in str(error.value)
     with pytest.raises(ArgumentError, match=r"mine.py:MyRule|a file of at most"):
         find_family(str(tmp_path / "missing.zip"), OPTIONS)
@@ -119,10 +155,17 @@ def test_an_onnx_file_of_logits_or_of_actions_decides(tmp_path):
     }
     for name, out in outputs.items():
         graph = helper.make_graph(
-            nodes[: 1 if name == "logits" else 2], name, [given], [out],
+            nodes[: 1 if name == "logits" else 2],
+            name,
+            [given],
+            [out],
             [onnx.numpy_helper.from_array(weight, "weight")],
-        )  # fmt: skip
-        model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+        )
+        model = helper.make_model(
+            graph,
+            opset_imports=[helper.make_opsetid("", 17)],
+            ir_version=8,
+        )
         onnx.save(model, tmp_path / f"{name}.onnx")
         family = find_family(str(tmp_path / f"{name}.onnx"), OPTIONS)
         assert len(family.thresholds) == (18 if name == "logits" else 1)

@@ -20,7 +20,9 @@ def batch():
 def statements(agent, batch):
     """Statements (T, B) at all positions."""
     tracks = FlightTracks(batch, run_turn_imm(batch))
-    observation, state, stated = tracks.reset()[0], None, []
+    observation = tracks.reset()[0]
+    state = None
+    stated = []
     for _ in batch.times:
         observation = agent.observe(tracks)
         actions, state = agent.predict(observation, state)
@@ -30,8 +32,12 @@ def statements(agent, batch):
 
 
 def test_an_untrained_agent_without_stay_states_the_most_probable_mode(batch):
-    agent = FlightAgent(FlightAgent.network(4), margin=-float(np.log1p(np.exp(2.0))))
+    agent = FlightAgent(
+        FlightAgent.network(4),
+        margin=-float(np.log1p(np.exp(2.0))),
+    )
     probable = run_turn_imm(batch).probabilities.argmax(-1)
+
     assert (statements(agent, batch) == probable)[1:].all()
 
 
@@ -39,7 +45,9 @@ def test_a_mirrored_flight_gives_mirrored_statements(batch):
     mirrored = batch._replace(positions=batch.positions * [1.0, -1.0])
     inputs = flight_inputs(batch, run_turn_imm(batch))
     other = flight_inputs(mirrored, run_turn_imm(mirrored))
+
     np.testing.assert_allclose(inputs[:, :, ::-1], other, atol=1e-3)
     agent = learned_family(policy_folder("shipped", FLIGHTS)).make(0.0)
     one, two = (statements(agent, some) for some in (batch, mirrored))
-    assert ((np.array([0, 2, 1])[one] == two).mean()) > 0.99  # ties of rounding errors
+    # Ties of rounding errors.
+    assert ((np.array([0, 2, 1])[one] == two).mean()) > 0.99

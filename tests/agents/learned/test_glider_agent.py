@@ -1,4 +1,6 @@
-"""The agent for gliders: trained on simulated flights, loaded, at several settings together, and mirrored."""
+"""The agent for gliders: trained on simulated flights, loaded, at several settings together, and
+mirrored.
+"""
 
 import numpy as np
 import pytest
@@ -37,10 +39,14 @@ def folder(tmp_path_factory):
 def test_a_short_training_states_most_modes(flights, folder):
     settings = [Setting(str(folder), 0, pair) for pair in ((0.0, 0.0), (3.0, 3.0))]
     found = glider_statements(flights, settings)
-    scores = [score_flights("agent", flights, label_gliders(flights), one) for one in found.values()]
+    scores = [
+        score_flights("agent", flights, label_gliders(flights), one) for one in found.values()
+    ]
     agreement, false = (
-        [float(one.curve(STATISTICS[name])[0]) for one in scores] for name in ("agreement", "false_per_hour")
+        [float(one.curve(STATISTICS[name])[0]) for one in scores]
+        for name in ("agreement", "false_per_hour")
     )
+
     assert agreement[0] > 0.85
     assert false[1] < false[0]
     alone = glider_statements(flights, settings[1:])[settings[1]]
@@ -58,6 +64,10 @@ def test_an_agent_for_gliders_is_no_agent_for_aircraft(folder):
 def test_inputs_of_a_mirrored_flight_are_mirrored(flights):
     batch = stack_flights(flights[:2])
     mirrored = batch._replace(positions=batch.positions * [1.0, -1.0])
-    one, other = (GliderAgent.inputs_of(some, run_turn_imm(some, GliderAgent.model)) for some in (batch, mirrored))
+    one, other = (
+        GliderAgent.inputs_of(some, run_turn_imm(some, GliderAgent.model))
+        for some in (batch, mirrored)
+    )
+
     np.testing.assert_allclose(one[:, :, ::-1], other, atol=2e-3)
     assert one.shape[-1] == GliderAgent.inputs

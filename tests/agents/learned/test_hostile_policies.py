@@ -1,4 +1,6 @@
-"""Policies of other libraries that are broken or hostile are refused in one line, in little time and memory."""
+"""Policies of other libraries that are broken or hostile are refused in one line, in little time
+and memory.
+"""
 
 import copy
 import functools
@@ -38,7 +40,10 @@ def test_a_hostile_zip_is_refused_in_one_line(kind, tmp_path):
     content, data = HOSTILE_ZIPS[kind]()
     path = write_zip(tmp_path / "model.zip", content, data, zipfile.ZIP_DEFLATED)
     find_family(str(write_zip(tmp_path / "sound.zip", actor_weights())), OPTIONS)
-    assert accepted(lambda: refused(find_family, str(path), OPTIONS)).startswith(("decider=", "model.zip: "))
+
+    assert accepted(lambda: refused(find_family, str(path), OPTIONS)).startswith(
+        ("decider=", "model.zip: ")
+    )
 
 
 @pytest.mark.parametrize("kind", SOUND_ZIPS)
@@ -47,7 +52,11 @@ def test_weights_of_other_types_are_converted(kind, tmp_path):
     decider = find_family(str(write_zip(tmp_path / "model.zip", content, data)), OPTIONS).make(0.0)
     plain = find_family(str(write_zip(tmp_path / "plain.zip", actor_weights())), OPTIONS).make(0.0)
     for seen in rows(3):
-        np.testing.assert_allclose(decider.evidence(seen), plain.evidence(seen), atol=0.1)
+        np.testing.assert_allclose(
+            decider.evidence(seen),
+            plain.evidence(seen),
+            atol=0.1,
+        )
 
 
 @pytest.mark.parametrize("kind", HOSTILE_ONNX)
@@ -55,24 +64,38 @@ def test_a_hostile_onnx_file_is_refused_in_one_line(kind, tmp_path):
     pytest.importorskip("onnxruntime")
     pytest.importorskip("onnx")
     path = write_onnx(tmp_path / "policy.onnx", **HOSTILE_ONNX[kind]())
-    assert accepted(lambda: refused(find_family, str(path), OPTIONS)).startswith(("decider=", "policy.onnx: "))
+
+    assert accepted(lambda: refused(find_family, str(path), OPTIONS)).startswith(
+        ("decider=", "policy.onnx: ")
+    )
 
 
 def test_an_onnx_file_larger_than_the_bound_is_refused_before_it_is_parsed(tmp_path):
     pytest.importorskip("onnxruntime")
     pytest.importorskip("onnx")
     path = tmp_path / "policy.onnx"
-    # a graph of empty nodes, two bytes each
+    # A graph of empty nodes, two bytes each.
     path.write_bytes(b"\x3a\x80\x80\x80\x08" + b"\x0a\x00" * 2**23)
+
     assert "external data" in accepted(lambda: refused(find_family, str(path), OPTIONS))
 
 
 def test_weights_of_an_onnx_file_may_lie_beside_it_but_not_elsewhere(tmp_path):
     pytest.importorskip("onnxruntime")
     onnx = pytest.importorskip("onnx")
-    path = write_onnx(tmp_path / "policy.onnx", [node("MatMul", "x w", "y")], {"w": network()["w"]})
+    path = write_onnx(
+        tmp_path / "policy.onnx",
+        [node("MatMul", "x w", "y")],
+        {"w": network()["w"]},
+    )
     inside = find_family(str(path), OPTIONS).make(0.0)
-    onnx.save(onnx.load(path), path, save_as_external_data=True, location="weights.data", size_threshold=0)
+    onnx.save(
+        onnx.load(path),
+        path,
+        save_as_external_data=True,
+        location="weights.data",
+        size_threshold=0,
+    )
     outside = find_family(str(path), OPTIONS).make(0.0)
     for seen in rows(2):
         np.testing.assert_array_equal(inside.evidence(seen), outside.evidence(seen))
@@ -88,12 +111,24 @@ def test_weights_of_an_onnx_file_may_lie_beside_it_but_not_elsewhere(tmp_path):
     "layers",
     [
         [torch.nn.Linear(WIDTH, 8), torch.nn.Tanh(), torch.nn.Linear(8, 4)],
-        [torch.nn.LayerNorm(WIDTH), torch.nn.Linear(WIDTH, 8), torch.nn.SiLU(), torch.nn.GELU(), torch.nn.Linear(8, 4)],
-        [torch.nn.Linear(WIDTH, 8), torch.nn.BatchNorm1d(8), torch.nn.PReLU(), torch.nn.Softplus(),
-         torch.nn.Linear(8, 4), torch.nn.LogSoftmax(-1)],
+        [
+            torch.nn.LayerNorm(WIDTH),
+            torch.nn.Linear(WIDTH, 8),
+            torch.nn.SiLU(),
+            torch.nn.GELU(),
+            torch.nn.Linear(8, 4),
+        ],
+        [
+            torch.nn.Linear(WIDTH, 8),
+            torch.nn.BatchNorm1d(8),
+            torch.nn.PReLU(),
+            torch.nn.Softplus(),
+            torch.nn.Linear(8, 4),
+            torch.nn.LogSoftmax(-1),
+        ],
     ],
     ids=["tanh", "normalised", "batches"],
-)  # fmt: skip
+)
 def test_exports_of_pytorch_are_accepted(layers, tmp_path):
     pytest.importorskip("onnxruntime")
     pytest.importorskip("onnx")
@@ -102,12 +137,21 @@ def test_exports_of_pytorch_are_accepted(layers, tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         torch.onnx.export(
-            net, (torch.zeros(3, WIDTH),), path, dynamo=False, input_names=["rows"], dynamic_axes={"rows": {0: "N"}}
+            net,
+            (torch.zeros(3, WIDTH),),
+            path,
+            dynamo=False,
+            input_names=["rows"],
+            dynamic_axes={"rows": {0: "N"}},
         )
     decider = find_family(str(path), OPTIONS).make(0.0)
     for seen in rows(2):
         expected = net(torch.from_numpy(seen)).detach().numpy()
-        np.testing.assert_allclose(decider.logits(seen)[0], expected, atol=1e-5)
+        np.testing.assert_allclose(
+            decider.logits(seen)[0],
+            expected,
+            atol=1e-5,
+        )
 
 
 NORMALISED = {
@@ -118,7 +162,9 @@ NORMALISED = {
 
 @pytest.fixture(scope="module")
 def trained():
-    """A function that returns a model trained on normalised observations, and the statistics; made once."""
+    """A function that returns a model trained on normalised observations, and the statistics;
+    made once.
+    """
     torch.set_num_threads(1)
 
     @functools.cache
@@ -131,11 +177,22 @@ def trained():
 
 @pytest.mark.parametrize(
     ("name", "statistics"),
-    [("model.zip", "vecnormalize.pkl"), ("model.zip", "vec_normalize.pkl"), ("Easy.zip", "Easy/vecnormalize.pkl"),
-     ("rl_model_32_steps.zip", "rl_model_vecnormalize_32_steps.pkl")],
-)  # fmt: skip
+    [
+        ("model.zip", "vecnormalize.pkl"),
+        ("model.zip", "vec_normalize.pkl"),
+        ("Easy.zip", "Easy/vecnormalize.pkl"),
+        ("rl_model_32_steps.zip", "rl_model_vecnormalize_32_steps.pkl"),
+    ],
+)
 @pytest.mark.parametrize("kind", NORMALISED)
-def test_statistics_beside_a_trusted_model_normalise_its_rows(kind, name, statistics, tmp_path, monkeypatch, trained):
+def test_statistics_beside_a_trusted_model_normalise_its_rows(
+    kind,
+    name,
+    statistics,
+    tmp_path,
+    monkeypatch,
+    trained,
+):
     model, env = trained(kind)
     model.save(tmp_path / name)
     (tmp_path / statistics).parent.mkdir(exist_ok=True)
@@ -155,15 +212,23 @@ def test_a_model_without_its_statistics_is_warned_of(kind, trust, tmp_path, monk
     if trust == "0":
         env.save(str(tmp_path / "vecnormalize.pkl"))
     monkeypatch.setenv(TRUST, trust)
-    with pytest.warns(UserWarning, match="was trained on normalised observations.*vecnormalize.pkl"):
+    with pytest.warns(
+        UserWarning,
+        match="was trained on normalised observations.*vecnormalize.pkl",
+    ):
         find_family(str(tmp_path / "model.zip"), OPTIONS)
 
 
-def test_other_statistics_and_weights_that_are_not_finite_are_refused_with_trust(tmp_path, monkeypatch, trained):
+def test_other_statistics_and_weights_that_are_not_finite_are_refused_with_trust(
+    tmp_path,
+    monkeypatch,
+    trained,
+):
     model, _ = trained("ppo")
     model.save(tmp_path / "model.zip")
     (tmp_path / "vecnormalize.pkl").write_bytes(pickle.dumps({"mean": 0.0}))
     monkeypatch.setenv(TRUST, "1")
+
     assert "VecNormalize" in refused(find_family, str(tmp_path / "model.zip"), OPTIONS)
     sound = copy.deepcopy(model.policy.state_dict())
     model.policy.action_net.bias.data[0] = torch.nan

@@ -14,7 +14,9 @@ START = torch.tensor([3.0, 0.5])
 
 
 def tracks(count, length, process, generator):
-    """States and measurements (T, N, 2) with process variance `process` and measurement variance 1."""
+    """States and measurements (T, N, 2) with process variance `process` and measurement variance
+    1.
+    """
     state = START * torch.randn(count, 2, generator=generator)
     states = []
     for _ in range(length):
@@ -26,9 +28,12 @@ def tracks(count, length, process, generator):
 
 def kalman_filter(measurements, process):
     """Estimates (T, N, 2) and log-likelihoods (T, N) of the filter that knows all covariances."""
-    motion, identity = MOTION.double(), torch.eye(2, dtype=torch.double)
-    mean, covariance = torch.zeros_like(measurements[0]).double(), torch.diag(START.double().square())
-    found, logs = [], []
+    motion = MOTION.double()
+    identity = torch.eye(2, dtype=torch.double)
+    mean = torch.zeros_like(measurements[0]).double()
+    covariance = torch.diag(START.double().square())
+    found = []
+    logs = []
     for measurement in measurements.double():
         mean, covariance = mean @ motion.T, motion @ covariance @ motion.T + process * identity
         total = covariance + identity
@@ -40,8 +45,12 @@ def kalman_filter(measurements, process):
 
 
 def filtered(net, start, measurements, scale):
-    """Estimates (T, N, 2) and log-likelihoods (T, N) of the learned filter, from estimates (N, 2)."""
-    last, found, logs = net.start(start, start), [], []
+    """Estimates (T, N, 2) and log-likelihoods (T, N) of the learned filter, from estimates (N,
+    2).
+    """
+    last = net.start(start, start)
+    found = []
+    logs = []
     for measurement in measurements:
         last, log = net.step(last, MOTION, SENSOR, measurement, scale)
         found.append(last.state)
@@ -50,7 +59,9 @@ def filtered(net, start, measurements, scale):
 
 
 def compared(updates, length, process, hidden=32, seed=0):
-    """Mean squared error and log-likelihood of the learned filter and of the Kalman filter on other tracks."""
+    """Mean squared error and log-likelihood of the learned filter and of the Kalman filter on
+    other tracks.
+    """
     torch.set_num_threads(1)
     torch.manual_seed(seed)
     generator = torch.Generator().manual_seed(seed)
@@ -60,7 +71,16 @@ def compared(updates, length, process, hidden=32, seed=0):
 
     def estimates(count):
         states, measurements = tracks(count, length, process, generator)
-        return states, measurements, *filtered(net, torch.zeros(count, 2), measurements, torch.ones(count, 1))
+        return (
+            states,
+            measurements,
+            *filtered(
+                net,
+                torch.zeros(count, 2),
+                measurements,
+                torch.ones(count, 1),
+            ),
+        )
 
     for _ in range(updates):
         states, _, found, logs = estimates(64)
@@ -82,8 +102,16 @@ def test_the_density_is_that_of_the_normal_law():
     values, logs, below = (torch.randn(5, n, generator=generator) for n in (3, 3, 3))
     inverse = torch.diag_embed(torch.exp(-12.0 * torch.tanh(logs / 12.0))).double()
     inverse[:, [1, 2, 2], [0, 0, 1]] = below.double()
-    law = torch.distributions.MultivariateNormal(torch.zeros(3).double(), precision_matrix=inverse.mT @ inverse)
-    np.testing.assert_allclose(normal_log_density(values, logs, below), law.log_prob(values.double()), rtol=1e-4)
+    law = torch.distributions.MultivariateNormal(
+        torch.zeros(3).double(),
+        precision_matrix=inverse.mT @ inverse,
+    )
+
+    np.testing.assert_allclose(
+        normal_log_density(values, logs, below),
+        law.log_prob(values.double()),
+        rtol=1e-4,
+    )
 
 
 def test_an_untrained_filter_predicts_and_its_units_do_not_matter():
@@ -91,14 +119,37 @@ def test_an_untrained_filter_predicts_and_its_units_do_not_matter():
     _, measurements = tracks(4, 6, 0.1, torch.Generator().manual_seed(2))
     start = torch.ones(4, 2)
     found, _ = filtered(net, start, measurements, torch.ones(4, 1))
+
     assert found.shape == (6, 4, 2)
-    np.testing.assert_allclose(found[-1].detach(), start @ torch.matrix_power(MOTION, 6).T, rtol=1e-5)
-    torch.nn.init.normal_(net.gain[2].weight, std=0.3)
+    np.testing.assert_allclose(
+        found[-1].detach(),
+        start @ torch.matrix_power(MOTION, 6).T,
+        rtol=1e-5,
+    )
+    torch.nn.init.normal_(
+        net.gain[2].weight,
+        std=0.3,
+    )
     factor = 1000.0
     one, logs = filtered(net, start, measurements, torch.ones(4, 1))
-    other, scaled = filtered(net, factor * start, factor * measurements, torch.full((4, 1), factor))
-    np.testing.assert_allclose(other.detach(), factor * one.detach(), rtol=1e-3, atol=0.1)
-    np.testing.assert_allclose(scaled.detach(), logs.detach() - 2.0 * np.log(factor), rtol=1e-3, atol=1e-3)
+    other, scaled = filtered(
+        net,
+        factor * start,
+        factor * measurements,
+        torch.full((4, 1), factor),
+    )
+    np.testing.assert_allclose(
+        other.detach(),
+        factor * one.detach(),
+        rtol=1e-3,
+        atol=0.1,
+    )
+    np.testing.assert_allclose(
+        scaled.detach(),
+        logs.detach() - 2.0 * np.log(factor),
+        rtol=1e-3,
+        atol=1e-3,
+    )
 
 
 def test_the_gain_of_a_linear_model_is_learned_in_seconds():

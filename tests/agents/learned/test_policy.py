@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 import torch
 
-from agents.learned.policy import ObservationFeatures, PolicyDecider, StatementPolicyDecider, make_policy
+from agents.learned.policy import (
+    ObservationFeatures,
+    PolicyDecider,
+    StatementPolicyDecider,
+    make_policy,
+)
 from hybrid_env import HybridTrackQuickestVectorEnv, HybridTrackVectorEnv, QuickestLayout
 
 
@@ -21,7 +26,9 @@ def statement_rows(stated):
     """Observation rows with given last statements, None for none."""
     layout = QuickestLayout(3)
     rows = np.random.default_rng(0).normal(size=(len(stated), layout.width)).astype(np.float32)
-    rows[:, layout.slices["stated"]] = [np.eye(3)[one] if one is not None else np.zeros(3) for one in stated]
+    rows[:, layout.slices["stated"]] = [
+        np.eye(3)[one] if one is not None else np.zeros(3) for one in stated
+    ]
     return rows
 
 
@@ -33,9 +40,14 @@ def random_rows(kind, count):
 
 @pytest.mark.parametrize("kind", [PolicyDecider, StatementPolicyDecider])
 def test_at_threshold_zero_the_most_probable_action_is_chosen(kind):
-    policy, rows = random_policy(kind), random_rows(kind, 400)
+    policy = random_policy(kind)
+    rows = random_rows(kind, 400)
     found = kind(policy).trained("mine").make(0.0).predict(rows)[0]
-    np.testing.assert_array_equal(found, policy.predict(rows, deterministic=True)[0])
+
+    np.testing.assert_array_equal(
+        found,
+        policy.predict(rows, deterministic=True)[0],
+    )
 
 
 @pytest.mark.parametrize("kind", [PolicyDecider, StatementPolicyDecider])
@@ -46,7 +58,12 @@ def test_sampling_follows_the_probabilities_of_the_policy(kind):
     expected = np.exp(logits) / np.exp(logits).sum()
     actions, _ = decider.predict(rows, deterministic=False)
     found = np.bincount(actions, minlength=len(expected)) / len(rows)
-    np.testing.assert_allclose(found, expected, atol=4 * 0.5 / np.sqrt(len(rows)))
+
+    np.testing.assert_allclose(
+        found,
+        expected,
+        atol=4 * 0.5 / np.sqrt(len(rows)),
+    )
 
 
 @pytest.mark.parametrize("margin", [0.0, 0.05, 0.3, 100.0])
@@ -56,11 +73,15 @@ def test_a_statement_changes_if_the_log_odds_exceed_the_margin(margin):
     rows = statement_rows(stated.tolist())
     logits = decider.logits(rows)[0]
     expected = [
-        max(range(3), key=lambda mode, k=k: logits[k, mode])
+        max(
+            range(3),
+            key=lambda mode, k=k: logits[k, mode],
+        )
         if max(logits[k]) - logits[k, stated[k]] > margin
         else stated[k]
         for k in range(300)
     ]
+
     np.testing.assert_array_equal(decider.predict(rows)[0], expected)
     assert (np.array(expected) == stated).all() == (margin == 100.0)
 
@@ -69,6 +90,13 @@ def test_the_observed_quantities_can_be_selected():
     space = HybridTrackVectorEnv(1).single_observation_space
     rows = torch.randn(5, 28)
     selected = ObservationFeatures(space, ("posterior", "ticks", "innovation_along"))(rows)
+
     assert selected.shape == (5, 7)
-    torch.testing.assert_close(selected[:, :3], torch.softmax(10 * rows[:, :3], -1))
-    torch.testing.assert_close(selected[:, 3:], torch.cat([rows[:, 18:19], rows[:, 3:6]], -1))
+    torch.testing.assert_close(
+        selected[:, :3],
+        torch.softmax(10 * rows[:, :3], -1),
+    )
+    torch.testing.assert_close(
+        selected[:, 3:],
+        torch.cat([rows[:, 18:19], rows[:, 3:6]], -1),
+    )

@@ -46,11 +46,18 @@ def accepted_or_raised(folder):
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("", "Expecting value"), ("[" * 100_000, "larger than"), ("[" * 30_000, "nested too deeply"),
-        ('{"a": 1e400}', "not finite"), ('{"a": NaN}', "not finite"), ('{"a": 1' + "0" * 400 + "}", "larger"),
-        ('{"a": 1' + "0" * 9000 + "}", "digits"), ("[]", "list indices"), ("{}", "environment"), ("3", "int"),
+        ("", "Expecting value"),
+        ("[" * 100_000, "larger than"),
+        ("[" * 30_000, "nested too deeply"),
+        ('{"a": 1e400}', "not finite"),
+        ('{"a": NaN}', "not finite"),
+        ('{"a": 1' + "0" * 400 + "}", "larger"),
+        ('{"a": 1' + "0" * 9000 + "}", "digits"),
+        ("[]", "list indices"),
+        ("{}", "environment"),
+        ("3", "int"),
     ],
-)  # fmt: skip
+)
 def test_a_card_that_is_no_card_is_refused(folder, text, reason):
     (folder / CARD).write_text(text)
     assert reason in refusal(folder)
@@ -77,6 +84,7 @@ def test_a_wrong_value_on_a_card_is_refused(folder, place, value, reason):
         inner = inner[key]
     inner[place[-1]] = value
     (folder / CARD).write_text(json.dumps(card))
+
     assert reason in refusal(folder)
 
 
@@ -85,23 +93,34 @@ def test_weights_that_are_not_finite_or_too_large_are_refused(folder, number):
     weights = load_file(folder / WEIGHTS)
     weights["anchor.output.bias"][3] = number
     save_file(weights, folder / WEIGHTS)
+
     assert "anchor.output.bias" in refusal(folder)
 
 
 def test_weights_of_another_type_or_shape_are_refused(folder):
     weights = load_file(folder / WEIGHTS)
     bias = weights["anchor.output.bias"]
-    for changed in (bias.double(), torch.zeros(3), torch.zeros(0), torch.zeros(len(bias)).bool()):
+    for changed in (
+        bias.double(),
+        torch.zeros(3),
+        torch.zeros(0),
+        torch.zeros(len(bias)).bool(),
+    ):
         save_file(weights | {"anchor.output.bias": changed}, folder / WEIGHTS)
         assert "anchor.output.bias" in refusal(folder)
-    save_file({name: value for name, value in weights.items() if name != "regret.base.0.bias"}, folder / WEIGHTS)
+    save_file(
+        {name: value for name, value in weights.items() if name != "regret.base.0.bias"},
+        folder / WEIGHTS,
+    )
+
     assert "regret.base.0.bias" in refusal(folder)
 
 
 def test_files_that_are_too_large_or_would_block_are_refused(folder):
     (folder / WEIGHTS).write_bytes((2**40).to_bytes(8, "little") + bytes(100))
     assert "too large" in refusal(folder)
-    os.truncate(folder / WEIGHTS, 2**40)  # sparse
+    # Sparse.
+    os.truncate(folder / WEIGHTS, 2**40)
     assert "too large" in refusal(folder)
     for name in (WEIGHTS, CARD):
         (folder / name).unlink()
@@ -115,7 +134,8 @@ def decide(folder):
     env_id, options = WorldArguments().world_of(str(folder))
     env = make_track_vector_env(env_id, 3, **options)
     decider = load_decider(str(folder), env.options)
-    rows, state = env.reset(seed=0)[0], None
+    rows = env.reset(seed=0)[0]
+    state = None
     for _ in range(3):
         actions, state = decider.predict(rows, state, np.zeros(3, np.bool_))
         assert actions.shape == (3,)
@@ -136,7 +156,8 @@ def trained(request, tmp_path_factory):
 def saved(trained, tmp_path):
     for name in (CARD, WEIGHTS):
         shutil.copy(trained / name, tmp_path)
-    decide(tmp_path)  # also compiles, which takes longer than an example may
+    # Also compiles, which takes longer than an example may.
+    decide(tmp_path)
     return tmp_path
 
 

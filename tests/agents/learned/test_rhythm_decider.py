@@ -13,12 +13,14 @@ TRACKS = 6
 def test_inputs_of_habits_are_sums_over_the_histories_of_the_beam():
     env = HybridTrackQuickestVectorEnv(TRACKS, durations="uniform 20-30", ticks=120)
     env.reset(seed=3)
-    decider, state = RhythmDecider(RhythmDecider.network(8), env.options), None
+    decider = RhythmDecider(RhythmDecider.network(8), env.options)
+    state = None
     for _ in range(120):
         actions, state = decider.predict(decider.observe(env.world), state)
         env.step(actions)
     branches, logs = state.filters.branches, state.filters.log_probability
     found = habit_inputs(branches, logs)
+
     assert found.shape == (TRACKS, 3, len(HABIT_INPUTS))
     for track in range(TRACKS):
         alive = slice(0, branches.counts[track])
@@ -28,7 +30,10 @@ def test_inputs_of_habits_are_sums_over_the_histories_of_the_beam():
             age = of_mode @ branches.ages[track, alive] / np.exp(logs[track, mode])
             new = (of_mode * (branches.ages[track, alive] == 1)).sum()
             assert found[track, mode, 4] == pytest.approx(np.log(max(age, 1.0)) / 5.0, abs=1e-5)
-            assert found[track, mode, 2] == pytest.approx(max(np.log(max(new, 1e-30)), -15.0) / 5.0, abs=1e-5)
+            assert found[track, mode, 2] == pytest.approx(
+                max(np.log(max(new, 1e-30)), -15.0) / 5.0,
+                abs=1e-5,
+            )
 
 
 def test_no_reported_rhythm_is_in_the_prior():

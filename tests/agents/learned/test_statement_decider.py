@@ -1,4 +1,6 @@
-"""The agents that state the present mode, from rows and from a beam: invariances, one tick at a time."""
+"""The agents that state the present mode, from rows and from a beam: invariances, one tick at a
+time.
+"""
 
 import numpy as np
 import pytest
@@ -14,7 +16,8 @@ from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout, QuickestOpt
 
 KINDS = pytest.mark.parametrize("kind", [StatementDecider, RhythmDecider])
 TRACKS = 8
-ODD = [1, 4, 5, 8, 9, 11, 12]  # columns of measurement, estimate and covariance that change sign with y
+# Columns of measurement, estimate and covariance that change sign with y.
+ODD = [1, 4, 5, 8, 9, 11, 12]
 
 
 def random_decider(kind, options):
@@ -29,7 +32,9 @@ def statements_of(decider, options, ticks=150):
     """Statements (T, N) of a decider, and what it observes (T, N, width)."""
     env = HybridTrackQuickestVectorEnv(TRACKS, **vars(options))
     env.reset(seed=3)
-    state, stated, seen = None, [], []
+    state = None
+    stated = []
+    seen = []
     for _ in range(ticks):
         seen.append(decider.observe(env.world).copy())
         actions, state = decider.predict(seen[-1], state)
@@ -40,7 +45,8 @@ def statements_of(decider, options, ticks=150):
 
 def stated_again(decider, seen):
     """Statements (T, N) for given observations."""
-    state, stated = None, []
+    state = None
+    stated = []
     for rows in seen:
         actions, state = decider.predict(rows, state)
         stated.append(actions)
@@ -48,7 +54,17 @@ def stated_again(decider, seen):
 
 
 @KINDS
-@pytest.mark.parametrize("more", [{}, {"radii": (2.0, 5.0), "durations": "drawn", "order": "drawn"}])
+@pytest.mark.parametrize(
+    "more",
+    [
+        {},
+        {
+            "radii": (2.0, 5.0),
+            "durations": "drawn",
+            "order": "drawn",
+        },
+    ],
+)
 def test_one_tick_at_a_time_equals_all_at_once(kind, more):
     options = QuickestOptions(ticks=80, **more)
     decider = random_decider(kind, options)
@@ -58,6 +74,7 @@ def test_one_tick_at_a_time_equals_all_at_once(kind, more):
     utility, stay = outputs.utility.numpy(), outputs.stay.numpy()
     stated = utility[0].argmax(-1)
     recorded = record_statements(decider, TRACKS, 5, **vars(options))
+
     np.testing.assert_array_equal(recorded.true_modes, true_modes)
     np.testing.assert_array_equal(recorded.stated_modes[0], stated)
     for tick in range(1, 80):
@@ -69,9 +86,11 @@ def test_one_tick_at_a_time_equals_all_at_once(kind, more):
 @KINDS
 def test_a_mirrored_trajectory_has_the_mirrored_statements(kind):
     options = QuickestOptions(radii=(2.0, 5.0), ticks=150)
-    layout, order = QuickestLayout(5), np.array([0, 3, 4, 1, 2])
+    layout = QuickestLayout(5)
+    order = np.array([0, 3, 4, 1, 2])
     decider = random_decider(kind, options)
     stated, seen = statements_of(decider, options)
+
     assert len(np.unique(stated)) == 5
     mirrored = seen.copy()
     for name in layout.hypothesis_features:
@@ -81,28 +100,36 @@ def test_a_mirrored_trajectory_has_the_mirrored_statements(kind):
         own = mirrored[..., layout.width :]
         own[..., ODD] *= -1.0
         own[..., OBSERVED:] = own[..., OBSERVED:][..., order]
-    assert (order[stated_again(decider, mirrored)] != stated).sum() <= 1  # a tie within rounding
+    # A tie within rounding.
+    assert (order[stated_again(decider, mirrored)] != stated).sum() <= 1
 
 
 @KINDS
 @pytest.mark.parametrize(("length", "time"), [(1000.0, 1.0), (0.3048, 60.0)])
 def test_a_change_of_units_changes_no_statement(kind, length, time):
     """What would be observed in other units: of the rows only the speed has one."""
-    options, layout = QuickestOptions(ticks=150), QuickestLayout(3)
+    options = QuickestOptions(ticks=150)
+    layout = QuickestLayout(3)
     other = QuickestOptions(
-        speed=2.0 * length / time, tau=0.1 * time, radii=(5.0 * length,), ticks=150,
-        measurement_variance=0.1 * length**2, process_variance=0.001 * length**2 / time**2,
+        speed=2.0 * length / time,
+        tau=0.1 * time,
+        radii=(5.0 * length,),
+        ticks=150,
+        measurement_variance=0.1 * length**2,
+        process_variance=0.001 * length**2 / time**2,
         initial_error=(0.03 * length**2, 0.02 * length**2 / time**2),
-    )  # fmt: skip
+    )
     stated, seen = statements_of(random_decider(kind, options), options)
     scaled = seen.copy()
     scaled[..., layout.slices["speed"]] *= length / time
     if kind is RhythmDecider:
-        own, units = scaled[..., layout.width :], np.array([length, length / time] * 2)
+        own = scaled[..., layout.width :]
+        units = np.array([length, length / time] * 2)
         own[..., :2] *= length
         own[..., 2:6] *= units
         own[..., 6:16] *= np.outer(units, units)[np.triu_indices(4)]
-    assert (stated_again(random_decider(kind, other), scaled) != stated).sum() <= 1  # a tie within rounding
+    # A tie within rounding.
+    assert (stated_again(random_decider(kind, other), scaled) != stated).sum() <= 1
 
 
 def test_an_episode_that_begins_is_not_remembered():
@@ -113,6 +140,7 @@ def test_an_episode_that_begins_is_not_remembered():
     start = np.arange(TRACKS) % 2 == 0
     fresh, _ = decider.predict(rows[5])
     again, after = decider.predict(rows[5], state, start)
+
     np.testing.assert_array_equal(again[start], fresh[start])
     assert (after.age[start] == 1).all()
 
@@ -121,7 +149,10 @@ def test_invalid_arguments_are_refused():
     options = QuickestOptions()
     with pytest.raises(ValueError, match="margin="):
         StatementDecider(StatementNet(8), options, float("nan"))
-    for kind, width in ((StatementDecider, 7), (RhythmDecider, QuickestLayout(3).width)):
+    for kind, width in (
+        (StatementDecider, 7),
+        (RhythmDecider, QuickestLayout(3).width),
+    ):
         with pytest.raises(ValueError, match="observation shape"):
             random_decider(kind, options).predict(np.zeros((3, width), np.float32))
 
@@ -129,15 +160,41 @@ def test_invalid_arguments_are_refused():
 @pytest.mark.parametrize(
     "options",
     [
-        {"speed": 1.4, "radii": (3.0,), "tau": 0.5, "measurement_variance": 4.0},  # a walker
-        {"speed": 20.0, "radii": (200.0,), "tau": 1.0, "measurement_variance": 4.0},  # a car
-        {"speed": 8.0, "radii": (800.0,), "tau": 10.0, "measurement_variance": 400.0},  # a ship
-        {"speed": 250.0, "radii": (5000.0,), "tau": 1.0, "measurement_variance": 100.0},  # an aircraft
+        # A walker.
+        {
+            "speed": 1.4,
+            "radii": (3.0,),
+            "tau": 0.5,
+            "measurement_variance": 4.0,
+        },
+        # A car.
+        {
+            "speed": 20.0,
+            "radii": (200.0,),
+            "tau": 1.0,
+            "measurement_variance": 4.0,
+        },
+        # A ship.
+        {
+            "speed": 8.0,
+            "radii": (800.0,),
+            "tau": 10.0,
+            "measurement_variance": 400.0,
+        },
+        # An aircraft.
+        {
+            "speed": 250.0,
+            "radii": (5000.0,),
+            "tau": 1.0,
+            "measurement_variance": 100.0,
+        },
     ],
 )
 def test_an_untrained_network_is_the_threshold_rule_at_any_scale(options):
     world = QuickestOptions(**options)
-    margin = -float(np.log1p(np.exp(2.0)))  # no utility of keeping the statement
+    # No utility of keeping the statement.
+    margin = -float(np.log1p(np.exp(2.0)))
     agent = record_statements(StatementDecider(StatementNet(4), world, margin), 20, 0, **options)
     rule = record_statements(ThresholdDecider(0.0), 20, 0, **options)
+
     assert (agent.stated_modes == rule.stated_modes).mean() > 0.999

@@ -1,4 +1,6 @@
-"""Agents decide and train the same, whatever default type and device of PyTorch a program has set."""
+"""Agents decide and train the same, whatever default type and device of PyTorch a program has
+set.
+"""
 
 import functools
 import subprocess
@@ -14,8 +16,16 @@ from baselines.rules.decider import ANNOUNCED, UNKNOWN
 from baselines.rules.rollout import evaluate, record_statements
 from hybrid_env import QuickestOptions, WorldOptions
 
-DEFAULTS = {"float64": torch.float64, "bfloat16": torch.bfloat16, "meta": torch.device("meta")}
-AGENTS = [(SHIPPED, ANNOUNCED), (SHIPPED, UNKNOWN), *((name, task) for name, (task, _) in NAMED.items())]
+DEFAULTS = {
+    "float64": torch.float64,
+    "bfloat16": torch.bfloat16,
+    "meta": torch.device("meta"),
+}
+AGENTS = [
+    (SHIPPED, ANNOUNCED),
+    (SHIPPED, UNKNOWN),
+    *((name, task) for name, (task, _) in NAMED.items()),
+]
 
 
 @pytest.fixture
@@ -30,7 +40,11 @@ def restored():
 def set_default(request, restored):
     """A function that changes a default of PyTorch, until the test ends."""
     value = DEFAULTS[request.param]
-    return lambda: torch.set_default_dtype(value) if isinstance(value, torch.dtype) else torch.set_default_device(value)
+    return lambda: (
+        torch.set_default_dtype(value)
+        if isinstance(value, torch.dtype)
+        else torch.set_default_device(value)
+    )
 
 
 def results(name, task):
@@ -49,6 +63,7 @@ expected_results = functools.cache(results)
 def test_shipped_agents_decide_the_same(agent, set_default):
     expected = expected_results(*agent)
     set_default()
+
     np.testing.assert_array_equal(results(*agent), expected)
 
 
@@ -56,7 +71,10 @@ def test_shipped_agents_decide_the_same(agent, set_default):
 @pytest.mark.usefixtures("restored")
 def test_a_step_of_training_gives_the_same_weights(kind):
     weights = []
-    for dtype, device in ((torch.float32, "cpu"), (torch.float64, "meta")):
+    for dtype, device in (
+        (torch.float32, "cpu"),
+        (torch.float64, "meta"),
+    ):
         torch.set_default_dtype(dtype)
         torch.set_default_device(device)
         run = small_run(kind, steps=1, seed=3)
@@ -71,16 +89,17 @@ def test_the_defaults_of_the_program_stay_as_they_are(set_default):
     set_default()
     before = torch.get_default_dtype(), torch.get_default_device()
     results(SHIPPED, ANNOUNCED)
+
     assert (torch.get_default_dtype(), torch.get_default_device()) == before
 
 
 def test_modules_can_be_imported_after_the_defaults_have_changed():
     code = (
-        "import importlib, pkgutil, torch; torch.set_default_dtype(torch.float64); torch.set_default_device('meta')\n"
-        "from agents import learned\n"
-        "for module in pkgutil.iter_modules(learned.__path__):\n"
-        "    for value in vars(importlib.import_module(f'agents.learned.{module.name}')).values():\n"
-        "        assert not isinstance(value, torch.Tensor) or value.device.type == 'cpu'\n"
-        "        assert not isinstance(value, torch.Tensor) or value.dtype != torch.float64"
+        "import importlib, pkgutil, torch; torch.set_default_dtype(torch.float64);"
+        " torch.set_default_device('meta')\nfrom agents import learned\nfor module in"
+        " pkgutil.iter_modules(learned.__path__):\n    for value in"
+        " vars(importlib.import_module(f'agents.learned.{module.name}')).values():\n        assert"
+        " not isinstance(value, torch.Tensor) or value.device.type == 'cpu'\n        assert not"
+        " isinstance(value, torch.Tensor) or value.dtype != torch.float64"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -11,9 +11,15 @@ from baselines import read_recordings
 from hybrid_env import ArgumentError, Radar
 from hybrid_env.sensors import parse_sensors
 
-RADAR = Radar(range_deviation=30.0, bearing_deviation=0.015, rate_deviation=0.3, position=(3000.0, -8700.0))
+RADAR = Radar(
+    range_deviation=30.0,
+    bearing_deviation=0.015,
+    rate_deviation=0.3,
+    position=(3000.0, -8700.0),
+)
 TEXT = "30 0.015 rate 0.3 at 3000 -8700"
-TAU, SPEED, RADIUS = 10.0, 8.0, 500.0  # a ship
+# A ship.
+TAU, SPEED, RADIUS = 10.0, 8.0, 500.0
 TRUE = np.repeat([0, 1, 0, 2, 0], 40)
 TIMES = TAU * np.arange(len(TRUE))
 
@@ -25,20 +31,25 @@ def polar():
     heading = np.cumsum(SPEED * TAU / RADIUS * np.array([0, 1, -1])[TRUE])
     velocity = SPEED * np.stack([np.cos(heading), np.sin(heading)], 1)
     away = np.cumsum(TAU * velocity, axis=0) - RADAR.position
-    length, noise = np.hypot(*away.T), generator.normal(size=(3, len(TRUE)))
+    length = np.hypot(*away.T)
+    noise = generator.normal(size=(3, len(TRUE)))
     rows = np.stack(
         [
-            length + 30.0 * noise[0], np.arctan2(*away.T[::-1]) + 0.015 * noise[1],
+            length + 30.0 * noise[0],
+            np.arctan2(*away.T[::-1]) + 0.015 * noise[1],
             (away * velocity).sum(1) / length + 0.3 * noise[2],
         ],
         axis=1,
-    )  # fmt: skip
+    )
     rows[70] = np.nan
     return rows
 
 
 def write(path, rows, names):
-    lines = [",".join(map(str, row)).replace("nan", "") for row in np.column_stack([TIMES, rows]).tolist()]
+    lines = [
+        ",".join(map(str, row)).replace("nan", "")
+        for row in np.column_stack([TIMES, rows]).tolist()
+    ]
     path.write_text("\n".join([names, *lines]) + "\n")
     return path
 
@@ -51,8 +62,12 @@ def test_modes_and_radius_are_found_from_a_radar_alone(polar, decider):
     assert found.warnings == []
     known = track_recording(TIMES, polar, radar=RADAR, lengths=(40,), radii=(RADIUS,))
     assert known.pieces[:, 2].tolist() == [0, 1, 0, 2, 0]
-    # range and bearing alone tell less
-    less = track_recording(TIMES, polar[:, :2], radar=Radar(**vars(RADAR) | {"rate_deviation": None}))
+    # Range and bearing alone tell less.
+    less = track_recording(
+        TIMES,
+        polar[:, :2],
+        radar=Radar(**vars(RADAR) | {"rate_deviation": None}),
+    )
     assert (less.modes == TRUE).mean() > 0.8
 
 
@@ -64,14 +79,26 @@ def test_degrees_from_north_and_radians_from_the_x_axis_are_the_same(polar, tmp_
     )
     read = [read_recordings(path, radar=RADAR) for path in files]
     first, second = (one.recordings[0] for one in read)
+
     np.testing.assert_allclose(first.positions, second.positions)
     np.testing.assert_array_equal(first.rates, polar[:, 2])
     assert "bearings in degrees from north" in read[0].summary
     assert "bearings in radians from the x axis" in read[1].summary
-    Track(files=files[:1], radar=TEXT, out=tmp_path / "out", picture=False).run()
+    Track(
+        files=files[:1],
+        radar=TEXT,
+        out=tmp_path / "out",
+        picture=False,
+    ).run()
     modes = np.genfromtxt(tmp_path / "out" / "estimates.csv", delimiter=",", names=True)
     assert len(modes) == len(TRUE)
-    assert math.hypot(modes["x"][-1] - first.positions[-1, 0], modes["y"][-1] - first.positions[-1, 1]) < 500.0
+    assert (
+        math.hypot(
+            modes["x"][-1] - first.positions[-1, 0],
+            modes["y"][-1] - first.positions[-1, 1],
+        )
+        < 500.0
+    )
 
 
 def test_what_does_not_fit_a_radar_is_refused(polar, tmp_path):
@@ -115,7 +142,10 @@ def test_a_radar_of_a_recording_has_neither_period_nor_range(further, polar, tmp
         ("time,range,bearing_mrad,range_rate", "unit of bearing_mrad='mrad'.*deg or rad"),
         ("time,range,bearing (mil),range_rate", "'mil'.*deg or rad"),
         ("time,range,azimuth/gon,range_rate", "'gon'.*deg or rad"),
-        ("time,range [m],bearing,range_rate [km/h]", r"range_rate \[km/h\]='km/h'.*m/s, as of the range"),
+        (
+            "time,range [m],bearing,range_rate [km/h]",
+            r"range_rate \[km/h\]='km/h'.*m/s, as of the range",
+        ),
     ],
 )
 def test_other_units_of_a_radar_are_refused(names, message, polar, tmp_path):
@@ -136,5 +166,6 @@ def test_a_bearing_error_that_bends_too_much_is_said(polar):
         radar=Radar(range_deviation=30.0, bearing_deviation=0.06, position=RADAR.position),
         radii=(RADIUS,),
     )
+
     assert not any("bearing error" in text for text in plain.warnings)
     assert any("bearing error is too large" in text for text in bent.warnings)

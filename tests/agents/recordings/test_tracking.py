@@ -21,7 +21,10 @@ from hybrid_env.simulation import simulate
 
 CAR = OBJECTS["car"]
 TIMES = CAR.times(220)
-TRUE = np.repeat([2, 1, 0, 1], (60, 50, 40, 70))
+TRUE = np.repeat(
+    [2, 1, 0, 1],
+    (60, 50, 40, 70),
+)
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +34,14 @@ def drive():
 
 
 def true_model(one):
-    return TrackModel((one.radius,), one.measurement_variance, one.process_variance, 75.0, one.speed, one.tau)
+    return TrackModel(
+        (one.radius,),
+        one.measurement_variance,
+        one.process_variance,
+        75.0,
+        one.speed,
+        one.tau,
+    )
 
 
 def right_from_true_start(one, measurements, name):
@@ -43,7 +53,13 @@ def right_from_true_start(one, measurements, name):
     right = []
     for run in measurements:
         grid = tick_grid(make_recording(one.times(len(run)), run))
-        [found] = decide_recording(grid, model, tracker, lengths=LENGTHS, start=np.array(one.start))
+        [found] = decide_recording(
+            grid,
+            model,
+            tracker,
+            lengths=LENGTHS,
+            start=np.array(one.start),
+        )
         right.append(found.pieces[:, 2] == TRUE_MODES)
     return np.mean(right)
 
@@ -51,7 +67,13 @@ def right_from_true_start(one, measurements, name):
 def right_from_recording(one, measurements, name):
     right = []
     for run in measurements:
-        found = track_recording(one.times(len(run)), run, lengths=LENGTHS, radii=(one.radius,), decider=name)
+        found = track_recording(
+            one.times(len(run)),
+            run,
+            lengths=LENGTHS,
+            radii=(one.radius,),
+            decider=name,
+        )
         right.append(found.pieces[:, 2] == TRUE_MODES)
     return np.mean(right)
 
@@ -60,7 +82,8 @@ def right_from_recording(one, measurements, name):
 def test_pieces_of_known_lengths_are_right_at_any_scale(name):
     one = OBJECTS[name]
     measurements = one.simulate(2).measurements
-    # 28 pieces, each right with a probability of 0.97: fewer than 24 are right with a probability of 1e-3
+    # 28 pieces, each right with a probability of 0.97: fewer than 24 are right with a probability
+    # of 1e-3.
     assert right_from_true_start(one, measurements, "msprt-aware") >= 24 / 28
     assert right_from_recording(one, measurements, "msprt-aware") >= 24 / 28
 
@@ -70,24 +93,35 @@ def test_pieces_of_known_lengths_are_right_at_any_scale(name):
 @pytest.mark.parametrize("name", OBJECTS)
 def test_95_percent_of_pieces_are_right_where_the_true_start_gives_97(name, decider):
     one = OBJECTS[name]
-    runs = 4 if decider == "calibrated" else 40  # it is fitted by simulation to every recording
-    measurements = one.simulate(runs, seed=7).measurements  # 560 pieces, standard error at most 0.9 %
+    # It is fitted by simulation to every recording.
+    runs = 4 if decider == "calibrated" else 40
+    # 560 pieces, standard error at most 0.9 %.
+    measurements = one.simulate(runs, seed=7).measurements
     if right_from_true_start(one, measurements, decider) < 0.97:
         pytest.skip("the decider itself is right in less than 97 %")
+
     assert right_from_recording(one, measurements, decider) >= 0.95
 
 
 def agreement(one, decider, tracks, seed, start="random", **given):
-    """Share of right ticks of a decider in the environment, and on recordings of its measurements."""
+    """Share of right ticks of a decider in the environment, and on recordings of its
+    measurements.
+    """
     model = true_model(one)
     units = ModelUnits.of(model)
     env = HybridTrackQuickestVectorEnv(
-        tracks, autoreset_mode="Disabled", tick_info=False, start=start, **units.options(model)
+        tracks,
+        autoreset_mode="Disabled",
+        tick_info=False,
+        start=start,
+        **units.options(model),
     )
     env.reset(seed=seed)
     rule = load_decider(decider, env.options)
     ticks, state, first = env.options.ticks, None, np.ones(tracks, np.bool_)
-    measured, true, stated = np.empty((ticks, tracks, 2)), [], []
+    measured = np.empty((ticks, tracks, 2))
+    true = []
+    stated = []
     for k in range(ticks):
         measured[k] = env.world.field("measurement")
         true.append(env.world.field("true_mode").copy())
@@ -97,15 +131,25 @@ def agreement(one, decider, tracks, seed, start="random", **given):
         first = np.zeros(tracks, np.bool_)
     true, right = np.array(true), []
     for k in range(tracks):
-        found = track_recording(one.times(ticks), measured[:, k] / units.length, decider=decider, **given)
-        types = np.where(found.modes == 0, 0, 1 + (found.modes > len(found.model.radii)))
+        found = track_recording(
+            one.times(ticks),
+            measured[:, k] / units.length,
+            decider=decider,
+            **given,
+        )
+        types = np.where(
+            found.modes == 0,
+            0,
+            1 + (found.modes > len(found.model.radii)),
+        )
         right.append((types == true[:, k]).mean())
     return (np.array(stated) == true).mean(), np.mean(right)
 
 
 @pytest.mark.parametrize("name", ["readme", "car"])
 def test_unknown_lengths_are_as_in_the_environment(name):
-    # paired, on the same measurements: the difference of a track has a standard deviation of about 0.03
+    # Paired, on the same measurements: the difference of a track has a standard deviation of about
+    # 0.03.
     of_env, of_recording = agreement(OBJECTS[name], "threshold", 6, 5)
     assert of_recording > of_env - 0.02 - 3.0 * 0.03 / np.sqrt(6)
 
@@ -118,6 +162,7 @@ def test_agreement_of_unknown_lengths_is_within_two_percent(name, decider, given
     one = OBJECTS[name]
     arguments = {"radii": (one.radius,)} if given == "radii" else {}
     of_env, of_recording = agreement(one, decider, 20, 11, **arguments)
+
     assert of_recording > of_env - 0.02
 
 
@@ -132,28 +177,55 @@ def test_a_car_is_tracked_without_any_option(drive):
 
 def test_the_example_of_the_readme_is_right():
     run = simulate("L60r3 R75r5 S50 L60r10").measurements[0]
-    found = track_recording(None, run, lengths=(60, 75, 50, 60), radii=(3.0, 5.0, 10.0))
+    found = track_recording(
+        None,
+        run,
+        lengths=(60, 75, 50, 60),
+        radii=(3.0, 5.0, 10.0),
+    )
+
     assert [found.mode_names()[mode] for mode in found.pieces[:, 2]] == ["L 3", "R 5", "S", "L 10"]
 
 
 @pytest.mark.parametrize(("length", "time"), [(1000.0, 1.0), (1000.0, 60.0)])
-@pytest.mark.parametrize("options", [{}, {"lengths": (60, 50, 40, 70)}, {"decider": "cusum"}])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"lengths": (60, 50, 40, 70)},
+        {"decider": "cusum"},
+    ],
+)
 def test_units_change_no_decision(length, time, options, drive):
     plain = track_recording(TIMES, drive, **options)
     other = track_recording(time * TIMES, length * drive, **options)
+
     np.testing.assert_array_equal(other.modes, plain.modes)
     np.testing.assert_array_equal(other.pieces, plain.pieces)
     np.testing.assert_allclose(other.probabilities, plain.probabilities, atol=1e-6)
-    np.testing.assert_allclose(other.estimates[:, ::2] / length, plain.estimates[:, ::2], atol=1e-3)
-    assert other.model.radii == pytest.approx([length * radius for radius in plain.model.radii], rel=1e-6)
+    np.testing.assert_allclose(
+        other.estimates[:, ::2] / length,
+        plain.estimates[:, ::2],
+        atol=1e-3,
+    )
+    assert other.model.radii == pytest.approx(
+        [length * radius for radius in plain.model.radii],
+        rel=1e-6,
+    )
     assert other.warnings == plain.warnings
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"measurement_variance": 4.0 / 60.0**2}, "scatter [56][0-9] times what R says: check units"),
-        ({"measurement_variance": 4.0 * 60.0**2}, "scatter 0.01[0-9]* times what R says: check units"),
+        (
+            {"measurement_variance": 4.0 / 60.0**2},
+            "scatter [56][0-9] times what R says: check units",
+        ),
+        (
+            {"measurement_variance": 4.0 * 60.0**2},
+            "scatter 0.01[0-9]* times what R says: check units",
+        ),
         ({"radii": (5.0,)}, "turns of radius 5 .*check units and radii"),
         ({"radii": (200000.0,)}, r"turns of radius 2e\+05 .*check units and radii"),
     ],
@@ -172,7 +244,14 @@ def test_a_model_that_does_not_fit_is_said(options, message, drive):
         ({"decider": "nosuch"}, "decider='nosuch'"),
         ({"bank": "published"}, "bank='published'.*none without lengths"),
         ({"recalculation": True}, "recalculation=True.*False without lengths"),
-        ({"refine_radius": True, "lengths": (220,), "radii": (50.0,)}, "refine_radius=True.*single radius"),
+        (
+            {
+                "refine_radius": True,
+                "lengths": (220,),
+                "radii": (50.0,),
+            },
+            "refine_radius=True.*single radius",
+        ),
         ({"lengths": (100, 100)}, "lengths=.*sum is 220, the number of ticks, not 200"),
         ({"radii": (3.0, 3.0)}, "radii=.*distinct"),
         ({"durations": "long"}, "durations='long'"),
@@ -192,12 +271,18 @@ def test_missing_rows_are_predicted(drive):
     empty = np.where(kept[:, None], drive, np.nan)
     with_rows = track_recording(TIMES, empty)
     without_rows = track_recording(TIMES[kept], drive[kept])
+
     np.testing.assert_array_equal(with_rows.modes[kept], without_rows.modes)
     assert (with_rows.modes == TRUE).mean() > 0.9
     assert np.isfinite(with_rows.estimates).all()
-    # deciders with filters of their own that predict
+    # Deciders with filters of their own that predict.
     assert (track_recording(TIMES, empty, decider="beam").modes == TRUE).mean() > 0.9
-    known = track_recording(TIMES, empty, lengths=(60, 50, 40, 70), decider="shipped")
+    known = track_recording(
+        TIMES,
+        empty,
+        lengths=(60, 50, 40, 70),
+        decider="shipped",
+    )
     assert known.pieces[:, 2].tolist() == [2, 1, 0, 1]
 
 
@@ -205,6 +290,7 @@ def test_a_gap_starts_the_track_anew(drive):
     after = np.arange(220) >= 100
     times = TIMES + 1000.0 * after
     found = track_recording(times, drive + 1e5 * after[:, None])
+
     assert (found.modes == TRUE).mean() > 0.9
     assert 100 in found.pieces[:, 0]
     with pytest.raises(ArgumentError, match=r"lengths=.*none with 1 gaps"):
@@ -212,10 +298,18 @@ def test_a_gap_starts_the_track_anew(drive):
 
 
 @pytest.mark.parametrize("rows", [2, 3, 4, 5, 7])
-@pytest.mark.parametrize("options", [{}, {"lengths": (1,)}, {"radii": (5.0,), "measurement_variance": 0.1}])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"lengths": (1,)},
+        {"radii": (5.0,), "measurement_variance": 0.1},
+    ],
+)
 def test_very_short_recordings_have_results(rows, options):
     run = np.random.default_rng(1).normal(0.0, 0.3, (rows, 2)) + np.arange(rows)[:, None]
     found = track_recording(None, run, **options)
+
     assert ((found.modes >= 0) & (found.modes < found.probabilities.shape[1])).all()
     assert np.isfinite(found.estimates[-1]).all()
     assert "cannot be checked" in found.warnings[0]
@@ -228,33 +322,66 @@ def test_a_recording_that_does_not_move_is_refused():
 
 def with_stops(speed, noise, stops=True):
     """Positions (300, 2) of an object that stands twice for 60 ticks, or never."""
-    moves = np.repeat([1.0, 0.0, 1.0, 0.0, 1.0] if stops else [1.0] * 5, 60)[:, None]
-    heading = np.cumsum(np.where(np.arange(300) // 20 % 3 == 1, 0.15, 0.0) * moves[:, 0])
-    path = np.cumsum(speed * moves * np.stack([np.cos(heading), np.sin(heading)], 1), axis=0)
+    moves = np.repeat(
+        [1.0, 0.0, 1.0, 0.0, 1.0] if stops else [1.0] * 5,
+        60,
+    )[:, None]
+    heading = np.cumsum(
+        np.where(
+            np.arange(300) // 20 % 3 == 1,
+            0.15,
+            0.0,
+        )
+        * moves[:, 0]
+    )
+    path = np.cumsum(
+        speed * moves * np.stack([np.cos(heading), np.sin(heading)], 1),
+        axis=0,
+    )
     return path + noise * np.random.default_rng(2).normal(size=path.shape)
 
 
-@pytest.mark.parametrize(("speed", "noise", "unit"), [(12.0, 0.5, 1.0), (1.2, 0.01, 1.0), (12.0, 0.5, 0.001)])
+@pytest.mark.parametrize(
+    ("speed", "noise", "unit"),
+    [(12.0, 0.5, 1.0), (1.2, 0.01, 1.0), (12.0, 0.5, 0.001)],
+)
 @pytest.mark.parametrize("radii", [(), (8.0,)])
 def test_an_object_that_stands_for_a_while_is_said(speed, noise, unit, radii):
     given = tuple(radius * speed / 1.2 * unit for radius in radii)
     try:
-        said = track_recording(np.arange(300.0), unit * with_stops(speed, noise), radii=given).warnings
+        said = track_recording(
+            np.arange(300.0),
+            unit * with_stops(speed, noise),
+            radii=given,
+        ).warnings
     except ArgumentError as error:
         said = [str(error)]
+
     assert any("stands still" in text for text in said), said
-    moving = track_recording(np.arange(300.0), unit * with_stops(speed, noise, stops=False), radii=given)
+    moving = track_recording(
+        np.arange(300.0),
+        unit * with_stops(speed, noise, stops=False),
+        radii=given,
+    )
     assert not any("stands still" in text for text in moving.warnings)
 
 
 @pytest.mark.parametrize(
-    ("radius", "message"), [(0.2, "below 3 standard deviations"), (1.6, "more than a turn in a tick"), (2.0, None)]
+    ("radius", "message"),
+    [
+        (0.2, "below 3 standard deviations"),
+        (1.6, "more than a turn in a tick"),
+        (2.0, None),
+    ],
 )
 def test_radii_that_no_object_has_are_refused_with_the_cause(radius, message):
     if message is None:
         _check_radii([radius], 12.0, 0.5)
         return
-    with pytest.raises(ArgumentError, match=f"stands still .* radius {radius:g}, {message}.*--radii"):
+    with pytest.raises(
+        ArgumentError,
+        match=f"stands still .* radius {radius:g}, {message}.*--radii",
+    ):
         _check_radii([radius], 12.0, 0.5)
 
 
@@ -268,12 +395,17 @@ def road():
 
 
 @pytest.mark.parametrize(
-    "options", [{"error": "1/1000"}, {"error": "0.1/1000"}, {"error": "1/1000", "durations": "geometric 15"}]
+    "options",
+    [
+        {"error": "1/1000"},
+        {"error": "0.1/1000"},
+        {"error": "1/1000", "durations": "geometric 15"},
+    ],
 )
 @pytest.mark.filterwarnings("ignore:IMM threshold cannot hold")
 def test_an_error_rate_makes_no_mode_unreachable(options, road):
     found = track_recording(TIMES, road, radii=(CAR.radius,), **options)
-    # a small rate makes decisions late
+    # A small rate makes decisions late.
     assert (found.modes == np.repeat([2, 0, 1, 0], ROAD_LENGTHS)).mean() > 0.75
     assert set(found.modes) == {0, 1, 2}
     assert found.unlikely < 40
@@ -281,7 +413,10 @@ def test_an_error_rate_makes_no_mode_unreachable(options, road):
 
 @pytest.mark.parametrize("decider", ["threshold", "beam"])
 def test_a_threshold_that_a_mode_never_reaches_is_warned_of(decider, road):
-    with pytest.warns(UserWarning, match=f"decider '{decider}:0.9999'.*not every mode reaches more than 0.9"):
+    with pytest.warns(
+        UserWarning,
+        match=f"decider '{decider}:0.9999'.*not every mode reaches more than 0.9",
+    ):
         found = track_recording(TIMES, road, radii=(CAR.radius,), decider=f"{decider}:0.9999")
     assert any("the stated mode has a probability below 0.05 in" in text for text in found.warnings)
     with warnings.catch_warnings():

@@ -8,13 +8,25 @@ from PIL import Image
 
 from agents.cli import main
 from baselines.papers import novospaskyi
-from baselines.papers.novospaskyi.tables import METRICS, TABLES, TEST_ERRORS, UNFILTERED, as_published
+from baselines.papers.novospaskyi.tables import (
+    METRICS,
+    TABLES,
+    TEST_ERRORS,
+    UNFILTERED,
+    as_published,
+)
 
-FIGURES = {"novospaskyi_flight.png", "novospaskyi_errors.png", "novospaskyi_mae.png", "novospaskyi_kf_cv.png"}
+FIGURES = {
+    "novospaskyi_flight.png",
+    "novospaskyi_errors.png",
+    "novospaskyi_mae.png",
+    "novospaskyi_kf_cv.png",
+}
 
 
 def test_a_small_radar_study_prints_tables_and_draws_figures(monkeypatch, capsys, tmp_path):
-    results, seen = [], []
+    results = []
+    seen = []
 
     def small(progress, **options):
         def show(*state):
@@ -26,12 +38,21 @@ def test_a_small_radar_study_prints_tables_and_draws_figures(monkeypatch, capsys
 
     study = novospaskyi.reproduce
     monkeypatch.setattr(novospaskyi, "reproduce", small)
-    assert main(["reproduce", "novospaskyi", "--runs", "2", "--jobs", "1", "--out", str(tmp_path)]) == 0
+
+    assert (
+        main(["reproduce", "novospaskyi", "--runs", "2", "--jobs", "1", "--out", str(tmp_path)])
+        == 0
+    )
     printed = capsys.readouterr().out
     for words in ("Table 3.5, Gaussian noise", "KF CJ", "2 runs, seed 0", "sound CV"):
         assert words in printed
     names = {path.name for path in tmp_path.iterdir()}
-    assert names == FIGURES | {"novospaskyi.md", "novospaskyi.json", "reproduction.md", "novospaskyi"}
+    assert names == FIGURES | {
+        "novospaskyi.md",
+        "novospaskyi.json",
+        "reproduction.md",
+        "novospaskyi",
+    }
     for name in FIGURES:
         with Image.open(tmp_path / name) as image:
             assert image.width > 1000
@@ -51,8 +72,8 @@ def check(result, cells):
     assert all(np.isfinite([cell.ours, cell.low, cell.high]).all() for cell in result.cells)
     published = [cell.published for cell in result.tables[TABLES["levy"]][:4]]
     assert tuple(published) == TEST_ERRORS["levy"][UNFILTERED]
-    # unfiltered, the error is the noise itself: 4 standard errors of a deviation from about 2 runs x 4
-    # flights x 70 measurements x 3 axes
+    # Unfiltered, the error is the noise itself: 4 standard errors of a deviation from about 2 runs
+    # x 4 flights x 70 measurements x 3 axes.
     unfiltered = dict(zip(METRICS, result.tables[TABLES["gaussian"]], strict=False))
     assert unfiltered[METRICS[0]].ours == pytest.approx(12.5, rel=4.0 / np.sqrt(2 * 1680) + 0.01)
     example = result.examples["flight"]

@@ -1,4 +1,6 @@
-"""Deciders declare hypotheses; in an environment whose actions are types they play, and are compared, all the same."""
+"""Deciders declare hypotheses; in an environment whose actions are types they play, and are
+compared, all the same.
+"""
 
 import gymnasium as gym
 import numpy as np
@@ -16,7 +18,9 @@ SCHEME = {"scheme": "random 2x20-30"}
 
 
 class Model:
-    """A model of a learning library that was trained with actions by type, and always declares a right turn."""
+    """A model of a learning library that was trained with actions by type, and always declares a
+    right turn.
+    """
 
     action_space = gym.spaces.Discrete(4)
 
@@ -28,18 +32,22 @@ class Model:
 def test_a_loaded_decider_acts_in_the_action_space(name):
     env = make_track_vector_env(ENV, 5, **SCHEME)
     decider, (rows, _) = agents.load(name, ENV, **SCHEME), env.reset(seed=0)
-    state, starts, declared = None, np.ones(5, np.bool_), 0
+    state = None
+    starts = np.ones(5, np.bool_)
+    declared = 0
     for _ in range(60):
         actions, state = decider.predict(rows, state, starts)
         assert env.action_space.contains(np.asarray(actions, np.int64))
         declared += np.count_nonzero(actions)
         rows, _, starts, _, _ = env.step(actions)
+
     assert declared > 5
 
 
 def test_a_model_that_was_trained_with_types_is_not_translated():
     options = make_track_vector_env(ENV, 1).options
     model = as_decider(Model())
+
     assert for_actions(model, options) is model
     assert agents.evaluate(Model(), ENV, episodes=5, **SCHEME)["type_accuracy"].value < 1.0
 
@@ -48,11 +56,25 @@ def test_a_rule_that_declares_hypotheses_is_refused_where_an_action_declares_the
     with pytest.raises(ArgumentError, match="actions='best'"):
         agents.evaluate("msprt", "hybrid_env:HybridTrack-v0", episodes=2, actions="best")
     with pytest.raises(ArgumentError, match="actions='best'"):
-        for_actions(as_decider(lambda rows: np.zeros(len(rows), int)), WorldOptions(actions="best"))
+        for_actions(
+            as_decider(lambda rows: np.zeros(len(rows), int)),
+            WorldOptions(actions="best"),
+        )
 
 
 def test_deciders_are_compared_and_drawn_where_actions_are_types(tmp_path):
-    words = "--deciders ate msprt-type --agents shipped --episodes 6 --selection-episodes 6 --no-curves"
-    flags = ["--env", ENV, *words.split(), "--scheme", SCHEME["scheme"], "--out", str(tmp_path / "results")]
+    words = (
+        "--deciders ate msprt-type --agents shipped --episodes 6 --selection-episodes 6 --no-curves"
+    )
+    flags = [
+        "--env",
+        ENV,
+        *words.split(),
+        "--scheme",
+        SCHEME["scheme"],
+        "--out",
+        str(tmp_path / "results"),
+    ]
+
     assert main(["compare", *flags]) == 0
     assert (tmp_path / "results" / "episode.png").stat().st_size > 1000

@@ -13,16 +13,32 @@ SMALL = f"{QUICKEST} --ticks 80 --durations 'uniform 15-30'"
 
 def test_compare_prints_tables_and_writes_figures_and_data(tmp_path, capsys):
     out = tmp_path / "results"
-    line = f"compare {SMALL} --deciders threshold cusum beam --episodes 8 --selection-episodes 6 --out {out}"
+    line = (
+        f"compare {SMALL} --deciders threshold cusum beam --episodes 8 --selection-episodes 6 --out"
+        f" {out}"
+    )
+
     assert main(shlex.split(line)) == 0
     printed = capsys.readouterr().out
-    for words in ("8 tracks of 80 ticks", "IMM threshold", "CUSUM", "beam", "shipped", "operating curves"):
+    for words in (
+        "8 tracks of 80 ticks",
+        "IMM threshold",
+        "CUSUM",
+        "beam",
+        "shipped",
+        "operating curves",
+    ):
         assert words in printed
     assert {path.name for path in out.iterdir()} == {"compare.json", "compare.png", "episode.png"}
     data = json.loads((out / "compare.json").read_text())
     assert data["plan"]["options"] == {"ticks": 80, "durations": "uniform 15-30"}
     assert data["plan"]["episodes"] == 8
-    assert [one["name"] for one in data["deciders"]] == ["IMM threshold", "CUSUM", "beam", "shipped"]
+    assert [one["name"] for one in data["deciders"]] == [
+        "IMM threshold",
+        "CUSUM",
+        "beam",
+        "shipped",
+    ]
     for one in data["deciders"]:
         chosen = one["curve"]["thresholds"].index(one["threshold"]["chosen"])
         assert one["reward"]["value"] == pytest.approx(one["curve"]["reward"][chosen])

@@ -13,7 +13,10 @@ from agents.studies.continuation import TRAINED, UNFINISHED, content_digest
 from agents.training.run import Run
 from baselines.rules import own_modules
 
-LINE = "compare --episodes 4 --selection-episodes 4 --deciders ml fixed --scheme random\\ 2x20-25 --seed 5"
+LINE = (
+    "compare --episodes 4 --selection-episodes 4 --deciders ml fixed --scheme random\\ 2x20-25"
+    " --seed 5"
+)
 NO_AGENTS = ("--agents",)
 
 
@@ -55,7 +58,8 @@ def swept(monkeypatch):
 
 def interrupt(folder, after, agents):
     """Run a comparison that is interrupted after a number of deciders."""
-    original, entries = comparison.Entry, []
+    original = comparison.Entry
+    entries = []
 
     def entry(*arguments):
         if len(entries) == after:
@@ -76,13 +80,21 @@ def test_a_complete_comparison_leaves_agents_and_no_unfinished_files(uninterrupt
     assert not (uninterrupted / UNFINISHED).exists()
 
 
-def test_an_interrupted_evaluation_goes_on(uninterrupted, agents, tmp_path, monkeypatch, swept, capsys):
+def test_an_interrupted_evaluation_goes_on(
+    uninterrupted,
+    agents,
+    tmp_path,
+    monkeypatch,
+    swept,
+    capsys,
+):
     interrupt(tmp_path, 2, agents)
     assert "the same command continues" in capsys.readouterr().err
     kept = json.loads(results(tmp_path))
     assert kept["complete"] is False
     assert [entry["name"] for entry in kept["deciders"]] == ["ML at the end", "fixed time"]
-    assert swept == ["ML at the end"] * 2 + ["fixed time"] * 2 + ["small-ppo"] * 2  # selection and report
+    # Selection and report.
+    assert swept == ["ML at the end"] * 2 + ["fixed time"] * 2 + ["small-ppo"] * 2
     swept.clear()
     monkeypatch.setattr(Run, "between_updates", lambda self: pytest.fail("trained again"))
     assert run(tmp_path, agents) == 0
@@ -104,6 +116,7 @@ def test_an_interrupted_training_goes_on(uninterrupted, agents, tmp_path, monkey
         patch.setattr(Run, "between_updates", stop)
         assert run(tmp_path, agents) == 130
     (agent,) = (tmp_path / TRAINED).iterdir()
+
     assert (agent / "checkpoint.safetensors").is_file()
     assert run(tmp_path, agents) == 0
     assert results(tmp_path) == results(uninterrupted)
@@ -115,6 +128,7 @@ def test_damaged_or_other_results_are_not_used(tmp_path, swept):
     first, second = sorted((tmp_path / UNFINISHED).iterdir())
     first.write_bytes(first.read_bytes()[:100])
     second.write_bytes(b"")
+
     assert run(tmp_path, NO_AGENTS) == 0
     assert swept == ["ML at the end"] * 2 + ["fixed time"] * 2
     interrupt(tmp_path, 1, NO_AGENTS)
@@ -124,7 +138,10 @@ def test_damaged_or_other_results_are_not_used(tmp_path, swept):
 
 
 RULE = "import numpy as np\n{}\ndef rule(rows):\n    return np.full(len(rows), limits.ACTION)\n"
-IMPORTS = {"known": "import limits", "not known": "import importlib\nimport limits\nimportlib.import_module('json')"}
+IMPORTS = {
+    "known": "import limits",
+    "not known": "import importlib\nimport limits\nimportlib.import_module('json')",
+}
 
 
 def forget(*modules):
@@ -137,7 +154,14 @@ def forget(*modules):
 @pytest.mark.parametrize("kind", ["file", "module"])
 @pytest.mark.parametrize("imported", IMPORTS)
 @pytest.mark.parametrize("edited", [True, False])
-def test_a_comparison_goes_on_with_the_same_code_only(tmp_path, monkeypatch, swept, kind, imported, edited):
+def test_a_comparison_goes_on_with_the_same_code_only(
+    tmp_path,
+    monkeypatch,
+    swept,
+    kind,
+    imported,
+    edited,
+):
     place = tmp_path / "place"
     place.mkdir()
     monkeypatch.chdir(place)
@@ -152,6 +176,7 @@ def test_a_comparison_goes_on_with_the_same_code_only(tmp_path, monkeypatch, swe
     if edited:
         (place / "limits.py").write_text("ACTION = 2\n")
     forget(name, "limits")
+
     assert run(tmp_path / "out", agents) == 0
     assert ("rule" in swept) == (edited or imported == "not known")
 
@@ -167,5 +192,6 @@ def test_a_run_folder_that_was_trained_again_is_scored_again(tmp_path):
         for file in ("policy.safetensors", "policy.json"):
             (folder / file).write_text((folder / file).read_text() + "1")
             assert content_digest(name, "announced") not in (None, "", before)
+
     assert content_digest("ate", "announced") == ""
     assert content_digest(print, "announced") is None

@@ -14,15 +14,23 @@ from baselines.rules import seeds
 @pytest.fixture(autouse=True)
 def quick_rules(monkeypatch):
     monkeypatch.setattr(departures, "TOLD", {ANNOUNCED: ("msprt",), UNKNOWN: ("threshold",)})
-    monkeypatch.setattr(departures, "DECIDERS", {ANNOUNCED: ("msprt", "ate"), UNKNOWN: ("threshold",)})
+    monkeypatch.setattr(
+        departures,
+        "DECIDERS",
+        {ANNOUNCED: ("msprt", "ate"), UNKNOWN: ("threshold",)},
+    )
     monkeypatch.setattr(seeds, "SELECTION_EPISODES", 20)
 
 
 def test_the_command_writes_its_files(tmp_path, capsys, monkeypatch):
     roads = {name: (task, (levels[0], levels[-1])) for name, (task, levels) in ROADS.items()}
     monkeypatch.setattr(departures, "ROADS", roads)
+
     assert len(calls((), 10, 0)) == 8
-    assert main(["limits", "--departures", "--episodes", "10", "--jobs", "1", "--out", str(tmp_path)]) == 0
+    assert (
+        main(["limits", "--departures", "--episodes", "10", "--jobs", "1", "--out", str(tmp_path)])
+        == 0
+    )
     assert "Rhythm: durations" in capsys.readouterr().out
     found = json.loads((tmp_path / "departures.json").read_text())
     assert len(found) == 3 * 2 * 3 + 2 * 2

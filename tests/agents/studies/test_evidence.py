@@ -19,7 +19,8 @@ def make_env(correctness="exact"):
 def ticks_of(env, decider, count=60):
     """Play, and yield observation, actions and evidence at each tick."""
     observation, _ = env.reset(seed=0)
-    state, start = None, np.ones(TRACKS, np.bool_)
+    state = None
+    start = np.ones(TRACKS, np.bool_)
     for _ in range(count):
         values = decider.evidence(observation, state, start)
         assert values.shape == (TRACKS, 7)
@@ -34,12 +35,20 @@ def levels_at(threshold, observation):
 
 
 def policy_decider(actions, threshold):
-    space = spaces.Box(-np.inf, np.inf, (Layout(7).width,), np.float32)
+    space = spaces.Box(
+        -np.inf,
+        np.inf,
+        (Layout(7).width,),
+        np.float32,
+    )
     return PolicyDecider(make_policy(space, spaces.Discrete(actions), {}), threshold)
 
 
 @pytest.mark.parametrize("correctness", ["exact", "type"])
-@pytest.mark.parametrize("name", ["msprt:0.05", "msprt:1e-6", "msprt-type:0.05", "gap:3", "bayes", "shipped:0.05"])
+@pytest.mark.parametrize(
+    "name",
+    ["msprt:0.05", "msprt:1e-6", "msprt-type:0.05", "gap:3", "bayes", "shipped:0.05"],
+)
 def test_a_decider_declares_the_mode_whose_evidence_reaches_the_threshold(name, correctness):
     env = make_env(correctness)
     decider = load_decider(name, env.options)
@@ -51,8 +60,12 @@ def test_a_decider_declares_the_mode_whose_evidence_reaches_the_threshold(name, 
         reached = (values >= level).any(axis=1)
         np.testing.assert_array_equal((actions > 0)[clear], reached[clear])
         chosen = actions[actions > 0] - 1
-        np.testing.assert_array_equal(values[actions > 0, chosen], values[actions > 0].max(axis=1))
+        np.testing.assert_array_equal(
+            values[actions > 0, chosen],
+            values[actions > 0].max(axis=1),
+        )
         declared += len(chosen)
+
     assert declared > 20
 
 
@@ -60,7 +73,14 @@ def test_a_decider_declares_the_mode_whose_evidence_reaches_the_threshold(name, 
 def test_a_policy_declares_when_its_log_odds_exceed_the_threshold(actions):
     decider = policy_decider(actions, threshold=0.001)
     panel = decider.panel()
+
     assert panel.curves == ("single" if actions == 2 else "hypothesis")
     for _, chosen, values in ticks_of(make_env(), decider):
-        np.testing.assert_array_equal(chosen > 0, values.max(axis=1) > panel.thresholds[0].levels[0])
-        np.testing.assert_array_equal(values[chosen > 0, chosen[chosen > 0] - 1], values[chosen > 0].max(axis=1))
+        np.testing.assert_array_equal(
+            chosen > 0,
+            values.max(axis=1) > panel.thresholds[0].levels[0],
+        )
+        np.testing.assert_array_equal(
+            values[chosen > 0, chosen[chosen > 0] - 1],
+            values[chosen > 0].max(axis=1),
+        )

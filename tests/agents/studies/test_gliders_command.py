@@ -23,12 +23,18 @@ OPEN, CLOSED = {"A": (1, 2), "B": (3, 4)}, 5
 @pytest.fixture
 def archive(tmp_path, monkeypatch):
     """An archive of five logs, of which four are open; small grids."""
-    halves = {half: tuple(gliders.digits(made_up_log(k)) for k in seeds) for half, seeds in OPEN.items()}
+    halves = {
+        half: tuple(gliders.digits(made_up_log(k)) for k in seeds) for half, seeds in OPEN.items()
+    }
     for half, logs in halves.items():
         monkeypatch.setitem(gliders.HALVES, half, logs)
     monkeypatch.setattr(GliderImm, "models", GliderImm.models[:1])
     monkeypatch.setattr(GliderImm, "grid", ((0.7, 0.7), (0.95, 0.9)))
-    monkeypatch.setattr(XcsoarRule, "grid", ((4.0, 6.0, 4.0), (7.0, 10.0, 6.0)))
+    monkeypatch.setattr(
+        XcsoarRule,
+        "grid",
+        ((4.0, 6.0, 4.0), (7.0, 10.0, 6.0)),
+    )
     monkeypatch.setattr(GliderAgent, "grid", ((0.0, 0.0), (4.0, 0.0)))
     monkeypatch.setattr(study, "SIMULATED", 3)
     path = tmp_path / "logs.tgz"
@@ -53,9 +59,14 @@ def compare(archive, *flags):
 def test_rules_are_compared_on_open_logs_only(archive, monkeypatch, capsys):
     parsed = []
     plain = evaluated.parse_igc
-    monkeypatch.setattr(evaluated, "parse_igc", lambda name, content: parsed.append(name) or plain(name, content))
+    monkeypatch.setattr(
+        evaluated,
+        "parse_igc",
+        lambda name, content: parsed.append(name) or plain(name, content),
+    )
     code, out = compare(archive)
     printed = capsys.readouterr().out
+
     assert not code
     assert "4 flights of gliders" in printed
     assert "Nobody" not in printed
@@ -78,9 +89,16 @@ def test_settings_are_those_of_the_other_half(archive):
     result = study.compare_on_gliders(archive, ("xcsoar",), Workers(), lambda text: None)
     flights, labels = result.flights, result.labels
     settings = evaluated.all_settings("xcsoar")
-    swept = evaluated.score_settings(flights, labels, evaluated.glider_statements(flights, settings))
+    swept = evaluated.score_settings(
+        flights,
+        labels,
+        evaluated.glider_statements(flights, settings),
+    )
     for level, by_name in result.chosen.items():
-        for half, rows in (("A", [2, 3]), ("B", [0, 1])):
+        for half, rows in (
+            ("A", [2, 3]),
+            ("B", [0, 1]),
+        ):
             assert by_name["xcsoar"][half] == settings[study.select(swept.some(rows), level)]
             assert by_name["xcsoar"][half] in settings
 
@@ -92,6 +110,7 @@ def test_sealed_logs_are_opened_by_an_unbroken_seal_only(archive, monkeypatch, t
     monkeypatch.setattr(study, "SEAL", kept)
     kept.write_text(json.dumps(seal))
     code, out = compare(archive, "--sealed")
+
     assert not code
     assert "1 flights of gliders, sealed" in capsys.readouterr().out
     result = json.loads((out / "gliders.json").read_text())
@@ -107,6 +126,7 @@ def test_sealed_logs_are_opened_by_an_unbroken_seal_only(archive, monkeypatch, t
 def test_the_seal_of_the_package_is_that_of_its_code():
     pytest.importorskip("libigc")
     seal = json.loads(study.SEAL.read_text())
+
     assert {part: seal[part] for part in ("code", "weights")} == study.current_seal()
     assert set(seal["settings"]["5"]) == set(study.default_names())
 
@@ -114,6 +134,7 @@ def test_the_seal_of_the_package_is_that_of_its_code():
 def test_a_log_is_tracked_by_its_circles(tmp_path, capsys):
     path = tmp_path / "flight.igc"
     path.write_bytes(made_up_log(7))
+
     assert not main(["track", str(path)])
     assert "4 times circling" in capsys.readouterr().out
     with (tmp_path / "flight_track" / "circles.csv").open() as file:
@@ -127,19 +148,37 @@ def test_a_log_is_tracked_by_its_circles(tmp_path, capsys):
         assert float(row["climb"]) == pytest.approx(1.5, abs=0.3)
         assert 0.0 < float(row["stated_after"]) < 20.0
     assert (tmp_path / "flight_track" / "track.png").stat().st_size > 10_000
-    assert not main(["track", str(path), "--decider", "threshold", "--out", str(tmp_path / "any"), "--no-picture"])
+    assert not main(
+        [
+            "track",
+            str(path),
+            "--decider",
+            "threshold",
+            "--out",
+            str(tmp_path / "any"),
+            "--no-picture",
+        ]
+    )
     assert (tmp_path / "any" / "modes.csv").is_file()
 
 
-@pytest.mark.parametrize(("edit", "turns", "said"), [("ahead", 4.0, "does not fit: 1"), ("back", 4.0, "set back")])
+@pytest.mark.parametrize(
+    ("edit", "turns", "said"),
+    [
+        ("ahead", 4.0, "does not fit: 1"),
+        ("back", 4.0, "set back"),
+    ],
+)
 def test_a_wrong_clock_is_said_and_ends_a_circle(edit, turns, said, tmp_path, capsys):
     lines = made_up_log(7).split(b"\r\n")
     first = next(k for k, line in enumerate(lines) if line.startswith(b"B"))
     wrong = range(first + 130, first + 131) if edit == "ahead" else range(first + 130, first + 600)
-    for k in wrong:  # in the first circle
+    # In the first circle.
+    for k in wrong:
         lines[k] = b"B%02d" % (int(lines[k][1:3]) + (3 if edit == "ahead" else -2)) + lines[k][3:]
     path = tmp_path / "flight.igc"
     path.write_bytes(b"\r\n".join(lines))
+
     assert not main(["track", str(path), "--no-picture"])
     printed = capsys.readouterr().out
     assert said in printed

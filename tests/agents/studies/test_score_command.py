@@ -8,26 +8,64 @@ from agents.cli import main
 
 
 def write(path, tracks):
-    lines = [f"{name},{time},{mode}" for name, modes in tracks.items() for time, mode in enumerate(modes)]
+    lines = [
+        f"{name},{time},{mode}" for name, modes in tracks.items() for time, mode in enumerate(modes)
+    ]
     path.write_text("\n".join(["track,t,mode", *lines]) + "\n")
 
 
 @pytest.fixture
 def files(tmp_path):
-    truth = {"a": "AAAABBBBCCDDD", "b": "AAAABBBBBBBBB", "c": "BBBAAAAAAAAAA"}
+    truth = {
+        "a": "AAAABBBBCCDDD",
+        "b": "AAAABBBBBBBBB",
+        "c": "BBBAAAAAAAAAA",
+    }
     late = {name: modes[:1] + modes[:-1] for name, modes in truth.items()}
-    mine = {"c": "BBBBBAAAAAAAA", "a": "ACAAAABBBBDDD", "b": "AAAABBBBBBBBB"}
-    for name, tracks in (("truth", truth), ("late", late), ("mine", mine)):
+    mine = {
+        "c": "BBBBBAAAAAAAA",
+        "a": "ACAAAABBBBDDD",
+        "b": "AAAABBBBBBBBB",
+    }
+    for name, tracks in (
+        ("truth", truth),
+        ("late", late),
+        ("mine", mine),
+    ):
         write(tmp_path / f"{name}.csv", tracks)
     return tmp_path
 
 
 def test_it_prints_and_writes_what_the_function_finds(files, capsys):
     line = [str(files / f"{name}.csv") for name in ("truth", "late", "mine")]
-    out, picture = files / "score.json", files / "score.png"
-    assert main(["score", *line, "--out", str(out), "--picture", str(picture), "--per", "min", "--normal", "A"]) == 0
+    out = files / "score.json"
+    picture = files / "score.png"
+
+    assert (
+        main(
+            [
+                "score",
+                *line,
+                "--out",
+                str(out),
+                "--picture",
+                str(picture),
+                "--per",
+                "min",
+                "--normal",
+                "A",
+            ]
+        )
+        == 0
+    )
     printed = capsys.readouterr().out
-    for words in ("3 tracks, 0.6 min scored", "over tracks", "Less that of late", "/min", "away from A"):
+    for words in (
+        "3 tracks, 0.6 min scored",
+        "over tracks",
+        "Less that of late",
+        "/min",
+        "away from A",
+    ):
         assert words in printed
     data = json.loads(out.read_text())
     assert data["figures"]["late"]["delay"]["value"] == pytest.approx(1.0)
@@ -47,8 +85,16 @@ def test_a_track_that_is_missing_is_one_line(files, capsys):
 
 @pytest.mark.parametrize("some", [True, False])
 def test_a_silent_detector_is_scored_and_not_refused(files, capsys, some):
-    truth = {"a": "AAAABBBBCCDDD", "b": "AAAABBBBBBBBB", "c": "BBBAAAAAAAAAA"}
-    write(files / "silent.csv", {name: [""] * (len(modes) if some else 1) for name, modes in truth.items()})
+    truth = {
+        "a": "AAAABBBBCCDDD",
+        "b": "AAAABBBBBBBBB",
+        "c": "BBBAAAAAAAAAA",
+    }
+    write(
+        files / "silent.csv",
+        {name: [""] * (len(modes) if some else 1) for name, modes in truth.items()},
+    )
+
     assert main(["score", str(files / "truth.csv"), str(files / "silent.csv")]) == 0
     printed = capsys.readouterr().out
     assert "silent" in printed

@@ -26,8 +26,15 @@ def test_command_compares_in_every_world(tmp_path, monkeypatch, capsys):
     worlds = simulators.simulator_worlds()
     few = {name: worlds[name] for name in ("airliner, 3.2 s, 20 m", "airliner, 3.2 s, 500 m")}
     monkeypatch.setattr(simulators, "simulator_worlds", lambda modules: few)
-    Compare(simulators=("jsbsim",), deciders=("shipped", "threshold"), episodes=2, jobs=1, out=tmp_path).run()
+    Compare(
+        simulators=("jsbsim",),
+        deciders=("shipped", "threshold"),
+        episodes=2,
+        jobs=1,
+        out=tmp_path,
+    ).run()
     found = json.loads((tmp_path / "simulators.json").read_text())
+
     assert [one["world"] for one in found["results"]] == [*few] * 2
     shipped = found["results"][0]
     assert shipped["threshold"] == shipped["nominal_threshold"]
@@ -45,7 +52,8 @@ def test_closed_paths_are_opened_by_an_unbroken_seal_only(tmp_path, monkeypatch)
         simulators_study.first_seed(seeds.SEALED, 40, sealed=False)
     with pytest.raises(ArgumentError, match="no value with --sealed"):
         simulators_study.first_seed(7, 40, sealed=True)
-    seal, kept = simulators_study.current_seal(), tmp_path / "sealed_simulators.json"
+    seal = simulators_study.current_seal()
+    kept = tmp_path / "sealed_simulators.json"
     monkeypatch.setattr(simulators_study, "SEAL", kept)
     kept.write_text(json.dumps(seal))
     assert simulators_study.first_seed(0, 40, sealed=True) == seeds.SEALED
@@ -56,6 +64,12 @@ def test_closed_paths_are_opened_by_an_unbroken_seal_only(tmp_path, monkeypatch)
 
 
 def test_the_seal_of_the_package_is_that_of_its_code():
-    seal, found = json.loads(simulators_study.SEAL.read_text()), simulators_study.current_seal()
-    assert {part: seal[part] for part in ("code", "weights")} == {part: found[part] for part in ("code", "weights")}
-    assert all(found["programs"][name] in ("missing", text) for name, text in seal["programs"].items())
+    seal = json.loads(simulators_study.SEAL.read_text())
+    found = simulators_study.current_seal()
+
+    assert {part: seal[part] for part in ("code", "weights")} == {
+        part: found[part] for part in ("code", "weights")
+    }
+    assert all(
+        found["programs"][name] in ("missing", text) for name, text in seal["programs"].items()
+    )

@@ -34,9 +34,19 @@ def test_a_recorded_episode_agrees_with_the_evaluation():
     decisions = evaluate(decider, episodes=4, seed=10)
     record = record_track("ATE", decider, ENV, 12)
     lengths = decisions.length[2]
-    np.testing.assert_array_equal(record.right[record.marks], decisions.correct[2])
-    np.testing.assert_array_equal(np.diff([*record.switches, len(record.truth)]), lengths)
-    np.testing.assert_array_equal(record.marks + 1 - record.switches, decisions.ticks[2])
+
+    np.testing.assert_array_equal(
+        record.right[record.marks],
+        decisions.correct[2],
+    )
+    np.testing.assert_array_equal(
+        np.diff([*record.switches, len(record.truth)]),
+        lengths,
+    )
+    np.testing.assert_array_equal(
+        record.marks + 1 - record.switches,
+        decisions.ticks[2],
+    )
     undecided = np.add.reduceat(record.modes == UNDECIDED, record.switches)
     np.testing.assert_array_equal(undecided, decisions.ticks[2])
     assert record.summary == f"{decisions.reward[2].mean():+.2f}"
@@ -47,9 +57,13 @@ def test_a_recorded_episode_agrees_with_the_evaluation():
 def test_a_recorded_track_agrees_with_the_evaluation(stated):
     metrics = measure_statements(record_statements(ThresholdDecider(0.6), 4, 10, **STATED))
     first, second = stated
+
     np.testing.assert_array_equal(first.right, first.modes == first.true_modes)
     assert first.right.mean() == pytest.approx(metrics.right[2])
-    assert first.summary.startswith(f"{100 * first.right.mean():.1f} % of the ticks right, mean delay ")
-    assert np.hypot(*np.diff(first.truth, axis=0).T).max() < 0.4  # 2 m/s for .1 s, twice
+    assert first.summary.startswith(
+        f"{100 * first.right.mean():.1f} % of the ticks right, mean delay "
+    )
+    # 2 m/s for .1 s, twice.
+    assert np.hypot(*np.diff(first.truth, axis=0).T).max() < 0.4
     assert 0.5 < (first.measurements - first.truth).std() / np.sqrt(0.1) < 1.5
     np.testing.assert_array_equal(first.truth, second.truth)

@@ -26,6 +26,7 @@ def test_a_damaged_checkpoint_is_replaced_by_the_previous_one(tmp_path):
     last = (folder / CHECKPOINT).read_bytes()
     (folder / CHECKPOINT).write_bytes(last[: len(last) // 2])
     run = resume_run(folder)
+
     assert run.num_timesteps == 1152
     run.train()
     assert outcome(folder) == outcome(tmp_path / "whole")
@@ -34,7 +35,8 @@ def test_a_damaged_checkpoint_is_replaced_by_the_previous_one(tmp_path):
 def test_a_checkpoint_of_another_size_is_not_read_into_memory(tmp_path):
     folder = interrupted("anchor", tmp_path / "run", 1920, 1920)
     for name in (CHECKPOINT, PREVIOUS):
-        os.truncate(folder / name, 2**40)  # sparse: it needs no space
+        # Sparse: it needs no space.
+        os.truncate(folder / name, 2**40)
     with pytest.raises(ArgumentError, match="larger than 536,870,912 bytes"):
         resume_run(folder)
 
@@ -84,7 +86,13 @@ def test_a_checkpoint_with_a_changed_byte_is_refused(tmp_path):
         resume_run(folder)
 
 
-@pytest.mark.parametrize(("kind", "steps"), [("ppo", 2560), ("anchor", 1920)])
+@pytest.mark.parametrize(
+    ("kind", "steps"),
+    [
+        ("ppo", 2560),
+        ("anchor", 1920),
+    ],
+)
 def test_weights_that_diverge_are_not_saved(kind, steps, tmp_path):
     folder = interrupted(kind, tmp_path / "run", 1280)
     change(folder / CHECKPOINT, replaced("optimizer.1.exp_avg", 3e38))
@@ -92,6 +100,7 @@ def test_weights_that_diverge_are_not_saved(kind, steps, tmp_path):
     before = [(folder / name).read_bytes() for name in (CHECKPOINT, "policy.safetensors")]
     with pytest.raises(ArgumentError, match="diverged") as caught:
         run.train(save_every=1000.0)
+
     assert "\n" not in str(caught.value)
     assert [(folder / name).read_bytes() for name in (CHECKPOINT, "policy.safetensors")] == before
 
@@ -104,11 +113,12 @@ def outside_position(_, metadata):
 
 COMMON = {
     "a moment of another shape": replaced("optimizer.1.exp_avg", lambda old: old[:1].clone()),
-    "no moment": replaced("optimizer.0.exp_avg", None), "a negative moment": replaced("optimizer.1.exp_avg_sq", -1.0),
+    "no moment": replaced("optimizer.0.exp_avg", None),
+    "a negative moment": replaced("optimizer.1.exp_avg_sq", -1.0),
     "an infinite moment": replaced("optimizer.1.exp_avg", float("inf")),
     "an unknown tensor": lambda tensors, _: tensors.update(more=torch.zeros(1)),
     "deeply nested values": lambda _, metadata: metadata.update(values="[" * 100_000),
-}  # fmt: skip
+}
 OF_KIND = {
     "ppo": {
         "weights that are not numbers": replaced("network.action_net.weight", float("nan")),
@@ -131,7 +141,7 @@ OF_KIND = {
         "no generator": rewritten('"generators": [', '"generators": [], "x": ['),
         "another generator": rewritten("PCG64", "MT19937"),
     },
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("kind", OF_KIND)

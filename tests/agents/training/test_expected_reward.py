@@ -16,7 +16,13 @@ OPTIONS = {"ticks": 40, "durations": "uniform 5-20"}
 
 def random_outputs(ticks=4, tracks=2, M=3, seed=0):
     generator = torch.Generator().manual_seed(seed)
-    utility = torch.randn(ticks, tracks, M, generator=generator, dtype=torch.float64)
+    utility = torch.randn(
+        ticks,
+        tracks,
+        M,
+        generator=generator,
+        dtype=torch.float64,
+    )
     stay = torch.rand(ticks, tracks, generator=generator, dtype=torch.float64)
     return utility, stay, torch.randint(M, (ticks, tracks), generator=generator)
 
@@ -25,21 +31,30 @@ def reward_of(utility, stay, true_modes, cost, last=None, weight=1.0):
     """The expected reward of outputs, with a cost and a weight for all ticks or (T, N)."""
     outputs = StatementOutputs(utility, stay, utility, torch.empty(0))
     costs, weights = (torch.as_tensor(one).expand(true_modes.shape) for one in (cost, weight))
-    return expected_reward(outputs, Batch(torch.empty(0), utility, true_modes, costs, weights), last)
+    return expected_reward(
+        outputs,
+        Batch(torch.empty(0), utility, true_modes, costs, weights),
+        last,
+    )
 
 
 def test_the_expected_reward_is_the_mean_over_all_sequences_of_statements():
     utility, stay, true_modes = random_outputs()
-    change, first = change_probabilities(utility, stay), torch.softmax(utility[0], -1)
+    change = change_probabilities(utility, stay)
+    first = torch.softmax(utility[0], -1)
     expected, last = reward_of(utility, stay, true_modes, 5.0)
     for track in range(2):
-        total, ends = 0.0, np.zeros(3)
+        total = 0.0
+        ends = np.zeros(3)
         for sequence in itertools.product(range(3), repeat=4):
             probability = float(first[track, sequence[0]])
             for tick in range(1, 4):
                 probability *= float(change[tick, track, sequence[tick - 1], sequence[tick]])
             stated = np.array(sequence)[:, None]
-            reward = measure_statements(Statements(true_modes[:, track, None].numpy(), stated), 5.0).reward
+            reward = measure_statements(
+                Statements(true_modes[:, track, None].numpy(), stated),
+                5.0,
+            ).reward
             total += probability * reward[0]
             ends[sequence[-1]] += probability
         assert float(expected[track]) == pytest.approx(total, abs=1e-12)
@@ -51,13 +66,22 @@ def test_the_reward_of_a_tick_has_its_weight_and_its_cost():
     each = torch.stack(
         [
             3.0 * reward_of(utility, stay, true_modes, cost, None, weight)[0]
-            for cost, weight in zip((2.0, 0.5, 4.0), torch.eye(3)[..., None].expand(3, 3, 2), strict=True)
+            for cost, weight in zip(
+                (2.0, 0.5, 4.0),
+                torch.eye(3)[..., None].expand(3, 3, 2),
+                strict=True,
+            )
         ]
-    )  # (3, N): the reward of each tick alone, with a cost of its own
+        # (3, N): the reward of each tick alone, with a cost of its own.
+    )
     costs = torch.tensor([2.0, 0.5, 4.0])[:, None].expand(3, 2)
     weights = torch.tensor([0.0, 2.0, 1.0])[:, None].expand(3, 2)
     whole, _ = reward_of(utility, stay, true_modes, costs, None, weights)
-    torch.testing.assert_close(whole, (2.0 * each[1] + each[2]) / 3.0)
+
+    torch.testing.assert_close(
+        whole,
+        (2.0 * each[1] + each[2]) / 3.0,
+    )
 
 
 def test_simulated_inputs_count_the_ticks_of_the_most_probable_mode():
@@ -65,10 +89,19 @@ def test_simulated_inputs_count_the_ticks_of_the_most_probable_mode():
     assert inputs.shape == (40, 5, 2, 26)
     assert true_modes.shape == (40, 5)
     assert np.isfinite(inputs).all()
-    ages = np.stack([inputs[..., 0, 6], inputs[..., 0, 14], inputs[..., 1, 14]], -1) * 100.0
+    ages = (
+        np.stack(
+            [inputs[..., 0, 6], inputs[..., 0, 14], inputs[..., 1, 14]],
+            -1,
+        )
+        * 100.0
+    )
     for track in range(5):
-        ends = [(mode, tick) for mode, run in itertools.groupby(log_probability[:, track].argmax(-1))
-                for tick, _ in enumerate(run, start=1)]  # fmt: skip
+        ends = [
+            (mode, tick)
+            for mode, run in itertools.groupby(log_probability[:, track].argmax(-1))
+            for tick, _ in enumerate(run, start=1)
+        ]
         expected = np.zeros((40, 3))
         for row, (mode, tick) in zip(expected, ends, strict=True):
             row[mode] = tick

@@ -1,4 +1,6 @@
-"""Run folders whose config or checkpoint has one value changed are resumed or refused in one line."""
+"""Run folders whose config or checkpoint has one value changed are resumed or refused in one
+line.
+"""
 
 import json
 
@@ -32,15 +34,25 @@ RECIPES = {
     "kalman": ("n_envs=4", "hidden=4", "batch_size=8"),
     "distilled": ("n_envs=4", "hidden=4", "batch_size=8"),
     "transformer": ("n_envs=4", "hidden=4", "batch_size=8"),
-    "statements": ("n_envs=2", "batch_size=4", "n_steps=4", "hidden=4", "durations=[uniform 2-4, geometric 3]"),
+    "statements": (
+        "n_envs=2",
+        "batch_size=4",
+        "n_steps=4",
+        "hidden=4",
+        "durations=[uniform 2-4, geometric 3]",
+    ),
     "dqn": (
-        "n_envs=4", "train_freq=8", "learning_starts=32", "buffer_size=64", "batch_size=8",
+        "n_envs=4",
+        "train_freq=8",
+        "learning_starts=32",
+        "buffer_size=64",
+        "batch_size=8",
         "policy_kwargs.net_arch=[4]",
     ),
     "jump-markov": ("n_envs=2", "batch_size=4", "n_steps=4", "hidden=4"),
     "rhythm": ("n_envs=2", "batch_size=4", "n_steps=4", "hidden=4", "ticks=8"),
     "flights": ("flights=[1, 1, 1, 1]", "rows=100", "passes=1", "hidden=4"),
-}  # fmt: skip
+}
 
 
 def resume(folder):
@@ -49,11 +61,17 @@ def resume(folder):
     family = run.family("run")
     states = environment_options(run.env_id) is QuickestOptions
     row = QuickestLayout if states else Layout
-    widths = {"flights": 4, "jump_markov": OBSERVED + 3, "rhythm": row(3).width + 19}
+    widths = {
+        "flights": 4,
+        "jump_markov": OBSERVED + 3,
+        "rhythm": row(3).width + 19,
+    }
     width = widths.get(run.recipe.algo, row(3).width)
     rows = np.zeros((2, width), np.float32)
     if family.hypotheses in (None, 3):
-        assert family.make(family.default).predict(rows, None, np.ones(2, np.bool_))[0].shape == (2,)
+        assert family.make(family.default).predict(rows, None, np.ones(2, np.bool_))[0].shape == (
+            2,
+        )
     assert run.num_timesteps >= 0
     return run
 
@@ -62,8 +80,16 @@ def resume(folder):
 def folder(request, tmp_path):
     folder = tmp_path / "run"
     env_id, options = ENVIRONMENTS.get(request.param, KNOWN_SWITCHES)
-    make_run(env_id, options, load_recipe(request.param, env_id, RECIPES[request.param]), 0, folder, 128).train()
-    (folder / PREVIOUS).unlink(missing_ok=True)  # is used if the last one is damaged
+    make_run(
+        env_id,
+        options,
+        load_recipe(request.param, env_id, RECIPES[request.param]),
+        0,
+        folder,
+        128,
+    ).train()
+    # Is used if the last one is damaged.
+    (folder / PREVIOUS).unlink(missing_ok=True)
     resume(folder)
     return folder
 

@@ -1,4 +1,6 @@
-"""A training that is killed or fails at any moment is resumed, and then equals an uninterrupted one."""
+"""A training that is killed or fails at any moment is resumed, and then equals an uninterrupted
+one.
+"""
 
 import errno
 import functools
@@ -45,8 +47,16 @@ def whole(tmp_path_factory):
 
 def start(kind, folder, steps, save_every=0.05):
     """Start a training in another process; return when it begins."""
-    # -P, because the folder of the script has a subfolder named as the package `agents`
-    line = [sys.executable, "-P", small_training.__file__, kind, str(folder), str(steps), str(save_every)]
+    # -P, because the folder of the script has a subfolder named as the package `agents`.
+    line = [
+        sys.executable,
+        "-P",
+        small_training.__file__,
+        kind,
+        str(folder),
+        str(steps),
+        str(save_every),
+    ]
     process = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
     assert process.stdout.readline() == "training\n"
     return process
@@ -66,6 +76,7 @@ def test_a_resumed_run_equals_an_uninterrupted_one(kind, whole, tmp_path):
     torch.manual_seed(0)
     np.random.seed(0)  # noqa: NPY002
     resume_run(folder).train(save_every=1000.0)
+
     assert outcome(folder) == whole(kind)
     steps = [row["step"] for row in read_metrics(folder) if "evaluation/reward" in row]
     assert len(steps) == len(set(steps)) >= 3
@@ -84,13 +95,16 @@ def test_a_run_killed_at_random_moments_equals_an_uninterrupted_one(kind, tmp_pa
         process = start(kind, folder, steps)
         for _ in range(rollout):
             process.stdout.readline()
-        time.sleep(0.1 * generator.random() * (k > 0))  # about one rollout, update and checkpoint
+        # About one rollout, update and checkpoint.
+        time.sleep(0.1 * generator.random() * (k > 0))
         kill(process)
         resumed += start(kind, folder, steps).communicate()[0] != ""
         assert not list(folder.glob(".*.part*"))
         equal += outcome(folder) == outcome(tmp_path / "whole")
+
     assert equal == KILLS
-    assert resumed > 0.8 * KILLS  # the others were killed after their last checkpoint
+    # The others were killed after their last checkpoint.
+    assert resumed > 0.8 * KILLS
 
 
 def test_a_run_killed_before_its_first_checkpoint_starts_anew(whole, tmp_path):
@@ -110,19 +124,29 @@ def test_a_folder_with_results_but_no_checkpoint_is_not_overwritten(tmp_path):
     for name in (CHECKPOINT, PREVIOUS):
         (folder / name).unlink()
     before = contents(folder)
-    for again, name in ((resume_run, "resume"), (lambda one: small_run("ppo", one, 1280), "out")):
+    for again, name in (
+        (resume_run, "resume"),
+        (lambda one: small_run("ppo", one, 1280), "out"),
+    ):
         with pytest.raises(ArgumentError, match=f"{name}="):
             again(folder)
+
     assert contents(folder) == before
 
 
-def test_a_second_training_in_a_folder_is_refused_until_the_first_is_killed(whole, tmp_path, capsys):
+def test_a_second_training_in_a_folder_is_refused_until_the_first_is_killed(
+    whole,
+    tmp_path,
+    capsys,
+):
     pytest.importorskip("fcntl")
     folder = tmp_path / "run"
     process = start("ppo", folder, STEPS, save_every=0.0)
     while not (folder / PREVIOUS).exists():
         time.sleep(0.001)
-    os.kill(process.pid, signal.SIGSTOP)  # it still has the lock
+    # It still has the lock.
+    os.kill(process.pid, signal.SIGSTOP)
+
     assert main(["train", "--resume", str(folder)]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
@@ -134,11 +158,13 @@ def test_a_second_training_in_a_folder_is_refused_until_the_first_is_killed(whol
 
 def test_a_run_that_another_training_has_continued_is_not_resumed_from_an_earlier_state(tmp_path):
     folder = interrupted("ppo", tmp_path / "run", 1280, 1920)
-    first, second = resume_run(folder), resume_run(folder)
+    first = resume_run(folder)
+    second = resume_run(folder)
     first.train()
     before = contents(folder)
     with pytest.raises(ArgumentError, match="resume="):
         second.train()
+
     assert contents(folder) == before
 
 
@@ -165,6 +191,7 @@ def test_a_full_disk_is_one_line_and_loses_nothing(file, whole, tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
         if file == "events":
             run_folder_metrics.undo()
+
     assert "\n" not in str(caught.value)
     assert not list(folder.glob(".*.part*"))
     if (folder / METRICS).exists():
@@ -185,6 +212,7 @@ def test_a_disk_that_is_full_from_the_start_is_one_line(tmp_path, monkeypatch, c
     monkeypatch.setattr("tensorboard.summary.writer.record_writer.RecordWriter.write", refuse)
     with pytest.raises((ArgumentError, OSError), match="No space left on device"):
         small_run("ppo", tmp_path / "run", STEPS).train()
+
     assert not failed.is_set()
     assert capsys.readouterr().err == ""
 
@@ -195,5 +223,6 @@ def test_the_metrics_of_a_resumed_run_are_not_repeated(tmp_path):
         file.write('{"step": 999999, "loss": 1.0}\n{"step": 1e')
     resume_run(folder).train()
     steps = [row["step"] for row in read_metrics(folder) if "anchor_loss" in row]
+
     assert steps == sorted(set(steps))
     assert steps[-1] <= STEPS + 384

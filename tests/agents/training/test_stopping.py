@@ -18,15 +18,23 @@ from hybrid_env import HybridTrackVectorEnv, WorldOptions
 evaluate = functools.partial(rollout.evaluate, env_id="hybrid_env:HybridTrackPublished-v0")
 
 ENV = "hybrid_env:HybridTrackPublished-v0"
-ALONE = ("drawn_worlds=[]", "worlds=[{n_envs: 48}]", "batch_size=48", "passes=4", "delay_costs=[0.1, 0.1]")
+ALONE = (
+    "drawn_worlds=[]",
+    "worlds=[{n_envs: 48}]",
+    "batch_size=48",
+    "passes=4",
+    "delay_costs=[0.1, 0.1]",
+)
 
 
 def test_the_expected_reward_is_the_sum_over_all_ticks_of_the_declaration():
     generator = np.random.default_rng(0)
     logits, rewards = generator.normal(size=(2, 3, 7))
-    lengths, expected = np.array([7, 4, 1]), []
+    lengths = np.array([7, 4, 1])
+    expected = []
     for k, length in enumerate(lengths):
-        left, total = 1.0, 0.0
+        left = 1.0
+        total = 0.0
         for t in range(length):
             stops = 1.0 if t == length - 1 else 1.0 / (1.0 + np.exp(-logits[k, t]))
             total += left * stops * rewards[k, t]
@@ -34,22 +42,38 @@ def test_the_expected_reward_is_the_sum_over_all_ticks_of_the_declaration():
         expected.append(total)
     waits = np.arange(7) < lengths[:, None] - 1
     found = expected_reward(*map(torch.from_numpy, (logits, rewards, waits)))
+
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
-@pytest.mark.parametrize("options", [{"follow": "bank"}, {"radii": (2.0, 5.0), "correctness": "type"}])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"follow": "bank"},
+        {"radii": (2.0, 5.0), "correctness": "type"},
+    ],
+)
 def test_a_segment_that_runs_on_knows_what_each_declaration_earns(options):
     run = make_run(ENV, options, load_recipe("stopping", ENV, ALONE))
     env = HybridTrackVectorEnv(12, tick_info=False, **vars(run.world))
-    inputs, rewards, lengths = Explorer(StoppingDecider(run.net, run.world), np.random.default_rng(1)).paths(env, 5)
+    inputs, rewards, lengths = Explorer(
+        StoppingDecider(run.net, run.world),
+        np.random.default_rng(1),
+    ).paths(
+        env,
+        5,
+    )
+
     assert len(inputs) == len(rewards) == lengths.sum()
-    assert 10 < lengths.size < 62  # half of 72
+    # Half of 72.
+    assert 10 < lengths.size < 62
     assert ((lengths >= 50) & (lengths <= 100)).all()
     ticks = np.concatenate([np.arange(length) + 1 for length in lengths])
     declared = rewards + run.world.delay_cost * ticks
     if "follow" in options:
         np.testing.assert_allclose(np.abs(declared), 1.0, atol=1e-5)
-    assert (declared <= 1.0 + 1e-5).all()  # a wrong radius costs something in the next segment
+    # A wrong radius costs something in the next segment.
+    assert (declared <= 1.0 + 1e-5).all()
     assert declared[ticks > 40].mean() > 0.9 > declared[ticks < 5].mean()
 
 
@@ -57,17 +81,42 @@ def test_training_of_the_stop_leaves_the_anchor_agent_as_it_is():
     run = small_run("stopping", steps=700)
     before = {name: tensor.clone() for name, tensor in run.net.state_dict().items()}
     run.train()
-    changed = {name for name, tensor in run.net.state_dict().items() if not torch.equal(tensor, before[name])}
+    changed = {
+        name
+        for name, tensor in run.net.state_dict().items()
+        if not torch.equal(tensor, before[name])
+    }
+
     assert changed
     assert all("stopping" in name for name in changed)
 
 
 @pytest.mark.study
 def test_the_stop_is_trained_for_a_delay_cost():
-    run = make_run(ENV, {"delay_cost": 0.1}, load_recipe("stopping", ENV, ALONE), seed=1, steps=60_000)
-    before = evaluate(run.family("").make(0.0), episodes=100, seed=5, delay_cost=0.1).reward
+    run = make_run(
+        ENV,
+        {"delay_cost": 0.1},
+        load_recipe("stopping", ENV, ALONE),
+        seed=1,
+        steps=60_000,
+    )
+    before = evaluate(
+        run.family("").make(0.0),
+        episodes=100,
+        seed=5,
+        delay_cost=0.1,
+    ).reward
     run.train()
-    gain = evaluate(run.family("").make(0.0), episodes=100, seed=5, delay_cost=0.1).reward - before
+    gain = (
+        evaluate(
+            run.family("").make(0.0),
+            episodes=100,
+            seed=5,
+            delay_cost=0.1,
+        ).reward
+        - before
+    )
+
     assert gain.mean() > 4.0 * gain.mean(1).std() / np.sqrt(len(gain)) > 0.0
 
 
@@ -78,15 +127,24 @@ def test_an_agent_with_another_number_of_units_is_refused_in_one_line():
 
 
 @pytest.mark.parametrize(
-    ("options", "least"), [
-        ({"process_variance": 0.01}, 0.02), pytest.param({"noise": "levy 1.5 1 44"}, -np.inf, marks=pytest.mark.study),
+    ("options", "least"),
+    [
+        ({"process_variance": 0.01}, 0.02),
+        pytest.param(
+            {"noise": "levy 1.5 1 44"},
+            -np.inf,
+            marks=pytest.mark.study,
+        ),
         pytest.param({}, -np.inf, marks=pytest.mark.study),
     ],
-)  # fmt: skip
+)
 def test_without_a_threshold_the_agent_earns_as_much_as_with_its_best_threshold(options, least):
-    reward = evaluate(load_decider("stopping", WorldOptions(**options)), episodes=150, seed=50, **options).reward.mean(
-        1
-    )
+    reward = evaluate(
+        load_decider("stopping", WorldOptions(**options)),
+        episodes=150,
+        seed=50,
+        **options,
+    ).reward.mean(1)
     for threshold in (0.005, 0.02, 0.08):
         shipped = load_decider(f"shipped-threshold:{threshold}", WorldOptions(**options))
         gain = reward - evaluate(shipped, episodes=150, seed=50, **options).reward.mean(1)

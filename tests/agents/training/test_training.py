@@ -1,4 +1,6 @@
-"""Training of agents of every kind: seeds, what they learn, their run folders, and what is refused."""
+"""Training of agents of every kind: seeds, what they learn, their run folders, and what is
+refused.
+"""
 
 import json
 
@@ -54,6 +56,7 @@ def test_equal_seeds_give_equal_weights_and_different_seeds_different_ones(kind)
         run = small_run(kind, steps=700, seed=seed)
         run.train()
         nets.append(run.network.state_dict())
+
     assert all(torch.equal(nets[0][name], nets[1][name]) for name in nets[0])
     assert not all(torch.equal(nets[0][name], nets[2][name]) for name in nets[0])
 
@@ -62,18 +65,30 @@ def test_equal_seeds_give_equal_weights_and_different_seeds_different_ones(kind)
 def test_ppo_learns_to_wait_and_beats_immediate_declarations():
     run = make_run(ENV, {}, load_recipe("ppo", ENV), seed=1, steps=300_000)
     run.train()
-    decisions = evaluate(run.family("").make(0.0), ENV, episodes=150, seed=5)
-    # immediate declarations earn -.35, no declarations -.50; the standard error of 900 segments is about .03
+    decisions = evaluate(
+        run.family("").make(0.0),
+        ENV,
+        episodes=150,
+        seed=5,
+    )
+    # Immediate declarations earn -.35, no declarations -.50; the standard error of 900 segments is
+    # about .03.
     assert decisions.reward.mean() > 0.2
 
 
 @pytest.mark.study
 def test_ppo_learns_to_state_the_mode():
     options = {"ticks": 60, "durations": "uniform 20-40"}
-    run = make_run(QUICKEST, options, load_recipe("ppo", QUICKEST), seed=1, steps=100_000)
+    run = make_run(
+        QUICKEST,
+        options,
+        load_recipe("ppo", QUICKEST),
+        seed=1,
+        steps=100_000,
+    )
     run.train()
     right = measure_statements(record_statements(run.family("").make(0.0), 200, 5, **options)).right
-    # a third of the statements is right by chance; the standard error of 200 tracks is below .02
+    # A third of the statements is right by chance; the standard error of 200 tracks is below .02.
     assert right.mean() > 0.55
 
 
@@ -84,25 +99,51 @@ STUDY = pytest.mark.study
     ("kind", "changes", "steps", "thresholds"),
     [
         ("reward", ("n_envs=32", "hidden=32", "batch_size=32"), 150_000, (0.03, 0.03)),
-        pytest.param("tandem", ("n_envs=64", "hidden=32", "batch_size=32"), 250_000, (0.02, 0.05), marks=STUDY),
-        pytest.param("kalman", ("n_envs=64", "hidden=16"), 120_000, (0.02, 0.1), marks=STUDY),
+        pytest.param(
+            "tandem",
+            ("n_envs=64", "hidden=32", "batch_size=32"),
+            250_000,
+            (0.02, 0.05),
+            marks=STUDY,
+        ),
+        pytest.param(
+            "kalman",
+            ("n_envs=64", "hidden=16"),
+            120_000,
+            (0.02, 0.1),
+            marks=STUDY,
+        ),
     ],
 )
 def test_training_for_seconds_earns_more_than_the_bank(kind, changes, steps, thresholds):
-    run = make_run(ENV, {}, load_recipe(kind, ENV, changes), seed=1, steps=steps)
+    run = make_run(
+        ENV,
+        {},
+        load_recipe(kind, ENV, changes),
+        seed=1,
+        steps=steps,
+    )
     run.train()
     deciders = MSPRTDecider(thresholds[0]), run.family("").make(thresholds[1])
     bank, agent = (evaluate(one, ENV, episodes=100, seed=5).reward for one in deciders)
     gain = agent - bank
+
     assert gain.mean() > 3.0 * gain.mean(1).std() / np.sqrt(len(gain)) > 0.0
 
 
-@pytest.mark.parametrize(("kind", "rounds", "more"), [("statements", 40, ()), ("flights", 12, ("learning_rate=0.01",))])
+@pytest.mark.parametrize(
+    ("kind", "rounds", "more"),
+    [
+        ("statements", 40, ()),
+        ("flights", 12, ("learning_rate=0.01",)),
+    ],
+)
 def test_training_increases_the_expected_reward(kind, rounds, more):
     rewards = []
     run = small_run(kind, steps=1, more=more)
     run.steps = rounds * run.round_steps
     run.train(lambda progress: rewards.append(progress.reward))
+
     assert len(rewards) == rounds
     assert np.mean(rewards[-rounds // 4 :]) > np.mean(rewards[: rounds // 4])
 
@@ -113,29 +154,47 @@ def test_a_run_folder_has_card_metrics_and_an_equivalent_decider(kind, folders):
     card = json.loads((folder / "policy.json").read_text())
     recipe, env, options, _ = KINDS[kind]
     flights = kind == "flights"
+
     assert card["environment"] == ("flights" if flights else f"hybrid_env:{env}")
     assert (card["options"], card["recipe"]["name"], card["seed"]) == (options, recipe, 3)
     assert {"torch", "stable-baselines3", "numpy", "hybrid-track"} <= set(card["versions"])
     if "Quickest" in env:
-        assert card["observation_scales"] == QuickestLayout.hypothesis_features | QuickestLayout.track_features
+        assert (
+            card["observation_scales"]
+            == QuickestLayout.hypothesis_features | QuickestLayout.track_features
+        )
     assert ("per tick" in run.notes[-1]) == (flights or "Quickest" in env)
     rows = read_metrics(folder)
     assert [row["step"] for row in rows if "evaluation/reward" in row][-1] == run.num_timesteps
-    assert any("events.out.tfevents" in path.name for path in folder.iterdir()) == (run.recipe.algo in CLASSES)
+    assert any("events.out.tfevents" in path.name for path in folder.iterdir()) == (
+        run.recipe.algo in CLASSES
+    )
     assert not list(folder.glob("*.part*"))
     world = None if flights else (QuickestOptions if "Quickest" in env else WorldOptions)(**options)
     family = learned_family(folder, world)
     assert (family.name, family.hypotheses) == (kind, 3 if run.recipe.algo in CLASSES else None)
     loaded, own = (one.make(one.default) for one in (family, run.family("")))
     if flights:
-        assert all(torch.equal(*pair) for pair in zip(
-            loaded.net.state_dict().values(), own.net.state_dict().values(), strict=True))  # fmt: skip
+        assert all(
+            torch.equal(*pair)
+            for pair in zip(
+                loaded.net.state_dict().values(),
+                own.net.state_dict().values(),
+                strict=True,
+            )
+        )
     elif "Quickest" in env:
         recorded = [record_statements(one, 5, 3, **options).stated_modes for one in (loaded, own)]
         np.testing.assert_array_equal(*recorded)
     else:
-        np.testing.assert_array_equal(*(evaluate(one, ENV, 5, 1, **options).ticks for one in (loaded, own)))
-    others = {WorldOptions(): "known", QuickestOptions(): "unknown", None: "recorded"}
+        np.testing.assert_array_equal(
+            *(evaluate(one, ENV, 5, 1, **options).ticks for one in (loaded, own))
+        )
+    others = {
+        WorldOptions(): "known",
+        QuickestOptions(): "unknown",
+        None: "recorded",
+    }
     for other, words in others.items():
         if getattr(other, "switches", None) != getattr(world, "switches", None):
             with pytest.raises(ArgumentError, match=f"a policy for {words} "):
@@ -151,14 +210,32 @@ def test_the_learning_curve_measures_fixed_episodes_of_the_environment(kind, tmp
     _, env, options, _ = KINDS[kind]
     [point] = [row for row in read_metrics(tmp_path / "run") if "evaluation/reward" in row]
     if kind == "ppo":
-        decisions = evaluate(run.family("").make(0.0), ENV, 7, seeds.LEARNING_CURVE, **options)
-        expected = {"reward": decisions.reward, "accuracy": decisions.correct, "ticks": decisions.ticks}
+        decisions = evaluate(
+            run.family("").make(0.0),
+            ENV,
+            7,
+            seeds.LEARNING_CURVE,
+            **options,
+        )
+        expected = {
+            "reward": decisions.reward,
+            "accuracy": decisions.correct,
+            "ticks": decisions.ticks,
+        }
     else:
-        metrics = measure_statements(record_statements(run.family("").make(0.0), 7, seeds.LEARNING_CURVE, **options))
+        metrics = measure_statements(
+            record_statements(
+                run.family("").make(0.0),
+                7,
+                seeds.LEARNING_CURVE,
+                **options,
+            )
+        )
         expected = {name: getattr(metrics, name) for name in ("reward", "right", "wrong_changes")}
     for name, values in expected.items():
         assert point[f"evaluation/{name}"] == pytest.approx(values.mean(), rel=1e-12)
     curve = environment_curve(f"hybrid_env:{env}", options)
+
     assert point[curve.reference_key] == curve.reference_reward
     unit, rule = ("segment", "SPRT") if kind == "ppo" else ("tick", "threshold rule")
     assert f"per {unit}" in curve.summary([point])[0]
@@ -168,17 +245,22 @@ def test_the_learning_curve_measures_fixed_episodes_of_the_environment(kind, tmp
 
 
 @pytest.mark.parametrize(
-    ("env", "options", "recipe", "changes", "message"), [
+    ("env", "options", "recipe", "changes", "message"),
+    [
         (QUICKEST, {}, "ppo", ["wait_bias=5"], "wait_bias=5"),
         (QUICKEST, {}, "ppo", ["observe=[ticks_left]"], "observe='ticks_left'"),
-        (QUICKEST, {}, "recurrent-ppo", [], r"wait_bias=5\.0"), (QUICKEST, {}, "anchor", [], "env="),
-        (QUICKEST, {}, "reward", [], "env="), (ENV, {"sensors": ("0.1",)}, "distilled", ["n_envs=4"], "sensors"),
+        (QUICKEST, {}, "recurrent-ppo", [], r"wait_bias=5\.0"),
+        (QUICKEST, {}, "anchor", [], "env="),
+        (QUICKEST, {}, "reward", [], "env="),
+        (ENV, {"sensors": ("0.1",)}, "distilled", ["n_envs=4"], "sensors"),
         (ENV, {"actions": "best"}, "reward", [], "actions='best'"),
-        (ENV, {}, "reward", ["n_envs=100000"], "n_envs=100000"), (ENV, {}, "statements", [], "env="),
-        (QUICKEST, {}, "flights", [], "env="), ("hybrid_env:HybridTrack-v0", {"tau": 0.2}, "flights", [], "options="),
+        (ENV, {}, "reward", ["n_envs=100000"], "n_envs=100000"),
+        (ENV, {}, "statements", [], "env="),
+        (QUICKEST, {}, "flights", [], "env="),
+        ("hybrid_env:HybridTrack-v0", {"tau": 0.2}, "flights", [], "options="),
         (ENV, {}, "anchor", ["worlds=[{n_envs: 8, options: {actions: best}}]"], "actions='best'"),
     ],
-)  # fmt: skip
+)
 def test_a_recipe_for_another_environment_is_refused(env, options, recipe, changes, message):
     if recipe == "recurrent-ppo":
         pytest.importorskip("sb3_contrib")

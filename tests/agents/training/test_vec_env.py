@@ -14,7 +14,11 @@ def test_the_stable_baselines3_view_has_the_same_rows_and_rewards():
     view = HybridTrackVecEnv(ENV_ID, 4, **SHORT)
     env = HybridTrackQuickestVectorEnv(4, autoreset_mode=AutoresetMode.SAME_STEP, **SHORT)
     view.seed(9)
-    np.testing.assert_array_equal(view.reset(), env.reset(seed=9)[0])
+
+    np.testing.assert_array_equal(
+        view.reset(),
+        env.reset(seed=9)[0],
+    )
     total = np.zeros(4)
     for k in range(45):
         actions = np.full(4, k // 4 % 3)
@@ -29,4 +33,8 @@ def test_the_stable_baselines3_view_has_the_same_rows_and_rewards():
             np.testing.assert_allclose([one["episode"]["r"] for one in infos], total)
             np.testing.assert_array_equal(infos[2]["terminal_observation"], info["final_obs"][2])
             total[:] = 0.0
-    assert set(view.state_arrays()) >= {"blocks.random_state", "hypotheses.log_probability", "returns"}
+    assert set(view.state_arrays()) >= {
+        "blocks.random_state",
+        "hypotheses.log_probability",
+        "returns",
+    }

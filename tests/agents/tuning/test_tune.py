@@ -1,4 +1,6 @@
-"""The search for hyper-parameters: ranges, resuming, equal results in parallel, the recipe that it writes."""
+"""The search for hyper-parameters: ranges, resuming, equal results in parallel, the recipe that
+it writes.
+"""
 
 import dataclasses
 
@@ -25,7 +27,18 @@ from hybrid_env.checks import ArgumentError
 
 ENV = "hybrid_env:HybridTrackPublished-v0"
 RANGES = ("learning_rate=0.001..0.02", "batch_size=160|320", "n_epochs=1..3")
-FLAGS = ("--env", ENV, "--steps", "1280", "--scheme", SCHEME["scheme"], "--set", *SMALL_PPO, "--search", *RANGES)
+FLAGS = (
+    "--env",
+    ENV,
+    "--steps",
+    "1280",
+    "--scheme",
+    SCHEME["scheme"],
+    "--set",
+    *SMALL_PPO,
+    "--search",
+    *RANGES,
+)
 
 
 def tune(folder, trials, *more):
@@ -44,15 +57,25 @@ def test_a_search_goes_on_and_its_best_trial_is_a_recipe(tmp_path, capsys):
     first = found(tmp_path)
     tune(tmp_path, 4, "--jobs", "2")
     trials = found(tmp_path)
+
     assert trials[:2] == first
     assert len(trials) == 4
-    assert trials[0][0] == {"learning_rate": 0.006, "batch_size": "320", "n_epochs": 2}  # the recipe itself
-    best = max(trials, key=lambda one: -np.inf if one[1] is None else one[1])
+    # The recipe itself.
+    assert trials[0][0] == {
+        "learning_rate": 0.006,
+        "batch_size": "320",
+        "n_epochs": 2,
+    }
+    best = max(
+        trials,
+        key=lambda one: -np.inf if one[1] is None else one[1],
+    )
     recipe = load_recipe(str(tmp_path / BEST), ENV)
     assert recipe.settings.n_epochs == best[0]["n_epochs"]
     assert recipe.settings.batch_size == int(best[0]["batch_size"])
     assert float(recipe.settings.learning_rate.removeprefix("lin_")) == pytest.approx(
-        best[0]["learning_rate"], rel=5e-3
+        best[0]["learning_rate"],
+        rel=5e-3,
     )
     assert recipe.settings.policy_kwargs == {"net_arch": [16]}
     assert "Best of 4 trials" in capsys.readouterr().out
@@ -68,17 +91,29 @@ def test_two_jobs_find_what_one_finds(tmp_path):
 def test_another_search_in_the_folder_is_refused(tmp_path, capsys):
     tune(tmp_path, 1)
     assert main(["tune", "--out", str(tmp_path), "--trials", "1", "--seed", "1", *FLAGS]) == 2
-    assert "expected a new folder, or the flags with which its search began" in capsys.readouterr().err
+    assert (
+        "expected a new folder, or the flags with which its search began" in capsys.readouterr().err
+    )
 
 
 def test_the_trials_of_a_killed_search_are_repeated_with_their_values(tmp_path):
-    search = Search(ENV, dict(SCHEME), "ppo", SMALL_PPO, dict([parse_range("n_epochs=1..3")]), 0, 2560)
+    search = Search(
+        ENV,
+        dict(SCHEME),
+        "ppo",
+        SMALL_PPO,
+        dict([parse_range("n_epochs=1..3")]),
+        0,
+        2560,
+    )
     study = open_study(search, tmp_path)
-    study.ask()  # the recipe itself
+    # The recipe itself.
+    study.ask()
     trial = study.ask()
     value = trial.suggest_int("n_epochs", 1, 3)
     again = open_study(search, tmp_path)
-    assert again.ask().suggest_int("n_epochs", 1, 3) == 2  # as in the recipe
+    # As in the recipe.
+    assert again.ask().suggest_int("n_epochs", 1, 3) == 2
     assert again.ask().suggest_int("n_epochs", 1, 3) == value
 
 
@@ -86,6 +121,7 @@ def test_a_training_below_the_median_ends_early():
     recipe = load_recipe("ppo", ENV, SMALL_PPO)
     search = Search(ENV, dict(SCHEME), "ppo", SMALL_PPO, {}, 0, 12800)
     outcome = train_trial(search, recipe, [9.0] * POINTS)
+
     assert outcome.reward is None
     assert 5 <= len(outcome.rewards) < POINTS
     whole = train_trial(dataclasses.replace(search, steps=2560), recipe, [-9.0] * POINTS)
@@ -99,17 +135,33 @@ def test_every_recipe_has_ranges_that_it_takes(name):
     env_id = "hybrid_env:HybridTrackQuickest-v0" if unknown else ENV
     recipe = load_recipe(name, env_id)
     ranges = parse_ranges((), recipe)
+
     assert len(ranges) == len(DEFAULT_RANGES[recipe.algo.removeprefix("recurrent_")])
-    for values in ({name: one.low for name, one in ranges.items()}, {name: one.high for name, one in ranges.items()}):
+    for values in (
+        {name: one.low for name, one in ranges.items()},
+        {name: one.high for name, one in ranges.items()},
+    ):
         load_recipe(name, env_id, changes_of(values, recipe))
     assert set(values_of(recipe, ranges)) <= set(ranges)
 
 
 @pytest.mark.parametrize(
     "text",
-    ["", "n_epochs", "n_epochs=", "n_epochs=1", "n_epochs=3..1", "n_epochs=1..1", "a=1..b", "a=1..inf",
-     "=1..2", "a=1..2..3", "a=1|1", "a=1|"],
-)  # fmt: skip
+    [
+        "",
+        "n_epochs",
+        "n_epochs=",
+        "n_epochs=1",
+        "n_epochs=3..1",
+        "n_epochs=1..1",
+        "a=1..b",
+        "a=1..inf",
+        "=1..2",
+        "a=1..2..3",
+        "a=1|1",
+        "a=1|",
+    ],
+)
 def test_an_invalid_range_is_refused(text):
     with pytest.raises(ArgumentError, match=r"search=.* is not allowed: expected name=low\.\.high"):
         parse_range(text)

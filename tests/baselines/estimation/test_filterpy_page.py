@@ -1,4 +1,6 @@
-"""The page "From filterpy": its program prints its table, and probabilities are right at any distance."""
+"""The page "From filterpy": its program prints its table, and probabilities are right at any
+distance.
+"""
 
 import re
 from pathlib import Path
@@ -13,16 +15,21 @@ def test_the_program_of_the_page_prints_its_table(capsys):
     text = PAGE.read_text(encoding="utf-8")
     names = {}
     exec(re.search(r"```python\n(.*?)```", text, re.DOTALL)[1], names)
+
     assert capsys.readouterr().out == re.search(r"```text\n(.*?)```", text, re.DOTALL)[1]
     ours, peer = names["both"]()
     ours.predict(1.0)
     prior = ours.probabilities[0]
     spreads = [np.sqrt(one.covariance[0, 0, 0] + 1.0) for one in ours.filters]
     measured = ours.state[0, 0] + 60.0 * spreads[1]
-    expected = [norm.logpdf(measured, one.state[0, 0], s) for one, s in zip(ours.filters, spreads, strict=True)]
+    expected = [
+        norm.logpdf(measured, one.state[0, 0], s)
+        for one, s in zip(ours.filters, spreads, strict=True)
+    ]
     ours.update([[measured]])
     found = np.diff(np.log(ours.probabilities[0]) - np.log(prior))
     np.testing.assert_allclose(found, np.diff(expected), rtol=1e-9)
     peer.predict()
     peer.update(np.array([[measured]]))
-    np.testing.assert_allclose(peer.mu, prior)  # filterpy has lost the measurement
+    # Filterpy has lost the measurement.
+    np.testing.assert_allclose(peer.mu, prior)

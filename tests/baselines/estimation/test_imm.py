@@ -15,11 +15,18 @@ from baselines.estimation.run_filter import run_filter
 def test_imm_equals_filterpy_on_100_random_problems():
     rng = np.random.default_rng(0)
     for _ in range(100):
-        dt, count, axes = rng.uniform(0.2, 2.0), int(rng.integers(2, 4)), int(rng.integers(1, 3))
+        dt = rng.uniform(0.2, 2.0)
+        count = int(rng.integers(2, 4))
+        axes = int(rng.integers(1, 3))
         models = [MotionModel("CV", axes, rng.uniform(0.01, 5.0)) for _ in range(count)]
-        noise, start = random_covariance(rng, axes), random_covariance(rng, 2 * axes)
-        imm = IMMFilter([KalmanFilter(model, noise) for model in models], rng.uniform(1.0, 20.0, count))
-        mean, measurements = rng.normal(size=2 * axes), rng.normal(0.0, 3.0, (5, axes))
+        noise = random_covariance(rng, axes)
+        start = random_covariance(rng, 2 * axes)
+        imm = IMMFilter(
+            [KalmanFilter(model, noise) for model in models],
+            rng.uniform(1.0, 20.0, count),
+        )
+        mean = rng.normal(size=2 * axes)
+        measurements = rng.normal(0.0, 3.0, (5, axes))
         peers = []
         for model in models:
             peer = PeerKalman(2 * axes, axes)
@@ -33,9 +40,24 @@ def test_imm_equals_filterpy_on_100_random_problems():
             imm.update(measured[None])
             peer.predict()
             peer.update(measured)
-            np.testing.assert_allclose(imm.probabilities[0], peer.mu, rtol=1e-9, atol=1e-9)
-            np.testing.assert_allclose(imm.state[0], peer.x, rtol=1e-9, atol=1e-9)
-            np.testing.assert_allclose(imm.covariance[0], peer.P, rtol=1e-9, atol=1e-9)
+            np.testing.assert_allclose(
+                imm.probabilities[0],
+                peer.mu,
+                rtol=1e-9,
+                atol=1e-9,
+            )
+            np.testing.assert_allclose(
+                imm.state[0],
+                peer.x,
+                rtol=1e-9,
+                atol=1e-9,
+            )
+            np.testing.assert_allclose(
+                imm.covariance[0],
+                peer.P,
+                rtol=1e-9,
+                atol=1e-9,
+            )
 
 
 def test_probabilities_follow_the_chain_without_measurements():
@@ -47,8 +69,16 @@ def test_probabilities_follow_the_chain_without_measurements():
         (30.0, 10.0),
     )
     np.testing.assert_allclose(imm.transition(2.0).sum(-1), 1.0)
-    np.testing.assert_allclose(imm.transition(1e6), [[0.75, 0.25]] * 2, rtol=1e-9)
-    np.testing.assert_allclose(imm.transition(1.2) @ imm.transition(0.8), imm.transition(2.0), rtol=1e-12)
+    np.testing.assert_allclose(
+        imm.transition(1e6),
+        [[0.75, 0.25]] * 2,
+        rtol=1e-9,
+    )
+    np.testing.assert_allclose(
+        imm.transition(1.2) @ imm.transition(0.8),
+        imm.transition(2.0),
+        rtol=1e-12,
+    )
     np.testing.assert_array_equal(imm.transition(0.0), np.eye(2))
     imm.begin_from(np.zeros((2, 3)), np.eye(3))
     imm.predict(np.array([0.5, 3.0]))
@@ -62,7 +92,8 @@ def switching_world(rng, imm, times, tracks, deviation):
     mode = (rng.random(tracks) < imm._stationary[1]).astype(int)
     state = rng.normal(size=(tracks, 2, 3)) * (2.0, 5.0, deviation)
     state[mode == 0, :, 2] = 0.0
-    states, last = [], 0.0
+    states = []
+    last = 0.0
     for time in times:
         new = (rng.random(tracks) > imm.transition(time - last)[mode, 0]).astype(int)
         enters = (new == 1) & (mode == 0)
@@ -70,10 +101,16 @@ def switching_world(rng, imm, times, tracks, deviation):
         state[new == 0, :, 2] = 0.0
         mode = new
         for index, model in enumerate(models):
-            transition, noise = matrices(MotionModel(model.name, 1, model.noise[:1]), time - last)
-            size, chosen = model.order, mode == index
+            transition, noise = matrices(
+                MotionModel(model.name, 1, model.noise[:1]),
+                time - last,
+            )
+            size = model.order
+            chosen = mode == index
             moved = state[chosen, :, :size] @ transition.T
-            state[chosen, :, :size] = moved + draw(rng, 0.0, noise, 2 * chosen.sum()).reshape(moved.shape)
+            state[chosen, :, :size] = moved + draw(rng, 0.0, noise, 2 * chosen.sum()).reshape(
+                moved.shape
+            )
         states.append(state.copy())
         last = time
     return np.array(states)
@@ -81,15 +118,25 @@ def switching_world(rng, imm, times, tracks, deviation):
 
 def test_imm_of_cv_and_ca_is_consistent_and_better_than_each_model_in_its_world():
     rng = np.random.default_rng(2)
-    tracks, times, deviation = 1500, np.cumsum(np.random.default_rng(3).uniform(0.5, 1.5, 30)), 3.0
+    tracks = 1500
+    times = np.cumsum(np.random.default_rng(3).uniform(0.5, 1.5, 30))
+    deviation = 3.0
     cv = KalmanFilter(MotionModel("CV", 2, 0.2), 4.0, (5.0,))
     ca = KalmanFilter(MotionModel("CA", 2, 0.5), 4.0, (5.0, deviation))
     imm = IMMFilter([cv, ca], (12.0, 6.0))
     states = switching_world(rng, imm, times, tracks, deviation)
     measurements = states[..., 0] + rng.normal(0.0, 2.0, states.shape[:3])
-    rmse, likelihood = {}, {}
-    for name, one in (("imm", imm), ("cv", cv), ("ca", ca)):
-        start = np.kron(np.eye(2), np.diag([4.0, 25.0, deviation**2][: one.order]))
+    rmse = {}
+    likelihood = {}
+    for name, one in (
+        ("imm", imm),
+        ("cv", cv),
+        ("ca", ca),
+    ):
+        start = np.kron(
+            np.eye(2),
+            np.diag([4.0, 25.0, deviation**2][: one.order]),
+        )
         mean = np.zeros((tracks, 2 * one.order))
         filtered = run_filter(one, measurements, times, start=(mean, start, 0.0))
         rmse[name] = np.sqrt(((filtered.positions - states[..., 0])[5:] ** 2).mean())
@@ -97,30 +144,50 @@ def test_imm_of_cv_and_ca_is_consistent_and_better_than_each_model_in_its_world(
         if name == "imm":
             low, high = mean_bounds(2.0, filtered.nis.var(), filtered.nis.size)
             assert low < filtered.nis.mean() < high
-            error = np.stack([filtered.positions - states[..., 0], filtered.velocities - states[..., 1]], -1)
+            error = np.stack(
+                [filtered.positions - states[..., 0], filtered.velocities - states[..., 1]],
+                -1,
+            )
             error = error[-1].reshape(tracks, 4)
             spread = filtered.covariances[-1][:, [0, 1, 3, 4]][:, :, [0, 1, 3, 4]]
             nees = np.einsum("bi,bij,bj->b", error, np.linalg.inv(spread), error)
             low, high = mean_bounds(4.0, nees.var(), tracks)
             assert low < nees.mean() < high
+
     assert rmse["imm"] < 0.95 * min(rmse["cv"], rmse["ca"])
     assert likelihood["imm"] > max(likelihood["cv"], likelihood["ca"])
 
 
 def test_units_change_nothing_but_the_units():
     rng = np.random.default_rng(4)
-    measurements, times = rng.normal(0.0, 30.0, (20, 4, 2)), np.arange(20.0)
-    length, time = 1000.0, 60.0
+    measurements = rng.normal(0.0, 30.0, (20, 4, 2))
+    times = np.arange(20.0)
+    length = 1000.0
+    time = 60.0
 
     def imm(x, t):
-        cv = KalmanFilter(MotionModel("CV", 2, 0.5 * x**2 / t**3), 20.0 * x**2, (30.0 * x / t,), StudentT())
+        cv = KalmanFilter(
+            MotionModel("CV", 2, 0.5 * x**2 / t**3),
+            20.0 * x**2,
+            (30.0 * x / t,),
+            StudentT(),
+        )
         ca = KalmanFilter(
-            MotionModel("CA", 2, 0.5 * x**2 / t**5), 20.0 * x**2, (30.0 * x / t, 4.0 * x / t**2), StudentT()
+            MotionModel("CA", 2, 0.5 * x**2 / t**5),
+            20.0 * x**2,
+            (30.0 * x / t, 4.0 * x / t**2),
+            StudentT(),
         )
         return IMMFilter([cv, ca], (20.0 * t, 10.0 * t))
 
     first = run_filter(imm(1.0, 1.0), measurements, times)
     second = run_filter(imm(length, time), length * measurements, time * times)
     scales = np.tile(length / time ** np.arange(3), 2)
-    np.testing.assert_allclose(second.states, first.states * scales, rtol=1e-7, atol=1e-9)
+
+    np.testing.assert_allclose(
+        second.states,
+        first.states * scales,
+        rtol=1e-7,
+        atol=1e-9,
+    )
     np.testing.assert_allclose(second.nis, first.nis, rtol=1e-7)

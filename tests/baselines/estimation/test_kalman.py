@@ -1,4 +1,6 @@
-"""Kalman filters of kinematic models against filterpy, chi-square bounds, and what must not matter."""
+"""Kalman filters of kinematic models against filterpy, chi-square bounds, and what must not
+matter.
+"""
 
 import datetime
 
@@ -19,8 +21,14 @@ def random_problem(rng):
     """A model, R, a start, times and measurements with gaps, of any size and scale."""
     scale = 10.0 ** rng.uniform(-3, 3)
     kind = "continuous" if rng.random() < 0.5 else "discrete"
-    name, axes = rng.choice(list(ORDERS)), int(rng.integers(1, 4))
-    model = MotionModel(str(name), axes, scale**2 * rng.uniform(0.0, 3.0, axes), kind)
+    name = rng.choice(list(ORDERS))
+    axes = int(rng.integers(1, 4))
+    model = MotionModel(
+        str(name),
+        axes,
+        scale**2 * rng.uniform(0.0, 3.0, axes),
+        kind,
+    )
     noise = random_covariance(rng, axes, scale**2)
     start = random_covariance(rng, model.size, scale**2)
     times = np.cumsum(rng.uniform(0.05, 2.0, 12))
@@ -33,7 +41,8 @@ def peer_filter(model, noise, state, start, times, measurements):
     """Means, covariances, log-likelihoods, transitions and Q of filterpy."""
     peer = PeerKalman(model.size, model.axes)
     peer.x, peer.P, peer.R, peer.H = state[:, None].copy(), start.copy(), noise, positions_of(model)
-    results, last = [], 0.0
+    results = []
+    last = 0.0
     for time, measured in zip(times, measurements, strict=True):
         peer.F, peer.Q = matrices(model, time - last)
         peer.predict()
@@ -51,19 +60,54 @@ def test_filter_and_smoother_equal_filterpy_on_100_random_problems():
     for _ in range(100):
         model, noise, state, start, times, measurements = random_problem(rng)
         means, covariances, log_likelihoods, transitions, noises = peer_filter(
-            model, noise, state, start, times, measurements
+            model,
+            noise,
+            state,
+            start,
+            times,
+            measurements,
         )
-        filtered = run_filter(KalmanFilter(model, noise), measurements, times, start=(state, start, 0.0))
+        filtered = run_filter(
+            KalmanFilter(model, noise),
+            measurements,
+            times,
+            start=(state, start, 0.0),
+        )
         size = np.abs(means).max()
-        np.testing.assert_allclose(filtered.states, means, rtol=0.0, atol=1e-9 * size)
-        np.testing.assert_allclose(filtered.covariances, covariances, rtol=0.0, atol=1e-9 * covariances.max())
-        np.testing.assert_allclose(filtered.log_likelihoods, log_likelihoods, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(
+            filtered.states,
+            means,
+            rtol=0.0,
+            atol=1e-9 * size,
+        )
+        np.testing.assert_allclose(
+            filtered.covariances,
+            covariances,
+            rtol=0.0,
+            atol=1e-9 * covariances.max(),
+        )
+        np.testing.assert_allclose(
+            filtered.log_likelihoods,
+            log_likelihoods,
+            rtol=1e-9,
+            atol=1e-9,
+        )
         smoothed = smooth(model, filtered, times)
-        # filterpy takes for tick k the matrices from k to k + 1
+        # Filterpy takes for tick k the matrices from k to k + 1.
         later = [[*part[1:], part[-1]] for part in (transitions, noises)]
         expected, spreads, _, _ = rts_smoother(means[..., None], covariances, *later)
-        np.testing.assert_allclose(smoothed.states, expected[..., 0], rtol=0.0, atol=1e-9 * size)
-        np.testing.assert_allclose(smoothed.covariances, spreads, rtol=0.0, atol=1e-9 * covariances.max())
+        np.testing.assert_allclose(
+            smoothed.states,
+            expected[..., 0],
+            rtol=0.0,
+            atol=1e-9 * size,
+        )
+        np.testing.assert_allclose(
+            smoothed.covariances,
+            spreads,
+            rtol=0.0,
+            atol=1e-9 * covariances.max(),
+        )
 
 
 @pytest.mark.parametrize("name", ORDERS)
@@ -71,18 +115,33 @@ def test_matrices_equal_filterpy_and_stone_soup(name):
     linear = pytest.importorskip("stonesoup.models.transition.linear")
     rng = np.random.default_rng(1)
     for dt in rng.uniform(0.01, 10.0, 20):
-        continuous, discrete = (MotionModel(name, 1, 1.0, kind) for kind in ("continuous", "discrete"))
+        continuous, discrete = (
+            MotionModel(name, 1, 1.0, kind) for kind in ("continuous", "discrete")
+        )
         m = ORDERS[name]
-        np.testing.assert_allclose(continuous.step_noise(dt), Q_continuous_white_noise(m, dt), rtol=1e-12)
-        np.testing.assert_allclose(discrete.step_noise(dt), Q_discrete_white_noise(m, dt), rtol=1e-12)
-        peer = linear.ConstantNthDerivative(constant_derivative=m - 1, noise_diff_coeff=1.0)
-        interval = datetime.timedelta(seconds=float(dt))
-        peer_dt = interval.total_seconds()  # rounded to microseconds
         np.testing.assert_allclose(
-            continuous.transition(peer_dt), peer.matrix(time_interval=interval).astype(float), rtol=1e-12
+            continuous.step_noise(dt),
+            Q_continuous_white_noise(m, dt),
+            rtol=1e-12,
         )
         np.testing.assert_allclose(
-            continuous.step_noise(peer_dt), peer.covar(time_interval=interval).astype(float), rtol=1e-9
+            discrete.step_noise(dt),
+            Q_discrete_white_noise(m, dt),
+            rtol=1e-12,
+        )
+        peer = linear.ConstantNthDerivative(constant_derivative=m - 1, noise_diff_coeff=1.0)
+        interval = datetime.timedelta(seconds=float(dt))
+        # Rounded to microseconds.
+        peer_dt = interval.total_seconds()
+        np.testing.assert_allclose(
+            continuous.transition(peer_dt),
+            peer.matrix(time_interval=interval).astype(float),
+            rtol=1e-12,
+        )
+        np.testing.assert_allclose(
+            continuous.step_noise(peer_dt),
+            peer.covar(time_interval=interval).astype(float),
+            rtol=1e-9,
         )
 
 
@@ -90,25 +149,41 @@ def test_matrices_equal_filterpy_and_stone_soup(name):
 @pytest.mark.parametrize("name", ORDERS)
 def test_nis_and_nees_are_chi_square_in_the_world_of_the_filter(name, kind):
     rng = np.random.default_rng(2)
-    model, tracks = MotionModel(name, 2, (0.5, 2.0), kind), 500
-    noise, start = random_covariance(rng, 2, 4.0), random_covariance(rng, model.size)
+    model = MotionModel(name, 2, (0.5, 2.0), kind)
+    tracks = 500
+    noise = random_covariance(rng, 2, 4.0)
+    start = random_covariance(rng, model.size)
     times = np.cumsum(rng.uniform(0.2, 1.5, 20))
     states, measurements = simulate(rng, model, times, start, noise, tracks)
     measurements[rng.random((20, tracks)) < 0.1] = np.nan
     filtered = run_filter(
-        KalmanFilter(model, noise), measurements, times, start=(np.zeros((tracks, model.size)), start, 0.0)
+        KalmanFilter(model, noise),
+        measurements,
+        times,
+        start=(np.zeros((tracks, model.size)), start, 0.0),
     )
-    # innovations are independent; errors of the last tick are independent between tracks
+    # Innovations are independent; errors of the last tick are independent between tracks.
     nis = filtered.nis[~np.isnan(filtered.nis)]
     low, high = mean_bounds(2.0, 4.0, nis.size)
+
     assert low < nis.mean() < high
     error = states[-1] - filtered.states[-1]
-    nees = np.einsum("bi,bij,bj->b", error, np.linalg.inv(filtered.covariances[-1]), error)
+    nees = np.einsum(
+        "bi,bij,bj->b",
+        error,
+        np.linalg.inv(filtered.covariances[-1]),
+        error,
+    )
     low, high = mean_bounds(model.size, 2.0 * model.size, tracks)
     assert low < nees.mean() < high
     smoothed = smooth(model, filtered, times)
     error = states[5] - smoothed.states[5]
-    nees = np.einsum("bi,bij,bj->b", error, np.linalg.inv(smoothed.covariances[5]), error)
+    nees = np.einsum(
+        "bi,bij,bj->b",
+        error,
+        np.linalg.inv(smoothed.covariances[5]),
+        error,
+    )
     assert low < nees.mean() < high
 
 
@@ -118,18 +193,42 @@ def test_a_batch_equals_single_tracks_and_the_step_by_step_interface():
     kalman = KalmanFilter(model, 4.0, start_deviations=(10.0, 2.0))
     measurements = rng.normal(0.0, 10.0, (15, 4, 3))
     measurements[rng.random((15, 4)) < 0.3] = np.nan
-    times = np.cumsum(rng.uniform(0.1, 2.0, (15, 4)), axis=0)
+    times = np.cumsum(
+        rng.uniform(0.1, 2.0, (15, 4)),
+        axis=0,
+    )
     together = run_filter(kalman, measurements, times)
     for track in range(4):
         alone = run_filter(kalman, measurements[:, track], times[:, track])
-        np.testing.assert_allclose(alone.states, together.states[:, track], rtol=1e-12)
-        np.testing.assert_allclose(alone.covariances, together.covariances[:, track], rtol=1e-12)
-        np.testing.assert_allclose(alone.log_likelihoods, together.log_likelihoods[:, track], rtol=1e-12)
+        np.testing.assert_allclose(
+            alone.states,
+            together.states[:, track],
+            rtol=1e-12,
+        )
+        np.testing.assert_allclose(
+            alone.covariances,
+            together.covariances[:, track],
+            rtol=1e-12,
+        )
+        np.testing.assert_allclose(
+            alone.log_likelihoods,
+            together.log_likelihoods[:, track],
+            rtol=1e-12,
+        )
     kalman.begin(4)
-    for step, measured in zip(np.diff(times, axis=0, prepend=times[:1]), measurements, strict=True):
+    for step, measured in zip(
+        np.diff(times, axis=0, prepend=times[:1]),
+        measurements,
+        strict=True,
+    ):
         kalman.predict(step)
         kalman.update(measured)
-    np.testing.assert_allclose(kalman.state, together.states[-1], rtol=1e-12)
+
+    np.testing.assert_allclose(
+        kalman.state,
+        together.states[-1],
+        rtol=1e-12,
+    )
 
 
 def test_a_track_begins_with_its_first_measurement_and_a_missing_one_only_predicts():
@@ -137,12 +236,20 @@ def test_a_track_begins_with_its_first_measurement_and_a_missing_one_only_predic
     kalman = KalmanFilter(model, (4.0, 9.0), start_deviations=(30.0,))
     measurements = np.array([[[np.nan, 1.0]], [[3.0, 5.0]], [[np.nan, np.nan]], [[4.0, 6.0]]])
     filtered = run_filter(kalman, measurements, [0.0, 1.0, 3.0, 3.5])
+
     assert np.isnan(filtered.states[0]).all()
-    np.testing.assert_array_equal(filtered.states[1, 0], [3.0, 0.0, 5.0, 0.0])
-    np.testing.assert_allclose(filtered.covariances[1, 0], np.diag([4.0, 900.0, 9.0, 900.0]))
+    np.testing.assert_array_equal(
+        filtered.states[1, 0],
+        [3.0, 0.0, 5.0, 0.0],
+    )
+    np.testing.assert_allclose(
+        filtered.covariances[1, 0],
+        np.diag([4.0, 900.0, 9.0, 900.0]),
+    )
     transition, noise = matrices(model, 2.0)
     np.testing.assert_allclose(
-        filtered.covariances[2, 0], transition @ filtered.covariances[1, 0] @ transition.T + noise
+        filtered.covariances[2, 0],
+        transition @ filtered.covariances[1, 0] @ transition.T + noise,
     )
     np.testing.assert_array_equal(filtered.log_likelihoods[:3, 0], 0.0)
     assert np.isnan(filtered.nis[:3]).all()
@@ -152,21 +259,50 @@ def test_a_track_begins_with_its_first_measurement_and_a_missing_one_only_predic
 @pytest.mark.parametrize("name", ORDERS)
 @pytest.mark.parametrize("kind", ["continuous", "discrete"])
 def test_units_of_length_and_time_change_nothing_but_the_units(name, kind):
-    length, time = 1000.0, 60.0
-    rng, m = np.random.default_rng(5), ORDERS[name]
-    measurements, times = rng.normal(0.0, 50.0, (30, 5, 2)), np.arange(30.0)
-    power = 2 * m - 1 if kind == "continuous" else {"CV": 4, "CA": 4, "CJ": 6}[name]
+    length = 1000.0
+    time = 60.0
+    rng = np.random.default_rng(5)
+    m = ORDERS[name]
+    measurements = rng.normal(0.0, 50.0, (30, 5, 2))
+    times = np.arange(30.0)
+    power = (
+        2 * m - 1
+        if kind == "continuous"
+        else {
+            "CV": 4,
+            "CA": 4,
+            "CJ": 6,
+        }[name]
+    )
     deviations = np.array([30.0, 5.0, 1.0])[: m - 1]
     scales = length / time ** np.arange(m)
     one = KalmanFilter(MotionModel(name, 2, 0.7, kind), 20.0, deviations)
     other = KalmanFilter(
-        MotionModel(name, 2, 0.7 * length**2 / time**power, kind), 20.0 * length**2, deviations * scales[1:]
+        MotionModel(name, 2, 0.7 * length**2 / time**power, kind),
+        20.0 * length**2,
+        deviations * scales[1:],
     )
     first = run_filter(one, measurements, times)
     second = run_filter(other, length * measurements, time * times)
-    np.testing.assert_allclose(second.states, first.states * np.tile(scales, 2), rtol=1e-9)
+
+    np.testing.assert_allclose(
+        second.states,
+        first.states * np.tile(scales, 2),
+        rtol=1e-9,
+    )
     np.testing.assert_allclose(second.nis, first.nis, rtol=1e-9)
     shifted = second.log_likelihoods[1:] + 2 * np.log(length)
     np.testing.assert_allclose(shifted, first.log_likelihoods[1:], rtol=1e-9)
-    smoothed = [smooth(f.model, run, t).states for f, run, t in ((one, first, times), (other, second, time * times))]
-    np.testing.assert_allclose(smoothed[1], smoothed[0] * np.tile(scales, 2), rtol=1e-6, atol=1e-9)
+    smoothed = [
+        smooth(f.model, run, t).states
+        for f, run, t in (
+            (one, first, times),
+            (other, second, time * times),
+        )
+    ]
+    np.testing.assert_allclose(
+        smoothed[1],
+        smoothed[0] * np.tile(scales, 2),
+        rtol=1e-6,
+        atol=1e-9,
+    )

@@ -1,4 +1,6 @@
-"""Robust corrections against direct integration and minimization, and in the worlds that they assume."""
+"""Robust corrections against direct integration and minimization, and in the worlds that they
+assume.
+"""
 
 import numpy as np
 import pytest
@@ -25,9 +27,13 @@ def test_student_t_equals_numerical_integration_of_the_posterior(nu):
         y = np.sqrt(m + r) * rng.normal() * 10.0 ** rng.uniform(-0.5, 0.8)
 
         def density(u, y=y, m=m, r=r):
-            return stats.norm.pdf(u, scale=np.sqrt(m)) * stats.t.pdf((y - u) / np.sqrt(r), nu) / np.sqrt(r)
+            return (
+                stats.norm.pdf(u, scale=np.sqrt(m))
+                * stats.t.pdf((y - u) / np.sqrt(r), nu)
+                / np.sqrt(r)
+            )
 
-        # both peaks are far narrower than the range: nodes of a trapezoid rule around each of them
+        # Both peaks are far narrower than the range: nodes of a trapezoid rule around each of them.
         grid = np.arange(-9.0, 9.0, 1e-3)
         wide = np.sqrt(r) * np.sinh(np.arange(-12.0, 12.0, 1e-3))
         nodes = np.unique(np.concatenate([np.sqrt(m) * grid, y + wide]))
@@ -37,9 +43,22 @@ def test_student_t_equals_numerical_integration_of_the_posterior(nu):
         mean = integrate.trapezoid(nodes * values, nodes) / total
         variance = integrate.trapezoid((nodes - mean) ** 2 * values, nodes) / total
         factors = StudentT(nu).factors(one(y), one(m), one(r))
-        np.testing.assert_allclose(factors.log_likelihood, np.log(total), atol=1e-5)
-        np.testing.assert_allclose(m * y * factors.state, mean, rtol=1e-5, atol=1e-5 * np.sqrt(m))
-        np.testing.assert_allclose(m - m * m * factors.covariance, variance, rtol=1e-4)
+        np.testing.assert_allclose(
+            factors.log_likelihood,
+            np.log(total),
+            atol=1e-5,
+        )
+        np.testing.assert_allclose(
+            m * y * factors.state,
+            mean,
+            rtol=1e-5,
+            atol=1e-5 * np.sqrt(m),
+        )
+        np.testing.assert_allclose(
+            m - m * m * factors.covariance,
+            variance,
+            rtol=1e-4,
+        )
 
 
 @pytest.mark.parametrize("threshold", [0.3, 1.345, 3.0])
@@ -54,56 +73,109 @@ def test_huber_is_the_maximum_of_its_posterior(threshold):
             loss = 0.5 * size**2 if size <= threshold else threshold * size - 0.5 * threshold**2
             return 0.5 * u * u / m + loss
 
-        best = optimize.minimize_scalar(cost, bounds=sorted((0.0, y)), method="bounded", options={"xatol": 1e-12})
+        best = optimize.minimize_scalar(
+            cost,
+            bounds=sorted((0.0, y)),
+            method="bounded",
+            options={"xatol": 1e-12},
+        )
         factors = Huber(threshold).factors(one(y), one(m), one(r))
-        np.testing.assert_allclose(m * y * factors.state, best.x, rtol=1e-5, atol=1e-5 * abs(y))
+        np.testing.assert_allclose(
+            m * y * factors.state,
+            best.x,
+            rtol=1e-5,
+            atol=1e-5 * abs(y),
+        )
 
 
 def test_full_covariances_of_a_measurement_are_turned_to_their_axes():
     rng = np.random.default_rng(4)
     angle = 0.7
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    noise, spread = np.diag([1.0, 9.0]), random_covariance(rng, 4)
+    noise = np.diag([1.0, 9.0])
+    spread = random_covariance(rng, 4)
     spread = 0.5 * (spread + spread.T)
     big = np.kron(turn, np.eye(2))
-    state, measured = rng.normal(size=(5, 4)), 10.0 * rng.normal(size=(5, 2))
+    state = rng.normal(size=(5, 4))
+    measured = 10.0 * rng.normal(size=(5, 2))
     for method in (None, *ALL):
-        straight = correct(state, np.broadcast_to(spread, (5, 4, 4)), measured, principal_noise(noise), method)
+        straight = correct(
+            state,
+            np.broadcast_to(spread, (5, 4, 4)),
+            measured,
+            principal_noise(noise),
+            method,
+        )
         turned = correct(
-            state @ big.T, np.broadcast_to(big @ spread @ big.T, (5, 4, 4)), measured @ turn.T,
-            principal_noise(turn @ noise @ turn.T), method,
-        )  # fmt: skip
-        np.testing.assert_allclose(turned.state, straight.state @ big.T, rtol=1e-6, atol=1e-8)
-        np.testing.assert_allclose(turned.covariance, big @ straight.covariance @ big.T, rtol=1e-6, atol=1e-8)
+            state @ big.T,
+            np.broadcast_to(big @ spread @ big.T, (5, 4, 4)),
+            measured @ turn.T,
+            principal_noise(turn @ noise @ turn.T),
+            method,
+        )
+        np.testing.assert_allclose(
+            turned.state,
+            straight.state @ big.T,
+            rtol=1e-6,
+            atol=1e-8,
+        )
+        np.testing.assert_allclose(
+            turned.covariance,
+            big @ straight.covariance @ big.T,
+            rtol=1e-6,
+            atol=1e-8,
+        )
         np.testing.assert_allclose(turned.log_likelihood, straight.log_likelihood, rtol=1e-6)
 
 
 def errors_in_world(method, noise_of, seed):
     """NEES of the last tick, (B,), mean NIS, and RMSE of positions of a robust CV filter."""
     rng = np.random.default_rng(seed)
-    model, tracks, times = MotionModel("CV", 2, 1.0), 1500, np.arange(1.0, 26.0)
+    model = MotionModel("CV", 2, 1.0)
+    tracks = 1500
+    times = np.arange(1.0, 26.0)
     start = np.kron(np.eye(2), np.diag([4.0, 25.0]))
     states, _ = simulate(rng, model, times, start, np.eye(2), tracks)
     measurements = states[..., ::2] + noise_of(rng, (25, tracks, 2))
     kalman = KalmanFilter(model, 4.0, robust=method)
-    filtered = run_filter(kalman, measurements, times, start=(np.zeros((tracks, 4)), start, 0.0))
+    filtered = run_filter(
+        kalman,
+        measurements,
+        times,
+        start=(np.zeros((tracks, 4)), start, 0.0),
+    )
     error = states[-1] - filtered.states[-1]
-    nees = np.einsum("bi,bij,bj->b", error, np.linalg.inv(filtered.covariances[-1]), error)
+    nees = np.einsum(
+        "bi,bij,bj->b",
+        error,
+        np.linalg.inv(filtered.covariances[-1]),
+        error,
+    )
     rmse = np.sqrt(((filtered.positions - states[..., ::2])[5:] ** 2).mean())
     return nees, filtered.nis.mean(), rmse
 
 
 @pytest.mark.parametrize("nu", [2.0, 4.0])
 def test_student_t_filter_is_consistent_in_student_t_noise(nu):
-    nees, _, _ = errors_in_world(StudentT(nu), lambda rng, shape: 2.0 * rng.standard_t(nu, shape), 5)
+    nees, _, _ = errors_in_world(
+        StudentT(nu),
+        lambda rng, shape: 2.0 * rng.standard_t(nu, shape),
+        5,
+    )
     low, high = mean_bounds(4.0, nees.var(), nees.size)
+
     assert low < nees.mean() < high
 
 
 @pytest.mark.parametrize("method", [None, Huber(2.0)])
 def test_nis_and_nees_are_chi_square_in_gaussian_noise(method):
-    nees, nis, _ = errors_in_world(method, lambda rng, shape: rng.normal(0.0, 2.0, shape), 6)
+    nees, nis, _ = errors_in_world(
+        method,
+        lambda rng, shape: rng.normal(0.0, 2.0, shape),
+        6,
+    )
     low, high = mean_bounds(4.0, 8.0, nees.size)
+
     assert low < nees.mean() < high
     low, high = mean_bounds(2.0, 4.0, 25 * 1500)
     assert low < nis < high
@@ -111,11 +183,19 @@ def test_nis_and_nees_are_chi_square_in_gaussian_noise(method):
 
 def test_robust_filters_lose_little_in_gaussian_noise_and_win_with_outliers():
     def outliers(rng, shape):
-        return rng.normal(0.0, np.where(rng.random(shape) < 0.1, 40.0, 2.0))
+        return rng.normal(
+            0.0,
+            np.where(rng.random(shape) < 0.1, 40.0, 2.0),
+        )
 
     for method in (Huber(2.0), StudentT(30.0)):
         gaussian = [
-            errors_in_world(one, lambda rng, shape: rng.normal(0.0, 2.0, shape), 7)[2] for one in (None, method)
+            errors_in_world(
+                one,
+                lambda rng, shape: rng.normal(0.0, 2.0, shape),
+                7,
+            )[2]
+            for one in (None, method)
         ]
         heavy = [errors_in_world(one, outliers, 8)[2] for one in (None, method)]
         assert gaussian[1] < 1.01 * gaussian[0]

@@ -11,11 +11,19 @@ from baselines.recordings.flights.simulated import simulate_flights
 
 
 def one_piece(positions, times, across, timing=0.0):
-    return Batch(((0, 0, len(times)),), times[:, None], positions[:, None], np.array([across]), np.array([timing]))
+    return Batch(
+        ((0, 0, len(times)),),
+        times[:, None],
+        positions[:, None],
+        np.array([across]),
+        np.array([timing]),
+    )
 
 
 def literal_step(state, covariance, omega, density, dt, z, noise, freedom):
-    """Return a coordinated turn [x, y, vx, vy] after dt and a measurement with a Student t distribution."""
+    """Return a coordinated turn [x, y, vx, vy] after dt and a measurement with a Student t
+    distribution.
+    """
     rates = np.zeros((4, 4))
     rates[0, 2] = rates[1, 3] = 1.0
     rates[2, 3], rates[3, 2] = -omega, omega
@@ -23,16 +31,19 @@ def literal_step(state, covariance, omega, density, dt, z, noise, freedom):
     one_axis = density * np.array([[dt**3 / 3.0, dt**2 / 2.0], [dt**2 / 2.0, dt]])
     state = matrix @ state
     covariance = matrix @ covariance @ matrix.T + np.kron(one_axis, np.eye(2))
-    innovation, spread = z - state[:2], covariance[:2, :2] + noise
+    innovation = z - state[:2]
+    spread = covariance[:2, :2] + noise
     nis = innovation @ np.linalg.inv(spread) @ innovation
-    log_likelihood = -0.5 * np.log(np.linalg.det(spread)) - 0.5 * (freedom + 2.0) * np.log1p(nis / freedom)
+    log_likelihood = -0.5 * np.log(np.linalg.det(spread)) - 0.5 * (freedom + 2.0) * np.log1p(
+        nis / freedom
+    )
     weight = min((freedom + 2.0) / (freedom + nis), 1.0)
     gain = covariance[:, :2] @ np.linalg.inv(covariance[:2, :2] + noise / weight)
     return state + gain @ innovation, covariance - gain @ covariance[:2], log_likelihood
 
 
 def test_all_histories_of_a_few_positions():
-    # every sequence of modes has a filter of its own; merging histories is the only difference
+    # Every sequence of modes has a filter of its own; merging histories is the only difference.
     generator = np.random.default_rng(3)
     times = np.array([0.0, 1.0, 2.1, 3.0, 4.2])
     positions = np.column_stack([80.0 * times, 0.5 * times**2]) + generator.normal(0.0, 2.0, (5, 2))
@@ -52,10 +63,18 @@ def test_all_histories_of_a_few_positions():
             ends = -np.expm1(-leave[last] * step)
             log_weight += np.log(1.0 - ends if mode == last else ends * share[last, mode])
             state, covariance, likelihood = literal_step(
-                state, covariance, omega[mode], model.acceleration, step, positions[row], 4.0 * np.eye(2), 5.0
+                state,
+                covariance,
+                omega[mode],
+                model.acceleration,
+                step,
+                positions[row],
+                4.0 * np.eye(2),
+                5.0,
             )
             log_weight += likelihood
         weights[sequence[-1]] += np.exp(log_weight)
+
     np.testing.assert_allclose(found, weights / weights.sum(), atol=0.01)
 
 
@@ -67,9 +86,14 @@ def batch():
 def test_turned_flights_have_the_same_posterior(batch):
     turn = np.array([[0.6, -0.8], [0.8, 0.6]])
     turned = batch._replace(positions=batch.positions @ turn.T)
+
     np.testing.assert_allclose(run_turn_beam(turned), run_turn_beam(batch), atol=1e-6)
 
 
 def test_a_longer_piece_does_not_affect_a_short_one(batch):
     short = Batch(*(part[:1] if k in (0, 3, 4, 6) else part[:, :1] for k, part in enumerate(batch)))
-    np.testing.assert_allclose(run_turn_beam(short)[:, 0], run_turn_beam(batch)[:, 0], atol=1e-6)
+    np.testing.assert_allclose(
+        run_turn_beam(short)[:, 0],
+        run_turn_beam(batch)[:, 0],
+        atol=1e-6,
+    )

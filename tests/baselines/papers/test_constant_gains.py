@@ -15,7 +15,8 @@ def test_g_h_equals_filterpy_on_100_random_problems():
         g = rng.uniform(0.05, 1.0)
         h = rng.uniform(0.0, 0.5)
         axes = int(rng.integers(1, 4))
-        start, measurements = rng.normal(size=(2, axes)), rng.normal(0.0, 9.0, (15, 1, axes))
+        start = rng.normal(size=(2, axes))
+        measurements = rng.normal(0.0, 9.0, (15, 1, axes))
         times = np.cumsum(rng.uniform(0.1, 3.0, 15))
         peers = [PeerGH(x, dx, 1.0, g, h) for x, dx in start.T]
         gh = GHFilter(axes, g, h)
@@ -27,27 +28,38 @@ def test_g_h_equals_filterpy_on_100_random_problems():
                 peer.dt = dt
                 peer.update(z)
             expected = [(peer.x, peer.dx) for peer in peers]
-            np.testing.assert_allclose(gh.state[0].reshape(axes, 2), expected, rtol=1e-9, atol=1e-9)
+            np.testing.assert_allclose(
+                gh.state[0].reshape(axes, 2),
+                expected,
+                rtol=1e-9,
+                atol=1e-9,
+            )
 
 
 def test_g_h_starts_with_two_points_and_anew_after_a_gap():
     measurements = np.array([np.nan, 2.0, np.nan, 8.0, 11.0, np.nan, 50.0, 54.0, 54.5])[:, None]
     times = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 8.0, 9.0, 9.0]
     states = run_filter(GHFilter(1, 0.5, 0.25, longest_gap=3.5), measurements, times).states
+
     assert np.isnan(states[0]).all()
     np.testing.assert_allclose(states[1], [2.0, 0.0])
-    np.testing.assert_allclose(states[3], [8.0, 3.0])  # two points, two seconds apart
+    # Two points, two seconds apart.
+    np.testing.assert_allclose(states[3], [8.0, 3.0])
     np.testing.assert_allclose(states[4], [11.0, 3.0])
     np.testing.assert_allclose(states[5], [14.0, 3.0])
-    np.testing.assert_allclose(states[6], [50.0, 0.0])  # a gap of 4 s
+    # A gap of 4 s.
+    np.testing.assert_allclose(states[6], [50.0, 0.0])
     np.testing.assert_allclose(states[7], [54.0, 4.0])
-    np.testing.assert_allclose(states[8], [54.25, 4.0])  # a second sensor at the same time
+    # A second sensor at the same time.
+    np.testing.assert_allclose(states[8], [54.25, 4.0])
 
 
 def test_units_change_nothing_but_the_units():
     rng = np.random.default_rng(2)
-    measurements, times = rng.normal(0.0, 30.0, (60, 4, 2)), np.arange(60.0)
-    length, time = 1000.0, 60.0
+    measurements = rng.normal(0.0, 30.0, (60, 4, 2))
+    times = np.arange(60.0)
+    length = 1000.0
+    time = 60.0
     pairs = [
         (GHFilter(2, 0.5, 0.2, 4.0), GHFilter(2, 0.5, 0.2, 4.0 * time)),
         (AdaptiveFilter(2, 1.0), AdaptiveFilter(2, time)),
@@ -56,7 +68,12 @@ def test_units_change_nothing_but_the_units():
     for one, other in pairs:
         first = run_filter(one, measurements, times).states
         second = run_filter(other, length * measurements, time * times).states
-        np.testing.assert_allclose(second, first * np.tile([length, length / time], 2), rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(
+            second,
+            first * np.tile([length, length / time], 2),
+            rtol=1e-6,
+            atol=1e-6,
+        )
 
 
 @pytest.mark.parametrize("window", [1, 2, 7, 100])
@@ -66,16 +83,27 @@ def test_moving_average_equals_pandas(window):
     values[[0, 5, 6, 20]] = np.nan
     expected = pandas.DataFrame(values).rolling(window, min_periods=1).mean().to_numpy().copy()
     expected[np.isnan(values)] = np.nan
-    np.testing.assert_allclose(moving_average(values, window), expected, rtol=0.0, atol=1e-9)
+
+    np.testing.assert_allclose(
+        moving_average(values, window),
+        expected,
+        rtol=0.0,
+        atol=1e-9,
+    )
 
 
 def test_noise_of_the_published_filter_is_biased_as_in_a_simulation():
     rng = np.random.default_rng(6)
     for gain, expected in ((0.1, 1.11), (0.2, 1.25)):
         assert noise_bias(gain) == pytest.approx(expected, abs=0.005)
-        tracks, ticks = 400, 500
+        tracks = 400
+        ticks = 500
         z = rng.normal(size=(ticks, tracks, 1))
-        states = run_filter(GHFilter(1, gain, gain**2 / (2.0 - gain)), z, np.arange(float(ticks))).states
+        states = run_filter(
+            GHFilter(1, gain, gain**2 / (2.0 - gain)),
+            z,
+            np.arange(float(ticks)),
+        ).states
         predicted = states[:-1].sum(-1)
         innovation = z[1:, :, 0] - predicted
         difference = z[3:] - 3.0 * z[2:-1] + 3.0 * z[1:-2] - z[:-3]

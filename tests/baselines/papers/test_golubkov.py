@@ -1,4 +1,6 @@
-"""Golubkov 2018 and 2020, Tsyganov 2019: published tables, and the detector against its equations."""
+"""Golubkov 2018 and 2020, Tsyganov 2019: published tables, and the detector against its
+equations.
+"""
 
 import math
 from pathlib import Path
@@ -16,7 +18,8 @@ from baselines.rules.rollout import evaluate
 from hybrid_env.checks import ArgumentError
 from hybrid_env.simulation import simulate
 
-RUNS = 400  # of the quick tests; the table of the documentation has 1000
+# Of the quick tests; the table of the documentation has 1000.
+RUNS = 400
 START = np.array([0.0, 0.0, 0.0, 2.0])
 
 
@@ -25,15 +28,21 @@ def test_golubkov_2018_tables_are_reproduced():
     count = result.count()
     of_ate = [counts[""] for name, counts in count.items() if not name.startswith("Table 2")]
     inside, total = np.sum(of_ate, axis=0)
+
     assert total == 39
     assert inside >= 36
     for cell in result.cells:
         assert cell.own_low < cell.ours < cell.own_high
-    tried = {finding.name: finding.value for finding in result.findings if finding.name.startswith("tried")}
+    tried = {
+        finding.name: finding.value
+        for finding in result.findings
+        if finding.name.startswith("tried")
+    }
     best = [name for name, value in tried.items() if int(value.split()[0]) >= 30]
     assert [name.partition("with ")[2] for name in best] == ["tau = 0.1 s, alpha = beta = 0.001"]
     known_modes = result.tables["Table 2, RMSE with known modes"]
-    # R2 is close to the edge of its interval; the bound is 2.7 standard errors of a study of the paper's size
+    # R2 is close to the edge of its interval; the bound is 2.7 standard errors of a study of the
+    # paper's size.
     for cell in known_modes:
         if cell.column == "nRMSE":
             assert abs(cell.published - cell.ours) < 0.7 * (cell.high - cell.low)
@@ -43,12 +52,14 @@ def test_golubkov_2018_tables_are_reproduced():
 def test_tsyganov_2019_table_is_reproduced_but_not_its_mode_accuracy():
     result = tsyganov2019.reproduce(RUNS, seed=0)
     ((inside, total),) = (counts[""] for counts in result.count().values())
+
     assert total == 10
     assert inside >= 9
     claims = [finding for finding in result.findings if finding.claim == tsyganov2019.CLAIM]
     assert len(claims) == 3
     for finding, percentage in zip(claims, (91.1, 89.6, 88.0), strict=True):
-        # 9 pieces a run; errors within a run are correlated, with about three times the binomial variance
+        # 9 pieces a run; errors within a run are correlated, with about three times the binomial
+        # variance.
         bound = 4 * 100 * math.sqrt(3 * 0.09 / (9 * RUNS))
         assert float(finding.value.split()[0]) == pytest.approx(percentage, abs=bound)
 
@@ -56,7 +67,11 @@ def test_tsyganov_2019_table_is_reproduced_but_not_its_mode_accuracy():
 def test_golubkov_2020_delay_is_within_the_distribution():
     result = golubkov2020.reproduce(runs=200, seed=0)
     cells = result.tables["Detection delay of the published realisation, ticks"]
-    assert [cell.row for cell in cells if cell.verdict == "inside"][:2] == ["alpha = 0.1", "alpha = 0.05"]
+
+    assert [cell.row for cell in cells if cell.verdict == "inside"][:2] == [
+        "alpha = 0.1",
+        "alpha = 0.05",
+    ]
     assert len(result.tables["Distribution of the delay"]) == 4 * 8
 
 
@@ -65,16 +80,30 @@ def test_environment_with_ate_reproduces_table_4_and_the_percentages():
     inside = total = 0
     for row, (name, variance) in enumerate(golubkov2018.MEASUREMENT_VARIANCES.items()):
         decisions = evaluate(
-            SPRTDecider(golubkov2018.ALPHA), "hybrid_env:HybridTrackPublishedBank-v0", episodes=600, seed=10_000 * row,
-            scheme="golubkov2018", heading=math.pi / 2, initial_error=0, measurement_variance=variance,
+            SPRTDecider(golubkov2018.ALPHA),
+            "hybrid_env:HybridTrackPublishedBank-v0",
+            episodes=600,
+            seed=10_000 * row,
+            scheme="golubkov2018",
+            heading=math.pi / 2,
+            initial_error=0,
+            measurement_variance=variance,
             undecided="keep",
-        )  # fmt: skip
-        ticks = np.concatenate([decisions.ticks, decisions.ticks.mean(1, keepdims=True)], axis=1)
+        )
+        ticks = np.concatenate(
+            [decisions.ticks, decisions.ticks.mean(1, keepdims=True)],
+            axis=1,
+        )
         correct = 100.0 * decisions.type_correct.mean(1, keepdims=True)
         published = (*golubkov2018.TABLE_4[name], golubkov2018.CORRECT_MODES[name])
-        _, low, high = study_interval(np.concatenate([ticks, correct], axis=1), lambda means: means, seed=1)
+        _, low, high = study_interval(
+            np.concatenate([ticks, correct], axis=1),
+            lambda means: means,
+            seed=1,
+        )
         inside += sum((low <= published) & (published <= high))
         total += len(published)
+
     assert total == 24
     assert inside >= 21
 
@@ -82,12 +111,16 @@ def test_environment_with_ate_reproduces_table_4_and_the_percentages():
 def test_study_interval_is_that_of_a_mean_of_100_runs():
     values = np.random.default_rng(0).normal(5.0, 2.0, (4000, 1))
     mean, low, high = study_interval(values, lambda means: means, seed=0)
+
     assert mean[0] == pytest.approx(values.mean())
-    # with 2,000 resamples the standard error of a 2.5 % quantile is about 4 % of the half width
+    # With 2,000 resamples the standard error of a 2.5 % quantile is about 4 % of the half width.
     assert high[0] - low[0] == pytest.approx(2 * 1.96 * 0.2, rel=0.1)
 
 
-@pytest.mark.parametrize("module", [golubkov2018, tsyganov2019, golubkov2020, zimchuk, multiple_models])
+@pytest.mark.parametrize(
+    "module",
+    [golubkov2018, tsyganov2019, golubkov2020, zimchuk, multiple_models],
+)
 @pytest.mark.parametrize("runs", [1, 2.5, "many"])
 def test_invalid_runs_raise(module, runs):
     with pytest.raises(ArgumentError, match=r"runs=.*expected an integer >= 2"):
@@ -98,6 +131,7 @@ def test_invalid_runs_raise(module, runs):
 def test_the_table_of_the_documentation_is_up_to_date(tmp_path):
     page = (Path(__file__).parents[3] / "docs" / "papers.md").read_text()
     shown = page.split("<!-- reproduction -->\n")[1].split("<!-- /reproduction -->")[0]
+
     assert main(["reproduce", "--out", str(tmp_path)]) == 0
     assert shown == (tmp_path / "reproduction.md").read_text()
 
@@ -108,11 +142,36 @@ def test_the_mean_ratio_equals_equations_6_and_7(published):
     found = detect_switch(recording.measurements, START, published_root=published)
     R = 0.1 * np.eye(2)
     for run in range(2):
-        nominal = MatrixKalmanFilter(START, np.eye(4), "S", 0.0, 0.1, 0.001, R)
-        started = {1: [], 2: []}  # (filter, psi) of every start tick
+        nominal = MatrixKalmanFilter(
+            START,
+            np.eye(4),
+            "S",
+            0.0,
+            0.1,
+            0.001,
+            R,
+        )
+        # (filter, psi) of every start tick.
+        started = {1: [], 2: []}
         for k, z in enumerate(recording.measurements[run]):
-            for mode, side in ((1, "L"), (2, "R")):
-                started[mode].append([MatrixKalmanFilter(nominal.x, nominal.P, side, 5.0, 0.1, 0.001, R), 1.0])
+            for mode, side in (
+                (1, "L"),
+                (2, "R"),
+            ):
+                started[mode].append(
+                    [
+                        MatrixKalmanFilter(
+                            nominal.x,
+                            nominal.P,
+                            side,
+                            5.0,
+                            0.1,
+                            0.001,
+                            R,
+                        ),
+                        1.0,
+                    ]
+                )
             nominal.step(z)
             quadratic = nominal.innovation @ np.linalg.solve(nominal.Sigma, nominal.innovation)
             for mode in (1, 2):
@@ -128,14 +187,16 @@ def test_the_mean_ratio_equals_equations_6_and_7(published):
 
 @pytest.mark.study
 def test_statistics_agree_with_an_independent_implementation_at_four_alpha():
-    # 2,000 runs in both studies; bounds of 4 standard errors of their difference
+    # 2,000 runs in both studies; bounds of 4 standard errors of their difference.
     runs = 2000
     recording = simulate("golubkov2020", runs, seed=12)
     no_switch = simulate("S40", runs, seed=13)
     expected = {
-        0.1: (1.05, 14.1, (8, 12, 14, 17, 19), 5.9, 5.1), 0.05: (0.10, 15.1, (10, 13, 15, 17, 20), 8.7, 2.0),
-        0.01: (0.0, 16.5, (12, 15, 17, 18, 20), 19.0, 0.35), 0.001: (0.0, 17.6, (14, 16, 18, 19, 20), 37.0, 0.04),
-    }  # fmt: skip
+        0.1: (1.05, 14.1, (8, 12, 14, 17, 19), 5.9, 5.1),
+        0.05: (0.10, 15.1, (10, 13, 15, 17, 20), 8.7, 2.0),
+        0.01: (0.0, 16.5, (12, 15, 17, 18, 20), 19.0, 0.35),
+        0.001: (0.0, 17.6, (14, 16, 18, 19, 20), 37.0, 0.04),
+    }
     for alpha, (alarms, delay, percentiles, missed, alarms_without_switch) in expected.items():
         ticks = golubkov2020.run_detector(recording, alpha).ticks
         figures = golubkov2020.delay_statistics(ticks)
@@ -147,8 +208,12 @@ def test_statistics_agree_with_an_independent_implementation_at_four_alpha():
         assert figures["false alarms by tick 20, %"] == pytest.approx(alarms, abs=bound(alarms))
         assert figures["missed by tick 40, %"] == pytest.approx(missed, abs=bound(missed))
         spread = (ticks[ticks > 20] - 20).std()
-        assert figures[golubkov2020.MEAN_DELAY] == pytest.approx(delay, abs=4 * spread * math.sqrt(2 / runs))
+        assert figures[golubkov2020.MEAN_DELAY] == pytest.approx(
+            delay,
+            abs=4 * spread * math.sqrt(2 / runs),
+        )
         found = [figures[f"{percentile} % quantile"] for percentile in golubkov2020.PERCENTILES]
-        np.testing.assert_allclose(found, percentiles, atol=1)  # one tick
+        # One tick.
+        np.testing.assert_allclose(found, percentiles, atol=1)
         alarm = 100 * (golubkov2020.run_detector(no_switch, alpha).ticks > 0).mean()
         assert alarm == pytest.approx(alarms_without_switch, abs=bound(alarms_without_switch))

@@ -13,13 +13,28 @@ from hybrid_env.simulation import Simulation
 
 def test_figures_of_two_runs_are_those_counted_by_hand():
     truth = np.zeros((2, 6, 4))
-    recording = Simulation(truth, truth[..., :2], np.array([4, 2]), np.array([0.0, -5.0]))
+    recording = Simulation(
+        truth,
+        truth[..., :2],
+        np.array([4, 2]),
+        np.array([0.0, -5.0]),
+    )
     sides = np.array([[0, 1, 0, 0, 0, -1], [0, 0, 0, 1, 1, 0]])
-    scores = score("name", recording, Tracked(truth + np.array([1.0, 2.0, 0.0, 0.0]), sides, np.array([3.0, 5.0])))
+    scores = score(
+        "name",
+        recording,
+        Tracked(
+            truth + np.array([1.0, 2.0, 0.0, 0.0]),
+            sides,
+            np.array([3.0, 5.0]),
+        ),
+    )
     by_run = {name: scores.of(name, 0).tolist() for name in scores.columns}
+
     assert by_run == {
         "squares": [5.0, 5.0],
-        "delay": [(2 + 1) / 2, (4 + 2) / 2],  # ticks until the statement is right for good
+        # Ticks until the statement is right for good.
+        "delay": [(2 + 1) / 2, (4 + 2) / 2],
         "wrong": [0.0, 100.0],
         "wrong_changes": [1000.0 / 6.0, 2000.0 / 6.0],
         "steps": [3.0, 5.0],
@@ -29,22 +44,42 @@ def test_figures_of_two_runs_are_those_counted_by_hand():
 def test_small_study_has_a_table_of_every_setting(monkeypatch):
     monkeypatch.setattr(multiple_models, "SETTINGS", SETTINGS[:1])
     monkeypatch.setattr(multiple_models, "VARIANCES", (0.1,))
-    monkeypatch.setattr(multiple_models, "MULTIPLE_MODELS", {"static": "static", "IMM": "imm", "GPB1": "gpb1"})
+    monkeypatch.setattr(
+        multiple_models,
+        "MULTIPLE_MODELS",
+        {
+            "static": "static",
+            "IMM": "imm",
+            "GPB1": "gpb1",
+        },
+    )
     result = multiple_models.reproduce(runs=3, seed=1)
-    names = {name: list(dict.fromkeys(cell.row for cell in cells)) for name, cells in result.tables.items()}
-    known, unknown = (f"Golubkov 2018, {moments} moments, R = 0.1" for moments in ("known", "unknown"))
+    names = {
+        name: list(dict.fromkeys(cell.row for cell in cells))
+        for name, cells in result.tables.items()
+    }
+    known, unknown = (
+        f"Golubkov 2018, {moments} moments, R = 0.1" for moments in ("known", "unknown")
+    )
+
     assert names == {
         known: ["ATE", "ATE, radius refined", "IMM", "GPB1"],
         f"{known}, paired differences": [
-            "ATE, radius refined less ATE", "IMM less ATE", "GPB1 less ATE", "IMM less ATE, radius refined",
+            "ATE, radius refined less ATE",
+            "IMM less ATE",
+            "GPB1 less ATE",
+            "IMM less ATE, radius refined",
             "GPB1 less IMM",
         ],
         unknown: ["detector 2020", "static", "IMM", "GPB1"],
         f"{unknown}, paired differences": [
-            "static less detector 2020", "IMM less detector 2020", "GPB1 less detector 2020",
-            "IMM less static", "GPB1 less IMM",
+            "static less detector 2020",
+            "IMM less detector 2020",
+            "GPB1 less detector 2020",
+            "IMM less static",
+            "GPB1 less IMM",
         ],
-    }  # fmt: skip
+    }
     values = {(cell.table, cell.row, cell.column): cell.ours for cell in result.cells}
     for column in ("nRMSE", "delay, ticks", "wrong, %"):
         assert values[f"{known}, paired differences", "IMM less ATE", column] == pytest.approx(
@@ -58,7 +93,12 @@ def test_small_study_has_a_table_of_every_setting(monkeypatch):
 @pytest.mark.study
 def test_the_tables_of_the_documentation_are_up_to_date(tmp_path):
     page = (Path(__file__).parents[3] / "docs" / "multiple_models.md").read_text()
-    shown = page.split("<!-- multiple models -->\n")[1].split("<!-- /multiple models -->")[0].splitlines()
+    shown = (
+        page.split("<!-- multiple models -->\n")[1]
+        .split("<!-- /multiple models -->")[0]
+        .splitlines()
+    )
+
     assert main(["reproduce", "multiple_models", "--out", str(tmp_path)]) == 0
     printed = (tmp_path / "multiple_models.md").read_text().splitlines()
     assert len(shown) > 20

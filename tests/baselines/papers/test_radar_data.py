@@ -23,7 +23,14 @@ def folder(tmp_path_factory):
 def test_the_same_seed_writes_the_same_bytes(folder, tmp_path):
     write_radar_data(tmp_path, seed=3, flights=20)
     names = sorted(file.name for file in folder.iterdir())
-    assert names == ["README.md", "dataset.json", "flights.parquet", "measurements.parquet", "radars.parquet"]
+
+    assert names == [
+        "README.md",
+        "dataset.json",
+        "flights.parquet",
+        "measurements.parquet",
+        "radars.parquet",
+    ]
     assert all((folder / name).read_bytes() == (tmp_path / name).read_bytes() for name in names)
 
 
@@ -35,7 +42,10 @@ def test_the_split_and_the_noise_are_those_of_the_study(folder):
             assert len(one.times) == len(data.flights_of(split))
             error = (one.measurements - one.positions)[~np.isnan(one.positions)]
             middle = np.quantile(np.abs(error), 0.5)
-            assert middle == pytest.approx(0.674 * SIGMA if noise == "gaussian" else 0.969 * SIGMA, rel=0.1)
+            assert middle == pytest.approx(
+                0.674 * SIGMA if noise == "gaussian" else 0.969 * SIGMA,
+                rel=0.1,
+            )
 
 
 @pytest.mark.parametrize("fault", ["missing", "changed", "format", "no json"])

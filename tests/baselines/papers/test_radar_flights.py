@@ -1,4 +1,6 @@
-"""Flights of the point mass and of the quadrotor in PyBullet; radars, their noise and merged measurements."""
+"""Flights of the point mass and of the quadrotor in PyBullet; radars, their noise and merged
+measurements.
+"""
 
 import runpy
 from pathlib import Path
@@ -22,7 +24,9 @@ def flights():
 
 @pytest.fixture(scope="module")
 def scans(flights):
-    return [scan_flight(flight, np.random.default_rng((3, k))) for k, flight in enumerate(flights[:8])]
+    return [
+        scan_flight(flight, np.random.default_rng((3, k))) for k, flight in enumerate(flights[:8])
+    ]
 
 
 def hairpin():
@@ -38,7 +42,8 @@ def test_flights_have_the_speed_of_the_thesis_and_respect_the_limits(flights):
     for flight in flights:
         middle = (flight.velocities[1:] + flight.velocities[:-1]) / 2.0
         steps = np.diff(flight.positions, axis=0) / model.RECORD_STEP
-        np.testing.assert_allclose(steps, middle, atol=0.05)  # drag within a step
+        # Drag within a step.
+        np.testing.assert_allclose(steps, middle, atol=0.05)
         change = np.diff(flight.velocities, axis=0) / model.RECORD_STEP
         thrust = change + np.array([0.0, 0.0, model.GRAVITY]) - model.drag(flight.velocities[:-1])
         assert np.linalg.norm(thrust, axis=1).max() < 1.01 * model.LARGEST_FORCE
@@ -55,6 +60,7 @@ def test_flights_do_not_depend_on_how_many_are_flown_at_once(flights, monkeypatc
 def test_a_path_that_cannot_be_flown_is_discarded():
     straight = np.array([[100.0 * k, 0.0, 200.0] for k in range(6)])
     flown = fly_point_masses([straight, hairpin()])
+
     assert flown[0] is not None
     assert flown[1] is None
 
@@ -68,8 +74,10 @@ def quadrotor():
 
 
 def test_quadrotor_and_point_mass_fly_alike(quadrotor):
-    assert quadrotor["fly_quadrotor"](hairpin()) is None  # it misses its waypoints
-    assert quadrotor["apart"].max() < 30.0  # half a second of flight: both pass the same waypoints in time
+    # It misses its waypoints.
+    assert quadrotor["fly_quadrotor"](hairpin()) is None
+    # Half a second of flight: both pass the same waypoints in time.
+    assert quadrotor["apart"].max() < 30.0
 
 
 def test_each_radar_measures_once_a_second_whatever_is_in_its_range(flights, scans):
@@ -79,8 +87,12 @@ def test_each_radar_measures_once_a_second_whatever_is_in_its_range(flights, sca
             times = scan.times[scan.radar == index]
             seconds = np.diff(times) / radars.PERIOD
             np.testing.assert_allclose(seconds, seconds.round(), atol=1e-9)
-            # the same moments by the flight's own record: those in range are measured, no others
-            all_times = np.arange(times[0] % radars.PERIOD, flight.times[-1], radars.PERIOD)
+            # The same moments by the flight's own record: those in range are measured, no others.
+            all_times = np.arange(
+                times[0] % radars.PERIOD,
+                flight.times[-1],
+                radars.PERIOD,
+            )
             expected = [
                 time
                 for time in all_times
@@ -91,27 +103,35 @@ def test_each_radar_measures_once_a_second_whatever_is_in_its_range(flights, sca
         np.testing.assert_allclose(scan.positions, positions)
         np.testing.assert_allclose(scan.velocities, velocities)
     steps = np.concatenate([np.diff(scan.times) for scan in scans])
-    assert steps.min() > 0.49 * radars.PERIOD  # two radars never measure at once
-    assert len(np.unique(steps.round(6))) >= 3  # half a period, a period, and gaps
+    # Two radars never measure at once.
+    assert steps.min() > 0.49 * radars.PERIOD
+    # Half a period, a period, and gaps.
+    assert len(np.unique(steps.round(6))) >= 3
 
 
 def test_gaussian_noise_has_its_deviation_and_levy_noise_its_characteristic_function():
     count = 30_000
     gaussian = draw_noise("gaussian", count, np.random.default_rng(0))
-    # 4 standard errors of a deviation, 1 / sqrt(2 n) each
+    # 4 standard errors of a deviation, 1 / sqrt(2 n) each.
     assert gaussian.std() == pytest.approx(radars.SIGMA, rel=4.0 / np.sqrt(6 * count))
     levy = draw_noise("levy", count, np.random.default_rng(1))
     assert np.abs(levy).max() == radars.CLIP
     for frequency in (0.02, 0.08):
         expected = np.exp(-((radars.SIGMA * frequency) ** radars.STABILITY))
-        # 4 standard errors of a mean of cosines, at most sqrt(1/2) each, and 3e-4 of the draws are clipped
+        # 4 standard errors of a mean of cosines, at most sqrt(1/2) each, and 3e-4 of the draws are
+        # clipped.
         bound = 4.0 * np.sqrt(0.5 / (3 * count)) + 2 * 3e-4
         assert np.cos(frequency * levy).mean() == pytest.approx(expected, abs=bound)
 
 
 def test_noise_of_a_flight_does_not_depend_on_the_other_flights(scans):
-    all_tracks, one = measure(scans, "levy", (0, 1)), measure(scans[:1], "levy", (0, 1))
+    all_tracks = measure(scans, "levy", (0, 1))
+    one = measure(scans[:1], "levy", (0, 1))
     count = len(scans[0].times)
-    np.testing.assert_array_equal(all_tracks.measurements[0, :count], one.measurements[0])
+
+    np.testing.assert_array_equal(
+        all_tracks.measurements[0, :count],
+        one.measurements[0],
+    )
     assert np.isnan(all_tracks.measurements[0, count:]).all()
     assert (np.diff(all_tracks.times, axis=1) >= 0.0).all()

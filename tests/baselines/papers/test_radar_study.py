@@ -1,4 +1,5 @@
-"""The radar study: tuning that is killed and resumed, gains of KF CV, the study at the size of the thesis.
+"""The radar study: tuning that is killed and resumed, gains of KF CV, the study at the size of
+the thesis.
 
 A small study: tests/agents/reproduction.
 """
@@ -17,7 +18,13 @@ from baselines.papers.adaptive import GHFilter
 from baselines.papers.novospaskyi import reproduce, tables
 from baselines.papers.novospaskyi.filters import Contender
 from baselines.papers.novospaskyi.study import one_by_one
-from baselines.papers.novospaskyi.tables import METRICS, TABLES, TEST_ERRORS, UNFILTERED, steady_gains
+from baselines.papers.novospaskyi.tables import (
+    METRICS,
+    TABLES,
+    TEST_ERRORS,
+    UNFILTERED,
+    steady_gains,
+)
 from baselines.papers.novospaskyi.tuning import finished_trials, tune
 from hybrid_env.checks import ArgumentError
 
@@ -48,24 +55,30 @@ def killed_after(evaluations):
 
 
 def test_a_tuning_killed_anywhere_ends_with_the_same_bytes(tmp_path):
-    whole, parts = tmp_path / "whole.jsonl", tmp_path / "parts.jsonl"
+    whole = tmp_path / "whole.jsonl"
+    parts = tmp_path / "parts.jsonl"
     best = tune(CONTENDER, cost, 25, 7, whole, "x")
+
     assert cost(best) < cost(START)
     for evaluations in (0, 1, 12):
         with pytest.raises(KilledError):
             tune(CONTENDER, killed_after(evaluations), 25, 7, parts, "x")
     assert tune(CONTENDER, cost, 25, 7, parts, "x") == best
     assert parts.read_bytes() == whole.read_bytes()
-    assert tune(CONTENDER, killed_after(0), 25, 7, parts, "x") == best  # nothing is evaluated again
+    # Nothing is evaluated again.
+    assert tune(CONTENDER, killed_after(0), 25, 7, parts, "x") == best
 
 
 def test_torn_repeated_and_foreign_lines_do_no_harm(tmp_path):
     file = tmp_path / "trials.jsonl"
     best = tune(CONTENDER, cost, 12, 7, file, "x")
     lines = file.read_bytes()
-    file.write_bytes(lines[: len(lines) // 2] + b"\xc3")  # cut off within a line and a character
+    # Cut off within a line and a character.
+    file.write_bytes(lines[: len(lines) // 2] + b"\xc3")
+
     assert tune(CONTENDER, cost, 12, 7, file, "x") == best
-    file.write_bytes(lines + lines)  # two processes did the same work
+    # Two processes did the same work.
+    file.write_bytes(lines + lines)
     assert tune(CONTENDER, killed_after(0), 12, 7, file, "x") == best
     assert finished_trials(file, "y") == []
     with pytest.raises(KilledError):
@@ -81,7 +94,10 @@ def test_a_file_that_cannot_be_read_or_written_is_one_line(tmp_path):
         tune(CONTENDER, cost, 2, 0, tmp_path / "missing" / "trials.jsonl", "x")
 
 
-@pytest.mark.parametrize(("variance", "process", "step"), [(156.25, 4.0, 0.5), (9e-10, 0.003, 1.0), (1.0, 1.0, 2.0)])
+@pytest.mark.parametrize(
+    ("variance", "process", "step"),
+    [(156.25, 4.0, 0.5), (9e-10, 0.003, 1.0), (1.0, 1.0, 2.0)],
+)
 def test_steady_gains_are_those_that_the_kalman_filter_reaches(variance, process, step):
     model = MotionModel("CV", axes=1, noise=process, discretization="discrete")
     kalman = KalmanFilter(model, variance, start_deviations=(1.0,))
@@ -94,12 +110,18 @@ def test_steady_gains_are_those_that_the_kalman_filter_reaches(variance, process
     before = kalman.state.copy()
     kalman.update(before[:, :1] + 1.0)
     g, h = (kalman.state - before)[0] * (1.0, step)
+
     assert steady_gains(variance, process, step) == pytest.approx((g, h), rel=1e-6)
 
 
 @pytest.mark.parametrize(
     ("arguments", "named"),
-    [({"runs": 0}, "runs"), ({"seed": -1}, "seed"), ({"flights": 3}, "flights"), ({"trials": 0}, "trials")],
+    [
+        ({"runs": 0}, "runs"),
+        ({"seed": -1}, "seed"),
+        ({"flights": 3}, "flights"),
+        ({"trials": 0}, "trials"),
+    ],
 )
 def test_bad_arguments_are_refused_in_one_line(arguments, named, tmp_path):
     with pytest.raises(ArgumentError, match=rf"^{named}="):
@@ -111,8 +133,17 @@ def test_bad_arguments_are_refused_in_one_line(arguments, named, tmp_path):
 
 def values(folder, run):
     """Everything that a small study gives."""
-    result = reproduce(1, 0, folder=folder, flights=6, trials=4, run=run)
-    return [cell.as_json() for cell in result.cells] + [vars(finding) for finding in result.findings]
+    result = reproduce(
+        1,
+        0,
+        folder=folder,
+        flights=6,
+        trials=4,
+        run=run,
+    )
+    return [cell.as_json() for cell in result.cells] + [
+        vars(finding) for finding in result.findings
+    ]
 
 
 def killed(calls, on_done):
@@ -136,15 +167,25 @@ def test_a_killed_study_goes_on_to_the_same_values(tmp_path, workers):
 def test_the_published_pattern_and_the_better_filters(tmp_path):
     result = reproduce(folder=tmp_path, run=Workers(os.cpu_count() or 1).results)
     ours = {(cell.table, cell.row, cell.column): cell.ours for cell in result.cells}
-    position, velocity = METRICS[0], METRICS[2]
+    position = METRICS[0]
+    velocity = METRICS[2]
     for noise, table in TABLES.items():
         for metric, published in zip(METRICS, TEST_ERRORS[noise][UNFILTERED], strict=True):
             assert ours[table, UNFILTERED, metric] == pytest.approx(published, rel=0.03)
         assert ours[table, "KF CA", position] < ours[table, "KF CJ", position]
-        assert ours[table, "g-h", velocity] < ours[table, "KF CA", velocity] < ours[table, "KF CJ", velocity]
+        assert (
+            ours[table, "g-h", velocity]
+            < ours[table, "KF CA", velocity]
+            < ours[table, "KF CJ", velocity]
+        )
     gaussian, levy = (f"Sound settings, {name}" for name in tables.NOISE_NAMES.values())
-    errors = {row: value for (table, row, metric), value in ours.items() if (table, metric) == (gaussian, position)}
+    errors = {
+        row: value
+        for (table, row, metric), value in ours.items()
+        if (table, metric) == (gaussian, position)
+    }
     unfiltered = ours[TABLES["gaussian"], UNFILTERED, position]
+
     assert errors["CV"] <= 0.75 * unfiltered
     assert errors["IMM (CV, CA)"] < errors["CV"] < min(errors["CA"], errors["g-h, plain"])
     assert max(errors["CA"], errors["g-h, plain"]) < errors["CJ"]

@@ -5,7 +5,8 @@ import pytest
 
 from baselines.papers import zimchuk
 
-RUNS = 100  # 300 coordinates: standard errors of an RMSE are about 1 to 2 % of it
+# 300 coordinates: standard errors of an RMSE are about 1 to 2 % of it.
+RUNS = 100
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +19,9 @@ def row(result, name):
 
 
 def test_the_adaptive_filter_follows_manoeuvres_better_than_a_slow_kalman_filter(result):
-    adaptive, slow = row(result, "adaptive, as published"), row(result, "Kalman, sigma_w = 4.64")
+    adaptive = row(result, "adaptive, as published")
+    slow = row(result, "Kalman, sigma_w = 4.64")
+
     assert (adaptive[[1, 3]] <= 0.4 * slow[[1, 3]]).all()
     assert (adaptive[[0, 2]] <= 4.2).all()
     assert adaptive.shape == slow.shape == (4,)

@@ -20,44 +20,71 @@ from hybrid_env.simulation import simulate
 
 
 def run_pass(parts, radii, model, switches=None, output=None):
-    arguments = make_chunks(parts, switches), bank_arrays(ImmBank, len(radii)), np.array(radii, float), model
+    arguments = (
+        make_chunks(parts, switches),
+        bank_arrays(ImmBank, len(radii)),
+        np.array(radii, float),
+        model,
+    )
     output = output or NO_OUTPUT
     prepare(imm_pass, *arguments, output)
     return imm_pass(*arguments, output)
 
 
 def matrix_likelihood(z, R, Q):
-    """Log-likelihood of a nearly constant velocity, from the third measurement after the start on."""
-    F, G = np.kron(np.eye(2), [[1.0, 1.0], [0.0, 1.0]]), np.diag([0.0, Q, 0.0, Q])
+    """Log-likelihood of a nearly constant velocity, from the third measurement after the start
+    on.
+    """
+    F = np.kron(np.eye(2), [[1.0, 1.0], [0.0, 1.0]])
+    G = np.diag([0.0, Q, 0.0, Q])
     H = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0]])
     rows = np.flatnonzero(~np.isnan(z[:, 0]))
     first, second = rows[:2]
     apart = second - first
     velocity = (z[second] - z[first]) / apart
     x = np.array([z[second, 0], velocity[0], z[second, 1], velocity[1]])
-    P = np.kron(np.eye(2), [[R, R / apart], [R / apart, 2 * R / apart**2 + apart * Q]])
-    total, seen = 0.0, 2
+    P = np.kron(
+        np.eye(2),
+        [[R, R / apart], [R / apart, 2 * R / apart**2 + apart * Q]],
+    )
+    total = 0.0
+    seen = 2
     for k in range(second + 1, len(z)):
         x, P = F @ x, F @ P @ F.T + G
         if np.isnan(z[k, 0]):
             continue
-        S, innovation = H @ P @ H.T + R * np.eye(2), z[k] - H @ x
+        S = H @ P @ H.T + R * np.eye(2)
+        innovation = z[k] - H @ x
         seen += 1
         if seen > 2 + BURN_IN:
-            total -= 0.5 * (innovation @ np.linalg.solve(S, innovation) + math.log(np.linalg.det(2 * math.pi * S)))
+            total -= 0.5 * (
+                innovation @ np.linalg.solve(S, innovation)
+                + math.log(np.linalg.det(2 * math.pi * S))
+            )
         K = P @ H.T @ np.linalg.inv(S)
         x, P = x + K @ innovation, P - K @ H @ P
     return total
 
 
 def test_lanes_without_a_chunk_and_earlier_passes_have_no_effect():
-    part = np.cumsum(np.random.default_rng(1).normal(1.0, 0.3, (40, 2)), axis=0)
+    part = np.cumsum(
+        np.random.default_rng(1).normal(1.0, 0.3, (40, 2)),
+        axis=0,
+    )
     alone = run_pass([part], [5.0], imm_model(0.5, 0.01, 75.0, 1))
     bank = bank_arrays(ImmBank, 1)
     for array in bank:
         array.view(np.float64)[...] = np.nan
-    chunks = make_chunks([part] * (LANES + 1))  # the second block has one lane
-    total, count = imm_pass(chunks, bank, np.array([5.0]), imm_model(0.5, 0.01, 75.0, 1), NO_OUTPUT)
+    # The second block has one lane.
+    chunks = make_chunks([part] * (LANES + 1))
+    total, count = imm_pass(
+        chunks,
+        bank,
+        np.array([5.0]),
+        imm_model(0.5, 0.01, 75.0, 1),
+        NO_OUTPUT,
+    )
+
     assert count == (LANES + 1) * alone[1]
     assert total == pytest.approx((LANES + 1) * alone[0], rel=1e-13)
 
@@ -65,11 +92,21 @@ def test_lanes_without_a_chunk_and_earlier_passes_have_no_effect():
 @pytest.mark.parametrize("missing", [0.0, 0.3])
 def test_straight_motion_has_the_likelihood_of_a_matrix_filter(missing):
     rng = np.random.default_rng(0)
-    parts = [np.cumsum(rng.normal(1.0, 0.3, (length, 2)), axis=0) for length in (40, 40, 25)]
+    parts = [
+        np.cumsum(
+            rng.normal(1.0, 0.3, (length, 2)),
+            axis=0,
+        )
+        for length in (40, 40, 25)
+    ]
     for part in parts:
         part[rng.random(len(part)) < missing] = np.nan
     total, count = run_pass(parts, [], imm_model(0.5, 0.01, NEVER, 0))
-    assert total == pytest.approx(sum(matrix_likelihood(part, 0.5, 0.01) for part in parts), rel=1e-9)
+
+    assert total == pytest.approx(
+        sum(matrix_likelihood(part, 0.5, 0.01) for part in parts),
+        rel=1e-9,
+    )
     measured = sum(int((~np.isnan(part[:, 0])).sum()) for part in parts)
     assert count == measured - len(parts) * (2 + BURN_IN)
 
@@ -80,14 +117,27 @@ def test_modes_are_free_again_at_a_known_switch_and_only_there():
     begins = np.zeros(120, np.bool_)
     begins[60] = True
     seen = {}
-    for name, switches in (("known", [begins]), ("never", None)):
-        output = PassOutput(np.full((1, 120, 2, LANES), np.nan), np.zeros((1, 120, 3, LANES)))
-        seen[name] = run_pass([z], [car.radius / car.deviation], imm_model(1.0, 1e-3, NEVER, 1), switches, output)[0]
+    for name, switches in (
+        ("known", [begins]),
+        ("never", None),
+    ):
+        output = PassOutput(
+            np.full((1, 120, 2, LANES), np.nan),
+            np.zeros((1, 120, 3, LANES)),
+        )
+        seen[name] = run_pass(
+            [z],
+            [car.radius / car.deviation],
+            imm_model(1.0, 1e-3, NEVER, 1),
+            switches,
+            output,
+        )[0]
         probabilities = output.probabilities[0, :, :, 0]
         assert probabilities[59, 2] > 0.99
         if name == "known":
             assert probabilities[60].max() < 0.7
             assert probabilities[100, 1] > 0.99
+
     assert seen["known"] > seen["never"] + 50.0
 
 
@@ -101,7 +151,7 @@ def test_the_state_before_the_first_measurement_is_found_backwards(mode):
         assert found == "SLR".index(mode)
         error = estimate - [0.0, 0.0, 0.0, 2.0]
         errors.append(error @ np.linalg.solve(covariance, error))
-    # chi-square with 4 degrees of freedom: the mean of 20 has a standard deviation of 0.63
+    # Chi-square with 4 degrees of freedom: the mean of 20 has a standard deviation of 0.63.
     assert 4.0 - 4.0 * 0.63 < np.mean(errors) < 4.0 + 4.0 * 0.63
 
 
@@ -110,7 +160,8 @@ def test_noise_and_radii_are_found_from_the_recording(name):
     one = OBJECTS[name]
     run = one.simulate(1, 2).measurements[0]
     found = fit_model(tick_grid(make_recording(one.times(len(run)), run)))
-    # R has a standard error of about 4 % with 2,000 coordinates; the bank explains switches by noise
+    # R has a standard error of about 4 % with 2,000 coordinates; the bank explains switches by
+    # noise.
     assert found.measurement_variance == pytest.approx(one.measurement_variance, rel=0.2)
     assert 0.1 * one.process_variance < found.process_variance < 10.0 * one.process_variance
     assert found.radii == pytest.approx((one.radius,), rel=0.15)

@@ -1,4 +1,6 @@
-"""Recalculation, refinement of the radius, and the filter with known modes agree with matrix filters."""
+"""Recalculation, refinement of the radius, and the filter with known modes agree with matrix
+filters.
+"""
 
 import numpy as np
 import pytest
@@ -9,11 +11,23 @@ from baselines.papers.golubkov2018 import filter_known_modes
 from hybrid_env.simulation import simulate
 
 START = np.array([0.0, 0.0, 0.0, 2.0])
-MODES = [("S", 0.0), ("L", 5.0), ("R", 5.0)]
+MODES = [
+    ("S", 0.0),
+    ("L", 5.0),
+    ("R", 5.0),
+]
 
 
 def matrix_filter(start, P, mode, radius, R=0.1, Q=0.001):
-    return MatrixKalmanFilter(start, P, mode, radius, 0.1, Q, R * np.eye(2))
+    return MatrixKalmanFilter(
+        start,
+        P,
+        mode,
+        radius,
+        0.1,
+        Q,
+        R * np.eye(2),
+    )
 
 
 def blocks(P):
@@ -24,6 +38,7 @@ def blocks(P):
 def test_recalculated_estimates_are_those_of_the_chosen_filter_since_the_switch(recalculation):
     recording = simulate("S60 L60r5 R60r5", runs=3, seed=4)
     found = track_ate(recording.measurements, recording.lengths, START, recalculation=recalculation)
+
     assert not found.undecided.all(1).any()
     for run in range(3):
         anchor = START
@@ -33,10 +48,12 @@ def test_recalculated_estimates_are_those_of_the_chosen_filter_since_the_switch(
             P = np.eye(4)
             first_state = anchor
             if recalculation != "rewind" and not found.undecided[run, segment]:
-                first_pass = matrix_filter(anchor, P, *MODES[mode])  # the centre of a turn remains its own
+                # The centre of a turn remains its own.
+                first_pass = matrix_filter(anchor, P, *MODES[mode])
                 for z in recording.measurements[run, first : first + found.ticks[run, segment]]:
                     first_pass.step(z)
-                P = first_pass.P  # the covariance is not restored
+                # The covariance is not restored.
+                P = first_pass.P
                 if recalculation == "literal":
                     first_state = first_pass.x
             one = matrix_filter(anchor, P, *MODES[mode])
@@ -44,8 +61,16 @@ def test_recalculated_estimates_are_those_of_the_chosen_filter_since_the_switch(
             for k in range(first, first + 60):
                 one.step(recording.measurements[run, k])
                 if not found.undecided[run, segment]:
-                    np.testing.assert_allclose(found.estimates[run, k], one.x, atol=1e-11)
-                    np.testing.assert_allclose(found.covariances[run, k], blocks(one.P), atol=1e-12)
+                    np.testing.assert_allclose(
+                        found.estimates[run, k],
+                        one.x,
+                        atol=1e-11,
+                    )
+                    np.testing.assert_allclose(
+                        found.covariances[run, k],
+                        blocks(one.P),
+                        atol=1e-12,
+                    )
                     assert found.modes[run, k] == mode
             anchor = found.estimates[run, first + 59]
 
@@ -55,12 +80,24 @@ def test_refinement_improves_the_radius_and_keeps_the_decided_side():
     recording = simulate("L100r4", runs=40, seed=2, measurement_variance=0.01)
     plain = track_ate(recording.measurements, [100], START, radii=radii, measurement_variance=0.01)
     refined = track_ate(
-        recording.measurements, [100], START, radii=radii, measurement_variance=0.01, refine_radius=True
+        recording.measurements,
+        [100],
+        START,
+        radii=radii,
+        measurement_variance=0.01,
+        refine_radius=True,
     )
+
     np.testing.assert_array_equal(plain.ticks, refined.ticks)
     assert (refined.decided == 4).mean() > (plain.decided == 4).mean()
-    plain_types, refined_types = (  # 0 straight, 1 left, 2 right
-        np.where(found.decided == 0, 0, np.where(found.decided <= len(radii), 1, 2)) for found in (plain, refined)
+    # 0 straight, 1 left, 2 right.
+    plain_types, refined_types = (
+        np.where(
+            found.decided == 0,
+            0,
+            np.where(found.decided <= len(radii), 1, 2),
+        )
+        for found in (plain, refined)
     )
     np.testing.assert_array_equal(plain_types, refined_types)
 
@@ -69,16 +106,34 @@ def test_refinement_improves_the_radius_and_keeps_the_decided_side():
 def test_the_filter_with_known_modes_equals_matrix_filters(carry):
     recording = simulate("L40r3 S30 R50r6", runs=2, seed=3, measurement_variance=(0.1, 0.3))
     found = filter_known_modes(
-        recording.measurements, recording.lengths, recording.signed_radii, START,
-        measurement_variance=(0.1, 0.3), carry_covariance=carry,
-    )  # fmt: skip
+        recording.measurements,
+        recording.lengths,
+        recording.signed_radii,
+        START,
+        measurement_variance=(0.1, 0.3),
+        carry_covariance=carry,
+    )
     for run in range(2):
-        state, P, k = START, np.eye(4), 0
+        state = START
+        P = np.eye(4)
+        k = 0
         for length, radius in zip(recording.lengths, recording.signed_radii, strict=True):
             mode = "S" if radius == 0 else "L" if radius > 0 else "R"
-            one = MatrixKalmanFilter(state, P, mode, abs(radius), 0.1, 0.001, np.diag([0.1, 0.3]))
+            one = MatrixKalmanFilter(
+                state,
+                P,
+                mode,
+                abs(radius),
+                0.1,
+                0.001,
+                np.diag([0.1, 0.3]),
+            )
             for _ in range(length):
                 one.step(recording.measurements[run, k])
-                np.testing.assert_allclose(found[run, k], one.x, atol=1e-11)
+                np.testing.assert_allclose(
+                    found[run, k],
+                    one.x,
+                    atol=1e-11,
+                )
                 k += 1
             state, P = one.x, one.P if carry else np.eye(4)

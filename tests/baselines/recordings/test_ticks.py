@@ -10,7 +10,10 @@ from baselines.recordings.ticks import tick_grid
 
 def circle(times, radius=200.0, speed=20.0):
     angle = speed * times / radius
-    return radius * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=1)
+    return radius * np.stack(
+        [np.sin(angle), 1.0 - np.cos(angle)],
+        axis=1,
+    )
 
 
 def test_a_clock_that_jitters_keeps_a_tick_per_row_and_positions_are_moved_along_the_velocity():
@@ -18,26 +21,34 @@ def test_a_clock_that_jitters_keeps_a_tick_per_row_and_positions_are_moved_along
     times = np.arange(400) + rng.uniform(-0.3, 0.3, 400)
     grid = tick_grid(make_recording(times, circle(times)))
     [piece] = grid.pieces
+
     np.testing.assert_array_equal(piece.ticks, np.arange(400))
     assert grid.tau == pytest.approx(1.0, abs=1e-3)
     at_ticks = circle(times - piece.late)
     errors = np.hypot(*(piece.measurements - at_ticks).T)
-    # the arc leaves the line by speed^2 late^2 / (2 radius), and five points bend its slope a little
+    # The arc leaves the line by speed^2 late^2 / (2 radius), and five points bend its slope a
+    # little.
     assert errors[3:-3].max() < 20.0**2 * 0.33**2 / (2.0 * 200.0) + 0.6
     assert errors.mean() < 0.1 * 20.0 * np.abs(piece.late).mean()
 
 
 def test_a_tick_that_is_not_the_median_step_does_not_drift():
-    times = np.round(0.1003 * np.arange(20_000), 3)  # the median step is 0.1
+    # The median step is 0.1.
+    times = np.round(0.1003 * np.arange(20_000), 3)
     grid = tick_grid(make_recording(times, circle(times)))
+
     assert grid.tau == pytest.approx(0.1003, rel=1e-6)
-    np.testing.assert_array_equal(grid.pieces[0].ticks, np.arange(20_000))
+    np.testing.assert_array_equal(
+        grid.pieces[0].ticks,
+        np.arange(20_000),
+    )
 
 
 def test_irregular_times_have_a_finer_tick_and_few_rows_share_one():
     rng = np.random.default_rng(2)
     times = np.cumsum(rng.exponential(1.0, 500))
     grid = tick_grid(make_recording(times, circle(times)))
+
     assert grid.tau < 0.3
     assert grid.shared <= 0.06 * 500
     [piece] = grid.pieces
@@ -53,7 +64,7 @@ def test_noise_is_estimated_also_between_missing_ticks_and_without_units():
     points[rng.random(2000) < 0.3] = np.nan
     points[[0, -1]] = 0.0
     grid = tick_grid(make_recording(times, points))
-    # relative standard error 2.4 / sqrt(1400) = 6 %; the turn adds less than 1 %
+    # Relative standard error 2.4 / sqrt(1400) = 6 %; the turn adds less than 1 %.
     assert noise_estimate(grid) == pytest.approx(4.0, rel=0.2)
     millimetres = tick_grid(make_recording(60.0 * times, 1000.0 * points))
     assert noise_estimate(millimetres) == pytest.approx(1e6 * noise_estimate(grid), rel=1e-9)
@@ -64,9 +75,13 @@ def test_outliers_are_left_out_and_turns_are_not():
     times = np.arange(1000.0)
     points = circle(times) + rng.normal(0.0, 2.0, (1000, 2))
     plain = tick_grid(make_recording(times, points))
+
     assert without_outliers(plain)[1] == 0
     wrong = np.arange(20, 1000, 50)
     points[wrong] += 60.0
     grid, count = without_outliers(tick_grid(make_recording(times, points)))
     assert count == len(wrong)
-    np.testing.assert_array_equal(np.flatnonzero(np.isnan(grid.pieces[0].measurements[:, 0])), wrong)
+    np.testing.assert_array_equal(
+        np.flatnonzero(np.isnan(grid.pieces[0].measurements[:, 0])),
+        wrong,
+    )

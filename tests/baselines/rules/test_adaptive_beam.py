@@ -1,4 +1,6 @@
-"""The adaptive beam weights laws by their evidence, shares filters among them, and learns the order."""
+"""The adaptive beam weights laws by their evidence, shares filters among them, and learns the
+order.
+"""
 
 import numpy as np
 import pytest
@@ -16,8 +18,12 @@ def states_of(env, deciders, ticks):
     states = [None] * len(deciders)
     for _ in range(ticks):
         seen = deciders[0].observe(env.world)
-        # the first mode is known, so that nothing is merged before the second switch
-        seen[:, 16:] = np.where(seen[:, 16:] == seen[:, 16:].max(1, keepdims=True), 0.0, -600.0)
+        # The first mode is known, so that nothing is merged before the second switch.
+        seen[:, 16:] = np.where(
+            seen[:, 16:] == seen[:, 16:].max(1, keepdims=True),
+            0.0,
+            -600.0,
+        )
         states = [one.predict(seen, state)[1] for one, state in zip(deciders, states, strict=True)]
         env.step(np.zeros(env.num_envs, np.int64))
     return states
@@ -25,13 +31,22 @@ def states_of(env, deciders, ticks):
 
 def prior_of(*texts, weights=None, **more):
     laws = tuple(map(parse_durations, texts))
-    return Prior(laws, tuple(np.ones(len(laws)) if weights is None else weights), **{"different": 0.0} | more)
+    return Prior(
+        laws,
+        tuple(np.ones(len(laws)) if weights is None else weights),
+        **{"different": 0.0} | more,
+    )
 
 
 def test_the_posterior_of_the_laws_follows_from_the_normalising_constants_of_their_beams():
     env = HybridTrackQuickestVectorEnv(6, durations="uniform 8-9", ticks=15)
-    texts, prior = ("uniform 8-11", "uniform 9-13", "7 + geometric 4"), np.array([0.5, 0.2, 0.3])
-    adaptive = AdaptiveBeamDecider(env.options, branches=200, prior=prior_of(*texts, weights=prior))
+    texts = ("uniform 8-11", "uniform 9-13", "7 + geometric 4")
+    prior = np.array([0.5, 0.2, 0.3])
+    adaptive = AdaptiveBeamDecider(
+        env.options,
+        branches=200,
+        prior=prior_of(*texts, weights=prior),
+    )
     beams = [BeamDecider(env.options, branches=200, durations=text) for text in texts]
     learned, *known = states_of(env, [adaptive, *beams], 15)
     weights = prior * np.exp(np.transpose([state.branches.evidence for state in known]))
@@ -41,14 +56,20 @@ def test_the_posterior_of_the_laws_follows_from_the_normalising_constants_of_the
     found = np.zeros((6, 3))
     for i in range(6):
         for b in range(branches.counts[i]):
-            belief = branches.habits.laws[i, branches.slots[i, b], 0]  # when the segment began
+            # When the segment began.
+            belief = branches.habits.laws[i, branches.slots[i, b], 0]
             belief = belief * adaptive.model.tables[branches.rows[i, b], branches.ages[i, b] - 1, 0]
             found[i] += shares[i, b] * belief / belief.sum()
+
     np.testing.assert_allclose(branches.evidence, expected[0], atol=1e-4)
     np.testing.assert_allclose(found, expected[1], atol=1e-4)
     probabilities = np.array([np.exp(state.log_probability) for state in known])
     mixture = np.einsum("il,lim->im", expected[1], probabilities)
-    np.testing.assert_allclose(np.exp(learned.log_probability), mixture, atol=1e-4)
+    np.testing.assert_allclose(
+        np.exp(learned.log_probability),
+        mixture,
+        atol=1e-4,
+    )
 
 
 @pytest.mark.parametrize("start", ["known", "random"])
@@ -59,13 +80,24 @@ def test_with_one_law_and_no_habits_it_is_the_beam(start):
         prior = prior_of(text, different=different, habitual=0.0)
         deciders = BeamDecider(env.options), AdaptiveBeamDecider(env.options, prior=prior)
         beam, adaptive = states_of(env, deciders, 120)
-        np.testing.assert_allclose(*(np.exp(one.log_probability) for one in (beam, adaptive)), atol=1e-4)
-        np.testing.assert_allclose(beam.branches.evidence, adaptive.branches.evidence, rtol=1e-5)
+        np.testing.assert_allclose(
+            *(np.exp(one.log_probability) for one in (beam, adaptive)),
+            atol=1e-4,
+        )
+        np.testing.assert_allclose(
+            beam.branches.evidence,
+            adaptive.branches.evidence,
+            rtol=1e-5,
+        )
 
 
 def test_a_cycle_is_learned():
     env = HybridTrackQuickestVectorEnv(
-        8, durations="uniform 40-50", order="cycle", ticks=900, measurement_variance=0.01
+        8,
+        durations="uniform 40-50",
+        order="cycle",
+        ticks=900,
+        measurement_variance=0.01,
     )
     (state,) = states_of(env, [AdaptiveBeamDecider(env.options)], 900)
     branches = state.branches
@@ -82,5 +114,6 @@ def test_a_cycle_is_learned():
 def test_no_reported_rhythm_is_in_the_prior():
     laws = {str(law) for law in default_prior().laws}
     fixed = {world.get("durations", "") for world in RHYTHMS.values()}
+
     assert len(RHYTHMS) == 13
     assert not laws & fixed

@@ -11,13 +11,18 @@ from hybrid_env import QuickestOptions
 from hybrid_env.durations import duration_probabilities, parse_durations, remaining_probabilities
 
 TRIANGLE = np.triu_indices(4)
-TICKS = 12  # with a measurement after the first one
+# With a measurement after the first one.
+TICKS = 12
 
 
 def histories(law, modes, ticks):
-    """Return (modes of all ticks, ticks at which a segment begins, probability) of every history."""
+    """Return (modes of all ticks, ticks at which a segment begins, probability) of every
+    history.
+    """
     longest = 4 * ticks
-    first, later = (function(law, longest) for function in (remaining_probabilities, duration_probabilities))
+    first, later = (
+        function(law, longest) for function in (remaining_probabilities, duration_probabilities)
+    )
     found = []
 
     def extend(path, starts, probability, law_of_segment):
@@ -44,27 +49,42 @@ def histories(law, modes, ticks):
 def test_the_enumerated_histories_are_complete():
     law = parse_durations("uniform 2-4")
     found = histories(law, 3, 6)
+
     assert len(set(found)) == len(found)
     assert sum(probability for _, _, probability in found) == pytest.approx(1.0, rel=1e-12)
-    # by the definition of the law: the first segment ends after tick 1 with probability 1 / mean
+    # By the definition of the law: the first segment ends after tick 1 with probability 1 / mean.
     assert sum(p for _, starts, p in found if 1 in starts) == pytest.approx(1 / 3)
 
 
 @pytest.mark.parametrize("text", ["uniform 4-7", "3 + geometric 2"])
 def test_without_pruning_the_beam_is_the_posterior_of_all_histories(text):
     options = QuickestOptions(
-        durations=text, measurement_variance=(0.01, 0.02), process_variance=0.01, ticks=40, radii=(1.5,), start="random"
+        durations=text,
+        measurement_variance=(0.01, 0.02),
+        process_variance=0.01,
+        ticks=40,
+        radii=(1.5,),
+        start="random",
     )
     law, R = options.law, options.measurement_variance
     generator = np.random.default_rng(5)
     root = 0.1 * generator.normal(0, 1, (4, 4))
-    anchor, P = np.array([3.0, 1.5, -1.0, 1.2]), root @ root.T
-    position = np.cumsum(np.tile(0.1 * anchor[[1, 3]], (TICKS, 1)), axis=0) + anchor[[0, 2]]
+    anchor = np.array([3.0, 1.5, -1.0, 1.2])
+    P = root @ root.T
+    position = (
+        np.cumsum(
+            np.tile(0.1 * anchor[[1, 3]], (TICKS, 1)),
+            axis=0,
+        )
+        + anchor[[0, 2]]
+    )
     z = position + generator.normal(0, 0.15, (TICKS, 2))
     filters = {}
 
     def filter_after(path, starts):
-        """Return the filter of a history after the measurements of its ticks, and the log-likelihood."""
+        """Return the filter of a history after the measurements of its ticks, and the
+        log-likelihood.
+        """
         tick = len(path) - 1
         key = path, starts
         if key not in filters:
@@ -74,7 +94,14 @@ def test_without_pruning_the_beam_is_the_posterior_of_all_histories(text):
                 new = copy.deepcopy(filter_after(path[:-1], tuple(k for k in starts if k < tick)))
                 if tick in starts:
                     total = new.log_likelihood
-                    new = MatrixExtendedKalmanFilter(new.s[:4], new.P[:4, :4], signed(path[-1]), 0.1, 0.01, R)
+                    new = MatrixExtendedKalmanFilter(
+                        new.s[:4],
+                        new.P[:4, :4],
+                        signed(path[-1]),
+                        0.1,
+                        0.01,
+                        R,
+                    )
                     new.log_likelihood = total
                 new.step(z[tick - 1])
             filters[key] = new
@@ -94,7 +121,13 @@ def test_without_pruning_the_beam_is_the_posterior_of_all_histories(text):
         weights = np.zeros(3)
         for path, starts, probability in histories(law, 3, tick + 1):
             weights[path[-1]] += probability * np.exp(filter_after(path, starts).log_likelihood)
-        np.testing.assert_allclose(np.exp(state.log_probability[0]), weights / weights.sum(), rtol=2e-5, atol=1e-9)
+        np.testing.assert_allclose(
+            np.exp(state.log_probability[0]),
+            weights / weights.sum(),
+            rtol=2e-5,
+            atol=1e-9,
+        )
+
     assert 50 < state.branches.counts[0] < 20_000
 
 
@@ -103,5 +136,9 @@ def test_without_pruning_the_beam_is_the_posterior_of_all_histories(text):
 def test_hazards_give_back_the_law(text, start):
     laws = QuickestOptions(durations=text, start=start, ticks=400).duration_laws
     table = hazards(laws)
-    survival = np.cumprod(np.insert(1.0 - table, 0, 1.0, axis=1), axis=1)[:, :-1]
+    survival = np.cumprod(
+        np.insert(1.0 - table, 0, 1.0, axis=1),
+        axis=1,
+    )[:, :-1]
+
     np.testing.assert_allclose(survival * table, laws, atol=1e-12)

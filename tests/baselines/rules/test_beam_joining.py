@@ -11,11 +11,14 @@ TRACKS = 8
 
 
 def posteriors(deciders, ticks, **options):
-    """Probabilities of the modes of each decider on the same tracks (ticks, TRACKS, M), and its last state."""
+    """Probabilities of the modes of each decider on the same tracks (ticks, TRACKS, M), and its
+    last state.
+    """
     env = HybridTrackQuickestVectorEnv(TRACKS, ticks=ticks, **options)
     env.reset(seed=3)
     made = [make(env.options) for make in deciders]
-    states, found = [None] * len(made), [[] for _ in made]
+    states = [None] * len(made)
+    found = [[] for _ in made]
     for _ in range(ticks):
         seen = made[0].observe(env.world)
         for k, one in enumerate(made):
@@ -34,4 +37,5 @@ def test_sixteen_joined_histories_are_closer_to_many_than_sixteen_of_the_most_pr
     ]
     (many, joined, omitted), _ = posteriors(deciders, 200, measurement_variance=1.0)
     errors = [np.abs(few - many).sum(-1).mean() for few in (joined, omitted)]
+
     assert errors[0] < 0.25 * errors[1]

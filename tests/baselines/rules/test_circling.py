@@ -41,7 +41,10 @@ def ground_turns(tracks):
 
 
 def literal_xcsoar(turns, rate, enter, leave):
-    smooth, since, mode, said = 0.0, None, 0, []
+    smooth = 0.0
+    since = None
+    mode = 0
+    said = []
     for k, turned in enumerate(turns):
         if k:
             smooth = 0.7 * smooth + 0.3 * max(min(np.degrees(turned), 50.0), -50.0)
@@ -59,18 +62,26 @@ def literal_xcsoar(turns, rate, enter, leave):
     return said
 
 
-@pytest.mark.parametrize("setting", [(4.0, 15.0, 10.0), (8.0, 4.0, 0.0), (6.0, 10.0, 3.0)])
+@pytest.mark.parametrize(
+    "setting",
+    [(4.0, 15.0, 10.0), (8.0, 4.0, 0.0), (6.0, 10.0, 3.0)],
+)
 def test_xcsoars_rule_is_that_of_a_literal_loop(tracks, setting):
     turns = ground_turns(tracks)
     np.testing.assert_allclose(tracks.turned, turns, atol=1e-9)
-    expected = np.stack([literal_xcsoar(one, *setting) for one in turns.T], axis=1)
+    expected = np.stack(
+        [literal_xcsoar(one, *setting) for one in turns.T],
+        axis=1,
+    )
     np.testing.assert_array_equal(told(tracks, XcsoarRule(setting)), expected)
     if setting == XcsoarDefault.usual:
         np.testing.assert_array_equal(told(tracks, XcsoarDefault()), expected)
 
 
 def test_the_angle_rule_is_that_of_a_literal_loop(tracks):
-    memory, enter, leave = 12.0, np.radians(120.0), np.radians(45.0)
+    memory = 12.0
+    enter = np.radians(120.0)
+    leave = np.radians(45.0)
     said = told(tracks, AngleRule((12.0, 120.0, 45.0)))
     for column, turns in enumerate(ground_turns(tracks).T):
         angle = recent = mode = 0
@@ -89,4 +100,7 @@ def test_settings_together_are_as_each_alone(tracks, kind):
     some = kind.grid[::11]
     together = tracks.statements_together(kind(*some), [600, 600], len(some))
     for setting, stated in zip(some, together, strict=True):
-        np.testing.assert_array_equal(np.stack(stated, axis=1), told(tracks, kind(setting)))
+        np.testing.assert_array_equal(
+            np.stack(stated, axis=1),
+            told(tracks, kind(setting)),
+        )

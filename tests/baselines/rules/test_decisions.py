@@ -17,9 +17,13 @@ ENV = "hybrid_env:HybridTrackPublished-v0"
 def test_evaluation_agrees_with_single_environments():
     decisions = evaluate(SPRTDecider(0.01), ENV, episodes=4, seed=30)
     for i in range(4):
-        env, decider, state = HybridTrackEnv(), SPRTDecider(0.01), None
+        env = HybridTrackEnv()
+        decider = SPRTDecider(0.01)
+        state = None
         observation, _ = env.reset(seed=30 + i)
-        made, reward, terminated = [], 0.0, False
+        made = []
+        reward = 0.0
+        terminated = False
         while not terminated:
             actions, state = decider.predict(observation[None], state)
             observation, earned, terminated, _, info = env.step(actions[0])
@@ -27,22 +31,38 @@ def test_evaluation_agrees_with_single_environments():
             if "ticks" in info:
                 made.append((info["correct"], info["ticks"], info["decided_squared_error"]))
         found = decisions.correct[i], decisions.ticks[i], decisions.squared_error[i]
-        np.testing.assert_array_equal(np.array(made, float).T, np.array(found, float))
+        np.testing.assert_array_equal(
+            np.array(made, float).T,
+            np.array(found, float),
+        )
         assert decisions.reward[i].sum() == pytest.approx(reward)
 
 
 def test_figures_of_an_episode_are_those_of_its_segments():
     correct = np.array([[True, False, False, True]])
     flags, zeros, ones = np.zeros((1, 4), bool), np.zeros((1, 4), int), np.ones((1, 4), int)
-    length, error = np.array([[10, 30, 10, 30]]), np.array([[40.0, 120.0, 40.0, 120.0]])
-    found = Decisions(correct, correct, 5 * ones, flags, zeros, zeros, length, error, 0.02)
+    length = np.array([[10, 30, 10, 30]])
+    error = np.array([[40.0, 120.0, 40.0, 120.0]])
+    found = Decisions(
+        correct,
+        correct,
+        5 * ones,
+        flags,
+        zeros,
+        zeros,
+        length,
+        error,
+        0.02,
+    )
     figures = dict(zip(COLUMNS, found.figures[0], strict=True))
+
     assert figures["accuracy"] == figures["type_accuracy"] == 0.5
     assert figures["reward"] == pytest.approx(-0.1)
     assert (figures["wrong_after_correct"], figures["after_correct"]) == (1, 1)
     assert (figures["wrong_after_wrong"], figures["after_wrong"]) == (1, 2)
     scores = Scores("x", "k", (0.0,), COLUMNS, found.figures[..., None])
-    assert scores.estimate(RMSE).value == pytest.approx(2.0)  # over ticks, not over segments
+    # Over ticks, not over segments.
+    assert scores.estimate(RMSE).value == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0])
@@ -51,5 +71,6 @@ def test_dropping_finished_tracks_does_not_change_decisions(share, monkeypatch):
     expected = evaluate(decider, episodes=30, seed=3)
     monkeypatch.setattr(rollout, "DROPPED_BELOW", share)
     found = evaluate(decider, episodes=30, seed=3)
+
     np.testing.assert_array_equal(found.ticks, expected.ticks)
     np.testing.assert_array_equal(found.decided_mode, expected.decided_mode)

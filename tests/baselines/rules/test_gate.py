@@ -1,4 +1,6 @@
-"""A live track after errors of the sensor and after true jumps, at the scales of several objects."""
+"""A live track after errors of the sensor and after true jumps, at the scales of several
+objects.
+"""
 
 import numpy as np
 import pytest
@@ -9,23 +11,47 @@ from hybrid_env import HybridTrackQuickestEnv, QuickestOptions, WorldOptions
 
 SCALES = {
     "default": {},
-    "walker": {"speed": 1.4, "tau": 1.0, "radii": (3.0,), "measurement_variance": 9.0},
-    "car": {"speed": 15.0, "radii": (30.0,), "process_variance": 0.05, "measurement_variance": 1.0},
-    "ship": {"speed": 8.0, "tau": 10.0, "radii": (500.0,), "measurement_variance": 400.0},
+    "walker": {
+        "speed": 1.4,
+        "tau": 1.0,
+        "radii": (3.0,),
+        "measurement_variance": 9.0,
+    },
+    "car": {
+        "speed": 15.0,
+        "radii": (30.0,),
+        "process_variance": 0.05,
+        "measurement_variance": 1.0,
+    },
+    "ship": {
+        "speed": 8.0,
+        "tau": 10.0,
+        "radii": (500.0,),
+        "measurement_variance": 400.0,
+    },
     "aircraft": {
-        "speed": 230.0, "tau": 4.0, "radii": (5000.0, 1e4), "process_variance": 1.0,
+        "speed": 230.0,
+        "tau": 4.0,
+        "radii": (5000.0, 1e4),
+        "process_variance": 1.0,
         "measurement_variance": 2500.0,
     },
-}  # fmt: skip
+}
 DISTURBED = 60
-ERRORS = {"one": 1, "ten": 10, "ten at one place": 10, "jump": 500}
+ERRORS = {
+    "one": 1,
+    "ten": 10,
+    "ten at one place": 10,
+    "jump": 500,
+}
 
 
 def measured(options, seed):
     """Measurements of an episode, (T, 2)."""
     env = HybridTrackQuickestEnv(**vars(options))
     _, info = env.reset(seed=seed)
-    found, done = [], False
+    found = []
+    done = False
     while not done:
         found.append(info["measurement"])
         _, _, done, _, info = env.step(0)
@@ -34,7 +60,8 @@ def measured(options, seed):
 
 def disturbed(points, kind, size, seed):
     """Return the error of each point, (T, 2)."""
-    generator, errors = np.random.default_rng(seed), np.zeros_like(points)
+    generator = np.random.default_rng(seed)
+    errors = np.zeros_like(points)
     rows = errors[DISTURBED : DISTURBED + ERRORS[kind]]
     angles = generator.uniform(0.0, 2.0 * np.pi, len(rows))
     if kind != "ten":
@@ -53,10 +80,14 @@ def test_a_track_is_found_again_within_50_ticks(scale, kind, size):
     errors = disturbed(points, kind, size * deviation, 4)
     trackers = [OnlineTracker(options, ThresholdDecider(0.6)) for _ in range(2)]
     found, expected = (
-        [one.update(z) for z in rows] for one, rows in zip(trackers, (points + errors, points), strict=True)
+        [one.update(z) for z in rows]
+        for one, rows in zip(trackers, (points + errors, points), strict=True)
     )
+
     assert not found[DISTURBED].agrees
-    assert all(now.agrees for now in found[:DISTURBED] + found[DISTURBED + ERRORS[kind] + PATIENCE + 1 :])
+    assert all(
+        now.agrees for now in found[:DISTURBED] + found[DISTURBED + ERRORS[kind] + PATIENCE + 1 :]
+    )
     pairs = zip(found, expected, strict=True)
     moved = np.array([one.estimate[::2] - other.estimate[::2] for one, other in pairs])
     if kind == "jump":
@@ -83,9 +114,12 @@ def test_a_track_with_announced_switches_is_found_again(kind):
 def test_no_measurement_of_the_model_is_refused(scale):
     options = QuickestOptions(ticks=400, **SCALES[scale])
     points = measured(options, 5)
-    gated, free = (OnlineTracker(options, ThresholdDecider(0.6), gate=gate) for gate in (10.0, None))
+    gated, free = (
+        OnlineTracker(options, ThresholdDecider(0.6), gate=gate) for gate in (10.0, None)
+    )
     for point in points:
-        now, expected = gated.update(point), free.update(point)
+        now = gated.update(point)
+        expected = free.update(point)
         assert now.agrees
         assert now.mode == expected.mode
         np.testing.assert_array_equal(now.estimate, expected.estimate)

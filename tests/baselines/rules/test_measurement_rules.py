@@ -16,14 +16,24 @@ from hybrid_env.simulation import simulate
 TRIANGLE = np.triu_indices(4)
 RESTARTED = (GLRDecider, MeanRatioDecider)
 RULES = (*RESTARTED, BeamDecider)
-SHORT = {"ticks": 45, "durations": "uniform 8-15", "measurement_variance": (0.001, 0.002), "radii": (2.0, 4.0)}
+SHORT = {
+    "ticks": 45,
+    "durations": "uniform 8-15",
+    "measurement_variance": (0.001, 0.002),
+    "radii": (2.0, 4.0),
+}
 
 
 SENSED = SHORT | {
     "measurement_variance": 0.001,
     "missed": 0.2,
     "sensors": (
-        Radar(range_deviation=0.03, bearing_deviation=0.001, rate_deviation=0.1, position=(-30.0, 10.0)),
+        Radar(
+            range_deviation=0.03,
+            bearing_deviation=0.001,
+            rate_deviation=0.1,
+            position=(-30.0, 10.0),
+        ),
         Sensor(variance=0.002, period=3),
     ),
 }
@@ -42,7 +52,9 @@ def run(decider, tracks=4, seed=3, **options):
 
 def replay(decider, seen):
     """Return statements (T, N) and log ratios or log probabilities (T, N, M) for observations."""
-    state, stated, evidence = None, [], []
+    state = None
+    stated = []
+    evidence = []
     name = "log_probability" if isinstance(decider, BeamDecider) else "log_ratios"
     for observation in seen:
         actions, state = decider.predict(observation, state)
@@ -57,16 +69,32 @@ def matrix_filter(bank, mode, state, P, options):
     radius = 0.0 if mode == 0 else options.radii[(mode - 1) % n]
     if bank == "published":
         side = "S" if mode == 0 else "L" if mode <= n else "R"
-        return MatrixKalmanFilter(state, P, side, radius, options.tau, options.process_variance, np.diag(R))
+        return MatrixKalmanFilter(
+            state,
+            P,
+            side,
+            radius,
+            options.tau,
+            options.process_variance,
+            np.diag(R),
+        )
     sign = -1.0 if mode > n else 1.0
-    return MatrixExtendedKalmanFilter(state, P, sign * radius, options.tau, options.process_variance, R)
+    return MatrixExtendedKalmanFilter(
+        state,
+        P,
+        sign * radius,
+        options.tau,
+        options.process_variance,
+        R,
+    )
 
 
 def step(kalman, row, options):
     """Advance a matrix filter by the measurements of a row, if there are any."""
     if options.sensors:
         xx, xy, yy = options.variances[0] * row[-7:-4]
-        rate, radar = row[-4], options.sensors[0]
+        rate = row[-4]
+        radar = options.sensors[0]
         kalman.R = np.array([[xx, xy], [xy, yy]])
         kalman.rates = [] if np.isnan(rate) else [(rate, radar.position, radar.rate_deviation)]
     kalman.step(None if np.isnan(row[0]) else row[:2])
@@ -85,8 +113,10 @@ def literal(seen, options, mean, threshold, margin, window, bank):
     P += np.triu(P, 1).T
     nominal = matrix_filter(bank, stated, seen[0, 2:6], P, options)
     others = [mode for mode in range(M) if mode != stated]
-    tests = []  # (filters by mode, log-likelihood of the stated mode before the start)
-    statements, log_ratios = [stated], [np.zeros(M)]
+    # (filters by mode, log-likelihood of the stated mode before the start)
+    tests = []
+    statements = [stated]
+    log_ratios = [np.zeros(M)]
     for row in seen[1:]:
         new = {mode: matrix_filter(bank, mode, *estimate(nominal), options) for mode in others}
         tests = [*tests, (new, nominal.log_likelihood)][-window:]
@@ -102,11 +132,13 @@ def literal(seen, options, mean, threshold, margin, window, bank):
             values[mode] = math.log(math.fsum(ratios) / len(ratios) if mean else max(ratios))
         log_ratios.append(values)
         best, second = sorted(others, key=lambda mode: -values[mode])[:2]
-        assert abs(values[best] - threshold) > 1e-4  # otherwise rounding would matter
+        # Otherwise rounding would matter.
+        assert abs(values[best] - threshold) > 1e-4
         if values[best] >= threshold and values[best] - values[second] >= margin:
             nominal = tests[int(np.argmax(logs[best]))][0][best]
             nominal.log_likelihood = 0.0
-            stated, tests = best, []
+            stated = best
+            tests = []
             others = [mode for mode in range(M) if mode != stated]
         statements.append(stated)
     return statements, log_ratios
@@ -115,7 +147,12 @@ def literal(seen, options, mean, threshold, margin, window, bank):
 @pytest.mark.parametrize("rule", RESTARTED)
 @pytest.mark.parametrize("given", [SHORT, SENSED], ids=["one sensor", "sensors"])
 @pytest.mark.parametrize(
-    ("bank", "window", "margin"), [("published", 6, 1.5), ("anchor_aware", 100, 0.5), ("published", 17, 0.0)]
+    ("bank", "window", "margin"),
+    [
+        ("published", 6, 1.5),
+        ("anchor_aware", 100, 0.5),
+        ("published", 17, 0.0),
+    ],
 )
 def test_statements_and_ratios_equal_those_of_a_literal_loop(rule, given, bank, window, margin):
     options = QuickestOptions(**given)
@@ -123,10 +160,24 @@ def test_statements_and_ratios_equal_those_of_a_literal_loop(rule, given, bank, 
     seen, stated, log_ratios = run(decider, **given)
     changes = 0
     for track in range(4):
-        expected, values = literal(seen[:, track], options, decider.mean, 2.5, margin, window, bank)
+        expected, values = literal(
+            seen[:, track],
+            options,
+            decider.mean,
+            2.5,
+            margin,
+            window,
+            bank,
+        )
         np.testing.assert_array_equal(stated[:, track], expected)
-        np.testing.assert_allclose(log_ratios[:, track], values, rtol=1e-4, atol=1e-4)
+        np.testing.assert_allclose(
+            log_ratios[:, track],
+            values,
+            rtol=1e-4,
+            atol=1e-4,
+        )
         changes += (np.diff(expected) != 0).sum()
+
     assert changes > 8
 
 
@@ -139,20 +190,29 @@ def test_the_first_detection_is_that_of_golubkov_2020_on_recordings():
     seen = np.tile(first, (101, 5, 1))
     seen[1:, :, :2] = recording.measurements.swapaxes(0, 1)
     stated, log_ratios = replay(decider, seen)
+
     assert (found.ticks > 0).all()
     for track, tick in enumerate(found.ticks):
         np.testing.assert_array_equal(stated[:tick, track], 0)
         assert stated[tick, track] == found.modes[track]
         np.testing.assert_allclose(
-            log_ratios[1 : tick + 1, track, 1:], found.log_ratios[track, :tick, 1:], rtol=1e-9, atol=1e-9
+            log_ratios[1 : tick + 1, track, 1:],
+            found.log_ratios[track, :tick, 1:],
+            rtol=1e-9,
+            atol=1e-9,
         )
 
 
 @pytest.mark.parametrize("rule", RULES)
 def test_a_batch_has_the_statements_of_single_tracks(rule):
-    options = {"ticks": 80, "durations": "uniform 15-30", "measurement_variance": 0.01}
+    options = {
+        "ticks": 80,
+        "durations": "uniform 15-30",
+        "measurement_variance": 0.01,
+    }
     decider = rule(QuickestOptions(**options))
     seen, stated, log_ratios = run(decider, 11, **options)
+
     assert (np.diff(stated, axis=0) != 0).sum() > 20
     for track in range(11):
         single, ratios = replay(decider, seen[:, track : track + 1])
@@ -161,14 +221,21 @@ def test_a_batch_has_the_statements_of_single_tracks(rule):
 
 
 SCALED = {
-    "radii": (5.0, 9.0), "speed": 2.0, "tau": 0.1, "process_variance": 0.001, "measurement_variance": 0.02,
+    "radii": (5.0, 9.0),
+    "speed": 2.0,
+    "tau": 0.1,
+    "process_variance": 0.001,
+    "measurement_variance": 0.02,
     "initial_error": (0.3, 0.02),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(
     ("rule", "own"),
-    [*((rule, {"bank": bank}) for rule in RESTARTED for bank in ("published", "anchor_aware")), (BeamDecider, {})],
+    [
+        *((rule, {"bank": bank}) for rule in RESTARTED for bank in ("published", "anchor_aware")),
+        (BeamDecider, {}),
+    ],
 )
 def test_units_change_no_statement(rule, own):
     results = []
@@ -178,7 +245,12 @@ def test_units_change_no_statement(rule, own):
         results.append((stated, log_ratios))
     for stated, log_ratios in results[1:]:
         np.testing.assert_array_equal(stated, results[0][0])
-        np.testing.assert_allclose(log_ratios, results[0][1], rtol=1e-5, atol=1e-5)
+        np.testing.assert_allclose(
+            log_ratios,
+            results[0][1],
+            rtol=1e-5,
+            atol=1e-5,
+        )
 
 
 @pytest.mark.parametrize("rule", RULES)
@@ -193,20 +265,35 @@ def test_mirrored_tracks_have_mirrored_statements(rule):
     mirrored[..., 6:16] *= np.outer(signs, signs)[TRIANGLE]
     mirrored[..., 16:] = seen[..., [16, 18, 17]]
     again, _ = replay(decider, mirrored)
-    np.testing.assert_array_equal(again, np.array([0, 2, 1])[stated])
+
+    np.testing.assert_array_equal(
+        again,
+        np.array([0, 2, 1])[stated],
+    )
 
 
 @pytest.mark.parametrize("rule", RULES)
 def test_episodes_that_begin_again_have_the_statements_of_fresh_ones(rule):
-    options = {"ticks": 40, "durations": "uniform 8-12", "measurement_variance": 0.01}
+    options = {
+        "ticks": 40,
+        "durations": "uniform 8-12",
+        "measurement_variance": 0.01,
+    }
     env = HybridTrackQuickestVectorEnv(5, autoreset_mode="SameStep", **options)
     env.reset(seed=1)
-    decider, state = rule(env.options), None
-    start, seen, stated = np.ones(5, bool), [], []
+    decider = rule(env.options)
+    state = None
+    start = np.ones(5, bool)
+    seen = []
+    stated = []
     for _ in range(80):
         seen.append(decider.observe(env.world))
         actions, state = decider.predict(seen[-1], state, start)
         stated.append(actions)
         _, _, start, _, _ = env.step(actions)
+
     assert start.all()
-    np.testing.assert_array_equal(replay(decider, seen[40:])[0], stated[40:])
+    np.testing.assert_array_equal(
+        replay(decider, seen[40:])[0],
+        stated[40:],
+    )

@@ -1,4 +1,6 @@
-"""MSPRT and gap rule against independently computed posteriors and against the error bound of the MSPRT."""
+"""MSPRT and gap rule against independently computed posteriors and against the error bound of
+the MSPRT.
+"""
 
 import functools
 import math
@@ -26,29 +28,40 @@ def test_rules_decide_as_posteriors_from_log_likelihoods(rule):
         posterior = softmax(info["log_likelihood"], axis=-1)
         ranked = np.sort(info["log_likelihood"], axis=-1)
         if rule == "posterior":
-            decider, decides = MSPRTDecider(0.05), 1.0 - posterior.max(-1) <= 0.05
+            decider = MSPRTDecider(0.05)
+            decides = 1.0 - posterior.max(-1) <= 0.05
             expected = posterior.argmax(-1) + 1
         elif rule == "gap":
-            decider, decides = GapDecider(3.0), ranked[:, -1] - ranked[:, -2] >= 3.0
+            decider = GapDecider(3.0)
+            decides = ranked[:, -1] - ranked[:, -2] >= 3.0
             expected = posterior.argmax(-1) + 1
         else:
-            types = np.stack([posterior[:, kind == k].sum(-1) for k in range(3)], axis=-1)
-            decider, decides = MSPRTDecider(0.05, by="type"), 1.0 - types.max(-1) <= 0.05
+            types = np.stack(
+                [posterior[:, kind == k].sum(-1) for k in range(3)],
+                axis=-1,
+            )
+            decider = MSPRTDecider(0.05, by="type")
+            decides = 1.0 - types.max(-1) <= 0.05
             of_type = kind == types.argmax(-1)[:, None]
             expected = np.where(of_type, posterior, -1.0).argmax(-1) + 1
         actions, _ = decider.predict(rows)
-        # rows are float32, so that a value exactly at the threshold could differ; none does
+        # Rows are float32, so that a value exactly at the threshold could differ; none does.
         np.testing.assert_array_equal(actions, np.where(decides, expected, 0))
         declared += np.count_nonzero(actions)
         rows, _, _, _, info = env.step(actions)
+
     assert declared > 100
 
 
 @pytest.mark.parametrize("alpha", [0.2, 0.02])
 def test_error_rate_is_close_to_alpha_if_the_posterior_is_exact(alpha):
-    # the oracle bank has the exact posterior, so the error rate is at most alpha (Baum & Veeravalli 1994)
+    # The oracle bank has the exact posterior, so the error rate is at most alpha (Baum & Veeravalli
+    # 1994).
     decisions = evaluate(MSPRTDecider(alpha), episodes=1500, bank="oracle")
     decided = ~decisions.forced
-    errors, count = int((~decisions.correct[decided]).sum()), int(decided.sum())
+    errors = int((~decisions.correct[decided]).sum())
+    count = int(decided.sum())
+
     assert errors / count < alpha + 4 * math.sqrt(alpha * (1 - alpha) / count)
-    assert errors / count > 0.3 * alpha  # the overshoot of one tick is small
+    # The overshoot of one tick is small.
+    assert errors / count > 0.3 * alpha

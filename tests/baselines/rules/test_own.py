@@ -1,4 +1,6 @@
-"""Deciders that users bring: found by file, module and entry point, swept, and refused in one line."""
+"""Deciders that users bring: found by file, module and entry point, swept, and refused in one
+line.
+"""
 
 import functools
 import re
@@ -64,8 +66,13 @@ def played(family, threshold):
 
 def test_a_function_in_a_file_is_swept_and_equals_the_same_rule_of_the_package(source):
     family, threshold = find_decider(f"{source}:likeliest:0.01", OPTIONS)
-    assert (family.name, family.thresholds, family.default) == ("likeliest", (0.1, 0.05, 0.01), 0.05)
-    mine, msprt = played(family, threshold), played(*find_decider("msprt:0.01", OPTIONS))
+    assert (family.name, family.thresholds, family.default) == (
+        "likeliest",
+        (0.1, 0.05, 0.01),
+        0.05,
+    )
+    mine = played(family, threshold)
+    msprt = played(*find_decider("msprt:0.01", OPTIONS))
     np.testing.assert_array_equal(mine.decided_mode, msprt.decided_mode)
     np.testing.assert_array_equal(mine.ticks, msprt.ticks)
 
@@ -76,7 +83,10 @@ def test_classes_subclasses_and_objects_are_found(source):
     assert (played(patient, 9).ticks == 9).any()
     mine = find_family(f"{source}:Mine", OPTIONS)
     assert (mine.name, mine.thresholds) == ("ATE again", SPRTDecider.thresholds)
-    np.testing.assert_array_equal(played(mine, 0.01).ticks, played(*find_decider("ate:0.01", OPTIONS)).ticks)
+    np.testing.assert_array_equal(
+        played(mine, 0.01).ticks,
+        played(*find_decider("ate:0.01", OPTIONS)).ticks,
+    )
     for name in ("Once", "once"):
         family = find_family(f"{source}:{name}", OPTIONS)
         assert (family.thresholds, family.symbol) == ((0.0,), "")
@@ -87,9 +97,14 @@ def test_a_module_and_an_entry_point_are_found(source, monkeypatch):
     source.rename(source.with_name("rules_of_a_package.py"))
     monkeypatch.chdir(source.parent)
     monkeypatch.setattr(sys, "path", [*sys.path])
+
     assert find_family("rules_of_a_package:Patient", OPTIONS).name == "patient rule"
     point = EntryPoint("patient", "rules_of_a_package:Patient", own.ENTRY_POINTS)
-    monkeypatch.setattr(own, "entry_points", lambda group: [point] if group == own.ENTRY_POINTS else [])
+    monkeypatch.setattr(
+        own,
+        "entry_points",
+        lambda group: [point] if group == own.ENTRY_POINTS else [],
+    )
     assert find_decider("patient:2", OPTIONS)[1] == 2
     with pytest.raises(ArgumentError, match="'patient'"):
         find_family("nobody", OPTIONS)
@@ -104,11 +119,14 @@ def hard(rows):
 
 
 ANSWERS = {
-    "two columns": lambda rows: np.zeros((len(rows), 2), int), "too few": lambda rows: np.zeros(1, int),
-    "NaN": lambda rows: np.full(len(rows), np.nan), "no declaration": lambda rows: np.full(len(rows), 4),
-    "negative": lambda rows: np.full(len(rows), -1), "ragged": lambda rows: [[1], [1, 2]],
+    "two columns": lambda rows: np.zeros((len(rows), 2), int),
+    "too few": lambda rows: np.zeros(1, int),
+    "NaN": lambda rows: np.full(len(rows), np.nan),
+    "no declaration": lambda rows: np.full(len(rows), 4),
+    "negative": lambda rows: np.full(len(rows), -1),
+    "ragged": lambda rows: [[1], [1, 2]],
     "nothing": lambda rows: None,
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("answer", ANSWERS)
@@ -120,34 +138,42 @@ def test_wrong_answers_name_the_rule_file_and_line(answer):
 
 def test_an_exception_names_the_line_that_raised_it():
     line = fails.__code__.co_firstlineno + 1
-    with pytest.raises(ArgumentError, match=f"decider fails failed in test_own.py line {line}: IndexError"):
+    with pytest.raises(
+        ArgumentError,
+        match=f"decider fails failed in test_own.py line {line}: IndexError",
+    ):
         evaluate(fails, episodes=2)
     with pytest.raises(ArgumentError, match=r"^said by the rule$"):
         evaluate(hard, episodes=2)
 
 
 @pytest.mark.parametrize(
-    ("name", "message"), [
-        ("mine.py:nothing", "a name that mine.py defines"), ("other.py:x", "a file that exists"),
+    ("name", "message"),
+    [
+        ("mine.py:nothing", "a name that mine.py defines"),
+        ("other.py:x", "a file that exists"),
         ("mine.py:states", "one for announced switches; this one is for unknown"),
         ("broken.py:x", r"broken.py failed: SyntaxError: .*line 1"),
-        ("leaves.py:x", r"leaves.py failed in leaves.py line 1: SystemExit: 3"), ("no.such:x", "No module named 'no'"),
+        ("leaves.py:x", r"leaves.py failed in leaves.py line 1: SystemExit: 3"),
+        ("no.such:x", "No module named 'no'"),
         ("unequal.py:rule", "different numbers in unequal.py:rule"),
         ("unequal.py:text", "thresholds='many' is not allowed|thresholds='m' is not allowed"),
-        ("unequal.py:Two", r"unequal.py:Two failed: TypeError"), ("mine.py", "mine.py:MyRule"),
+        ("unequal.py:Two", r"unequal.py:Two failed: TypeError"),
+        ("mine.py", "mine.py:MyRule"),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_used_is_one_line(source, monkeypatch, name, message):
     monkeypatch.chdir(source.parent)
     monkeypatch.setattr(sys, "path", [*sys.path])
     (source.parent / "broken.py").write_text("def x(:")
     (source.parent / "leaves.py").write_text("raise SystemExit(3)")
     (source.parent / "unequal.py").write_text(
-        "def rule(rows): pass\nrule.thresholds = 1, 1\ndef text(rows): pass\ntext.thresholds = 'many'\n"
-        "class Two:\n    thresholds = 1, 2\n    def predict(self, rows): pass\n"
+        "def rule(rows): pass\nrule.thresholds = 1, 1\ndef text(rows): pass\ntext.thresholds ="
+        " 'many'\nclass Two:\n    thresholds = 1, 2\n    def predict(self, rows): pass\n"
     )
     with pytest.raises(ArgumentError, match=message) as error:
         load_decider(name, OPTIONS)
+
     assert "\n" not in str(error.value)
 
 
@@ -192,6 +218,7 @@ def test_an_attribute_that_is_not_allowed_is_one_line(attribute, value, kind):
     setattr(model, attribute, value)
     with pytest.raises(ArgumentError) as error:
         find_family(model, OPTIONS)
+
     assert "\n" not in str(error.value)
     words = {"task": "this one is for", "options": "options=|bank="}
     assert re.search(words.get(attribute, f"{attribute}="), str(error.value))
@@ -239,6 +266,7 @@ def test_a_rule_that_asks_for_the_oracle_bank_is_marked_as_informed(kind):
         title = "mine"
 
     model = rule if kind == "function" else Rule
+
     assert not find_family(model, OPTIONS).make(0.1).informed
     model.options = {"bank": "oracle"}
     family = find_family(model, OPTIONS)

@@ -39,7 +39,9 @@ def write(folder, source, value):
 
 @pytest.mark.parametrize("kind", RULES)
 def test_each_file_runs_with_the_helpers_beside_it(tmp_path, kind):
-    first, second = (find_own(write(tmp_path / str(value), RULES[kind], value)) for value in (5, 40))
+    first, second = (
+        find_own(write(tmp_path / str(value), RULES[kind], value)) for value in (5, 40)
+    )
     assert (first(None), second(None)) == (5, 40)
 
 
@@ -47,6 +49,7 @@ def test_two_files_of_a_folder_do_not_share_what_a_helper_keeps(tmp_path):
     source = "import consts\nconsts.K += 1\ndef rule(rows):\n    return consts.K"
     name = write(tmp_path, source, 1)
     (tmp_path / "other.py").write_text(source)
+
     assert [find_own(one)(None) for one in (name, f"{tmp_path / 'other.py'}:rule")] == [2, 2]
 
 
@@ -63,10 +66,14 @@ def test_an_edited_helper_gives_another_digest_and_runs(tmp_path, kind):
 
 def test_a_file_that_a_rule_names_belongs_to_its_digest(tmp_path):
     (tmp_path / "limits.txt").write_text("5")
-    source = "from pathlib import Path\ndef rule(rows):\n    return Path(__file__).with_name('limits.txt').read_text()"
+    source = (
+        "from pathlib import Path\ndef rule(rows):\n    return"
+        " Path(__file__).with_name('limits.txt').read_text()"
+    )
     name = write(tmp_path, source, 1)
     before = own_digest(name)
     (tmp_path / "limits.txt").write_text("6")
+
     assert own_digest(name) != before
 
 
@@ -90,6 +97,7 @@ def test_a_module_has_the_digest_of_its_package_at_its_import(tmp_path, monkeypa
     package = tmp_path / "package_of_a_user"
     write(package, "from package_of_a_user.consts import K\ndef rule(rows):\n    return K", 5)
     monkeypatch.syspath_prepend(tmp_path)
+
     assert find_own("package_of_a_user.mine:rule")(None) == 5
     before = own_digest("package_of_a_user.mine:rule")
     write(package, "K = 3", 6)
@@ -100,7 +108,8 @@ def test_a_module_has_the_digest_of_its_package_at_its_import(tmp_path, monkeypa
 
 def test_names_of_this_package_and_of_python_are_never_taken_from_beside_a_file(tmp_path):
     source = (
-        "import json, numpy\nfrom baselines import SPRTDecider\ndef rule(rows):\n    return json, numpy, SPRTDecider"
+        "import json, numpy\nfrom baselines import SPRTDecider\ndef rule(rows):\n    return json,"
+        " numpy, SPRTDecider"
     )
     name = write(tmp_path, source, 1)
     (tmp_path / "json.py").write_text("raise RuntimeError")
@@ -108,10 +117,14 @@ def test_names_of_this_package_and_of_python_are_never_taken_from_beside_a_file(
         (tmp_path / folder).mkdir()
     (tmp_path / "baselines" / "__init__.py").write_text("raise RuntimeError")
     _, found, _ = find_own(name)(None)
+
     assert found is np
 
 
 def test_a_helper_that_is_missing_is_one_line(tmp_path):
     name = write(tmp_path, "import library.nothing\ndef rule(rows):\n    return 1", 1)
-    with pytest.raises(ArgumentError, match=r"mine.py failed in mine.py line 1: ModuleNotFoundError"):
+    with pytest.raises(
+        ArgumentError,
+        match=r"mine.py failed in mine.py line 1: ModuleNotFoundError",
+    ):
         find_family(name, WorldOptions())

@@ -1,4 +1,6 @@
-"""Classical rules for unknown switch moments agree with literal loops over the ticks of single tracks."""
+"""Classical rules for unknown switch moments agree with literal loops over the ticks of single
+tracks.
+"""
 
 import math
 
@@ -9,7 +11,11 @@ from baselines.rules.change_detection import CusumDecider, ShiryaevRobertsDecide
 from baselines.rules.threshold import ThresholdDecider
 from hybrid_env import ArgumentError, HybridTrackQuickestVectorEnv, QuickestLayout
 
-OPTIONS = {"ticks": 150, "durations": "uniform 15-40", "measurement_variance": 0.05}
+OPTIONS = {
+    "ticks": 150,
+    "durations": "uniform 15-40",
+    "measurement_variance": 0.05,
+}
 TRACKS = 12
 
 
@@ -17,7 +23,9 @@ def run(decider, episodes=1):
     """Return rows (T, N, width) and statements (T, N) of a decider that keeps its state."""
     env = HybridTrackQuickestVectorEnv(TRACKS, autoreset_mode="SameStep", **OPTIONS)
     rows, _ = env.reset(seed=3)
-    state, seen, stated = None, [], []
+    state = None
+    seen = []
+    stated = []
     for _ in range(150 * episodes):
         actions, state = decider.predict(rows, state)
         seen.append(rows)
@@ -41,7 +49,11 @@ def shiryaev_roberts(ratios):
 
 
 @pytest.mark.parametrize(
-    ("decider", "statistic"), [(CusumDecider(2.5), cusum), (ShiryaevRobertsDecider(4.0), shiryaev_roberts)]
+    ("decider", "statistic"),
+    [
+        (CusumDecider(2.5), cusum),
+        (ShiryaevRobertsDecider(4.0), shiryaev_roberts),
+    ],
 )
 def test_statements_equal_those_of_a_literal_loop(decider, statistic):
     rows, stated = run(decider, episodes=2)
@@ -57,15 +69,19 @@ def test_statements_equal_those_of_a_literal_loop(decider, statistic):
                 values = [
                     -math.inf
                     if other == mode
-                    else statistic(list(ratio[since + 1 : k + 1, i, other] - ratio[since + 1 : k + 1, i, mode]))
+                    else statistic(
+                        list(ratio[since + 1 : k + 1, i, other] - ratio[since + 1 : k + 1, i, mode])
+                    )
                     for other in range(3)
                 ]
                 best = int(np.argmax(values))
                 assert abs(max(values) - decider.threshold) > 1e-9
                 if values[best] >= decider.threshold:
-                    mode, since = best, k
+                    mode = best
+                    since = k
                     changes += 1
                 assert stated[k, i] == mode
+
     assert changes > 50
 
 

@@ -24,12 +24,21 @@ NEVER = FixedTimeDecider(1000)
 @pytest.mark.parametrize("start", ["known", "random"])
 @pytest.mark.parametrize("name", COMMON)
 def test_unknown_switch_moments(name, start):
-    modes = same_as_quickest(ThresholdDecider(0.6), seed=3, ticks=300, start=start, **COMMON[name])
+    modes = same_as_quickest(
+        ThresholdDecider(0.6),
+        seed=3,
+        ticks=300,
+        start=start,
+        **COMMON[name],
+    )
     assert len(set(modes)) > 1
 
 
 @pytest.mark.parametrize("name", ["R 0.1", "axes", "ship"])
-@pytest.mark.parametrize("decider", [CusumDecider(), ShiryaevRobertsDecider(), ThresholdDecider(0.9, 0.3)])
+@pytest.mark.parametrize(
+    "decider",
+    [CusumDecider(), ShiryaevRobertsDecider(), ThresholdDecider(0.9, 0.3)],
+)
 def test_rules_for_unknown_switch_moments(decider, name):
     same_as_quickest(decider, seed=1, **COMMON[name])
 
@@ -45,7 +54,13 @@ def test_rules_that_filter_the_measurements(rule, name):
 @pytest.mark.parametrize("bank", ["published", "anchor_aware"])
 @pytest.mark.parametrize("name", COMMON)
 def test_known_switch_moments(name, bank, follow):
-    decided = same_as_announced(MSPRTDecider(0.02), seed=4, bank=bank, follow=follow, **COMMON[name])
+    decided = same_as_announced(
+        MSPRTDecider(0.02),
+        seed=4,
+        bank=bank,
+        follow=follow,
+        **COMMON[name],
+    )
     assert len(decided) == 6
     assert len({mode for mode, _ in decided}) > 1
 
@@ -56,21 +71,33 @@ def test_known_switch_moments(name, bank, follow):
 def test_recalculated_and_refined_estimates(name, bank, refined):
     options = {"radii": (3.0, 5.0)} | COMMON[name]
     decided = same_as_announced(
-        MSPRTDecider(0.3), seed=4, bank=bank, recalculation=True, refine_radius=refined, **options
+        MSPRTDecider(0.3),
+        seed=4,
+        bank=bank,
+        recalculation=True,
+        refine_radius=refined,
+        **options,
     )
+
     assert not all(forced for _, forced in decided)
 
 
 DECIDERS = {
-    "sprt": lambda world: SPRTDecider(), "gap": lambda world: GapDecider(), "kept": KeptCovarianceDecider,
+    "sprt": lambda world: SPRTDecider(),
+    "gap": lambda world: GapDecider(),
+    "kept": KeptCovarianceDecider,
     "calibrated": lambda world: CalibratedAnchorDecider(world, None),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", ["R 0.1", "axes", "car"])
 @pytest.mark.parametrize("decider", DECIDERS)
 def test_rules_for_known_switch_moments(decider, name):
-    same_as_announced(DECIDERS[decider](WorldOptions(**COMMON[name])), seed=7, **COMMON[name])
+    same_as_announced(
+        DECIDERS[decider](WorldOptions(**COMMON[name])),
+        seed=7,
+        **COMMON[name],
+    )
 
 
 @pytest.mark.parametrize("follow", ["declared", "bank"])
@@ -87,4 +114,5 @@ def test_the_action_that_declares_the_likeliest_hypothesis():
             return (observation[:, -10] > 0.195).astype(int), None
 
     decided = same_as_announced(BestAt20(), seed=5, actions="best", reset_covariance=False)
+
     assert not any(forced for _, forced in decided)

@@ -27,10 +27,13 @@ def decide(ratios, reference=0, running=None):
 @pytest.mark.parametrize(
     ("ratios", "reference", "winner"),
     [
-        ([0.0, A + 1.0, A + 2.0, A + 1.5], 0, 2),  # the largest of several above the threshold
+        # The largest of several above the threshold.
+        ([0.0, A + 1.0, A + 2.0, A + 1.5], 0, 2),
         ([0.0, B - 0.1, 0.5], 0, -1),
-        ([B - 1.0, B - 2.0, 0.0], 2, 2),  # all others are rejected
-        ([5.0, 9.0, 0.0], 1, 1),  # ratios are to the reference, not to the most likely hypothesis
+        # All others are rejected.
+        ([B - 1.0, B - 2.0, 0.0], 2, 2),
+        # Ratios are to the reference, not to the most likely hypothesis.
+        ([5.0, 9.0, 0.0], 1, 1),
         ([5.0, 5.0 + A - 0.01, 5.0], 0, -1),
     ],
 )
@@ -45,13 +48,19 @@ def test_rejected_hypotheses_stay_rejected():
 
 
 def test_error_rate_and_decision_time_of_two_normal_hypotheses_satisfy_walds_bounds():
-    # N(d, 1) against N(0, 1), d = .5, where the reference N(0, 1) is true: the error rate is at most
-    # alpha / (1 - beta), and the mean time at least ((1 - a) B + a A) / E[increment], where a is the
-    # realized error rate; bounds of 4 standard errors
-    generator, shift, runs = np.random.default_rng(1), 0.5, 4000
-    errors, times = 0, []
+    # N(d, 1) against N(0, 1), d = .5, where the reference N(0, 1) is true: the error rate is at
+    # most alpha / (1 - beta), and the mean time at least ((1 - a) B + a A) / E[increment], where a
+    # is the realized error rate; bounds of 4 standard errors.
+    generator = np.random.default_rng(1)
+    shift = 0.5
+    runs = 4000
+    errors = 0
+    times = []
     for _ in range(runs):
-        ratio, running, winner, k = np.zeros(2), np.ones(2, bool), -1, 0
+        ratio = np.zeros(2)
+        running = np.ones(2, bool)
+        winner = -1
+        k = 0
         while winner < 0:
             ratio[1] += shift * generator.standard_normal() - shift * shift / 2
             winner = sprt_test(ratio, running, 0, A, B)
@@ -60,10 +69,12 @@ def test_error_rate_and_decision_time_of_two_normal_hypotheses_satisfy_walds_bou
         times.append(k)
     rate = errors / runs
     bound = 0.01 / 0.98
+
     assert rate <= bound + 4 * math.sqrt(bound / runs)
     expected = ((1 - rate) * B + rate * A) / (-shift * shift / 2)
     assert np.mean(times) >= expected - 4 * np.std(times) / math.sqrt(runs)
-    assert np.mean(times) <= 1.25 * expected  # overshoot of one increment, relative to a threshold of about 4
+    # Overshoot of one increment, relative to a threshold of about 4.
+    assert np.mean(times) <= 1.25 * expected
 
 
 def row(ratios, tick, previous):
@@ -78,6 +89,7 @@ def row(ratios, tick, previous):
 def test_the_decider_restores_rejected_hypotheses_at_a_switch():
     decider = SPRTDecider(0.01, 0.02)
     actions, state = decider.predict(row([0.0, B - 1.0, 0.0], 7, 0))
+
     assert actions.tolist() == [0]
     assert state[1].tolist() == [[True, False, True]]
     kept = state[1].copy()

@@ -9,13 +9,22 @@ import numpy as np
 import pytest
 from matrix_filters import LiteralImm, MatrixExtendedKalmanFilter, MatrixKalmanFilter
 
-from baselines import BeamDecider, CusumDecider, FixedTimeDecider, MSPRTDecider, OnlineTracker, ThresholdDecider
+from baselines import (
+    BeamDecider,
+    CusumDecider,
+    FixedTimeDecider,
+    MSPRTDecider,
+    OnlineTracker,
+    ThresholdDecider,
+)
 from baselines.rules.refiltering import KeptCovarianceDecider
 from hybrid_env import ArgumentError, QuickestOptions, WorldOptions
 from hybrid_env.sensors import Fused
 
 START = [0.0, 2.0, 0.0, 0.3]
-P = np.diag([0.1, 0.04, 0.2, 0.09]) + 0.01 * np.array([[0, 1, 1, 0], [1, 0, 1, 1], [1, 1, 0, 1], [0, 1, 1, 0.0]])
+P = np.diag([0.1, 0.04, 0.2, 0.09]) + 0.01 * np.array(
+    [[0, 1, 1, 0], [1, 0, 1, 1], [1, 1, 0, 1], [0, 1, 1, 0.0]]
+)
 
 
 def quickest(**options):
@@ -28,7 +37,11 @@ def announced(decider=None, **options):
 
 def measurements(count, seed=0, scale=0.3):
     generator = np.random.default_rng(seed)
-    path = 0.2 * np.arange(1, count + 1)[:, None] * [1.0, 0.1] + generator.normal(0, scale, (count, 2))
+    path = 0.2 * np.arange(1, count + 1)[:, None] * [1.0, 0.1] + generator.normal(
+        0,
+        scale,
+        (count, 2),
+    )
     return [tuple(one) for one in path.tolist()]
 
 
@@ -44,7 +57,15 @@ def test_missing_measurements_are_predicted_by_the_interacting_multiple_model(by
     tracker = OnlineTracker(options, ThresholdDecider())
     tracker.begin(START, P)
     curvatures = [0.0, 0.5, 1 / 9, -0.5, -1 / 9]
-    literal = LiteralImm(START, P, curvatures, options.transition_matrix, 0.1, 0.001, (0.1, 0.3))
+    literal = LiteralImm(
+        START,
+        P,
+        curvatures,
+        options.transition_matrix,
+        0.1,
+        0.001,
+        (0.1, 0.3),
+    )
     missing = {6, 10, 11, 12, 20, 38, 39}
     for k, point in enumerate(measurements(40)):
         literal.step(None if k in missing else point)
@@ -52,42 +73,82 @@ def test_missing_measurements_are_predicted_by_the_interacting_multiple_model(by
             continue
         now = tracker.update(None if k in missing else point, 0.1 * k)
         np.testing.assert_allclose(now.probabilities, literal.probability, rtol=1e-8)
-        np.testing.assert_allclose(now.estimate, literal.estimate, rtol=1e-9, atol=1e-11)
-        np.testing.assert_allclose(now.covariance, literal.covariance, rtol=1e-8, atol=1e-10)
+        np.testing.assert_allclose(
+            now.estimate,
+            literal.estimate,
+            rtol=1e-9,
+            atol=1e-11,
+        )
+        np.testing.assert_allclose(
+            now.covariance,
+            literal.covariance,
+            rtol=1e-8,
+            atol=1e-10,
+        )
 
 
 @pytest.mark.parametrize("declared", [False, True])
 @pytest.mark.parametrize("bank", ["published", "anchor_aware"])
 def test_missing_measurements_are_predicted_by_the_filters_of_a_segment(bank, declared):
-    tracker = announced(FixedTimeDecider(4 if declared else 1000), bank=bank, reset_covariance=False)
+    tracker = announced(
+        FixedTimeDecider(4 if declared else 1000),
+        bank=bank,
+        reset_covariance=False,
+    )
     covariance = np.diag([0.1, 0.04, 0.1, 0.04])
     tracker.begin(START, covariance, mode=1)
     if bank == "published":
-        modes = [("S", 0.0), ("L", 5.0), ("R", 5.0)]
+        modes = [
+            ("S", 0.0),
+            ("L", 5.0),
+            ("R", 5.0),
+        ]
         R = 0.1 * np.eye(2)
         filters = [MatrixKalmanFilter(START, covariance, *mode, 0.1, 0.001, R) for mode in modes]
     else:
         R = (0.1, 0.1)
-        filters = [MatrixExtendedKalmanFilter(START, covariance, r, 0.1, 0.001, R) for r in (0.0, 5.0, -5.0)]
+        filters = [
+            MatrixExtendedKalmanFilter(START, covariance, r, 0.1, 0.001, R)
+            for r in (0.0, 5.0, -5.0)
+        ]
     for k, point in enumerate(measurements(25)):
         missing = k in {2, 7, 8, 24}
         for one in filters:
             one.step(None if missing else point)
         now = tracker.update(None if missing else point)
-        assert now.decided == (declared and k >= 3)  # at tick 4, also after missing ones
+        # At tick 4, also after missing ones.
+        assert now.decided == (declared and k >= 3)
         one = filters[now.mode]
         mean = one.x if bank == "published" else one.s[:4]
-        np.testing.assert_allclose(now.estimate, mean, rtol=1e-6, atol=1e-8)
-        np.testing.assert_allclose(now.covariance, one.P[:4, :4], rtol=1e-5, atol=1e-8)
+        np.testing.assert_allclose(
+            now.estimate,
+            mean,
+            rtol=1e-6,
+            atol=1e-8,
+        )
+        np.testing.assert_allclose(
+            now.covariance,
+            one.P[:4, :4],
+            rtol=1e-5,
+            atol=1e-8,
+        )
         if k <= 3 or not declared:
             likelihoods = np.array([one.log_likelihood for one in filters])
         expected = np.exp(likelihoods - likelihoods.max())
-        np.testing.assert_allclose(now.probabilities, expected / expected.sum(), rtol=1e-5)
+        np.testing.assert_allclose(
+            now.probabilities,
+            expected / expected.sum(),
+            rtol=1e-5,
+        )
 
 
 @pytest.mark.parametrize("tau", [1e-6, 0.1, 5.0])
 def test_times_may_deviate_by_the_tolerance_and_give_the_same_as_ticks(tau):
-    options = QuickestOptions(tau=tau, speed=0.2 / tau, initial_error=(1.0, (0.02 / tau) ** 2))
+    options = QuickestOptions(
+        tau=tau,
+        speed=0.2 / tau,
+        initial_error=(1.0, (0.02 / tau) ** 2),
+    )
     one, other = (OnlineTracker(options, ThresholdDecider(), tolerance=0.2) for _ in range(2))
     generator = np.random.default_rng(0)
     for k, point in enumerate(measurements(40)):
@@ -95,44 +156,82 @@ def test_times_may_deviate_by_the_tolerance_and_give_the_same_as_ticks(tau):
         assert_same(one.update(point, time), other.update(point))
 
 
-@pytest.mark.parametrize("time", [0.95, 0.9, 1.0, 1.13, 1.25, -7.0, 101.1, 1e300, -1e300])
+@pytest.mark.parametrize(
+    "time",
+    [0.95, 0.9, 1.0, 1.13, 1.25, -7.0, 101.1, 1e300, -1e300],
+)
 def test_a_time_that_is_not_a_tick_later_is_refused_and_changes_nothing(time):
-    tracker, other = quickest(), quickest()
+    tracker = quickest()
+    other = quickest()
     for k, point in enumerate(measurements(20)):
         tracker.update(point, 0.1 * k - 0.9)
         other.update(point)
     with pytest.raises(ArgumentError, match=re.escape(f"time={time} ")) as caught:
         tracker.update((0.0, 0.0), time)
+
     assert "\n" not in str(caught.value)
-    assert_same(tracker.update((4.0, 0.4), 1.1), other.update((4.0, 0.4)))
+    assert_same(
+        tracker.update((4.0, 0.4), 1.1),
+        other.update((4.0, 0.4)),
+    )
 
 
 BAD = [
-    (1.0, float("nan")), (float("inf"), 0.0), (1e31, 0.0), (1.0,), (1.0, 2.0, 3.0), 5.0, "12", ("1", "2"),
-    [[1.0, 2.0]], (True, False), (None, 1.0), {"x": 1.0}, np.ma.masked_array([1.0, 2.0], [True, False]),
-]  # fmt: skip
+    (1.0, float("nan")),
+    (float("inf"), 0.0),
+    (1e31, 0.0),
+    (1.0,),
+    (1.0, 2.0, 3.0),
+    5.0,
+    "12",
+    ("1", "2"),
+    [[1.0, 2.0]],
+    (True, False),
+    (None, 1.0),
+    {"x": 1.0},
+    np.ma.masked_array([1.0, 2.0], [True, False]),
+]
 
 
 @pytest.mark.parametrize("point", BAD, ids=repr)
 def test_a_bad_measurement_is_refused_and_changes_nothing(point):
-    tracker, other = announced(), announced()
+    tracker = announced()
+    other = announced()
     for one in measurements(15):
         tracker.update(one, None)
         other.update(one)
     with pytest.raises(ArgumentError, match="measurement") as caught:
         tracker.update(point, 3.0)
+
     assert "\n" not in str(caught.value)
     assert_same(tracker.update((3.2, 0.3)), other.update((3.2, 0.3)))
 
 
-RADARS = [{"range_deviation": 0.3, "bearing_deviation": 0.02, "rate_deviation": 0.2, "position": (9.0, 20.0)}]
+RADARS = [
+    {
+        "range_deviation": 0.3,
+        "bearing_deviation": 0.02,
+        "rate_deviation": 0.2,
+        "position": (9.0, 20.0),
+    }
+]
 FUSED = [
-    Fused((math.nan, 0.0)), Fused((math.inf, 0.0)), Fused((1e31, 0.0)), Fused(("a", 1.0)), Fused(None),
-    Fused((1.0, 2.0, 3.0)), Fused((1.0, 2.0), (math.nan, 0.0, 1.0)), Fused((1.0, 2.0), (-1.0, 0.0, -1.0)),
-    Fused((1.0, 2.0), (1.0, 5.0, 1.0)), Fused((1.0, 2.0), (0.0, 0.0, 0.0)), Fused((1.0, 2.0), (1.0, 2.0)),
-    Fused((1.0, 2.0), None, ("x",)), Fused((1.0, 2.0), None, (math.inf,)), Fused((1.0, 2.0), None, (1.0,) * 99),
+    Fused((math.nan, 0.0)),
+    Fused((math.inf, 0.0)),
+    Fused((1e31, 0.0)),
+    Fused(("a", 1.0)),
+    Fused(None),
+    Fused((1.0, 2.0, 3.0)),
+    Fused((1.0, 2.0), (math.nan, 0.0, 1.0)),
+    Fused((1.0, 2.0), (-1.0, 0.0, -1.0)),
+    Fused((1.0, 2.0), (1.0, 5.0, 1.0)),
+    Fused((1.0, 2.0), (0.0, 0.0, 0.0)),
+    Fused((1.0, 2.0), (1.0, 2.0)),
+    Fused((1.0, 2.0), None, ("x",)),
+    Fused((1.0, 2.0), None, (math.inf,)),
+    Fused((1.0, 2.0), None, (1.0,) * 99),
     Fused((1.0, 2.0), None, None),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize("gate", [10.0, None])
@@ -146,6 +245,7 @@ def test_what_no_sensor_measures_is_refused_and_the_track_goes_on(value, sensors
         tracker.update(point)
     with pytest.raises(ArgumentError, match=r"^measurement\.(position|covariance|rates)"):
         tracker.update(value)
+
     assert_same(tracker.update((1.8, 0.2)), other.update((1.8, 0.2)))
 
 
@@ -156,13 +256,22 @@ def test_what_no_sensor_measures_is_refused_and_the_track_goes_on(value, sensors
         (lambda: OnlineTracker(QuickestOptions(), None), "decider=None"),
         (lambda: OnlineTracker(QuickestOptions(), MSPRTDecider()), "decider='MSPRTDecider'"),
         (lambda: OnlineTracker(WorldOptions(), ThresholdDecider()), "decider='ThresholdDecider'"),
-        (lambda: OnlineTracker(WorldOptions(), BeamDecider(QuickestOptions())), "decider='BeamDecider'"),
         (
-            lambda: OnlineTracker(QuickestOptions(radii=(1.0, 2.0)), BeamDecider(QuickestOptions())),
+            lambda: OnlineTracker(WorldOptions(), BeamDecider(QuickestOptions())),
+            "decider='BeamDecider'",
+        ),
+        (
+            lambda: OnlineTracker(
+                QuickestOptions(radii=(1.0, 2.0)),
+                BeamDecider(QuickestOptions()),
+            ),
             "decider='BeamDecider'",
         ),
         (lambda: OnlineTracker(WorldOptions(bank="oracle"), MSPRTDecider()), "bank='oracle'"),
-        (lambda: OnlineTracker(QuickestOptions(), ThresholdDecider(), tolerance=0.7), "tolerance=0.7"),
+        (
+            lambda: OnlineTracker(QuickestOptions(), ThresholdDecider(), tolerance=0.7),
+            "tolerance=0.7",
+        ),
         (lambda: quickest().begin([0.0, 1.0]), "estimate"),
         (lambda: quickest().begin(covariance=np.eye(4)), "covariance"),
         (lambda: quickest().begin(START, -np.eye(4)), "covariance"),
@@ -179,7 +288,10 @@ def test_bad_arguments_are_named_in_one_line(make, message):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("how", [copy.deepcopy, copy.copy, lambda one: pickle.loads(pickle.dumps(one))])
+@pytest.mark.parametrize(
+    "how",
+    [copy.deepcopy, copy.copy, lambda one: pickle.loads(pickle.dumps(one))],
+)
 @pytest.mark.parametrize("after", [0, 2, 5, 30])
 @pytest.mark.parametrize("known", [True, False])
 def test_copies_go_on_alike_and_independently(known, after, how):
@@ -195,11 +307,16 @@ def test_copies_go_on_alike_and_independently(known, after, how):
         assert not np.shares_memory(array, tracker.world.arrays()[name])
     found = [tracker.update(points[k], 0.1 * k) for k in range(after, 60)]
     for k in range(after, 60):
-        assert_same(other.update(points[k], 0.1 * k), found[k - after])
+        assert_same(
+            other.update(points[k], 0.1 * k),
+            found[k - after],
+        )
 
 
 def decided_from(decider, mode=None, count=60):
-    """The first tick with `decided`, from which on it stays, and the largest probabilities of all ticks before it."""
+    """The first tick with `decided`, from which on it stays, and the largest probabilities of
+    all ticks before it.
+    """
     tracker = OnlineTracker(QuickestOptions(measurement_variance=0.01), decider)
     tracker.begin(START, P, mode)
     found = [tracker.update(point) for point in measurements(count, scale=0.1)]
@@ -213,12 +330,15 @@ def decided_from(decider, mode=None, count=60):
 @pytest.mark.parametrize("kind", [ThresholdDecider, BeamDecider])
 def test_a_first_statement_is_decided_from_the_crossing_of_the_threshold_on(kind, threshold):
     decider = (
-        kind(threshold) if kind is ThresholdDecider else kind(QuickestOptions(measurement_variance=0.01), threshold)
+        kind(threshold)
+        if kind is ThresholdDecider
+        else kind(QuickestOptions(measurement_variance=0.01), threshold)
     )
     first, largest = decided_from(decider)
     if kind is ThresholdDecider:
         assert (np.array(largest[:-1]) < threshold).all()
         assert largest[-1] >= threshold
+
     assert 0 < first < 60
 
 

@@ -14,9 +14,16 @@ def values(result, name="statements"):
 
 
 def test_a_case_counted_by_hand():
-    # truth:      A A A A B B B B C C D D D   (the last is the end)
-    # statements: A C A A A A B B B B D D D   C is false, B is 2 late, C is missed, D is right at once
-    found = values(score(np.arange(13) * 10.0, list("AAAABBBBCCDDD"), list("ACAAAABBBBDDD"), per=60.0))
+    # Truth:      A A A A B B B B C C D D D   (the last is the end) statements: A C A A A A B B B B
+    # D D D   C is false, B is 2 late, C is missed, D is right at once.
+    found = values(
+        score(
+            np.arange(13) * 10.0,
+            list("AAAABBBBCCDDD"),
+            list("ACAAAABBBBDDD"),
+            per=60.0,
+        )
+    )
     assert found["agreement"] == pytest.approx(7 / 12)
     assert found["delay"] == pytest.approx((20.0 + 0.0) / 2)
     assert found["misses"] == pytest.approx(1 / 3)
@@ -28,18 +35,32 @@ def test_a_case_counted_by_hand():
 
 
 def test_false_alarms_are_counted_in_the_time_of_normal_operation():
-    truth, stated = (list("AAAABBBBCCAA"), list("ACAABBABCCAB"))  # C is one, A in B is none; the last is no time
-    found = values(score(np.arange(12) * 10.0, truth, stated, per=60.0, normal="A"))
+    # C is one, A in B is none; the last is no time.
+    truth = list("AAAABBBBCCAA")
+    stated = list("ACAABBABCCAB")
+    found = values(
+        score(
+            np.arange(12) * 10.0,
+            truth,
+            stated,
+            per=60.0,
+            normal="A",
+        )
+    )
+
     assert found["false_changes"] == pytest.approx(3 / 110.0 * 60.0)
     assert found["false_alarms"] == pytest.approx(2 / 50.0 * 60.0)
 
 
 def test_switches_are_as_good_as_samples_and_statements_have_their_own_times():
-    # right in 0-30 and 33-60; the alarm from 10 to 11 is false; the end is 100
+    # Right in 0-30 and 33-60; the alarm from 10 to 11 is false; the end is 100.
     switches = score(
-        [0.0, 30.0, 100.0], ["straight", "left", "left"], ["straight", "left", "straight", "left"],
-        statement_times=[0.0, 10.0, 11.0, 33.5], per=1.0,
-    )  # fmt: skip
+        [0.0, 30.0, 100.0],
+        ["straight", "left", "left"],
+        ["straight", "left", "straight", "left"],
+        statement_times=[0.0, 10.0, 11.0, 33.5],
+        per=1.0,
+    )
     times = np.arange(0.0, 100.5, 0.5)
     truth = np.where(times < 30.0, 0, 1)
     stated = ((times >= 10.0) & (times < 11.0)) | (times >= 33.5)
@@ -49,26 +70,54 @@ def test_switches_are_as_good_as_samples_and_statements_have_their_own_times():
         assert found["agreement"] == pytest.approx(1.0 - 4.5 / 100.0)
         assert found["delay"] == pytest.approx(3.5)
         assert found["false_changes"] == pytest.approx(0.01)
-    listed = score([0.0, 30.0, 100.0], [0, 1, 1], stated, statement_times=times)
+    listed = score(
+        [0.0, 30.0, 100.0],
+        [0, 1, 1],
+        stated,
+        statement_times=times,
+    )
+
     assert values(listed)["false_per_1000"] == pytest.approx(1000.0 / 200)
 
 
 def test_an_early_statement_is_neither_false_nor_late_and_an_unfinished_switch_is_no_miss():
-    early = values(score(np.arange(8), [0, 0, 0, 0, 1, 1, 1, 1], [0, 0, 0, 1, 1, 1, 1, 1], per=1.0))
+    early = values(
+        score(
+            np.arange(8),
+            [0, 0, 0, 0, 1, 1, 1, 1],
+            [0, 0, 0, 1, 1, 1, 1, 1],
+            per=1.0,
+        )
+    )
     assert (early["delay"], early["false_changes"]) == (0.0, 0.0)
-    never = values(score(np.arange(8), [0, 0, 0, 0, 1, 1, 1, 1], np.zeros(8), per=1.0))
+    never = values(
+        score(
+            np.arange(8),
+            [0, 0, 0, 0, 1, 1, 1, 1],
+            np.zeros(8),
+            per=1.0,
+        )
+    )
     assert np.isnan(never["misses"])
     assert never["full_delay"] == 3.0
 
 
 def test_what_is_not_known_is_not_scored_and_nothing_stated_is_not_right():
     truth = ["a", "a", None, "", "a", "b", "b", "b"]
-    found = score(np.arange(8.0), truth, [None, "a", "b", "b", "a", "a", np.nan, "b"], per=1.0)
+    found = score(
+        np.arange(8.0),
+        truth,
+        [None, "a", "b", "b", "a", "a", np.nan, "b"],
+        per=1.0,
+    )
+
     assert found.scores["statements"].of("scored", 0).tolist() == [5.0]
     figures = values(found)
-    assert figures["agreement"] == pytest.approx(2 / 5)  # 1-2 and 4-5
+    # 1-2 and 4-5.
+    assert figures["agreement"] == pytest.approx(2 / 5)
     assert figures["delay"] == 2.0
-    assert figures["false_changes"] == 0.0  # b is stated where nothing is scored
+    # b is stated where nothing is scored.
+    assert figures["false_changes"] == 0.0
     late = values(score([0.0, 10.0], ["a", "a"], ["a"], statement_times=[4.0]))
     assert late["agreement"] == pytest.approx(0.6)
 
@@ -79,7 +128,11 @@ def tracks(count, switches, late, seed=0):
     steps = generator.integers(1, 3, (count, switches + 1)).cumsum(1) % 3
     truth = np.repeat(steps, 10, axis=1)
     times = [np.arange(truth.shape[1], dtype=float)] * count
-    return times, list(truth), [np.concatenate([np.repeat(one[:1], late), one[:-late]]) for one in truth]
+    return (
+        times,
+        list(truth),
+        [np.concatenate([np.repeat(one[:1], late), one[:-late]]) for one in truth],
+    )
 
 
 def test_differences_are_paired_over_tracks():
@@ -87,6 +140,7 @@ def test_differences_are_paired_over_tracks():
     fast = tracks(9, 8, 1)[2]
     fast[0] = slow[0]
     result = score(times, truth, {"fast": fast, "slow": slow})
+
     assert result.unit == "tracks"
     less = result.differences["slow"]["delay"]
     assert less.value == pytest.approx(8 / 9 * 3.0)
@@ -102,6 +156,7 @@ def test_a_single_track_has_intervals_over_blocks_if_it_is_long():
     times, truth, stated = tracks(1, 100, 2)
     stated[0][500:510] = (truth[0][500:510] + 1) % 3
     whole = score(times[0], truth[0], stated[0])
+
     assert whole.unit == "20 blocks"
     assert whole.estimates["statements"]["false_changes"].high > 0.0
     counts = whole.scores["statements"]
@@ -110,33 +165,64 @@ def test_a_single_track_has_intervals_over_blocks_if_it_is_long():
     short = score(*(one[0] for one in tracks(1, 15, 2)))
     assert short.unit == ""
     assert np.isnan(short.estimates["statements"]["delay"].low)
-    assert short.as_json()["figures"]["statements"]["delay"] == {"value": 2.0, "low": None, "high": None}
+    assert short.as_json()["figures"]["statements"]["delay"] == {
+        "value": 2.0,
+        "low": None,
+        "high": None,
+    }
 
 
 def test_times_may_be_dates():
     start = datetime.datetime(2026, 1, 1)
     dates = [start + datetime.timedelta(seconds=5 * k) for k in range(6)]
-    expected = values(score(np.arange(0, 30, 5), list("aabbbb"), list("aaabbb")))
+    expected = values(
+        score(
+            np.arange(0, 30, 5),
+            list("aabbbb"),
+            list("aaabbb"),
+        )
+    )
     zoned = [date.replace(tzinfo=datetime.UTC) for date in dates]
-    for times in (dates, zoned, np.array(dates, "datetime64[us]"), [date.isoformat() for date in dates]):
-        assert values(score(times, list("aabbbb"), list("aaabbb"))) == pytest.approx(expected, nan_ok=True)
+    for times in (
+        dates,
+        zoned,
+        np.array(dates, "datetime64[us]"),
+        [date.isoformat() for date in dates],
+    ):
+        assert values(score(times, list("aabbbb"), list("aaabbb"))) == pytest.approx(
+            expected,
+            nan_ok=True,
+        )
 
 
 @pytest.mark.parametrize("nothing", [None, "", float("nan")])
 def test_a_detector_that_never_states_anything_misses_all(nothing):
     truth = list("AABBCCAA")
-    result = score(np.arange(8.0), truth, {"silent": [nothing] * 8, "right": truth})
+    result = score(
+        np.arange(8.0),
+        truth,
+        {"silent": [nothing] * 8, "right": truth},
+    )
     found = values(result, "silent")
-    assert (found["agreement"], found["misses"], found["false_changes"], found["changes_per_switch"]) == (0, 1, 0, 0)
+
+    assert (
+        found["agreement"],
+        found["misses"],
+        found["false_changes"],
+        found["changes_per_switch"],
+    ) == (0, 1, 0, 0)
     assert np.isnan(found["delay"])
     assert result.differences["right"]["misses"].value == -1.0
 
 
 def test_a_list_of_statements_may_be_empty():
-    times, truth = np.arange(8.0), list("AABBCCAA")
+    times = np.arange(8.0)
+    truth = list("AABBCCAA")
+
     assert values(score(times, truth, [], statement_times=[]))["misses"] == 1
     several = score([times, times], [truth, truth], [[], truth], statement_times=[[], times])
-    assert values(several)["misses"] == pytest.approx(2 / 5)  # the last switch of the first track may still come
+    # The last switch of the first track may still come.
+    assert values(several)["misses"] == pytest.approx(2 / 5)
     with pytest.raises(ArgumentError, match="times"):
         score([], [], [])
 
@@ -147,17 +233,33 @@ TIMES, TRUTH = [0.0, 1.0, 2.0], ["a", "b", "b"]
 @pytest.mark.parametrize(
     ("arguments", "options", "message"),
     [
-        (([0.0, 2.0, 1.0], TRUTH, TRUTH), {}, r"times\[2\]='1.0' is not allowed: expected a time after 2.0"),
+        (
+            ([0.0, 2.0, 1.0], TRUTH, TRUTH),
+            {},
+            r"times\[2\]='1.0' is not allowed: expected a time after 2.0",
+        ),
         ((TIMES, TRUTH[:2], TRUTH), {}, r"truth has shape \(2,\) for 3 times"),
         ((TIMES, TRUTH, TRUTH[:2]), {}, r"statements has shape \(2,\) for 3 times"),
         ((TIMES, TRUTH, {"x": TRUTH[:2]}), {}, r"statements\['x'\] has shape"),
         ((TIMES, TRUTH, {}), {}, "at least one set"),
-        ((TIMES, TRUTH, ["A", "B", "B"]), {}, r"statements=\['A', 'B'\].*modes of the truth, such as a, b"),
+        (
+            (TIMES, TRUTH, ["A", "B", "B"]),
+            {},
+            r"statements=\['A', 'B'\].*modes of the truth, such as a, b",
+        ),
         ((TIMES, [None, "", np.nan], TRUTH), {}, "truth has no mode"),
         ((TIMES, TRUTH, TRUTH), {"per": 0.0}, "per=0.0"),
         ((TIMES, TRUTH, TRUTH), {"normal": "c"}, "normal='c'.*a mode of the truth, such as a, b"),
-        ((TIMES, TRUTH, TRUTH), {"statement_times": [5.0, 6.0, 7.0]}, "before the end of the truth"),
-        ((TIMES, TRUTH, TRUTH), {"statement_times": ["2026-01-01", "2026-01-02", "2026-01-03"]}, "as those"),
+        (
+            (TIMES, TRUTH, TRUTH),
+            {"statement_times": [5.0, 6.0, 7.0]},
+            "before the end of the truth",
+        ),
+        (
+            (TIMES, TRUTH, TRUTH),
+            {"statement_times": ["2026-01-01", "2026-01-02", "2026-01-03"]},
+            "as those",
+        ),
         (([TIMES, TIMES], [TRUTH, TRUTH], [TRUTH]), {}, "1 tracks"),
         ((["x", "y", "z"], TRUTH, TRUTH), {}, "numbers or datetimes"),
         ((3.0, TRUTH, TRUTH), {}, "an array of times"),
@@ -166,7 +268,7 @@ TIMES, TRUTH = [0.0, 1.0, 2.0], ["a", "b", "b"]
         ((TIMES, TRUTH, None), {}, r"statements has shape \(\)"),
         ((TIMES, [{}, 1, 2], TRUTH), {}, "mode={}"),
     ],
-)  # fmt: skip
+)
 def test_errors_are_one_line(arguments, options, message):
     with pytest.raises(ArgumentError, match=message) as raised:
         score(*arguments, **options)

@@ -13,8 +13,17 @@ TIME_AT = {level: at_level("right", level, mean("ticks")) for level in (0.4, 0.9
 
 def scores(right, ticks, episodes=50):
     """Scores with given means; all episodes are equal."""
-    values = np.broadcast_to(np.array([right, ticks], float), (episodes, 2, len(right)))
-    return Scores("x", "k", tuple(map(float, range(len(right)))), ("right", "ticks"), values)
+    values = np.broadcast_to(
+        np.array([right, ticks], float),
+        (episodes, 2, len(right)),
+    )
+    return Scores(
+        "x",
+        "k",
+        tuple(map(float, range(len(right)))),
+        ("right", "ticks"),
+        values,
+    )
 
 
 def test_levels_are_interpolated_linearly():
@@ -30,20 +39,36 @@ def test_levels_are_interpolated_linearly():
 def test_a_level_that_is_not_reached_is_infinite_and_null_in_json():
     line = scores([0.5, 0.9], [10, 20])
     estimate = line.estimate(TIME_AT[0.99])
+
     assert np.isinf([estimate.value, estimate.low, estimate.high]).all()
-    assert estimate.as_json() == {"value": None, "low": None, "high": None}
+    assert estimate.as_json() == {
+        "value": None,
+        "low": None,
+        "high": None,
+    }
     assert NOT_REACHED > 1e6
-    for pair in ((line, scores([1.0], [10])), (scores([1.0], [10]), line)):
+    for pair in (
+        (line, scores([1.0], [10])),
+        (scores([1.0], [10]), line),
+    ):
         assert np.isinf(pair[0].ratio(pair[1], TIME_AT[0.99]).value)
 
 
 def test_a_quotient_of_nothing_is_undefined():
-    never = Scores("x", "k", (0.0,), ("delay", "switches"), np.zeros((5, 2, 1)))
+    never = Scores(
+        "x",
+        "k",
+        (0.0,),
+        ("delay", "switches"),
+        np.zeros((5, 2, 1)),
+    )
     assert np.isnan(never.estimate(ratio("delay", "switches")).value)
 
 
 def test_ratios_and_differences_are_those_of_the_figures():
-    line, other = scores([0.5, 0.9, 1.0], [10, 20, 40]), scores([0.9, 1.0], [8, 10])
+    line = scores([0.5, 0.9, 1.0], [10, 20, 40])
+    other = scores([0.9, 1.0], [8, 10])
+
     assert other.ratio(line, TIME_AT[0.95]).value == pytest.approx(9.0 / 30.0)
     assert other.difference(line, SHARE, 0, 2).value == pytest.approx(-0.1)
     one = line.at(1)
@@ -54,20 +79,25 @@ def test_ratios_and_differences_are_those_of_the_figures():
 
 def test_the_confidence_interval_of_a_mean_has_its_nominal_coverage():
     generator = np.random.default_rng(4)
-    trials, covered = 100, 0
+    trials = 100
+    covered = 0
     for _ in range(trials):
         low, high = confidence_interval(generator.exponential(1.0, 200))
         covered += low <= 1.0 <= high
-    # 95 of 100, standard deviation 2.2; percentile bootstraps undercover by 1 or 2 % on skewed data
+    # 95 of 100, standard deviation 2.2; percentile bootstraps undercover by 1 or 2 % on skewed
+    # data.
     assert 95 - 0.02 * trials - 4 * 2.2 <= covered
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0])
 def test_the_interval_of_equal_shares_is_wilsons(share):
-    episodes, z = 40, stats.norm.ppf(0.975)
-    width = z**2 / (episodes + z**2)  # Wilson's interval of 0 of n is (0, z^2 / (n + z^2))
+    episodes = 40
+    z = stats.norm.ppf(0.975)
+    # Wilson's interval of 0 of n is (0, z^2 / (n + z^2))
+    width = z**2 / (episodes + z**2)
     expected = (0.0, width) if share == 0.0 else (1.0 - width, 1.0)
     found = scores([share], [1.0], episodes).estimate(SHARE)
+
     assert (found.value, found.low, found.high) == pytest.approx((share, *expected))
     ticks = scores([share], [1.0], episodes).estimate(mean("ticks"))
     assert (ticks.low, ticks.high) == (1.0, 1.0)

@@ -17,6 +17,7 @@ def test_metrics_of_two_short_tracks():
     true = columns("0000111222", "2222222200")
     stated = columns("0100011112", "1222222222")
     metrics = measure_statements(Statements(true, stated), change_cost=2.0)
+
     np.testing.assert_allclose(metrics.right, [0.6, 0.7])
     np.testing.assert_allclose(metrics.wrong_changes, [100.0, 0.0])
     np.testing.assert_allclose(metrics.reward, [(6 - 2) / 10, 0.7])
@@ -24,16 +25,20 @@ def test_metrics_of_two_short_tracks():
     assert metrics.switches.tolist() == [2, 1]
     assert metrics.delays.tolist() == [1, 2]
     assert metrics.delay_tracks.tolist() == [0, 0]
-    assert metrics.missed.tolist() == [0, 0]  # the last switch of the second track may still be detected
+    # The last switch of the second track may still be detected.
+    assert metrics.missed.tolist() == [0, 0]
     assert metrics.value("delay") == 1.5
     assert metrics.named_within(3).tolist() == [0, 1, 2, 2, 2]
     assert metrics.value("change_ratio") == pytest.approx(5 / 3)
 
 
 def literal_metrics(true, stated):
-    """Return (delay, track) of detected switches, sorted, and by track its missed switches and the ticks
-    before the new mode is stated."""
-    found, missed, undetected = [], [], []
+    """Return (delay, track) of detected switches, sorted, and by track its missed switches and the
+    ticks before the new mode is stated.
+    """
+    found = []
+    missed = []
+    undetected = []
     for i, (modes, statements) in enumerate(zip(true.T, stated.T, strict=True)):
         starts = [k for k in range(1, len(modes)) if modes[k] != modes[k - 1]]
         missed.append(0)
@@ -51,10 +56,18 @@ def literal_metrics(true, stated):
 @pytest.mark.parametrize("seed", range(5))
 def test_delays_and_misses_equal_those_of_a_literal_loop(seed):
     generator = np.random.default_rng(seed)
-    true, stated = (np.repeat(generator.integers(0, 3, (40, 7)), repeats, axis=0)[:60] for repeats in (5, 2))
+    true, stated = (
+        np.repeat(
+            generator.integers(0, 3, (40, 7)),
+            repeats,
+            axis=0,
+        )[:60]
+        for repeats in (5, 2)
+    )
     metrics = measure_statements(Statements(true, stated))
     found, missed, undetected = literal_metrics(true, stated)
     pairs = sorted(zip(metrics.delays.tolist(), metrics.delay_tracks.tolist(), strict=True))
+
     assert pairs == found
     assert metrics.missed.tolist() == missed
     assert metrics.undetected.tolist() == undetected
@@ -63,14 +76,25 @@ def test_delays_and_misses_equal_those_of_a_literal_loop(seed):
     assert sorted(metrics.delays) == sorted(delay for delay, _ in found)
 
 
-@pytest.mark.parametrize("shapes", [((5, 2), (5, 3)), ((5,), (5,)), ((0, 2), (0, 2))])
+@pytest.mark.parametrize(
+    "shapes",
+    [
+        ((5, 2), (5, 3)),
+        ((5,), (5,)),
+        ((0, 2), (0, 2)),
+    ],
+)
 def test_other_shapes_are_refused(shapes):
     with pytest.raises(ArgumentError, match="statements"):
         measure_statements(Statements(*(np.zeros(shape, int) for shape in shapes)))
 
 
 def test_the_reward_is_that_of_the_environment():
-    options = {"ticks": 120, "durations": "uniform 10-30", "change_cost": 3.0}
+    options = {
+        "ticks": 120,
+        "durations": "uniform 10-30",
+        "change_cost": 3.0,
+    }
     decider = ThresholdDecider(0.5)
     metrics = measure_statements(record_statements(decider, 30, 8, **options), change_cost=3.0)
     env = HybridTrackQuickestVectorEnv(30, **options)
@@ -79,5 +103,6 @@ def test_the_reward_is_that_of_the_environment():
     for _ in range(120):
         rows, rewards, *_ = env.step(decider.predict(rows)[0])
         total += rewards
+
     np.testing.assert_allclose(metrics.reward, total / 120, rtol=1e-12)
     assert metrics.wrong_changes.sum() > 0

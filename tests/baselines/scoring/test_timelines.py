@@ -12,7 +12,14 @@ def drawn(seed, moments=120):
     scored = np.repeat(generator.random(40) < 0.8, 3)[:moments]
     weights = np.where(scored, generator.random(moments), 0.0)
     times = np.cumsum(0.1 + generator.random(moments))
-    return Timeline(times, modes, stated, scored, weights, scored & (generator.random(moments) < 0.9))
+    return Timeline(
+        times,
+        modes,
+        stated,
+        scored,
+        weights,
+        scored & (generator.random(moments) < 0.9),
+    )
 
 
 def literal_counts(one, normal):
@@ -63,7 +70,12 @@ def literal_counts(one, normal):
 def test_counts_equal_those_of_a_literal_loop_also_in_blocks(seed):
     one = drawn(seed)
     expected = literal_counts(one, normal=1)
-    np.testing.assert_allclose(count_timeline(one, normal=1)[0], expected, atol=1e-12)
+
+    np.testing.assert_allclose(
+        count_timeline(one, normal=1)[0],
+        expected,
+        atol=1e-12,
+    )
     blocks = np.repeat([0, 1, 3], 40)
     parts = count_timeline(one, normal=1, blocks=blocks)
     assert parts.shape == (4, len(TimelineCounts._fields))

@@ -1,4 +1,6 @@
-"""Every bank equals its filters in matrix form, in every lane, also with missing measurements and sensors."""
+"""Every bank equals its filters in matrix form, in every lane, also with missing measurements
+and sensors.
+"""
 
 import math
 
@@ -13,46 +15,100 @@ from matrix_filters import (
     transition_matrix,
 )
 
-from hybrid_env import HybridTrackEnv, HybridTrackQuickestVectorEnv, HybridTrackVectorEnv, KalmanBank, Radar, Sensor
+from hybrid_env import (
+    HybridTrackEnv,
+    HybridTrackQuickestVectorEnv,
+    HybridTrackVectorEnv,
+    KalmanBank,
+    Radar,
+    Sensor,
+)
 from hybrid_env.core.records import LANES
 from hybrid_env.live import SQUARE
 
 STATE = ("x", "vx", "y", "vy")
 TRIANGLE = np.triu_indices(4)
-OF_SEVEN = [0, 1, 2, 3, 7, 8, 9, 13, 14, 18]  # elements of the first four states in the triangle of seven
-UNEQUAL = {"measurement_variance": (0.05, 0.2), "process_variance": 0.02, "tau": 0.15}
+# Elements of the first four states in the triangle of seven.
+OF_SEVEN = [0, 1, 2, 3, 7, 8, 9, 13, 14, 18]
+UNEQUAL = {
+    "measurement_variance": (0.05, 0.2),
+    "process_variance": 0.02,
+    "tau": 0.15,
+}
 SENSORS = (
     Sensor(variance=0.4, period=2),
     Sensor(variance=0.05, position=(3.0, 4.0), range=4.0),
-    Sensor(variance=2.0, position=(-3.0, 0.0), range=6.0, period=3),
+    Sensor(
+        variance=2.0,
+        position=(-3.0, 0.0),
+        range=6.0,
+        period=3,
+    ),
 )
 RADARS = (
     Radar(range_deviation=0.1, bearing_deviation=0.02, position=(-20.0, 3.0)),
     Sensor(variance=0.3, period=3),
-    Radar(range_deviation=0.5, bearing_deviation=0.005, position=(3.0, 30.0), period=2),
+    Radar(
+        range_deviation=0.5,
+        bearing_deviation=0.005,
+        position=(3.0, 30.0),
+        period=2,
+    ),
 )
 DOPPLER = (
-    Radar(range_deviation=0.2, bearing_deviation=0.03, rate_deviation=0.1, position=(20.0, 3.0), period=2),
+    Radar(
+        range_deviation=0.2,
+        bearing_deviation=0.03,
+        rate_deviation=0.1,
+        position=(20.0, 3.0),
+        period=2,
+    ),
     *RADARS[1:],
-    Radar(range_deviation=1.0, bearing_deviation=0.01, rate_deviation=0.3, position=(0.0, -30.0)),
+    Radar(
+        range_deviation=1.0,
+        bearing_deviation=0.01,
+        rate_deviation=0.3,
+        position=(0.0, -30.0),
+    ),
 )
 MEASURED = {
-    "plain": {}, "unequal": UNEQUAL, "missed": {"missed": 0.4}, "sensors": {"sensors": SENSORS},
-    "both": {"sensors": SENSORS, "missed": 0.4, "noise": "levy 1.5 0.5 44"}, "radars": {"sensors": RADARS},
+    "plain": {},
+    "unequal": UNEQUAL,
+    "missed": {"missed": 0.4},
+    "sensors": {"sensors": SENSORS},
+    "both": {
+        "sensors": SENSORS,
+        "missed": 0.4,
+        "noise": "levy 1.5 0.5 44",
+    },
+    "radars": {"sensors": RADARS},
     "range rates": {"sensors": DOPPLER, "missed": 0.3},
-}  # fmt: skip
+}
 HEAVY = {"noise": "levy 1.2"}
 ROBUST = {
     "robust": {"likelihood": f"student_t {FREEDOM}"},
-    "robust, radars": {"likelihood": f"student_t {FREEDOM}", "sensors": RADARS, "noise": "outliers 0.2"},
+    "robust, radars": {
+        "likelihood": f"student_t {FREEDOM}",
+        "sensors": RADARS,
+        "noise": "outliers 0.2",
+    },
     "robust, missed": {"likelihood": f"student_t {FREEDOM}", "missed": 0.3},
     "robust, unequal": {"likelihood": f"student_t {FREEDOM}"} | UNEQUAL | HEAVY,
 }
 ANNOUNCED = [
-    *(pytest.param({"bank": "published"} | one, id=f"published, {k}") for k, one in (MEASURED | ROBUST).items()),
-    *(pytest.param({"bank": "anchor_aware"} | one, id=f"aware, {k}") for k, one in MEASURED.items()),
+    *(
+        pytest.param({"bank": "published"} | one, id=f"published, {k}")
+        for k, one in (MEASURED | ROBUST).items()
+    ),
+    *(
+        pytest.param({"bank": "anchor_aware"} | one, id=f"aware, {k}")
+        for k, one in MEASURED.items()
+    ),
     pytest.param({"reset_covariance": False} | UNEQUAL, id="published, kept covariance"),
-    pytest.param({"follow": "bank", "reset_covariance": True} | ROBUST["robust"], id="published, merged"),
+    pytest.param(
+        {"follow": "bank", "reset_covariance": True} | ROBUST["robust"],
+        id="published, merged",
+    ),
 ]
 
 
@@ -60,14 +116,23 @@ def check_rows(env, rows, measurement):
     """Check that innovations are exactly zero in ticks without a measurement, and nowhere else."""
     layout = env.world.layout
     white = np.hstack([layout.read(rows, f"innovation_{one}") for one in ("along", "across")])
-    np.testing.assert_array_equal((white == 0).all(1), np.isnan(measurement[:, 0]))
+    np.testing.assert_array_equal(
+        (white == 0).all(1),
+        np.isnan(measurement[:, 0]),
+    )
     assert env.observation_space.contains(rows)
 
 
 @pytest.mark.parametrize("options", ANNOUNCED)
 def test_a_bank_equals_matrix_filters_from_a_switch_on(options):
-    # the second segment begins with the covariance of a filter that has followed the object
-    env = HybridTrackVectorEnv(LANES, tick_info=True, scheme="L12r9 L40r9", radii=(2.0, 9.0, 200.0), **options)
+    # The second segment begins with the covariance of a filter that has followed the object.
+    env = HybridTrackVectorEnv(
+        LANES,
+        tick_info=True,
+        scheme="L12r9 L40r9",
+        radii=(2.0, 9.0, 200.0),
+        **options,
+    )
     env.reset(seed=4)
     rows, *_, info = env.step(np.full(LANES, 3))
     filters = [filters_at_switch(env, i) for i in range(LANES)]
@@ -78,50 +143,114 @@ def test_a_bank_equals_matrix_filters_from_a_switch_on(options):
             step_filters(own, env, i, info["measurement"][i])
         bank = env.world.bank.hypotheses[0]
         states = np.array([[one.s[:4] if aware else one.x for one in own] for own in filters])
-        found = np.stack([bank[name] for name in STATE], -1).swapaxes(0, 1)
+        found = np.stack([bank[name] for name in STATE], -1).swapaxes(
+            0,
+            1,
+        )
         np.testing.assert_allclose(found, states, rtol=rtol, atol=atol)
         likelihood = [[one.log_likelihood for one in own] for own in filters]
-        np.testing.assert_allclose(info["log_likelihood"], likelihood, rtol=rtol, atol=atol)
+        np.testing.assert_allclose(
+            info["log_likelihood"],
+            likelihood,
+            rtol=rtol,
+            atol=atol,
+        )
         check_rows(env, rows, info["measurement"])
         covariance = bank["covariance"][:, OF_SEVEN] if aware else None
         rows, *_, info = env.step(np.zeros(LANES, np.int64))
     if aware:
         P = [[one.P[:4, :4][TRIANGLE] for one in own] for own in filters]
-        np.testing.assert_allclose(covariance.transpose(2, 0, 1), P, rtol=1e-5, atol=1e-8)
+        np.testing.assert_allclose(
+            covariance.transpose(2, 0, 1),
+            P,
+            rtol=1e-5,
+            atol=1e-8,
+        )
 
 
-UNKNOWN = {"hazard 0": {"hazard": 0.0, "measurement_variance": 3.0}, "hazard 0.8": {"hazard": 0.8}} | MEASURED | ROBUST
+UNKNOWN = (
+    {"hazard 0": {"hazard": 0.0, "measurement_variance": 3.0}, "hazard 0.8": {"hazard": 0.8}}
+    | MEASURED
+    | ROBUST
+)
 
 
 @pytest.mark.parametrize("options", UNKNOWN.values(), ids=UNKNOWN)
 def test_the_imm_bank_equals_the_literal_one(options):
-    ticks, radii = 50, (2.0, 9.0)
+    ticks = 50
+    radii = (2.0, 9.0)
     env = HybridTrackQuickestVectorEnv(
-        LANES, tick_info=True, radii=radii, ticks=ticks, durations="uniform 9-30", start="random", heading=0.3,
-        initial_error=0, **options,
-    )  # fmt: skip
+        LANES,
+        tick_info=True,
+        radii=radii,
+        ticks=ticks,
+        durations="uniform 9-30",
+        start="random",
+        heading=0.3,
+        initial_error=0,
+        **options,
+    )
     chosen = env.options
     matrix = transition_matrix(5, chosen.assumed_hazard)
+
     np.testing.assert_allclose(chosen.transition_matrix, matrix)
     start = [0.0, 2.0 * math.cos(0.3), 0.0, 2.0 * math.sin(0.3)]
     curvatures = [0.0, 0.5, 1 / 9, -0.5, -1 / 9]
-    model = (matrix, chosen.tau, chosen.process_variance, [1.0, 1.0], FREEDOM * (str(chosen.likelihood) != "gaussian"))
+    model = (
+        matrix,
+        chosen.tau,
+        chosen.process_variance,
+        [1.0, 1.0],
+        FREEDOM * (str(chosen.likelihood) != "gaussian"),
+    )
     literal = [LiteralImm(start, np.zeros((4, 4)), curvatures, *model) for _ in range(LANES)]
     rows, info = env.reset(seed=5)
     for _ in range(ticks):
         for i, one in enumerate(literal):
             step_filters([one], env, i, info["measurement"][i])
         bank = env.world.bank.hypotheses[0]
-        found = np.stack([bank[name] for name in STATE], -1).swapaxes(0, 1)
-        np.testing.assert_allclose(found, [one.states for one in literal], rtol=1e-8, atol=1e-8)
+        found = np.stack([bank[name] for name in STATE], -1).swapaxes(
+            0,
+            1,
+        )
+        np.testing.assert_allclose(
+            found,
+            [one.states for one in literal],
+            rtol=1e-8,
+            atol=1e-8,
+        )
         P = [[own[TRIANGLE] for own in one.covariances] for one in literal]
-        np.testing.assert_allclose(bank["covariance"].transpose(2, 0, 1), P, rtol=1e-7, atol=1e-10)
-        np.testing.assert_allclose(bank["log_likelihood"].T, [one.log_likelihood for one in literal], rtol=1e-7)
+        np.testing.assert_allclose(
+            bank["covariance"].transpose(2, 0, 1),
+            P,
+            rtol=1e-7,
+            atol=1e-10,
+        )
+        np.testing.assert_allclose(
+            bank["log_likelihood"].T,
+            [one.log_likelihood for one in literal],
+            rtol=1e-7,
+        )
         probability = [one.probability for one in literal]
-        np.testing.assert_allclose(np.exp(info["log_probability"]), probability, rtol=1e-7, atol=1e-9)
-        np.testing.assert_allclose(info["estimate"], [one.estimate for one in literal], rtol=1e-8, atol=1e-8)
+        np.testing.assert_allclose(
+            np.exp(info["log_probability"]),
+            probability,
+            rtol=1e-7,
+            atol=1e-9,
+        )
+        np.testing.assert_allclose(
+            info["estimate"],
+            [one.estimate for one in literal],
+            rtol=1e-8,
+            atol=1e-8,
+        )
         merged = [one.covariance[TRIANGLE] for one in literal]
-        np.testing.assert_allclose(env.world.field("covariance"), merged, rtol=1e-7, atol=1e-9)
+        np.testing.assert_allclose(
+            env.world.field("covariance"),
+            merged,
+            rtol=1e-7,
+            atol=1e-9,
+        )
         check_rows(env, rows, info["measurement"])
         rows, *_, info = env.step(np.zeros(LANES, np.int64))
     assert (env.world.field("segment") > 0).all()
@@ -129,7 +258,12 @@ def test_the_imm_bank_equals_the_literal_one(options):
 
 def test_the_anchor_aware_filter_that_was_declared_carries_over_its_covariance():
     R = (0.1, 0.2)
-    env = HybridTrackEnv(bank="anchor_aware", scheme="L30r5 S20", measurement_variance=R, render_mode="rgb_array")
+    env = HybridTrackEnv(
+        bank="anchor_aware",
+        scheme="L30r5 S20",
+        measurement_variance=R,
+        render_mode="rgb_array",
+    )
     _, info = env.reset(seed=4)
     P = np.diag([0.3 * R[0], 0.02, 0.3 * R[1], 0.02])
     chosen = MatrixExtendedKalmanFilter(info["anchor"], P, 5.0, 0.1, 0.001, R)
@@ -137,12 +271,26 @@ def test_the_anchor_aware_filter_that_was_declared_carries_over_its_covariance()
         chosen.step(info["measurement"])
         if k < 11:
             *_, info = env.step(0)
-    row, *_, info = env.step(2)  # left, the true mode
+    # Left, the true mode.
+    row, *_, info = env.step(2)
     for z in env.world.read_trace(0)[:-1, 4:6]:
         chosen.step(z)
-    np.testing.assert_allclose(info["anchor"], chosen.s[:4], rtol=1e-6, atol=1e-7)
-    np.testing.assert_allclose(env.world.field("covariance")[0], chosen.P[:4, :4][TRIANGLE], rtol=1e-5)
-    mean = [0.5 * (chosen.P[a, b] / R[0] + chosen.P[a + 2, b + 2] / R[1]) for a, b in ((0, 0), (0, 1), (1, 1))]
+
+    np.testing.assert_allclose(
+        info["anchor"],
+        chosen.s[:4],
+        rtol=1e-6,
+        atol=1e-7,
+    )
+    np.testing.assert_allclose(
+        env.world.field("covariance")[0],
+        chosen.P[:4, :4][TRIANGLE],
+        rtol=1e-5,
+    )
+    mean = [
+        0.5 * (chosen.P[a, b] / R[0] + chosen.P[a + 2, b + 2] / R[1])
+        for a, b in ((0, 0), (0, 1), (1, 1))
+    ]
     found = [env.world.layout.read(row, name) for name in ("anchor_xx", "anchor_xv", "anchor_vv")]
     np.testing.assert_allclose(found, mean, rtol=1e-5)
 
@@ -150,8 +298,14 @@ def test_the_anchor_aware_filter_that_was_declared_carries_over_its_covariance()
 def test_the_oracle_bank_is_anchored_at_the_true_state():
     env = HybridTrackEnv(bank="oracle", scheme="L30r5 S20", heading=0.5)
     _, info = env.reset(seed=4)
-    np.testing.assert_allclose(info["anchor"], [0, 2 * np.cos(0.5), 0, 2 * np.sin(0.5)], atol=1e-15)
-    _, _, _, _, info = env.step(3)  # a wrong decision does not change the next anchor
+
+    np.testing.assert_allclose(
+        info["anchor"],
+        [0, 2 * np.cos(0.5), 0, 2 * np.sin(0.5)],
+        atol=1e-15,
+    )
+    # A wrong decision does not change the next anchor.
+    _, _, _, _, info = env.step(3)
     assert not info["correct"]
     assert np.hypot(*(info["anchor"] - info["truth"])[[0, 2]]) < 0.3
 
@@ -164,6 +318,7 @@ def test_a_diverged_filter_loses_likelihood_and_stays_finite():
     for _ in range(5):
         *_, info = env.step(0)
     found = info["log_likelihood"]
+
     assert np.isfinite(found).all()
     assert found[0] > max(found[1:]) + 1000
     assert np.isfinite(bank["x"][:, 0]).all()
@@ -186,18 +341,32 @@ def test_the_anchor_is_the_mixture_of_the_filters():
     first = [env.world.read_trace(i)[0, 4:6] for i in range(3)]
     env.step(np.array([1, 2, 4]))
     for i in range(3):
-        trace = env.world.read_trace(i)[:-1]  # the last row is the first tick of the next segment
+        # The last row is the first tick of the next segment.
+        trace = env.world.read_trace(i)[:-1]
         bank = KalmanBank(radii=(3.0, 8.0), measurement_variance=(0.5, 2.0))
         bank.anchor(anchors[i], kept[i][SQUARE])
         for measurement in (first[i], *trace[:, 4:6]):
             log_likelihood = bank.step(measurement)
             weights = posterior(log_likelihood)
             mean = weights @ bank.estimates
-        np.testing.assert_allclose(env.world.field("anchor")[i], mean, rtol=1e-9)
-        np.testing.assert_allclose(trace[-1, 6:8], mean[[0, 2]], rtol=1e-9)
+        np.testing.assert_allclose(
+            env.world.field("anchor")[i],
+            mean,
+            rtol=1e-9,
+        )
+        np.testing.assert_allclose(
+            trace[-1, 6:8],
+            mean[[0, 2]],
+            rtol=1e-9,
+        )
         expected = np.zeros((4, 4))
         for h in range(5):
             deviation = bank.estimates[h] - mean
             expected += weights[h] * (bank.covariances[h] + np.outer(deviation, deviation))
         found = env.world.field("covariance")[i]
-        np.testing.assert_allclose(found, expected[np.triu_indices(4)], rtol=1e-7, atol=1e-12)
+        np.testing.assert_allclose(
+            found,
+            expected[np.triu_indices(4)],
+            rtol=1e-7,
+            atol=1e-12,
+        )

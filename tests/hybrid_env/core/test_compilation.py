@@ -13,14 +13,24 @@ import hybrid_env
 from hybrid_env.core.compilation import drop_stale_files
 
 
-@pytest.mark.parametrize(("changed", "kept"), [(True, 0), (False, 2)])
+@pytest.mark.parametrize(
+    ("changed", "kept"),
+    [
+        (True, 0),
+        (False, 2),
+    ],
+)
 def test_a_newer_source_removes_the_cache(tmp_path, changed, kept):
     year = 366 * 24 * 3600.0
     newest = max(path.stat().st_mtime for path in Path(hybrid_env.__file__).parent.rglob("*.py"))
     for name in ("kernel.f-1.py311.nbi", "kernel.f-1.py311.1.nbc"):
         (tmp_path / name).write_text("")
-        os.utime(tmp_path / name, (newest, newest - year if changed else newest + year))
+        os.utime(
+            tmp_path / name,
+            (newest, newest - year if changed else newest + year),
+        )
     drop_stale_files(str(tmp_path), "hybrid_env")
+
     assert len(list(tmp_path.iterdir())) == kept
 
 
@@ -43,12 +53,15 @@ def of_both(x, i):
 
 prepare(element, np.ones(3), 1)
 """
-COMPILED = 3  # functions of the program: one is prepared, one calls the others, one is also called from Python
+# Functions of the program: one is prepared, one calls the others, one is also called from Python.
+COMPILED = 3
 
 
 @pytest.fixture
 def run(tmp_path, monkeypatch, capsys):
-    """Return a function that runs the program as a new process would, and counts its announcements."""
+    """Return a function that runs the program as a new process would, and counts its
+    announcements.
+    """
     path = tmp_path / "program.py"
     path.write_text(PROGRAM)
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "cache"))
@@ -60,7 +73,10 @@ def run(tmp_path, monkeypatch, capsys):
         assert module["other"](np.ones(3), index) == 3.0
         lines = capsys.readouterr().err.splitlines()
         until = "not kept, as" if numba.config.CACHE_DIR in UNWRITABLE else "kept for"
-        said = rf"compiling program.\w+ \(number \d+; most commands need 1 to 5\), up to 15 s, {until} "
+        said = (
+            r"compiling program.\w+ \(number \d+; most commands need 1 to 5\), up to 15 s,"
+            rf" {until} "
+        )
         assert all(re.search(said, line) for line in lines)
         return len(lines)
 
@@ -79,7 +95,8 @@ def _truncate(path):
     path.write_bytes(path.read_bytes()[:-100])
 
 
-def _flip(path):  # without the checksum, damaged machine code would be executed
+# Without the checksum, damaged machine code would be executed.
+def _flip(path):
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 0xFF
     path.write_bytes(content)
@@ -104,13 +121,19 @@ def test_a_damaged_cache_is_replaced(tmp_path, run, suffix, damage, name):
     run()
     (path,) = (tmp_path / "cache").rglob(f"program.{name}-*.{suffix}")
     damage(path)
+
     assert [run(), run()] == [1, 0]
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_cache_of_damaged_files_alone_is_replaced(tmp_path, run, damage):
     run()
-    files = [path for path in (tmp_path / "cache").rglob("*") if path.is_file() and path.suffix != ".lock"]
+    files = [
+        path
+        for path in (tmp_path / "cache").rglob("*")
+        if path.is_file() and path.suffix != ".lock"
+    ]
+
     assert {path.suffix for path in files} == {".nbi", ".nbc", ".checksums"}
     for path in files:
         damage(path)
@@ -122,7 +145,10 @@ def test_a_cache_that_cannot_be_removed_is_named_in_one_line(tmp_path, run):
     (path,) = (tmp_path / "cache").rglob("program.element-*.nbi")
     path.unlink()
     path.mkdir()
-    with pytest.raises(OSError, match=r"^the compilation cache .*program.element is damaged: remove it, or set"):
+    with pytest.raises(
+        OSError,
+        match=r"^the compilation cache .*program.element is damaged: remove it, or set",
+    ):
         run()
 
 
@@ -132,6 +158,7 @@ def test_a_cache_that_cannot_be_written_is_not_used(tmp_path, run, monkeypatch, 
     for name in ("XDG_CACHE_HOME", "HOME"):
         monkeypatch.setenv(name, folder)
     (tmp_path / "__pycache__").write_text("a file where numba would make a folder")
+
     assert [run(), run()] == [COMPILED, COMPILED]
 
 
@@ -140,4 +167,5 @@ def test_checked_indices_raise(tmp_path, run, monkeypatch):
     monkeypatch.setattr(numba.config, "BOUNDSCHECK", 1)
     with pytest.raises(IndexError):
         run(index=5)
+
     assert not list(tmp_path.rglob("*.nb[ic]"))

@@ -12,22 +12,41 @@ from hybrid_env import ENVIRONMENTS, HybridTrackQuickestVectorEnv, HybridTrackVe
 
 BANK = tuple(float(radius) for radius in range(1, 11))
 DIGESTS = [
-    pytest.param({}, "3606773566ce64340b8cd8d79c8209cfd184160a3089c7e09050e1b80d65a68b", id="default"),
     pytest.param(
-        {"measurement_variance": (0.05, 0.2), "noise": "outliers 0.1", "radii": (3.0, 8.0)},
+        {},
+        "3606773566ce64340b8cd8d79c8209cfd184160a3089c7e09050e1b80d65a68b",
+        id="default",
+    ),
+    pytest.param(
+        {
+            "measurement_variance": (0.05, 0.2),
+            "noise": "outliers 0.1",
+            "radii": (3.0, 8.0),
+        },
         "7dfc38ec40d304a3b3b0f689c143b3204d914f5c3c723dbac68766ffb4fb14bc",
         id="two noises, outliers",
     ),
     pytest.param(
-        {"radii": BANK, "correctness": "type", "delay_cost": 0.01},
+        {
+            "radii": BANK,
+            "correctness": "type",
+            "delay_cost": 0.01,
+        },
         "7ac5fac3a66d702b4381bbe49ab713de8cc4a91e7fd13167f592e10d98fbc0d1",
         id="21 hypotheses",
     ),
     pytest.param(
-        {"bank": "anchor_aware"}, "82b4671b3c1ac61df7e49b64602cf413181303b81775e42a37111d4807903ef1", id="anchor-aware"
+        {"bank": "anchor_aware"},
+        "82b4671b3c1ac61df7e49b64602cf413181303b81775e42a37111d4807903ef1",
+        id="anchor-aware",
     ),
     pytest.param(
-        {"bank": "anchor_aware", "radii": BANK, "correctness": "type", "measurement_variance": 1.0},
+        {
+            "bank": "anchor_aware",
+            "radii": BANK,
+            "correctness": "type",
+            "measurement_variance": 1.0,
+        },
         "a325df21adaaa52e7fef00ab8e0bf72d44497eaf0f074a94a01a27de56cc51d2",
         id="anchor-aware, 21 hypotheses",
     ),
@@ -48,7 +67,13 @@ DIGESTS = [
         id="fixed scheme",
     ),
     pytest.param(
-        {"reset_covariance": False, "speed": 7.0, "tau": 0.05, "process_variance": 0.01, "actions": "best"},
+        {
+            "reset_covariance": False,
+            "speed": 7.0,
+            "tau": 0.05,
+            "process_variance": 0.01,
+            "actions": "best",
+        },
         "e3915817cf9a6938acc9de6c8b3c8da7b351d83cce9e551cb653229f5b8aacdc",
         id="kept covariance",
     ),
@@ -73,7 +98,11 @@ def digest_of(steps, **options):
     digest = hashlib.sha256(rows.tobytes())
     for _ in range(steps):
         declares = generator.random(9) < 1 / 15
-        actions = np.where(declares, generator.integers(1, env.single_action_space.n, 9), 0)
+        actions = np.where(
+            declares,
+            generator.integers(1, env.single_action_space.n, 9),
+            0,
+        )
         rows, rewards, *_ = env.step(actions)
         digest.update(rows.tobytes())
         digest.update(rewards.tobytes())
@@ -86,7 +115,11 @@ def test_observations_and_rewards_have_the_recorded_digest(options, digest):
 
 
 QUICKEST_DIGESTS = [
-    pytest.param({}, "c011e5cb83613cd37f5d765d058ab082a310780f6608a15c5703e7a307d466af", id="default"),
+    pytest.param(
+        {},
+        "c011e5cb83613cd37f5d765d058ab082a310780f6608a15c5703e7a307d466af",
+        id="default",
+    ),
     pytest.param(
         {
             "radii": (3.0, 8.0),
@@ -113,4 +146,5 @@ def test_rows_and_rewards_with_unknown_switch_moments_have_the_recorded_digest(o
         rows, rewards, *_ = env.step(generator.integers(0, env.single_action_space.n, 9))
         found.update(rows.tobytes())
         found.update(rewards.tobytes())
+
     assert found.hexdigest() == digest

@@ -9,7 +9,7 @@ from hybrid_env.core.motion import motion_coefficients
 @pytest.mark.parametrize("rate", [0.0, 1e-6, 0.3])
 @pytest.mark.parametrize("tau", [0.1, 1e4, 1e9])
 def test_a_covariance_much_larger_than_the_noise_stays_positive_semidefinite(tau, rate):
-    # the corrected velocity variance is smaller than the rounding error of the predicted one
+    # The corrected velocity variance is smaller than the rounding error of the predicted one.
     coefficients = motion_coefficients(rate / tau, tau)
     for R in (1e-18, 1e-6, 1.0):
         covariance = (1.0, 0.0, 1.0)

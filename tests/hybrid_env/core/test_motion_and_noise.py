@@ -24,14 +24,27 @@ def integers(state, count, bound):
 
 
 def seeded(seed):
-    return np.random.default_rng(seed).integers(1, 2**64, (4, LANES), dtype=np.uint64)
+    return np.random.default_rng(seed).integers(
+        1,
+        2**64,
+        (4, LANES),
+        dtype=np.uint64,
+    )
 
 
 def test_the_generator_gives_the_published_stream():
-    # first outputs of the reference implementation of xoshiro256++ from the state (1, 2, 3, 4)
+    # First outputs of the reference implementation of xoshiro256++ from the state (1, 2, 3, 4).
     state = np.zeros((4, LANES), np.uint64)
     state[:, 2] = [1, 2, 3, 4]
-    expected = [41943041, 58720359, 3588806011781223, 3591011842654386, 9228616714210784205, 9973669472204895162]
+    expected = [
+        41943041,
+        58720359,
+        3588806011781223,
+        3591011842654386,
+        9228616714210784205,
+        9973669472204895162,
+    ]
+
     assert [int(value) for value in bits(state, len(expected))] == expected
     assert not state[:, [0, 1, *range(3, LANES)]].any()
 

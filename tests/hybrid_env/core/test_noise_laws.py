@@ -11,20 +11,39 @@ from scipy import stats
 
 
 def errors(law, count, seed=3):
-    """Return the errors of `count` measurements over sqrt(R), (2, count), and the noise of the velocities."""
-    drawn = drawn_noise(20, count // 20, seed, noise=law).swapaxes(0, 1).reshape(4, -1)
+    """Return the errors of `count` measurements over sqrt(R), (2, count), and the noise of the
+    velocities.
+    """
+    drawn = (
+        drawn_noise(20, count // 20, seed, noise=law)
+        .swapaxes(
+            0,
+            1,
+        )
+        .reshape(
+            4,
+            -1,
+        )
+    )
     return drawn[2:], drawn[:2]
 
 
 DISTRIBUTIONS = [
-    ("gaussian", stats.norm(), 100_000), ("levy 2 0.70710678118654752", stats.norm(), 100_000),
-    ("levy 1", stats.cauchy(), 100_000), ("levy 1.5 2", stats.levy_stable(1.5, 0.0, scale=2.0), 1600),
-    ("levy 0.8", stats.levy_stable(0.8, 0.0), 1600), ("student_t 3", stats.t(3), 100_000),
+    ("gaussian", stats.norm(), 100_000),
+    ("levy 2 0.70710678118654752", stats.norm(), 100_000),
+    ("levy 1", stats.cauchy(), 100_000),
+    ("levy 1.5 2", stats.levy_stable(1.5, 0.0, scale=2.0), 1600),
+    ("levy 0.8", stats.levy_stable(0.8, 0.0), 1600),
+    ("student_t 3", stats.t(3), 100_000),
     ("student_t 1", stats.cauchy(), 100_000),
-]  # fmt: skip
+]
 
 
-@pytest.mark.parametrize(("law", "distribution", "count"), DISTRIBUTIONS, ids=[one[0] for one in DISTRIBUTIONS])
+@pytest.mark.parametrize(
+    ("law", "distribution", "count"),
+    DISTRIBUTIONS,
+    ids=[one[0] for one in DISTRIBUTIONS],
+)
 def test_errors_have_the_distribution_of_their_law(law, distribution, count):
     drawn, velocities = errors(law, count // 2)
     assert stats.kstest(drawn.ravel(), distribution.cdf).pvalue > 1e-3
@@ -34,13 +53,17 @@ def test_errors_have_the_distribution_of_their_law(law, distribution, count):
 @pytest.mark.parametrize("index", [0.6, 1.0, 1.3, 1.5, 1.9])
 def test_stable_errors_have_their_characteristic_function(index):
     drawn = errors(f"levy {index}", 100_000, 4)[0].ravel()
-    for t in (0.1, 0.5, 1.0, 2.0):  # the standard error of a mean of cosines is below 1 / sqrt(n)
-        assert np.cos(t * drawn).mean() == pytest.approx(np.exp(-(t**index)), abs=4.0 / np.sqrt(drawn.size))
+    # The standard error of a mean of cosines is below 1 / sqrt(n).
+    for t in (0.1, 0.5, 1.0, 2.0):
+        assert np.cos(t * drawn).mean() == pytest.approx(
+            np.exp(-(t**index)),
+            abs=4.0 / np.sqrt(drawn.size),
+        )
 
 
 def test_the_coordinates_of_a_student_t_error_have_the_bivariate_distribution():
     x, y = errors("student_t 4", 100_000, 5)[0]
-    # (x^2 + y^2) / 2 has the F distribution, and the angle is uniform
+    # (x^2 + y^2) / 2 has the F distribution, and the angle is uniform.
     assert stats.kstest((x * x + y * y) / 2, stats.f(2, 4).cdf).pvalue > 1e-3
     assert stats.kstest(np.arctan2(y, x) / (2 * np.pi) + 0.5, "uniform").pvalue > 1e-3
 
@@ -59,7 +82,9 @@ def test_errors_are_clipped():
 def test_outliers_have_the_given_share_and_ratio():
     drawn = errors("outliers 0.2 10", 100_000, 9)[0]
     mixture = lambda x: 0.8 * stats.norm.cdf(x) + 0.2 * stats.norm.cdf(x / 10.0)  # noqa: E731
+
     assert stats.kstest(drawn.ravel(), mixture).pvalue > 1e-3
-    # both coordinates of a measurement are outliers together
-    together, expected = (np.abs(drawn) > 9.0).all(0).mean(), 0.2 * (2.0 * stats.norm.sf(0.9)) ** 2
+    # Both coordinates of a measurement are outliers together.
+    together = (np.abs(drawn) > 9.0).all(0).mean()
+    expected = 0.2 * (2.0 * stats.norm.sf(0.9)) ** 2
     assert together == pytest.approx(expected, abs=4.0 * np.sqrt(expected / (drawn.size / 2)))

@@ -14,8 +14,10 @@ from hybrid_env.rendering.evidence import TYPE_COLOURS
 from hybrid_env.rendering.window import RENDER_FPS
 
 WIDTH, HEIGHT = FRAME_SIZE
-SKIPPED = np.array([237, 237, 237])  # black at 7 % on white
-EVIDENCE = np.s_[45:325, 516:861]  # pixels inside the panel
+# Black at 7 % on white.
+SKIPPED = np.array([237, 237, 237])
+# Pixels inside the panel.
+EVIDENCE = np.s_[45:325, 516:861]
 
 
 def make(render_mode="rgb_array", **options):
@@ -46,7 +48,9 @@ def play(env, seed, wait_probability=0.9):
 def test_a_frame_is_a_new_rgb_array_that_a_step_changes():
     env = make()
     env.reset(seed=0)
-    first, second = env.render(), env.render()
+    first = env.render()
+    second = env.render()
+
     assert first.shape == (HEIGHT, WIDTH, 3)
     assert first.dtype == np.uint8
     assert env.metadata["render_fps"] == RENDER_FPS == 10
@@ -59,23 +63,34 @@ def test_a_frame_is_a_new_rgb_array_that_a_step_changes():
 
 
 def test_the_history_contains_every_tick_once_until_the_reset():
-    env, waiting = make(), make(render_mode=None)
+    env = make()
+    waiting = make(render_mode=None)
     infos = play(env, seed=3)
-    # path and noise do not depend on the decisions, so an agent that only waits sees all ticks
-    truths, measurements, lengths = [], [], []
+    # Path and noise do not depend on the decisions, so an agent that only waits sees all ticks.
+    truths = []
+    measurements = []
+    lengths = []
     for info in play(waiting, seed=3, wait_probability=1.0):
         if "decided_mode" in info:
             lengths.append(info["decided_length"])
-        if len(lengths) < env.options.segments:  # the last step contains no new tick
+        # The last step contains no new tick.
+        if len(lengths) < env.options.segments:
             truths.append(info["truth"])
             measurements.append(info["measurement"])
     trace = env.history.trace
+
     assert len(infos) < sum(lengths) == len(trace)
     np.testing.assert_array_equal(trace[:, :4], truths)
     np.testing.assert_array_equal(trace[:, 4:6], measurements)
-    np.testing.assert_array_equal(env.history.switches, np.cumsum([0, *lengths])[:-1])
+    np.testing.assert_array_equal(
+        env.history.switches,
+        np.cumsum([0, *lengths])[:-1],
+    )
     true_modes = [decision.true_mode for decision in env.history.decisions]
-    np.testing.assert_array_equal(env.history.true_modes, np.repeat(true_modes, lengths))
+    np.testing.assert_array_equal(
+        env.history.true_modes,
+        np.repeat(true_modes, lengths),
+    )
     assert env.history.finished
     env.reset()
     assert len(env.history.trace) == len(env.history.true_modes) == 1
@@ -94,10 +109,12 @@ def test_the_evidence_is_the_log_likelihood_ratio_until_the_decision():
             expected += [np.full(3, np.nan)] * (info["decided_length"] - info["ticks"])
         if k < len(infos) - 1:
             expected.append(info["log_likelihood"] - info["log_likelihood"][active])
+
     np.testing.assert_array_equal(env.history.evidence, expected)
     made = [info for info in infos if "decided_mode" in info]
     assert [(d.mode, d.true_mode, d.correct, d.ticks) for d in env.history.decisions] == [
-        (info["decided_mode"], info["decided_true_mode"], info["correct"], info["ticks"]) for info in made
+        (info["decided_mode"], info["decided_true_mode"], info["correct"], info["ticks"])
+        for info in made
     ]
     starts = np.cumsum([0] + [info["decided_length"] for info in made])
     for decision, start in zip(env.history.decisions, starts, strict=False):
@@ -112,10 +129,12 @@ def test_ticks_after_a_decision_are_shaded_and_have_no_evidence():
         env.step(action)
     panel = env.render()[EVIDENCE]
     shaded = np.abs(panel[4].astype(int) - SKIPPED).max(-1) <= 2
-    assert 0.6 < shaded.mean() < 0.75  # 39 of 60 ticks
+    # 39 of 60 ticks.
+    assert 0.6 < shaded.mean() < 0.75
     runs = np.flatnonzero(np.diff(np.r_[0, shaded, 0]))
     for start, end in zip(runs[::2], runs[1::2], strict=True):
-        inside = panel[:, start + 8 : end - 8]  # markers extend into it
+        # Markers extend into it.
+        inside = panel[:, start + 8 : end - 8]
         assert inside.size
         assert not any(pixels_of(colour, inside).any() for colour in TYPE_COLOURS)
     assert any(pixels_of(colour, panel[:, ~shaded]).any() for colour in TYPE_COLOURS)

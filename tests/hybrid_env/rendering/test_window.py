@@ -15,7 +15,13 @@ def make(render_mode):
     return gym.make("HybridTrackPublished-v0", render_mode=render_mode).unwrapped
 
 
-@pytest.mark.parametrize(("module", "mode"), [("pygame", "human"), ("hybrid_env.rendering.figure", "rgb_array")])
+@pytest.mark.parametrize(
+    ("module", "mode"),
+    [
+        ("pygame", "human"),
+        ("hybrid_env.rendering.figure", "rgb_array"),
+    ],
+)
 def test_what_is_not_installed_is_named_with_its_extra(module, mode, monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     monkeypatch.setitem(sys.modules, module, None)
@@ -29,11 +35,13 @@ def test_the_window_shows_the_frame(monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     import pygame
 
-    env, reference = make("human"), make("rgb_array")
+    env = make("human")
+    reference = make("rgb_array")
     env.reset(seed=0)
     reference.reset(seed=0)
     shown = pygame.surfarray.array3d(pygame.display.get_surface()).swapaxes(0, 1)
     env.close()
+
     assert np.array_equal(shown, reference.render())
 
 
@@ -45,6 +53,7 @@ def test_the_episode_continues_after_the_window_is_closed(monkeypatch):
     env.reset(seed=0)
     pygame.event.post(pygame.event.Event(pygame.QUIT))
     env.step(0)
+
     assert env.renderer.window.closed_by_user
     assert not pygame.display.get_init()
     env.step(0)

@@ -16,24 +16,37 @@ from baselines.recordings.flights.samples import Samples
 from baselines.recordings.flights.simulated import simulate_flights, twins
 from hybrid_env.checks import ArgumentError
 
-METRE = 1.0 / 111_320.0  # degrees of latitude
+# Degrees of latitude.
+METRE = 1.0 / 111_320.0
 
 
 def reports(icao="abc123", start=1_600_000_000.0, seed=0):
-    """A flight at 80 m/s near the equator with a left turn of 2 deg/s and a right one of 1.5 deg/s."""
+    """A flight at 80 m/s near the equator with a left turn of 2 deg/s and a right one of 1.5
+    deg/s.
+    """
     generator = np.random.default_rng(seed)
-    rates = np.radians(np.repeat([0.0, 2.0, 0.0, -1.5, 0.0], [200, 45, 120, 60, 200]))
+    rates = np.radians(
+        np.repeat(
+            [0.0, 2.0, 0.0, -1.5, 0.0],
+            [200, 45, 120, 60, 200],
+        )
+    )
     heading = 0.3 + np.cumsum(rates)
-    path = np.cumsum(80.0 * np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)
+    path = np.cumsum(
+        80.0 * np.column_stack([np.cos(heading), np.sin(heading)]),
+        axis=0,
+    )
     path += generator.normal(0.0, 1.5, path.shape)
     return [
         {
-            "timestamp": int(1000 * (start + k)), "icao24": icao,
-            "latitude": y * METRE, "longitude": x * METRE,
+            "timestamp": int(1000 * (start + k)),
+            "icao24": icao,
+            "latitude": y * METRE,
+            "longitude": x * METRE,
             "track": float(np.degrees(np.pi / 2.0 - angle) % 360.0),
         }
         for k, ((x, y), angle) in enumerate(zip(path, heading, strict=True))
-    ]  # fmt: skip
+    ]
 
 
 def write(folder, rows, name="known"):
@@ -51,7 +64,12 @@ def flight(tmp_path):
 def test_flights_are_divided_at_gaps_and_by_aircraft(tmp_path):
     rows = reports() + reports(start=1_600_002_000.0, seed=1) + reports(icao="39e415", seed=2)
     samples = Samples(write(tmp_path / "inner", rows).parent)
-    assert set(samples.flights_of("known")) == {"known:abc123:0", "known:abc123:1", "known:39e415:0"}
+
+    assert set(samples.flights_of("known")) == {
+        "known:abc123:0",
+        "known:abc123:1",
+        "known:39e415:0",
+    }
     flight = samples.flight("known:abc123:1")
     assert (flight.tier.name, len(flight.times), flight.times[0]) == ("B", 625, 0.0)
 
@@ -62,6 +80,7 @@ def test_a_wheel_is_read_like_a_folder(tmp_path):
     with zipfile.ZipFile(wheel, "w") as archive:
         archive.write(path, "traffic/data/samples/known.json.gz")
     one, other = (Samples(source).flight("known:abc123:0") for source in (tmp_path, wheel))
+
     np.testing.assert_array_equal(one.positions, other.positions)
 
 
@@ -71,6 +90,7 @@ def test_repeated_and_interpolated_positions_are_left_out(tmp_path):
     for name in ("latitude", "longitude"):
         rows[101][name] = 0.5 * (rows[100][name] + rows[102][name])
     flight = Samples(write(tmp_path, rows)).flight("known:abc123:0")
+
     assert (flight.repeated, flight.interpolated) == (1, 1)
     assert not {50.0, 101.0} & set(flight.times.tolist())
 
@@ -78,6 +98,7 @@ def test_repeated_and_interpolated_positions_are_left_out(tmp_path):
 def test_labels_of_known_turns(flight):
     (labels,) = label_flights([flight])
     pieces = [(mode, labels.times[first]) for first, _, mode in labels.pieces]
+
     assert [mode for mode, _ in pieces] == [STRAIGHT, LEFT, STRAIGHT, RIGHT, STRAIGHT]
     assert np.allclose([begin for _, begin in pieces], [0, 200, 245, 365, 425], atol=5.0)
     assert np.degrees(labels.rates[215:230]).mean() == pytest.approx(2.0, rel=0.1)
@@ -85,7 +106,7 @@ def test_labels_of_known_turns(flight):
 
 
 def test_the_filter_with_one_model_is_a_kalman_filter(flight):
-    # isotropic noise and a Gaussian likelihood: the Kalman filter of constant velocity
+    # Isotropic noise and a Gaussian likelihood: the Kalman filter of constant velocity.
     batch = stack_flights([flight])._replace(timing=np.zeros(1))
     model = TurnModel(rates=(0.0,), acceleration=0.1, freedom=1e9)
     estimates = run_turn_imm(batch, model)
@@ -94,23 +115,43 @@ def test_the_filter_with_one_model_is_a_kalman_filter(flight):
     first = batch.positions[0, 0], batch.positions[1, 0] - batch.positions[0, 0]
     start = np.column_stack(first).reshape(1, 4)
     spread = np.diag([across**2, 1e4, across**2, 1e4])
-    filtered = run_filter(kalman, batch.positions[1:], batch.times[1:], start=(start, spread, 0.0))
+    filtered = run_filter(
+        kalman,
+        batch.positions[1:],
+        batch.times[1:],
+        start=(start, spread, 0.0),
+    )
     speeds = np.hypot(*np.moveaxis(filtered.velocities[:, 0], -1, 0))
-    np.testing.assert_allclose(estimates.speeds[1:, 0], speeds, rtol=1e-6)
+
+    np.testing.assert_allclose(
+        estimates.speeds[1:, 0],
+        speeds,
+        rtol=1e-6,
+    )
 
 
 def test_counts_by_hand(flight):
     (labels,) = label_flights([flight])
     exact = count_flight(flight, labels, labels.modes)
-    assert (exact.switches, exact.missed, exact.delay, exact.false, exact.changes) == (4, 0, 0.0, 0, 4)
+
+    assert (exact.switches, exact.missed, exact.delay, exact.false, exact.changes) == (
+        4,
+        0,
+        0.0,
+        0,
+        4,
+    )
     assert exact.agreed == exact.scored
     stated = labels.modes.copy()
-    stated[labels.modes == RIGHT] = STRAIGHT  # a miss
-    stated[100:110] = LEFT  # two changes, one of them false
+    # A miss.
+    stated[labels.modes == RIGHT] = STRAIGHT
+    # Two changes, one of them false.
+    stated[100:110] = LEFT
     wrong = count_flight(flight, labels, stated)
     assert (wrong.missed, wrong.false, wrong.false_alarms) == (1, 1, 1)
     stated = labels.modes.copy()
-    stated[215:222] = STRAIGHT  # a turn with a gap: two changes, one of them false
+    # A turn with a gap: two changes, one of them false.
+    stated[215:222] = STRAIGHT
     gap = count_flight(flight, labels, stated)
     assert (gap.missed, gap.false, gap.false_alarms, gap.changes) == (0, 1, 0, 6)
 
@@ -129,7 +170,11 @@ def test_simulated_flights_have_the_noise_of_their_tier():
 
 @pytest.mark.parametrize(
     ("identity", "text"),
-    [("known", "file:icao24:k"), ("known:abc123:7", "known:abc123:0"), ("nothing:abc123:0", "file=")],
+    [
+        ("known", "file:icao24:k"),
+        ("known:abc123:7", "known:abc123:0"),
+        ("nothing:abc123:0", "file="),
+    ],
 )
 def test_unknown_flights_are_refused(tmp_path, identity, text):
     samples = Samples(write(tmp_path, reports()))

@@ -16,12 +16,18 @@ from baselines.recordings.flights.simulated import FlightWorld, simulate_flights
 
 
 def test_between_positions_the_path_is_that_of_the_smoother():
-    # the smoother itself, with times without a measurement
+    # The smoother itself, with times without a measurement.
     generator = np.random.default_rng(0)
     times = np.cumsum(generator.uniform(1.0, 6.0, 40))
     heading = np.cumsum(generator.normal(0.0, 0.2, 40))
-    positions = np.cumsum(300.0 * np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)
-    middle = np.setdiff1d(np.linspace(times[0], times[-1], 77), times)
+    positions = np.cumsum(
+        300.0 * np.column_stack([np.cos(heading), np.sin(heading)]),
+        axis=0,
+    )
+    middle = np.setdiff1d(
+        np.linspace(times[0], times[-1], 77),
+        times,
+    )
     moments = np.sort(np.concatenate([times, middle]))
     values = np.full((len(moments), 2), np.nan)
     measured = np.isin(moments, times)
@@ -29,16 +35,31 @@ def test_between_positions_the_path_is_that_of_the_smoother():
 
     def states(z, t):
         model = MotionModel("CA", 2, 1.0)
-        return smooth(model, run_filter(KalmanFilter(model, 25.0, (200.0, 5.0)), z, t), t).states
+        return smooth(
+            model,
+            run_filter(KalmanFilter(model, 25.0, (200.0, 5.0)), z, t),
+            t,
+        ).states
 
     path = smooth_path(times, states(positions, times), middle)
-    np.testing.assert_allclose(path, states(values, moments)[~measured][:, [0, 1, 3, 4]], rtol=1e-4, atol=0.05)
+
+    np.testing.assert_allclose(
+        path,
+        states(values, moments)[~measured][:, [0, 1, 3, 4]],
+        rtol=1e-4,
+        atol=0.05,
+    )
 
 
 @pytest.fixture(scope="module")
 def simulated():
-    # with hardly any noise or jitter, so that the truth is known
-    world = FlightWorld(jitter=1e-6, wander=1e-9, rates=(0.039, 0.041), speeds=(89.0, 91.0))
+    # With hardly any noise or jitter, so that the truth is known.
+    world = FlightWorld(
+        jitter=1e-6,
+        wander=1e-9,
+        rates=(0.039, 0.041),
+        speeds=(89.0, 91.0),
+    )
     tier = TIERS["B"]._replace(across=0.1, timing=1e-3)
     return simulate_flights(tier, 3, 2500.0, np.random.default_rng(2), world)
 
@@ -50,26 +71,37 @@ def test_noise_and_ticks(simulated):
         np.testing.assert_array_equal(np.diff(one.times), 1.0)
         assert one.pieces == [(0, len(one.times))]
         assert one.tier[1:3] == (pytest.approx(142.0, rel=0.02), 0.0)
-        true = np.column_stack([np.interp(one.times, flight.times, axis) for axis in flight.positions.T])
+        true = np.column_stack(
+            [np.interp(one.times, flight.times, axis) for axis in flight.positions.T]
+        )
         errors = (one.positions - true) / one.tier.across
         count = errors.size
-        # mean and mean square of standard normal errors, 4.5 standard deviations
+        # Mean and mean square of standard normal errors, 4.5 standard deviations.
         assert abs(errors.mean()) < 4.5 / np.sqrt(count)
         assert abs((errors**2).mean() - 1.0) < 4.5 * np.sqrt(2.0 / count)
         row = np.abs(one.times[:, None] - flight.times).argmin(1)
         apart = np.abs(one.times - flight.times[row])
-        clear = np.abs(apart - 0.5) > 1e-6  # two positions are not equally near
-        np.testing.assert_array_equal(copy.modes[clear], label.modes[row][clear])
+        # Two positions are not equally near.
+        clear = np.abs(apart - 0.5) > 1e-6
+        np.testing.assert_array_equal(
+            copy.modes[clear],
+            label.modes[row][clear],
+        )
 
 
 def test_deciders_of_the_environment_read_flights_in_any_unit(simulated):
     made, copied = semi_real_flights(*simulated, np.random.default_rng(1))
     stated = state_semi_real(ThresholdDecider(0.6), made)
     scores = score_flights("threshold", made, copied, stated)
+
     assert scores.estimate(STATISTICS["agreement"]).value > 0.85
     assert any((one != STRAIGHT).any() for one in stated)
     scaled = [
-        replace(one, tier=one.tier._replace(across=1000.0 * one.tier.across), positions=1000.0 * one.positions)
+        replace(
+            one,
+            tier=one.tier._replace(across=1000.0 * one.tier.across),
+            positions=1000.0 * one.positions,
+        )
         for one in made
     ]
     for one, other in zip(stated, state_semi_real(ThresholdDecider(0.6), scaled), strict=True):

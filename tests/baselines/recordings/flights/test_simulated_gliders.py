@@ -8,7 +8,7 @@ from baselines.recordings.flights.simulated_gliders import (
     label_gliders,
     one_after_the_other,
     simulate_glider,
-)  # fmt: skip
+)
 
 
 @pytest.fixture(scope="module")
@@ -18,9 +18,15 @@ def flights():
 
 
 def test_turns_rise_and_fall_one_after_the_other():
-    turns = one_after_the_other(*np.array([[2.0, 0.0], [4.0, 3.0], [1.0, -2.0], [2.0, 1.0], [2.0, 1.0]]))
+    turns = one_after_the_other(
+        *np.array([[2.0, 0.0], [4.0, 3.0], [1.0, -2.0], [2.0, 1.0], [2.0, 1.0]])
+    )
     times = np.array([0.0, 2.0, 3.0, 5.0, 7.0, 8.5, 9.0, 11.0, 12.0, 50.0])
-    np.testing.assert_allclose(turns.at(times), [0.0, 0.0, 0.5, 1.0, 0.5, -1.0, -2.0, -2.0, 0.0, 0.0])
+
+    np.testing.assert_allclose(
+        turns.at(times),
+        [0.0, 0.0, 0.5, 1.0, 0.5, -1.0, -2.0, -2.0, 0.0, 0.0],
+    )
 
 
 def test_rule_b_is_that_of_libigc(flights):
@@ -34,9 +40,19 @@ def test_rule_b_is_that_of_libigc(flights):
     same = []
     for flight in flights[:6]:
         times = np.arange(flight.times[-1])
-        positions = np.column_stack([np.interp(times, flight.times, axis) for axis in flight.positions.T])
-        log = parse_igc("log", write_log(positions, np.interp(times, flight.times, flight.altitudes) + 1500.0))
-        read, decoded = glider_flight("log", "A", log), decode(log.records)
+        positions = np.column_stack(
+            [np.interp(times, flight.times, axis) for axis in flight.positions.T]
+        )
+        log = parse_igc(
+            "log",
+            write_log(
+                positions,
+                np.interp(times, flight.times, flight.altitudes) + 1500.0,
+            ),
+        )
+        read = glider_flight("log", "A", log)
+        decoded = decode(log.records)
         (ours,), theirs = label_gliders([read]), label_glider(read, air_motion([read])[0], decoded)
         same.append((ours.own == theirs.own)[decoded >= 0])
+
     assert np.concatenate(same).mean() > 0.98

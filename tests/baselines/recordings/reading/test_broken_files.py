@@ -18,7 +18,13 @@ from hybrid_env.checks import ArgumentError
 
 STUDY = pytest.param(10_000, marks=pytest.mark.study)
 ROWS = "".join(f"{k / 10},{k * 0.2:.3f},{(k % 7) * 0.1:.3f}\n" for k in range(30))
-FRAME = pd.DataFrame({"t": np.arange(30.0), "x": np.arange(30.0), "y": np.sqrt(np.arange(30.0))})
+FRAME = pd.DataFrame(
+    {
+        "t": np.arange(30.0),
+        "x": np.arange(30.0),
+        "y": np.sqrt(np.arange(30.0)),
+    }
+)
 PARQUET, ZIPPED = FRAME.to_parquet(), gzip.compress(ROWS.encode(), mtime=0)
 
 
@@ -81,12 +87,18 @@ def test_a_broken_file_is_refused_in_one_short_line(read, content, parts):
 KINDS = {
     "csv": ("t,x,y\n" + ROWS).encode(),
     "semicolons": ROWS.replace(",", ";").encode(),
-    "objects": b'"id";"T";x;y\r\n' + b"".join(b"%d;%d;1,5;2,25\r\n" % (k % 2, k) for k in range(30)),
-    "dates": b"".join([b"time\tlat\tlon\n", *(b"2024-05-01 10:00:%02d\t55.1\t3.%d\n" % (k, k) for k in range(9))]),
+    "objects": b'"id";"T";x;y\r\n'
+    + b"".join(b"%d;%d;1,5;2,25\r\n" % (k % 2, k) for k in range(30)),
+    "dates": b"".join(
+        [b"time\tlat\tlon\n", *(b"2024-05-01 10:00:%02d\t55.1\t3.%d\n" % (k, k) for k in range(9))]
+    ),
     "parquet": PARQUET,
     "gzip": ZIPPED,
     "gpx": b'<gpx version="1.1"><trk><trkseg>'
-    + b"".join(b'<trkpt lat="55.%d" lon="3"><time>2024-05-01T10:00:%02dZ</time></trkpt>' % (k, k) for k in range(9))
+    + b"".join(
+        b'<trkpt lat="55.%d" lon="3"><time>2024-05-01T10:00:%02dZ</time></trkpt>' % (k, k)
+        for k in range(9)
+    )
     + b"</trkseg></trk></gpx>",
 }
 
@@ -110,11 +122,13 @@ def test_a_damaged_file_is_read_or_refused(read, kind, examples):
 def test_size_and_rows_are_bounded(read, tmp_path, monkeypatch):
     path = tmp_path / "large.csv"
     path.write_text("x,y\n")
-    os.truncate(path, sizes.MAX_BYTES + 1)  # sparse, of zeros
+    # Sparse, of zeros.
+    os.truncate(path, sizes.MAX_BYTES + 1)
     with pytest.raises(ArgumentError, match="at most 250 MB"):
         read_recordings(path)
     monkeypatch.setattr(sizes, "MAX_BYTES", 1_000_000)
     bomb = gzip.compress(b"t,x,y\n" + b"1,2,3\n" * 10_000_000)
+
     assert len(bomb) < 1_000_000
     tracemalloc.start()
     try:
@@ -139,10 +153,22 @@ BOMBS = {
     "rows of a Mac": (b"t,x,y\r" + b"1,2,3\r" * 3_000_000, "more than 2,500,000 rows"),
     "blank rows": (b"t,x,y\n" + b"\n" * 3_000_000, "more than 2,500,000 rows"),
     "comments": (b"#\n" * 2_000_000, "more than 10,000 lines before the header"),
-    "cells": (b"x,y" + b",a" * 1990 + b"\n" + (b"1,2" + b"," * 1990 + b"\n") * 26_000, "more than 50,000,000 cells"),
-    "points": (b"<gpx><trk><trkseg>" + POINT * 2_600_000 + b"</trkseg></trk></gpx>", "2,600,000 rows, more than"),
-    "tags": (b"<gpx><trk><trkseg>" + b"<a/>" * 11_000_000 + b"</trkseg></trk></gpx>", "more than 10,000,000 tags"),
-    "fixes": (b"AXXX\n" + b"B1200004630000N00915000EA0010000100\n" * 2_600_000, "2,600,000 rows, more than"),
+    "cells": (
+        b"x,y" + b",a" * 1990 + b"\n" + (b"1,2" + b"," * 1990 + b"\n") * 26_000,
+        "more than 50,000,000 cells",
+    ),
+    "points": (
+        b"<gpx><trk><trkseg>" + POINT * 2_600_000 + b"</trkseg></trk></gpx>",
+        "2,600,000 rows, more than",
+    ),
+    "tags": (
+        b"<gpx><trk><trkseg>" + b"<a/>" * 11_000_000 + b"</trkseg></trk></gpx>",
+        "more than 10,000,000 tags",
+    ),
+    "fixes": (
+        b"AXXX\n" + b"B1200004630000N00915000EA0010000100\n" * 2_600_000,
+        "2,600,000 rows, more than",
+    ),
 }
 
 
@@ -168,29 +194,52 @@ def parquet(**columns):
 def test_texts_and_cells_that_a_parquet_file_repeats_are_bounded(read, kind):
     rows = np.arange(13_000.0)
     texts = pa.array(["a" * 20_000] * len(rows), kind).dictionary_encode()
-    content = parquet(t=rows, x=rows, y=rows, note=texts)
+    content = parquet(
+        t=rows,
+        x=rows,
+        y=rows,
+        note=texts,
+    )
+
     assert len(content) < 500_000
     with pytest.raises(ArgumentError, match="at most 250 MB when decompressed, not 260 MB"):
         read(content)
     zeros = np.zeros(600_000)
-    with pytest.raises(ArgumentError, match="600,000 rows of 100 columns, more than 50,000,000 cells"):
+    with pytest.raises(
+        ArgumentError,
+        match="600,000 rows of 100 columns, more than 50,000,000 cells",
+    ):
         read(parquet(**{f"c{k}": zeros for k in range(100)}))
 
 
 @pytest.mark.parametrize("cell", [b"\xff", [1, 2], {"a": 1}])
 @pytest.mark.parametrize("name", ["t", "x", "id"])
 def test_columns_of_other_types_are_refused_where_they_are_needed(read, name, cell):
-    columns = {"t": np.arange(9.0), "x": np.arange(9.0), "y": np.arange(9.0) ** 2, "id": ["a"] * 9}
+    columns = {
+        "t": np.arange(9.0),
+        "x": np.arange(9.0),
+        "y": np.arange(9.0) ** 2,
+        "id": ["a"] * 9,
+    }
     with pytest.raises(ArgumentError, match=f"type of {name}=.*expected numbers, texts or times"):
         read(parquet(**columns | {name: pa.array([cell] * 9)}))
     file = read(parquet(**columns, geometry=pa.array([cell] * 9)))
+
     assert "columns of other types left out: geometry" in file.summary
     assert len(file.recordings[0].times) == 9
 
 
 def test_what_is_not_a_regular_file_is_refused_without_waiting(tmp_path):
     os.mkfifo(tmp_path / "pipe.csv")
-    for path in (tmp_path / "pipe.csv", "/dev/zero", "a" * 5000, "a\0b", tmp_path / "a\nb", tmp_path, "no.csv"):
+    for path in (
+        tmp_path / "pipe.csv",
+        "/dev/zero",
+        "a" * 5000,
+        "a\0b",
+        tmp_path / "a\nb",
+        tmp_path,
+        "no.csv",
+    ):
         with pytest.raises(ArgumentError, match="file="):
             read_recordings(path)
         assert accepted(lambda path=path: read_recordings(path)) is None

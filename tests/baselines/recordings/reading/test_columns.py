@@ -8,8 +8,17 @@ from hybrid_env.checks import ArgumentError
 
 ROWS = 30
 T = np.arange(ROWS, dtype=np.float64)
-FRAME = pd.DataFrame({"t": T, "x": 1.5 * T, "y": np.sqrt(T)})
-TWO = pd.concat([FRAME.assign(who="b"), FRAME.assign(who="a", x=FRAME.x + 50.0)], ignore_index=True)
+FRAME = pd.DataFrame(
+    {
+        "t": T,
+        "x": 1.5 * T,
+        "y": np.sqrt(T),
+    }
+)
+TWO = pd.concat(
+    [FRAME.assign(who="b"), FRAME.assign(who="a", x=FRAME.x + 50.0)],
+    ignore_index=True,
+)
 TWO_NAMED = TWO.rename(columns={"who": "icao24"}).assign(callsign=["u", "v", "w"] * 20)
 OTHER = FRAME.set_axis(["Zeit", "Ost", "Nord"], axis=1)
 FEET = FRAME.rename(columns={"x": "x_ft", "y": "y_ft"})
@@ -17,10 +26,19 @@ MIXED = FRAME.rename(columns={"x": "x_ft", "y": "y_m"})
 SAME_NAME = "t,x,X,y\n0,1,1,1\n1,2,2,2\n"
 
 
-@pytest.mark.parametrize("names", [("Time", "Easting", "Northing"), ("timestamp", "pos_x", "pos_y")])
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("Time", "Easting", "Northing"),
+        ("timestamp", "pos_x", "pos_y"),
+    ],
+)
 def test_columns_are_found_by_name_in_any_order(read, names):
     file = read(FRAME.set_axis(names, axis=1)[[names[2], names[0], names[1]]].assign(speed=1.0))
-    np.testing.assert_array_equal(file.recordings[0].positions, FRAME[["x", "y"]])
+    np.testing.assert_array_equal(
+        file.recordings[0].positions,
+        FRAME[["x", "y"]],
+    )
     np.testing.assert_array_equal(file.recordings[0].times, T)
     assert "columns not used: speed" in file.summary
 
@@ -28,9 +46,29 @@ def test_columns_are_found_by_name_in_any_order(read, names):
 @pytest.mark.parametrize(
     ("frame", "columns", "expected"),
     [
-        (OTHER, {"t": "zeit", "x": "Ost", "y": "NORD"}, FRAME[["x", "y"]]),
-        (OTHER, {"time": "1", "x": "2", "y": "3"}, FRAME[["x", "y"]]),
-        (FRAME.assign(u=T, v=T), {"x": "v", "y": "u"}, np.column_stack([T, T])),
+        (
+            OTHER,
+            {
+                "t": "zeit",
+                "x": "Ost",
+                "y": "NORD",
+            },
+            FRAME[["x", "y"]],
+        ),
+        (
+            OTHER,
+            {
+                "time": "1",
+                "x": "2",
+                "y": "3",
+            },
+            FRAME[["x", "y"]],
+        ),
+        (
+            FRAME.assign(u=T, v=T),
+            {"x": "v", "y": "u"},
+            np.column_stack([T, T]),
+        ),
     ],
 )
 def test_columns_of_the_caller(read_one, frame, columns, expected):
@@ -44,24 +82,50 @@ def test_columns_of_the_caller(read_one, frame, columns, expected):
     ("frame", "options", "message"),
     [
         (OTHER, {}, r"its columns are Zeit, Ost, Nord\): name them by --columns"),
-        (FRAME, {"columns": {"x": "Ost", "y": "y"}}, "columns='Ost'.*walk.csv, by name or number.* t, x"),
+        (
+            FRAME,
+            {"columns": {"x": "Ost", "y": "y"}},
+            "columns='Ost'.*walk.csv, by name or number.* t, x",
+        ),
         (FRAME, {"columns": {"x": "0", "y": "4"}}, "columns='0'"),
         (FRAME, {"columns": {"x": "x"}}, "columns={'x': 'x'}.*x and y, or lat and lon"),
         (FRAME, {"columns": {"z": "x"}}, "columns='z'.*time, x, y, lat, lon"),
-        (FRAME.assign(timestamp=1e9), {}, "both 't' and 'timestamp' may be time: choose by --columns"),
-        (FRAME.assign(lat=T / 1e5, lon=T / 1e5), {}, "x, y and lat, lon: choose by --col.*lat=lat lon=lon"),
-        (SAME_NAME, {"columns": {"x": "x", "y": "y"}}, r"columns='x'.*several columns have this name"),
+        (
+            FRAME.assign(timestamp=1e9),
+            {},
+            "both 't' and 'timestamp' may be time: choose by --columns",
+        ),
+        (
+            FRAME.assign(lat=T / 1e5, lon=T / 1e5),
+            {},
+            "x, y and lat, lon: choose by --col.*lat=lat lon=lon",
+        ),
+        (
+            SAME_NAME,
+            {"columns": {"x": "x", "y": "y"}},
+            r"columns='x'.*several columns have this name",
+        ),
         (MIXED, {}, r"'x_ft' and 'y_m' have different units.*--unit"),
         (TWO, {}, r"line 32: t='0.0'.*after 29.0.*--object"),
         (TWO, {"object_column": "whom"}, r"object='whom'.*its columns are t, x, y, who"),
-        ("t,x,y,who\n0,1,2,a\n1,2,3,\n", {"object_column": "who"},
-         r"line 3: who: the cell is empty: expected an object.*--object"),
-        ("t,x,y,who\n0,1,2,a\n1,2,3,a\n1,2,3,a\n", {"object_column": "who"},
-         "line 4: t='1'.*after 1 of object a"),
+        (
+            "t,x,y,who\n0,1,2,a\n1,2,3,\n",
+            {"object_column": "who"},
+            r"line 3: who: the cell is empty: expected an object.*--object",
+        ),
+        (
+            "t,x,y,who\n0,1,2,a\n1,2,3,a\n1,2,3,a\n",
+            {"object_column": "who"},
+            "line 4: t='1'.*after 1 of object a",
+        ),
         (TWO_NAMED, {}, "'icao24' and 'callsign' tell objects apart.*--object"),
-        (TWO.groupby("who").head(1), {"object_column": "who"}, "no object has two measured positions"),
+        (
+            TWO.groupby("who").head(1),
+            {"object_column": "who"},
+            "no object has two measured positions",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_is_not_clear_is_refused_with_the_option(read, frame, options, message):
     with pytest.raises(ArgumentError, match=message):
         read(frame, **options)
@@ -82,7 +146,8 @@ def test_units(read_one):
         (TWO_NAMED, "icao24", ["b", "a"]),
         (FRAME.assign(id="car"), None, ["car"]),
         (FRAME.assign(id=7), None, ["7"]),
-        (FRAME.assign(id=range(ROWS)), None, ["walk"]),  # a number of the row
+        # A number of the row.
+        (FRAME.assign(id=range(ROWS)), None, ["walk"]),
         (FRAME.assign(id=["a", "b"] * 15), "none", ["walk"]),
     ],
 )
@@ -94,11 +159,19 @@ def test_unmarked_objects_without_a_word_in_the_times(read, read_one):
     advice = "--object, or --object none"
     far = TWO.assign(x=TWO.x + 1000.0 * (TWO.who == "a"))
     with pytest.raises(ArgumentError, match=rf"a jump of 1006.5.*{advice}"):
-        read(far[["x", "y"]])  # one after the other
-    interleaved = TWO.sort_values("t", kind="stable").assign(t=np.arange(2.0 * ROWS))[["t", "x", "y"]]
-    interleaved[["x", "y"]] += np.random.default_rng(0).normal(0.0, 0.5, (2 * ROWS, 2))
+        # One after the other.
+        read(far[["x", "y"]])
+    interleaved = TWO.sort_values("t", kind="stable").assign(t=np.arange(2.0 * ROWS))[
+        ["t", "x", "y"]
+    ]
+    interleaved[["x", "y"]] += np.random.default_rng(0).normal(
+        0.0,
+        0.5,
+        (2 * ROWS, 2),
+    )
     with pytest.raises(ArgumentError, match=rf"rows alternate between places.*{advice}"):
         read(interleaved)
+
     assert len(read_one(interleaved, object_column="none").times) == 2 * ROWS
 
 
@@ -108,12 +181,28 @@ def test_one_object_is_not_taken_for_two(read_one, step, scale):
     generator = np.random.default_rng(1)
     rows = 300
     heading = np.cumsum(generator.normal(0.0, 0.3, rows))
-    track = step * np.cumsum(np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)
+    track = step * np.cumsum(
+        np.column_stack([np.cos(heading), np.sin(heading)]),
+        axis=0,
+    )
     track += generator.normal(0.0, 1.0, (rows, 2))
-    track[::50] += 100.0  # outliers
-    track[150:] += 2.0 * step  # lost rows
+    # Outliers.
+    track[::50] += 100.0
+    # Lost rows.
+    track[150:] += 2.0 * step
     positions = scale * (track + 1000.0)
-    frame = pd.DataFrame({"t": np.arange(rows), "x": positions[:, 0], "y": positions[:, 1]})
+    frame = pd.DataFrame(
+        {
+            "t": np.arange(rows),
+            "x": positions[:, 0],
+            "y": positions[:, 1],
+        }
+    )
+
     assert len(read_one(frame, unit="km").times) == rows
-    coarse = frame.assign(x=10.0 * scale * np.round(track[:, 0] / 10.0), y=0.0)  # mostly equal positions
+    # Mostly equal positions.
+    coarse = frame.assign(
+        x=10.0 * scale * np.round(track[:, 0] / 10.0),
+        y=0.0,
+    )
     assert len(read_one(coarse, unit="km").times) == rows

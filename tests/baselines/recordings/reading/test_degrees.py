@@ -11,18 +11,34 @@ from hybrid_env.checks import ArgumentError
 
 ROWS = 50
 GEOD = Geod(ellps="WGS84")
-PLACES = [(55.75, 37.6, 1.4), (-33.9, 151.2, 20.0), (0.0, 0.0, 5.0), (60.0, 179.9999, 5.0), (69.6, -179.99, 250.0)]
+PLACES = [
+    (55.75, 37.6, 1.4),
+    (-33.9, 151.2, 20.0),
+    (0.0, 0.0, 5.0),
+    (60.0, 179.9999, 5.0),
+    (69.6, -179.99, 250.0),
+]
 
 
 def degrees(latitude, longitude, speed, tick=1.0):
-    """Times, latitudes and longitudes of a wavy path of so many metres a second, and its steps [m]."""
+    """Times, latitudes and longitudes of a wavy path of so many metres a second, and its steps
+    [m].
+    """
     headings = 40.0 + 30.0 * np.sin(0.1 * np.arange(ROWS - 1))
     points = [(longitude, latitude)]
     for heading in headings:
         points.append(GEOD.fwd(*points[-1], heading, speed * tick)[:2])
     longitudes, latitudes = np.transpose(points)
-    steps = speed * tick * np.column_stack([np.sin(np.radians(headings)), np.cos(np.radians(headings))])
-    return pd.DataFrame({"t": tick * np.arange(ROWS), "lat": latitudes, "lon": longitudes}), steps
+    steps = (
+        speed * tick * np.column_stack([np.sin(np.radians(headings)), np.cos(np.radians(headings))])
+    )
+    return pd.DataFrame(
+        {
+            "t": tick * np.arange(ROWS),
+            "lat": latitudes,
+            "lon": longitudes,
+        }
+    ), steps
 
 
 @pytest.mark.parametrize(("latitude", "longitude", "speed"), PLACES)
@@ -31,23 +47,51 @@ def test_degrees_become_metres_east_and_north(read, latitude, longitude, speed):
     file = read(frame)
     [recording] = file.recordings
     found = np.diff(recording.positions, axis=0)
-    np.testing.assert_allclose(np.hypot(*found.T), speed, rtol=1e-5)
-    np.testing.assert_allclose(found, steps, atol=0.01 * speed)  # north is not parallel everywhere
+
+    np.testing.assert_allclose(
+        np.hypot(*found.T),
+        speed,
+        rtol=1e-5,
+    )
+    # North is not parallel everywhere.
+    np.testing.assert_allclose(found, steps, atol=0.01 * speed)
     assert recording.unit == "m"
     assert "degrees projected to metres around" in file.summary
     back = degrees_of(recording.projection, recording.positions)
     np.testing.assert_allclose(back[:, 0], frame.lat, atol=1e-9)
-    np.testing.assert_allclose((back[:, 1] - frame.lon + 180.0) % 360.0, 180.0, atol=1e-9)
+    np.testing.assert_allclose(
+        (back[:, 1] - frame.lon + 180.0) % 360.0,
+        180.0,
+        atol=1e-9,
+    )
 
 
 def test_distances_from_the_centre_are_those_of_the_ellipsoid():
-    projection, headings = Projection(48.0, 11.0), np.arange(8) * 45.0
-    longitudes, latitudes, _ = GEOD.fwd(*np.full((2, 8), [[11.0], [48.0]]), headings, np.full(8, 5e5))
+    projection = Projection(48.0, 11.0)
+    headings = np.arange(8) * 45.0
+    longitudes, latitudes, _ = GEOD.fwd(
+        *np.full((2, 8), [[11.0], [48.0]]),
+        headings,
+        np.full(8, 5e5),
+    )
     positions = projection.forward(latitudes, longitudes)
-    np.testing.assert_allclose(np.hypot(*positions.T), 5e5, rtol=1e-9)
-    np.testing.assert_allclose(np.degrees(np.arctan2(*positions.T)) % 360.0, headings, atol=1e-6)
+
+    np.testing.assert_allclose(
+        np.hypot(*positions.T),
+        5e5,
+        rtol=1e-9,
+    )
+    np.testing.assert_allclose(
+        np.degrees(np.arctan2(*positions.T)) % 360.0,
+        headings,
+        atol=1e-6,
+    )
     missing = projection.forward([48.0, np.nan], [11.0, 11.0])
-    np.testing.assert_allclose(missing, [[0.0, 0.0], [np.nan, np.nan]], atol=1e-9)
+    np.testing.assert_allclose(
+        missing,
+        [[0.0, 0.0], [np.nan, np.nan]],
+        atol=1e-9,
+    )
     assert centred_projection([10.0, 20.0], [179.0, -179.0]) == Projection(15.0, -180.0)
 
 
@@ -59,9 +103,16 @@ def test_degrees_under_the_names_x_and_y_are_refused_with_the_option(read, read_
     with pytest.raises(ArgumentError, match=r"look like degrees: --unit deg .* or --unit m"):
         read(named)
     file = read(named, unit="deg")
-    np.testing.assert_array_equal(file.recordings[0].positions, read_one(frame).positions)
+
+    np.testing.assert_array_equal(
+        file.recordings[0].positions,
+        read_one(frame).positions,
+    )
     assert "x taken as longitude and y as latitude" in file.summary
-    np.testing.assert_array_equal(read_one(named, unit="m").positions, named[["x", "y"]])
+    np.testing.assert_array_equal(
+        read_one(named, unit="m").positions,
+        named[["x", "y"]],
+    )
     in_header = read_one(named.rename(columns={"x": "x [deg]", "y": "y [deg]"}))
     np.testing.assert_array_equal(in_header.positions, file.recordings[0].positions)
 
@@ -71,18 +122,31 @@ def test_degrees_under_the_names_x_and_y_are_refused_with_the_option(read, read_
 def test_metres_and_kilometres_of_what_moves_are_not_taken_for_degrees(read_one, scale, offset):
     generator = np.random.default_rng(0)
     heading = np.cumsum(generator.normal(0.0, 0.05, 400))
-    track = np.cumsum(0.14 * np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)
+    track = np.cumsum(
+        0.14 * np.column_stack([np.cos(heading), np.sin(heading)]),
+        axis=0,
+    )
     track = scale * (track + offset * np.ptp(track) + generator.normal(0.0, 0.1, (400, 2)))
-    frame = pd.DataFrame({"t": 0.1 * np.arange(400), "x": track[:, 0], "y": track[:, 1]})
+    frame = pd.DataFrame(
+        {
+            "t": 0.1 * np.arange(400),
+            "x": track[:, 0],
+            "y": track[:, 1],
+        }
+    )
+
     np.testing.assert_allclose(read_one(frame).positions, track)
 
 
 @pytest.mark.parametrize(
-    ("column", "value", "options", "message"), [
-        ("lat", 90.5, {}, r"line 12: lat=90.5"), ("lon", -361.0, {}, r"line 12: lon=-361.0"),
-        ("lat", "N 55", {}, "lat='N 55'"), ("lat", 55.0, {"unit": "km"}, r"unit='km'.*latitudes and longitudes"),
+    ("column", "value", "options", "message"),
+    [
+        ("lat", 90.5, {}, r"line 12: lat=90.5"),
+        ("lon", -361.0, {}, r"line 12: lon=-361.0"),
+        ("lat", "N 55", {}, "lat='N 55'"),
+        ("lat", 55.0, {"unit": "km"}, r"unit='km'.*latitudes and longitudes"),
     ],
-)  # fmt: skip
+)
 def test_degrees_out_of_range_are_refused(read, column, value, options, message):
     frame = degrees(55.75, 37.6, 1.4)[0].astype(object)
     frame.loc[10, column] = value

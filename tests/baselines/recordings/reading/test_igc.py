@@ -11,27 +11,39 @@ from baselines.recordings.reading.read import read_recordings
 from hybrid_env.checks import ArgumentError
 
 
-@pytest.mark.parametrize(("digits", "error"), [(0, 1.4), (2, 0.014), (3, 0.0014)])
+@pytest.mark.parametrize(
+    ("digits", "error"),
+    [(0, 1.4), (2, 0.014), (3, 0.0014)],
+)
 def test_positions_have_the_digits_of_the_log(digits, error):
     _, positions, altitudes = fly(0)
     log = parse_igc("log", write_log(positions, altitudes, digits=digits))
     found = PROJECTION.forward(log.latitudes, log.longitudes)
+
     assert 0.4 * error < np.abs(found - positions).max() < error
     assert log.step == pytest.approx(1.853 / 10**digits, rel=1e-3)
-    np.testing.assert_array_equal(log.times, 43_200.0 + np.arange(len(positions)))
+    np.testing.assert_array_equal(
+        log.times,
+        43_200.0 + np.arange(len(positions)),
+    )
     assert np.abs(log.altitudes - altitudes).max() <= 0.5
 
 
 def test_south_west_and_midnight():
     content = b"AXXX\nB2359583330000S07030600WA0000000100\nB0000023330100S07030500WV0000000103\n"
     log = parse_igc("log", content)
+
     assert log.times.tolist() == [86_398.0, 86_402.0]
     np.testing.assert_allclose(log.latitudes, [-33.5, -33.501_666_67])
     np.testing.assert_allclose(log.longitudes, [-70.51, -70.508_333_33])
-    assert log.altitudes.tolist() == [100.0, 103.0]  # by satellites, as there is no pressure
+    # By satellites, as there is no pressure.
+    assert log.altitudes.tolist() == [100.0, 103.0]
 
 
-@pytest.mark.parametrize("lines", [b"AXXX\nHFDTE010100\n", b"AXXX\n" + b"B1200004630000N00915000EA0000000000\n" * 3])
+@pytest.mark.parametrize(
+    "lines",
+    [b"AXXX\nHFDTE010100\n", b"AXXX\n" + b"B1200004630000N00915000EA0000000000\n" * 3],
+)
 def test_a_log_without_positions_is_refused(lines):
     with pytest.raises(ArgumentError, match="log has"):
         parse_igc("log", lines)
@@ -42,6 +54,7 @@ def test_a_log_is_a_recording_without_the_name_of_the_pilot(tmp_path):
     path.write_bytes(gzip.compress(made_up_log(2)))
     file = read_recordings(path)
     (recording,) = file.recordings
+
     assert (len(recording.times), recording.unit) == (600, "m")
     assert "Nobody" not in file.summary + recording.name
     assert not is_igc(b"T,X,Y\n0,1,2\n")
@@ -52,7 +65,10 @@ CLOCK = 43_200 + np.arange(120)
 
 def log_at(clock):
     """A log with a position at every time of day [s]."""
-    texts = [f"{time // 3600:02d}{time // 60 % 60:02d}{time % 60:02d}" for time in (np.array(clock) % 86_400).tolist()]
+    texts = [
+        f"{time // 3600:02d}{time // 60 % 60:02d}{time % 60:02d}"
+        for time in (np.array(clock) % 86_400).tolist()
+    ]
     return ("AXXX\n" + "".join(f"B{text}4630000N00915000EA0010000100\n" for text in texts)).encode()
 
 
@@ -61,12 +77,19 @@ def with_clock(first, end, seconds):
     return CLOCK + seconds * ((np.arange(120) >= first) & (np.arange(120) < end))
 
 
-@pytest.mark.parametrize("seconds", [3 * 3600, -3 * 3600, 11 * 3600, -11 * 3600, 600, -600])
-@pytest.mark.parametrize(("first", "end"), [(50, 51), (50, 53), (117, 120), (0, 3)])
+@pytest.mark.parametrize(
+    "seconds",
+    [3 * 3600, -3 * 3600, 11 * 3600, -11 * 3600, 600, -600],
+)
+@pytest.mark.parametrize(
+    ("first", "end"),
+    [(50, 51), (50, 53), (117, 120), (0, 3)],
+)
 def test_a_few_positions_with_a_wrong_clock_do_not_take_others_along(first, end, seconds):
     log = parse_igc("log", log_at(with_clock(first, end, seconds)))
     assert set(CLOCK) - set(CLOCK[first:end]) <= set(log.times)
-    apart = (first == 0 and seconds < 0) or (end == 120 and seconds > 0)  # as before and after a gap
+    # As before and after a gap.
+    apart = (first == 0 and seconds < 0) or (end == 120 and seconds > 0)
     assert log.left_out == (0 if apart else end - first)
     assert bool(log.notes) != apart
 
@@ -75,8 +98,16 @@ def test_a_few_positions_with_a_wrong_clock_do_not_take_others_along(first, end,
 def test_a_clock_that_is_set_begins_a_new_piece_with_all_positions(hours):
     seconds = round(3600 * hours)
     log = parse_igc("log", log_at(with_clock(60, 120, seconds)))
+
     assert (len(log.times), log.left_out, log.set_back) == (120, 0, int(hours < 0))
-    np.testing.assert_array_equal(np.diff(log.times), np.where(np.arange(119) == 59, seconds % 86_400 + 1, 1))
+    np.testing.assert_array_equal(
+        np.diff(log.times),
+        np.where(
+            np.arange(119) == 59,
+            seconds % 86_400 + 1,
+            1,
+        ),
+    )
     assert ("set back" in "".join(log.notes)) == (hours < 0)
 
 
@@ -84,14 +115,22 @@ def test_wrong_clocks_one_after_the_other_and_at_midnight():
     clock = 86_340 + np.arange(120)
     clock[[40, 41, 90]] += [7200, 30_000, -9000]
     log = parse_igc("log", log_at(clock))
+
     assert log.left_out == 3
-    np.testing.assert_array_equal(log.times, np.delete(86_340 + np.arange(120), [40, 41, 90]))
+    np.testing.assert_array_equal(
+        log.times,
+        np.delete(86_340 + np.arange(120), [40, 41, 90]),
+    )
 
 
-@pytest.mark.parametrize("late", [range(100, 106), [100, 101], [30]])
+@pytest.mark.parametrize(
+    "late",
+    [range(100, 106), [100, 101], [30]],
+)
 def test_late_and_repeated_positions_are_left_out_and_counted(late):
     clock = np.insert(CLOCK, 110, CLOCK[list(late)])
     log = parse_igc("log", log_at(clock))
+
     np.testing.assert_array_equal(log.times, CLOCK)
     assert log.left_out == len(late)
 
@@ -99,5 +138,6 @@ def test_late_and_repeated_positions_are_left_out_and_counted(late):
 def test_a_slow_logger_loses_nothing():
     clock = 43_200 + 300 * np.arange(30)
     log = parse_igc("log", log_at(clock))
+
     np.testing.assert_array_equal(log.times, clock)
     assert not log.notes

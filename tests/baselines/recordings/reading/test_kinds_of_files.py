@@ -14,8 +14,17 @@ from hybrid_env.checks import ArgumentError
 
 ROWS = 40
 TIMES = 0.25 * np.arange(ROWS)
-X, Y = np.cumsum(np.random.default_rng(0).normal(0.3, 0.1, (2, ROWS)), axis=1)
-FRAME = pd.DataFrame({"t": TIMES, "x": X, "y": Y})
+X, Y = np.cumsum(
+    np.random.default_rng(0).normal(0.3, 0.1, (2, ROWS)),
+    axis=1,
+)
+FRAME = pd.DataFrame(
+    {
+        "t": TIMES,
+        "x": X,
+        "y": Y,
+    }
+)
 PLANE = FRAME[["x", "y"]]
 DATES = pd.date_range("2024-05-01T10:00:00", periods=ROWS, freq="250ms")
 TEXT = FRAME.map(repr)
@@ -29,7 +38,11 @@ def check(read):
         file = read(content, **options)
         [recording] = file.recordings
         np.testing.assert_array_equal(recording.positions, PLANE)
-        np.testing.assert_allclose(recording.times, np.arange(ROWS) if times is None else times, atol=1e-9)
+        np.testing.assert_allclose(
+            recording.times,
+            np.arange(ROWS) if times is None else times,
+            atol=1e-9,
+        )
         assert recording.time_unit == ("ticks" if times is None else "s")
         assert recording.pieces == ((0, ROWS),)
         assert recording.name == "walk"
@@ -46,10 +59,19 @@ def parquet(frame):
 
 @pytest.mark.parametrize("compressed", ["", ".gz"])
 @pytest.mark.parametrize("index", [False, True])
-@pytest.mark.parametrize(("ending", "separator"), [("csv", ","), ("tsv", "\t"), ("csv", ";"), ("txt", "|")])
+@pytest.mark.parametrize(
+    ("ending", "separator"),
+    [
+        ("csv", ","),
+        ("tsv", "\t"),
+        ("csv", ";"),
+        ("txt", "|"),
+    ],
+)
 def test_what_pandas_writes(check, ending, separator, index, compressed):
     content = FRAME.to_csv(sep=separator, index=index).encode()
     content = gzip.compress(content) if compressed else content
+
     assert ("index column not used" in check(content, name=f"walk.{ending}{compressed}")) == index
 
 
@@ -57,26 +79,67 @@ def test_what_pandas_writes(check, ending, separator, index, compressed):
     ("content", "options", "said"),
     [
         (FRAME.set_index("t").to_csv(), {}, "tick 0.25 s"),
-        (PLANE.set_index(DATES).to_csv(), {}, "dates from 2024-05-01T10:00:00Z"),  # the index has no name
-        (PLANE.set_index(pd.Index(TIMES)).to_csv(), {"columns": {"time": "1", "x": "x", "y": "y"}}, ""),
+        # The index has no name.
+        (PLANE.set_index(DATES).to_csv(), {}, "dates from 2024-05-01T10:00:00Z"),
+        (
+            PLANE.set_index(pd.Index(TIMES)).to_csv(),
+            {
+                "columns": {
+                    "time": "1",
+                    "x": "x",
+                    "y": "y",
+                }
+            },
+            "",
+        ),
         (PLANE.to_csv(), {"times": None}, "index column taken as ticks"),
         (PLANE, {"times": None}, "no times: a row is a tick (--tau)"),
         (PLANE, {"tau": 0.25}, "tick 0.25 s"),
         (FRAME.to_csv(header=False, index=False), {}, "no header: columns taken as time, x, y"),
-        (PLANE.to_csv(header=False, index=False), {"times": None}, "no header: columns taken as x, y"),
-        (FRAME.to_csv(header=False), {"columns": {"t": "2", "x": "3", "y": "4"}}, ""),
-        (FRAME.map(lambda value: str(value).replace(".", ",")).to_csv(quoting=1), {}, "decimal comma"),
-        (TEXT.to_string(), {"name": "walk.txt"}, ""),  # aligned by spaces
+        (
+            PLANE.to_csv(header=False, index=False),
+            {"times": None},
+            "no header: columns taken as x, y",
+        ),
+        (
+            FRAME.to_csv(header=False),
+            {
+                "columns": {
+                    "t": "2",
+                    "x": "3",
+                    "y": "4",
+                }
+            },
+            "",
+        ),
+        (
+            FRAME.map(lambda value: str(value).replace(".", ",")).to_csv(quoting=1),
+            {},
+            "decimal comma",
+        ),
+        # Aligned by spaces.
+        (TEXT.to_string(), {"name": "walk.txt"}, ""),
         (TEXT.to_string(index=False, header=False) + "\n", {"name": "walk.txt"}, "no header"),
-        (FRAME.to_csv(index=False).replace("\n", ",\n"), {}, ""),  # a delimiter at the end of each row
-        (FRAME.to_csv(index=False).replace("\n", ",\n").replace("y,", "y", 1), {}, ""),
+        # A delimiter at the end of each row.
+        (FRAME.to_csv(index=False).replace("\n", ",\n"), {}, ""),
+        (
+            FRAME.to_csv(index=False)
+            .replace("\n", ",\n")
+            .replace(
+                "y,",
+                "y",
+                1,
+            ),
+            {},
+            "",
+        ),
         (parquet(FRAME), {"name": "walk.parquet"}, ""),
         (gzip.compress(parquet(FRAME)), {"name": "walk.parquet"}, ""),
         (parquet(FRAME.assign(t=DATES).set_index("t")), {"name": "walk.parquet"}, "dates"),
         (parquet(PLANE.set_index(DATES.tz_localize("UTC"))), {"name": "walk.parquet"}, "dates"),
     ],
     ids=range(18),
-)  # fmt: skip
+)
 def test_times_header_and_index(check, content, options, said):
     assert said in check(content, **options)
 
@@ -84,12 +147,15 @@ def test_times_header_and_index(check, content, options, said):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (PLANE.set_index(pd.Index(TIMES)).to_csv(), "column 1 is no number of the row.*--columns.* time=1 x"),
+        (
+            PLANE.set_index(pd.Index(TIMES)).to_csv(),
+            "column 1 is no number of the row.*--columns.* time=1 x",
+        ),
         (FRAME.to_csv(header=False), r"4 columns without names.*--columns time=1 x=2 y=3"),
         (parquet(FRAME.head(0)), "not an empty table"),
     ],
     ids=range(3),
-)  # fmt: skip
+)
 def test_a_file_that_is_not_clear_or_empty_is_refused(read, content, message):
     with pytest.raises(ArgumentError, match=message):
         read(content)
@@ -98,20 +164,39 @@ def test_a_file_that_is_not_clear_or_empty_is_refused(read, content, message):
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "cp1252"])
 @pytest.mark.parametrize("end", ["\r\n", "\n", "\r"])
 def test_export_of_a_spreadsheet(check, encoding, end):
-    frame = FRAME.rename(columns={"t": "Time (s)", "x": "X [km]", "y": "Y [km]"}).assign(Höhe="tief")
+    frame = FRAME.rename(
+        columns={
+            "t": "Time (s)",
+            "x": "X [km]",
+            "y": "Y [km]",
+        }
+    ).assign(Höhe="tief")
     text = frame.to_csv(sep=";", decimal=",", lineterminator=end) + f";;;;{end}" * 3
     summary = check(("sep=;" + end + text).encode(encoding))
-    for said in (" km; ", "decimal comma", "3 empty rows at the end left out", "columns not used: Höhe"):
+    for said in (
+        " km; ",
+        "decimal comma",
+        "3 empty rows at the end left out",
+        "columns not used: Höhe",
+    ):
         assert said in summary
+
     assert ("Windows-1252" in summary) == (encoding == "cp1252")
 
 
 @pytest.mark.parametrize("header", ["", "t x y", "t, x, y\nmade by NumPy"])
 @pytest.mark.parametrize("delimiter", [" ", ",", "\t"])
 def test_what_numpy_writes(check, header, delimiter):
-    lines, stream = header.split("\n"), io.StringIO()
-    np.savetxt(stream, FRAME, header="\n".join(lines[::-1]).replace(", ", delimiter), delimiter=delimiter)
+    lines = header.split("\n")
+    stream = io.StringIO()
+    np.savetxt(
+        stream,
+        FRAME,
+        header="\n".join(lines[::-1]).replace(", ", delimiter),
+        delimiter=delimiter,
+    )
     summary = check(stream.getvalue(), name="walk.txt")
+
     assert ("1 line before the header left out" in summary) == (len(lines) > 1)
 
 
@@ -121,14 +206,22 @@ GPX = """<?xml version="1.0" encoding="UTF-8"?>
  <trk><name>Morning run</name><type>running</type>{}</trk>
 </gpx>"""
 POINT = (
-    '<trkpt lat="{:.7f}" lon="{:.7f}"><ele>12.4</ele>{}<extensions><ns3:TrackPointExtension><ns3:hr>91'
+    '<trkpt lat="{:.7f}"'
+    ' lon="{:.7f}"><ele>12.4</ele>{}<extensions><ns3:TrackPointExtension><ns3:hr>91'
     "</ns3:hr></ns3:TrackPointExtension></extensions></trkpt>"
 )
 
 
 def segment(rows, times=True):
     time = "<time>2024-05-01T10:00:{:02d}Z</time>" if times else ""
-    points = [POINT.format(55.75 + 2e-5 * k, 37.6 + 1e-5 * k, time.format(k)) for k in rows]
+    points = [
+        POINT.format(
+            55.75 + 2e-5 * k,
+            37.6 + 1e-5 * k,
+            time.format(k),
+        )
+        for k in rows
+    ]
     return f"<trkseg>{''.join(points)}</trkseg>"
 
 
@@ -136,9 +229,18 @@ def test_gpx_of_a_watch(read, read_one):
     content = GPX.format(segment(range(20)) + segment(range(25, 40)))
     file = read(content)
     [recording] = file.recordings
-    assert (recording.name, recording.unit, recording.epoch) == ("Morning run", "m", "2024-05-01T10:00:00Z")
-    assert recording.pieces == ((0, 20), (20, 35))  # a segment begins where reception was lost
-    np.testing.assert_array_equal(recording.times, [*range(20), *range(25, 40)])
+
+    assert (recording.name, recording.unit, recording.epoch) == (
+        "Morning run",
+        "m",
+        "2024-05-01T10:00:00Z",
+    )
+    # A segment begins where reception was lost.
+    assert recording.pieces == ((0, 20), (20, 35))
+    np.testing.assert_array_equal(
+        recording.times,
+        [*range(20), *range(25, 40)],
+    )
     steps = np.diff(recording.positions[:20], axis=0)
     np.testing.assert_allclose(steps, [[0.628, 2.227]] * 19, rtol=2e-3)
     assert "degrees projected to metres around 55.75" in file.summary
@@ -148,7 +250,10 @@ def test_gpx_of_a_watch(read, read_one):
 def test_gpx_without_times_and_with_two_tracks(read, read_one):
     assert read_one(GPX.format(segment(range(20), times=False)), tau=2.0).tick == 2.0
     two = read(GPX.format(f"{segment(range(20))}</trk><trk>{segment(range(9))}"))
-    assert [(one.name, len(one.times)) for one in two.recordings] == [("Morning run", 20), ("track 2", 9)]
+    assert [(one.name, len(one.times)) for one in two.recordings] == [
+        ("Morning run", 20),
+        ("track 2", 9),
+    ]
     with pytest.raises(ArgumentError, match="GPX file with track points"):
         read(GPX.format(""))
 
@@ -161,18 +266,51 @@ CELLS = NUMBERS | st.just(float("nan"))
 def frames(draw):
     """Rows of increasing times and positions with missing ones; at least two are measured."""
     rows = draw(st.integers(2, 12))
-    times = sorted(draw(st.sets(st.floats(-1e5, 1e5, allow_subnormal=False), min_size=rows, max_size=rows)))
-    cells = draw(st.lists(st.tuples(CELLS, CELLS), min_size=rows, max_size=rows))
+    times = sorted(
+        draw(
+            st.sets(
+                st.floats(-1e5, 1e5, allow_subnormal=False),
+                min_size=rows,
+                max_size=rows,
+            )
+        )
+    )
+    cells = draw(
+        st.lists(
+            st.tuples(CELLS, CELLS),
+            min_size=rows,
+            max_size=rows,
+        )
+    )
     positions = np.array([*draw(st.tuples(*[st.tuples(NUMBERS, NUMBERS)] * 2)), *cells][:rows])
-    return pd.DataFrame({"time": times, "x": positions[:, 0], "y": positions[:, 1], "note": "a b, c; d\te|f '\""})
+    return pd.DataFrame(
+        {
+            "time": times,
+            "x": positions[:, 0],
+            "y": positions[:, 1],
+            "note": "a b, c; d\te|f '\"",
+        }
+    )
 
 
-@pytest.mark.parametrize("examples", [60, pytest.param(5_000, marks=pytest.mark.study)])
+@pytest.mark.parametrize(
+    "examples",
+    [60, pytest.param(5_000, marks=pytest.mark.study)],
+)
 def test_what_pandas_writes_is_read_bit_for_bit(read_one, examples):
     @profile(examples)
     @given(
         frames(),
-        st.sampled_from([(",", "."), ("\t", "."), (";", "."), (";", ","), ("\t", ","), ("|", ".")]),
+        st.sampled_from(
+            [
+                (",", "."),
+                ("\t", "."),
+                (";", "."),
+                (";", ","),
+                ("\t", ","),
+                ("|", "."),
+            ]
+        ),
         st.booleans(),
         st.sampled_from(["utf-8", "utf-8-sig", "utf-16"]),
         st.sampled_from(["\n", "\r\n"]),
@@ -182,7 +320,12 @@ def test_what_pandas_writes_is_read_bit_for_bit(read_one, examples):
     def check(frame, marks, index, encoding, end, order, kind):
         content = parquet(frame[order])
         if kind == "csv":
-            text = frame[order].to_csv(sep=marks[0], decimal=marks[1], index=index, lineterminator=end)
+            text = frame[order].to_csv(
+                sep=marks[0],
+                decimal=marks[1],
+                index=index,
+                lineterminator=end,
+            )
             content = text.encode(encoding)
         recording = read_one(content, object_column="none", unit="m")
         expected = frame[["x", "y"]].to_numpy(copy=True)

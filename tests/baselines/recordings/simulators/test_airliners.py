@@ -20,7 +20,10 @@ def test_airliners_turn_at_the_rate_of_their_bank_and_speed(flown):
     craft, paths = flown
     for path in paths:
         speed = np.hypot(path.states[:, 1], path.states[:, 3])
-        rate = np.gradient(np.unwrap(np.arctan2(path.states[:, 3], path.states[:, 1])), CONTROL)
+        rate = np.gradient(
+            np.unwrap(np.arctan2(path.states[:, 3], path.states[:, 1])),
+            CONTROL,
+        )
         steady = np.ones(len(rate), np.bool_)
         for switch in np.flatnonzero(np.diff(path.modes)):
             steady[switch - 2 : switch + 4] = False
@@ -37,6 +40,10 @@ def test_airliners_are_those_of_their_seeds_whatever_flew_before(capfd):
     first = [path.states for path in airliners._fly_together.__wrapped__(craft, 1, 20.0)]
     airliners._fly_together.__wrapped__(AIRLINERS["wide-body"], 0, 7.0)
     again = [path.states for path in airliners._fly_together.__wrapped__(craft, 1, 20.0)]
+
     np.testing.assert_array_equal(first, again)
-    np.testing.assert_array_equal(first[3], craft.travel(TOGETHER + 3, 20.0).states)
+    np.testing.assert_array_equal(
+        first[3],
+        craft.travel(TOGETHER + 3, 20.0).states,
+    )
     assert capfd.readouterr().out == ""

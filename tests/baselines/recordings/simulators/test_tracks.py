@@ -26,27 +26,43 @@ def test_statements_follow_the_commands(options):
     deciders = [ThresholdDecider(0.6), ThresholdDecider(1.0)]
     found = record_in(lambda: simulated_tracks("fighter", options, 3, (1.0,)), deciders, 4)
     right = [measure_statements(one).right.mean() for one in found]
+
     assert right[0] > 0.7 > right[1]
     for track in range(3):
         modes = AIRCRAFT["fighter"].travel(4 + track, 240.0).modes
-        commanded = modes[np.minimum(np.round(np.arange(1, 241) / CONTROL).astype(int), len(modes) - 1)]
+        commanded = modes[
+            np.minimum(
+                np.round(np.arange(1, 241) / CONTROL).astype(int),
+                len(modes) - 1,
+            )
+        ]
         assert np.mean(found[0].true_modes[:, track] == commanded) > 0.99
 
 
 def test_the_likeliest_process_noise_is_that_of_the_object(monkeypatch):
-    """With an object of the model, rows are mostly those of the bank that is told its process noise."""
+    """With an object of the model, rows are mostly those of the bank that is told its process
+    noise.
+    """
     monkeypatch.setattr(tracks, "MINUTES", 10.0)
     told = QuickestOptions(ticks=600, radii=(20.0,))
     for true in (0.001, 0.01, 0.1):
         env = hybrid_env.HybridTrackQuickestVectorEnv(40, process_variance=true, radii=(20.0,))
         env.reset(seed=3)
         banks = [
-            MeasuredTracks(dataclasses.replace(told, radii=(20.0,), process_variance=one * 0.001), 40)
+            MeasuredTracks(
+                dataclasses.replace(told, radii=(20.0,), process_variance=one * 0.001),
+                40,
+            )
             for one in FACTORS
         ]
-        state, chooser = env.world, LikeliestNoise(banks[0].options)
+        state = env.world
+        chooser = LikeliestNoise(banks[0].options)
         for bank in banks:
-            bank.begin_all(state.field("estimate"), np.eye(4) * 0.02, state.field("true_mode"))
+            bank.begin_all(
+                state.field("estimate"),
+                np.eye(4) * 0.02,
+                state.field("true_mode"),
+            )
         picked = []
         for tick in range(500):
             for bank in banks:
