@@ -47,7 +47,7 @@ class StoppingDecider(AnchorDecider):
     network = StoppingNetworks
     symbol = "log-odds"
     default = 0.0
-    thresholds = -30.0, -20.0, -12.0, -8.0, -5.0, -2.5, 0.0, 2.5, 5.0, 8.0, 12.0, 20.0, 30.0
+    thresholds = -30.0, -12.0, -5.0, -2.5, 0.0, 2.5, 5.0, 12.0, 30.0
 
     def __init__(self, net: StoppingNetworks, world: WorldOptions, margin: float = 0.0):
         super().__init__(net, world)
