@@ -1,7 +1,7 @@
 """Learned deciders, their training, and the studies that compare them with the classical rules.
 
 Of the subpackages `interface`, `figures`, `learned`, `evaluation` and `training` each imports only
-those before it, and those of the commands (`studies`, `reproduction`, `recordings`, `tuning`,
+those before it, and those of the commands (`studies`, `recordings`, `tuning`,
 `league`) all of them. `functions` has the commands for Python, `cli` for the console.
 """
 

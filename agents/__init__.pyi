@@ -1,3 +1,4 @@
+from agents.cli import run_command as run_command
 from agents.functions import compare as compare
 from agents.functions import evaluate as evaluate
 from agents.functions import load as load

@@ -10,7 +10,7 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
 import gymnasium as gym
@@ -20,7 +20,6 @@ from agents.interface.help_texts import as_command
 from agents.interface.world_arguments import trusted, trusting
 from agents.league.command import League
 from agents.recordings.command import Track
-from agents.reproduction.command import Reproduce
 from agents.studies.compare_command import Compare
 from agents.studies.dataset_command import Dataset
 from agents.studies.evaluate_command import Evaluate
@@ -38,7 +37,6 @@ COMMANDS = {
     "compare": Compare,
     "play": Play,
     "track": Track,
-    "reproduce": Reproduce,
     "limits": Limits,
     "score": Score,
     "dataset": Dataset,
@@ -99,10 +97,6 @@ EXAMPLES = {
         "hybridtrack track flight.csv --lengths 50 --radii 3 5 10",
         "hybridtrack track flight.csv --lengths 60 75 50 --radii 3 5 --measurement-variance 0.1",
     ),
-    "reproduce": (
-        "hybridtrack reproduce                              # all but novospaskyi, 1000 runs each",
-        "hybridtrack reproduce golubkov2018 --runs 100      # the size of the paper's own study",
-    ),
     "limits": (
         "hybridtrack limits --episodes 100                  # a first look",
         "hybridtrack limits --jobs 2                        # the same results in less time",
@@ -117,10 +111,6 @@ EXAMPLES = {
     ),
     "dataset": (
         "hybridtrack dataset --policies ate shipped random --out datasets",
-        (
-            "hybridtrack dataset radar --out radar --score      # flights past radars, and filters"
-            " on them"
-        ),
         "hybridtrack dataset --policies threshold shipped random --env HybridTrackQuickest-v0",
     ),
     "league": (
@@ -130,6 +120,9 @@ EXAMPLES = {
 }
 """Lines below the help of each command; a test parses them."""
 
+PROGRAM = "hybridtrack"
+# A flag is left out, not given as "None".
+CONFIG = (tyro.conf.DisallowNone,)
 # Characters; the middle of a longer message is left out.
 MAX_MESSAGE = 270
 
@@ -145,18 +138,16 @@ def one_line(message: str) -> str:
 
 def parse(arguments: Sequence[str]) -> Any:
     """Return the command of command-line arguments, ready to run."""
-    # A flag is left out, not given as "None".
-    config = (tyro.conf.DisallowNone,)
     name = arguments[0] if arguments else ""
     # The flags of one command are parsed much sooner than those of all.
     if name in COMMANDS:
         kind, description = as_command(COMMANDS[name])
         return tyro.cli(
             kind,
-            prog=f"hybridtrack {name}",
+            prog=f"{PROGRAM} {name}",
             args=arguments[1:],
             description=description,
-            config=config,
+            config=CONFIG,
         )
     kinds: list[Any] = []
     for name, (kind, description) in zip(COMMANDS, map(as_command, COMMANDS.values()), strict=True):
@@ -165,25 +156,49 @@ def parse(arguments: Sequence[str]) -> Any:
     every: Any = functools.reduce(operator.or_, kinds)
     return tyro.cli(
         every,
-        prog="hybridtrack",
+        prog=PROGRAM,
         args=arguments,
-        config=config,
+        config=CONFIG,
         description="Quickest decisions on motion modes with classical rules and learned agents.",
     )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command, with the arguments of the process if there are none.
+    """Run a command of `hybridtrack`; arguments and exit status as of `run_command`."""
+    return _main(parse, PROGRAM, arguments)
 
-    Returns the exit status: 0, 1 if the reader of the output has closed it, 2 for an invalid
-    argument or a file that cannot be read or written, or 130 after an interrupt by the user.
+
+def run_command(command: type, program: str, arguments: Sequence[str] | None = None) -> int:
+    """Run one command as a program, in the way of those of `hybridtrack`.
+
+    Args:
+        command: a dataclass with the method `run()`. Its fields are the flags, described by the
+            docstrings below them.
+        program: its name in the help and in messages.
+        arguments: of the command line; None takes those of the process.
+
+    Returns:
+        The exit status: 0, 1 if the reader of the output has closed it, 2 for an invalid argument
+        or a file that cannot be read or written, of which one line is printed, or 130 after an
+        interrupt by the user.
     """
+    kind, description = as_command(command)
+    options: dict[str, Any] = {"prog": program, "description": description, "config": CONFIG}
+    return _main(lambda given: tyro.cli(kind, args=given, **options), program, arguments)
+
+
+def _main(
+    parser: Callable[[Sequence[str]], Any],
+    program: str,
+    arguments: Sequence[str] | None,
+) -> int:
+    report = functools.partial(_report, program)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             # Names of files may contain any bytes.
             stream.reconfigure(errors="backslashreplace")
     try:
-        status = _run(sys.argv[1:] if arguments is None else arguments)
+        status = _run(parser, report, sys.argv[1:] if arguments is None else arguments)
         if sys.stdout is not None:
             sys.stdout.flush()
         return status
@@ -193,27 +208,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (ArgumentError, gym.error.Error, OSError, MemoryError) as error:
         if isinstance(error, OSError):
             _discard_output()
-        _report(f"not enough memory: {error}" if isinstance(error, MemoryError) else str(error))
+        report(f"not enough memory: {error}" if isinstance(error, MemoryError) else str(error))
         return 2
     except KeyboardInterrupt as interrupt:
-        _report(": ".join(["interrupted", *map(str, interrupt.args)]))
+        report(": ".join(["interrupted", *map(str, interrupt.args)]))
         return 130
 
 
-def _run(arguments: Sequence[str]) -> int:
+def _run(
+    parser: Callable[[Sequence[str]], Any],
+    report: Callable[[str], None],
+    arguments: Sequence[str],
+) -> int:
     errors = io.StringIO()
     try:
         with contextlib.redirect_stderr(errors):
-            command = parse(arguments)
+            command = parser(arguments)
     except SystemExit as stop:
         if stop.code:
-            _report(errors.getvalue())
-        else:
+            report(errors.getvalue())
+        elif parser is parse:
             print("examples:", *EXAMPLES.get(arguments[0], EXAMPLES[""]), sep="\n  ")
         return int(stop.code or 0)
     trust = trusted() or getattr(command, "trust", False)
     with warnings.catch_warnings(), trusting(trust):
-        warnings.showwarning = lambda message, *_: _report(f"warning: {message}")
+        warnings.showwarning = lambda message, *_: report(f"warning: {message}")
         try:
             command.run()
         except SystemExit as stop:
@@ -226,9 +245,9 @@ def _run(arguments: Sequence[str]) -> int:
     return 0
 
 
-def _report(message: str) -> None:
+def _report(program: str, message: str) -> None:
     with contextlib.suppress(OSError):
-        print("hybridtrack: " + one_line(message), file=sys.stderr)
+        print(f"{program}: {one_line(message)}", file=sys.stderr)
 
 
 def _discard_output() -> None:

@@ -1,5 +1,4 @@
 from baselines.estimation.imm import IMMFilter as IMMFilter
-from baselines.papers.novospaskyi.dataset import load_radar_data as load_radar_data
 from baselines.recordings.ate import track_ate as track_ate
 from baselines.recordings.reading.read import read_recordings as read_recordings
 from baselines.rules.beam import BeamDecider as BeamDecider

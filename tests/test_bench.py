@@ -5,13 +5,12 @@ import json
 import numpy as np
 import pytest
 
-from baselines.papers.golubkov2018 import START
 from hybrid_env import KalmanBank
 from hybrid_env.registration import make_vector_env
 from tools.bench import timing
 from tools.bench.__main__ import main
 from tools.bench.environments import Steps
-from tools.bench.filters import FilterpyBank
+from tools.bench.filters import START, FilterpyBank
 from tools.bench.programs import CASES
 from tools.bench.timing import Measurement, markdown
 

@@ -7,9 +7,9 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("hybrid_env", "baselines", "agents")
-BASELINES = ("estimation", "scoring", "rules", "recordings", "adapters", "papers")
+BASELINES = ("estimation", "scoring", "rules", "recordings", "adapters")
 AGENTS = ("interface", "figures", "learned", "evaluation", "training")
-STUDIES = ("studies", "reproduction", "recordings", "tuning")
+STUDIES = ("studies", "recordings", "tuning")
 SOURCES = [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
 
 

@@ -1,4 +1,4 @@
-"""The command `hybridtrack dataset`: episodes of deciders for offline learning, or radar tracks."""
+"""The command `hybridtrack dataset`: episodes of deciders for offline learning."""
 
 import contextlib
 import os
@@ -8,20 +8,17 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import gymnasium as gym
 import numpy as np
-import tyro
 from numpy.typing import NDArray
-from rich.console import Console
 
 from agents.evaluation.registry import find_decider, for_actions
 from agents.evaluation.task import Task
 from agents.evaluation.tasks import task_of
 from agents.interface.help_texts import shown_default
-from agents.interface.output_files import atomic_folder, check_space, write_files
-from agents.interface.progress import progress_display
+from agents.interface.output_files import atomic_folder, check_space
 from agents.interface.world_arguments import TrustArguments, WorldArguments
 from baselines.rules import seeds
 from baselines.rules.rollout import rollout
@@ -47,75 +44,25 @@ def random_policy(actions: int) -> Callable[[Any], NDArray[np.int64]]:
 
 @dataclass(kw_only=True)
 class Dataset(WorldArguments, TrustArguments):
-    """Write a data set: episodes of deciders, one data set of Minari for each, or radar tracks
-    of flights.
-    """
+    """Write episodes of deciders, one data set of Minari for each."""
 
-    kind: Annotated[Literal["minari", "radar"], tyro.conf.Positional] = "minari"
-    """What is written: 'minari' or 'radar'."""
     policies: tuple[str, ...] = ()
     """Rules, 'shipped', run folders, policies of other libraries or rules of your own, with
     optional thresholds, or 'random'. Announced switches: {announced}. Unknown switches: {unknown}.
     """
     episodes: int = 200
     """Number of episodes of each, the same for all."""
-    seed: Annotated[int | None, shown_default(f"{seeds.DATASET}; 0 for radar")] = None
+    seed: int = seeds.DATASET
     """Seed of the first episode; later episodes use consecutive seeds."""
-    out: Annotated[Path | None, shown_default("where Minari keeps its data sets; radar")] = None
+    out: Annotated[Path | None, shown_default("where Minari keeps its data sets")] = None
     """Folder of the data sets, which Minari finds there by the variable MINARI_DATASETS_PATH."""
-    score: bool = False
-    """Only radar: score the filters of the thesis and better ones on the test flights, after tuning
-    them on the others; some ten minutes. The data set is written if the folder has none.
-    """
 
     def run(self) -> None:
         """Write the data sets and print one line for each."""
-        if self.kind == "radar":
-            self._radar(self.out or Path("radar"))
-        elif self.score:
-            raise reject("score", True, "no value with minari")
-        else:
-            self._minari(seeds.DATASET if self.seed is None else self.seed)
-
-    def _radar(self, folder: Path) -> None:
-        """Write the radar data set, unless the folder has it and it is scored."""
-        from baselines.papers.novospaskyi.dataset import load_radar_data, write_radar_data
-
-        if self.policies:
-            raise reject("policies", self.policies, "no value with radar")
-        if not (self.score and (folder / "dataset.json").exists()):
-            with atomic_folder("out", folder) as part:
-                write_radar_data(part, 0 if self.seed is None else self.seed)
-        elif self.seed is not None:
-            raise reject("seed", self.seed, "no value where the folder has a data set")
-        data = load_radar_data(folder)
-        console = Console(emoji=False)
-        counts = {split: len(tracks["levy"].times) for split, tracks in data.tracks.items()}
-        print(
-            f"Data {folder}: "
-            + ", ".join(f"{count} {split} flights" for split, count in counts.items())
-        )
-        if not self.score:
-            return
-        from agents.studies.radar_study import (
-            radar_figure,
-            radar_json,
-            radar_tables,
-            score_radar_data,
-        )
-
-        with progress_display(console) as progress:
-            found = score_radar_data(data, folder / "scores", progress)
-        for table in radar_tables(found):
-            console.print(table)
-        figures = radar_json(found)
-        print(write_files(folder, {"scores.json": figures, "scores.png": radar_figure(figures)}))
-
-    def _minari(self, seed: int) -> None:
         from minari.storage.datasets_root_dir import get_dataset_path
 
         check_integer("episodes", self.episodes, maximum=MOST_EPISODES)
-        check_integer("seed", seed, minimum=0, maximum=LARGEST_SEED)
+        check_integer("seed", self.seed, minimum=0, maximum=LARGEST_SEED)
         task = task_of(*self.world_of(""))
         folder = self.out or get_dataset_path()
         names = {
@@ -151,7 +98,6 @@ class Dataset(WorldArguments, TrustArguments):
                         title,
                         {**task.given, **changes},
                         decider,
-                        seed,
                     )
                 )
         print(f"Data {folder}")
@@ -164,13 +110,12 @@ class Dataset(WorldArguments, TrustArguments):
         title: str,
         options: dict[str, Any],
         decider: Any,
-        seed: int,
     ) -> str:
         """Write one data set into a folder; return its line."""
         import minari
         from minari.data_collector import EpisodeBuffer
 
-        episodes = record(task.env_id, options, decider, self.episodes, seed)
+        episodes = record(task.env_id, options, decider, self.episodes, self.seed)
         returns = np.array([episode["rewards"].sum() for episode in episodes])
         # h5py ends the process where there is none.
         check_space(part, stored_bytes(episodes))

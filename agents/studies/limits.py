@@ -21,7 +21,6 @@ from agents.evaluation.unknown import UnknownTask
 from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import decider_styles
 from agents.interface.parallel import Call
-from baselines.papers import golubkov2018
 from baselines.rules import seeds
 from baselines.rules.beam import BeamDecider
 from baselines.rules.beam_smoother import BeamSmoother
@@ -217,7 +216,7 @@ def type_accuracy_golubkov2018(bank: str, noise: float, episodes: int, seed: int
     %.
     """
     options = {
-        "scheme": golubkov2018.SCHEME,
+        "scheme": "golubkov2018",
         "heading": math.pi / 2,
         "initial_error": 0,
     }

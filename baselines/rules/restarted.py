@@ -339,7 +339,7 @@ class MeanRatioDecider(RestartDecider):
 
     The statistic of a mode is the mean of the likelihood ratios of all start ticks, lambda_k of eq.
     (6): the likelihood ratio of a switch at a uniformly distributed moment. The paper tests one
-    turn against straight motion, once, as `baselines.papers.golubkov2020.detect_switch` on
+    turn against straight motion, once, as `studies.papers.golubkov2020.detect_switch` on
     recordings. Here every mode is tested against the stated one, and after a change of the
     statement the test begins anew from the most likely filter of the new mode.
 

@@ -18,8 +18,8 @@ import numpy as np
 import pybullet as engine
 from scipy.spatial.transform import Rotation
 
-from baselines.papers.novospaskyi import flights
-from baselines.papers.novospaskyi.flights import Flight, flight_route, fly_point_masses
+from studies.radar import flights
+from studies.radar.flights import Flight, flight_route, fly_point_masses
 
 RATE = 120  # steps of the controller and of the engine per second
 MASS = 1.5  # kg
@@ -178,7 +178,7 @@ print(
 #         attempts = (fly_quadrotor(flight_route(seed, attempt)) for attempt in itertools.count())
 #         return list(itertools.islice((flight for flight in attempts if flight is not None), count))
 #
-#     baselines.papers.novospaskyi.reproduce(folder=Path("quadrotor"), fly=quadrotor_flights)
+#     studies.radar.reproduce(folder=Path("quadrotor"), fly=quadrotor_flights)
 
 figure, (plane, distance) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
 for flight, name in ((mass, "point mass"), (quadrotor, "quadrotor")):

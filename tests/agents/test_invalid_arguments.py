@@ -9,7 +9,6 @@ import pytest
 
 from agents.cli import main
 from agents.recordings.command import Track
-from agents.reproduction.command import Reproduce
 from agents.studies.compare_command import Compare
 from agents.studies.evaluate_command import Evaluate
 from agents.studies.limits_command import Limits
@@ -122,9 +121,6 @@ INVALID_ARGUMENTS = [
     ("evaluate --noises loud", "noises='loud'"),
     ("play --out x.mp4", "out='x.mp4'"),
     ("play --out x.gif --record x.txt", "record='x.txt'"),
-    ("reproduce golubkov2019", "golubkov2019"),
-    ("reproduce golubkov2018 golubkov2018", "papers=('golubkov2018', 'golubkov2018')"),
-    ("reproduce --runs 1", "runs=1"),
     ("track", "files=()"),
     ("track nofile.csv", "file='nofile.csv'"),
     ("track good.csv --lengths 1 2", "lengths="),
@@ -187,7 +183,7 @@ INVALID_ARGUMENTS += [
 ]
 INVALID_ARGUMENTS += [
     (f"{command} {flags}", message)
-    for command in ("limits", "compare", "evaluate", "reproduce", "tune")
+    for command in ("limits", "compare", "evaluate", "tune")
     for flags, message in (
         ("--jobs 0", "jobs=0"),
         ("--engine spark", "spark"),
@@ -226,9 +222,8 @@ def test_every_flag_has_an_invalid_value_in_the_list():
         (Track, "files"),
         (Score, "files"),
         (Evaluate, "deciders"),
-        (Reproduce, "papers"),
     }
-    for kind in (Compare, Train, Evaluate, Play, Reproduce, Track, Limits, Tune, Score):
+    for kind in (Compare, Train, Evaluate, Play, Track, Limits, Tune, Score):
         for name in {field.name for field in fields(kind)} - {"trust"}:
             assert (kind, name) in positional or f"--{name.replace('_', '-')}" in lines, (
                 kind,

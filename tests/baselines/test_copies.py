@@ -11,7 +11,6 @@ from baselines import BeamDecider, OnlineTracker, SPRTDecider, ThresholdDecider
 from baselines.estimation.imm import IMMFilter
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
-from baselines.estimation.particles import ParticleFilter
 from baselines.rules.component_filters import ComponentFilters
 from hybrid_env import KalmanBank, QuickestOptions, WorldOptions
 from hybrid_env.live import MeasuredTracks, live_track
@@ -153,7 +152,6 @@ KINDS = {
     "IMM": lambda: kinematic(
         IMMFilter([KalmanFilter(CV, 0.1, start_deviations=[3.0])] * 2, sojourns=10.0)
     ),
-    "particles": lambda: kinematic(ParticleFilter(CV, 0.3, particles=50, start_deviations=[3.0])),
     "component filters": components,
 }
 COPIES = {

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.papers import golubkov2018
+from baselines import track_ate
 from hybrid_env import KalmanBank
 from hybrid_env.simulation import simulate
 from tools.bench import timing
@@ -19,6 +19,9 @@ from tools.bench.environments import BANKS
 from tools.bench.timing import Measurement, measure_in_turn, seconds_per_call, speed_ratio
 
 TAU, Q, R = 0.1, 0.001, 0.1
+# State [x, vx, y, vy] one tick before the first measurement, and radii [m] of Golubkov 2018.
+START = (0.0, 0.0, 0.0, 2.0)
+RADII = tuple(map(float, range(1, 11)))
 H = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 GQG = Q * np.diag([0.0, 1.0, 0.0, 1.0])
 
@@ -29,7 +32,7 @@ def bank_step() -> Iterator[Measurement]:
     for name, radii in BANKS.items() if has_filterpy() else ():
         bank = KalmanBank(radii)
         peer = FilterpyBank(radii)
-        bank.anchor(golubkov2018.START)
+        bank.anchor(START)
         times = measure_in_turn(partial(bank.step, measurement), partial(peer.step, measurement))
         yield speed_ratio("bank step", f"{name}, against filterpy", *times)
 
@@ -40,17 +43,18 @@ def study_2018() -> Iterator[Measurement]:
     """
     if not has_filterpy():
         return
-    recording = simulate(golubkov2018.SCHEME, 100, 0, start=golubkov2018.START)
+    recording = simulate("golubkov2018", 100, 0, start=START)
+    ate = partial(track_ate, recording.measurements, recording.lengths, START, radii=RADII)
     # While the whole bank runs.
-    bank_ticks = int(golubkov2018.run_ate(recording, 0.1).ticks.sum())
+    bank_ticks = int(ate().ticks.sum())
     alone_ticks = recording.measurements[:, :, 0].size - bank_ticks
     z = np.array([0.1, 0.2])
-    bank = FilterpyBank(golubkov2018.RADII)
+    bank = FilterpyBank(RADII)
     alone = FilterpyBank(())
     ours = []
     theirs = []
     for _ in range(timing.REPETITIONS):
-        ours.append(seconds_per_call(lambda: golubkov2018.run_ate(recording, 0.1)))
+        ours.append(seconds_per_call(ate))
         bank_time, alone_time = (seconds_per_call(partial(peer.step, z)) for peer in (bank, alone))
         theirs.append(bank_ticks * bank_time + alone_ticks * alone_time)
     name = f"100 runs, R2, from {timing.SECONDS} s of each kind of tick"
@@ -66,7 +70,7 @@ def transitions(radii: tuple[float, ...]) -> list[tuple[NDArray[Any], NDArray[An
     """Phi (4, 4) and B (4,) of every hypothesis, anchored at the start of Golubkov 2018, eq.
     (1).
     """
-    x, vx, y, vy = golubkov2018.START
+    x, vx, y, vy = START
     made = [(np.kron(np.eye(2), [[1.0, TAU], [0.0, 1.0]]), np.zeros(4))]
     for signed in (*radii, *(-radius for radius in radii)):
         rate = math.hypot(vx, vy) / abs(signed)
@@ -89,7 +93,7 @@ class FilterpyBank:
         for Phi, B in transitions(radii):
             one = KalmanFilter(dim_x=4, dim_z=2, dim_u=1)
             one.x, one.F, one.H, one.Q, one.R = (
-                np.array(golubkov2018.START),
+                np.array(START),
                 Phi,
                 H,
                 GQG,

@@ -1,13 +1,10 @@
-"""Recalculation, refinement of the radius, and the filter with known modes agree with matrix
-filters.
-"""
+"""Recalculation and refinement of the radius agree with matrix filters."""
 
 import numpy as np
 import pytest
 from matrix_filters import MatrixKalmanFilter
 
 from baselines import track_ate
-from baselines.papers.golubkov2018 import filter_known_modes
 from hybrid_env.simulation import simulate
 
 START = np.array([0.0, 0.0, 0.0, 2.0])
@@ -100,40 +97,3 @@ def test_refinement_improves_the_radius_and_keeps_the_decided_side():
         for found in (plain, refined)
     )
     np.testing.assert_array_equal(plain_types, refined_types)
-
-
-@pytest.mark.parametrize("carry", [True, False])
-def test_the_filter_with_known_modes_equals_matrix_filters(carry):
-    recording = simulate("L40r3 S30 R50r6", runs=2, seed=3, measurement_variance=(0.1, 0.3))
-    found = filter_known_modes(
-        recording.measurements,
-        recording.lengths,
-        recording.signed_radii,
-        START,
-        measurement_variance=(0.1, 0.3),
-        carry_covariance=carry,
-    )
-    for run in range(2):
-        state = START
-        P = np.eye(4)
-        k = 0
-        for length, radius in zip(recording.lengths, recording.signed_radii, strict=True):
-            mode = "S" if radius == 0 else "L" if radius > 0 else "R"
-            one = MatrixKalmanFilter(
-                state,
-                P,
-                mode,
-                abs(radius),
-                0.1,
-                0.001,
-                np.diag([0.1, 0.3]),
-            )
-            for _ in range(length):
-                one.step(recording.measurements[run, k])
-                np.testing.assert_allclose(
-                    found[run, k],
-                    one.x,
-                    atol=1e-11,
-                )
-                k += 1
-            state, P = one.x, one.P if carry else np.eye(4)

@@ -7,11 +7,9 @@ import pytest
 from matrix_filters import MatrixExtendedKalmanFilter, MatrixKalmanFilter
 from random_worlds import unit_scales
 
-from baselines.papers.golubkov2020 import detect_switch
 from baselines.rules.beam import BeamDecider
 from baselines.rules.restarted import GLRDecider, MeanRatioDecider
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions, Radar, Sensor
-from hybrid_env.simulation import simulate
 
 TRIANGLE = np.triu_indices(4)
 RESTARTED = (GLRDecider, MeanRatioDecider)
@@ -179,28 +177,6 @@ def test_statements_and_ratios_equal_those_of_a_literal_loop(rule, given, bank, 
         changes += (np.diff(expected) != 0).sum()
 
     assert changes > 8
-
-
-def test_the_first_detection_is_that_of_golubkov_2020_on_recordings():
-    recording = simulate("S30 R70r5", runs=5, seed=1)
-    start = np.array([0.0, 0.0, 0.0, 2.0])
-    found = detect_switch(recording.measurements, start, alpha=0.05)
-    decider = MeanRatioDecider(QuickestOptions(), found.upper, 0.0, 200)
-    first = np.concatenate([[0.0, 0.0], start, np.eye(4)[TRIANGLE], [0.0, -9.0, -9.0]])
-    seen = np.tile(first, (101, 5, 1))
-    seen[1:, :, :2] = recording.measurements.swapaxes(0, 1)
-    stated, log_ratios = replay(decider, seen)
-
-    assert (found.ticks > 0).all()
-    for track, tick in enumerate(found.ticks):
-        np.testing.assert_array_equal(stated[:tick, track], 0)
-        assert stated[tick, track] == found.modes[track]
-        np.testing.assert_allclose(
-            log_ratios[1 : tick + 1, track, 1:],
-            found.log_ratios[track, :tick, 1:],
-            rtol=1e-9,
-            atol=1e-9,
-        )
 
 
 @pytest.mark.parametrize("rule", RULES)

@@ -1,0 +1,1 @@
+"""Reproductions of published tables, one file a paper with its settings and published values."""
