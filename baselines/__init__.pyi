@@ -1,4 +1,14 @@
+from baselines.estimation.correction import Correntropy as Correntropy
+from baselines.estimation.correction import Huber as Huber
+from baselines.estimation.correction import StudentT as StudentT
+from baselines.estimation.gain_filters import AdaptiveFilter as AdaptiveFilter
+from baselines.estimation.gain_filters import CorrectedAdaptiveFilter as CorrectedAdaptiveFilter
+from baselines.estimation.gain_filters import GHFilter as GHFilter
 from baselines.estimation.imm import IMMFilter as IMMFilter
+from baselines.estimation.kalman import KalmanFilter as KalmanFilter
+from baselines.estimation.motion_models import MotionModel as MotionModel
+from baselines.estimation.run_filter import run_filter as run_filter
+from baselines.estimation.track_filter import TrackFilter as TrackFilter
 from baselines.recordings.ate import track_ate as track_ate
 from baselines.recordings.reading.read import read_recordings as read_recordings
 from baselines.rules.beam import BeamDecider as BeamDecider
@@ -18,5 +28,7 @@ from baselines.rules.tracker import OnlineEstimate as OnlineEstimate
 from baselines.rules.tracker import OnlineTracker as OnlineTracker
 from baselines.scoring.score import TimelineScores as TimelineScores
 from baselines.scoring.score import score as score
+from baselines.scoring.scores import Scores as Scores
+from baselines.scoring.scores import Statistic as Statistic
 from baselines.scoring.statements import Statements as Statements
 from baselines.scoring.statements import measure_statements as measure_statements

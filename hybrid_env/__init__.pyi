@@ -21,5 +21,7 @@ from hybrid_env.scheme import Segment as Segment
 from hybrid_env.scheme import parse_scheme as parse_scheme
 from hybrid_env.sensors import Radar as Radar
 from hybrid_env.sensors import Sensor as Sensor
+from hybrid_env.simulation import Simulation as Simulation
+from hybrid_env.simulation import simulate as simulate
 from hybrid_env.vector_env import HybridTrackQuickestVectorEnv as HybridTrackQuickestVectorEnv
 from hybrid_env.vector_env import HybridTrackVectorEnv as HybridTrackVectorEnv

@@ -16,7 +16,7 @@ The paper does not say what M, the start and the limits of the gain are. Here: e
 by itself, M is the mean over all ticks so far, the first gains are those of a line fit, and the
 gains are limited to those of a stable filter. Eq. (17) takes the covariance of successive
 prediction errors for that of successive innovations, and eq. (19) is biased, because the innovation
-contains earlier noise too (`noise_bias`).
+contains earlier noise too.
 
 The corrected filter keeps the identity and takes both of its terms from means that are not biased:
 the third difference of the measurements has the variance (1 + 9 + 9 + 1) R if the motion is smooth,
@@ -158,20 +158,6 @@ def published_gain(means: FloatArray, tau: float) -> tuple[FloatArray, FloatArra
     return position_spread / total, velocity_spread / total
 
 
-def noise_bias(gain: float) -> float:
-    """Ratio of the R of eq. (19) to the true one, in uniform motion with constant gains g and h =
-    g^2 / (2 - g). The prediction is sum_i c_i z_(n-i), and D^3 of the motion is 0, so that M[D^3 z
-    nu'] = R (1 + 3 c_1 - 3 c_2 + c_3).
-    """
-    # After a measurement of 1, in units of a tick.
-    g, h = position, velocity = gain, gain**2 / (2.0 - gain)
-    response = []
-    for _ in range(3):
-        response.append(position + velocity)
-        position, velocity = response[-1] - g * response[-1], velocity - h * response[-1]
-    return float(1.0 - DIFFERENCE[1:] @ response)
-
-
 class ConstantStepFilter(GainFilter):
     """A filter with gains that depend on past innovations, for d axes and equal time steps of tau
     [s]. Until it adapts it has the gains of a line fitted to n measurements, K_1 = 2 (2 n - 1) / (n
@@ -198,11 +184,7 @@ class ConstantStepFilter(GainFilter):
         n = np.maximum(self._count, 2)[:, None]
         line = np.stack([2.0 * (2 * n - 1) / (n * (n + 1)), 6.0 / (n * (n + 1) * self.tau)])
         adapted = self._adapted(measurement, position, velocity)
-        return np.where(np.isnan(adapted), self._line_gains(line), adapted)
-
-    def _line_gains(self, line: FloatArray) -> FloatArray:
-        """The gains (2, B, 1) of a line fit, in the shape of those of the filter."""
-        return line
+        return np.where(np.isnan(adapted), line, adapted)
 
     @abstractmethod
     def _adapted(

@@ -53,6 +53,8 @@ class Reproduce:
         """Run the studies, print the tables and write the files."""
         if len(set(self.papers)) != len(self.papers):
             raise ArgumentError(f"papers={self.papers}: expected each paper at most once")
+        if self.runs is not None and self.runs < 2:
+            raise ArgumentError(f"runs={self.runs}: expected an integer >= 2")
         runs = QUICK if self.quick and self.runs is None else self.runs
         self.out.mkdir(parents=True, exist_ok=True)
         console = Console(emoji=False)
@@ -66,9 +68,7 @@ class Reproduce:
             (self.out / f"{paper}.md").write_text(text, encoding="utf-8")
             values = json.dumps(to_json(result), indent=2, allow_nan=False)
             (self.out / f"{paper}.json").write_text(values + "\n", encoding="utf-8")
-            for name, figure in (
-                import_module(f"studies.papers.figures.{paper}").draw(result).items()
-            ):
+            for name, figure in study.draw(result).items():
                 figure.savefig(self.out / name)
             console.print(Markdown(text))
             print(f"{describe_runs(result)} Computed in {time.perf_counter() - begun:.1f} s.\n")

@@ -13,26 +13,15 @@ hypothesis ("any lambda_ij").
 """
 
 import itertools
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
 
-from baselines.recordings.arrays import check_recording, make_filters
-from baselines.recordings.ate import Rule, Tracks, run_rule, track_ate
-from hybrid_env.checks import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    check_array,
-    check_flag,
-    check_integer,
-    reject,
-)
-from hybrid_env.limits import check_within
-from hybrid_env.scheme import nearest_mode
-from hybrid_env.simulation import Simulation, simulate
+from baselines import sprt_thresholds, track_ate
+from hybrid_env import Simulation, simulate
+from studies.papers.figures import draw_tracking
 from studies.papers.reproduction import (
     PAPER_RUNS,
     Cell,
@@ -49,6 +38,12 @@ SCHEME = "golubkov2018"
 START = (0.0, 0.0, 0.0, 2.0)
 # Turn radii of the 21 hypotheses [m].
 RADII = tuple(float(radius) for radius in range(1, 11))
+# Of the hypotheses [m]: positive to the left, negative to the right, 0 if straight.
+SIGNED_RADII = np.array([0.0, *RADII, *(-radius for radius in RADII)])
+# Length of a tick [s], and Q [m^2/s^2].
+TAU, PROCESS_VARIANCE = 0.1, 0.001
+# Of the fit of a start.
+FIRST_TICKS = 10
 ALPHA = 1e-3
 # R [m^2] of each setting.
 MEASUREMENT_VARIANCES = {
@@ -85,59 +80,74 @@ SCANNED_RUNS = 100
 # What was tried for table 2: arguments of `filter_known_modes`.
 KNOWN_MODES_SETTINGS: dict[str, dict[str, Any]] = {
     "P carried over from I, as reported": {},
-    "P := I at every switch": {"carry_covariance": False},
-    "P carried over from 0.1 I": {"start_covariance": (0.1, 0.0, 0.1)},
-    "P carried over from 0": {"start_covariance": (0.0, 0.0, 0.0)},
+    "P := I at every switch": {"carry": False},
+    "P carried over from 0.1 I": {"spread": 0.1},
+    "P carried over from 0": {"spread": 0.0},
     "start from the first measurements": {"start": None},
 }
 
 
-def filter_known_modes(
-    measurements: ArrayLike,
-    lengths: Sequence[int] | IntArray,
-    signed_radii: ArrayLike,
-    start: ArrayLike | None = None,
-    *,
-    tau: float = 0.1,
-    process_variance: float = 0.001,
-    measurement_variance: float | ArrayLike = 0.1,
-    start_covariance: ArrayLike = (1.0, 0.0, 1.0),
-    carry_covariance: bool = True,
-) -> FloatArray:
-    """Estimate the trajectory, (n, T, 4) [m, m/s], with known modes and switch times. Table 2
-    ("optimal").
+def fitted_start(measurements: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the states one tick before the first measurement, (n, 4), of lines that are fitted to
+    the first ones.
+    """
+    times = TAU * np.arange(1, FIRST_TICKS + 1)
+    first = measurements[:, :FIRST_TICKS].swapaxes(0, 1)
+    velocity, position = np.polyfit(times, first.reshape(FIRST_TICKS, -1), 1)
+    return np.stack([position, velocity], axis=-1).reshape(-1, 4)
 
-    One filter runs in each segment, from the last estimate and its covariance. A single run has no
-    first axis.
+
+def filter_known_modes(
+    recording: Simulation,
+    variance: float,
+    start: ArrayLike | None = START,
+    spread: float = 1.0,
+    carry: bool = True,
+) -> NDArray[np.float64]:
+    """Return the estimates (n, T, 4) [m, m/s] with known modes and switch times, "optimal" in
+    table 2.
+
+    One filter runs in each segment, from the last estimate and its covariance. Its turn has the
+    centre and the rate of that estimate.
 
     Args:
-        measurements, lengths, start, tau, process_variance, measurement_variance: see
-            `baselines.track_ate`.
-        signed_radii: (K,) turn radii [m], positive to the left, negative to the right, 0 if
-            straight.
-        start_covariance: (3,) initial xx, xv, vv of (position, velocity) on each axis.
-        carry_covariance: False resets the covariance to `start_covariance` at every switch.
+        recording: n runs.
+        variance: R [m^2].
+        start: (4,) state one tick before the first measurement; None fits it.
+        spread: P is this multiple of I at the start.
+        carry: False resets P at every switch.
     """
-    tau = check_within("tau", tau)
-    values, segment_lengths, starts = check_recording(measurements, lengths, start, tau)
-    radii = check_array("signed_radii", signed_radii, (None,))
-    if radii.size != segment_lengths.size:
-        raise reject(
-            "signed_radii",
-            signed_radii,
-            f"one radius for each of the {segment_lengths.size} segments",
-        )
-    bank = np.unique(np.abs(radii[radii != 0.0])) if radii.any() else np.ones(1)
-    modes = np.array([nearest_mode(radius, bank) for radius in radii])
-    first = check_array("start_covariance", start_covariance, (3,))
-    carry = check_flag("carry_covariance", carry_covariance)
-    filters = make_filters(bank, tau, process_variance, measurement_variance)
-    rule = Rule(known=modes, covariance=first, carry=carry)
-    found = run_rule(values, segment_lengths, starts, filters, rule).estimates
-    return np.asarray(found[0] if np.ndim(measurements) == 2 else found)
+    runs = len(recording.measurements)
+    first = fitted_start(recording.measurements) if start is None else np.tile(start, (runs, 1))
+    # By run and axis: position and velocity.
+    state = first.reshape(runs, 2, 2)
+    covariance = np.tile(spread * np.eye(2), (runs, 1, 1))
+    estimates = []
+    ticks = iter(recording.measurements.swapaxes(0, 1))
+    for length, radius in zip(recording.lengths, recording.signed_radii, strict=True):
+        (x, vx), (y, vy) = np.moveaxis(state, 0, -1)
+        transition = np.tile([[1.0, TAU], [0.0, 1.0]], (runs, 1, 1))
+        centre = np.zeros((runs, 2, 2))
+        if radius:
+            rate = np.hypot(vx, vy) / radius
+            cosine, sine = np.cos(rate * TAU), np.sin(rate * TAU)
+            rows = [[cosine, sine / rate], [-rate * sine, cosine]]
+            transition = np.moveaxis(np.array(rows), -1, 0)
+            centre[:, 0, 0], centre[:, 1, 0] = x - vy / rate, y + vx / rate
+        if not carry:
+            covariance = np.tile(spread * np.eye(2), (runs, 1, 1))
+        for measured in itertools.islice(ticks, int(length)):
+            state = centre + (state - centre) @ transition.swapaxes(1, 2)
+            covariance = transition @ covariance @ transition.swapaxes(1, 2)
+            covariance[:, 1, 1] += PROCESS_VARIANCE
+            gain = covariance[:, 0] / (covariance[:, :1, 0] + variance)
+            state = state + (measured - state[..., 0])[..., None] * gain[:, None]
+            covariance = covariance - gain[..., None] * covariance[:, :1]
+            estimates.append(state.reshape(runs, 4))
+    return np.stack(estimates, axis=1)
 
 
-def run_ate(recording: Simulation, variance: float, **options: Any) -> Tracks:
+def run_ate(recording: Simulation, variance: float, **options: Any) -> Any:
     """Run ATE with the 21 hypotheses of the paper; options are those of `baselines.track_ate`."""
     chosen: dict[str, Any] = {"start": START, "alpha": ALPHA} | options
     return track_ate(
@@ -149,14 +159,9 @@ def run_ate(recording: Simulation, variance: float, **options: Any) -> Tracks:
     )
 
 
-def decided_radii(tracks: Tracks) -> FloatArray:
-    """(n, K) signed radii of the decided hypotheses, 0 if straight."""
-    return np.array([0.0, *RADII, *(-radius for radius in RADII)])[tracks.decided]
-
-
-def correct_types(tracks: Tracks, recording: Simulation) -> BoolArray:
+def correct_types(tracks: Any, recording: Simulation) -> NDArray[np.bool_]:
     """(n, K) True where the decided type (straight, left or right) is correct."""
-    return np.sign(decided_radii(tracks)) == np.sign(recording.signed_radii)
+    return np.sign(SIGNED_RADII[tracks.decided]) == np.sign(recording.signed_radii)
 
 
 def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
@@ -166,7 +171,6 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
         runs: number of runs per measurement variance, at least 2.
         seed: seed of the simulated recordings.
     """
-    runs = check_integer("runs", runs, minimum=2)
     cells: list[Cell] = []
     findings: list[Finding] = []
     examples = {}
@@ -192,13 +196,7 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
 
 def _known_modes_cells(name: str, recording: Simulation, seed: int, **options: Any) -> list[Cell]:
     """A row of table 2, with options of `filter_known_modes`."""
-    estimates = filter_known_modes(
-        recording.measurements,
-        recording.lengths,
-        recording.signed_radii,
-        measurement_variance=MEASUREMENT_VARIANCES[name],
-        **{"start": START} | options,
-    )
+    estimates = filter_known_modes(recording, MEASUREMENT_VARIANCES[name], **options)
     return rmse_row(
         "Table 2, RMSE with known modes",
         name,
@@ -209,7 +207,7 @@ def _known_modes_cells(name: str, recording: Simulation, seed: int, **options: A
     )
 
 
-def _ate_cells(name: str, recording: Simulation, tracks: Tracks, seed: int) -> list[Cell]:
+def _ate_cells(name: str, recording: Simulation, tracks: Any, seed: int) -> list[Cell]:
     """A row of tables 3 and 4 and of the percentages."""
     ticks = np.concatenate([tracks.ticks, tracks.ticks.mean(1, keepdims=True)], axis=1)
     correct = 100.0 * correct_types(tracks, recording).mean(1, keepdims=True)
@@ -230,18 +228,18 @@ def _ate_cells(name: str, recording: Simulation, tracks: Tracks, seed: int) -> l
     ]
 
 
-def _findings(name: str, recording: Simulation, tracks: Tracks, refined: Tracks) -> list[Finding]:
+def _findings(name: str, recording: Simulation, tracks: Any, refined: Any) -> list[Finding]:
     """Effect of taking the most likely turn in the decided direction afterwards, and how few
     runs carry the error.
     """
     figures = []
-    for one in (tracks, refined):
-        squares = (one.estimates - recording.truth) ** 2
-        radius = 100.0 * (decided_radii(one) == recording.signed_radii).mean()
+    for track in (tracks, refined):
+        squares = (track.estimates - recording.truth) ** 2
+        radius = 100.0 * (SIGNED_RADII[track.decided] == recording.signed_radii).mean()
         figures.append(
             (
                 radius,
-                100.0 * correct_types(one, recording).mean(),
+                100.0 * correct_types(track, recording).mean(),
                 np.sqrt(squares.mean((0, 1)).sum()),
             )
         )
@@ -270,10 +268,10 @@ def _findings(name: str, recording: Simulation, tracks: Tracks, refined: Tracks)
 
 def _scans(seed: int) -> list[Finding]:
     """Number of published values inside, for the settings that were tried."""
-    found: dict[str, list[Cell]] = {}
+    tried: dict[str, list[Cell]] = {}
     for index, (name, variance) in enumerate(MEASUREMENT_VARIANCES.items()):
         for tau in SCANNED_TAU:
-            one = simulate(
+            recording = simulate(
                 SCHEME,
                 SCANNED_RUNS,
                 seed + index,
@@ -285,9 +283,9 @@ def _scans(seed: int) -> list[Finding]:
                 label = (
                     f"tables 3, 4 and percentages with tau = {tau:g} s, alpha = beta = {alpha:g}"
                 )
-                tracks = run_ate(one, variance, tau=tau, alpha=alpha)
-                found.setdefault(label, []).extend(_ate_cells(name, one, tracks, seed))
-        one = simulate(
+                tracks = run_ate(recording, variance, tau=tau, alpha=alpha)
+                tried.setdefault(label, []).extend(_ate_cells(name, recording, tracks, seed))
+        recording = simulate(
             SCHEME,
             SCANNED_RUNS,
             seed + index,
@@ -295,15 +293,26 @@ def _scans(seed: int) -> list[Finding]:
             measurement_variance=variance,
         )
         label = "tables 3, 4 and percentages with a start from the first measurements"
-        found.setdefault(label, []).extend(
-            _ate_cells(name, one, run_ate(one, variance, start=None), seed)
+        tried.setdefault(label, []).extend(
+            _ate_cells(name, recording, run_ate(recording, variance, start=None), seed)
         )
         for setting, options in KNOWN_MODES_SETTINGS.items():
-            found.setdefault(f"table 2, {setting}", []).extend(
-                _known_modes_cells(name, one, seed, **options)
+            tried.setdefault(f"table 2, {setting}", []).extend(
+                _known_modes_cells(name, recording, seed, **options)
             )
     findings = []
-    for label, cells in found.items():
+    for label, cells in tried.items():
         inside = f"{sum(cell.verdict == 'inside' for cell in cells)} of {len(cells)} inside"
         findings.append(Finding(f"tried, {SCANNED_RUNS} runs: {label}", inside, "not stated"))
     return findings
+
+
+def draw(result: Reproduction) -> dict[str, Figure]:
+    """Return a figure for each R by its file name."""
+    types = np.sign(SIGNED_RADII).astype(np.int64) % 3
+    figures = {}
+    for index, (name, example) in enumerate(result.examples.items(), start=1):
+        title = f"{PAPER}: recording run of ATE, R = {MEASUREMENT_VARIANCES[name]:g} m²"
+        figure = draw_tracking(title, *example, types, sprt_thresholds(ALPHA))
+        figures[f"golubkov2018_{index}.png"] = figure
+    return figures

@@ -18,25 +18,21 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from baselines.recordings.arrays import check_recording, make_filters
-from baselines.rules.measurements import run_compiled
-from baselines.rules.restarted import RestartModel, begin_restarted, restart_arrays, step_restarted
-from baselines.rules.sprt import sprt_thresholds
-from hybrid_env.checks import (
-    FloatArray,
-    IntArray,
-    check_flag,
-    check_integer,
-    check_positive,
-    dimensions,
-    reject,
+from baselines import MeanRatioDecider, sprt_thresholds
+from hybrid_env import QuickestOptions, simulate
+from studies.papers.figures import (
+    DARK_GREY,
+    GREY,
+    TRUTH,
+    TYPE_COLOURS,
+    draw_by_type,
+    new_figure,
+    style_map,
 )
-from hybrid_env.core.banks.bank import IDENTITY, FilterModel
-from hybrid_env.limits import check_within, distinct_radii
-from hybrid_env.simulation import Simulation, simulate
 from studies.papers.reproduction import Cell, Finding, Reproduction, table_row
 
 PAPER = "Golubkov 2020"
@@ -45,14 +41,18 @@ SCHEME = "golubkov2020"
 SWITCH = 20
 # State one tick before the first measurement, [x, vx, y, vy] [m, m/s].
 START = (0.0, 0.0, 0.0, 2.0)
+# R [m^2].
+VARIANCE = 0.1
+# Upper triangle of P = I at the start.
+IDENTITY = np.eye(4)[np.triu_indices(4)]
+# Logarithm of a ratio that is not reached.
+NEVER = 1e9
 # p = 2.
 RIGHT_TURN = 2
 ALPHAS = (0.1, 0.05, 0.01, 0.001)
 # Delay of the published realisation [ticks].
 PUBLISHED_DELAY = 12
 PERCENTILES = (5, 25, 50, 75, 95)
-# Bounds the memory.
-RUNS_AT_ONCE = 256
 # Length of the turn in the identification study [ticks].
 HORIZON = 60
 # Turn radii of each bank in the identification study [m].
@@ -69,138 +69,92 @@ BOOTSTRAP_INTERVAL = "The interval is the 95 % bootstrap confidence interval ove
 
 
 class Detection(NamedTuple):
-    """Results of the detector for n runs of T ticks and M hypotheses. A single run has no first
-    axis.
-    """
+    """Results of the detector for n runs of T ticks and M hypotheses."""
 
     # (n,) first tick at which a tested hypothesis is declared, counted from 1; 0 without a
     # detection.
-    ticks: IntArray
-    # (n,) the hypothesis with the largest ratio at this tick; -1 without a detection.
-    modes: IntArray
-    # (n, T, M) ln lambda_k of each turn, NaN in the column of the straight line.
-    log_ratios: FloatArray
-    # Ln A.
-    upper: float
-    # Ln B.
-    lower: float
+    ticks: NDArray[np.int64]
+    # (n,) the hypothesis with the largest ratio at this tick.
+    modes: NDArray[np.int64]
+    # (n, T, M) ln lambda_k of each turn.
+    log_ratios: NDArray[np.float64]
 
 
-def detect_switch(
-    measurements: ArrayLike,
-    start: ArrayLike | None = None,
-    *,
-    radii: ArrayLike = (5.0,),
-    tested: ArrayLike | None = None,
-    tau: float = 0.1,
-    process_variance: float = 0.001,
-    measurement_variance: float | ArrayLike = 0.1,
-    alpha: float = 0.1,
-    beta: float | None = None,
-    margin: float = 0.0,
+def start_row(start: Sequence[float], hypotheses: int) -> NDArray[np.float64]:
+    """Return the first observation of `MeanRatioDecider`, straight from a state with P = I."""
+    straight = np.full(hypotheses, -math.inf)
+    straight[0] = 0.0
+    return np.concatenate([[0.0, 0.0], start, IDENTITY, straight])
+
+
+def log_ratios(
+    measurements: NDArray[np.float64],
+    radii: Sequence[float] = (5.0,),
     published_root: bool = False,
-) -> Detection:
-    """Detect the switch from straight motion to a turn in recorded positions.
-
-    Args:
-        measurements, start, tau, process_variance, measurement_variance: see `baselines.track_ate`.
-        radii: n turn radii [m]; hypotheses 1 .. n are left turns, n + 1 .. 2 n are right turns.
-        tested: hypotheses that may be declared; None tests all turns.
-        alpha, beta: determine the thresholds A = (1 - beta) / alpha and B = beta / (1 - alpha);
-            None for beta uses alpha.
-        margin: minimum difference between the largest ln lambda and that of every other tested
-            hypothesis at the detection; 0 is the published rule, larger values also identify the
-            radius.
-        published_root: True uses the published ratio of determinants in eq. (7).
+) -> NDArray[np.float64]:
+    """Return ln lambda_k of measurements (n, T, 2), (n, T, M); `published_root` takes the ratio
+    of determinants in eq. (7) as it is printed.
     """
-    tau = check_within("tau", tau)
-    total = np.shape(measurements)[-2] if dimensions(measurements) in (2, 3) else 0
-    values, _, starts = check_recording(measurements, [max(total, 1)], start, tau)
-    bank_radii = np.array(distinct_radii("radii", radii))
-    hypotheses = 2 * bank_radii.size + 1
-    modes = (
-        range(1, hypotheses) if tested is None else [tested] if dimensions(tested) == 0 else tested
-    )
-    if not isinstance(modes, (Sequence, np.ndarray)) or len(modes) == 0:
-        raise reject("tested", tested, f"one or more hypotheses from 1 to {hypotheses - 1}")
-    chosen = np.array([check_integer("tested", mode, 1, hypotheses - 1) for mode in modes])
-    model = make_filters(bank_radii, tau, process_variance, measurement_variance).model
-    upper, lower = sprt_thresholds(alpha, beta)
-    margin = check_positive("margin", margin, allow_zero=True)
-    root = check_flag("published_root", published_root)
-
-    log_ratios = np.full((len(values), total, hypotheses), np.nan)
-    for first in range(0, len(values), RUNS_AT_ONCE):
-        part = slice(first, first + RUNS_AT_ONCE)
-        log_ratios[part, :, 1:] = _log_ratios(values[part], starts[part], bank_radii, model, root)
-    ranked = np.sort(log_ratios[:, :, chosen], axis=-1)
-    largest = ranked[:, :, -1]
-    passed = largest >= upper
-    if chosen.size > 1:
-        passed &= largest - ranked[:, :, -2] >= margin
-    detected = passed.any(1)
-    first_tick = passed.argmax(1)
-    at = log_ratios[np.arange(len(values)), first_tick][:, chosen]
-    ticks = np.where(detected, first_tick + 1, 0)
-    found = np.where(detected, chosen[at.argmax(1)], -1)
-    if np.ndim(measurements) == 2:
-        return Detection(ticks[0], found[0], log_ratios[0], upper, lower)
-    return Detection(ticks, found, log_ratios, upper, lower)
-
-
-def _log_ratios(
-    values: FloatArray,
-    starts: FloatArray,
-    radii: FloatArray,
-    model: FilterModel,
-    published_root: bool,
-) -> FloatArray:
-    """Return ln lambda_k of the turns, (n, T, M - 1), from measurements (n, T, 2) and starts (n,
-    4).
-    """
-    runs, total = values.shape[:2]
-    ticks = np.ascontiguousarray(values.swapaxes(0, 1))
-    # The statement never changes.
-    rule = RestartModel(radii, total, True, True, math.inf, 0.0, model)
-    filters = restart_arrays(runs, 2 * radii.size + 1, total)
-    for run, start in enumerate(starts):
-        run_compiled(begin_restarted, filters, run, 0, np.concatenate([start, IDENTITY]), rule)
-    log_ratios = np.empty((runs, total, 2 * radii.size))
+    runs, total = measurements.shape[:2]
+    options = QuickestOptions(radii=radii, measurement_variance=VARIANCE)
+    rule = MeanRatioDecider(options, NEVER, 0.0, total)
+    rows = np.tile(start_row(START, options.hypotheses), (runs, 1))
+    _, filters = rule.predict(rows)
+    found = np.empty((runs, total, options.hypotheses))
     # Sum of ln |Sigma_1| - ln |Sigma_0|.
     determinants = np.zeros(filters.started["log_likelihood"].shape)
-    starts_of = np.arange(determinants[0, 0].size).reshape(determinants.shape[2:])
-    for k, measured in enumerate(ticks):
-        run_compiled(step_restarted, filters, measured, rule)
-        log_ratios[:, k] = filters.log_ratios[:, 1:]
+    starts = np.arange(determinants[0, 0].size).reshape(determinants.shape[2:])
+    for k, measured in enumerate(measurements.swapaxes(0, 1)):
+        rows[:, :2] = measured
+        _, filters = rule.predict(rows, filters)
+        found[:, k] = filters.log_ratios
         if published_root:
             straight = filters.stated_filters[:, None, None]
-            determinants += _log_determinants(filters.started, model)
-            determinants -= _log_determinants(straight, model)[..., :1]
-            determinants[..., starts_of > k] = 0.0
-            log_psi = (
-                filters.started["log_likelihood"]
-                - straight["log_likelihood"][..., :1]
-                + determinants
-            )
-            log_psi[..., starts_of > k] = -np.inf
-            log_ratios[:, k] = logsumexp(log_psi[:, 1:], axis=(2, 3)) - math.log(k + 1.0)
-    return log_ratios
+            determinants += _log_determinants(filters.started)
+            determinants -= _log_determinants(straight)[..., :1]
+            determinants[..., starts > k] = 0.0
+            log_psi = filters.started["log_likelihood"] + determinants
+            log_psi = log_psi - straight["log_likelihood"][..., :1]
+            log_psi[..., starts > k] = -np.inf
+            found[:, k, 1:] = logsumexp(log_psi[:, 1:], axis=(2, 3)) - math.log(k + 1.0)
+    return found
 
 
-def _log_determinants(filters: NDArray[Any], model: FilterModel) -> FloatArray:
+def _log_determinants(filters: NDArray[Any]) -> NDArray[np.float64]:
     """Return ln |Sigma| - ln |R| of the last tick: Sigma = R^2 / (R - P) on each axis, P
     corrected.
     """
     x, y = (filters["covariance"][..., entry, :] for entry in (0, 13))
-    return -np.log(1.0 - x / model.variance_x) - np.log(1.0 - y / model.variance_y)
+    return -np.log(1.0 - x / VARIANCE) - np.log(1.0 - y / VARIANCE)
 
 
-def run_detector(recording: Simulation, alpha: float, **options: Any) -> Detection:
-    """Run the paper's detector of a right turn; options are those of `detect_switch`."""
-    return detect_switch(recording.measurements, START, tested=[RIGHT_TURN], alpha=alpha, **options)
+def detect(
+    ratios: NDArray[np.float64],
+    alpha: float,
+    tested: Sequence[int] = (RIGHT_TURN,),
+    margin: float = 0.0,
+) -> Detection:
+    """Detect the switch from straight motion to a turn.
+
+    Args:
+        ratios: (n, T, M) of `log_ratios`.
+        alpha: of both thresholds.
+        tested: hypotheses that may be declared.
+        margin: smallest difference between the largest ln lambda and that of every other tested
+            hypothesis at the detection; 0 is the published rule, larger values also identify the
+            radius.
+    """
+    of_tested = ratios[:, :, list(tested)]
+    ranked = np.sort(of_tested, axis=-1)
+    passed = ranked[:, :, -1] >= sprt_thresholds(alpha)[0]
+    if len(tested) > 1:
+        passed &= ranked[:, :, -1] - ranked[:, :, -2] >= margin
+    first = passed.argmax(1)
+    modes = np.array(tested)[of_tested[np.arange(len(ratios)), first].argmax(1)]
+    return Detection(np.where(passed.any(1), first + 1, 0), modes, ratios)
 
 
-def delay_statistics(ticks: IntArray) -> dict[str, float]:
+def delay_statistics(ticks: NDArray[np.int64]) -> dict[str, float]:
     """Rates of false alarms and missed turns [%], mean and quantiles of the delay [ticks], of
     detections (n,).
     """
@@ -221,14 +175,15 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
 
     Arguments as of `golubkov2018.reproduce`; the identification study uses a quarter of the runs.
     """
-    runs = check_integer("runs", runs, minimum=2)
     recording = simulate(SCHEME, runs, seed, start=START)
     no_turn = simulate(f"S{2 * SWITCH}", runs, seed + 1, start=START)
+    ratios, without_turn = (log_ratios(part.measurements) for part in (recording, no_turn))
+    with_published_root = log_ratios(recording.measurements, published_root=True)
     cells: list[Cell] = []
     findings: list[Finding] = []
     examples: dict[str, Any] = {}
     for alpha in ALPHAS:
-        detection = run_detector(recording, alpha)
+        detection = detect(ratios, alpha)
         row = f"alpha = {alpha:g}"
         statistics = delay_statistics(detection.ticks)
         delays = detection.ticks[detection.ticks > SWITCH] - SWITCH
@@ -253,8 +208,8 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
         interval = ([*statistics.values()], *np.nanpercentile(resampled, [2.5, 97.5], axis=0))
         nothing = [math.nan] * len(statistics)
         cells += table_row(DISTRIBUTION, row, statistics, nothing, interval, 2, BOOTSTRAP_INTERVAL)
-        false_alarms = 100.0 * (run_detector(no_turn, alpha).ticks > 0).mean()
-        root = delay_statistics(run_detector(recording, alpha, published_root=True).ticks)
+        false_alarms = 100.0 * (detect(without_turn, alpha).ticks > 0).mean()
+        root = delay_statistics(detect(with_published_root, alpha).ticks)
         text = f"{MEAN_DELAY} {root[MEAN_DELAY]:.1f}, missed {root['missed by tick 40, %']:.1f} %"
         findings += [
             Finding(
@@ -286,16 +241,11 @@ def _identification(runs: int, seed: int) -> list[Finding]:
             for index, turn in enumerate(turns)
         ]
         truth = np.repeat(np.arange(1, len(turns) + 1), [len(part) for part in parts])
+        ratios = log_ratios(np.concatenate(parts), radii)
         for margin in (0.0, math.log(9.0), math.log(99.0)):
-            found = detect_switch(
-                np.concatenate(parts),
-                START,
-                radii=radii,
-                alpha=0.01,
-                margin=margin,
-            )
-            detected = found.ticks > SWITCH
-            sides = (found.modes > len(radii)) == (truth > len(radii))
+            detection = detect(ratios, 0.01, range(1, len(turns) + 1), margin)
+            detected = detection.ticks > SWITCH
+            sides = (detection.modes > len(radii)) == (truth > len(radii))
             rule = (
                 "no margin"
                 if margin == 0.0
@@ -303,10 +253,56 @@ def _identification(runs: int, seed: int) -> list[Finding]:
             )
             text = (
                 f"correct direction {100 * sides[detected].mean():.1f} %, correct turn"
-                f" {100 * (found.modes == truth)[detected].mean():.1f} %, mean delay"
-                f" {(found.ticks[detected] - SWITCH).mean():.1f} ticks, not detected within"
-                f" {HORIZON} ticks {100 * (found.ticks == 0).mean():.1f} %"
+                f" {100 * (detection.modes == truth)[detected].mean():.1f} %, mean delay"
+                f" {(detection.ticks[detected] - SWITCH).mean():.1f} ticks, not detected within"
+                f" {HORIZON} ticks {100 * (detection.ticks == 0).mean():.1f} %"
             )
             setting = f"identification of the turn, {name}, alpha = 0.01, {rule}"
             findings.append(Finding(setting, text, "named as future work"))
     return findings
+
+
+def draw(result: Reproduction) -> dict[str, Figure]:
+    """Return the figure by its file name: one run, its ln lambda, and the distribution of the
+    delay.
+    """
+    title = f"{PAPER}: detection of a right turn (r = 5 m) that begins after tick {SWITCH}"
+    figure, (ground, ratios, delays) = new_figure(title, (15.5, 5.2), (0.9, 1.2, 1.2))
+    (recording, detection), *_ = result.examples.values()
+    style_map(ground, "One run in the plane")
+    ground.plot(*recording.measurements[0].T, ".", color=GREY, markersize=4, label="measurements")
+    types = np.repeat([0, RIGHT_TURN], recording.lengths)
+    draw_by_type(ground, recording.truth[0][:, [0, 2]], types, linewidths=1.8)
+    for kind, name in ((0, "straight"), (RIGHT_TURN, "right turn")):
+        ground.plot([], [], color=TYPE_COLOURS[kind], label=name)
+
+    values = detection.log_ratios[0][:, RIGHT_TURN]
+    ratios.plot(np.arange(1, len(values) + 1), values, color=TYPE_COLOURS[RIGHT_TURN])
+    for name, value in zip(("ln A", "ln B"), sprt_thresholds(ALPHAS[0]), strict=True):
+        label = f"{name} = {value:.1f}"
+        ratios.axhline(value, color=DARK_GREY, linestyle="--", linewidth=0.9, label=label)
+    ratios.axvline(SWITCH + 0.5, color=GREY, linewidth=0.9, label="turn begins")
+    tick = int(detection.ticks[0])
+    if tick:
+        ratios.plot(tick, values[tick - 1], "o", color=TRUTH, label=f"detected at tick {tick}")
+    ratios.set(
+        title=f"The same run: averaged likelihood ratio λ, alpha = {ALPHAS[0]:g}",
+        xlabel="tick",
+        ylabel="ln λ of a right turn against straight motion",
+    )
+
+    for name, (_, of_alpha) in result.examples.items():
+        seen = of_alpha.ticks[of_alpha.ticks > SWITCH] - SWITCH
+        share = [100.0 * (seen <= delay).sum() / result.runs for delay in range(SWITCH + 1)]
+        delays.step(range(SWITCH + 1), share, where="post", label=name)
+    delays.axvline(PUBLISHED_DELAY, color=GREY, label=f"published: {PUBLISHED_DELAY}")
+    delays.set(
+        title=f"{result.runs} runs: distribution of the delay",
+        xlabel="delay since the turn began [ticks]",
+        ylabel="runs with the turn detected [%]",
+        xlim=(0, 1.35 * SWITCH),
+        ylim=(0, 100),
+    )
+    for axes in (ground, ratios, delays):
+        axes.legend()
+    return {"golubkov2020.png": figure}

@@ -8,135 +8,152 @@ merged over all modes; with "imm" from the mixture of all estimates before, give
 "gpb2" from each estimate before, in M^2 filters, merged over it afterwards.
 """
 
-import math
-from typing import Literal, get_args
+from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import logsumexp
 
-from baselines.estimation import imm
-from baselines.estimation.correction import correct, principal_noise
-from baselines.estimation.kalman import propagate
-from baselines.estimation.motion_models import turn_transition
-from baselines.estimation.track_filter import TrackFilter, measurement_covariance
-from hybrid_env.checks import FloatArray, check_choice, check_positive, reject
-from hybrid_env.limits import distinct_radii
-
+FloatArray = NDArray[np.float64]
 Method = Literal["static", "gpb1", "imm", "gpb2"]
+# Smaller probabilities count as this one.
+SMALLEST = np.log(1e-300)
 
 
-class MultipleModelFilter(TrackFilter):
-    """One of the four estimators. Tracks begin with `begin_from`, all modes equally probable.
+def turn_transition(rates: FloatArray, dt: float) -> FloatArray:
+    """Return the matrices (..., 4, 4) of turns with rates (...) [rad/s], anticlockwise positive,
+    0 straight, in a step [s].
+    """
+    sine, cosine = np.sin(rates * dt), np.cos(rates * dt)
+    safe = np.where(rates == 0.0, 1.0, rates)
+    along = np.where(rates == 0.0, dt, sine / safe)
+    across = np.where(rates == 0.0, 0.0, (1.0 - cosine) / safe)
+    zero, unit = np.zeros_like(rates), np.ones_like(rates)
+    rows = [
+        [unit, along, zero, -across],
+        [zero, cosine, zero, -sine],
+        [zero, across, unit, along],
+        [zero, sine, zero, cosine],
+    ]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+
+
+def mixture(
+    weights: FloatArray,
+    state: FloatArray,
+    covariance: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return mean and covariance, (..., C, 4) and (..., C, 4, 4), of C mixtures with weights
+    (..., C, K) of the same K normal distributions, (..., K, 4) and (..., K, 4, 4).
+    """
+    mean = weights @ state
+    # Sum of w (P + x x') less m m', with states relative to one of them, because positions are
+    # large.
+    relative = state - state[..., :1, :]
+    centre = mean - state[..., :1, :]
+    square = covariance + relative[..., :, None] * relative[..., None, :]
+    mixed = weights @ square.reshape(*square.shape[:-2], 16)
+    square = mixed.reshape(*mean.shape, 4)
+    return mean, square - centre[..., :, None] * centre[..., None, :]
+
+
+class MultipleModels:
+    """One of the four estimators for n tracks, all modes equally probable at the start.
 
     Args:
         method: the estimator.
-        radii: (n,) turn radii [m]; mode 0 is straight, 1 .. n are left turns, n + 1 .. 2n right
-            turns.
+        radii: turn radii [m]; mode 0 is straight, then all left turns, then all right turns.
         process_variance: Q, variance of the noise added to each velocity in a step [m^2/s^2].
-        noise: covariance of a measurement [m^2], see `track_filter.measurement_covariance`.
+        noise: variance of a measurement [m^2], or (2,) of x and y.
+        state: (n, 4) estimates at the start [m, m/s].
+        covariance: (4, 4) of them.
     """
-
-    axes = 2
-    order = 2
-    covariance: FloatArray
-    # Number of Kalman filters that ran in the last step.
-    filters: int
-    # (M, M) probabilities of the modes in a step given the mode before (row), to be set before any
-    # step; None: the mode does not change.
-    transition: FloatArray | None = None
 
     def __init__(
         self,
         method: Method,
-        radii: ArrayLike,
+        radii: Sequence[float],
         process_variance: float,
-        noise: float | ArrayLike,
+        noise: ArrayLike,
+        state: FloatArray,
+        covariance: FloatArray,
     ):
-        self.method = check_choice("method", method, get_args(Method))
-        curvatures = 1.0 / np.array(distinct_radii("radii", radii))
-        self._curvatures = np.concatenate([[0.0], curvatures, -curvatures])[:, None]
-        process_variance = check_positive("process_variance", process_variance, allow_zero=True)
-        self._process = np.diag([0.0, process_variance] * 2)
-        self.noise = measurement_covariance("noise", noise, self.axes)
+        self.method = method
+        curvatures = 1.0 / np.array(radii)
+        self.curvatures = np.concatenate([[0.0], curvatures, -curvatures])
+        self.process = np.diag([0.0, process_variance] * 2)
+        self.noise = np.broadcast_to(noise, 2)
+        n, modes = len(state), self.curvatures.size
+        # Filters of (n, mode, mode before); the last axis has length 1 if that does not matter.
+        self.states = np.tile(state[:, None, None], (1, modes, 1, 1))
+        self.covariances = np.tile(covariance, (n, modes, 1, 1, 1))
+        self.log_probability = np.full((n, modes, 1), -np.log(modes))
+
+    @property
+    def filters(self) -> int:
+        """Number of Kalman filters of a track."""
+        return self.log_probability[0].size
 
     @property
     def probabilities(self) -> FloatArray:
-        """(B, M) of the modes."""
-        return np.exp(imm.log_sum(self._log_probability, 2))
+        """(n, M) of the modes."""
+        return np.exp(logsumexp(self.log_probability, axis=2))
 
-    def _begin(self, tracks: int) -> None:
-        self._set(np.full((tracks, 4), np.nan), np.full((tracks, 4, 4), np.nan))
-
-    def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
-        assert covariance is not None
-        self.state, self.covariance, self.filters = state, covariance, self._curvatures.size
-        # Filters of (B, mode, mode before); the last axis has length 1 if the mode before does not
-        # matter.
-        self._states, self._covariances = (
-            np.repeat(one[:, None, None], self.filters, axis=1) for one in (state, covariance)
+    def merged(self) -> tuple[FloatArray, FloatArray]:
+        """Return the estimates, (n, 4), and their covariances, (n, 4, 4)."""
+        n = len(self.states)
+        weights = np.exp(self.log_probability).reshape(n, 1, -1)
+        states, covariances = (
+            self.states.reshape(n, -1, 4),
+            self.covariances.reshape(n, -1, 4, 4),
         )
-        self._log_probability = np.full((len(state), self.filters, 1), -math.log(self.filters))
-        self._no_measurement()
+        state, covariance = mixture(weights, states, covariances)
+        return state[:, 0], covariance[:, 0]
 
-    def _predict(self, dt: float | FloatArray) -> None:
-        prior = imm.log_sum(self._log_probability, 2)
+    def step(self, measured: FloatArray, dt: float, transition: FloatArray | None) -> None:
+        """Advance by a time step [s] to measurements (n, 2) [m]. `transition` has the
+        probabilities of the modes given the mode before (row), (M, M); None: the mode stays.
+        """
+        prior = logsumexp(self.log_probability, axis=2)
         if self.method == "gpb1":
-            state, covariance = self.state[:, None], self.covariance[:, None]
+            state, covariance = (part[:, None] for part in self.merged())
         else:
             # Merge the filters of each mode over the mode before.
-            weights = np.exp(self._log_probability - prior[..., None])
+            weights = np.exp(self.log_probability - prior[..., None])[:, :, None]
             state, covariance = (
-                one.reshape(*prior.shape, *one.shape[2:])
-                for one in self._mixture(weights, prior.size)
+                part[:, :, 0] for part in mixture(weights, self.states, self.covariances)
             )
-        if self.transition is not None and self.method != "static":
-            prior, weights = imm.mix_models(prior, self.transition, imm.SMALLEST)
+        state, covariance = state[:, :, None], covariance[:, :, None]
+        self.log_probability = prior[..., None]
+        if transition is not None and self.method != "static":
+            with np.errstate(divide="ignore"):
+                # After, before.
+                joint = (np.log(transition) + prior[:, :, None]).swapaxes(1, 2)
+            after = logsumexp(joint, axis=2)
+            weights = np.exp(joint - after[..., None])
+            self.log_probability = np.maximum(after, SMALLEST)[..., None]
             if self.method == "imm":
-                state, covariance = imm.mixture(state, covariance, weights)
-        if self.transition is not None and self.method == "gpb2":
-            prior = prior[..., None] + np.log(np.maximum(weights, imm.SMALLEST))
-            state, covariance = state[:, None], covariance[:, None]
-        else:
-            prior, state, covariance = prior[..., None], state[:, :, None], covariance[:, :, None]
-        rates = self._curvatures * np.hypot(state[..., 1], state[..., 3])
-        self._states, self._covariances = propagate(
-            np.broadcast_to(state, (*prior.shape, 4)),
-            np.broadcast_to(covariance, (*prior.shape, 4, 4)),
-            turn_transition(rates, np.asarray(dt)[..., None, None]),
-            self._process,
-            np.ones(1),
-        )
-        self._log_probability = prior
-        self.filters = prior[0].size
-        self._merge()
-
-    def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
-        if np.isnan(self.state).any():
-            raise reject("state", None, "a start of all tracks by begin_from()")
-        noise = self.noise if noise is None else noise
-        self.nis = imm.squared_innovation(
-            measurement - self.position,
-            self.covariance[:, ::2, ::2] + noise,
-        )
-        used = ~np.isnan(self.nis)[:, None, None]
-        measured = np.where(used[..., None], measurement[:, None, None], 0.0)
-        of_filters = principal_noise(noise if noise.ndim == 2 else noise[:, None, None])
-        after = correct(self._states, self._covariances, measured, of_filters)
-        self._states = np.where(used[..., None], after.state, self._states)
-        self._covariances = np.where(used[..., None, None], after.covariance, self._covariances)
-        flat = self.tracks, self.filters
-        likelihood = np.where(used, after.log_likelihood, 0.0).reshape(flat)
-        prior, shape = self._log_probability.reshape(flat), self._log_probability.shape
-        posterior, self.log_likelihood = imm.weigh_models(prior, likelihood, imm.SMALLEST)
-        self._log_probability = posterior.reshape(shape)
-        self._merge()
-
-    def _merge(self) -> None:
-        merged = self._mixture(np.exp(self._log_probability), self.tracks)
-        self.state, self.covariance = (one[:, 0] for one in merged)
-
-    def _mixture(self, weights: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
-        """Return `count` mixtures of equally many filters one after the other."""
-        state = self._states.reshape(count, -1, 4)
-        covariance = self._covariances.reshape(count, -1, 4, 4)
-        return imm.mixture(state, covariance, weights.reshape(count, 1, -1))
+                mixed = mixture(weights, state[:, :, 0], covariance[:, :, 0])
+                state, covariance = mixed[0][:, :, None], mixed[1][:, :, None]
+            elif self.method == "gpb2":
+                shares = np.log(np.maximum(weights, np.exp(SMALLEST)))
+                self.log_probability = self.log_probability + shares
+                state, covariance = state.swapaxes(1, 2), covariance.swapaxes(1, 2)
+        rates = self.curvatures[:, None] * np.hypot(state[..., 1], state[..., 3])
+        matrix = turn_transition(rates, dt)
+        state = (matrix @ state[..., None])[..., 0]
+        covariance = matrix @ covariance @ matrix.swapaxes(-1, -2) + self.process
+        log_likelihood = np.zeros(state.shape[:-1])
+        for axis, variance in enumerate(self.noise):
+            column = covariance[..., 2 * axis]
+            spread = column[..., 2 * axis] + variance
+            innovation = measured[:, None, None, axis] - state[..., 2 * axis]
+            gain = column / spread[..., None]
+            state = state + gain * innovation[..., None]
+            covariance = covariance - gain[..., :, None] * column[..., None, :]
+            log_likelihood -= 0.5 * (innovation**2 / spread + np.log(2.0 * np.pi * spread))
+        self.states, self.covariances = state, covariance
+        posterior = self.log_probability + log_likelihood
+        total = logsumexp(posterior, axis=(1, 2), keepdims=True)
+        self.log_probability = np.maximum(posterior - total, SMALLEST)

@@ -17,21 +17,19 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-from baselines.recordings.ate import track_ate
-from baselines.rules.measurements import run_compiled
-from baselines.rules.restarted import RestartModel, begin_restarted, restart_arrays, step_restarted
-from baselines.rules.sprt import sprt_thresholds
-from baselines.scoring.estimates import Estimate
-from baselines.scoring.scores import Scores, Statistic, mean
-from hybrid_env.checks import FloatArray, IntArray, check_integer
-from hybrid_env.core.banks.bank import IDENTITY, FilterModel
-from hybrid_env.simulation import Simulation, simulate
+from baselines import MeanRatioDecider, Scores, Statistic, sprt_thresholds, track_ate
+from hybrid_env import QuickestOptions, Simulation, simulate
 from studies.papers import golubkov2018, tsyganov2019
-from studies.papers.golubkov2020 import BOOTSTRAP_INTERVAL
-from studies.papers.multiple_model_filter import MultipleModelFilter
+from studies.papers.figures import new_figure
+from studies.papers.golubkov2020 import BOOTSTRAP_INTERVAL, start_row
+from studies.papers.multiple_model_filter import MultipleModels
 from studies.papers.reproduction import Cell, Finding, Reproduction
 
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 # s.
 TAU = 0.1
 # R [m^2].
@@ -78,10 +76,10 @@ SETTINGS = (
 # predictions with corrections.
 METRICS = {
     "nRMSE": (Statistic(("squares",), np.sqrt), 3),
-    "delay, ticks": (mean("delay"), 1),
-    "wrong, %": (mean("wrong"), 1),
-    "wrong changes in 1,000 ticks": (mean("wrong_changes"), 1),
-    "Kalman steps a tick": (mean("steps"), 1),
+    "delay, ticks": (Statistic(("delay",), np.positive), 1),
+    "wrong, %": (Statistic(("wrong",), np.positive), 1),
+    "wrong changes in 1,000 ticks": (Statistic(("wrong_changes",), np.positive), 1),
+    "Kalman steps a tick": (Statistic(("steps",), np.positive), 1),
 }
 COMPARED = ("nRMSE", "delay, ticks", "wrong, %")
 
@@ -115,7 +113,9 @@ def _run_ate(
     lengths, modes = recording.lengths, len(setting.sides)
     decided = setting.sides[tracks.decided]
     before = np.insert(decided[:, :-1], 0, 0, axis=1)
-    ticks, now, last = (np.repeat(one, lengths, axis=1) for one in (tracks.ticks, decided, before))
+    ticks, now, last = (
+        np.repeat(values, lengths, axis=1) for values in (tracks.ticks, decided, before)
+    )
     again = {"as_published": 1, "rewind": modes}.get(options.get("recalculation", "none"), 0)
     after = modes if options.get("refine_radius") else 1
     steps = (modes + again * ~tracks.undecided) * tracks.ticks + after * (lengths - tracks.ticks)
@@ -126,29 +126,24 @@ def _run_ate(
 def _run_detector(recording: Simulation, setting: Setting, variance: float) -> Tracked:
     """A switch since the last change is tested, at most as long ago as the longest segment."""
     output = _no_output(recording)
-    modes = len(setting.sides)
-    model = FilterModel(TAU, setting.process_variance, variance, variance)
-    upper = sprt_thresholds(setting.paper.ALPHA, None)[0]
+    options = QuickestOptions(
+        radii=setting.radii,
+        process_variance=setting.process_variance,
+        measurement_variance=variance,
+    )
     window = int(recording.lengths.max())
-    rule = RestartModel(np.array(setting.radii), window, True, True, upper, 0.0, model)
-    filters = restart_arrays(len(output.steps), modes, window)
-    for run in range(len(output.steps)):
-        run_compiled(
-            begin_restarted,
-            filters,
-            run,
-            0,
-            np.array([*setting.paper.START, *IDENTITY]),
-            rule,
-        )
-    for k, measured in enumerate(np.ascontiguousarray(recording.measurements.swapaxes(0, 1))):
-        output.steps[:] += (
-            1 + (modes - 1) * np.minimum(filters.counts + 1, window)
-        ) / output.sides.shape[1]
-        run_compiled(step_restarted, filters, measured, rule)
+    rule = MeanRatioDecider(options, sprt_thresholds(setting.paper.ALPHA)[0], 0.0, window)
+    modes = options.hypotheses
+    rows = np.tile(start_row(setting.paper.START, modes), (len(output.steps), 1))
+    _, filters = rule.predict(rows)
+    for k, measured in enumerate(recording.measurements.swapaxes(0, 1)):
+        tested = np.minimum(filters.counts + 1, window)
+        output.steps[:] += (1 + (modes - 1) * tested) / output.sides.shape[1]
+        rows[:, :2] = measured
+        stated, filters = rule.predict(rows, filters)
         for axis, name in enumerate(("x", "vx", "y", "vy")):
             output.estimates[:, k, axis] = filters.stated_filters[name][:, 0]
-        output.sides[:, k] = setting.sides[filters.stated]
+        output.sides[:, k] = setting.sides[stated]
     return output
 
 
@@ -171,14 +166,13 @@ def _run_models(
     for first in range(0, len(output.steps), at_once):
         part = slice(first, first + at_once)
         measured = recording.measurements[part]
-        models = MultipleModelFilter(method, setting.radii, setting.process_variance, variance)
-        models.begin_from(np.tile(setting.paper.START, (len(measured), 1)), np.eye(4))
+        start = np.tile(setting.paper.START, (len(measured), 1))
+        noises = setting.process_variance, variance
+        models = MultipleModels(method, setting.radii, *noises, start, np.eye(4))
         for k, begin in enumerate(begins):
             at_switch = np.tile(prior, (modes, 1)) if begin else None
-            models.transition = at_switch if known or k == 0 else at_any_tick
-            models.predict(TAU)
-            models.update(measured[:, k])
-            output.estimates[part, k] = models.state
+            models.step(measured[:, k], TAU, at_switch if known or k == 0 else at_any_tick)
+            output.estimates[part, k] = models.merged()[0]
             output.sides[part, k] = np.array([0, 1, -1])[(models.probabilities @ groups).argmax(1)]
             output.steps[part] += models.filters / len(begins)
     return output
@@ -229,7 +223,6 @@ def score(name: str, recording: Simulation, tracked: Tracked) -> Scores:
 
 def reproduce(runs: int = 100, seed: int = 0) -> Reproduction:
     """Compare all estimators on the same recordings; see `golubkov2018.reproduce`."""
-    runs = check_integer("runs", runs, minimum=2)
     cells: list[Cell] = []
     findings: list[Finding] = []
     curves: dict[str, Any] = {}
@@ -248,27 +241,29 @@ def reproduce(runs: int = 100, seed: int = 0) -> Reproduction:
             score(name, recording, run(recording, setting, variance))
             for name, run in estimators(setting, known).items()
         ]
-        for one in found:
+        for scores in found:
             estimates = {
-                metric: one.estimate(statistic) for metric, (statistic, _) in METRICS.items()
+                metric: scores.estimate(statistic) for metric, (statistic, _) in METRICS.items()
             }
-            cells += _cells(table, one.name, estimates)
-            curves.setdefault(title, {}).setdefault(one.name, []).append(estimates)
+            cells += _cells(table, scores.name, estimates)
+            curves.setdefault(title, {}).setdefault(scores.name, []).append(estimates)
         lower: dict[str, list[str]] = {metric: [] for metric in COMPARED}
-        pairs = [(one, found[0]) for one in found[1:]] + [
+        pairs = [(scores, found[0]) for scores in found[1:]] + [
             (found[-2], found[1]),
             (found[-1], found[-2]),
         ]
-        for one, other in pairs:
-            differences = {metric: one.difference(other, METRICS[metric][0]) for metric in COMPARED}
+        for scores, other in pairs:
+            differences = {
+                metric: scores.difference(other, METRICS[metric][0]) for metric in COMPARED
+            }
             cells += _cells(
                 f"{table}, paired differences",
-                f"{one.name} less {other.name}",
+                f"{scores.name} less {other.name}",
                 differences,
             )
             for metric, difference in differences.items():
                 if difference.high < 0.0 or difference.low > 0.0:
-                    names = one.name, other.name
+                    names = scores.name, other.name
                     lower[metric].append(
                         "{} < {}".format(*(names if difference.high < 0.0 else names[::-1]))
                     )
@@ -287,18 +282,37 @@ def reproduce(runs: int = 100, seed: int = 0) -> Reproduction:
     )
 
 
-def _cells(table: str, row: str, estimates: dict[str, Estimate]) -> list[Cell]:
+def _cells(table: str, row: str, estimates: dict[str, Any]) -> list[Cell]:
     return [
         Cell(
             table,
             row,
             key,
             float("nan"),
-            one.value,
-            one.low,
-            one.high,
+            estimate.value,
+            estimate.low,
+            estimate.high,
             METRICS[key][1],
             BOOTSTRAP_INTERVAL,
         )
-        for key, one in estimates.items()
+        for key, estimate in estimates.items()
     ]
+
+
+def draw(result: Reproduction) -> dict[str, Figure]:
+    """Return the figure by its file name: error, delay and wrong statements over R."""
+    figure, rows = new_figure("", (18.0, 12.0), (1.0,) * len(result.examples), len(COMPARED))
+    for axes_of_metric, metric in zip(rows, COMPARED, strict=True):
+        for axes, (title, found) in zip(axes_of_metric, result.examples.items(), strict=True):
+            for name, by_variance in found.items():
+                estimates = [of_metric[metric] for of_metric in by_variance]
+                values = np.array([estimate.value for estimate in estimates])
+                low = values - [estimate.low for estimate in estimates]
+                high = [estimate.high for estimate in estimates] - values
+                axes.errorbar(VARIANCES, values, [low, high], marker="o", label=name)
+            axes.set(title=title, xlabel="R, m²", ylabel=metric, xscale="log")
+            axes.set_xticks(VARIANCES, [f"{variance:g}" for variance in VARIANCES])
+            if metric == "nRMSE":
+                axes.set_yscale("log")
+                axes.legend()
+    return {"multiple_models.png": figure}

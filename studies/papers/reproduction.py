@@ -9,8 +9,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from hybrid_env.checks import FloatArray
+FloatArray = NDArray[np.float64]
+
 
 RESAMPLES = 2000
 # Of the studies in Golubkov 2018 and Tsyganov 2019.
@@ -57,8 +59,8 @@ class Cell:
         """Values for JSON, with None for NaN."""
         values = {key: value for key, value in vars(self).items() if key not in ("digits", "note")}
         plain = {
-            key: None if isinstance(one, float) and math.isnan(one) else one
-            for key, one in values.items()
+            key: None if isinstance(value, float) and math.isnan(value) else value
+            for key, value in values.items()
         }
         return plain | {"verdict": self.verdict, "note": self.note}
 

@@ -2,6 +2,7 @@
 equations.
 """
 
+import itertools
 import math
 
 import numpy as np
@@ -10,9 +11,9 @@ from matrix_filters import MatrixKalmanFilter
 
 from baselines import SPRTDecider
 from baselines.rules.rollout import evaluate
-from hybrid_env.simulation import simulate
+from hybrid_env import simulate
 from studies.papers import golubkov2018, golubkov2020, tsyganov2019
-from studies.papers.golubkov2020 import detect_switch
+from studies.papers.golubkov2020 import detect, log_ratios
 from studies.papers.reproduction import study_interval
 
 # Of the quick tests; the table of the documentation has 1000.
@@ -117,50 +118,31 @@ def test_study_interval_is_that_of_a_mean_of_100_runs():
 @pytest.mark.parametrize("published", [False, True])
 def test_the_mean_ratio_equals_equations_6_and_7(published):
     recording = simulate("S6 R8r5", runs=2, seed=1)
-    found = detect_switch(recording.measurements, START, published_root=published)
-    R = 0.1 * np.eye(2)
+    found = log_ratios(recording.measurements, published_root=published)
+    matrices = 0.1, 0.001, 0.1 * np.eye(2)
     for run in range(2):
-        nominal = MatrixKalmanFilter(
-            START,
-            np.eye(4),
-            "S",
-            0.0,
-            0.1,
-            0.001,
-            R,
-        )
+        nominal = MatrixKalmanFilter(START, np.eye(4), "S", 0.0, *matrices)
         # (filter, psi) of every start tick.
-        started = {1: [], 2: []}
+        started = {"L": [], "R": []}
         for k, z in enumerate(recording.measurements[run]):
-            for mode, side in (
-                (1, "L"),
-                (2, "R"),
-            ):
-                started[mode].append(
-                    [
-                        MatrixKalmanFilter(
-                            nominal.x,
-                            nominal.P,
-                            side,
-                            5.0,
-                            0.1,
-                            0.001,
-                            R,
-                        ),
-                        1.0,
-                    ]
-                )
+            for side, tests in started.items():
+                new = MatrixKalmanFilter(nominal.x, nominal.P, side, 5.0, *matrices)
+                tests.append([new, 1.0])
             nominal.step(z)
-            quadratic = nominal.innovation @ np.linalg.solve(nominal.Sigma, nominal.innovation)
-            for mode in (1, 2):
-                for pair in started[mode]:
-                    one = pair[0]
-                    one.step(z)
-                    root = math.sqrt(np.linalg.det(nominal.Sigma) / np.linalg.det(one.Sigma))
-                    own = one.innovation @ np.linalg.solve(one.Sigma, one.innovation)
-                    pair[1] *= (1 / root if published else root) * math.exp((quadratic - own) / 2)
-                average = sum(psi for _, psi in started[mode]) / (k + 1)
-                assert found.log_ratios[run, k, mode] == pytest.approx(math.log(average), abs=1e-10)
+            reference = squared_innovation(nominal)
+            for mode, tests in enumerate(started.values(), start=1):
+                for test in tests:
+                    turn = test[0]
+                    turn.step(z)
+                    ratio = np.linalg.det(nominal.Sigma) / np.linalg.det(turn.Sigma)
+                    root = 1.0 / math.sqrt(ratio) if published else math.sqrt(ratio)
+                    test[1] *= root * math.exp((reference - squared_innovation(turn)) / 2)
+                average = sum(psi for _, psi in tests) / (k + 1)
+                assert found[run, k, mode] == pytest.approx(math.log(average), abs=1e-10)
+
+
+def squared_innovation(kalman):
+    return kalman.innovation @ np.linalg.solve(kalman.Sigma, kalman.innovation)
 
 
 @pytest.mark.study
@@ -175,8 +157,10 @@ def test_statistics_agree_with_an_independent_implementation_at_four_alpha():
         0.01: (0.0, 16.5, (12, 15, 17, 18, 20), 19.0, 0.35),
         0.001: (0.0, 17.6, (14, 16, 18, 19, 20), 37.0, 0.04),
     }
+    ratios = log_ratios(recording.measurements)
+    without_switch = log_ratios(no_switch.measurements)
     for alpha, (alarms, delay, percentiles, missed, alarms_without_switch) in expected.items():
-        ticks = golubkov2020.run_detector(recording, alpha).ticks
+        ticks = detect(ratios, alpha).ticks
         figures = golubkov2020.delay_statistics(ticks)
 
         def bound(percent):
@@ -193,42 +177,24 @@ def test_statistics_agree_with_an_independent_implementation_at_four_alpha():
         found = [figures[f"{percentile} % quantile"] for percentile in golubkov2020.PERCENTILES]
         # One tick.
         np.testing.assert_allclose(found, percentiles, atol=1)
-        alarm = 100 * (golubkov2020.run_detector(no_switch, alpha).ticks > 0).mean()
+        alarm = 100 * (detect(without_switch, alpha).ticks > 0).mean()
         assert alarm == pytest.approx(alarms_without_switch, abs=bound(alarms_without_switch))
 
 
 @pytest.mark.parametrize("carry", [True, False])
 def test_the_filter_with_known_modes_equals_matrix_filters(carry):
-    recording = simulate("L40r3 S30 R50r6", runs=2, seed=3, measurement_variance=(0.1, 0.3))
-    found = golubkov2018.filter_known_modes(
-        recording.measurements,
-        recording.lengths,
-        recording.signed_radii,
-        START,
-        measurement_variance=(0.1, 0.3),
-        carry_covariance=carry,
-    )
+    recording = simulate("L40r3 S30 R50r6", runs=2, seed=3, measurement_variance=0.3)
+    found = golubkov2018.filter_known_modes(recording, 0.3, carry=carry)
     for run in range(2):
         state = START
         P = np.eye(4)
-        k = 0
+        measurements = iter(enumerate(recording.measurements[run]))
         for length, radius in zip(recording.lengths, recording.signed_radii, strict=True):
             mode = "S" if radius == 0 else "L" if radius > 0 else "R"
-            one = MatrixKalmanFilter(
-                state,
-                P,
-                mode,
-                abs(radius),
-                0.1,
-                0.001,
-                np.diag([0.1, 0.3]),
-            )
-            for _ in range(length):
-                one.step(recording.measurements[run, k])
-                np.testing.assert_allclose(
-                    found[run, k],
-                    one.x,
-                    atol=1e-11,
-                )
-                k += 1
-            state, P = one.x, one.P if carry else np.eye(4)
+            matrices = 0.1, 0.001, 0.3 * np.eye(2)
+            kalman = MatrixKalmanFilter(state, P, mode, abs(radius), *matrices)
+            for k, z in itertools.islice(measurements, int(length)):
+                kalman.step(z)
+                np.testing.assert_allclose(found[run, k], kalman.x, atol=1e-11)
+            state = kalman.x
+            P = kalman.P if carry else np.eye(4)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hybrid_env.simulation import Simulation
+from hybrid_env import Simulation
 from studies.papers import multiple_models
 from studies.papers.multiple_models import SETTINGS, Tracked, score
 

@@ -11,10 +11,11 @@ import math
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from baselines.recordings.ate import track_ate
-from hybrid_env.checks import check_integer
-from hybrid_env.simulation import simulate
+from baselines import sprt_thresholds, track_ate
+from hybrid_env import simulate
+from studies.papers.figures import draw_tracking
 from studies.papers.reproduction import Cell, Finding, Reproduction, rmse_row
 
 PAPER = "Tsyganov 2019"
@@ -53,7 +54,6 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     """Reproduce the table, and compare variants of the recalculation; arguments as of
     `golubkov2018.reproduce`.
     """
-    runs = check_integer("runs", runs, minimum=2)
     cells: list[Cell] = []
     findings: list[Finding] = []
     examples = {}
@@ -81,3 +81,13 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
                 Finding(f"{name}, {variant}", text, CLAIM if variant == AS_PUBLISHED else "")
             )
     return Reproduction(PAPER, runs, seed, tuple(cells), tuple(findings), examples)
+
+
+def draw(result: Reproduction) -> dict[str, Figure]:
+    """Return a figure for each R by its file name."""
+    figures = {}
+    for index, (name, example) in enumerate(result.examples.items(), start=1):
+        title = f"{PAPER}: one run of ATE, {name} m²"
+        figure = draw_tracking(title, *example, np.arange(3), sprt_thresholds(ALPHA))
+        figures[f"tsyganov2019_{index}.png"] = figure
+    return figures

@@ -8,25 +8,34 @@ mean M of its estimates, the start, limits of the gains (see `adaptive`), the nu
 process noise of its Kalman filter; 4.64 m/s^2 is that with which its first manoeuvre comes out. The
 pattern of the table is reproduced, its numbers are not: the adaptive filter follows a manoeuvre
 about three times better than a slow Kalman filter. A faster one is better than both.
+
+Also its adaptive filter in matrix form, for n sensors with correlated errors in the plane. The
+state is [x, vx, y, vy], and the measurement g = C x + f holds the positions of n sensors. With the
+pseudo-inverse C+ of C, which for one sensor is the C' of eq. (17), and F+ in the rows of the
+velocities, where nu_i is the innovation i ticks ago:
+
+    P_e C' = M[(-D^3 x_e + C+ (3 nu_1 - 3 nu_2 + nu_3)
+                + F+ (3 nu_1 - 6 nu_2 + 4 nu_3 - nu_4) / T) nu']
+    K      = P_e C' H_0^-1              eq. (5), with C P_e C' + R = H_0 = M[nu nu']
 """
 
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-from baselines.estimation.gain_filters import (
+from baselines import (
     AdaptiveFilter,
     CorrectedAdaptiveFilter,
-    noise_bias,
-    third_difference,
+    KalmanFilter,
+    MotionModel,
+    run_filter,
 )
-from baselines.estimation.kalman import KalmanFilter
-from baselines.estimation.motion_models import MotionModel
-from baselines.estimation.run_filter import Filtered, run_filter
-from hybrid_env.checks import FloatArray, check_integer
-from studies.papers.matrix_adaptive import MatrixAdaptiveFilter
+from studies.papers.figures import new_figure
 from studies.papers.reproduction import Cell, Finding, Reproduction, both_intervals, table_row
 
+FloatArray = NDArray[np.float64]
 PAPER = "Zimchuk & Kankin"
 # Length of a tick [s].
 TAU = 0.1
@@ -73,6 +82,22 @@ ERRORS = {
 }
 
 
+# Coefficients of the third backward difference, and of the innovations in eq. (17) with N = 3 for
+# positions and velocities, newest first.
+DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0])
+LAGS = np.array([[0.0, 3.0, -3.0, 1.0, 0.0], [0.0, 3.0, -6.0, 4.0, -1.0]])
+# Before the filter adapts, for each measured value.
+PRODUCTS = 10
+COLOURS = {
+    "adaptive, as published": "#AA3377",
+    "adaptive, corrected": "#CCBB44",
+    "Kalman, sigma_w = 4.64": "#000000",
+    "Kalman, sigma_w = 20": "#4477AA",
+    "Kalman, sigma_w = 60": "#228833",
+    "measurements": "#9a9a9a",
+}
+
+
 class Flights(NamedTuple):
     """n simulated flights at T times."""
 
@@ -108,13 +133,96 @@ def kalman_positions(flights: Flights, deviation: float) -> FloatArray:
     shape = flights.measurements.shape
     # The axes are independent.
     single = flights.measurements.reshape(shape[0], -1, 1)
-    return _filtered(single, flights.times, deviation).positions.reshape(shape)
+    return _filtered(single, flights.times, deviation)[0].reshape(shape)
 
 
-def _filtered(measured: FloatArray, times: FloatArray, deviation: float) -> Filtered:
+def _filtered(
+    measured: FloatArray,
+    times: FloatArray,
+    deviation: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Positions and velocities by the Kalman filter."""
     model = MotionModel("CV", axes=1, noise=deviation**2, discretization="discrete")
     kalman = KalmanFilter(model, VARIANCE, start_deviations=(START_SPEED,))
-    return run_filter(kalman, measured, times, keep_covariances=False)
+    found = run_filter(kalman, measured, times, keep_covariances=False)
+    return found.positions, found.velocities
+
+
+def matrix_gain(covariances: FloatArray, spread: FloatArray) -> FloatArray:
+    """Gains of positions [-] and velocities [1/s], (2, ..., d, m), of the values of m = n d
+    measured axes. From H_0 (..., m, m) [m^2], invertible, and the rows of P_e C', (2, ..., d, m).
+    The limits are those of `AdaptiveFilter`, in the directions in which the gain of a common
+    position is diagonal: with L L' = C' H_0^-1 C the eigenvectors of L' P L, P the symmetric part
+    of the covariance of the predicted position.
+    """
+    inverse = np.linalg.inv(covariances)
+    d, m = spread.shape[-2:]
+    # C without the columns of the velocities.
+    sensors = np.tile(np.eye(d), (m // d, 1))
+    # C' H_0^-1.
+    of_position = sensors.T @ inverse
+    factor = np.linalg.cholesky(of_position @ sensors)
+    position, velocity = np.swapaxes(factor, -1, -2) @ (spread @ sensors / (m // d)) @ factor
+    gains, directions = np.linalg.eigh(0.5 * (position + np.swapaxes(position, -1, -2)))
+    gains = np.clip(gains, 0.0, 1.0)
+    rates = np.einsum("...ik,...ij,...jk->...k", directions, velocity, directions)
+    rates = np.clip(rates, 0.0, gains**2 / ((2.0 - gains) * TAU))
+    scaled = directions * np.stack([gains, rates])[..., None, :]
+    limited = scaled @ np.swapaxes(directions, -1, -2)
+    unfactor = np.linalg.inv(factor)
+    return np.asarray(np.swapaxes(unfactor, -1, -2) @ limited @ unfactor @ of_position)
+
+
+def matrix_positions(measured: FloatArray, dimensions: int = 2) -> FloatArray:
+    """Positions (T, n, d) by the adaptive filter in matrix form, of measurements (T, n, m) of one
+    sensor after another. The gains are those of a line fit before it adapts.
+    """
+    d, m = dimensions, measured.shape[-1]
+    runs = len(measured[0])
+    sensors = np.tile(np.eye(d), (m // d, 1))
+    mean = sensors.T / (m // d)
+    # Positions and velocities.
+    state = np.stack([measured[0] @ mean.T, np.zeros((runs, d))])
+    predictions = np.full((len(DIFFERENCE), *state.shape), np.nan)
+    innovations = np.full((LAGS.shape[1], runs, m), np.nan)
+    # H_0, then P_e C' of positions and velocities.
+    means = np.zeros((runs, m + 2 * d, m))
+    count = 0
+    positions = [state[0]]
+    for n, values in enumerate(measured[1:], start=2):
+        state = np.stack([state[0] + TAU * state[1], state[1]])
+        innovation = values - state[0] @ sensors.T
+        line = 2.0 * (2 * n - 1) / (n * (n + 1)), 6.0 / (n * (n + 1) * TAU)
+        gains = np.array(line)[:, None, None, None] * mean
+        predictions = np.concatenate([state[None], predictions[:-1]])
+        innovations = np.concatenate([innovation[None], innovations[:-1]])
+        lagged = np.tensordot(LAGS, innovations @ mean.T, axes=1)
+        lagged[1] /= TAU
+        spread = lagged - np.tensordot(DIFFERENCE, predictions, axes=1)
+        left = np.concatenate([innovation, *spread], axis=-1)
+        if not np.isnan(left).any():
+            count += 1
+            means += (left[..., None] * innovation[:, None] - means) / count
+        if count > PRODUCTS * m:
+            rows = np.stack([means[:, m : m + d], means[:, m + d :]])
+            gains = matrix_gain(means[:, :m], rows)
+        state = state + (gains @ innovation[..., None])[..., 0]
+        positions.append(state[0])
+    return np.stack(positions)
+
+
+def noise_bias(gain: float) -> float:
+    """Ratio of the R of eq. (19) to the true one, in uniform motion with constant gains g and h =
+    g^2 / (2 - g). The prediction is sum_i c_i z_(n-i), and D^3 of the motion is 0, so that M[D^3 z
+    nu'] = R (1 + 3 c_1 - 3 c_2 + c_3).
+    """
+    # After a measurement of 1, in units of a tick.
+    g, h = position, velocity = gain, gain**2 / (2.0 - gain)
+    response = []
+    for _ in range(3):
+        response.append(position + velocity)
+        position, velocity = response[-1] - g * response[-1], velocity - h * response[-1]
+    return float(1.0 - DIFFERENCE[1:] @ response)
 
 
 def matrix_ratios(runs: int, seed: int) -> list[Cell]:
@@ -137,17 +245,10 @@ def matrix_ratios(runs: int, seed: int) -> list[Cell]:
             (len(flights.times), runs),
         )
         mean = measured.reshape(-1, runs, n, 2).mean(2)
-        compared = (
-            (MatrixAdaptiveFilter(2, TAU, sensors=n), measured),
-            (AdaptiveFilter(2, TAU), mean),
-        )
+        plain = run_filter(AdaptiveFilter(2, TAU), mean, flights.times).positions
         squares = [
-            mean_squares(flights, run_filter(one, values, flights.times).positions).reshape(
-                runs,
-                2,
-                -1,
-            )
-            for one, values in compared
+            mean_squares(flights, positions).reshape(runs, 2, -1)
+            for positions in (matrix_positions(measured), plain)
         ]
         values = both_intervals(np.concatenate(squares, -1).mean(1), ratio, seed, study_runs=1)
         cells += table_row(MATRIX, name, LEGS, NOT_PUBLISHED, values, 2, RUN_INTERVAL)
@@ -171,7 +272,6 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
 
     `runs` is the number of flights; otherwise arguments as of `golubkov2018.reproduce`.
     """
-    runs = check_integer("runs", runs, minimum=2)
     flights = simulate_flights(runs, seed)
     adaptive = "adaptive, as published"
     slow = f"Kalman, sigma_w = {SLOW:g}"
@@ -181,7 +281,7 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
         CorrectedAdaptiveFilter(AXES, TAU),
     )
     plain, free, corrected = (
-        run_filter(one, flights.measurements, flights.times).positions for one in versions
+        run_filter(version, flights.measurements, flights.times).positions for version in versions
     )
     rows = {
         adaptive: plain,
@@ -214,9 +314,9 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
         Finding(
             f"RMSE of the adaptive filter over that of the Kalman filter, {leg}",
             f"{ours:.2f}",
-            f"{one:.2f}",
+            f"{published_ratio:.2f}",
         )
-        for leg, ours, one in zip(LEGS, ratios, theirs, strict=True)
+        for leg, ours, published_ratio in zip(LEGS, ratios, theirs, strict=True)
     ] + _doubtful_points(flights, seed)
     examples = {"flights": flights, **rows}
     return Reproduction(
@@ -266,8 +366,8 @@ def _lag_products(flights: Flights) -> tuple[float, float]:
     50 s.
     """
     measured = flights.measurements[:, :, :1]
-    filtered = _filtered(measured, flights.times, MEDIUM)
-    predicted = filtered.positions[:-1] + TAU * filtered.velocities[:-1]
+    positions, velocities = _filtered(measured, flights.times, MEDIUM)
+    predicted = positions[:-1] + TAU * velocities[:-1]
     steady = slice(349, 499)
     error = (predicted - flights.truth[1:, None, None])[steady]
     innovation = (measured[1:] - predicted)[steady]
@@ -285,9 +385,36 @@ def _equation_difference(flights: Flights) -> float:
     )
     predicted = np.concatenate([z[:1], filtered[:-1, 0, 0]])
     innovation = z - predicted
-    newest_first = [
-        np.stack([values[3 - lag : len(z) - lag] for lag in range(4)])
-        for values in (z, innovation, predicted)
-    ]
-    measured, new, expected = (third_difference(values) for values in newest_first)
+    measured, new, expected = (np.diff(values, 3) for values in (z, innovation, predicted))
     return float(np.abs((measured - new - expected) * innovation[3:]).max())
+
+
+def draw(result: Reproduction) -> dict[str, Figure]:
+    """Return the figure by its file name: the error over time, and on each leg."""
+    title = f"{PAPER}: uniform motion and two manoeuvres, R = {VARIANCE:g} m²"
+    figure, (over_time, by_leg) = new_figure(title, (15.0, 5.6), (1.0, 1.0))
+    flights = result.examples["flights"]
+    shifts = np.linspace(-0.3, 0.3, len(COLOURS))
+    for shift, (name, colour) in zip(shifts, COLOURS.items(), strict=True):
+        errors = result.examples[name] - flights.truth[:, None, None]
+        over_time.plot(flights.times, np.sqrt((errors**2).mean((1, 2))), color=colour, label=name)
+        cells = [cell for cell in result.cells if cell.row == name]
+        places = np.arange(len(LEGS)) + shift
+        by_leg.plot(places, [cell.ours for cell in cells], "o", color=colour)
+        published = [cell.published for cell in cells]
+        by_leg.plot(places, published, "o", color=colour, markerfacecolor="white")
+    for first, _ in LEGS.values():
+        over_time.axvline(flights.times[first], color="0.75", linestyle="--", linewidth=0.8)
+    over_time.set(
+        title=f"Error over time, {result.runs} runs; dashed: a leg begins",
+        xlabel="time [s]",
+    )
+    by_leg.set_title("RMSE on each leg; open: in the paper")
+    by_leg.set_xticks(range(len(LEGS)), list(LEGS))
+    ticks = (1.5, 2, 3, 5, 10, 20, 40)
+    for axes in (over_time, by_leg):
+        axes.set(yscale="log", ylim=(1.2, 50.0), ylabel="RMSE of the position on an axis [m]")
+        axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+        axes.minorticks_off()
+    figure.legend(*over_time.get_legend_handles_labels(), loc="outside right upper")
+    return {"zimchuk.png": figure}

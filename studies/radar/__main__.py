@@ -84,8 +84,9 @@ class Radar:
             counts = [f"{len(data.flights_of(split))} {split} flights" for split in data.tracks]
             print(f"Data {self.out}: {', '.join(counts)}")
         elif self.part == "scores":
-            for table in radar_tables(scores):
-                console.print(table)
+            text = radar_tables(scores)
+            console.print(Markdown(text))
+            (self.out / "scores.md").write_text(text, encoding="utf-8")
             estimates = radar_json(scores)
             self._write("scores.json", estimates)
             radar_figure(estimates).savefig(self.out / "scores.png")

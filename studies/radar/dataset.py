@@ -7,21 +7,22 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from baselines.estimation.run_filter import Estimates, Filtered
-from baselines.scoring.scores import Scores, mean
-from hybrid_env.checks import ArgumentError, FloatArray, check_integer
-from hybrid_env.extras import explained
+from baselines import Scores, Statistic
+from hybrid_env import ArgumentError
 from studies.radar import radars
+from studies.radar.filters import Estimated
 from studies.radar.flights import FLIGHTS, RECORD_STEP, Flight, point_mass_flights
 from studies.radar.radars import NOISES, Noise, Tracks, measure, scan_flight
 
+FloatArray = NDArray[np.float64]
 FORMAT = 1
 TABLES = ("flights", "radars", "measurements")
 SPLITS = ("training", "test")
@@ -41,7 +42,7 @@ COLUMNS = (
     *(f"ahead {h:g}" for h in HORIZONS),
     *(f"covered {h:g}" for h in HORIZONS),
 )
-STATISTICS = {name: mean(name) for name in COLUMNS}
+STATISTICS = {name: Statistic((name,), np.positive) for name in COLUMNS}
 
 CARD = """# Radar tracks of flights
 
@@ -89,10 +90,6 @@ class RadarData:
 
 def write_radar_data(folder: Path, seed: int = 0, flights: int = FLIGHTS) -> None:
     """Write the data set of at least 4 flights into an existing, empty folder."""
-    seed, flights = (
-        check_integer("seed", seed, minimum=0),
-        check_integer("flights", flights, 4, 10_000),
-    )
     flown = point_mass_flights(flights, seed)
     scans = [
         scan_flight(flight, np.random.default_rng((seed, 1, k))) for k, flight in enumerate(flown)
@@ -101,24 +98,24 @@ def write_radar_data(folder: Path, seed: int = 0, flights: int = FLIGHTS) -> Non
     numbers = np.arange(flights)
     join = np.concatenate
     states = {
-        "flight": np.repeat(numbers, [len(one.times) for one in flown]),
-        "time": join([one.times for one in flown]),
+        "flight": np.repeat(numbers, [len(flight.times) for flight in flown]),
+        "time": join([flight.times for flight in flown]),
     }
-    states |= _axes("", join([one.positions for one in flown])) | _axes(
+    states |= _axes("", join([flight.positions for flight in flown])) | _axes(
         "v",
-        join([one.velocities for one in flown]),
+        join([flight.velocities for flight in flown]),
     )
-    _write(folder / "flights.parquet", states)
+    _write(folder, "flights", states)
     places = {
         "flight": np.repeat(numbers, radars.RADARS),
         "radar": np.tile(np.arange(radars.RADARS), flights),
     }
-    _write(folder / "radars.parquet", places | _axes("", join([one.radars for one in scans])))
-    flight = np.repeat(numbers, [len(one.times) for one in scans])
+    _write(folder, "radars", places | _axes("", join([scan.radars for scan in scans])))
+    flight = np.repeat(numbers, [len(scan.times) for scan in scans])
     seen = {"flight": flight, "split": np.where(flight < training, *SPLITS)}
     seen |= {
-        "radar": join([one.radar for one in scans]),
-        "time": join([one.times for one in scans]),
+        "radar": join([scan.radar for scan in scans]),
+        "time": join([scan.times for scan in scans]),
     }
     for noise in NOISES:
         first = measure(scans[:training], noise, (seed, radars.TRAINING_NOISE)).measurements
@@ -127,7 +124,7 @@ def write_radar_data(folder: Path, seed: int = 0, flights: int = FLIGHTS) -> Non
             f"{noise}_",
             join([values[~np.isnan(values[..., 0])] for values in (first, later)]),
         )
-    _write(folder / "measurements.parquet", seen)
+    _write(folder, "measurements", seen)
     card = CARD.format(
         flights=flights,
         version=version("hybrid-track"),
@@ -157,7 +154,6 @@ def load_radar_data(folder: str | Path) -> RadarData:
 
     Raises:
         ArgumentError: the folder has no such data set, or a file is damaged.
-        MissingExtraError: pyarrow is not installed.
     """
     folder = Path(folder)
     try:
@@ -171,20 +167,21 @@ def load_radar_data(folder: str | Path) -> RadarData:
     if not known or damaged:
         fault = f"{damaged[0]}.parquet was changed" if damaged else "it has another format"
         raise ArgumentError(f"{folder} cannot be loaded: {fault}; write the data set anew")
-    tables = {name: _read(folder / f"{name}.parquet") for name in TABLES}
-    flights = [Flight(_joined(part, ""), _joined(part, "v")) for part in _groups(tables["flights"])]
+    tables = {name: pd.read_parquet(folder / f"{name}.parquet") for name in TABLES}
+    by_flight = tables["flights"].groupby("flight")
+    flights = [Flight(_joined(part, ""), _joined(part, "v")) for _, part in by_flight]
     parts: dict[str, dict[Noise, list[Any]]] = {
         split: {noise: [] for noise in NOISES} for split in SPLITS
     }
-    for part in _groups(tables["measurements"]):
-        truth = flights[part["flight"][0]].states_at(part["time"])
+    for number, part in tables["measurements"].groupby("flight"):
+        times = part["time"].to_numpy()
+        truth = flights[number].states_at(times)
         for noise in NOISES:
-            parts[part["split"][0]][noise].append(
-                (part["time"], _joined(part, f"{noise}_"), *truth)
-            )
+            measured = _joined(part, f"{noise}_")
+            parts[part["split"].iloc[0]][noise].append((times, measured, *truth))
     tracks = {
-        split: {noise: radars.padded_tracks(one) for noise, one in of.items()}
-        for split, of in parts.items()
+        split: {noise: radars.padded_tracks(of_noise) for noise, of_noise in of_split.items()}
+        for split, of_split in parts.items()
     }
     return RadarData(about["seed"], flights, tracks)
 
@@ -194,33 +191,13 @@ def _axes(prefix: str, values: FloatArray) -> dict[str, Any]:
     return {f"{prefix}{axis}": values[:, i] for i, axis in enumerate("xyz")}
 
 
-def _joined(columns: dict[str, Any], prefix: str) -> FloatArray:
+def _joined(table: pd.DataFrame, prefix: str) -> FloatArray:
     """Return values, (n, 3), of their columns."""
-    return np.stack([columns[f"{prefix}{axis}"] for axis in "xyz"], axis=-1)
+    return table[[f"{prefix}{axis}" for axis in "xyz"]].to_numpy()
 
 
-def _groups(columns: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the rows of each flight, which lie together."""
-    starts = np.flatnonzero(np.diff(columns["flight"], prepend=-1))
-    bounds = [*starts.tolist(), len(columns["flight"])]
-    return [
-        {name: values[begin:end] for name, values in columns.items()}
-        for begin, end in pairwise(bounds)
-    ]
-
-
-def _write(file: Path, columns: dict[str, Any]) -> None:
-    with explained():
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-    pq.write_table(pa.table(columns), file, compression="zstd")
-
-
-def _read(file: Path) -> dict[str, Any]:
-    with explained():
-        import pyarrow.parquet as pq
-    table = pq.read_table(file)
-    return {name: table[name].to_numpy() for name in table.column_names}
+def _write(folder: Path, name: str, columns: dict[str, Any]) -> None:
+    pd.DataFrame(columns).to_parquet(folder / f"{name}.parquet", index=False, compression="zstd")
 
 
 def _digest(file: Path) -> str:
@@ -240,30 +217,32 @@ def truth_ahead(flights: Sequence[Flight], tracks: Tracks, horizon: float) -> Fl
     return found
 
 
-def score_estimates(name: str, filtered: Filtered, data: RadarData, noise: Noise) -> Scores:
-    """Return the figures of the test flights, of estimates (K, N, n) with forecasts at
-    `HORIZONS`.
-    """
+def score_estimates(name: str, found: Estimated, data: RadarData, noise: Noise) -> Scores:
+    """Return the figures of the test flights, of estimates with forecasts at `HORIZONS`."""
     tracks, flights = data.tracks["test"][noise], data.flights_of("test")
-    errors = tracks.errors(
-        *(np.swapaxes(one, 0, 1) for one in (filtered.positions, filtered.velocities))
-    )
+    positions = np.swapaxes(found.positions, 0, 1)
+    velocities = np.swapaxes(found.velocities, 0, 1)
+    errors = tracks.errors(positions, velocities)
     ahead = [
-        _forecast_figures(one, truth_ahead(flights, tracks, horizon))
-        for horizon, one in zip(HORIZONS, filtered.forecasts, strict=True)
+        _forecast_figures(*forecast, truth_ahead(flights, tracks, horizon))
+        for horizon, forecast in zip(HORIZONS, found.forecasts, strict=True)
     ]
     rmse, covered = zip(*ahead, strict=True)
     figures = np.stack([errors[:, 0], errors[:, 2], *rmse, *covered], axis=1)
     return Scores(name, "", (0.0,), COLUMNS, figures[..., None])
 
 
-def _forecast_figures(forecast: Estimates, truth: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _forecast_figures(
+    positions: FloatArray,
+    covariances: FloatArray | None,
+    truth: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
     """Return the RMSE [m] and the share of true positions in the stated region, (N,) each."""
-    positions = np.swapaxes(forecast.positions, 0, 1)
+    positions = np.swapaxes(positions, 0, 1)
     rmse = radars.flight_errors(positions, truth)[0]
-    if forecast.covariances is None:
+    if covariances is None:
         return rmse, np.full(len(rmse), np.nan)
-    spread = np.swapaxes(forecast.covariances[..., :: forecast.order, :: forecast.order], 0, 1)
+    spread = np.swapaxes(covariances, 0, 1)
     counts = ~np.isnan(truth[..., 0])
     error = np.where(counts[..., None], truth - positions, 0.0)
     spread = np.where(counts[..., None, None], spread, np.eye(3))

@@ -8,16 +8,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch
 
-from agents.figures.canvas import DARK_GREY, GREY, TRUTH, paper_figure, style_map
-from agents.figures.curves import Axis, Curve, Panel, curve_figure
-from agents.figures.decider_colours import DeciderStyle
+from studies.papers.figures import DARK_GREY, GREY, TRUTH, new_figure, style_map
 from studies.papers.reproduction import Reproduction
 from studies.radar.filters import THESIS
 from studies.radar.radars import NOISES, RANGE, Noise
 from studies.radar.reproduction import Example
 from studies.radar.tables import NOISE_NAMES, TABLES, UNFILTERED, as_published
 
-RADARS, SOUND = DeciderStyle("#AA3377", "^"), "#88CCEE"
+RADARS, SOUND = "#AA3377", "#88CCEE"
 PUBLISHED_CV = as_published("KF CV")
 COLOURS = {
     UNFILTERED: GREY,
@@ -60,7 +58,7 @@ def _flight(result: Reproduction, example: Example) -> Figure:
     noise.
     """
     title = f"{result.paper}: one test flight, two radars with a range of {RANGE / 1000:g} km"
-    figure, (axes, *turns) = paper_figure(title, (16.0, 5.8), (1.0, 1.0, 1.0))
+    figure, (axes, *turns) = new_figure(title, (16.0, 5.8), (1.0, 1.0, 1.0))
     axes.plot(
         *example.flight.positions[:, :2].T / 1000.0,
         color=TRUTH,
@@ -70,9 +68,9 @@ def _flight(result: Reproduction, example: Example) -> Figure:
     measured = example.tracks["gaussian"].measurements[0, :, :2].T / 1000.0
     axes.plot(*measured, ".", color=GREY, markersize=4, label="measurements")
     radars = example.scan.radars[:, :2] / 1000.0
-    axes.plot(*radars.T, RADARS.marker, color=RADARS.colour, markersize=9, label="radars")
+    axes.plot(*radars.T, "^", color=RADARS, markersize=9, label="radars")
     for radar in radars:
-        axes.add_patch(Circle(radar, RANGE / 1000.0, color=RADARS.colour, alpha=0.08, linewidth=0))
+        axes.add_patch(Circle(radar, RANGE / 1000.0, color=RADARS, alpha=0.08, linewidth=0))
     style_map(axes, "Flight from above, Gaussian noise", "km")
     axes.legend()
     for part, noise in zip(turns, NOISES, strict=True):
@@ -116,7 +114,6 @@ def _draw_turn(axes: Any, example: Example, noise: Noise, first: int) -> None:
         xlim=(low[0], high[0]),
         ylim=(low[1], high[1]),
     )
-    axes.grid(alpha=0.25)
     axes.legend()
 
 
@@ -125,7 +122,7 @@ def _errors(result: Reproduction, statistic: str) -> Figure:
     title = (
         f"{result.paper}: {statistic} on the test flights; thin lines: 95 % of studies of this size"
     )
-    figure, axes = paper_figure(title, (17.0, 6.4), (1.0, 1.0, 1.0, 1.0))
+    figure, axes = new_figure(title, (17.0, 6.4), (1.0, 1.0, 1.0, 1.0))
     for index, noise in enumerate(NOISES):
         for place, metric in enumerate((f"position {statistic}, m", f"velocity {statistic}, m/s")):
             _draw_bars(axes[2 * index + place], result, noise, metric)
@@ -175,41 +172,30 @@ def _draw_bars(axes: Any, result: Reproduction, noise: Noise, metric: str) -> No
         axes.set(xscale="log", xlim=(3.0, 600.0))
         axes.set_xticks(ticks, [str(tick) for tick in ticks])
         axes.minorticks_off()
-    axes.grid(axis="x", alpha=0.25)
 
 
 def _anomaly(result: Reproduction, example: Example) -> Figure:
     """Velocity and position errors of KF CV with the published and with the tuned parameters."""
-    tracks, time = example.tracks["gaussian"], Axis("time [s]")
-    styles = {
-        "KF CV": ("KF CV, true R", DeciderStyle(COLOURS["KF CV"], ".")),
-        PUBLISHED_CV: (PUBLISHED_CV, RADARS),
-    }
-    panels = []
-    for index, (truth, label, title) in enumerate(
-        (
-            (
-                tracks.positions[0],
-                "error of the position on x [m]",
-                "The position follows each measurement",
-            ),
-            (
-                tracks.velocities[0],
-                "error of the velocity on x [m/s]",
-                "The velocity error changes sign at each one",
-            ),
-        )
-    ):
-        errors = {
-            name: (example.estimates["gaussian"][name][index] - truth)[:, 0] for name in styles
-        }
-        curves = [
-            Curve(text, style, example.scan.times, errors[name])
-            for name, (text, style) in styles.items()
-        ]
-        panels.append(Panel(title, time, Axis(label, levels=(0.0,)), curves))
-    title = (
-        f"{result.paper}: KF CV with the published R (about 1e-9 m²) and with the true one,"
-        " Gaussian noise"
+    title = f"{result.paper}: KF CV with the published R (about 1e-9 m²) and with the true one"
+    figure, panels = new_figure(f"{title}, Gaussian noise", (15.0, 5.0), (1.0, 1.0))
+    tracks = example.tracks["gaussian"]
+    truths = tracks.positions[0], tracks.velocities[0]
+    estimates = example.estimates["gaussian"]
+    for index, (axes, truth) in enumerate(zip(panels, truths, strict=True)):
+        for name, label, colour in (
+            ("KF CV", "KF CV, true R", COLOURS["KF CV"]),
+            (PUBLISHED_CV, PUBLISHED_CV, RADARS),
+        ):
+            errors = (estimates[name][index] - truth)[:, 0]
+            axes.plot(example.scan.times, errors, ".-", color=colour, label=label)
+        axes.set_xlabel("time [s]")
+    panels[0].set(
+        title="The position follows each measurement",
+        ylabel="error of the position on x [m]",
     )
-    return curve_figure([panels], (15.0, 5.0), title)
+    panels[1].set(
+        title="The velocity error changes sign at each one",
+        ylabel="error of the velocity on x [m/s]",
+    )
+    panels[1].legend()
+    return figure

@@ -7,24 +7,28 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import NDArray
 from optuna.distributions import BaseDistribution, FloatDistribution, IntDistribution
 
-from baselines.estimation.correction import Correntropy, Huber, Robust, StudentT
-from baselines.estimation.gain_filters import GHFilter
-from baselines.estimation.imm import IMMFilter
-from baselines.estimation.kalman import KalmanFilter
-from baselines.estimation.motion_models import ORDERS, MotionModel
-from baselines.estimation.run_filter import Filtered, run_filter
-from baselines.estimation.track_filter import TrackFilter, check_measurements
-from hybrid_env.checks import FloatArray, IntArray, check_integer, check_number, dimensions
+from baselines import (
+    Correntropy,
+    GHFilter,
+    Huber,
+    IMMFilter,
+    KalmanFilter,
+    MotionModel,
+    StudentT,
+    TrackFilter,
+    run_filter,
+)
 from studies.radar.flights import SPEED
 from studies.radar.particles import ParticleFilter
 from studies.radar.radars import SIGMA, Tracks
 
+FloatArray = NDArray[np.float64]
 Parameters = Mapping[str, Any]
 
 # Time without measurements after which the g-h filter starts anew [s]; its velocity is of no use
@@ -37,7 +41,7 @@ START_VARIANCE = 1e4
 # Of the particle filter.
 PARTICLES = 500
 # Robust update that a parameter belongs to.
-UPDATES: dict[str, Callable[[float], Robust]] = {
+UPDATES: dict[str, Callable[[float], Any]] = {
     "threshold": Huber,
     "degrees of freedom": StudentT,
     "width": Correntropy,
@@ -46,18 +50,25 @@ UPDATES: dict[str, Callable[[float], Robust]] = {
 START_DEVIATIONS = (SPEED / math.sqrt(3.0), 5.0, 2.0)
 
 
-def moving_average(measurements: ArrayLike, window: int, ratio: float = 1.0) -> FloatArray:
+class Estimated(NamedTuple):
+    """Estimates of N flights after K measurements."""
+
+    # (K, N, 3) [m]
+    positions: FloatArray
+    # (K, N, 3) [m/s]
+    velocities: FloatArray
+    # Forecast positions, (K, N, 3) [m], and their covariances if there are any, (K, N, 3, 3) [m^2].
+    forecasts: tuple[tuple[FloatArray, FloatArray | None], ...] = ()
+
+
+def moving_average(values: FloatArray, window: int, ratio: float = 1.0) -> FloatArray:
     """Average each measurement with those of the ticks before it. Novospaskyi 2025, section 2.3.4.
 
-    Of measurements (T, B, d) or (T, d) [m], NaN where there is none, one that is i ticks old has
-    the weight ratio^i, 0 < ratio <= 1, for i = 0 .. window - 1; missing ones have none, and remain
-    missing. With ratio 1 the average is (window - 1) / 2 ticks late. Its errors are correlated in
-    time, which no filter here assumes.
+    Of measurements (T, ...) [m], NaN where there is none, one that is i ticks old has the weight
+    ratio^i, 0 < ratio <= 1, for i = 0 .. window - 1; missing ones have none, and remain missing.
+    With ratio 1 the average is (window - 1) / 2 ticks late. Its errors are correlated in time,
+    which no filter here assumes.
     """
-    shape = (None, None) if dimensions(measurements) == 2 else (None, None, None)
-    values = check_measurements("measurements", measurements, shape)
-    window = check_integer("window", window)
-    ratio = check_number("ratio", ratio, "a number above 0, at most 1", math.ulp(0.0), 1.0)
     present = ~np.isnan(values)
     sums = np.zeros_like(values)
     weights = np.zeros_like(values)
@@ -88,16 +99,25 @@ def filter_tracks(
     parameters: Parameters,
     tracks: Tracks,
     horizons: Sequence[float] = (),
-) -> Filtered:
-    """Estimates after every measurement, (K, N, n), with their covariances if there are
-    forecasts at horizons [s].
-    """
+) -> Estimated:
+    """Estimates after every measurement, with forecasts at horizons [s]."""
     measurements = np.swapaxes(tracks.measurements, 0, 1)
     if contender.averages:
         measurements = moving_average(measurements, parameters["window"], parameters["ratio"])
-    built = contender.build(parameters)
-    kept = bool(horizons)
-    return run_filter(built, measurements, tracks.times.T, keep_covariances=kept, horizons=horizons)
+    found = run_filter(
+        contender.build(parameters),
+        measurements,
+        tracks.times.T,
+        keep_covariances=bool(horizons),
+        horizons=horizons,
+    )
+    forecasts = []
+    for ahead in found.forecasts:
+        spread = ahead.covariances
+        if spread is not None:
+            spread = spread[..., :: ahead.order, :: ahead.order]
+        forecasts.append((ahead.positions, spread))
+    return Estimated(found.positions, found.velocities, tuple(forecasts))
 
 
 def run_contender(
@@ -106,14 +126,14 @@ def run_contender(
     tracks: Tracks,
 ) -> tuple[FloatArray, FloatArray]:
     """Estimated positions [m] and velocities [m/s] after every measurement, each (N, K, 3)."""
-    filtered = filter_tracks(contender, parameters, tracks)
-    return np.swapaxes(filtered.positions, 0, 1), np.swapaxes(filtered.velocities, 0, 1)
+    found = filter_tracks(contender, parameters, tracks)
+    return np.swapaxes(found.positions, 0, 1), np.swapaxes(found.velocities, 0, 1)
 
 
 class ThesisKalmanFilter(KalmanFilter):
     """A Kalman filter that starts with P0 = 10000 I, the position included."""
 
-    def _start(self, chosen: IntArray, measurement: FloatArray, noise: FloatArray) -> None:
+    def _start(self, chosen: NDArray[np.int64], measurement: FloatArray, noise: FloatArray) -> None:
         super()._start(chosen, measurement, noise)
         self.covariance[chosen] = START_VARIANCE * np.eye(self.model.size)
 
@@ -216,8 +236,8 @@ THESIS: dict[str, Contender] = {
         averages=True,
     ),
     **{
-        f"KF {one}": Contender(partial(_thesis_filter, one), _THESIS, _THESIS_START, True)
-        for one in ORDERS
+        f"KF {name}": Contender(partial(_thesis_filter, name), _THESIS, _THESIS_START, True)
+        for name in ("CV", "CA", "CJ")
     },
 }
 

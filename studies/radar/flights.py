@@ -8,9 +8,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-from hybrid_env.checks import FloatArray
+FloatArray = NDArray[np.float64]
 
 # Number of flights of the thesis.
 FLIGHTS = 133

@@ -12,15 +12,17 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from safetensors.torch import load_file, save_file
+from scipy.stats import chi2
 from torch import Tensor, nn
 
-from agents.interface.output_files import atomic_file
-from agents.learned.torch_defaults import own_defaults
-from baselines.estimation.run_filter import Estimates, Filtered
-from hybrid_env.checks import ArgumentError, FloatArray
+from hybrid_env import ArgumentError
 from studies.radar.dataset import HORIZONS, REGION, RadarData, truth_ahead
+from studies.radar.filters import Estimated
 from studies.radar.radars import NOISES, SIGMA, draw_noise
+
+FloatArray = NDArray[np.float64]
 
 UPDATES = 600
 LEARNING_RATE = 6e-3
@@ -135,29 +137,19 @@ def _frame(velocity: Tensor, innovation: Tensor) -> Tensor:
     return torch.stack(rows, dim=-1).unflatten(-1, (3, 3))
 
 
-@own_defaults()
 @torch.no_grad()
-def filter_with(net: RadarNet, measurements: FloatArray, times: FloatArray) -> Filtered:
-    """Return the estimates of tracks with forecasts at `HORIZONS`, as `run_filter`; measurements
-    (K, N, 3) [m].
+def filter_with(net: RadarNet, measurements: FloatArray, times: FloatArray) -> Estimated:
+    """Return the estimates of tracks with forecasts at `HORIZONS`; measurements (K, N, 3) [m],
+    times (K, N) [s].
     """
     given = (torch.from_numpy(array).float() for array in (measurements, times))
-    positions, velocities, forecasts, covariances = net(*given)
-    ticks, tracks = times.shape
-    nothing = np.full((ticks, tracks), np.nan)
-    ahead = []
-    for h in range(len(HORIZONS)):
-        matrix = torch.zeros(ticks, tracks, 6, 6)
-        matrix[..., ::2, ::2] = covariances[:, :, h]
-        ahead.append(Estimates(_states(forecasts[:, :, h], velocities), matrix.double().numpy(), 2))
-    return Filtered(_states(positions, velocities), None, 2, nothing, nothing, tuple(ahead))
+    positions, velocities, forecasts, covariances = (
+        values.double().numpy() for values in net(*given)
+    )
+    ahead = [(forecasts[:, :, h], covariances[:, :, h]) for h in range(len(HORIZONS))]
+    return Estimated(positions, velocities, tuple(ahead))
 
 
-def _states(positions: Tensor, velocities: Tensor) -> FloatArray:
-    return np.asarray(torch.stack([positions, velocities], dim=-1).flatten(-2).numpy(), np.float64)
-
-
-@own_defaults()
 def radar_net(
     data: RadarData,
     file: Path,
@@ -198,8 +190,9 @@ def radar_net(
         schedule.step()
         on_progress(update + 1)
     _scale(net, data, ahead)
-    with atomic_file(file) as part:
-        save_file(net.state_dict(), part)
+    part = file.with_suffix(".part")
+    save_file(net.state_dict(), part)
+    part.replace(file)
     return net
 
 
@@ -256,8 +249,6 @@ def _loss(net: RadarNet, truth: Tensor, measured: Tensor, times: Tensor) -> Tens
 
 def _scale(net: RadarNet, data: RadarData, ahead: FloatArray) -> None:
     """Scale the deviations so that the regions hold the true positions of the held-out flights."""
-    from scipy.stats import chi2
-
     for h in range(len(HORIZONS)):
         squares = []
         for noise in NOISES:
@@ -267,13 +258,11 @@ def _scale(net: RadarNet, data: RadarData, ahead: FloatArray) -> None:
                 tracks.measurements[-HELD_OUT:].swapaxes(0, 1),
                 tracks.times[-HELD_OUT:].T,
             )
-            forecast = found.forecasts[h]
-            assert forecast.covariances is not None
-            error = ahead[-HELD_OUT:, :, h].swapaxes(0, 1) - forecast.positions
+            positions, covariances = found.forecasts[h]
+            error = ahead[-HELD_OUT:, :, h].swapaxes(0, 1) - positions
             counts = ~np.isnan(error[..., 0])
-            spread = forecast.covariances[counts][:, ::2, ::2]
-            squares.append(
-                (error[counts] * np.linalg.solve(spread, error[counts][..., None])[..., 0]).sum(-1)
-            )
+            error = error[counts]
+            white = np.linalg.solve(covariances[counts], error[..., None])[..., 0]
+            squares.append((error * white).sum(-1))
         ratio = np.quantile(np.concatenate(squares), REGION) / chi2.ppf(REGION, 3)
         net.log_scale[h] = 0.5 * math.log(ratio)

@@ -1,19 +1,19 @@
-"""A bootstrap particle filter of the models CV, CA and CJ. Gordon, Salmond & Smith 1993."""
+"""A bootstrap particle filter of constant velocity. Gordon, Salmond & Smith 1993."""
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import NDArray
 from scipy.special import gammaln, logsumexp
 
-from baselines.estimation.motion_models import MotionModel, check_per_item
-from baselines.estimation.track_filter import TrackFilter
-from hybrid_env.checks import FloatArray, check_array, check_between, check_integer, reject
+from baselines import MotionModel, TrackFilter
+
+FloatArray = NDArray[np.float64]
 
 
 class ParticleFilter(TrackFilter):
     """Particles that move as the model does, weighted by the likelihood of the measurements: P for
     each axis, (B, d, P, m), resampled systematically (Kitagawa 1996) where their effective number
-    falls below half of them. Errors have a scale `deviation` on each axis [m] and Student's t, or
-    without degrees of freedom the normal distribution. `begin` starts the random numbers anew.
+    falls below half of them. Errors have a scale `deviation` [m] and Student's t, or without
+    degrees of freedom the normal distribution. `begin` starts the random numbers anew.
     """
 
     covariance: FloatArray
@@ -21,24 +21,18 @@ class ParticleFilter(TrackFilter):
     def __init__(
         self,
         model: MotionModel,
-        deviation: float | ArrayLike,
-        start_deviations: ArrayLike,
+        deviation: float,
+        start_deviations: tuple[float, ...],
         degrees_of_freedom: float | None = None,
         particles: int = 1000,
         seed: int = 0,
     ):
-        if not isinstance(model, MotionModel):
-            raise reject("model", model, "a MotionModel")
         self.model, self.axes, self.order = model, model.axes, model.order
-        self.deviation = check_per_item("deviation", deviation, model.axes)
-        if not self.deviation.all():
-            raise reject("deviation", deviation, "numbers > 0")
-        self.start_deviations = check_array("start_deviations", start_deviations, (self.order - 1,))
-        if degrees_of_freedom is not None:
-            check_between("degrees_of_freedom", degrees_of_freedom, 0.0999, 1000.1)
+        self.deviation = deviation
+        self.start_deviations = start_deviations
         self.degrees_of_freedom = degrees_of_freedom
-        self.particles = check_integer("particles", particles, 2, 1_000_000)
-        self.seed = check_integer("seed", seed, minimum=0)
+        self.particles = particles
+        self.seed = seed
 
     def _begin(self, tracks: int) -> None:
         self.generator = np.random.default_rng(self.seed)
@@ -73,47 +67,38 @@ class ParticleFilter(TrackFilter):
         self._summarise()
 
     def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
-        if noise is not None:
-            raise reject("noise", noise, "None for a particle filter")
         self._no_measurement()
         measured = ~np.isnan(measurement[:, 0])
         begun = ~np.isnan(self.state[:, 0])
         first = np.flatnonzero(measured & ~begun)
         used = np.flatnonzero(measured & begun)
         if first.size:
-            deviations = np.column_stack(
-                [self.deviation, np.tile(self.start_deviations, (self.axes, 1))]
-            )
-            started = self._normal((deviations**2)[None, ..., None] * np.eye(self.order))
+            variances = np.square([self.deviation, *self.start_deviations])
+            started = self._normal(np.diag(variances)[None, None])
             started[..., 0] += measurement[..., None]
             self.particle_states[first] = started[first]
         if used.size:
-            z = measurement[used]
-            spread = (
-                np.diagonal(self.covariance[used], axis1=1, axis2=2)[:, :: self.order]
-                + self.deviation**2
-            )
-            self.nis[used] = ((z - self.state[used, :: self.order]) ** 2 / spread).sum(1)
-            deviation = self.deviation[:, None]
-            white = (z[..., None] - self.particle_states[used, ..., 0]) / deviation
-            logs = (
-                self.log_weights[used]
-                + log_density(white, self.degrees_of_freedom)
-                - np.log(deviation)
-            )
-            total = logsumexp(logs, axis=-1)
-            self.log_likelihood[used] = total.sum(-1)
-            self.log_weights[used] = logs - total[..., None]
-            for k, axis in np.argwhere(
-                np.exp(2.0 * (logs - total[..., None])).sum(-1) > 2.0 / self.particles
-            ):
-                track = used[k]
-                sums = np.exp(self.log_weights[track, axis]).cumsum()
-                points = (self.generator.random() + np.arange(self.particles)) / self.particles
-                chosen = np.minimum(np.searchsorted(sums, points * sums[-1]), self.particles - 1)
-                self.particle_states[track, axis] = self.particle_states[track, axis, chosen]
-                self.log_weights[track, axis] = -np.log(self.particles)
+            self._weigh(used, measurement[used])
         self._summarise()
+
+    def _weigh(self, used: NDArray[np.int64], measured: FloatArray) -> None:
+        """Weigh the particles of tracks (n,) by their measurements (n, d), and resample."""
+        white = (measured[..., None] - self.particle_states[used, ..., 0]) / self.deviation
+        density = log_density(white, self.degrees_of_freedom) - np.log(self.deviation)
+        logs = self.log_weights[used] + density
+        total = logsumexp(logs, axis=-1)
+        self.log_likelihood[used] = total.sum(-1)
+        logs -= total[..., None]
+        self.log_weights[used] = logs
+        few = np.exp(2.0 * logs).sum(-1) > 2.0 / self.particles
+        for k, axis in np.argwhere(few):
+            track = used[k]
+            sums = np.exp(self.log_weights[track, axis]).cumsum()
+            points = (self.generator.random() + np.arange(self.particles)) / self.particles
+            places = np.searchsorted(sums, points * sums[-1])
+            chosen = np.minimum(places, self.particles - 1)
+            self.particle_states[track, axis] = self.particle_states[track, axis, chosen]
+            self.log_weights[track, axis] = -np.log(self.particles)
 
     def _summarise(self) -> None:
         """Set state and covariance to those of the weighted particles."""

@@ -11,10 +11,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import levy_stable
 
-from hybrid_env.checks import FloatArray, IntArray
 from studies.radar.flights import Flight
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 Noise = Literal["gaussian", "levy"]
 NOISES: tuple[Noise, ...] = ("gaussian", "levy")

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from hybrid_env.checks import FloatArray, check_integer, reject
 from studies.papers.reproduction import Reproduction
 from studies.radar import radars, tables
 from studies.radar.filters import (
@@ -26,6 +26,8 @@ from studies.radar.parallel import Progress, run_calls, silent
 from studies.radar.radars import NOISES, Noise, Scan, Tracks, measure, scan_flight
 from studies.radar.tables import PAPER, PARAMETERS, UNFILTERED
 from studies.radar.tuning import Tuning, errors
+
+FloatArray = NDArray[np.float64]
 
 # Trials of each tuning.
 TRIALS = 60
@@ -71,12 +73,7 @@ def reproduce(
         jobs: number of processes for tunings and evaluations; the results do not depend on it.
         progress: called with the stage, the work done and the total.
     """
-    runs, seed = check_integer("runs", runs), check_integer("seed", seed, minimum=0)
-    flights, trials = check_integer("flights", flights, 4), check_integer("trials", trials)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise reject("folder", str(folder), f"a writable folder ({error.strerror})") from None
+    folder.mkdir(parents=True, exist_ok=True)
     flown = fly(flights, seed)
     scans = [
         scan_flight(flight, np.random.default_rng((seed, 1, k))) for k, flight in enumerate(flown)

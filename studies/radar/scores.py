@@ -4,16 +4,14 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import product
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullLocator
-from rich.table import Table
 
-from agents.evaluation.cells import bounds_cell, estimate_cell, filled_table
-from agents.figures.canvas import new_canvas, plain_axes
-from agents.figures.curves import error_bars
-from baselines.scoring.estimates import Estimate
-from baselines.scoring.scores import Scores
+from baselines import Scores
+from studies.papers.figures import new_figure
+from studies.papers.report import markdown_table
 from studies.radar.dataset import (
     COLUMNS,
     HORIZONS,
@@ -39,7 +37,7 @@ FILTERS = (*THESIS, "CV", "IMM (CV, CA)", *ROBUST, *SLOW, COMBINED)
 NETWORK = "recurrent network"
 ERRORS = (10, 20, 50, 100, 200, 500)
 Found = Mapping[Noise, Sequence[Scores]]
-Figures = Mapping[Noise, Mapping[str, Mapping[str, Estimate]]]
+Figures = Mapping[Noise, Mapping[str, Mapping[str, Any]]]
 
 
 def score_radar_data(
@@ -96,44 +94,40 @@ def score_filter(
     return score_estimates(name, filtered, data, noise)
 
 
-def radar_tables(found: Found) -> list[Table]:
-    """Return a table for each noise."""
-    heads = ["filter", "position\nm", "velocity\nm/s", *(f"{h:g} s\nahead, m" for h in HORIZONS)]
-    heads += ["covered\n%", "position,\nratio"]
-    tables = []
+def radar_tables(found: Found) -> str:
+    """Return a table for each noise, in Markdown: RMSE and half width of its 95 % interval, true
+    positions in the stated 95 % region, and the interval of the ratio of the position RMSE to that
+    of the best filter of the thesis on the same flights.
+    """
+    position = STATISTICS["position"]
+    ahead = [f"{horizon:g} s ahead, m" for horizon in HORIZONS]
+    text = ""
     for noise, scores in found.items():
-        best = min(
-            scores[: len(THESIS)],
-            key=lambda one: float(one.curve(STATISTICS["position"])[0]),
-        )
+        of_thesis = scores[: len(THESIS)]
+        best = min(of_thesis, key=lambda filtered: float(filtered.curve(position)[0]))
         rows = []
-        for one in scores:
-            figures = [one.estimate(STATISTICS[name]) for name in COLUMNS]
-            plain = figures[: -len(HORIZONS)]
-            covered = figures[-len(HORIZONS) :]
+        for filtered in scores:
+            *plain, first, second, third = (filtered.estimate(STATISTICS[name]) for name in COLUMNS)
             cells = [
-                estimate_cell(figure, 1.0, 1 if k > 1 else 2) for k, figure in enumerate(plain)
+                f"{figure.value:.{digits}f} ± {(figure.high - figure.low) / 2:.{digits}f}"
+                for figure, digits in zip(plain, (2, 2, 1, 1, 1), strict=True)
             ]
-            shares = " ".join(
-                "-" if share.value != share.value else f"{100 * share.value:.0f}"
-                for share in covered
-            )
-            ratio = "" if one is best else bounds_cell(one.ratio(best, STATISTICS["position"]), 2)
-            rows.append((one.name, *cells, shares, ratio))
-        notes = (
-            f"RMSE and half width of its 95 % interval, {scores[0].episodes} flights; covered: true"
-            " positions in the stated 95 % region 1, 2 and 5 s ahead; ratio: to the best filter of"
-            f" the thesis, {best.name}, on the same flights, with its 95 % interval."
-        )
-        tables.append(filled_table(f"Radar tracks, {NOISE_NAMES[noise]}", heads, rows, notes))
-    return tables
+            shares = [100.0 * covered.value for covered in (first, second, third)]
+            cells.append("-" if np.isnan(shares[0]) else " ".join(f"{part:.0f}" for part in shares))
+            ratio = filtered.ratio(best, position)
+            cells.append("" if filtered is best else f"{ratio.low:.2f} to {ratio.high:.2f}")
+            rows.append((filtered.name, *cells))
+        heads = (NOISE_NAMES[noise], "position, m", "velocity, m/s", *ahead, "covered, %", "ratio")
+        text += markdown_table(heads, rows) + "\n"
+    return text
 
 
 def radar_json(found: Found) -> Figures:
     """Return the figures by noise, filter and column."""
     return {
         noise: {
-            one.name: {name: one.estimate(STATISTICS[name]) for name in COLUMNS} for one in scores
+            filtered.name: {name: filtered.estimate(STATISTICS[name]) for name in COLUMNS}
+            for filtered in scores
         }
         for noise, scores in found.items()
     }
@@ -143,33 +137,27 @@ def radar_figure(found: Figures) -> Figure:
     """Return the errors of all filters now and ahead, from `radar_json`, one panel for each
     noise.
     """
-    figure = new_canvas((11.5, 5.6))
-    panels = figure.subplots(1, len(found), sharex=True, sharey=True)
+    title = "RMSE of the position, with its 95 % interval"
+    figure, panels = new_figure(title, (11.5, 5.6), (1.0,) * len(found))
     marks = dict(zip(("position", *COLUMNS[2 : 2 + len(HORIZONS)]), "os^D", strict=True))
     for axes, (noise, filters) in zip(panels, found.items(), strict=True):
         for column, marker in marks.items():
-            errors = [one[column] for one in filters.values()][::-1]
-            values = [one.value for one in errors]
-            bars = error_bars(errors)
-            label = "now" if column == "position" else f"{column.split()[1]} s ahead"
+            estimates = [of_filter[column] for of_filter in filters.values()]
+            values = np.array([estimate.value for estimate in estimates])
+            low = values - [estimate.low for estimate in estimates]
+            high = [estimate.high for estimate in estimates] - values
             axes.errorbar(
                 values,
                 range(len(filters)),
-                xerr=bars,
+                xerr=[low, high],
                 fmt=marker,
                 markersize=5,
-                label=label,
+                label="now" if column == "position" else f"{column.split()[1]} s ahead",
             )
-        axes.set_yticks(range(len(filters)), list(filters)[::-1])
-        axes.set_xscale("log")
+        axes.set(title=NOISE_NAMES[noise], xscale="log", xlabel="m")
+        axes.set_yticks(range(len(filters)), list(filters))
+        axes.invert_yaxis()
         axes.set_xticks(ERRORS, [f"{error:g}" for error in ERRORS])
-        axes.xaxis.set_minor_locator(NullLocator())
-        axes.set_title(NOISE_NAMES[noise])
-        plain_axes(axes, "RMSE of the position, m, with its 95 % interval")
-    figure.legend(
-        *panels[0].get_legend_handles_labels(),
-        loc="outside upper center",
-        ncol=4,
-        frameon=False,
-    )
+        axes.minorticks_off()
+    panels[0].legend()
     return figure

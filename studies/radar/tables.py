@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from hybrid_env.checks import FloatArray
 from studies.papers.reproduction import (
     Cell,
     Finding,
@@ -26,6 +26,8 @@ from studies.papers.reproduction import (
 )
 from studies.radar.filters import COMBINED, ROBUST, SOUND, THESIS
 from studies.radar.radars import NOISES, PERIOD, RADARS, SIGMA, Noise
+
+FloatArray = NDArray[np.float64]
 
 PAPER = "Novospaskyi 2025"
 METRICS = ("position RMSE, m", "position MAE, m", "velocity RMSE, m/s", "velocity MAE, m/s")
@@ -275,7 +277,7 @@ def _sound(results: Results, seed: int) -> list[Finding]:
     """Sound settings and robust filters, beside what they are compared with."""
 
     def share(noise: Noise, name: str, other: str) -> str:
-        of, others = (results.errors[noise][one][..., POSITION] for one in (name, other))
+        of, others = (results.errors[noise][key][..., POSITION] for key in (name, other))
         return "{:.3f} [{:.3f}, {:.3f}]".format(*paired_ratio(of, others, seed))
 
     errors = results.errors["gaussian"]

@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 import optuna
+from numpy.typing import NDArray
 
-from baselines import estimation
-from hybrid_env.checks import ArgumentError, FloatArray
 from studies.radar.filters import CONTENDERS, Contender, Parameters, run_contender
 from studies.radar.radars import Noise, Tracks
+
+FloatArray = NDArray[np.float64]
 
 # Loss of the robust filters with Gaussian noise, as a share of the error of CV, that is not
 # penalised.
@@ -53,7 +54,7 @@ class Tuning:
 
     @property
     def fingerprint(self) -> str:
-        """Digest of everything that the cost depends on, also of the source code of the filters."""
+        """Digest of everything that the cost depends on, also of the source code here."""
         contender = CONTENDERS[self.name]
         settings = (
             self.name,
@@ -67,9 +68,8 @@ class Tuning:
         for tracks in self._flights.values():
             for array in (tracks.times, tracks.measurements, tracks.positions):
                 digest.update(array.tobytes())
-        for folder in (Path(estimation.__file__).parent, Path(__file__).parent):
-            for source in sorted(folder.glob("*.py")):
-                digest.update(source.read_bytes())
+        for source in sorted(Path(__file__).parent.glob("*.py")):
+            digest.update(source.read_bytes())
         return digest.hexdigest()[:16]
 
     def cost(self, parameters: Parameters) -> float:
@@ -141,14 +141,9 @@ def tune(
 
 def finished_trials(file: Path, fingerprint: str) -> list[tuple[dict[str, Any], float]]:
     """Parameters and values of the finished trials 0, 1, 2 ... of a file with this fingerprint."""
-    try:
-        lines = (
-            file.read_text(encoding="utf-8", errors="replace").splitlines() if file.exists() else []
-        )
-    except OSError as error:
-        raise ArgumentError(f"{file} cannot be read: {error}") from None
+    text = file.read_text(encoding="utf-8", errors="replace") if file.exists() else ""
     found: dict[int, tuple[dict[str, Any], float]] = {}
-    for line in lines:
+    for line in text.splitlines():
         try:
             entry = json.loads(line)
             if entry["fingerprint"] == fingerprint:
@@ -166,8 +161,5 @@ def _append(file: Path, entry: dict[str, Any]) -> None:
     """Append a trial as one line, in one write."""
     # Begins with a line break, as the last line may be cut off.
     line = f"\n{json.dumps(entry)}\n".encode()
-    try:
-        with file.open("ab", buffering=0) as stored:
-            stored.write(line)
-    except OSError as error:
-        raise ArgumentError(f"{file} cannot be written: {error}") from None
+    with file.open("ab", buffering=0) as stored:
+        stored.write(line)
