@@ -4,8 +4,7 @@ Tsyganov 2019.
 At every switch the bank starts from the current estimate with P := I. Until the decision, the
 output is the estimate of the last decided mode; after it, only the chosen filter runs on. Tsyganov
 2019 adds a recalculation of the estimates since the switch by the chosen filter. `sprt.SPRTDecider`
-is the same test in the environment. With known modes the filter of each segment follows the object
-from its first tick.
+is the same test in the environment.
 """
 
 from collections.abc import Sequence
@@ -63,20 +62,14 @@ class Tracks(NamedTuple):
 
 
 class Rule(NamedTuple):
-    """Thresholds and options of the algorithm, see `track_ate`, and what is known of the modes."""
+    """Thresholds and options of the algorithm, see `track_ate`."""
 
-    upper: float = 0.0
-    lower: float = 0.0
-    straight_reference: bool = False
-    keep: bool = True
-    recalculation: int = NO_RECALCULATION
-    refine: bool = False
-    # (K,) mode of each segment, none if they are decided.
-    known: IntArray = np.zeros(0, np.int64)
-    # (3,) xx, xv, vv of the anchor on each axis.
-    covariance: FloatArray = np.array([1.0, 0.0, 1.0])
-    # Whether only the first anchor has this covariance, and others that of the estimate.
-    carry: bool = False
+    upper: float
+    lower: float
+    straight_reference: bool
+    keep: bool
+    recalculation: int
+    refine: bool
 
 
 @internal
@@ -127,7 +120,6 @@ def _track_run(
     bank, radii, model = filters
     estimate = start.copy()
     covariance = np.empty((2, 3))
-    covariance[:] = rule.covariance
     measurement = np.zeros((2, LANES))
     log_likelihood = np.empty(bank.hypotheses.size)
     output.ratios[:] = np.nan
@@ -138,24 +130,12 @@ def _track_run(
             active = 0
         x, vx, y, vy = estimate
         anchor = (x, vx, y, vy)
-        if not rule.carry:
-            covariance[:] = rule.covariance
-        (xx, xv, vv), (yy, yv, ww) = covariance
-        begin_published(
-            bank,
-            0,
-            anchor,
-            (xx, xv, 0.0, 0.0, vv, 0.0, 0.0, yy, yv, ww),
-            radii,
-            model,
-        )
+        begin_published(bank, 0, anchor, IDENTITY, radii, model)
         running = np.ones(log_likelihood.size, np.bool_)
         begin = k
         end = k + lengths[segment]
         output.ticks[segment] = lengths[segment]
-        output.undecided[segment] = rule.known.size == 0
-        if rule.known.size > 0:
-            active = rule.known[segment]
+        output.undecided[segment] = True
         while k < end and output.undecided[segment]:
             measurement[:, 0] = measurements[k]
             step_published(bank, 0, 1, measurement, model)
@@ -244,20 +224,8 @@ def track_ate(
     straight = check_choice("reference", reference, ("active", "straight")) == "straight"
     method = RECALCULATIONS[check_choice("recalculation", recalculation, RECALCULATIONS)]
     rule = Rule(upper, lower, straight, keep, method, check_flag("refine_radius", refine_radius))
-    found = run_rule(values, segment_lengths, starts, filters, rule)
-    return Tracks(*(array[0] for array in found)) if np.ndim(measurements) == 2 else found
-
-
-def run_rule(
-    values: FloatArray,
-    lengths: IntArray,
-    starts: FloatArray,
-    filters: Filters,
-    rule: Rule,
-) -> Tracks:
-    """Apply a rule to the runs of `arrays.check_recording`."""
     runs, total = values.shape[:2]
-    segments = (runs, lengths.size)
+    segments = (runs, segment_lengths.size)
     found = Tracks(
         np.empty((runs, total, 4)),
         np.empty((runs, total, 2, 3)),
@@ -269,5 +237,13 @@ def run_rule(
     )
     for run in range(runs):
         of_run = Tracks(*(array[run] for array in found))
-        run_compiled(_track_run, values[run], lengths, starts[run], filters, rule, of_run)
-    return found
+        run_compiled(
+            _track_run,
+            values[run],
+            segment_lengths,
+            starts[run],
+            filters,
+            rule,
+            of_run,
+        )
+    return Tracks(*(array[0] for array in found)) if np.ndim(measurements) == 2 else found

@@ -339,9 +339,8 @@ class MeanRatioDecider(RestartDecider):
 
     The statistic of a mode is the mean of the likelihood ratios of all start ticks, lambda_k of eq.
     (6): the likelihood ratio of a switch at a uniformly distributed moment. The paper tests one
-    turn against straight motion, once, as `studies.papers.golubkov2020.detect_switch` on
-    recordings. Here every mode is tested against the stated one, and after a change of the
-    statement the test begins anew from the most likely filter of the new mode.
+    turn against straight motion, once. Here every mode is tested against the stated one, and after
+    a change of the statement the test begins anew from the most likely filter of the new mode.
 
     The rule of the paper is `margin=0`, a window that is not shorter than the episode, and the
     threshold ln A = ln((1 - beta) / alpha), 2.2 for alpha = beta = 0.1. Its lower threshold B, at

@@ -2,7 +2,7 @@
 A quadrotor with six degrees of freedom
 =======================================
 
-The radar study of Novospaskyi 2025 (``hybridtrack reproduce novospaskyi``) flies a point mass. Here a rigid body in the physics
+The radar study of Novospaskyi 2025 (``python -m studies.radar thesis``) flies a point mass. Here a rigid body in the physics
 engine `PyBullet <https://pybullet.org>`_ flies the same routes with the same guidance: four rotor forces with motor lag, and drag.
 A geometric attitude controller follows the thrust command: Lee, Leok and McClamroch 2010, "Geometric tracking control of a
 quadrotor UAV on SE(3)". ``pip install pybullet``
@@ -178,7 +178,7 @@ print(
 #         attempts = (fly_quadrotor(flight_route(seed, attempt)) for attempt in itertools.count())
 #         return list(itertools.islice((flight for flight in attempts if flight is not None), count))
 #
-#     studies.radar.reproduce(folder=Path("quadrotor"), fly=quadrotor_flights)
+#     studies.radar.reproduction.reproduce(folder=Path("quadrotor"), fly=quadrotor_flights)
 
 figure, (plane, distance) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
 for flight, name in ((mass, "point mass"), (quadrotor, "quadrotor")):

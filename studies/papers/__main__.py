@@ -66,7 +66,11 @@ class Reproduce:
                 result = study.reproduce(**({} if runs is None else {"runs": runs}), seed=self.seed)
             text = to_markdown(result)
             (self.out / f"{paper}.md").write_text(text, encoding="utf-8")
-            values = json.dumps(to_json(result), indent=2, allow_nan=False)
+            values = json.dumps(
+                to_json(result),
+                indent=2,
+                allow_nan=False,
+            )
             (self.out / f"{paper}.json").write_text(values + "\n", encoding="utf-8")
             for name, figure in study.draw(result).items():
                 figure.savefig(self.out / name)

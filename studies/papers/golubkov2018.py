@@ -93,7 +93,11 @@ def fitted_start(measurements: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     times = TAU * np.arange(1, FIRST_TICKS + 1)
     first = measurements[:, :FIRST_TICKS].swapaxes(0, 1)
-    velocity, position = np.polyfit(times, first.reshape(FIRST_TICKS, -1), 1)
+    velocity, position = np.polyfit(
+        times,
+        first.reshape(FIRST_TICKS, -1),
+        1,
+    )
     return np.stack([position, velocity], axis=-1).reshape(-1, 4)
 
 
@@ -125,14 +129,25 @@ def filter_known_modes(
     estimates = []
     ticks = iter(recording.measurements.swapaxes(0, 1))
     for length, radius in zip(recording.lengths, recording.signed_radii, strict=True):
-        (x, vx), (y, vy) = np.moveaxis(state, 0, -1)
+        (x, vx), (y, vy) = np.moveaxis(
+            state,
+            0,
+            -1,
+        )
         transition = np.tile([[1.0, TAU], [0.0, 1.0]], (runs, 1, 1))
         centre = np.zeros((runs, 2, 2))
         if radius:
             rate = np.hypot(vx, vy) / radius
             cosine, sine = np.cos(rate * TAU), np.sin(rate * TAU)
-            rows = [[cosine, sine / rate], [-rate * sine, cosine]]
-            transition = np.moveaxis(np.array(rows), -1, 0)
+            rows = [
+                [cosine, sine / rate],
+                [-rate * sine, cosine],
+            ]
+            transition = np.moveaxis(
+                np.array(rows),
+                -1,
+                0,
+            )
             centre[:, 0, 0], centre[:, 1, 0] = x - vy / rate, y + vx / rate
         if not carry:
             covariance = np.tile(spread * np.eye(2), (runs, 1, 1))
@@ -175,7 +190,13 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     findings: list[Finding] = []
     examples = {}
     for index, (name, variance) in enumerate(MEASUREMENT_VARIANCES.items()):
-        recording = simulate(SCHEME, runs, seed + index, start=START, measurement_variance=variance)
+        recording = simulate(
+            SCHEME,
+            runs,
+            seed + index,
+            start=START,
+            measurement_variance=variance,
+        )
         tracks = run_ate(recording, variance)
         cells += _known_modes_cells(name, recording, seed) + _ate_cells(
             name,
@@ -191,7 +212,14 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
         )
         examples[name] = (recording, tracks)
     findings += _scans(seed)
-    return Reproduction(PAPER, runs, seed, tuple(cells), tuple(findings), examples)
+    return Reproduction(
+        PAPER,
+        runs,
+        seed,
+        tuple(cells),
+        tuple(findings),
+        examples,
+    )
 
 
 def _known_modes_cells(name: str, recording: Simulation, seed: int, **options: Any) -> list[Cell]:
@@ -207,7 +235,12 @@ def _known_modes_cells(name: str, recording: Simulation, seed: int, **options: A
     )
 
 
-def _ate_cells(name: str, recording: Simulation, tracks: Any, seed: int) -> list[Cell]:
+def _ate_cells(
+    name: str,
+    recording: Simulation,
+    tracks: Any,
+    seed: int,
+) -> list[Cell]:
     """A row of tables 3 and 4 and of the percentages."""
     ticks = np.concatenate([tracks.ticks, tracks.ticks.mean(1, keepdims=True)], axis=1)
     correct = 100.0 * correct_types(tracks, recording).mean(1, keepdims=True)
@@ -228,7 +261,12 @@ def _ate_cells(name: str, recording: Simulation, tracks: Any, seed: int) -> list
     ]
 
 
-def _findings(name: str, recording: Simulation, tracks: Any, refined: Any) -> list[Finding]:
+def _findings(
+    name: str,
+    recording: Simulation,
+    tracks: Any,
+    refined: Any,
+) -> list[Finding]:
     """Effect of taking the most likely turn in the decided direction afterwards, and how few
     runs carry the error.
     """
@@ -312,7 +350,8 @@ def draw(result: Reproduction) -> dict[str, Figure]:
     types = np.sign(SIGNED_RADII).astype(np.int64) % 3
     figures = {}
     for index, (name, example) in enumerate(result.examples.items(), start=1):
-        title = f"{PAPER}: recording run of ATE, R = {MEASUREMENT_VARIANCES[name]:g} m²"
-        figure = draw_tracking(title, *example, types, sprt_thresholds(ALPHA))
+        recording, tracks = example
+        title = f"{PAPER}: one run of ATE, R = {MEASUREMENT_VARIANCES[name]:g} m²"
+        figure = draw_tracking(title, recording, tracks, types, sprt_thresholds(ALPHA))
         figures[f"golubkov2018_{index}.png"] = figure
     return figures

@@ -89,7 +89,7 @@ def start_row(start: Sequence[float], hypotheses: int) -> NDArray[np.float64]:
 
 def log_ratios(
     measurements: NDArray[np.float64],
-    radii: Sequence[float] = (5.0,),
+    radii: tuple[float, ...] = (5.0,),
     published_root: bool = False,
 ) -> NDArray[np.float64]:
     """Return ln lambda_k of measurements (n, T, 2), (n, T, M); `published_root` takes the ratio
@@ -151,7 +151,11 @@ def detect(
         passed &= ranked[:, :, -1] - ranked[:, :, -2] >= margin
     first = passed.argmax(1)
     modes = np.array(tested)[of_tested[np.arange(len(ratios)), first].argmax(1)]
-    return Detection(np.where(passed.any(1), first + 1, 0), modes, ratios)
+    return Detection(
+        np.where(passed.any(1), first + 1, 0),
+        modes,
+        ratios,
+    )
 
 
 def delay_statistics(ticks: NDArray[np.int64]) -> dict[str, float]:
@@ -160,7 +164,11 @@ def delay_statistics(ticks: NDArray[np.int64]) -> dict[str, float]:
     """
     delays = ticks[ticks > SWITCH] - SWITCH
     known = delays if delays.size else np.array([math.nan])
-    quantiles = zip(PERCENTILES, np.percentile(known, PERCENTILES).tolist(), strict=True)
+    quantiles = zip(
+        PERCENTILES,
+        np.percentile(known, PERCENTILES).tolist(),
+        strict=True,
+    )
     return {
         "false alarms by tick 20, %": 100.0 * float(((ticks > 0) & (ticks <= SWITCH)).mean()),
         MEAN_DELAY: float(known.mean()),
@@ -221,7 +229,15 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
         ]
         examples[row] = (recording, detection)
     findings += _identification(max(runs // 4, 2), seed)
-    return Reproduction(PAPER, runs, seed, tuple(cells), tuple(findings), examples, size="one run")
+    return Reproduction(
+        PAPER,
+        runs,
+        seed,
+        tuple(cells),
+        tuple(findings),
+        examples,
+        size="one run",
+    )
 
 
 def _identification(runs: int, seed: int) -> list[Finding]:
@@ -243,7 +259,12 @@ def _identification(runs: int, seed: int) -> list[Finding]:
         truth = np.repeat(np.arange(1, len(turns) + 1), [len(part) for part in parts])
         ratios = log_ratios(np.concatenate(parts), radii)
         for margin in (0.0, math.log(9.0), math.log(99.0)):
-            detection = detect(ratios, 0.01, range(1, len(turns) + 1), margin)
+            detection = detect(
+                ratios,
+                0.01,
+                range(1, len(turns) + 1),
+                margin,
+            )
             detected = detection.ticks > SWITCH
             sides = (detection.modes > len(radii)) == (truth > len(radii))
             rule = (
@@ -267,21 +288,56 @@ def draw(result: Reproduction) -> dict[str, Figure]:
     delay.
     """
     title = f"{PAPER}: detection of a right turn (r = 5 m) that begins after tick {SWITCH}"
-    figure, (ground, ratios, delays) = new_figure(title, (15.5, 5.2), (0.9, 1.2, 1.2))
+    figure, (ground, ratios, delays) = new_figure(
+        title,
+        (15.5, 5.2),
+        (0.9, 1.2, 1.2),
+    )
     (recording, detection), *_ = result.examples.values()
     style_map(ground, "One run in the plane")
-    ground.plot(*recording.measurements[0].T, ".", color=GREY, markersize=4, label="measurements")
+    ground.plot(
+        *recording.measurements[0].T,
+        ".",
+        color=GREY,
+        markersize=4,
+        label="measurements",
+    )
     types = np.repeat([0, RIGHT_TURN], recording.lengths)
-    draw_by_type(ground, recording.truth[0][:, [0, 2]], types, linewidths=1.8)
+    draw_by_type(
+        ground,
+        recording.truth[0][:, [0, 2]],
+        types,
+        linewidths=1.8,
+    )
     for kind, name in ((0, "straight"), (RIGHT_TURN, "right turn")):
-        ground.plot([], [], color=TYPE_COLOURS[kind], label=name)
+        ground.plot(
+            [],
+            [],
+            color=TYPE_COLOURS[kind],
+            label=name,
+        )
 
     values = detection.log_ratios[0][:, RIGHT_TURN]
-    ratios.plot(np.arange(1, len(values) + 1), values, color=TYPE_COLOURS[RIGHT_TURN])
+    ratios.plot(
+        np.arange(1, len(values) + 1),
+        values,
+        color=TYPE_COLOURS[RIGHT_TURN],
+    )
     for name, value in zip(("ln A", "ln B"), sprt_thresholds(ALPHAS[0]), strict=True):
         label = f"{name} = {value:.1f}"
-        ratios.axhline(value, color=DARK_GREY, linestyle="--", linewidth=0.9, label=label)
-    ratios.axvline(SWITCH + 0.5, color=GREY, linewidth=0.9, label="turn begins")
+        ratios.axhline(
+            value,
+            color=DARK_GREY,
+            linestyle="--",
+            linewidth=0.9,
+            label=label,
+        )
+    ratios.axvline(
+        SWITCH + 0.5,
+        color=GREY,
+        linewidth=0.9,
+        label="turn begins",
+    )
     tick = int(detection.ticks[0])
     if tick:
         ratios.plot(tick, values[tick - 1], "o", color=TRUTH, label=f"detected at tick {tick}")
@@ -294,7 +350,12 @@ def draw(result: Reproduction) -> dict[str, Figure]:
     for name, (_, of_alpha) in result.examples.items():
         seen = of_alpha.ticks[of_alpha.ticks > SWITCH] - SWITCH
         share = [100.0 * (seen <= delay).sum() / result.runs for delay in range(SWITCH + 1)]
-        delays.step(range(SWITCH + 1), share, where="post", label=name)
+        delays.step(
+            range(SWITCH + 1),
+            share,
+            where="post",
+            label=name,
+        )
     delays.axvline(PUBLISHED_DELAY, color=GREY, label=f"published: {PUBLISHED_DELAY}")
     delays.set(
         title=f"{result.runs} runs: distribution of the delay",

@@ -27,8 +27,16 @@ def turn_transition(rates: FloatArray, dt: float) -> FloatArray:
     """
     sine, cosine = np.sin(rates * dt), np.cos(rates * dt)
     safe = np.where(rates == 0.0, 1.0, rates)
-    along = np.where(rates == 0.0, dt, sine / safe)
-    across = np.where(rates == 0.0, 0.0, (1.0 - cosine) / safe)
+    along = np.where(
+        rates == 0.0,
+        dt,
+        sine / safe,
+    )
+    across = np.where(
+        rates == 0.0,
+        0.0,
+        (1.0 - cosine) / safe,
+    )
     zero, unit = np.zeros_like(rates), np.ones_like(rates)
     rows = [
         [unit, along, zero, -across],
@@ -36,7 +44,11 @@ def turn_transition(rates: FloatArray, dt: float) -> FloatArray:
         [zero, across, unit, along],
         [zero, sine, zero, cosine],
     ]
-    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+    return np.moveaxis(
+        np.array(rows),
+        (0, 1),
+        (-2, -1),
+    )
 
 
 def mixture(
@@ -103,7 +115,11 @@ class MultipleModels:
     def merged(self) -> tuple[FloatArray, FloatArray]:
         """Return the estimates, (n, 4), and their covariances, (n, 4, 4)."""
         n = len(self.states)
-        weights = np.exp(self.log_probability).reshape(n, 1, -1)
+        weights = np.exp(self.log_probability).reshape(
+            n,
+            1,
+            -1,
+        )
         states, covariances = (
             self.states.reshape(n, -1, 4),
             self.covariances.reshape(n, -1, 4, 4),
@@ -111,7 +127,12 @@ class MultipleModels:
         state, covariance = mixture(weights, states, covariances)
         return state[:, 0], covariance[:, 0]
 
-    def step(self, measured: FloatArray, dt: float, transition: FloatArray | None) -> None:
+    def step(
+        self,
+        measured: FloatArray,
+        dt: float,
+        transition: FloatArray | None,
+    ) -> None:
         """Advance by a time step [s] to measurements (n, 2) [m]. `transition` has the
         probabilities of the modes given the mode before (row), (M, M); None: the mode stays.
         """
@@ -134,7 +155,11 @@ class MultipleModels:
             weights = np.exp(joint - after[..., None])
             self.log_probability = np.maximum(after, SMALLEST)[..., None]
             if self.method == "imm":
-                mixed = mixture(weights, state[:, :, 0], covariance[:, :, 0])
+                mixed = mixture(
+                    weights,
+                    state[:, :, 0],
+                    covariance[:, :, 0],
+                )
                 state, covariance = mixed[0][:, :, None], mixed[1][:, :, None]
             elif self.method == "gpb2":
                 shares = np.log(np.maximum(weights, np.exp(SMALLEST)))

@@ -112,18 +112,35 @@ def _run_ate(
     )
     lengths, modes = recording.lengths, len(setting.sides)
     decided = setting.sides[tracks.decided]
-    before = np.insert(decided[:, :-1], 0, 0, axis=1)
+    before = np.insert(
+        decided[:, :-1],
+        0,
+        0,
+        axis=1,
+    )
     ticks, now, last = (
         np.repeat(values, lengths, axis=1) for values in (tracks.ticks, decided, before)
     )
     again = {"as_published": 1, "rewind": modes}.get(options.get("recalculation", "none"), 0)
     after = modes if options.get("refine_radius") else 1
     steps = (modes + again * ~tracks.undecided) * tracks.ticks + after * (lengths - tracks.ticks)
-    stated = np.where(_ticks_since(lengths) >= ticks, now, last)
-    return Tracked(tracks.estimates, stated, steps.sum(1) / lengths.sum())
+    stated = np.where(
+        _ticks_since(lengths) >= ticks,
+        now,
+        last,
+    )
+    return Tracked(
+        tracks.estimates,
+        stated,
+        steps.sum(1) / lengths.sum(),
+    )
 
 
-def _run_detector(recording: Simulation, setting: Setting, variance: float) -> Tracked:
+def _run_detector(
+    recording: Simulation,
+    setting: Setting,
+    variance: float,
+) -> Tracked:
     """A switch since the last change is tested, at most as long ago as the longest segment."""
     output = _no_output(recording)
     options = QuickestOptions(
@@ -132,7 +149,12 @@ def _run_detector(recording: Simulation, setting: Setting, variance: float) -> T
         measurement_variance=variance,
     )
     window = int(recording.lengths.max())
-    rule = MeanRatioDecider(options, sprt_thresholds(setting.paper.ALPHA)[0], 0.0, window)
+    rule = MeanRatioDecider(
+        options,
+        sprt_thresholds(setting.paper.ALPHA)[0],
+        0.0,
+        window,
+    )
     modes = options.hypotheses
     rows = np.tile(start_row(setting.paper.START, modes), (len(output.steps), 1))
     _, filters = rule.predict(rows)
@@ -168,10 +190,20 @@ def _run_models(
         measured = recording.measurements[part]
         start = np.tile(setting.paper.START, (len(measured), 1))
         noises = setting.process_variance, variance
-        models = MultipleModels(method, setting.radii, *noises, start, np.eye(4))
+        models = MultipleModels(
+            method,
+            setting.radii,
+            *noises,
+            start,
+            np.eye(4),
+        )
         for k, begin in enumerate(begins):
             at_switch = np.tile(prior, (modes, 1)) if begin else None
-            models.step(measured[:, k], TAU, at_switch if known or k == 0 else at_any_tick)
+            models.step(
+                measured[:, k],
+                TAU,
+                at_switch if known or k == 0 else at_any_tick,
+            )
             output.estimates[part, k] = models.merged()[0]
             output.sides[part, k] = np.array([0, 1, -1])[(models.probabilities @ groups).argmax(1)]
             output.steps[part] += models.filters / len(begins)
@@ -180,7 +212,11 @@ def _run_models(
 
 def _no_output(recording: Simulation) -> Tracked:
     shape = recording.measurements.shape[:2]
-    return Tracked(np.empty((*shape, 4)), np.empty(shape, np.int64), np.zeros(shape[0]))
+    return Tracked(
+        np.empty((*shape, 4)),
+        np.empty(shape, np.int64),
+        np.zeros(shape[0]),
+    )
 
 
 def _ticks_since(lengths: IntArray) -> IntArray:
@@ -200,7 +236,11 @@ def estimators(setting: Setting, known: bool) -> dict[str, Callable[..., Tracked
     return found
 
 
-def score(name: str, recording: Simulation, tracked: Tracked) -> Scores:
+def score(
+    name: str,
+    recording: Simulation,
+    tracked: Tracked,
+) -> Scores:
     """Return the figures of every run, see `METRICS`."""
     lengths, sides = recording.lengths, tracked.sides
     wrong = sides != np.repeat(np.sign(recording.signed_radii), lengths)
@@ -282,7 +322,11 @@ def reproduce(runs: int = 100, seed: int = 0) -> Reproduction:
     )
 
 
-def _cells(table: str, row: str, estimates: dict[str, Any]) -> list[Cell]:
+def _cells(
+    table: str,
+    row: str,
+    estimates: dict[str, Any],
+) -> list[Cell]:
     return [
         Cell(
             table,
@@ -301,7 +345,12 @@ def _cells(table: str, row: str, estimates: dict[str, Any]) -> list[Cell]:
 
 def draw(result: Reproduction) -> dict[str, Figure]:
     """Return the figure by its file name: error, delay and wrong statements over R."""
-    figure, rows = new_figure("", (18.0, 12.0), (1.0,) * len(result.examples), len(COMPARED))
+    figure, rows = new_figure(
+        "",
+        (18.0, 12.0),
+        (1.0,) * len(result.examples),
+        len(COMPARED),
+    )
     for axes_of_metric, metric in zip(rows, COMPARED, strict=True):
         for axes, (title, found) in zip(axes_of_metric, result.examples.items(), strict=True):
             for name, by_variance in found.items():
@@ -309,8 +358,19 @@ def draw(result: Reproduction) -> dict[str, Figure]:
                 values = np.array([estimate.value for estimate in estimates])
                 low = values - [estimate.low for estimate in estimates]
                 high = [estimate.high for estimate in estimates] - values
-                axes.errorbar(VARIANCES, values, [low, high], marker="o", label=name)
-            axes.set(title=title, xlabel="R, m²", ylabel=metric, xscale="log")
+                axes.errorbar(
+                    VARIANCES,
+                    values,
+                    [low, high],
+                    marker="o",
+                    label=name,
+                )
+            axes.set(
+                title=title,
+                xlabel="R, m²",
+                ylabel=metric,
+                xscale="log",
+            )
             axes.set_xticks(VARIANCES, [f"{variance:g}" for variance in VARIANCES])
             if metric == "nRMSE":
                 axes.set_yscale("log")

@@ -81,7 +81,10 @@ def _unpublished(cells: Sequence[Cell]) -> str:
 
 def to_markdown(result: Reproduction) -> str:
     """All tables of one paper."""
-    text = [f"# Reproduction of {result.paper}\n", f"{describe_runs(result)}\n"]
+    text = [
+        f"# Reproduction of {result.paper}\n",
+        f"{describe_runs(result)}\n",
+    ]
     for name, cells in result.tables.items():
         inside, total = result.count().get(name, {}).get("", (0, 0))
         count = f", {inside} of {total} inside the interval" if total else ""

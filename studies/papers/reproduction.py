@@ -128,7 +128,11 @@ def study_interval(
     (..., F).
     """
     resampled = statistics(_draws(seed, study_runs, len(per_run)) @ per_run / study_runs)
-    low, high = np.percentile(resampled, [2.5, 97.5], axis=0)
+    low, high = np.percentile(
+        resampled,
+        [2.5, 97.5],
+        axis=0,
+    )
     return statistics(per_run.mean(0)), low, high
 
 
@@ -141,13 +145,22 @@ def both_intervals(
     """`study_interval`, then the 95 % interval of its first result, and the median of single
     runs.
     """
-    _, low, high = study_interval(per_run, statistics, seed, len(per_run))
+    _, low, high = study_interval(
+        per_run,
+        statistics,
+        seed,
+        len(per_run),
+    )
     median = np.median(statistics(per_run), axis=0)
     return (*study_interval(per_run, statistics, seed, study_runs), low, high, median)
 
 
 @functools.lru_cache(maxsize=4)
-def _draws(seed: int, study_runs: int, runs: int) -> FloatArray:
+def _draws(
+    seed: int,
+    study_runs: int,
+    runs: int,
+) -> FloatArray:
     """How often each run is drawn in each resample, (`RESAMPLES`, runs)."""
     drawn = np.random.default_rng(seed).multinomial(
         study_runs,
@@ -157,7 +170,11 @@ def _draws(seed: int, study_runs: int, runs: int) -> FloatArray:
     return drawn.astype(np.float64)
 
 
-def paired_ratio(errors: FloatArray, others: FloatArray, seed: int) -> tuple[float, float, float]:
+def paired_ratio(
+    errors: FloatArray,
+    others: FloatArray,
+    seed: int,
+) -> tuple[float, float, float]:
     """Ratio of the mean errors (runs, F) of two filters, and its 95 % bootstrap interval over
     flights.
     """
@@ -185,7 +202,11 @@ def rmse_row(
         roots = np.sqrt(mean_squares)
         return np.concatenate([roots, np.sqrt((roots**2).sum(-1, keepdims=True))], axis=-1)
 
-    interval = both_intervals(((estimates - truth) ** 2).mean(1), rmse_and_norm, seed)
+    interval = both_intervals(
+        ((estimates - truth) ** 2).mean(1),
+        rmse_and_norm,
+        seed,
+    )
     return table_row(table, row, STATES, published, interval)
 
 

@@ -107,8 +107,16 @@ def test_environment_with_ate_reproduces_table_4_and_the_percentages():
 
 
 def test_study_interval_is_that_of_a_mean_of_100_runs():
-    values = np.random.default_rng(0).normal(5.0, 2.0, (4000, 1))
-    mean, low, high = study_interval(values, lambda means: means, seed=0)
+    values = np.random.default_rng(0).normal(
+        5.0,
+        2.0,
+        (4000, 1),
+    )
+    mean, low, high = study_interval(
+        values,
+        lambda means: means,
+        seed=0,
+    )
 
     assert mean[0] == pytest.approx(values.mean())
     # With 2,000 resamples the standard error of a 2.5 % quantile is about 4 % of the half width.
@@ -121,12 +129,24 @@ def test_the_mean_ratio_equals_equations_6_and_7(published):
     found = log_ratios(recording.measurements, published_root=published)
     matrices = 0.1, 0.001, 0.1 * np.eye(2)
     for run in range(2):
-        nominal = MatrixKalmanFilter(START, np.eye(4), "S", 0.0, *matrices)
+        nominal = MatrixKalmanFilter(
+            START,
+            np.eye(4),
+            "S",
+            0.0,
+            *matrices,
+        )
         # (filter, psi) of every start tick.
         started = {"L": [], "R": []}
         for k, z in enumerate(recording.measurements[run]):
             for side, tests in started.items():
-                new = MatrixKalmanFilter(nominal.x, nominal.P, side, 5.0, *matrices)
+                new = MatrixKalmanFilter(
+                    nominal.x,
+                    nominal.P,
+                    side,
+                    5.0,
+                    *matrices,
+                )
                 tests.append([new, 1.0])
             nominal.step(z)
             reference = squared_innovation(nominal)
@@ -192,9 +212,19 @@ def test_the_filter_with_known_modes_equals_matrix_filters(carry):
         for length, radius in zip(recording.lengths, recording.signed_radii, strict=True):
             mode = "S" if radius == 0 else "L" if radius > 0 else "R"
             matrices = 0.1, 0.001, 0.3 * np.eye(2)
-            kalman = MatrixKalmanFilter(state, P, mode, abs(radius), *matrices)
+            kalman = MatrixKalmanFilter(
+                state,
+                P,
+                mode,
+                abs(radius),
+                *matrices,
+            )
             for k, z in itertools.islice(measurements, int(length)):
                 kalman.step(z)
-                np.testing.assert_allclose(found[run, k], kalman.x, atol=1e-11)
+                np.testing.assert_allclose(
+                    found[run, k],
+                    kalman.x,
+                    atol=1e-11,
+                )
             state = kalman.x
             P = kalman.P if carry else np.eye(4)

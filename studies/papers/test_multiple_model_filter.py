@@ -21,7 +21,12 @@ CHAIN = transition_matrix(5, 0.1)
 MODES = range(5)
 
 
-def kalman_step(x, P, curvature, z):
+def kalman_step(
+    x,
+    P,
+    curvature,
+    z,
+):
     """Predict and correct in 4 x 4 matrices: estimate, covariance and likelihood."""
     F = turn_matrix(x, curvature, TAU)
     H = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0]])
@@ -34,23 +39,42 @@ def kalman_step(x, P, curvature, z):
     return x + K @ v, P - K @ H @ P, density
 
 
-def moments(weights, states, covariances):
+def moments(
+    weights,
+    states,
+    covariances,
+):
     mean = sum(w * x for w, x in zip(weights, states, strict=True))
     terms = zip(weights, states, covariances, strict=True)
     return mean, sum(w * (P + np.outer(x - mean, x - mean)) for w, x, P in terms)
 
 
-def literal_step(method, states, covariances, mu, z):
+def literal_step(
+    method,
+    states,
+    covariances,
+    mu,
+    z,
+):
     """One step of an estimator as its textbook algorithm is written, with loops over the modes."""
     found = []
     weights = []
     for j in MODES:
         if method == "static":
-            *estimate, likelihood = kalman_step(states[j], covariances[j], CURVATURES[j], z)
+            *estimate, likelihood = kalman_step(
+                states[j],
+                covariances[j],
+                CURVATURES[j],
+                z,
+            )
             weights.append(mu[j] * likelihood)
         elif method == "gpb1":
             merged = moments(mu, states, covariances)
-            *estimate, likelihood = kalman_step(*merged, CURVATURES[j], z)
+            *estimate, likelihood = kalman_step(
+                *merged,
+                CURVATURES[j],
+                z,
+            )
             weights.append(likelihood * (mu @ CHAIN[:, j]))
         else:
             children = [kalman_step(states[i], covariances[i], CURVATURES[j], z) for i in MODES]
@@ -64,10 +88,21 @@ def literal_step(method, states, covariances, mu, z):
 
 
 def begun(method, tracks=1):
-    return MultipleModels(method, RADII, Q, R, np.tile(START, (tracks, 1)), P0)
+    return MultipleModels(
+        method,
+        RADII,
+        Q,
+        R,
+        np.tile(START, (tracks, 1)),
+        P0,
+    )
 
 
-def advance(models, measurements, transitions):
+def advance(
+    models,
+    measurements,
+    transitions,
+):
     for measured, transition in zip(measurements, transitions, strict=True):
         models.step(measured[None], TAU, transition)
     state, covariance = models.merged()
@@ -82,7 +117,13 @@ def test_estimators_equal_their_textbook_algorithms(method):
     mu = np.full(5, 0.2)
     for z in np.random.default_rng(0).normal(0.0, 2.0, (12, 2)):
         found = advance(models, [z], [CHAIN])
-        states, covariances, mu = literal_step(method, states, covariances, mu, z)
+        states, covariances, mu = literal_step(
+            method,
+            states,
+            covariances,
+            mu,
+            z,
+        )
         expected = *moments(mu, states, covariances), mu
         for mine, other in zip(found, expected, strict=True):
             np.testing.assert_allclose(mine, other, rtol=1e-8, atol=1e-9)
@@ -97,20 +138,42 @@ def test_imm_equals_the_literal_one():
         for track, z in enumerate(measured):
             other = literal[track]
             other.step(z)
-            np.testing.assert_allclose(state[track], other.estimate, rtol=1e-9)
-            np.testing.assert_allclose(covariance[track], other.covariance, rtol=1e-8, atol=1e-9)
+            np.testing.assert_allclose(
+                state[track],
+                other.estimate,
+                rtol=1e-9,
+            )
+            np.testing.assert_allclose(
+                covariance[track],
+                other.covariance,
+                rtol=1e-8,
+                atol=1e-9,
+            )
             probabilities = models.probabilities[track]
             np.testing.assert_allclose(probabilities, other.probability, rtol=1e-9)
 
 
 def test_gpb2_is_the_posterior_of_all_histories_of_one_switch_and_imm_is_not():
-    z = np.random.default_rng(2).normal(0.0, 1.5, (2, 2))
+    z = np.random.default_rng(2).normal(
+        0.0,
+        1.5,
+        (2, 2),
+    )
     joint = np.empty((5, 5))
     states = []
     covariances = []
     for i, j in itertools.product(MODES, repeat=2):
-        *estimate, first = kalman_step(START, P0, CURVATURES[i], z[0])
-        x, P, second = kalman_step(*estimate, CURVATURES[j], z[1])
+        *estimate, first = kalman_step(
+            START,
+            P0,
+            CURVATURES[i],
+            z[0],
+        )
+        x, P, second = kalman_step(
+            *estimate,
+            CURVATURES[j],
+            z[1],
+        )
         joint[i, j] = 0.2 * first * CHAIN[i, j] * second
         states.append(x)
         covariances.append(P)
@@ -123,10 +186,22 @@ def test_gpb2_is_the_posterior_of_all_histories_of_one_switch_and_imm_is_not():
 
 
 def test_without_switches_static_imm_and_gpb2_are_equal_and_gpb1_is_not():
-    z = np.random.default_rng(3).normal(0.0, 1.5, (20, 2))
-    static = advance(begun("static"), z, [CHAIN] * 20)
+    z = np.random.default_rng(3).normal(
+        0.0,
+        1.5,
+        (20, 2),
+    )
+    static = advance(
+        begun("static"),
+        z,
+        [CHAIN] * 20,
+    )
     for method in ("imm", "gpb2"):
-        found = advance(begun(method), z, [None] * 20)
+        found = advance(
+            begun(method),
+            z,
+            [None] * 20,
+        )
         for mine, other in zip(found, static, strict=True):
             np.testing.assert_array_equal(mine, other)
 

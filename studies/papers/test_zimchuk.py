@@ -65,7 +65,11 @@ def test_one_axis_in_matrix_form_is_filtered_as_by_the_axis_wise_filter():
     measured = flights.measurements[..., :1]
     alone = run_filter(AdaptiveFilter(1, zimchuk.TAU), measured, flights.times).positions
 
-    np.testing.assert_allclose(zimchuk.matrix_positions(measured, 1), alone, rtol=1e-7)
+    np.testing.assert_allclose(
+        zimchuk.matrix_positions(measured, 1),
+        alone,
+        rtol=1e-7,
+    )
 
 
 def test_exact_covariances_of_a_kalman_filter_give_its_gain():
@@ -81,7 +85,11 @@ def test_exact_covariances_of_a_kalman_filter_give_its_gain():
     kalman = P @ C.T @ np.linalg.inv(H)
     limited = zimchuk.matrix_gain(H, spread)
     # Within the limits.
-    np.testing.assert_allclose(limited[0], kalman[::2], atol=1e-12)
+    np.testing.assert_allclose(
+        limited[0],
+        kalman[::2],
+        atol=1e-12,
+    )
     common = limited[0] @ C[:, ::2]
     assert (np.linalg.eigvals(common).real <= 1.0).all()
 

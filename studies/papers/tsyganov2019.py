@@ -59,7 +59,13 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     examples = {}
     for index, (name, variance) in enumerate(MEASUREMENT_VARIANCES.items()):
         variances: dict[str, Any] = {"process_variance": 0.0, "measurement_variance": variance}
-        recording = simulate(SCHEME, runs, seed + index, start=START, **variances)
+        recording = simulate(
+            SCHEME,
+            runs,
+            seed + index,
+            start=START,
+            **variances,
+        )
         for variant, options in VARIANTS.items():
             settings: dict[str, Any] = {"radii": [RADIUS], "alpha": ALPHA} | variances | options
             tracks = track_ate(recording.measurements, recording.lengths, START, **settings)
@@ -80,14 +86,28 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
             findings.append(
                 Finding(f"{name}, {variant}", text, CLAIM if variant == AS_PUBLISHED else "")
             )
-    return Reproduction(PAPER, runs, seed, tuple(cells), tuple(findings), examples)
+    return Reproduction(
+        PAPER,
+        runs,
+        seed,
+        tuple(cells),
+        tuple(findings),
+        examples,
+    )
 
 
 def draw(result: Reproduction) -> dict[str, Figure]:
     """Return a figure for each R by its file name."""
     figures = {}
     for index, (name, example) in enumerate(result.examples.items(), start=1):
+        recording, tracks = example
         title = f"{PAPER}: one run of ATE, {name} m²"
-        figure = draw_tracking(title, *example, np.arange(3), sprt_thresholds(ALPHA))
+        figure = draw_tracking(
+            title,
+            recording,
+            tracks,
+            np.arange(3),
+            sprt_thresholds(ALPHA),
+        )
         figures[f"tsyganov2019_{index}.png"] = figure
     return figures

@@ -122,8 +122,16 @@ def simulate_flights(runs: int, seed: int) -> Flights:
     """Simulate flights of the published scenario."""
     times = TAU * np.arange(1, 701, dtype=np.float64)
     truth = true_position(times)
-    noise = np.random.default_rng(seed).normal(0.0, np.sqrt(VARIANCE), (times.size, runs, AXES))
-    return Flights(times, truth, truth[:, None, None] + noise)
+    noise = np.random.default_rng(seed).normal(
+        0.0,
+        np.sqrt(VARIANCE),
+        (times.size, runs, AXES),
+    )
+    return Flights(
+        times,
+        truth,
+        truth[:, None, None] + noise,
+    )
 
 
 def kalman_positions(flights: Flights, deviation: float) -> FloatArray:
@@ -132,7 +140,11 @@ def kalman_positions(flights: Flights, deviation: float) -> FloatArray:
     """
     shape = flights.measurements.shape
     # The axes are independent.
-    single = flights.measurements.reshape(shape[0], -1, 1)
+    single = flights.measurements.reshape(
+        shape[0],
+        -1,
+        1,
+    )
     return _filtered(single, flights.times, deviation)[0].reshape(shape)
 
 
@@ -142,7 +154,12 @@ def _filtered(
     deviation: float,
 ) -> tuple[FloatArray, FloatArray]:
     """Positions and velocities by the Kalman filter."""
-    model = MotionModel("CV", axes=1, noise=deviation**2, discretization="discrete")
+    model = MotionModel(
+        "CV",
+        axes=1,
+        noise=deviation**2,
+        discretization="discrete",
+    )
     kalman = KalmanFilter(model, VARIANCE, start_deviations=(START_SPEED,))
     found = run_filter(kalman, measured, times, keep_covariances=False)
     return found.positions, found.velocities
@@ -166,7 +183,11 @@ def matrix_gain(covariances: FloatArray, spread: FloatArray) -> FloatArray:
     gains, directions = np.linalg.eigh(0.5 * (position + np.swapaxes(position, -1, -2)))
     gains = np.clip(gains, 0.0, 1.0)
     rates = np.einsum("...ik,...ij,...jk->...k", directions, velocity, directions)
-    rates = np.clip(rates, 0.0, gains**2 / ((2.0 - gains) * TAU))
+    rates = np.clip(
+        rates,
+        0.0,
+        gains**2 / ((2.0 - gains) * TAU),
+    )
     scaled = directions * np.stack([gains, rates])[..., None, :]
     limited = scaled @ np.swapaxes(directions, -1, -2)
     unfactor = np.linalg.inv(factor)
@@ -196,7 +217,11 @@ def matrix_positions(measured: FloatArray, dimensions: int = 2) -> FloatArray:
         gains = np.array(line)[:, None, None, None] * mean
         predictions = np.concatenate([state[None], predictions[:-1]])
         innovations = np.concatenate([innovation[None], innovations[:-1]])
-        lagged = np.tensordot(LAGS, innovations @ mean.T, axes=1)
+        lagged = np.tensordot(
+            LAGS,
+            innovations @ mean.T,
+            axes=1,
+        )
         lagged[1] /= TAU
         spread = lagged - np.tensordot(DIFFERENCE, predictions, axes=1)
         left = np.concatenate([innovation, *spread], axis=-1)
@@ -250,7 +275,12 @@ def matrix_ratios(runs: int, seed: int) -> list[Cell]:
             mean_squares(flights, positions).reshape(runs, 2, -1)
             for positions in (matrix_positions(measured), plain)
         ]
-        values = both_intervals(np.concatenate(squares, -1).mean(1), ratio, seed, study_runs=1)
+        values = both_intervals(
+            np.concatenate(squares, -1).mean(1),
+            ratio,
+            seed,
+            study_runs=1,
+        )
         cells += table_row(MATRIX, name, LEGS, NOT_PUBLISHED, values, 2, RUN_INTERVAL)
     return cells
 
@@ -296,7 +326,12 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     cells: list[Cell] = []
     for name, positions in rows.items():
         table, given = (TABLE, published[name]) if name in published else (SOUND, NOT_PUBLISHED)
-        values = both_intervals(mean_squares(flights, positions), np.sqrt, seed, study_runs=1)
+        values = both_intervals(
+            mean_squares(flights, positions),
+            np.sqrt,
+            seed,
+            study_runs=1,
+        )
         cells += table_row(
             table,
             name,
@@ -340,7 +375,8 @@ def _doubtful_points(flights: Flights, seed: int) -> list[Finding]:
         crossings = np.flatnonzero((errors[:-1] - value) * (errors[1:] - value) <= 0.0)
         levels = []
         for k in crossings:
-            points = sorted(zip(errors[k : k + 2] - value, np.log(SCANNED[k : k + 2]), strict=True))
+            pair = slice(k, k + 2)
+            points = sorted(zip(errors[pair] - value, np.log(SCANNED[pair]), strict=True))
             levels.append(np.exp(np.interp(0.0, *np.transpose(points))))
         needed.append(f"{leg}: {' or '.join(f'{level:.3g}' for level in levels) or 'none'}")
     error, innovation = _lag_products(flights)
@@ -371,7 +407,9 @@ def _lag_products(flights: Flights) -> tuple[float, float]:
     steady = slice(349, 499)
     error = (predicted - flights.truth[1:, None, None])[steady]
     innovation = (measured[1:] - predicted)[steady]
-    return float((error[1:] * error[:-1]).mean()), float((innovation[1:] * innovation[:-1]).mean())
+    of_errors = error[1:] * error[:-1]
+    of_innovations = innovation[1:] * innovation[:-1]
+    return float(of_errors.mean()), float(of_innovations.mean())
 
 
 def _equation_difference(flights: Flights) -> float:
@@ -392,19 +430,38 @@ def _equation_difference(flights: Flights) -> float:
 def draw(result: Reproduction) -> dict[str, Figure]:
     """Return the figure by its file name: the error over time, and on each leg."""
     title = f"{PAPER}: uniform motion and two manoeuvres, R = {VARIANCE:g} m²"
-    figure, (over_time, by_leg) = new_figure(title, (15.0, 5.6), (1.0, 1.0))
+    figure, (over_time, by_leg) = new_figure(
+        title,
+        (15.0, 5.6),
+        (1.0, 1.0),
+    )
     flights = result.examples["flights"]
     shifts = np.linspace(-0.3, 0.3, len(COLOURS))
     for shift, (name, colour) in zip(shifts, COLOURS.items(), strict=True):
         errors = result.examples[name] - flights.truth[:, None, None]
-        over_time.plot(flights.times, np.sqrt((errors**2).mean((1, 2))), color=colour, label=name)
+        over_time.plot(
+            flights.times,
+            np.sqrt((errors**2).mean((1, 2))),
+            color=colour,
+            label=name,
+        )
         cells = [cell for cell in result.cells if cell.row == name]
         places = np.arange(len(LEGS)) + shift
-        by_leg.plot(places, [cell.ours for cell in cells], "o", color=colour)
+        by_leg.plot(
+            places,
+            [cell.ours for cell in cells],
+            "o",
+            color=colour,
+        )
         published = [cell.published for cell in cells]
         by_leg.plot(places, published, "o", color=colour, markerfacecolor="white")
     for first, _ in LEGS.values():
-        over_time.axvline(flights.times[first], color="0.75", linestyle="--", linewidth=0.8)
+        over_time.axvline(
+            flights.times[first],
+            color="0.75",
+            linestyle="--",
+            linewidth=0.8,
+        )
     over_time.set(
         title=f"Error over time, {result.runs} runs; dashed: a leg begins",
         xlabel="time [s]",
@@ -413,7 +470,11 @@ def draw(result: Reproduction) -> dict[str, Figure]:
     by_leg.set_xticks(range(len(LEGS)), list(LEGS))
     ticks = (1.5, 2, 3, 5, 10, 20, 40)
     for axes in (over_time, by_leg):
-        axes.set(yscale="log", ylim=(1.2, 50.0), ylabel="RMSE of the position on an axis [m]")
+        axes.set(
+            yscale="log",
+            ylim=(1.2, 50.0),
+            ylabel="RMSE of the position on an axis [m]",
+        )
         axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
         axes.minorticks_off()
     figure.legend(*over_time.get_legend_handles_labels(), loc="outside right upper")

@@ -51,7 +51,11 @@ class Radar:
         with Progress(disable=not sys.stdout.isatty()) as progress:
             bar = progress.add_task("", total=None)
 
-            def show(stage: str, done: int, total: int) -> None:
+            def show(
+                stage: str,
+                done: int,
+                total: int,
+            ) -> None:
                 progress.update(bar, description=stage, completed=done, total=total)
 
             if self.part == "thesis":
@@ -85,7 +89,7 @@ class Radar:
             print(f"Data {self.out}: {', '.join(counts)}")
         elif self.part == "scores":
             text = radar_tables(scores)
-            console.print(Markdown(text))
+            print(text)
             (self.out / "scores.md").write_text(text, encoding="utf-8")
             estimates = radar_json(scores)
             self._write("scores.json", estimates)
@@ -100,8 +104,16 @@ class Radar:
                 figure.savefig(self.out / name)
         print(f"Files: {self.out}")
 
-    def _write(self, name: str, values: object) -> None:
-        text = json.dumps(values, indent=2, default=methodcaller("as_json"))
+    def _write(
+        self,
+        name: str,
+        values: object,
+    ) -> None:
+        text = json.dumps(
+            values,
+            indent=2,
+            default=methodcaller("as_json"),
+        )
         (self.out / name).write_text(text + "\n", encoding="utf-8")
 
 

@@ -88,7 +88,11 @@ class RadarData:
         return self.flights[:count] if split == "training" else self.flights[count:]
 
 
-def write_radar_data(folder: Path, seed: int = 0, flights: int = FLIGHTS) -> None:
+def write_radar_data(
+    folder: Path,
+    seed: int = 0,
+    flights: int = FLIGHTS,
+) -> None:
     """Write the data set of at least 4 flights into an existing, empty folder."""
     flown = point_mass_flights(flights, seed)
     scans = [
@@ -110,9 +114,16 @@ def write_radar_data(folder: Path, seed: int = 0, flights: int = FLIGHTS) -> Non
         "flight": np.repeat(numbers, radars.RADARS),
         "radar": np.tile(np.arange(radars.RADARS), flights),
     }
-    _write(folder, "radars", places | _axes("", join([scan.radars for scan in scans])))
+    _write(
+        folder,
+        "radars",
+        places | _axes("", join([scan.radars for scan in scans])),
+    )
     flight = np.repeat(numbers, [len(scan.times) for scan in scans])
-    seen = {"flight": flight, "split": np.where(flight < training, *SPLITS)}
+    seen = {
+        "flight": flight,
+        "split": np.where(flight < training, *SPLITS),
+    }
     seen |= {
         "radar": join([scan.radar for scan in scans]),
         "time": join([scan.times for scan in scans]),
@@ -196,7 +207,11 @@ def _joined(table: pd.DataFrame, prefix: str) -> FloatArray:
     return table[[f"{prefix}{axis}" for axis in "xyz"]].to_numpy()
 
 
-def _write(folder: Path, name: str, columns: dict[str, Any]) -> None:
+def _write(
+    folder: Path,
+    name: str,
+    columns: dict[str, Any],
+) -> None:
     pd.DataFrame(columns).to_parquet(folder / f"{name}.parquet", index=False, compression="zstd")
 
 
@@ -204,7 +219,11 @@ def _digest(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
-def truth_ahead(flights: Sequence[Flight], tracks: Tracks, horizon: float) -> FloatArray:
+def truth_ahead(
+    flights: Sequence[Flight],
+    tracks: Tracks,
+    horizon: float,
+) -> FloatArray:
     """Return the true positions some time after every measurement, (N, K, 3) [m]; NaN where none
     counts.
     """
@@ -217,7 +236,12 @@ def truth_ahead(flights: Sequence[Flight], tracks: Tracks, horizon: float) -> Fl
     return found
 
 
-def score_estimates(name: str, found: Estimated, data: RadarData, noise: Noise) -> Scores:
+def score_estimates(
+    name: str,
+    found: Estimated,
+    data: RadarData,
+    noise: Noise,
+) -> Scores:
     """Return the figures of the test flights, of estimates with forecasts at `HORIZONS`."""
     tracks, flights = data.tracks["test"][noise], data.flights_of("test")
     positions = np.swapaxes(found.positions, 0, 1)
@@ -229,7 +253,13 @@ def score_estimates(name: str, found: Estimated, data: RadarData, noise: Noise) 
     ]
     rmse, covered = zip(*ahead, strict=True)
     figures = np.stack([errors[:, 0], errors[:, 2], *rmse, *covered], axis=1)
-    return Scores(name, "", (0.0,), COLUMNS, figures[..., None])
+    return Scores(
+        name,
+        "",
+        (0.0,),
+        COLUMNS,
+        figures[..., None],
+    )
 
 
 def _forecast_figures(
@@ -244,8 +274,16 @@ def _forecast_figures(
         return rmse, np.full(len(rmse), np.nan)
     spread = np.swapaxes(covariances, 0, 1)
     counts = ~np.isnan(truth[..., 0])
-    error = np.where(counts[..., None], truth - positions, 0.0)
-    spread = np.where(counts[..., None, None], spread, np.eye(3))
+    error = np.where(
+        counts[..., None],
+        truth - positions,
+        0.0,
+    )
+    spread = np.where(
+        counts[..., None, None],
+        spread,
+        np.eye(3),
+    )
     squares = (error * np.linalg.solve(spread, error[..., None])[..., 0]).sum(-1)
     inside = counts & (squares <= chi2.ppf(REGION, 3))
     return rmse, inside.sum(1) / counts.sum(1)

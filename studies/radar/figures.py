@@ -58,7 +58,11 @@ def _flight(result: Reproduction, example: Example) -> Figure:
     noise.
     """
     title = f"{result.paper}: one test flight, two radars with a range of {RANGE / 1000:g} km"
-    figure, (axes, *turns) = new_figure(title, (16.0, 5.8), (1.0, 1.0, 1.0))
+    figure, (axes, *turns) = new_figure(
+        title,
+        (16.0, 5.8),
+        (1.0, 1.0, 1.0),
+    )
     axes.plot(
         *example.flight.positions[:, :2].T / 1000.0,
         color=TRUTH,
@@ -66,9 +70,21 @@ def _flight(result: Reproduction, example: Example) -> Figure:
         label="flight",
     )
     measured = example.tracks["gaussian"].measurements[0, :, :2].T / 1000.0
-    axes.plot(*measured, ".", color=GREY, markersize=4, label="measurements")
+    axes.plot(
+        *measured,
+        ".",
+        color=GREY,
+        markersize=4,
+        label="measurements",
+    )
     radars = example.scan.radars[:, :2] / 1000.0
-    axes.plot(*radars.T, "^", color=RADARS, markersize=9, label="radars")
+    axes.plot(
+        *radars.T,
+        "^",
+        color=RADARS,
+        markersize=9,
+        label="radars",
+    )
     for radar in radars:
         axes.add_patch(Circle(radar, RANGE / 1000.0, color=RADARS, alpha=0.08, linewidth=0))
     style_map(axes, "Flight from above, Gaussian noise", "km")
@@ -86,11 +102,21 @@ def _strongest_turn(example: Example) -> int:
     return int(np.where(spans <= WINDOW, changes, -1.0).argmax()) if len(changes) else 0
 
 
-def _draw_turn(axes: Any, example: Example, noise: Noise, first: int) -> None:
+def _draw_turn(
+    axes: Any,
+    example: Example,
+    noise: Noise,
+    first: int,
+) -> None:
     window = slice(first, first + WINDOW)
     times = example.scan.times[window]
     states = example.flight.states_at(np.linspace(times[0], times[-1], 200))[0]
-    axes.plot(*states[:, :2].T, color=TRUTH, linewidth=3.0, label="flight")
+    axes.plot(
+        *states[:, :2].T,
+        color=TRUTH,
+        linewidth=3.0,
+        label="flight",
+    )
     for name, colour in SHOWN[noise].items():
         positions = example.estimates[noise][name][0][window]
         axes.plot(
@@ -104,7 +130,12 @@ def _draw_turn(axes: Any, example: Example, noise: Noise, first: int) -> None:
     measured = example.tracks[noise].measurements[0, window, :2]
     low = states[:, :2].min(0) - 70.0
     high = states[:, :2].max(0) + 70.0
-    axes.plot(*measured.T, "x", color=DARK_GREY, markersize=5)
+    axes.plot(
+        *measured.T,
+        "x",
+        color=DARK_GREY,
+        markersize=5,
+    )
     outside = int(((measured < low) | (measured > high)).any(1).sum())
     hidden = f", {outside} outside" if outside else ""
     axes.set(
@@ -122,10 +153,19 @@ def _errors(result: Reproduction, statistic: str) -> Figure:
     title = (
         f"{result.paper}: {statistic} on the test flights; thin lines: 95 % of studies of this size"
     )
-    figure, axes = new_figure(title, (17.0, 6.4), (1.0, 1.0, 1.0, 1.0))
+    figure, axes = new_figure(
+        title,
+        (17.0, 6.4),
+        (1.0, 1.0, 1.0, 1.0),
+    )
     for index, noise in enumerate(NOISES):
         for place, metric in enumerate((f"position {statistic}, m", f"velocity {statistic}, m/s")):
-            _draw_bars(axes[2 * index + place], result, noise, metric)
+            _draw_bars(
+                axes[2 * index + place],
+                result,
+                noise,
+                metric,
+            )
     handles = [
         Patch(
             facecolor="white",
@@ -136,11 +176,20 @@ def _errors(result: Reproduction, statistic: str) -> Figure:
     ]
     ours = {DARK_GREY: "ours, as in the thesis", SOUND: "ours, sound and robust"}
     handles += [Patch(facecolor=colour, label=text) for colour, text in ours.items()]
-    axes[1].legend(handles=handles, loc="lower right", fontsize=8)
+    axes[1].legend(
+        handles=handles,
+        loc="lower right",
+        fontsize=8,
+    )
     return figure
 
 
-def _draw_bars(axes: Any, result: Reproduction, noise: Noise, metric: str) -> None:
+def _draw_bars(
+    axes: Any,
+    result: Reproduction,
+    noise: Noise,
+    metric: str,
+) -> None:
     tables = (TABLES[noise], f"Sound settings, {NOISE_NAMES[noise]}")
     velocity = metric.startswith("velocity")
     thesis, sound = (
@@ -153,7 +202,14 @@ def _draw_bars(axes: Any, result: Reproduction, noise: Noise, metric: str) -> No
     colours = [COLOURS[name] for name in (UNFILTERED, *THESIS)] + [SOUND] * len(sound)
     bars = np.maximum([ours - low, high - ours], 0.0)
     rows[: len(thesis)] += 0.2
-    axes.barh(rows, ours, 0.36, color=colours, xerr=bars, error_kw={"elinewidth": 1.0})
+    axes.barh(
+        rows,
+        ours,
+        0.36,
+        color=colours,
+        xerr=bars,
+        error_kw={"elinewidth": 1.0},
+    )
     axes.barh(
         rows[: len(thesis)] - 0.4,
         [cell.published for cell in thesis],
@@ -163,7 +219,11 @@ def _draw_bars(axes: Any, result: Reproduction, noise: Noise, metric: str) -> No
         hatch="////",
         linewidth=0.6,
     )
-    axes.axhline(len(thesis) - 0.5, color="0.6", linewidth=0.8)
+    axes.axhline(
+        len(thesis) - 0.5,
+        color="0.6",
+        linewidth=0.8,
+    )
     axes.set_yticks(range(len(cells)), [cell.row for cell in cells])
     axes.invert_yaxis()
     axes.set(xlabel=metric.replace(", ", " [") + "]", title=NOISE_NAMES[noise])
@@ -187,7 +247,13 @@ def _anomaly(result: Reproduction, example: Example) -> Figure:
             (PUBLISHED_CV, PUBLISHED_CV, RADARS),
         ):
             errors = (estimates[name][index] - truth)[:, 0]
-            axes.plot(example.scan.times, errors, ".-", color=colour, label=label)
+            axes.plot(
+                example.scan.times,
+                errors,
+                ".-",
+                color=colour,
+                label=label,
+            )
         axes.set_xlabel("time [s]")
     panels[0].set(
         title="The position follows each measurement",

@@ -61,7 +61,11 @@ class Estimated(NamedTuple):
     forecasts: tuple[tuple[FloatArray, FloatArray | None], ...] = ()
 
 
-def moving_average(values: FloatArray, window: int, ratio: float = 1.0) -> FloatArray:
+def moving_average(
+    values: FloatArray,
+    window: int,
+    ratio: float = 1.0,
+) -> FloatArray:
     """Average each measurement with those of the ticks before it. Novospaskyi 2025, section 2.3.4.
 
     Of measurements (T, ...) [m], NaN where there is none, one that is i ticks old has the weight
@@ -77,7 +81,11 @@ def moving_average(values: FloatArray, window: int, ratio: float = 1.0) -> Float
         weight = ratio**age
         sums[age:] += weight * known[: len(values) - age]
         weights[age:] += weight * present[: len(values) - age]
-    return np.where(present, sums / np.where(present, weights, 1.0), np.nan)
+    return np.where(
+        present,
+        sums / np.where(present, weights, 1.0),
+        np.nan,
+    )
 
 
 @dataclass(frozen=True)
@@ -133,7 +141,12 @@ def run_contender(
 class ThesisKalmanFilter(KalmanFilter):
     """A Kalman filter that starts with P0 = 10000 I, the position included."""
 
-    def _start(self, chosen: NDArray[np.int64], measurement: FloatArray, noise: FloatArray) -> None:
+    def _start(
+        self,
+        chosen: NDArray[np.int64],
+        measurement: FloatArray,
+        noise: FloatArray,
+    ) -> None:
         super()._start(chosen, measurement, noise)
         self.covariance[chosen] = START_VARIANCE * np.eye(self.model.size)
 
@@ -144,9 +157,18 @@ def _thesis_filter(name: Any, parameters: Parameters) -> TrackFilter:
     "sigma_q" is taken for a variance: as such it gives the velocity errors of the published order
     for KF CV.
     """
-    model = MotionModel(name, axes=3, noise=parameters["q"], discretization="discrete")
+    model = MotionModel(
+        name,
+        axes=3,
+        noise=parameters["q"],
+        discretization="discrete",
+    )
     deviations = [math.sqrt(START_VARIANCE)] * (model.order - 1)
-    return ThesisKalmanFilter(model, parameters.get("variances", SIGMA**2), deviations)
+    return ThesisKalmanFilter(
+        model,
+        parameters.get("variances", SIGMA**2),
+        deviations,
+    )
 
 
 def _gh_filter(parameters: Parameters) -> TrackFilter:

@@ -77,7 +77,11 @@ def flight_route(seed: int, attempt: int) -> FloatArray:
         length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
         if length[-1] >= SHORTEST:
             break
-    wanted = np.linspace(0.0, length[-1], int(length[-1] // SPACING) + 1)
+    wanted = np.linspace(
+        0.0,
+        length[-1],
+        int(length[-1] // SPACING) + 1,
+    )
     return np.stack([np.interp(wanted, length, curve[:, axis]) for axis in range(3)], axis=-1)
 
 
@@ -86,14 +90,22 @@ def drag(velocity: FloatArray) -> FloatArray:
     return -DRAG * np.linalg.norm(velocity, axis=-1, keepdims=True) * velocity
 
 
-def thrust_command(position: FloatArray, velocity: FloatArray, target: FloatArray) -> FloatArray:
+def thrust_command(
+    position: FloatArray,
+    velocity: FloatArray,
+    target: FloatArray,
+) -> FloatArray:
     """Thrust per mass [m/s^2] that flies from a position to a target at `SPEED`, within the limits,
     all (..., 3): the vertical part is limited first, then the horizontal one.
     """
     way = target - position
     distance = np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-9)
     force = VELOCITY_GAIN * (SPEED * way / distance - velocity) - drag(velocity)
-    force[..., 2] = np.clip(force[..., 2] + GRAVITY, SMALLEST_FORCE, 0.9 * LARGEST_FORCE)
+    force[..., 2] = np.clip(
+        force[..., 2] + GRAVITY,
+        SMALLEST_FORCE,
+        0.9 * LARGEST_FORCE,
+    )
     up = force[..., 2]
     allowed = np.minimum(math.tan(LARGEST_TILT) * up, np.sqrt(LARGEST_FORCE**2 - up**2))
     sideways = np.maximum(np.hypot(force[..., 0], force[..., 1]), 1e-9)
@@ -145,7 +157,11 @@ class Guidance:
         """
         target = self._waypoints[self._rows, self._next]
         passed = self.flying & (np.linalg.norm(target - position, axis=1) < CAPTURE)
-        self._since = np.where(passed, 0.0, self._since + RECORD_STEP)
+        self._since = np.where(
+            passed,
+            0.0,
+            self._since + RECORD_STEP,
+        )
         self._next[passed] += 1
         self.succeeded |= self._next >= self._counts
         failed = (self._since > TIME_LIMIT) | (position[:, 2] <= 0.0)

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from scipy.stats import chi2
 from torch import Tensor, nn
@@ -53,7 +54,11 @@ class RadarNet(nn.Module):
         self.output = nn.Linear(HIDDEN, OUTPUTS)
         self.register_buffer("log_scale", torch.zeros(len(HORIZONS)))
 
-    def forward(self, measurements: Tensor, times: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    def forward(
+        self,
+        measurements: Tensor,
+        times: Tensor,
+    ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         """Return the estimates after every measurement, (T, B, 3) [m], NaN where a track has
         ended, at times [s].
 
@@ -75,28 +80,36 @@ class RadarNet(nn.Module):
             position = position + velocity * step + 0.5 * acceleration * lasting**2
             velocity = velocity + acceleration * lasting
             frame = _frame(velocity, measured - position)
-            innovation = (frame @ (measured - position)[..., None])[..., 0]
-            accelerating = (frame @ acceleration[..., None])[..., 0] / ACCELERATION
-            speed = velocity.norm(dim=-1, keepdim=True)
-            age = torch.full_like(step, float(k)).log1p()
-            inputs = [torch.asinh(innovation / SIGMA), accelerating, step.log1p()]
-            inputs += [speed / 50.0, velocity[:, 2:] / 10.0, age]
+            # In the frame of the heading.
+            innovation = _turned(frame, measured - position)
+            inputs = [
+                torch.asinh(innovation / SIGMA),
+                _turned(frame, acceleration) / ACCELERATION,
+                step.log1p(),
+                velocity.norm(dim=-1, keepdim=True) / 50.0,
+                velocity[:, 2:] / 10.0,
+                torch.full_like(step, float(k)).log1p(),
+            ]
             memory = self.cell(torch.cat(inputs, dim=-1), memory)
             out = self.output(memory)
             gain = out[:, :3].sigmoid()
             rate = out[:, 3:6].sigmoid()
             back = frame.transpose(1, 2)
-            position = position + (back @ (gain * innovation)[..., None])[..., 0]
-            velocity = (
-                velocity + (back @ (rate * innovation / step.clamp(min=0.4))[..., None])[..., 0]
-            )
+            position = position + _turned(back, gain * innovation)
+            change = rate * innovation / step.clamp(min=0.4)
+            velocity = velocity + _turned(back, change)
             # Before, the track has no heading.
             if k > 0:
-                acceleration = (back @ (ACCELERATION * out[:, 6:9].tanh())[..., None])[..., 0]
+                acceleration = _turned(back, ACCELERATION * out[:, 6:9].tanh())
             ahead, deviation = out[:, 9:].unflatten(-1, (2, len(HORIZONS), 3)).unbind(1)
-            found.append(
-                (position, velocity, *self._forecast(position, velocity, back, ahead, deviation))
+            forecast = self._forecast(
+                position,
+                velocity,
+                back,
+                ahead,
+                deviation,
             )
+            found.append((position, velocity, *forecast))
             before = now
         first, second, third, fourth = map(torch.stack, zip(*found, strict=True))
         return first, second, third, fourth
@@ -113,11 +126,15 @@ class RadarNet(nn.Module):
         horizons = torch.tensor(HORIZONS)[:, None]
         bent = 0.5 * ACCELERATION * horizons**2 * ahead.tanh()
         moved = position[:, None] + velocity[:, None] * horizons + bent @ back.transpose(1, 2)
-        scale = (
-            SIGMA * (0.5 + horizons) * (deviation.clamp(-4.0, 4.0) + self.log_scale[:, None]).exp()
-        )
+        logarithms = deviation.clamp(-4.0, 4.0) + self.log_scale[:, None]
+        scale = SIGMA * (0.5 + horizons) * logarithms.exp()
         root = back[:, None] * scale[:, :, None]
         return moved, root @ root.transpose(-1, -2)
+
+
+def _turned(frame: Tensor, vectors: Tensor) -> Tensor:
+    """Return vectors (B, 3) in a frame (B, 3, 3)."""
+    return (frame @ vectors[..., None])[..., 0]
 
 
 def _frame(velocity: Tensor, innovation: Tensor) -> Tensor:
@@ -132,13 +149,27 @@ def _frame(velocity: Tensor, innovation: Tensor) -> Tensor:
     cosine = torch.where(zero_length, 1.0, x / safe)
     sine = y / safe
     zero = torch.zeros_like(x)
-    one = torch.ones_like(x)
-    rows = [cosine, sine, zero, -sine, cosine, zero, zero, zero, one]
+    unit = torch.ones_like(x)
+    rows = [
+        cosine,
+        sine,
+        zero,
+        -sine,
+        cosine,
+        zero,
+        zero,
+        zero,
+        unit,
+    ]
     return torch.stack(rows, dim=-1).unflatten(-1, (3, 3))
 
 
 @torch.no_grad()
-def filter_with(net: RadarNet, measurements: FloatArray, times: FloatArray) -> Estimated:
+def filter_with(
+    net: RadarNet,
+    measurements: FloatArray,
+    times: FloatArray,
+) -> Estimated:
     """Return the estimates of tracks with forecasts at `HORIZONS`; measurements (K, N, 3) [m],
     times (K, N) [s].
     """
@@ -168,15 +199,13 @@ def radar_net(
     if file.exists():
         try:
             net.load_state_dict(load_file(file))
-        except Exception as error:
+        except (SafetensorError, RuntimeError) as error:
             raise ArgumentError(f"{file} cannot be loaded: {error}"[:200]) from None
         return net
     tracks, flights = data.tracks["training"]["gaussian"], data.flights_of("training")
     ahead = np.stack([truth_ahead(flights, tracks, h) for h in HORIZONS], axis=2)
-    truth = np.concatenate(
-        [tracks.positions[:, :, None], tracks.velocities[:, :, None], ahead],
-        axis=2,
-    )
+    states = np.stack([tracks.positions, tracks.velocities], axis=2)
+    truth = np.concatenate([states, ahead], axis=2)
     used = slice(len(flights) - HELD_OUT)
     generator = np.random.default_rng((data.seed, 4))
     optimizer = torch.optim.Adam(net.parameters(), LEARNING_RATE)
@@ -205,29 +234,44 @@ def _augmented(
     both noises.
     """
     both = np.concatenate([truth, truth])
-    angle = generator.uniform(0.0, 2.0 * math.pi, len(both))
+    angle = generator.uniform(
+        0.0,
+        2.0 * math.pi,
+        len(both),
+    )
     cosine = np.cos(angle)
     sine = np.sin(angle)
     mirror = generator.choice([-1.0, 1.0], len(both))
     turn = np.zeros((len(both), 1, 3, 3))
-    turn[:, 0, 0, 0], turn[:, 0, 0, 1], turn[:, 0, 2, 2] = cosine, -sine * mirror, 1.0
-    turn[:, 0, 1, 0], turn[:, 0, 1, 1] = sine, cosine * mirror
+    turn[:, 0, 0, 0] = cosine
+    turn[:, 0, 0, 1] = -sine * mirror
+    turn[:, 0, 1, 0] = sine
+    turn[:, 0, 1, 1] = cosine * mirror
+    turn[:, 0, 2, 2] = 1.0
     # Positions relative to the first one are small.
     origin = both[:, :1, :1].copy()
     both[:, :, [0, *range(2, both.shape[2])]] -= origin
     both = both @ turn.swapaxes(-1, -2)
     count = len(truth) * truth.shape[1]
-    noise = np.concatenate(
-        [draw_noise(one, count, generator).reshape(*truth.shape[:2], 3) for one in NOISES]
+    errors = [draw_noise(noise, count, generator) for noise in NOISES]
+    measured = both[:, :, 0] + np.concatenate(errors).reshape(*both.shape[:2], 3)
+    return (
+        _by_tick(both),
+        _by_tick(measured),
+        _by_tick(np.concatenate([times, times])),
     )
-    arrays = both, both[:, :, 0] + noise, np.concatenate([times, times])
-    of_truth, measured, moments = (
-        torch.from_numpy(np.swapaxes(one, 0, 1)).float() for one in arrays
-    )
-    return of_truth, measured, moments
 
 
-def _loss(net: RadarNet, truth: Tensor, measured: Tensor, times: Tensor) -> Tensor:
+def _by_tick(values: FloatArray) -> Tensor:
+    return torch.from_numpy(np.swapaxes(values, 0, 1)).float()
+
+
+def _loss(
+    net: RadarNet,
+    truth: Tensor,
+    measured: Tensor,
+    times: Tensor,
+) -> Tensor:
     """Return the mean robust error of positions and velocities, and the negative log-density of
     forecasts.
     """
@@ -242,12 +286,20 @@ def _loss(net: RadarNet, truth: Tensor, measured: Tensor, times: Tensor) -> Tens
     error = truth[:, :, 2:] - forecasts
     counts = error.isfinite().all(-1)
     factor = torch.linalg.cholesky(covariances[counts])
-    white = torch.linalg.solve_triangular(factor, error[counts][..., None], upper=False)[..., 0]
+    white = torch.linalg.solve_triangular(
+        factor,
+        error[counts][..., None],
+        upper=False,
+    )[..., 0]
     log_determinant = factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)
     return total + 0.2 * (0.5 * white.square().sum(-1) + log_determinant).mean()
 
 
-def _scale(net: RadarNet, data: RadarData, ahead: FloatArray) -> None:
+def _scale(
+    net: RadarNet,
+    data: RadarData,
+    ahead: FloatArray,
+) -> None:
     """Scale the deviations so that the regions hold the true positions of the held-out flights."""
     for h in range(len(HORIZONS)):
         squares = []
@@ -259,6 +311,7 @@ def _scale(net: RadarNet, data: RadarData, ahead: FloatArray) -> None:
                 tracks.times[-HELD_OUT:].T,
             )
             positions, covariances = found.forecasts[h]
+            assert covariances is not None
             error = ahead[-HELD_OUT:, :, h].swapaxes(0, 1) - positions
             counts = ~np.isnan(error[..., 0])
             error = error[counts]

@@ -10,12 +10,23 @@ Calls = Mapping[Any, Callable[[], Any]]
 Progress = Callable[[str, int, int], None]
 
 
-def silent(stage: str, done: int, total: int) -> None:
+def silent(
+    stage: str,
+    done: int,
+    total: int,
+) -> None:
     """Show no progress."""
 
 
-def run_calls(calls: Calls, jobs: int, on_done: Callable[[int], None]) -> dict[Any, Any]:
-    """Return the results of calls by name; `on_done` gets the number of those that have ended."""
+def run_calls(
+    calls: Calls,
+    jobs: int,
+    progress: Progress,
+    stage: str,
+    before: int = 0,
+    total: int = 0,
+) -> dict[Any, Any]:
+    """Return the results of the calls of a stage by name; of its `total` work `before` is done."""
     with joblib.parallel_config(backend="loky", n_jobs=jobs, inner_max_num_threads=1):
         ended = joblib.Parallel(return_as="generator")(
             joblib.delayed(call)() for call in calls.values()
@@ -23,5 +34,5 @@ def run_calls(calls: Calls, jobs: int, on_done: Callable[[int], None]) -> dict[A
         found = {}
         for name, result in zip(calls, ended, strict=True):
             found[name] = result
-            on_done(len(found))
+            progress(stage, before + len(found), total or len(calls))
     return found

@@ -42,7 +42,11 @@ class ParticleFilter(TrackFilter):
         self._summarise()
         self._no_measurement()
 
-    def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
+    def _set(
+        self,
+        state: FloatArray,
+        covariance: FloatArray | None,
+    ) -> None:
         assert covariance is not None
         d = self.axes
         m = self.order
@@ -59,14 +63,18 @@ class ParticleFilter(TrackFilter):
 
     def _predict(self, dt: float | FloatArray) -> None:
         steps = np.broadcast_to(dt, (self.tracks,))
-        intensity = np.broadcast_to(self.model.noise, (self.axes,))[:, None, None]
-        moved = self.particle_states @ self.model.transition(steps)[:, None].swapaxes(-1, -2)
-        self.particle_states = moved + self._normal(
-            intensity * self.model.step_noise(steps)[:, None]
-        )
+        intensity = np.broadcast_to(self.model.noise, (self.axes,))
+        transition = self.model.transition(steps)[:, None]
+        spread = intensity[:, None, None] * self.model.step_noise(steps)[:, None]
+        moved = self.particle_states @ transition.swapaxes(-1, -2)
+        self.particle_states = moved + self._normal(spread)
         self._summarise()
 
-    def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
+    def _update(
+        self,
+        measurement: FloatArray,
+        noise: FloatArray | None,
+    ) -> None:
         self._no_measurement()
         measured = ~np.isnan(measurement[:, 0])
         begun = ~np.isnan(self.state[:, 0])
@@ -81,24 +89,31 @@ class ParticleFilter(TrackFilter):
             self._weigh(used, measurement[used])
         self._summarise()
 
-    def _weigh(self, used: NDArray[np.int64], measured: FloatArray) -> None:
+    def _weigh(
+        self,
+        used: NDArray[np.int64],
+        measured: FloatArray,
+    ) -> None:
         """Weigh the particles of tracks (n,) by their measurements (n, d), and resample."""
-        white = (measured[..., None] - self.particle_states[used, ..., 0]) / self.deviation
-        density = log_density(white, self.degrees_of_freedom) - np.log(self.deviation)
-        logs = self.log_weights[used] + density
+        positions = self.particle_states[used, ..., 0]
+        white = (measured[..., None] - positions) / self.deviation
+        density = log_density(white, self.degrees_of_freedom)
+        logs = self.log_weights[used] + density - np.log(self.deviation)
         total = logsumexp(logs, axis=-1)
         self.log_likelihood[used] = total.sum(-1)
         logs -= total[..., None]
         self.log_weights[used] = logs
         few = np.exp(2.0 * logs).sum(-1) > 2.0 / self.particles
         for k, axis in np.argwhere(few):
-            track = used[k]
-            sums = np.exp(self.log_weights[track, axis]).cumsum()
-            points = (self.generator.random() + np.arange(self.particles)) / self.particles
-            places = np.searchsorted(sums, points * sums[-1])
-            chosen = np.minimum(places, self.particles - 1)
-            self.particle_states[track, axis] = self.particle_states[track, axis, chosen]
-            self.log_weights[track, axis] = -np.log(self.particles)
+            place = used[k], axis
+            sums = np.exp(self.log_weights[place]).cumsum()
+            # Systematic resampling: equal distances from one random number on.
+            first = self.generator.random()
+            points = (first + np.arange(self.particles)) / self.particles
+            chosen = np.searchsorted(sums, points * sums[-1])
+            chosen = np.minimum(chosen, self.particles - 1)
+            self.particle_states[place] = self.particle_states[place][chosen]
+            self.log_weights[place] = -np.log(self.particles)
 
     def _summarise(self) -> None:
         """Set state and covariance to those of the weighted particles."""
@@ -107,10 +122,15 @@ class ParticleFilter(TrackFilter):
         centred = self.particle_states - mean[:, :, None]
         blocks = (weights * centred).swapaxes(-1, -2) @ centred
         tracks, d, m = mean.shape
-        self.state, full = mean.reshape(tracks, -1), np.zeros((tracks, d, m, d, m))
+        self.state = mean.reshape(tracks, -1)
+        full = np.zeros((tracks, d, m, d, m))
         for axis in range(d):
             full[:, axis, :, axis] = blocks[:, axis]
-        self.covariance = full.reshape(tracks, d * m, d * m)
+        self.covariance = full.reshape(
+            tracks,
+            d * m,
+            d * m,
+        )
 
 
 def log_density(white: FloatArray, degrees_of_freedom: float | None) -> FloatArray:
@@ -120,5 +140,6 @@ def log_density(white: FloatArray, degrees_of_freedom: float | None) -> FloatArr
     if degrees_of_freedom is None:
         return np.asarray(-0.5 * (white**2 + np.log(2.0 * np.pi)))
     nu = degrees_of_freedom
-    constant = gammaln(0.5 * (nu + 1.0)) - gammaln(0.5 * nu) - 0.5 * np.log(nu * np.pi)
-    return np.asarray(constant - 0.5 * (nu + 1.0) * np.log1p(white**2 / nu))
+    half = 0.5 * (nu + 1.0)
+    constant = gammaln(half) - gammaln(0.5 * nu) - 0.5 * np.log(nu * np.pi)
+    return np.asarray(constant - half * np.log1p(white**2 / nu))

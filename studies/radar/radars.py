@@ -99,7 +99,11 @@ def scan_flight(flight: Flight, generator: np.random.Generator) -> Scan:
         phase = generator.integers(PHASES) / PHASES * PERIOD
         for index, radar in enumerate(radars):
             first = (phase + index * PERIOD / RADARS) % PERIOD
-            times = np.arange(first, flight.times[-1], PERIOD)
+            times = np.arange(
+                first,
+                flight.times[-1],
+                PERIOD,
+            )
             near = np.linalg.norm(flight.states_at(times)[0] - radar, axis=1) <= RANGE
             seen.append((times[near], np.full(near.sum(), index)))
         times = np.concatenate([times for times, _ in seen])
@@ -115,11 +119,21 @@ def scan_flight(flight: Flight, generator: np.random.Generator) -> Scan:
     )
 
 
-def draw_noise(noise: Noise, count: int, generator: np.random.Generator) -> FloatArray:
+def draw_noise(
+    noise: Noise,
+    count: int,
+    generator: np.random.Generator,
+) -> FloatArray:
     """Errors of measurements, (count, 3) [m]: Gaussian, or symmetric alpha-stable and clipped."""
     if noise == "gaussian":
         return generator.normal(0.0, SIGMA, (count, 3))
-    errors = levy_stable.rvs(STABILITY, 0.0, scale=SIGMA, size=(count, 3), random_state=generator)
+    errors = levy_stable.rvs(
+        STABILITY,
+        0.0,
+        scale=SIGMA,
+        size=(count, 3),
+        random_state=generator,
+    )
     return np.clip(errors, -CLIP, CLIP)
 
 
@@ -136,7 +150,11 @@ class Tracks:
     # (N, K, 3) true [m/s]
     velocities: FloatArray
 
-    def errors(self, positions: FloatArray, velocities: FloatArray) -> FloatArray:
+    def errors(
+        self,
+        positions: FloatArray,
+        velocities: FloatArray,
+    ) -> FloatArray:
         """Position RMSE and MAE [m], velocity RMSE and MAE [m/s] of estimates (N, K, 3), (N, 4)."""
         found = flight_errors(positions, self.positions) + flight_errors(
             velocities,
@@ -155,13 +173,21 @@ def padded_tracks(parts: Sequence[tuple[FloatArray, ...]]) -> Tracks:
     return Tracks(times, *arrays)
 
 
-def measure(scans: Sequence[Scan], noise: Noise, seed: tuple[int, ...]) -> Tracks:
+def measure(
+    scans: Sequence[Scan],
+    noise: Noise,
+    seed: tuple[int, ...],
+) -> Tracks:
     """Add noise to the true positions of every scan; flight i has its own stream, whatever the
     others are.
     """
     parts = []
     for index, scan in enumerate(scans):
-        errors = draw_noise(noise, len(scan.times), np.random.default_rng((*seed, index)))
+        errors = draw_noise(
+            noise,
+            len(scan.times),
+            np.random.default_rng((*seed, index)),
+        )
         parts.append((scan.times, scan.positions + errors, scan.positions, scan.velocities))
     return padded_tracks(parts)
 

@@ -88,7 +88,7 @@ def reproduce(
         for noise in NOISES
         for label, of in {UNFILTERED: (None, {}), **_rows(noise, parameters[noise])}.items()
     }
-    found = run_calls(calls, jobs, lambda done: progress("test flights", done, len(calls)))
+    found = run_calls(calls, jobs, progress, "test flights")
     by_noise = {
         noise: {label: values for (of, label), values in found.items() if of == noise}
         for noise in NOISES
@@ -130,19 +130,12 @@ def tune_filters(
         found: dict[Any, Any] = {}
         for number, done in enumerate(parts):
             calls = {
-                name: replace(one, trials=min(done + PART, trials)).run
-                for name, one in tunings.items()
+                name: replace(of_filter, trials=min(done + PART, trials)).run
+                for name, of_filter in tunings.items()
             }
             finished = before * len(parts) + number * len(tunings)
-            found = run_calls(
-                calls,
-                jobs,
-                lambda ended, finished=finished: progress(
-                    "tuning",
-                    finished + ended,
-                    filters * len(parts),
-                ),
-            )
+            whole = filters * len(parts)
+            found = run_calls(calls, jobs, progress, "tuning", finished, whole)
         return found
 
     tuning = partial(
@@ -175,7 +168,11 @@ def evaluate(
     """`tuning.errors` of a filter, or of no filter, on the test flights, (runs, F, 4)."""
     parts = [vars(measure(scans, noise, (seed, radars.TEST_NOISE, run))) for run in range(runs)]
     together = Tracks(*(np.concatenate([part[key] for part in parts]) for key in parts[0]))
-    return errors(name, parameters, together).reshape(runs, len(scans), 4)
+    return errors(name, parameters, together).reshape(
+        runs,
+        len(scans),
+        4,
+    )
 
 
 def _rows(noise: Noise, tuned: dict[str, dict[str, Any]]) -> dict[str, tuple[str, dict[str, Any]]]:
@@ -203,6 +200,10 @@ def _example(
     }
     for noise in NOISES:
         for label, (name, chosen) in _rows(noise, parameters[noise]).items():
-            positions, velocities = run_contender(CONTENDERS[name], chosen, tracks[noise])
+            positions, velocities = run_contender(
+                CONTENDERS[name],
+                chosen,
+                tracks[noise],
+            )
             estimates[noise][label] = positions[0], velocities[0]
     return Example(flight, scan, tracks, estimates)

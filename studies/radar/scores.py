@@ -75,10 +75,14 @@ def score_radar_data(
         (noise, name): partial(score_filter, name, parameters[noise][name], data, noise)
         for noise, name in named
     }
-    found = run_calls(calls, jobs, lambda done: progress("test flights", done, len(calls)))
+    found = run_calls(calls, jobs, progress, "test flights")
     scores = {noise: [found[noise, name] for name in FILTERS] for noise in NOISES}
     for noise, tracks in data.tracks["test"].items():
-        filtered = filter_with(net, tracks.measurements.swapaxes(0, 1), tracks.times.T)
+        filtered = filter_with(
+            net,
+            tracks.measurements.swapaxes(0, 1),
+            tracks.times.T,
+        )
         scores[noise].append(score_estimates(NETWORK, filtered, data, noise))
     return scores
 
@@ -90,7 +94,12 @@ def score_filter(
     noise: Noise,
 ) -> Scores:
     """Return the scores of one filter."""
-    filtered = filter_tracks(CONTENDERS[name], parameters, data.tracks["test"][noise], HORIZONS)
+    filtered = filter_tracks(
+        CONTENDERS[name],
+        parameters,
+        data.tracks["test"][noise],
+        HORIZONS,
+    )
     return score_estimates(name, filtered, data, noise)
 
 
@@ -138,7 +147,11 @@ def radar_figure(found: Figures) -> Figure:
     noise.
     """
     title = "RMSE of the position, with its 95 % interval"
-    figure, panels = new_figure(title, (11.5, 5.6), (1.0,) * len(found))
+    figure, panels = new_figure(
+        title,
+        (11.5, 5.6),
+        (1.0,) * len(found),
+    )
     marks = dict(zip(("position", *COLUMNS[2 : 2 + len(HORIZONS)]), "os^D", strict=True))
     for axes, (noise, filters) in zip(panels, found.items(), strict=True):
         for column, marker in marks.items():
@@ -154,7 +167,11 @@ def radar_figure(found: Figures) -> Figure:
                 markersize=5,
                 label="now" if column == "position" else f"{column.split()[1]} s ahead",
             )
-        axes.set(title=NOISE_NAMES[noise], xscale="log", xlabel="m")
+        axes.set(
+            title=NOISE_NAMES[noise],
+            xscale="log",
+            xlabel="m",
+        )
         axes.set_yticks(range(len(filters)), list(filters))
         axes.invert_yaxis()
         axes.set_xticks(ERRORS, [f"{error:g}" for error in ERRORS])

@@ -139,7 +139,11 @@ def as_published(name: str) -> str:
     return f"{name}, published parameters"
 
 
-def steady_gains(variance: float, process_variance: float, step: float) -> tuple[float, float]:
+def steady_gains(
+    variance: float,
+    process_variance: float,
+    step: float,
+) -> tuple[float, float]:
     """Constant gains g and h that a CV Kalman filter with discrete process noise reaches, Kalata
     1984, with R of one axis [m^2] and the variance [m^2/s^4] of the acceleration that is constant
     in a step [s].
@@ -173,16 +177,35 @@ def cells(results: Results, seed: int) -> tuple[Cell, ...]:
         for row, name in rows.items():
             errors = results.errors[noise][name]
             flights = errors.shape[1]
-            of_study = study_interval(errors.reshape(-1, 4), lambda means: means, seed, flights)
-            own = both_intervals(errors.mean(0), lambda means: means, seed, flights)[3:]
+            of_study = study_interval(
+                errors.reshape(-1, 4),
+                lambda means: means,
+                seed,
+                flights,
+            )
+            of_means = both_intervals(errors.mean(0), lambda means: means, seed, flights)[3:]
             published = TEST_ERRORS[noise].get(row, (np.nan,) * 4)
             note = f"The interval contains 95 % of studies with {flights} test flights."
             excuses = dict.fromkeys(METRICS, BY_CONSTRUCTION) if row == UNFILTERED else None
-            made += table_row(table, row, METRICS, published, (*of_study, *own), 2, note, excuses)
+            made += table_row(
+                table,
+                row,
+                METRICS,
+                published,
+                (*of_study, *of_means),
+                2,
+                note,
+                excuses,
+            )
     return tuple(made)
 
 
-def findings(results: Results, seed: int, flights: int, training: int) -> tuple[Finding, ...]:
+def findings(
+    results: Results,
+    seed: int,
+    flights: int,
+    training: int,
+) -> tuple[Finding, ...]:
     """Results beyond the tables; `training` of the flights are for tuning."""
     runs = len(results.errors["gaussian"][UNFILTERED])
     made = [
@@ -261,7 +284,11 @@ def _anomaly(results: Results) -> list[Finding]:
             ("published R", parameters["variances"][0]),
             ("true R", SIGMA**2),
         ):
-            g, h = steady_gains(variance, parameters["q"], PERIOD / RADARS)
+            g, h = steady_gains(
+                variance,
+                parameters["q"],
+                PERIOD / RADARS,
+            )
             text = (
                 f"position {g:.4f}, velocity {h:.4f} / t; a velocity error is multiplied by up to "
                 f"{memory(g, h):.4f} at every measurement (1 and 2 / t would keep it for ever)"
@@ -276,7 +303,11 @@ def _anomaly(results: Results) -> list[Finding]:
 def _sound(results: Results, seed: int) -> list[Finding]:
     """Sound settings and robust filters, beside what they are compared with."""
 
-    def share(noise: Noise, name: str, other: str) -> str:
+    def share(
+        noise: Noise,
+        name: str,
+        other: str,
+    ) -> str:
         of, others = (results.errors[noise][key][..., POSITION] for key in (name, other))
         return "{:.3f} [{:.3f}, {:.3f}]".format(*paired_ratio(of, others, seed))
 

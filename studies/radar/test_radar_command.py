@@ -17,7 +17,11 @@ pytest.importorskip("pyarrow")
     ("part", "figures"),
     [("data", 0), ("scores", 1), ("thesis", 4)],
 )
-def test_the_quick_form_writes_its_files(part, figures, tmp_path):
+def test_the_quick_form_writes_its_files(
+    part,
+    figures,
+    tmp_path,
+):
     arguments = [part, "--quick", "--jobs", "1", "--out", str(tmp_path)]
     assert run_command(Radar, "radar", arguments) == 0
     assert len(list(tmp_path.glob("*.png"))) == figures

@@ -37,9 +37,9 @@ def test_the_split_and_the_noise_are_those_of_the_study(folder):
     data = load_radar_data(folder)
     assert [len(data.flights_of(split)) for split in ("training", "test")] == [6, 14]
     for split, tracks in data.tracks.items():
-        for noise, one in tracks.items():
-            assert len(one.times) == len(data.flights_of(split))
-            error = (one.measurements - one.positions)[~np.isnan(one.positions)]
+        for noise, of_noise in tracks.items():
+            assert len(of_noise.times) == len(data.flights_of(split))
+            error = (of_noise.measurements - of_noise.positions)[~np.isnan(of_noise.positions)]
             middle = np.quantile(np.abs(error), 0.5)
             assert middle == pytest.approx(
                 0.674 * SIGMA if noise == "gaussian" else 0.969 * SIGMA,
@@ -48,7 +48,11 @@ def test_the_split_and_the_noise_are_those_of_the_study(folder):
 
 
 @pytest.mark.parametrize("fault", ["missing", "changed", "format", "no json"])
-def test_damaged_folders_are_refused(folder, tmp_path, fault):
+def test_damaged_folders_are_refused(
+    folder,
+    tmp_path,
+    fault,
+):
     for file in folder.iterdir():
         (tmp_path / file.name).write_bytes(file.read_bytes())
     about = json.loads((tmp_path / "dataset.json").read_text())

@@ -54,8 +54,8 @@ def test_flights_have_the_speed_of_the_thesis_and_respect_the_limits(flights):
 def test_flights_do_not_depend_on_how_many_are_flown_at_once(flights, monkeypatch):
     monkeypatch.setattr(model, "BATCH", 2)
     again = model.point_mass_flights(3, 0)
-    for one, other in zip(flights, again, strict=False):
-        np.testing.assert_array_equal(one.positions, other.positions)
+    for first, other in zip(flights, again, strict=False):
+        np.testing.assert_array_equal(first.positions, other.positions)
 
 
 def test_a_path_that_cannot_be_flown_is_discarded():
@@ -127,12 +127,16 @@ def test_gaussian_noise_has_its_deviation_and_levy_noise_its_characteristic_func
 
 def test_noise_of_a_flight_does_not_depend_on_the_other_flights(scans):
     all_tracks = measure(scans, "levy", (0, 1))
-    one = measure(scans[:1], "levy", (0, 1))
+    alone = measure(
+        scans[:1],
+        "levy",
+        (0, 1),
+    )
     count = len(scans[0].times)
 
     np.testing.assert_array_equal(
         all_tracks.measurements[0, :count],
-        one.measurements[0],
+        alone.measurements[0],
     )
     assert np.isnan(all_tracks.measurements[0, count:]).all()
     assert (np.diff(all_tracks.times, axis=1) >= 0.0).all()

@@ -23,7 +23,10 @@ from studies.radar.tables import (
 )
 from studies.radar.tuning import finished_trials, tune
 
-SPACE = {"q": FloatDistribution(1e-3, 1e3, log=True), "window": IntDistribution(1, 9)}
+SPACE = {
+    "q": FloatDistribution(1e-3, 1e3, log=True),
+    "window": IntDistribution(1, 9),
+}
 START = {"q": 1.0, "window": 5}
 CONTENDER = Contender(GHFilter, SPACE, START)
 
@@ -86,7 +89,11 @@ def test_torn_repeated_and_foreign_lines_do_no_harm(tmp_path):
     ("variance", "process", "step"),
     [(156.25, 4.0, 0.5), (9e-10, 0.003, 1.0), (1.0, 1.0, 2.0)],
 )
-def test_steady_gains_are_those_that_the_kalman_filter_reaches(variance, process, step):
+def test_steady_gains_are_those_that_the_kalman_filter_reaches(
+    variance,
+    process,
+    step,
+):
     model = MotionModel("CV", axes=1, noise=process, discretization="discrete")
     kalman = KalmanFilter(model, variance, start_deviations=(1.0,))
     kalman.begin(1)

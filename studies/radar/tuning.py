@@ -27,7 +27,11 @@ LARGEST_LOSS = 0.0075
 PENALTY = 100.0
 
 
-def errors(name: str | None, parameters: Parameters, tracks: Tracks) -> FloatArray:
+def errors(
+    name: str | None,
+    parameters: Parameters,
+    tracks: Tracks,
+) -> FloatArray:
     """`Tracks.errors` of a contender; None takes the measurements as positions, and 0 as
     velocity.
     """

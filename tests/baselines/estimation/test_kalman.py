@@ -306,3 +306,14 @@ def test_units_of_length_and_time_change_nothing_but_the_units(name, kind):
         rtol=1e-6,
         atol=1e-9,
     )
+
+
+def test_forecasts_are_those_of_a_filter_that_only_predicts():
+    measured = np.random.default_rng(3).normal(0.0, 9.0, (25, 2))
+    kalman = KalmanFilter(MotionModel("CV", axes=2, noise=4.0), 25.0, (20.0,))
+    found = run_filter(kalman, measured, np.arange(25.0), horizons=(0.0, 3.0))
+    now, later = found.forecasts
+
+    np.testing.assert_allclose(now.states, found.states)
+    np.testing.assert_allclose(later.positions, found.positions + 3.0 * found.velocities)
+    assert later.covariances[3, 0, 0] > found.covariances[3, 0, 0]

@@ -7,7 +7,14 @@ import pytest
 from kinematic_worlds import mean_bounds, random_covariance, simulate
 from scipy import integrate, optimize, stats
 
-from baselines.estimation.correction import Huber, StudentT, correct, principal_noise
+from baselines.estimation.correction import (
+    Correntropy,
+    Huber,
+    StudentT,
+    correct,
+    gaussian_factors,
+    principal_noise,
+)
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.run_filter import run_filter
@@ -200,3 +207,16 @@ def test_robust_filters_lose_little_in_gaussian_noise_and_win_with_outliers():
         heavy = [errors_in_world(one, outliers, 8)[2] for one in (None, method)]
         assert gaussian[1] < 1.01 * gaussian[0]
         assert heavy[1] < 0.75 * heavy[0]
+
+
+def test_a_wide_kernel_gives_the_kalman_filter_and_a_narrow_one_ignores_outliers():
+    innovation = np.array([0.5, -3.0, 80.0])
+    predicted = np.array([1.0, 4.0, 2.0])
+    variance = np.full(3, 2.0)
+    wide = Correntropy(1e5).factors(innovation, predicted, variance)
+    for mine, other in zip(wide, gaussian_factors(innovation, predicted, variance), strict=True):
+        np.testing.assert_allclose(mine, other, rtol=1e-6)
+    narrow = Correntropy(2.0).factors(innovation, predicted, variance)
+
+    assert abs(narrow.state[2] * innovation[2] * predicted[2]) < 1e-3
+    assert narrow.covariance[2] < 1e-6
