@@ -27,32 +27,6 @@ def test_a_run_is_trained_resumed_and_evaluated(capsys, tmp_path):
     assert main(["evaluate", run, "--radii", "1", "2"]) == 2
 
 
-def test_reproduce_prints_results_and_writes_tables_and_figures(capsys, tmp_path):
-    out = tmp_path / "results"
-    assert main(["reproduce", "--runs", "4", "--out", str(out)]) == 0
-    printed = capsys.readouterr().out
-    for words in (
-        "Table 4, decision",
-        "Tsyganov 2019: Table, RMSE",
-        "are recommended",
-        "identification",
-    ):
-        assert words in printed
-    names = {path.name for path in out.iterdir()}
-    assert {
-        "golubkov2018.md",
-        "golubkov2018_3.png",
-        "tsyganov2019_1.png",
-        "golubkov2020.png",
-        "zimchuk.png",
-        "reproduction.md",
-    } <= names
-    cells = json.loads((out / "tsyganov2019.json").read_text())["cells"]
-    assert len(cells) == 15
-    assert sum(cell["published"] is None for cell in cells) == 5
-    assert "| Golubkov 2018, 100 runs |" in (out / "reproduction.md").read_text()
-
-
 def test_compare_prints_tables_and_writes_figures_and_data(capsys, tmp_path, monkeypatch):
     out = tmp_path / "results"
     line = (
