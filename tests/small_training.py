@@ -11,12 +11,13 @@ from pathlib import Path
 import pytest
 import torch
 
+from agents.algorithms import anchor
+from agents.algorithms.flights import Flights
 from agents.learned.policy_file import load_policy
-from agents.training import anchor, learning_curve
+from agents.training import learning_curve
 from agents.training.recipe import load_recipe
 from agents.training.run_folder import CONFIG, read_metrics
 from agents.training.runs import make_run, resume_run
-from agents.training.simulated_flights import FlightRun
 
 STEPS = 2560
 SMALL_PPO = (
@@ -105,7 +106,7 @@ def log_often(set_value=setattr):
     set_value(learning_curve, "FIRST_EVALUATION", 1000)
     set_value(learning_curve, "EPISODES", 5)
     set_value(learning_curve.LearningCurve, "reference_reward", 0.5)
-    set_value(FlightRun, "curve_flights", (1, 1, 1, 1))
+    set_value(Flights, "curve_flights", (1, 1, 1, 1))
     set_value(anchor, "LOG_EVERY", 2)
 
 

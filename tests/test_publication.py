@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from agents.evaluation.registry import NAMED, SHIPPED_FOLDERS
+from agents.evaluation.registry import WEIGHTS
 
 ROOT = Path(__file__).parents[1]
 PAPER = (ROOT / "paper.md").read_text(encoding="utf-8")
@@ -80,7 +80,7 @@ def test_a_release_is_uploaded_by_trusted_publishing():
 
 @pytest.mark.parametrize(
     "folder",
-    [*SHIPPED_FOLDERS.values(), *(folder for _, folder in NAMED.values())],
+    [str(folder.relative_to(WEIGHTS)) for folder in sorted(WEIGHTS.glob("*/*"))],
 )
 def test_the_site_has_a_card_of_every_set_of_weights(folder):
     spec = importlib.util.spec_from_file_location(

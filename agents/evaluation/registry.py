@@ -2,7 +2,6 @@
 
 import dataclasses
 import functools
-import importlib
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -44,64 +43,29 @@ def learned_family(folder: Path, options: Any = None, recorded: str = FLIGHTS) -
     flights.
     """
     # PyTorch is imported only here, because it loads slowly.
-    from agents.learned.policy_file import card_task, load_network, load_policy
+    from agents.algorithms import find_algorithm
+    from agents.learned.policy_file import card_task, load_policy
 
     weights, card = load_policy(folder)
     task = recorded if options is None else options.switches
     if card_task(card) != task:
         raise reject("decider", str(folder), f"a policy for {TASKS[task]}")
-    algo = card["recipe"]["entry"]["algo"]
-    if algo not in OWN_NETWORKS:
-        from agents.learned.policy import ACTORS, load_actor
-
-        return ACTORS[task](load_actor(folder, weights, card)).trained(folder.name)
-    file, name = OWN_NETWORKS[algo]
-    kind = getattr(importlib.import_module(f"{learned.__name__}.{file}"), name)
-    family: DeciderFamily = kind.trained(
-        folder.name,
-        load_network(folder, weights, card, kind.network),
-        options,
-    )
+    algorithm = find_algorithm(card["recipe"]["entry"]["algo"])
+    family: DeciderFamily = algorithm.load(folder, weights, card, options)
     return family
-
-
-OWN_NETWORKS = {
-    "anchor": ("anchor_decider", "AnchorDecider"),
-    "statements": ("statement_decider", "StatementDecider"),
-    "rhythm": ("rhythm_decider", "RhythmDecider"),
-    "stopping": ("stopping_decider", "StoppingDecider"),
-    "flights": ("flight_decider", "FlightAgent"),
-    "gliders": ("glider_decider", "GliderAgent"),
-    "reward": ("reward_net", "RewardDecider"),
-    "tandem": ("tandem_net", "TandemDecider"),
-    "kalman": ("kalman_net", "KalmanDecider"),
-    "distilled": ("reward_net", "DistilledDecider"),
-    "transformer": ("transformer_net", "TransformerDecider"),
-    "jump_markov": ("jump_markov_net", "JumpMarkovDecider"),
-}
-"""File and class of the deciders whose networks are of this package, by training algorithm."""
 
 
 # Endings of the files of policies that other libraries write.
 EXCHANGED = (".zip", ".onnx")
 SHIPPED = "shipped"
-SHIPPED_FOLDERS = {
-    ANNOUNCED: "shipped_stopping",
-    UNKNOWN: "shipped_rhythm",
-    FLIGHTS: "shipped_flights",
-    GLIDERS: "shipped_gliders",
-}
-"""Folders of the weights that come with the package."""
-NAMED = {
-    "shipped-threshold": (ANNOUNCED, "shipped"),
-    "shipped-margin": (UNKNOWN, "shipped_quickest"),
-    "rhythm": (UNKNOWN, "shipped_rhythm"),
-    "robust": (UNKNOWN, "shipped_robust"),
-    "stopping": (ANNOUNCED, "shipped_stopping"),
-}
-"""Task and folder of further names: former shipped agents, 'robust', and other names of the
-shipped ones.
-"""
+# Folders of the weights that come with the package, by task and name.
+WEIGHTS = Path(learned.__file__).parent / "weights"
+
+
+def shipped_names(*tasks: str) -> list[str]:
+    """Return the names of the agents of some tasks that come with the package."""
+    folders = (folder for task in tasks for folder in sorted((WEIGHTS / task).glob("*")))
+    return list(dict.fromkeys(folder.name for folder in folders))
 
 
 def split_threshold(name: Any) -> tuple[Any, float | None]:
@@ -141,11 +105,8 @@ def policy_folder(name: str, switches: str) -> Path:
     """Return the folder of an agent of the package or of a run; for an empty name, one that does
     not exist.
     """
-    task, folder = NAMED.get(name, ("", ""))
-    if task == switches:
-        return Path(learned.__file__).parent / folder
-    if name == SHIPPED and switches in SHIPPED_FOLDERS:
-        return Path(learned.__file__).parent / SHIPPED_FOLDERS[switches]
+    if name in shipped_names(switches):
+        return WEIGHTS / switches / name
     return Path(name or os.devnull)
 
 
@@ -193,15 +154,15 @@ def find_family(name: Any, options: Any) -> DeciderFamily:
         own = find_own(name)
         if own is not None:
             return own_family(own, name, options)
-        named = (one for one, (task, _) in NAMED.items() if task == options.switches)
-        names = ", ".join(map(repr, (*known, SHIPPED, *named, *own_names())))
+        agents = shipped_names(options.switches)
+        names = ", ".join(map(repr, (*known, *agents, *own_names())))
         allowed = (
             f"{names}, a run folder, model.zip, policy.onnx or mine.py:MyRule, and optionally"
             " ':number'"
         )
         raise reject("decider", name, allowed)
     family = learned_family(folder, options)
-    if name == SHIPPED or name in NAMED:
+    if name in shipped_names(options.switches):
         family = dataclasses.replace(family, name=name)
     if family.hypotheses not in (None, options.hypotheses):
         allowed = (

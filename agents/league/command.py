@@ -8,7 +8,7 @@ import tyro
 from rich.console import Console
 
 from agents.evaluation.cells import filled_table, markdown_table
-from agents.evaluation.registry import NAMED, SHIPPED, distinct_titles, find_family, is_brought
+from agents.evaluation.registry import distinct_titles, find_family, is_brought, shipped_names
 from agents.interface.help_texts import shown_default
 from agents.interface.output_files import output_folder, write_files
 from agents.interface.parallel import ParallelArguments
@@ -29,7 +29,7 @@ class League(TrustArguments, ParallelArguments):
 
     deciders: Annotated[tyro.conf.Positional[tuple[str, ...]], shown_default("none is played")] = ()
     """Deciders without thresholds: 'mine.py:MyRule', 'model.zip', a run folder, 'shipped',
-    'stopping', 'rhythm', 'robust' or a rule. The name of another recipe, or a YAML file, is a
+    'robust' or a rule. The name of another recipe, or a YAML file, is a
     family: its agents are trained, and trained further if that was interrupted.
     """
     training_seeds: int = 5
@@ -78,9 +78,10 @@ class League(TrustArguments, ParallelArguments):
                     str(path),
                     f"a title that {owner} has not; this one is {entry['title']!r}",
                 )
-        known = {SHIPPED, *NAMED, *rules(ANNOUNCED), *rules(UNKNOWN)}
+        agents = set(shipped_names(ANNOUNCED, UNKNOWN))
+        known = {*agents, *rules(ANNOUNCED), *rules(UNKNOWN)}
         # A name of weights of the package means those.
-        trained = set(recipe_names()) - set(NAMED)
+        trained = set(recipe_names()) - agents
         recipes = [name for name in self.deciders if name in trained or name.endswith(".yml")]
         # One that cannot be found or imported is refused before any work.
         for name in self.deciders:

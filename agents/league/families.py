@@ -16,6 +16,7 @@ import torch
 from matplotlib.figure import Figure
 from rich.progress import Progress
 
+from agents.algorithms import find_algorithm
 from agents.evaluation.registry import find_family
 from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import decider_styles
@@ -35,7 +36,6 @@ from agents.league.protocol import (
     scores_of,
     world_task,
 )
-from agents.learned.policy_file import ALGORITHMS
 from agents.learned.posterior_decider import PosteriorDecider
 from agents.studies.comparison import train_agent
 from agents.studies.continuation import Continuation, Plan
@@ -111,7 +111,7 @@ def home_of(recipe: str) -> tuple[str, str]:
     errors = []
     for task, home in HOMES.items():
         try:
-            if task in ALGORITHMS[load_recipe(recipe, home[0]).algo]:
+            if task in find_algorithm(load_recipe(recipe, home[0]).algo).tasks:
                 return home
         except ArgumentError as error:
             # Such as a recipe without an entry for this environment.

@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 import torch
 from gymnasium import spaces
+from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import Tensor, nn
 
 from agents.interface.world_arguments import trusted
 from agents.learned.onnx_file import read_network
-from agents.learned.policy import ACTORS, VALUE_THRESHOLDS, check_actions, make_policy
+from agents.learned.policy import VALUE_THRESHOLDS, actor_decider, check_actions, make_policy
 from agents.learned.policy_file import (
     LARGEST_FILE,
     LARGEST_WIDTH,
@@ -138,17 +139,20 @@ def _from_zip(path: Path, options: Any) -> DeciderFamily:
     if _size(width, actions, settings) > sum(tensor.numel() for tensor in weights.values()):
         raise ValueError(f"its layers are larger than its weights; {HOW_TO_TRUST}")
     space = spaces.Box(-np.inf, np.inf, (width,), np.float32)
-    policy = make_policy(
-        space,
-        spaces.Discrete(actions),
-        settings,
-        algo="ppo" if lstm is None else "recurrent_ppo",
-    )
+    policy = make_policy(space, spaces.Discrete(actions), settings, kind=_policy_class(lstm))
     try:
         load_weights(policy, weights)
     except ValueError as error:
         raise ValueError(f"{error}; {HOW_TO_TRUST}") from None
     return _actor(policy, path, options)
+
+
+def _policy_class(lstm: Tensor | None) -> Any:
+    if lstm is None:
+        return ActorCriticPolicy
+    from sb3_contrib.ppo_recurrent import MlpLstmPolicy
+
+    return MlpLstmPolicy
 
 
 def _actor(policy: Any, path: Path, options: Any) -> DeciderFamily:
@@ -160,7 +164,7 @@ def _actor(policy: Any, path: Path, options: Any) -> DeciderFamily:
     )
     check_actions(actions, LAYOUTS[task].of_width(width).hypotheses, task)
     policy.eval()
-    decider = ACTORS[task](policy)
+    decider = actor_decider(policy, task)
     logits, _ = decider.logits(np.zeros((2, width), np.float32))
     if logits.shape != (2, actions) or not np.isfinite(logits).all():
         raise ValueError(

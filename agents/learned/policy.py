@@ -1,7 +1,7 @@
 """A trained actor of Stable-Baselines3 as a decider, and its file."""
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +12,12 @@ from numpy.typing import NDArray
 from scipy.special import softmax
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
-from stable_baselines3.dqn.policies import DQNPolicy
 from torch import Tensor
 
 from agents.learned.policy_file import (
     LARGEST_WIDTH,
     LAYOUTS,
-    VALUE_ALGORITHMS,
     card_task,
-    check_policy_kwargs,
     load_weights,
     save_policy,
     unreadable_policy,
@@ -112,35 +109,15 @@ def make_policy(
     action_space: spaces.Space[Any],
     policy_kwargs: dict[str, Any],
     observe: tuple[str, ...] = (),
-    algo: str = "ppo",
+    kind: Any = ActorCriticPolicy,
     layout: type[Layout] = Layout,
 ) -> BasePolicy:
-    """Create an untrained policy for one track, which observes some quantities of the layout, or
-    all if there are none.
-
-    `algo` is a key of `policy_file.POLICY_SETTINGS`; `ImportError` if it needs sb3-contrib, which
-    is not installed.
+    """Create an untrained policy of a class for one track, which observes some quantities of the
+    layout, or all if there are none.
     """
     keywords = policy_kwargs_with_features(policy_kwargs, observe, layout)
-    policy: BasePolicy = _policy_class(algo)(
-        observation_space,
-        action_space,
-        lambda _: 0.0,
-        **keywords,
-    )
+    policy: BasePolicy = kind(observation_space, action_space, lambda _: 0.0, **keywords)
     return policy
-
-
-def _policy_class(algo: str) -> Any:
-    if algo == "recurrent_ppo":
-        from sb3_contrib.ppo_recurrent import MlpLstmPolicy
-
-        return MlpLstmPolicy
-    if algo == "qrdqn":
-        from sb3_contrib.qrdqn.policies import QRDQNPolicy
-
-        return QRDQNPolicy
-    return DQNPolicy if algo == "dqn" else ActorCriticPolicy
 
 
 def value_network(policy: Any) -> Any:
@@ -343,10 +320,10 @@ class StatementPolicyDecider(ActorDecider):
         return np.asarray(softmax(self.logits(observation, state, episode_start)[0], axis=-1))
 
 
-ACTORS: dict[str, type[ActorDecider]] = {
-    kind.task: kind for kind in (PolicyDecider, StatementPolicyDecider)
-}
-"""Deciders of an actor by task."""
+def actor_decider(policy: Any, task: str) -> ActorDecider:
+    """Return the decider of an actor for a task."""
+    kind = next(kind for kind in ActorDecider.__subclasses__() if kind.task == task)
+    return kind(policy)
 
 
 def save_actor(
@@ -365,17 +342,28 @@ def save_actor(
 
 
 @own_defaults()
-def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -> BasePolicy:
+def load_actor(
+    folder: Path,
+    weights: dict[str, Tensor],
+    card: dict[str, Any],
+    kind: Any,
+    check_network: Callable[[Any], None],
+) -> BasePolicy:
     """Return the policy for the weights and card that `policy_file.load_policy` read; refuse
     them if they differ.
+
+    Args:
+        folder: for messages.
+        weights, card: of the policy.
+        kind: class of the policy.
+        check_network: raises `ArgumentError` for keyword arguments that are not allowed.
     """
     try:
         entry = card["recipe"]["entry"]
         task = card_task(card)
-        algo = entry["algo"]
         keywords = entry["policy_kwargs"]
-        check_policy_kwargs(keywords, algo)
-        if algo not in VALUE_ALGORITHMS:
+        check_network(keywords)
+        if issubclass(kind, ActorCriticPolicy):
             # Slow, and the weights are replaced.
             keywords = keywords | {"ortho_init": False}
         width = check_integer("observation_width", card["observation_width"], maximum=LARGEST_WIDTH)
@@ -389,16 +377,10 @@ def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -
             spaces.Discrete(actions),
             keywords,
             observe,
-            algo,
+            kind,
             LAYOUTS[task],
         )
         load_weights(policy, weights)
-    except ImportError:
-        raise reject(
-            "run",
-            str(folder),
-            'sb3-contrib: pip install "hybrid-track[recurrent]"',
-        ) from None
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise unreadable_policy(folder, error) from None
     policy.set_training_mode(False)

@@ -11,41 +11,24 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
+from agents.algorithms import find_algorithm
 from agents.interface.input_files import read_json
 from agents.interface.output_files import atomic_file, write_json
 from agents.interface.world_arguments import CARD
 from agents.learned.torch_defaults import own_defaults
-from baselines.rules.decider import ANNOUNCED, FLIGHTS, GLIDERS, UNKNOWN
-from hybrid_env.checks import check_flag, check_integer, reject
+from baselines.rules.decider import ANNOUNCED, UNKNOWN
+from hybrid_env.checks import check_integer, reject
 from hybrid_env.observation import Layout, QuickestLayout
 
 WEIGHTS = "policy.safetensors"
 LAYOUTS: dict[str, type[Layout]] = {ANNOUNCED: Layout, UNKNOWN: QuickestLayout}
-ALGORITHMS = {
-    "ppo": (ANNOUNCED, UNKNOWN),
-    "recurrent_ppo": (ANNOUNCED, UNKNOWN),
-    "a2c": (ANNOUNCED, UNKNOWN),
-    "dqn": (ANNOUNCED, UNKNOWN),
-    "qrdqn": (ANNOUNCED, UNKNOWN),
-    "anchor": (ANNOUNCED,),
-    "reward": (ANNOUNCED,),
-    "tandem": (ANNOUNCED,),
-    "statements": (UNKNOWN,),
-    "rhythm": (UNKNOWN,),
-    "flights": (FLIGHTS,),
-    "gliders": (GLIDERS,),
-    "kalman": (ANNOUNCED,),
-    "distilled": (ANNOUNCED,),
-    "transformer": (ANNOUNCED,),
-    "jump_markov": (UNKNOWN,),
-    "stopping": (ANNOUNCED,),
-}
-"""Tasks of the agents of every training algorithm."""
 
 # Bytes.
 LARGEST_FILE = 2**27
 # Bytes.
 LARGEST_HEADER = 2**20
+# Units of a hidden layer.
+LARGEST_HIDDEN = 512
 # Of an observation row.
 LARGEST_WIDTH = 2000
 # Characters of a reason in a message.
@@ -83,7 +66,7 @@ def _scales(layout: type[Layout]) -> dict[str, float]:
 
 def card_task(card: Mapping[str, Any]) -> str:
     """Return the task that a policy was trained for, from a card of `load_policy`."""
-    tasks = ALGORITHMS[card["recipe"]["entry"]["algo"]]
+    tasks: tuple[str, ...] = find_algorithm(card["recipe"]["entry"]["algo"]).tasks
     if tasks[0] not in LAYOUTS:
         return tasks[0]
     return next(task for task in tasks if card["observation_scales"] == _scales(LAYOUTS[task]))
@@ -100,9 +83,10 @@ def load_policy(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
         if "settings" in card:
             card["recipe"] = {"name": "flights", "entry": {"algo": "flights", **card["settings"]}}
         algo = card["recipe"]["entry"]["algo"]
-        if algo not in ALGORITHMS:
-            raise reject("algo", algo, "a training algorithm of this version")
-        rows = [LAYOUTS[task] for task in ALGORITHMS[algo] if task in LAYOUTS]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise unreadable_policy(folder, error) from None
+    rows = [LAYOUTS[task] for task in find_algorithm(algo).tasks if task in LAYOUTS]
+    try:
         is_known = not rows or card["observation_scales"] in [_scales(layout) for layout in rows]
         weights = _read_tensors(folder / WEIGHTS)
     except (OSError, ValueError, KeyError, TypeError, SafetensorError) as error:
@@ -197,52 +181,3 @@ def unreadable_policy(folder: Path, error: Exception) -> ValueError:
 def first_line(error: Exception) -> str:
     """Return the first line of an error message, cut to `LONGEST_LINE` characters."""
     return (str(error).splitlines() or [type(error).__name__])[0][:LONGEST_LINE]
-
-
-# Units of a hidden layer of the anchor agent.
-LARGEST_HIDDEN = 512
-LARGEST_LAYER = 1024
-MOST_LAYERS = 8
-MOST_QUANTILES = 200
-VALUE_ALGORITHMS = ("dqn", "qrdqn")
-"""Algorithms whose policies are networks of action values."""
-POLICY_SETTINGS = {
-    "ppo": ("net_arch", "ortho_init"),
-    "a2c": ("net_arch", "ortho_init"),
-    "dqn": ("net_arch",),
-    "qrdqn": ("net_arch", "n_quantiles"),
-    "recurrent_ppo": (
-        "net_arch",
-        "ortho_init",
-        "lstm_hidden_size",
-        "n_lstm_layers",
-        "enable_critic_lstm",
-    ),
-}
-"""Allowed keyword arguments of a policy by algorithm."""
-
-
-def check_policy_kwargs(policy_kwargs: Any, algo: str) -> None:
-    """Check names and types of the keyword arguments of a policy by algorithm, and the size of
-    its network.
-
-    A network of action values may have no layers: its values are then linear.
-    """
-    known = POLICY_SETTINGS[algo]
-    fewest = 0 if algo in VALUE_ALGORITHMS else 1
-    if not isinstance(policy_kwargs, Mapping) or any(name not in known for name in policy_kwargs):
-        raise reject("policy_kwargs", policy_kwargs, f"a mapping of {', '.join(known)}")
-    layers = policy_kwargs.get("net_arch", [1])
-    if not isinstance(layers, list) or not fewest <= len(layers) <= MOST_LAYERS:
-        raise reject("net_arch", layers, f"a list of {fewest} to {MOST_LAYERS} layers")
-    for units in layers:
-        check_integer("net_arch", units, maximum=LARGEST_LAYER)
-    largest = {
-        "lstm_hidden_size": LARGEST_LAYER,
-        "n_lstm_layers": 2,
-        "n_quantiles": MOST_QUANTILES,
-    }
-    for name, maximum in largest.items():
-        check_integer(name, policy_kwargs.get(name, 1), maximum=maximum)
-    for name in ("ortho_init", "enable_critic_lstm"):
-        check_flag(name, policy_kwargs.get(name, True))

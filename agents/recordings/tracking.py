@@ -13,14 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from agents.evaluation.chosen_threshold import reachable
 from agents.evaluation.registry import (
-    NAMED,
-    SHIPPED,
     ErrorArguments,
     base_name,
     find_family,
     is_brought,
     load_decider,
     needed_options,
+    shipped_names,
     split_threshold,
 )
 from baselines.recordings.consistency import Consistency, check_consistency
@@ -235,7 +234,7 @@ class TrackingArguments(ErrorArguments):
         announced = rules(ANNOUNCED)
         unknown = rules(UNKNOWN)
         name = base_name(self._decider_name())
-        known = *announced, *unknown, SHIPPED, *NAMED
+        known = *announced, *unknown, *shipped_names(ANNOUNCED, UNKNOWN)
         if name not in known and not is_brought(name):
             raise reject(
                 "decider",

@@ -283,8 +283,8 @@ def train_agent(
     continuation: Continuation,
 ) -> tuple[DeciderFamily, Path | None]:
     """Train an agent, or go on with its training; return its family and run folder."""
+    from agents.training.algorithm import TrainingProgress
     from agents.training.checkpoint import has_checkpoint
-    from agents.training.run import TrainingProgress
     from agents.training.runs import make_run
 
     name = recipe.name if plan.training_seeds == 1 else f"{recipe.name} seed {number}"

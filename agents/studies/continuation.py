@@ -18,8 +18,6 @@ import agents
 import baselines
 import hybrid_env
 from agents.evaluation.registry import (
-    NAMED,
-    SHIPPED,
     base_name,
     distinct_titles,
     find_family,
@@ -27,6 +25,7 @@ from agents.evaluation.registry import (
     is_own,
     policy_folder,
     rule_name,
+    shipped_names,
 )
 from agents.evaluation.task import Task
 from agents.interface.output_files import atomic_file, output_folder
@@ -83,9 +82,10 @@ class Plan:
 
         if name in self.agents:
             recipes = recipe_names()
-            if (name in recipes and name not in NAMED) or str(name).endswith(".yml"):
+            shipped = shipped_names(self.task.switches)
+            if (name in recipes and name not in shipped) or str(name).endswith(".yml"):
                 return load_recipe(name, self.task.env_id)
-            if name not in (SHIPPED, *NAMED) and not is_brought(name):
+            if name not in shipped and not is_brought(name):
                 kinds = "'shipped', a run folder, model.zip, policy.onnx, a recipe as YAML"
                 raise reject("agents", name, f"{kinds}, or {', '.join(recipes)}")
         elif rule_name(name) not in rules(self.task.switches) and not is_own(name):

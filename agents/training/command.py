@@ -48,8 +48,8 @@ class Train(WorldArguments):
         check_positive("save-every", self.save_every)
         if self.steps is not None:
             check_integer("steps", self.steps)
+        from agents.training.algorithm import TrainingProgress
         from agents.training.recipe import load_recipe
-        from agents.training.run import TrainingProgress
         from agents.training.runs import make_run, resume_run, run_name
 
         if self.resume is not None:

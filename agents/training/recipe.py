@@ -14,9 +14,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from agents.algorithms import find_algorithm
 from agents.interface.input_files import parse_yaml, read_text
-from agents.training.settings import ALGORITHMS, DrawnWorlds, Settings, TrainingWorld
-from agents.training.stable_baselines_settings import LibrarySettings
 from hybrid_env.checks import check_integer, reject
 
 FOLDER = Path(__file__).parent / "recipes"
@@ -27,11 +26,12 @@ class Recipe:
     """Algorithm and hyper-parameters of a training run."""
 
     name: str
-    # A key of `ALGORITHMS`.
+    # Name of an algorithm, see `find_algorithm`.
     algo: str
     # Environment steps, summed over tracks.
     n_timesteps: int
-    settings: Settings
+    # A dataclass, `Settings` of the algorithm.
+    settings: Any
 
     def as_json(self) -> dict[str, Any]:
         """Return plain values; `recipe_of` reads the entry."""
@@ -78,6 +78,9 @@ def load_recipe(name: str, env_id: str, changes: Sequence[str] = ()) -> Recipe:
                 raise reject("set", change, f"a single value for {part}")
             place[part] = place = dict(place.get(part, {}))
         place[last] = value
+    if "algo" in entry:
+        # A recipe is of the user, and so is the code that it names.
+        find_algorithm(entry["algo"], imported=True)
     return recipe_of(path.stem, entry)
 
 
@@ -87,48 +90,24 @@ def recipe_of(name: str, entry: Mapping[str, Any]) -> Recipe:
         raise reject("recipe", name, "a name, and an entry with hyper-parameters")
     entry = dict(entry)
     algo = entry.pop("algo", None)
-    if not isinstance(algo, str) or algo not in ALGORITHMS:
-        raise reject("algo", algo, ", ".join(ALGORITHMS))
+    kind = find_algorithm(algo).Settings
     steps = check_integer("n_timesteps", entry.pop("n_timesteps", None), maximum=10**12)
-    kind = ALGORITHMS[algo]
-    known = {one.name: one for one in dataclasses.fields(kind)}
+    known = {field.name: field for field in dataclasses.fields(kind)}
     for key in entry:
         if key not in known:
             raise reject("hyper-parameter", key, ", ".join(known))
     nothing = dataclasses.MISSING
-    needed = [
-        one.name
-        for one in known.values()
-        if one.default is nothing and one.default_factory is nothing
+    missing = [
+        key
+        for key, field in known.items()
+        if field.default is nothing and field.default_factory is nothing and key not in entry
     ]
-    missing = [one for one in needed if one not in entry]
     if missing:
         raise reject("recipe", name, f"an entry with {', '.join(missing)}")
-    for key, world in (
-        ("worlds", TrainingWorld),
-        ("drawn_worlds", DrawnWorlds),
-    ):
-        if key in entry:
-            entry[key] = _worlds(key, world, entry[key])
-    if "observe" in entry:
-        names = entry["observe"]
-        if not isinstance(names, (list, tuple)) or not all(isinstance(one, str) for one in names):
-            raise reject("observe", names, "a list of names")
-        entry["observe"] = tuple(names)
     settings = kind(**entry)
-    if isinstance(settings, LibrarySettings):
-        settings.check_algorithm(algo)
     recipe = Recipe(name, algo, steps, settings)
     try:
         json.dumps(recipe.as_json(), allow_nan=False)
     except (TypeError, ValueError) as error:
         raise reject("recipe", name, f"plain values ({error})") from None
     return recipe
-
-
-def _worlds(name: str, kind: type[TrainingWorld | DrawnWorlds], value: Any) -> tuple[Any, ...]:
-    try:
-        return tuple(kind(**world) for world in value)
-    except TypeError:
-        names = ", ".join(one.name for one in dataclasses.fields(kind))
-        raise reject(name, value, f"a list of mappings with some of {names}") from None

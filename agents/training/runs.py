@@ -3,45 +3,18 @@
 from pathlib import Path
 from typing import Any
 
+from agents.algorithms import find_algorithm
 from agents.training import run_folder
-from agents.training.anchor import AnchorRun
+from agents.training.algorithm import Algorithm
 from agents.training.checkpoint import has_checkpoint
 from agents.training.recipe import Recipe, recipe_of
-from agents.training.reward import RewardRun
-from agents.training.run import Run
-from agents.training.simulated_flights import FlightRun, GliderRun
-from agents.training.stable_baselines import CLASSES, LibraryRun
-from agents.training.statements import JumpMarkovRun, RhythmRun, TrackRun
-from agents.training.stopping import StoppingRun
-from agents.training.supervised import DistilledRun, KalmanRun, TandemRun, TransformerRun
 from hybrid_env.checks import check_integer, reject
-
-RUNS: dict[str, type[Run]] = dict.fromkeys(CLASSES, LibraryRun) | {
-    "anchor": AnchorRun,
-    "reward": RewardRun,
-    "tandem": TandemRun,
-    "statements": TrackRun,
-    "rhythm": RhythmRun,
-    "flights": FlightRun,
-    "gliders": GliderRun,
-    "kalman": KalmanRun,
-    "distilled": DistilledRun,
-    "transformer": TransformerRun,
-    "jump_markov": JumpMarkovRun,
-    "stopping": StoppingRun,
-}
-"""Runs by algorithm."""
 
 
 def run_name(env_id: str, recipe: Recipe) -> str:
-    """Return the name of the folder of a run: environment and recipe; flights have no
-    environment.
-    """
-    return (
-        recipe.name
-        if issubclass(RUNS[recipe.algo], FlightRun)
-        else f"{env_id.rpartition(':')[2]}-{recipe.name}"
-    )
+    """Return the name of the folder of a run."""
+    name: str = find_algorithm(recipe.algo).run_name(env_id, recipe.name)
+    return name
 
 
 def make_run(
@@ -52,7 +25,7 @@ def make_run(
     folder: Path | None = None,
     steps: int | None = None,
     resume: bool = False,
-) -> Run:
+) -> Algorithm:
     """Create a run with the algorithm of a recipe.
 
     Args:
@@ -69,10 +42,11 @@ def make_run(
     if seed >= 2**31:
         raise reject("seed", seed, "an integer below 2^31")
     steps = recipe.n_timesteps if steps is None else check_integer("steps", steps)
-    return RUNS[recipe.algo](env_id, options, recipe, seed, folder, steps, resume)
+    kind: type[Algorithm] = find_algorithm(recipe.algo)
+    return kind(env_id, options, recipe, seed, folder, steps, resume)
 
 
-def resume_run(folder: Path, steps: int | None = None) -> Run:
+def resume_run(folder: Path, steps: int | None = None) -> Algorithm:
     """Resume a run from its last checkpoint; a run killed before its first one starts anew.
 
     `steps` is the total number of environment steps; None uses that of the run.

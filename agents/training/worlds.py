@@ -1,18 +1,20 @@
-"""Base class of the runs in several environments: those of the recipe, and random ones."""
+"""Base class of the algorithms that train in several environments: those of the recipe, and
+random ones.
+"""
 
 from typing import Any
 
 import numpy as np
 
 from agents.evaluation.worlds import draw_world
-from agents.training.run import OwnNetworkRun
+from agents.training.algorithm import NetworkAlgorithm
 from hybrid_env.checks import reject
 from hybrid_env.options import WorldOptions
 from hybrid_env.registration import make_vector_env
 
 
-class WorldsRun(OwnNetworkRun):
-    """A run with `worlds` and `drawn_worlds` in its settings; its `build` calls `create_worlds`."""
+class WorldsAlgorithm(NetworkAlgorithm):
+    """An algorithm with `WorldsSettings`; its `build` calls `create_worlds`."""
 
     settings: Any
     world: WorldOptions

@@ -24,9 +24,9 @@ from optuna.trial import FrozenTrial, TrialState
 from agents.interface.input_files import parse_yaml
 from agents.interface.output_files import atomic_file
 from agents.interface.parallel import Call, Workers
+from agents.training.algorithm import TrainingProgress
 from agents.training.learning_curve import REWARD_KEY
 from agents.training.recipe import Recipe, load_recipe
-from agents.training.run import TrainingProgress
 from agents.training.runs import make_run
 from hybrid_env.checks import ArgumentError, check_number, reject
 

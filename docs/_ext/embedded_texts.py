@@ -3,8 +3,8 @@
 `<!-- docstring hybrid_env.HybridTrackEnv -->` becomes the docstring of a class, in Markdown as
 Gymnasium's environments are documented; `<!-- help compare -->` becomes the output of `hybridtrack
 compare --help`; `<!-- file CONTRIBUTING.md -->` becomes that file of the repository, with links to
-pages of the site; `<!-- card shipped -->` becomes a table of the card of shipped weights, and the
-settings of their training.
+pages of the site; `<!-- card announced/shipped -->` becomes a table of the card of shipped weights,
+and the settings of their training.
 """
 
 import contextlib
@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[2]
-MARK = re.compile(r"^<!-- (docstring|help|file|card) ([\w.]*) ?-->$", re.MULTILINE)
+MARK = re.compile(r"^<!-- (docstring|help|file|card) ([\w./-]*) ?-->$", re.MULTILINE)
 
 
 def docstring(path: str) -> str:
@@ -57,7 +57,7 @@ def card(folder: str) -> str:
     import yaml
     from safetensors.numpy import load_file
 
-    place = ROOT / "agents" / "learned" / folder
+    place = ROOT / "agents" / "learned" / "weights" / folder
     told = json.loads((place / "policy.json").read_text(encoding="utf-8"))
     weights = place / "policy.safetensors"
     numbers = sum(array.size for array in load_file(weights).values())

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from agents.algorithms.ppo import PPOSettings
 from agents.training.recipe import load_recipe
-from agents.training.stable_baselines_settings import PPOSettings
 from baselines import CusumDecider, MSPRTDecider, OnlineTracker, SPRTDecider, ThresholdDecider
 from hybrid_env import QuickestOptions, WorldOptions
 from tools.bench import timing

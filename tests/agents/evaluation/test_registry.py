@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from agents.evaluation.registry import (
-    NAMED,
     SHIPPED,
     find_decider,
     find_family,
     load_decider,
     policy_folder,
+    shipped_names,
 )
 from baselines import record_statements
 from baselines.rules import refiltering
@@ -23,10 +23,7 @@ OPTIONS = {
 }
 
 
-AGENTS = [
-    *((task, SHIPPED) for task in OPTIONS),
-    *((task, name) for name, (task, _) in NAMED.items()),
-]
+AGENTS = [(task, name) for task in OPTIONS for name in shipped_names(task)]
 
 
 @pytest.mark.parametrize(

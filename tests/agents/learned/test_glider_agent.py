@@ -5,12 +5,12 @@ mirrored.
 import numpy as np
 import pytest
 
+from agents.algorithms.gliders import Gliders
 from agents.evaluation.gliders import Setting, glider_rule, glider_statements
 from agents.evaluation.registry import learned_family
 from agents.learned.glider_decider import GliderAgent
 from agents.training.recipe import load_recipe
 from agents.training.runs import make_run
-from agents.training.simulated_flights import GliderRun
 from baselines.estimation.turns import run_turn_imm
 from baselines.recordings.flights.flight import stack_flights
 from baselines.recordings.flights.metrics import STATISTICS, score_flights
@@ -30,7 +30,7 @@ def flights():
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs") / "mine"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(GliderRun, "curve_flights", (2,))
+        patch.setattr(Gliders, "curve_flights", (2,))
         env = "hybrid_env:HybridTrack-v0"
         make_run(env, {}, load_recipe("gliders", env, SMALL), 0, folder, 30_000).train()
     return folder

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import torch
 
+from agents.algorithms.statements import simulate
 from agents.learned.rhythm_decider import RhythmDecider
 from agents.learned.statement_decider import StatementDecider
 from agents.learned.statement_net import StatementNet
-from agents.training.statements import simulate
 from baselines import ThresholdDecider, record_statements
 from baselines.rules.measurements import OBSERVED
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout, QuickestOptions

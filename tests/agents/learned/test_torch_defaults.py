@@ -11,7 +11,7 @@ import pytest
 import torch
 from small_training import KINDS, small_run
 
-from agents.evaluation.registry import NAMED, SHIPPED, load_decider
+from agents.evaluation.registry import SHIPPED, load_decider, shipped_names
 from baselines.rules.decider import ANNOUNCED, UNKNOWN
 from baselines.rules.rollout import evaluate, record_statements
 from hybrid_env import QuickestOptions, WorldOptions
@@ -21,11 +21,7 @@ DEFAULTS = {
     "bfloat16": torch.bfloat16,
     "meta": torch.device("meta"),
 }
-AGENTS = [
-    (SHIPPED, ANNOUNCED),
-    (SHIPPED, UNKNOWN),
-    *((name, task) for name, (task, _) in NAMED.items()),
-]
+AGENTS = [(name, task) for task in (ANNOUNCED, UNKNOWN) for name in shipped_names(task)]
 
 
 @pytest.fixture

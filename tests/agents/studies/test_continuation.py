@@ -10,7 +10,7 @@ from small_training import small_recipe
 from agents.cli import main
 from agents.studies import comparison
 from agents.studies.continuation import TRAINED, UNFINISHED, content_digest
-from agents.training.run import Run
+from agents.training.algorithm import Algorithm
 from baselines.rules import own_modules
 
 LINE = (
@@ -96,7 +96,7 @@ def test_an_interrupted_evaluation_goes_on(
     # Selection and report.
     assert swept == ["ML at the end"] * 2 + ["fixed time"] * 2 + ["small-ppo"] * 2
     swept.clear()
-    monkeypatch.setattr(Run, "between_updates", lambda self: pytest.fail("trained again"))
+    monkeypatch.setattr(Algorithm, "between_updates", lambda self: pytest.fail("trained again"))
     assert run(tmp_path, agents) == 0
     assert swept == ["shipped"] * 2
     assert results(tmp_path) == results(uninterrupted)
@@ -104,7 +104,7 @@ def test_an_interrupted_evaluation_goes_on(
 
 
 def test_an_interrupted_training_goes_on(uninterrupted, agents, tmp_path, monkeypatch):
-    original = Run.between_updates
+    original = Algorithm.between_updates
 
     def stop(self):
         original(self)
@@ -113,7 +113,7 @@ def test_an_interrupted_training_goes_on(uninterrupted, agents, tmp_path, monkey
             raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(Run, "between_updates", stop)
+        patch.setattr(Algorithm, "between_updates", stop)
         assert run(tmp_path, agents) == 130
     (agent,) = (tmp_path / TRAINED).iterdir()
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import torch
 
+from agents.algorithms.distilled import taught
+from agents.algorithms.reward import Explorer
 from agents.evaluation.registry import find_family
 from agents.learned.reward_net import DistilledDecider, reward_inputs
 from agents.training.recipe import load_recipe
-from agents.training.reward import Explorer
 from agents.training.runs import make_run
-from agents.training.supervised import taught
 
 ENV = "hybrid_env:HybridTrackPublished-v0"
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import torch
 
+from agents.algorithms.statements import simulate
 from agents.learned.statement_net import StatementOutputs
-from agents.training.statements import Batch, change_probabilities, expected_reward, simulate
+from agents.training.expected_reward import Batch, change_probabilities, expected_reward
 from baselines import Statements, measure_statements
 from hybrid_env import QuickestOptions
 

@@ -12,9 +12,9 @@ from agents.learned.jump_markov_net import (
     coordinated_turn,
     track_inputs,
 )
+from agents.training.expected_reward import Batch
 from agents.training.recipe import load_recipe
 from agents.training.runs import make_run
-from agents.training.statements import Batch
 from baselines.rules.measurements import OBSERVED
 from hybrid_env.vector_env import HybridTrackQuickestVectorEnv
 

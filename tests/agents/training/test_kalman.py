@@ -5,11 +5,11 @@ import pytest
 import torch
 from scipy.special import log_softmax
 
+from agents.algorithms.kalman import segment_logs
+from agents.algorithms.reward import Explorer
 from agents.learned.kalman_net import KalmanDecider, filter_inputs, turning
 from agents.training.recipe import load_recipe
-from agents.training.reward import Explorer
 from agents.training.runs import make_run
-from agents.training.supervised import segment_logs
 from hybrid_env import Layout
 
 ENV = "hybrid_env:HybridTrackPublished-v0"

@@ -9,10 +9,10 @@ import pytest
 import yaml
 from hostile_input import accepted, attack, damaged, mutated
 
+from agents.algorithms.ppo import PPOSettings
 from agents.interface.input_files import LARGEST_FILE
 from agents.training.recipe import FOLDER, Recipe, load_recipe, recipe_names, recipe_of
 from agents.training.runs import make_run
-from agents.training.stable_baselines_settings import PPOSettings
 from hybrid_env.checks import ArgumentError
 
 ENV, QUICKEST = "hybrid_env:HybridTrackPublished-v0", "hybrid_env:HybridTrackQuickest-v0"

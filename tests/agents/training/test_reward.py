@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
+from agents.algorithms import reward
 from agents.learned.reward_net import RewardDecider, RewardNet, reward_inputs
-from agents.training import reward
 from agents.training.recipe import load_recipe
 from agents.training.runs import make_run
 from baselines import MSPRTDecider

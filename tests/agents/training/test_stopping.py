@@ -7,11 +7,11 @@ import pytest
 import torch
 from small_training import small_run
 
+from agents.algorithms.stopping import Explorer, expected_reward
 from agents.evaluation.registry import load_decider
 from agents.learned.stopping_decider import StoppingDecider
 from agents.training.recipe import load_recipe
 from agents.training.runs import make_run
-from agents.training.stopping import Explorer, expected_reward
 from baselines.rules import rollout
 from hybrid_env import HybridTrackVectorEnv, WorldOptions
 
@@ -140,7 +140,7 @@ def test_an_agent_with_another_number_of_units_is_refused_in_one_line():
 )
 def test_without_a_threshold_the_agent_earns_as_much_as_with_its_best_threshold(options, least):
     reward = evaluate(
-        load_decider("stopping", WorldOptions(**options)),
+        load_decider("shipped", WorldOptions(**options)),
         episodes=150,
         seed=50,
         **options,

@@ -5,12 +5,12 @@ import pytest
 import torch
 from scipy.special import log_softmax
 
+from agents.algorithms.reward import Explorer
+from agents.algorithms.tandem import tandem_loss
 from agents.learned.reward_net import reward_inputs
 from agents.learned.tandem_net import TandemDecider, WindowNet, log_ratios, windows_of
 from agents.training.recipe import load_recipe
-from agents.training.reward import Explorer
 from agents.training.runs import make_run
-from agents.training.supervised import tandem_loss
 from hybrid_env import Layout
 
 ENV = "hybrid_env:HybridTrackPublished-v0"

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import torch
 
+from agents.algorithms.reward import Explorer
 from agents.learned.transformer_net import RAW_INPUTS, TransformerDecider, raw_inputs
 from agents.training.recipe import load_recipe
-from agents.training.reward import Explorer
 from agents.training.runs import make_run
 from baselines.rules.rollout import evaluate
 from hybrid_env import Layout

@@ -1,4 +1,4 @@
-"""Training of the learned stop on the expected reward of whole segments.
+"""The learned stop, trained on the expected reward of whole segments.
 
 Waiting does not change the object, so that a segment that runs to its end shows what a declaration
 at each of its ticks would have earned. The network gives the probability of declaring at every
@@ -10,6 +10,7 @@ those which follow its own declarations.
 A round is determined by its number: a checkpoint between two rounds needs no tracks.
 """
 
+from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -21,9 +22,15 @@ from agents.evaluation.registry import policy_folder
 from agents.learned.anchor_net import Scales, ratios, regret_inputs, turns_per_tick
 from agents.learned.policy_file import load_policy, load_weights
 from agents.learned.stopping_decider import StoppingDecider, StoppingNetworks
-from agents.training.run import Round
-from agents.training.settings import StoppingSettings
-from agents.training.worlds import WorldsRun
+from agents.training.algorithm import Round
+from agents.training.settings import (
+    LARGEST_COUNT,
+    LARGEST_ROUND,
+    NetworkSettings,
+    WorldsSettings,
+    two_factors,
+)
+from agents.training.worlds import WorldsAlgorithm
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED, Actions, Decider, Observations
 from baselines.rules.msprt import error_and_best, mode_types
@@ -36,6 +43,37 @@ from hybrid_env.vector_env import HybridTrackVectorEnv
 LARGEST_GRADIENT = 1.0
 # Deviation of the margin of a decided segment.
 DISTURBANCE = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoppingSettings(WorldsSettings):
+    """Hyper-parameters of the learned stop, trained on one episode of each track in every round."""
+
+    # Segments of an update.
+    batch_size: int
+    # Times that the segments of a round are used.
+    passes: int
+    # Smallest and largest delay cost; half of the environments have one drawn between them.
+    delay_costs: tuple[float, float] = (0.003, 0.05)
+    # Or the run folder of an anchor agent, with as many hidden units.
+    agent: str = "shipped-threshold"
+
+    largest = NetworkSettings.largest | {"batch_size": LARGEST_COUNT, "passes": 1000}
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        tracks = sum(world.n_envs for world in self.worlds) + sum(
+            drawn.worlds * drawn.n_envs for drawn in self.drawn_worlds
+        )
+        if tracks > LARGEST_ROUND:
+            raise reject(
+                "worlds",
+                self.worlds,
+                f"at most {LARGEST_ROUND:,} tracks, drawn_worlds included",
+            )
+        object.__setattr__(self, "delay_costs", two_factors("delay_costs", self.delay_costs))
+        if not isinstance(self.agent, str):
+            raise reject("agent", self.agent, "'shipped-threshold' or a run folder")
 
 
 class Paths(NamedTuple):
@@ -144,18 +182,19 @@ class Explorer(Decider):
         return found.astype(np.float32)
 
 
-class StoppingRun(WorldsRun):
+class Stopping(WorldsAlgorithm):
     """A training run of the learned stop; the networks of an anchor agent are read and stay as
     they are.
     """
 
+    name = "stopping"
+    Settings = StoppingSettings
     smallest_factor: ClassVar[float] = 0.02
     decider = StoppingDecider
+    settings: StoppingSettings
 
     def build(self) -> None:
         """Create the networks, read those of the anchor agent, and create the optimizer."""
-        assert isinstance(self.recipe.settings, StoppingSettings)
-        self.settings = self.recipe.settings
         torch.manual_seed(self.seed)
         self.create_worlds()
         self.net = StoppingNetworks(self.settings.hidden)
@@ -174,11 +213,11 @@ class StoppingRun(WorldsRun):
         self.rounds = 0
 
     def values(self) -> dict[str, Any]:
-        """See `Run.values`."""
+        """See `Algorithm.values`."""
         return {"rounds": self.rounds}
 
     def restore_values(self, values: dict[str, Any]) -> None:
-        """See `Run.restore_values`."""
+        """See `Algorithm.restore_values`."""
         self.rounds = check_integer(
             "rounds",
             values["rounds"],
@@ -187,7 +226,7 @@ class StoppingRun(WorldsRun):
         )
 
     def train_round(self) -> Round:
-        """See `Run.train_round`."""
+        """See `Algorithm.train_round`."""
         first = seeds.TRAINING + self.seed * 10**9 + self.rounds * 10**4
         generator = np.random.default_rng(first)
         found = []

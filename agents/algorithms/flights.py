@@ -1,4 +1,4 @@
-"""Training of the agents for recorded flights, of aircraft and of gliders, on simulated ones.
+"""The agent for recorded flights, trained on simulated ones.
 
 The labels are those of recorded flights, and positions that they do not score have no reward. Steps
 are counted as if all flights had the number of positions in the recipe.
@@ -6,7 +6,7 @@ are counted as if all flights had the number of positions in the recipe.
 
 import functools
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -17,25 +17,24 @@ from numpy.typing import NDArray
 from agents.evaluation.task import Wording
 from agents.interface.world_arguments import DEFAULT_ENV
 from agents.learned.flight_decider import FlightAgent, log_probabilities
-from agents.learned.glider_decider import GliderAgent
 from agents.training.checkpoint import restore_generator
+from agents.training.expected_reward import (
+    Batch,
+    ExpectedRewardAlgorithm,
+    ExpectedRewardSettings,
+)
 from agents.training.learning_curve import LearningCurve
-from agents.training.settings import FlightSettings
-from agents.training.statements import Batch, StatementRun
+from agents.training.settings import LARGEST_COUNT, LARGEST_FACTOR
 from baselines.estimation.turns import run_turn_imm
 from baselines.recordings.flights.flight import TIERS, Flight, stack_flights
 from baselines.recordings.flights.labels import Labels, label_flights
 from baselines.recordings.flights.simulated import DRAWN, WIDE, draw_world, simulate_flights
-from baselines.recordings.flights.simulated_gliders import (
-    RANGES,
-    STEP,
-    label_gliders,
-    simulate_glider,
-)
 from baselines.rules.decider import DeciderFamily
 from baselines.rules.threshold import ThresholdDecider
-from hybrid_env.checks import check_integer, reject
+from hybrid_env.checks import check_integer, ranged, reject
 
+# Positions of a round.
+LARGEST_FLIGHTS = 2**20
 # Of the flights, plus the seed of the run.
 FIRST_SEED = 10**6
 # Of the flights of the learning curve.
@@ -60,11 +59,48 @@ WORDING = Wording(
 Simulated = tuple[list[Flight], list[Labels], list[float]]
 
 
-class FlightRun(StatementRun):
-    """A training run on simulated flights; see `StatementRun`. It refuses an environment, and
-    options of one.
+@dataclass(frozen=True, kw_only=True)
+class FlightSettings(ExpectedRewardSettings):
+    """Hyper-parameters of the agent for recorded flights, trained on simulated ones, new ones in
+    every round.
     """
 
+    # Of each group in a round; short ones are left out, about half of those of D.
+    flights: tuple[int, ...]
+    # Approximate number of positions of a flight.
+    rows: int
+    # Times that the flights of a round are used.
+    passes: int
+    # Of a change to a wrong mode: as much as a wrong statement for this time [s], times the scored
+    # time of the position over its mean.
+    change_cost: float
+
+    groups: ClassVar[tuple[str, ...]] = ("A", "B", "C", "D")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not isinstance(self.flights, (list, tuple)) or len(self.flights) != len(self.groups):
+            raise reject(
+                "flights",
+                self.flights,
+                f"a list of the numbers of flights of {', '.join(self.groups)}",
+            )
+        counts = tuple(
+            check_integer("flights", count, maximum=LARGEST_COUNT) for count in self.flights
+        )
+        object.__setattr__(self, "flights", counts)
+        check_integer("rows", self.rows, minimum=100, maximum=LARGEST_COUNT)
+        check_integer("passes", self.passes, maximum=LARGEST_COUNT)
+        if sum(self.flights) * self.rows > LARGEST_FLIGHTS:
+            raise reject("flights", self.flights, f"rows x flights of at most {LARGEST_FLIGHTS:,}")
+        ranged(0.0, LARGEST_FACTOR)("change_cost", self.change_cost)
+
+
+class Flights(ExpectedRewardAlgorithm):
+    """A training run on simulated flights. It refuses an environment, and options of one."""
+
+    name = "flights"
+    Settings = FlightSettings
     decider: ClassVar[type[FlightAgent]] = FlightAgent
     settings: FlightSettings
     next_command = "hybridtrack compare --flights --deciders imm"
@@ -74,6 +110,11 @@ class FlightRun(StatementRun):
     """Time before a change of the label in which a change of the statement costs nothing [s]."""
     curve_flights: ClassVar[tuple[int, ...]] = 12, 16, 20, 8
     """Of the learning curve, of each group."""
+
+    @classmethod
+    def run_name(cls, env_id: str, recipe: str) -> str:
+        """See `Algorithm.run_name`; there is no environment."""
+        return recipe
 
     def prepare(self) -> None:
         for name, given in (
@@ -90,8 +131,8 @@ class FlightRun(StatementRun):
         self._generator = np.random.default_rng(FIRST_SEED + self.seed)
 
     def make_curve(self) -> LearningCurve:
-        """See `Run.make_curve`; the episodes are simulated flights, the rule is the threshold on
-        the IMM.
+        """See `Algorithm.make_curve`; the episodes are simulated flights, the rule is the threshold
+        on the IMM.
         """
 
         @functools.cache
@@ -119,7 +160,9 @@ class FlightRun(StatementRun):
         return LearningCurve(WORDING, f"{sum(self.curve_flights)} flights", measure, measure_rule)
 
     def remaining(self) -> float:
-        """See `OwnNetworkRun.remaining`; of the updates, as if all flights were of full length."""
+        """See `NetworkAlgorithm.remaining`; of the updates, as if all flights were of full
+        length.
+        """
         rounds = -(-self.steps // self.round_steps)
         updates = rounds * self.settings.passes * -(-self.settings.rows // self.settings.n_steps)
         return 1.0 - self.updates / updates
@@ -139,9 +182,11 @@ class FlightRun(StatementRun):
         restore_generator(self._generator, values["generator"])
 
     def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
-        """See `Run.save_agent`; the card also tells how flights were simulated, and the filter."""
+        """See `Algorithm.save_agent`; the card also tells how flights were simulated, and the
+        filter.
+        """
         simulation = {"world": self.simulation, "filter": asdict(self.decider.model)}
-        super().save_agent(folder, card | {"environment": self.recipe.algo} | simulation)
+        super().save_agent(folder, card | {"environment": self.decider.task} | simulation)
 
     def draw(self, counts: tuple[int, ...], generator: np.random.Generator) -> Simulated:
         """Return simulated flights of each tier, with settings of their own, their labels, and
@@ -208,24 +253,3 @@ def mean_reward(batch: Batch, stated: NDArray[np.int64]) -> dict[str, float]:
         "reward": float((weights * (right - costs * wrong)).sum() / total),
         "right": float((weights * right).sum() / total),
     }
-
-
-class GliderRun(FlightRun):
-    """A training run on simulated flights of gliders, with the labels of both rules of
-    `label_gliders`.
-    """
-
-    decider = GliderAgent
-    next_command = (
-        "hybridtrack compare --gliders --source igc-xc-score-1.8.0.tgz --deciders imm-climb"
-    )
-    early = 4.0
-    simulation: ClassVar[dict[str, Any]] = dict(RANGES)
-    curve_flights = (40,)
-
-    def draw(self, counts: tuple[int, ...], generator: np.random.Generator) -> Simulated:
-        """See `FlightRun.draw`; each flight has settings of its own."""
-        flights = [
-            simulate_glider(STEP * self.settings.rows, generator) for _ in range(sum(counts))
-        ]
-        return flights, label_gliders(flights), [STEP] * len(flights)

@@ -1,4 +1,4 @@
-"""Base class of training runs: run folder, checkpoints, progress and learning curve."""
+"""Base class of training algorithms: run folder, checkpoints, progress and learning curve."""
 
 import math
 import os
@@ -13,13 +13,14 @@ import torch
 from torch import Tensor, nn
 from torch.optim import Optimizer
 
+from agents.algorithms import REGISTERED
 from agents.interface.output_files import output_folder, write_json
-from agents.learned.policy_file import package_versions, save_policy
+from agents.learned.policy_file import load_network, package_versions, save_policy
 from agents.learned.torch_defaults import own_defaults
 from agents.training import checkpoint, run_folder
 from agents.training.learning_curve import LearningCurve, environment_curve
 from agents.training.recipe import Recipe
-from agents.training.stable_baselines_settings import learning_rate_schedule
+from agents.training.settings import learning_rate_schedule
 from baselines.rules.decider import DeciderFamily
 from hybrid_env.checks import ArgumentError, reject
 
@@ -48,19 +49,54 @@ class TrainingProgress:
         )
 
 
-class Run(ABC):
-    """A training run of any algorithm and its folder; see `agents.training.runs.make_run` for
-    the arguments.
+class Algorithm(ABC):
+    """A training algorithm. An instance is a training run and its folder; see
+    `agents.training.runs.make_run` for the arguments.
+
+    A subclass with `Settings` is found by its `name`, see `agents.algorithms`; nothing else lists
+    it.
 
     A checkpoint is written between two rollouts and holds everything that the following ones depend
     on. A resumed run therefore equals an uninterrupted one, apart from times. What is logged must
     depend on steps only, not on times, for the same reason. `build` sets network and optimizer.
     """
 
+    name: ClassVar[str]
+    """In recipes and cards of weights; by default "package.module:Name"."""
+    Settings: ClassVar[type[Any]]
+    """Dataclass of its hyper-parameters."""
+    tasks: ClassVar[tuple[str, ...]]
+    """What its agents decide, see `Decider.task`."""
     network: nn.Module
     optimizer: Optimizer
     next_command: ClassVar[str] = "hybridtrack evaluate"
     """Command that evaluates a run folder."""
+
+    def __init_subclass__(cls, **keywords: Any):
+        super().__init_subclass__(**keywords)
+        if "name" not in vars(cls):
+            cls.name = f"{cls.__module__}:{cls.__qualname__}"
+        if hasattr(cls, "Settings"):
+            REGISTERED[cls.name] = cls
+
+    @classmethod
+    def run_name(cls, env_id: str, recipe: str) -> str:
+        """Return the name of the folder of a run, from environment and recipe."""
+        return f"{env_id.rpartition(':')[2]}-{recipe}"
+
+    @classmethod
+    @abstractmethod
+    def load(
+        cls,
+        folder: Path,
+        weights: dict[str, Tensor],
+        card: dict[str, Any],
+        options: Any,
+    ) -> DeciderFamily:
+        """Return the agent of a folder at any threshold, from weights and card of `load_policy`.
+
+        `options` are those of the environment; None where agents decide without one.
+        """
 
     @own_defaults()
     def __init__(
@@ -287,10 +323,8 @@ run folder.
 """
 
 
-class OwnNetworkRun(Run):
-    """A run that trains a network of this package with Adam, in rounds; its `build` calls
-    `start`.
-    """
+class NetworkAlgorithm(Algorithm):
+    """Trains a network of PyTorch with Adam, in rounds; its `build` calls `start`."""
 
     smallest_factor: ClassVar[float]
     """Lower bound of the learning rate, as a factor of the first one, while it decays linearly."""
@@ -298,6 +332,23 @@ class OwnNetworkRun(Run):
     """Class of the agent, a `PosteriorDecider` or a `UtilityDecider`."""
     world: Any
     """Options of the environment of the agent."""
+
+    def __init_subclass__(cls, **keywords: Any):
+        super().__init_subclass__(**keywords)
+        if hasattr(cls, "decider"):
+            cls.tasks = (cls.decider.task,)
+
+    @classmethod
+    def load(
+        cls,
+        folder: Path,
+        weights: dict[str, Tensor],
+        card: dict[str, Any],
+        options: Any,
+    ) -> DeciderFamily:
+        network = load_network(folder, weights, card, cls.decider.network)
+        family: DeciderFamily = cls.decider.trained(folder.name, network, options)
+        return family
 
     def start(self, network: nn.Module, learning_rate: str | float) -> None:
         """Create the optimizer of a new network."""
@@ -309,7 +360,7 @@ class OwnNetworkRun(Run):
             parameter.grad = torch.zeros_like(parameter)
 
     def family(self, name: str) -> DeciderFamily:
-        """See `Run.family`; for the environment of the run."""
+        """See `Algorithm.family`; for the environment of the run."""
         return self.decider.trained(name, self.network, self.world)
 
     def save_agent(self, folder: Path, card: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""Training of an agent on the rewards of its declarations alone.
+"""An agent that is trained on the rewards of its declarations alone.
 
 A segment is a short stopping problem whose last reward is known at once. Of the environment the
 agent knows what its documentation says: the sign of the reward does not depend on the tick of the
@@ -11,7 +11,9 @@ In training the thresholds are drawn, and so are some declarations. A round of w
 determined by its number, so that a checkpoint between two rounds needs no tracks.
 """
 
+from abc import abstractmethod
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -20,13 +22,13 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from agents.learned.reward_net import RewardDecider, reward_inputs
-from agents.training.run import OwnNetworkRun, Round
-from agents.training.settings import LARGEST_ALPHA
+from agents.training.algorithm import NetworkAlgorithm, Round
+from agents.training.settings import LARGEST_ALPHA, LARGEST_COUNT, NetworkSettings
 from baselines.rules import seeds
 from baselines.rules.decider import Actions, Decider, Observations
 from baselines.rules.msprt import mode_types
 from baselines.rules.rollout import rollout
-from hybrid_env.checks import BoolArray, IntArray, check_integer, reject
+from hybrid_env.checks import BoolArray, IntArray, check_flag, check_integer, reject
 from hybrid_env.options import WorldOptions
 from hybrid_env.registration import environment_options, make_vector_env
 
@@ -38,6 +40,30 @@ SMALLEST_ALPHA = 0.003
 RANDOM_DECLARATIONS = 0.05
 # Rows x turns of a round, whose inputs take half a gigabyte.
 LARGEST_ROUND = 2**22
+
+
+@dataclass(frozen=True, kw_only=True)
+class SegmentSettings(NetworkSettings):
+    """Hyper-parameters of an agent that is trained on whole segments, such as MSPRT-TANDEM."""
+
+    # Tracks of a round, one episode each.
+    n_envs: int
+    # Segments of an update.
+    batch_size: int
+
+    largest = NetworkSettings.largest | {"n_envs": LARGEST_COUNT, "batch_size": LARGEST_COUNT}
+
+
+@dataclass(frozen=True, kw_only=True)
+class RewardSettings(SegmentSettings):
+    """Hyper-parameters of the agent that learns from rewards alone."""
+
+    # The reward of a declaration teaches all rows of its segment, and not only the last one.
+    every_row: bool = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_flag("every_row", self.every_row)
 
 
 class Explorer(Decider):
@@ -132,18 +158,18 @@ class Segments(NamedTuple):
     modes: IntArray
 
 
-class RewardRun(OwnNetworkRun):
-    """A training run on rewards alone; it refuses environments in which hypotheses are not
-    declared.
+class SegmentAlgorithm(NetworkAlgorithm):
+    """Base class of the algorithms that train on the segments of whole episodes; it refuses
+    environments in which hypotheses are not declared.
     """
 
     smallest_factor: ClassVar[float] = 0.01
-    decider: ClassVar[type[RewardDecider]] = RewardDecider
+    decider: ClassVar[type[RewardDecider]]
     inputs = staticmethod(reward_inputs)
     measure: ClassVar[str] = "cross_entropy"
     """Name of the loss in the metrics."""
     settings: Any
-    """A `SegmentSettings`, of the agent that learns from rewards alone a `RewardSettings`."""
+    """A `SegmentSettings`."""
 
     def build(self) -> None:
         """Create network, optimizer and environment."""
@@ -215,8 +241,29 @@ class RewardRun(OwnNetworkRun):
         reward = 2.0 * float(found.rewarded.mean()) - 1.0 - self.world.delay_cost * ticks
         return len(found.rows), reward, ticks, {self.measure: float(np.mean(losses))}
 
+    @abstractmethod
     def labels(self, found: Segments) -> Sequence[NDArray[Any]]:
         """Return what the loss needs of each segment, arrays (S, ...), or of each row, (n, ...)."""
+
+    @abstractmethod
+    def loss(self, inputs: Tensor, logs: Tensor, lengths: Tensor, *labels: Tensor) -> Tensor:
+        """Return the loss of S segments with n rows, one segment after the other.
+
+        Args:
+            inputs, logs: (n, ...) of the rows, from `inputs`.
+            lengths: (S,) of the segments.
+            labels: those of the segments or rows.
+        """
+
+
+class Reward(SegmentAlgorithm):
+    """A training run on rewards alone."""
+
+    name = "reward"
+    Settings = RewardSettings
+    decider = RewardDecider
+
+    def labels(self, found: Segments) -> Sequence[NDArray[Any]]:
         return found.declared, found.rewarded
 
     def loss(
@@ -224,14 +271,14 @@ class RewardRun(OwnNetworkRun):
         inputs: Tensor,
         logs: Tensor,
         lengths: Tensor,
-        declared: Tensor,
-        rewarded: Tensor,
+        *labels: Tensor,
     ) -> Tensor:
         """Return the mean cross-entropy of the rewarded hypothesis over the rows of S segments.
 
         The inputs (n, M - 1, 33) and logarithms (n, M) are of `reward_inputs`, all else (S,) of
         `Segments`.
         """
+        declared, rewarded = labels
         segment = torch.arange(len(lengths)).repeat_interleave(lengths)
         ends = lengths.cumsum(0)
         features = self.net.features(inputs)

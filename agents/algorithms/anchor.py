@@ -1,4 +1,4 @@
-"""Training of the anchor agent: likelihood of the anchor errors, and squared error of the next
+"""The anchor agent: likelihood of the anchor errors, and squared error of the next
 losses.
 
 The agent itself decides during training. The threshold on the expected loss is drawn at random
@@ -10,6 +10,7 @@ random samples of the last anchors and declarations.
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -25,16 +26,25 @@ from agents.learned.anchor_decider import (
     errors_and_best,
 )
 from agents.learned.anchor_net import ratios, regret_inputs, select, turns_per_tick
+from agents.training.algorithm import Round
 from agents.training.checkpoint import check_tracks, restore_generator, track_arrays
-from agents.training.run import Round
-from agents.training.settings import LARGEST_ALPHA, AnchorSettings
-from agents.training.worlds import WorldsRun
+from agents.training.settings import LARGEST_ALPHA, NetworkSettings, WorldsSettings
+from agents.training.worlds import WorldsAlgorithm
 from baselines.rules import seeds
 from baselines.rules.anchor_prior import anchor_errors
 from baselines.rules.measurements import sensed_of
-from hybrid_env.checks import FloatArray, IntArray, check_integer
+from hybrid_env.checks import (
+    FloatArray,
+    IntArray,
+    check_between,
+    check_integer,
+    check_share,
+    reject,
+)
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
+# Ticks x hypotheses of an update.
+LARGEST_UNROLLING = 2**22
 # Updates.
 LOG_EVERY = 10
 # Environment steps with decisions that the displayed means are taken over.
@@ -45,6 +55,53 @@ LARGEST_GRADIENT = 1.0
 TYPICAL_ALPHAS = 0.003, 0.1
 DECLARATION = 7
 """Numbers that describe a declaration, the arguments of `anchor_net.regret_inputs`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AnchorSettings(WorldsSettings):
+    """Hyper-parameters of the anchor agent.
+
+    The threshold of a track on the error probability is drawn log-uniformly from `smallest_alpha`
+    to 0.3 after each declaration. Anchors after a wrong decision are rare under a good policy;
+    without random declarations, decisions from them take three times as long.
+    """
+
+    # Ticks between updates.
+    n_steps: int
+    smallest_alpha: float
+    # At which every track declares; later ticks contribute little to learning.
+    last_tick: int
+    # Probability that a declaration is replaced by a random hypothesis.
+    random_declarations: float
+    # After which the random environments are drawn anew.
+    updates_per_world: int = 32
+    # Last anchors, and last declarations, that samples are drawn from.
+    buffer_size: int = 50_000
+    # Steps of the optimizer per update.
+    batches: int = 8
+    # Samples of a step.
+    batch_size: int = 1024
+
+    largest = NetworkSettings.largest | {
+        "n_steps": 10_000,
+        "last_tick": 10**6,
+        "updates_per_world": 10**6,
+        "buffer_size": 10**6,
+        "batches": 1000,
+        "batch_size": 10**5,
+    }
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        tracks = 3 * sum(world.n_envs for world in self.worlds)
+        tracks += sum(
+            drawn.worlds * drawn.n_envs * (2 * drawn.radii + 1) for drawn in self.drawn_worlds
+        )
+        if self.n_steps * tracks > LARGEST_UNROLLING:
+            allowed = f"n_steps x hypotheses of all tracks of at most {LARGEST_UNROLLING:,}"
+            raise reject("n_steps", self.n_steps, allowed)
+        check_between("smallest_alpha", self.smallest_alpha, 0.0, LARGEST_ALPHA)
+        check_share("random_declarations", self.random_declarations)
 
 
 class SampleBuffer:
@@ -209,9 +266,11 @@ class AnchorStream:
         return arrays
 
 
-class AnchorRun(WorldsRun):
-    """A training run of the anchor agent; see `agents.training.runs.make_run` for the arguments."""
+class Anchor(WorldsAlgorithm):
+    """A training run of the anchor agent."""
 
+    name = "anchor"
+    Settings = AnchorSettings
     smallest_factor: ClassVar[float] = 0.02
     decider = AnchorDecider
     settings: AnchorSettings
@@ -231,7 +290,9 @@ class AnchorRun(WorldsRun):
         self._recent: list[tuple[float, float]] = []
 
     def set_steps(self, steps: int) -> None:
-        """See `Run.set_steps`; draws new random worlds when a new generation of them begins."""
+        """See `Algorithm.set_steps`; draws new random worlds when a new generation of them
+        begins.
+        """
         super().set_steps(steps)
         generation = self._updates // self.settings.updates_per_world
         if self.settings.drawn_worlds and generation != self._generation:

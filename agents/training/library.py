@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import stable_baselines3
@@ -23,11 +23,18 @@ from torch import Tensor, nn
 from torch.utils.tensorboard import SummaryWriter
 
 from agents.evaluation.tasks import task_of
-from agents.learned.policy import ACTORS, policy_kwargs_with_features, save_actor, value_network
-from agents.learned.policy_file import first_line
+from agents.learned.policy import (
+    actor_decider,
+    load_actor,
+    policy_kwargs_with_features,
+    save_actor,
+    value_network,
+)
+from agents.learned.policy_file import LAYOUTS, first_line
 from agents.training import checkpoint, run_folder
-from agents.training.run import Run, TrainingProgress
-from agents.training.stable_baselines_settings import LibrarySettings, learning_rate_schedule
+from agents.training.algorithm import Algorithm, TrainingProgress
+from agents.training.library_settings import LibrarySettings
+from agents.training.settings import learning_rate_schedule
 from agents.training.vec_env import HybridTrackVecEnv
 from baselines.rules import seeds
 from baselines.rules.decider import DeciderFamily
@@ -115,7 +122,9 @@ def without_tracebacks_of_threads() -> Iterator[None]:
 class _RunCallback(BaseCallback):
     """Reports progress after each rollout; evaluates and saves the agent after each update."""
 
-    def __init__(self, run: "LibraryRun", on_progress: Callable[[TrainingProgress], None] | None):
+    def __init__(
+        self, run: "LibraryAlgorithm", on_progress: Callable[[TrainingProgress], None] | None
+    ):
         super().__init__()
         self.run, self.on_progress = run, on_progress
 
@@ -135,14 +144,6 @@ class _RunCallback(BaseCallback):
             )
 
 
-CLASSES = {
-    "ppo": "PPO",
-    "recurrent_ppo": "RecurrentPPO",
-    "a2c": "A2C",
-    "dqn": "DQN",
-    "qrdqn": "QRDQN",
-}
-"""Classes of the algorithms; those that Stable-Baselines3 lacks are in sb3-contrib."""
 LOGGED_EPISODES = 500
 """Episodes between two lines of metrics of DQN and QR-DQN; the others write one for each
 rollout.
@@ -151,30 +152,48 @@ BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "t
 """Arrays of a replay buffer."""
 
 
-def _model_class(algo: str) -> Any:
-    name = CLASSES[algo]
-    if hasattr(stable_baselines3, name):
-        return getattr(stable_baselines3, name)
-    try:
-        import sb3_contrib
-    except ImportError:
-        raise reject("recipe", algo, 'sb3-contrib: pip install "hybrid-track[recurrent]"') from None
-    return getattr(sb3_contrib, name)
-
-
-class LibraryRun(Run):
-    """A run of an algorithm of `CLASSES`; see `agents.training.runs.make_run` for the arguments.
+class LibraryAlgorithm(Algorithm):
+    """Base class of the algorithms of Stable-Baselines3 and sb3-contrib.
 
     `steps` is rounded up to a multiple of the rollout size. Recipes whose initial policy waits are
     refused where a mode is stated at every tick.
     """
 
+    Settings: ClassVar[type[LibrarySettings]]
+    library_name: ClassVar[str]
+    """Of the class of the algorithm; what Stable-Baselines3 lacks is in sb3-contrib."""
+    tasks = tuple(LAYOUTS)
     settings: LibrarySettings
+
+    @classmethod
+    def library_class(cls) -> Any:
+        """Return the class of the algorithm."""
+        if hasattr(stable_baselines3, cls.library_name):
+            return getattr(stable_baselines3, cls.library_name)
+        try:
+            import sb3_contrib
+        except ImportError:
+            allowed = 'sb3-contrib: pip install "hybrid-track[recurrent]"'
+            raise reject("algo", cls.name, allowed) from None
+        return getattr(sb3_contrib, cls.library_name)
+
+    @classmethod
+    def load(
+        cls,
+        folder: Path,
+        weights: dict[str, Tensor],
+        card: dict[str, Any],
+        options: Any,
+    ) -> DeciderFamily:
+        """See `Algorithm.load`."""
+        kind = cls.library_class().policy_aliases[cls.Settings.policy_name]
+        actor = load_actor(folder, weights, card, kind, cls.Settings.check_network)
+        return actor_decider(actor, options.switches).trained(folder.name)
 
     def build(self) -> None:
         """Create model and environments; the initial policy waits if it can."""
         settings = self.settings
-        kind = _model_class(self.recipe.algo)
+        kind = self.library_class()
         scale = getattr(settings, "reward_scale", 1.0)
         env = HybridTrackVecEnv(self.env_id, settings.n_envs, scale, **self.options)
         self.world = env.env.options
@@ -243,10 +262,10 @@ class LibraryRun(Run):
         self.model.num_timesteps = steps
 
     def family(self, name: str) -> DeciderFamily:
-        return ACTORS[self.task.switches](self.model.policy).trained(name)
+        return actor_decider(self.model.policy, self.task.switches).trained(name)
 
     def evaluate(self) -> None:
-        """See `Run.evaluate`; only if the actions are declarations of hypotheses or types, or
+        """See `Algorithm.evaluate`; only if the actions are declarations of hypotheses or types, or
         statements.
         """
         if not self.task.waits or self.world.actions != "best":
@@ -273,15 +292,7 @@ class LibraryRun(Run):
         arrays |= model.env.state_arrays()
         if self.buffer is not None:
             arrays |= {f"buffer.{name}": getattr(self.buffer, name) for name in BUFFER}
-        tensors = {name: torch.from_numpy(array) for name, array in arrays.items()}
-        if self.recipe.algo == "recurrent_ppo":
-            states = model._last_lstm_states
-            for name, pair in (
-                ("actor", states.pi),
-                ("critic", states.vf),
-            ):
-                tensors |= {f"lstm_{name}.{k}": state for k, state in enumerate(pair)}
-        return tensors
+        return {name: torch.from_numpy(array) for name, array in arrays.items()}
 
     def values(self) -> dict[str, Any]:
         model = self.model

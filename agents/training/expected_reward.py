@@ -1,0 +1,189 @@
+"""Base class of the algorithms that train agents which state a mode at every tick, on their
+expected reward.
+
+Every round simulates new tracks or flights in batches. Each batch is divided into parts of some
+ticks, and one step of the optimizer is made for every part.
+
+Statements change neither the object nor the bank. The probabilities of the statements of a tick
+therefore follow from those of the last tick as in a Markov chain: the expected reward is a
+differentiable function of them, and needs no sampled actions.
+"""
+
+import math
+from abc import abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from agents.learned.statement_decider import UtilityDecider
+from agents.learned.statement_net import StatementOutputs
+from agents.training.algorithm import NetworkAlgorithm, Round
+from agents.training.settings import LARGEST_WEIGHT, NetworkSettings
+from hybrid_env.checks import ranged
+from hybrid_env.quickest_options import QuickestOptions
+
+# Norm.
+LARGEST_GRADIENT = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExpectedRewardSettings(NetworkSettings):
+    """Hyper-parameters of an agent that is trained on its expected reward; base class."""
+
+    # Ticks of an update; gradients do not reach back beyond its first tick.
+    n_steps: int
+    # Of the cross-entropy of the present mode, in addition to the reward.
+    belief_weight: float
+
+    largest = NetworkSettings.largest | {"n_steps": 10_000}
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        ranged(0.0, LARGEST_WEIGHT)("belief_weight", self.belief_weight)
+
+
+class Batch(NamedTuple):
+    """T ticks of N tracks, of which an agent states the mode."""
+
+    # (T, N, M - 1, inputs) of the network.
+    inputs: Tensor
+    # (T, N, M) of the modes in the filters.
+    log_probability: Tensor
+    # (T, N)
+    true_modes: Tensor
+    # (T, N) cost of a change to a wrong mode.
+    change_cost: Tensor
+    # (T, N) of the reward of each tick.
+    weight: Tensor
+
+    def split(self, ticks: int) -> Iterator["Batch"]:
+        """Divide it into parts of `ticks` ticks; the last one may be shorter."""
+        return (Batch(*parts) for parts in zip(*(part.split(ticks) for part in self), strict=True))
+
+
+def change_probabilities(utility: Tensor, stay: Tensor) -> Tensor:
+    """Return the probabilities (T, N, M, M) of the next statement (last axis) given the last one.
+
+    The utility (T, N, M) is that of stating a mode; `stay` (T, N) is added where the statement is
+    kept.
+    """
+    kept = stay[..., None, None] * torch.eye(utility.shape[-1])
+    return torch.softmax(utility[..., None, :] + kept, -1)
+
+
+def expected_reward(
+    outputs: StatementOutputs,
+    batch: Batch,
+    last: Tensor | None,
+) -> tuple[Tensor, Tensor]:
+    """Return the expected mean reward of a tick (N,), and the probabilities of the last
+    statement (N, M).
+
+    `last` are those of the statement before the first tick; None where an episode begins.
+    """
+    utility = outputs.utility
+    M = utility.shape[-1]
+    change = change_probabilities(utility, outputs.stay)
+    right = nn.functional.one_hot(batch.true_modes, M).to(utility.dtype)
+    to_wrong = (1.0 - torch.eye(M)) * (1.0 - right)[..., None, :]
+    wrong_changes = (change * to_wrong).sum(-1)
+    probability = torch.softmax(utility[0], -1) if last is None else last
+    before = []
+    after = []
+    for tick, matrix in enumerate(change.unbind(0)):
+        # The first statement is no change.
+        if tick == 0 and last is None:
+            before.append(torch.zeros_like(probability))
+        else:
+            before.append(probability)
+            probability = torch.bmm(probability[:, None], matrix)[:, 0]
+        after.append(probability)
+    stated = torch.stack(after)
+    previous = torch.stack(before)
+    reward = (stated * right).sum(-1) - batch.change_cost * (previous * wrong_changes).sum(-1)
+    return (batch.weight * reward).mean(0), probability
+
+
+def cross_entropy(outputs: StatementOutputs, batch: Batch) -> Tensor:
+    """Return the weighted mean cross-entropy of the present mode."""
+    beliefs = outputs.belief.flatten(0, 1)
+    each = nn.functional.cross_entropy(beliefs, batch.true_modes.flatten(), reduction="none")
+    return (batch.weight.flatten() * each).mean()
+
+
+class ExpectedRewardAlgorithm(NetworkAlgorithm):
+    """Trains on the expected reward; the subclasses simulate what it trains on.
+
+    Between two rounds no tracks have to be saved.
+    """
+
+    decider: ClassVar[type[UtilityDecider]]
+    # An `ExpectedRewardSettings`.
+    settings: Any
+    # Steps of a round.
+    round_steps: int
+    # Options of the environment of the agent, None if it has none.
+    world: QuickestOptions | None = None
+
+    def build(self) -> None:
+        """Create network and optimizer."""
+        # Steps of the optimizer so far.
+        self.updates = 0
+        self.prepare()
+        torch.manual_seed(self.seed)
+        self.net = self.decider.network(self.settings.hidden)
+        self.start(self.net, self.settings.learning_rate)
+
+    @abstractmethod
+    def prepare(self) -> None:
+        """Check what is to be simulated, and set `round_steps`."""
+
+    @abstractmethod
+    def batches(self) -> Iterator[Batch]:
+        """Simulate the batches of the next round."""
+
+    def restore_values(self, values: dict[str, Any]) -> None:
+        if self.num_timesteps % self.round_steps:
+            raise ValueError("the number of steps is not one of complete rounds")
+
+    def train_round(self) -> Round:
+        rewards, entropies = zip(*map(self._train_on, self.batches()), strict=True)
+        reward = float(np.mean(rewards))
+        metrics = {"expected_reward": reward, "cross_entropy": float(np.mean(entropies))}
+        return self.round_steps, reward, math.nan, metrics
+
+    def _train_on(self, batch: Batch) -> tuple[float, float]:
+        """Make one step of the optimizer for each part; return the means of reward and
+        cross-entropy.
+        """
+        memory = last = None
+        totals = np.zeros(2)
+        parts = list(batch.split(self.settings.n_steps))
+        for part in parts:
+            self.set_learning_rate()
+            outputs = self.net(part.inputs, part.log_probability, memory)
+            reward, last = expected_reward(outputs, part, last)
+            entropy = cross_entropy(outputs, part)
+            loss = (
+                self.settings.belief_weight * entropy
+                - reward.mean()
+                + self.further_loss(outputs, part)
+            )
+            self.optimizer.zero_grad(set_to_none=False)
+            loss.backward()
+            nn.utils.clip_grad_norm_(self.net.parameters(), LARGEST_GRADIENT)
+            self.optimizer.step()
+            self.updates += 1
+            memory, last = outputs.memory.detach(), last.detach()
+            totals += float(reward.detach().mean()), float(entropy.detach())
+        mean: NDArray[np.float64] = totals / len(parts)
+        return float(mean[0]), float(mean[1])
+
+    def further_loss(self, outputs: StatementOutputs, batch: Batch) -> Tensor | float:
+        """Return what is added to the loss of a part."""
+        return 0.0
