@@ -1,7 +1,15 @@
+from agents.algorithms import find_algorithm as find_algorithm
 from agents.cli import run_command as run_command
+from agents.evaluation.cells import markdown_table as markdown_table
+from agents.evaluation.registry import find_family as find_family
+from agents.evaluation.selection import select_threshold as select_threshold
+from agents.evaluation.task import Task as Task
+from agents.evaluation.task import sweep as sweep
+from agents.evaluation.tasks import task_of as task_of
 from agents.functions import compare as compare
 from agents.functions import evaluate as evaluate
 from agents.functions import load as load
 from agents.functions import train as train
 from agents.recordings.tracking import track_recording as track_recording
+from agents.training.recipe import load_recipe as load_recipe
 from agents.training.vec_env import as_vec_env as as_vec_env

@@ -18,7 +18,6 @@ import tyro
 
 from agents.interface.help_texts import as_command
 from agents.interface.world_arguments import trusted, trusting
-from agents.league.command import League
 from agents.recordings.command import Track
 from agents.studies.compare_command import Compare
 from agents.studies.dataset_command import Dataset
@@ -27,12 +26,10 @@ from agents.studies.limits_command import Limits
 from agents.studies.play_command import Play
 from agents.studies.score_command import Score
 from agents.training.command import Train
-from agents.tuning.command import Tune
 from hybrid_env.checks import ArgumentError
 
 COMMANDS = {
     "train": Train,
-    "tune": Tune,
     "evaluate": Evaluate,
     "compare": Compare,
     "play": Play,
@@ -40,7 +37,6 @@ COMMANDS = {
     "limits": Limits,
     "score": Score,
     "dataset": Dataset,
-    "league": League,
 }
 EXAMPLES = {
     "": (
@@ -56,13 +52,6 @@ EXAMPLES = {
         "hybridtrack train --resume runs/ppo --steps 3000000",
         "hybridtrack train --set n_envs=128 policy_kwargs.net_arch=[32]",
         "hybridtrack train --env HybridTrackQuickest-v0 --recipe statements",
-    ),
-    "tune": (
-        (
-            "hybridtrack tune --trials 20 --jobs 2              # writes"
-            " runs/tune-HybridTrack-v0-ppo/best.yml"
-        ),
-        "hybridtrack tune --search learning_rate=0.001..0.03 'batch_size=512|2048' --steps 500000",
     ),
     "evaluate": (
         "hybridtrack evaluate ate:1e-6 msprt:0.02 fixed:30 shipped",
@@ -112,10 +101,6 @@ EXAMPLES = {
     "dataset": (
         "hybridtrack dataset --policies ate shipped random --out datasets",
         "hybridtrack dataset --policies threshold shipped random --env HybridTrackQuickest-v0",
-    ),
-    "league": (
-        "hybridtrack league mine.py:MyRule --jobs 2         # play and compare with the rest",
-        "hybridtrack league --table results/*.json          # table and picture only",
     ),
 }
 """Lines below the help of each command; a test parses them."""

@@ -5,7 +5,7 @@ and `train`.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,8 @@ from agents.evaluation.tasks import task_of
 from agents.interface.world_arguments import DEFAULT_ENV
 from agents.studies import comparison
 from agents.studies.compare_command import Compare
+from agents.training.algorithm import TrainingProgress
+from agents.training.checkpoint import has_checkpoint
 from agents.training.recipe import load_recipe
 from agents.training.runs import make_run
 from baselines.rules.decider import Decider
@@ -104,6 +106,8 @@ def train(
     seed: int = 0,
     steps: int | None = None,
     changes: Sequence[str] = (),
+    resume: bool = False,
+    on_progress: Callable[[TrainingProgress], None] | None = None,
     **options: Any,
 ) -> Decider:
     """Train an agent, as `hybridtrack train`, and return it.
@@ -112,6 +116,9 @@ def train(
         recipe: name of a recipe, or a YAML file.
         env_id, options: of the environment.
         out: run folder, new or empty; None writes nothing.
+        resume: go on from the checkpoint in the run folder, if there is one.
+        on_progress: called after each round with its progress, of which `steps` of `total` are done
+            with the mean `reward` of recent segments or ticks; what it raises ends the training.
         seed: of weights, tracks and mini-batches.
         steps: environment steps, summed over tracks; None for those of the recipe.
         changes: hyper-parameters to override, each "name=value".
@@ -120,8 +127,10 @@ def train(
         ArgumentError: an argument is not allowed.
     """
     settings = load_recipe(recipe, env_id, changes)
-    run = make_run(env_id, options, settings, seed, None if out is None else Path(out), steps)
-    run.train()
+    folder = None if out is None else Path(out)
+    begun = resume and folder is not None and has_checkpoint(folder)
+    run = make_run(env_id, options, settings, seed, folder, steps, begun)
+    run.train(on_progress)
     family = run.family(settings.name)
     decider: Decider = family.make(family.default)
     return decider

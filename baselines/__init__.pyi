@@ -21,11 +21,13 @@ from baselines.rules.msprt import MSPRTDecider as MSPRTDecider
 from baselines.rules.restarted import GLRDecider as GLRDecider
 from baselines.rules.restarted import MeanRatioDecider as MeanRatioDecider
 from baselines.rules.rollout import record_statements as record_statements
+from baselines.rules.rollout import rollout as rollout
 from baselines.rules.sprt import SPRTDecider as SPRTDecider
 from baselines.rules.sprt import sprt_thresholds as sprt_thresholds
 from baselines.rules.threshold import ThresholdDecider as ThresholdDecider
 from baselines.rules.tracker import OnlineEstimate as OnlineEstimate
 from baselines.rules.tracker import OnlineTracker as OnlineTracker
+from baselines.scoring.estimates import Estimate as Estimate
 from baselines.scoring.score import TimelineScores as TimelineScores
 from baselines.scoring.score import score as score
 from baselines.scoring.scores import Scores as Scores

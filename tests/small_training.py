@@ -61,7 +61,6 @@ SMALL_RHYTHM = (
 SMALL_FLIGHTS = ("flights=[2, 2, 2, 1]", "rows=100", "passes=1", "n_steps=50", "hidden=6")
 QUICK = {"ticks": 50, "durations": "uniform 5-20"}
 SCHEME = {"scheme": "random 2x20-30"}
-SMALL_REWARD = ("n_envs=8", "hidden=6", "batch_size=16")
 SMALL_A2C = ("n_envs=20", "n_steps=32", "policy_kwargs.net_arch=[16]")
 SMALL_Q = (
     "n_envs=20",
@@ -76,11 +75,6 @@ KINDS = {
     "ppo": ("ppo", PUBLISHED, SCHEME, SMALL_PPO),
     "anchor": ("anchor", PUBLISHED, SCHEME, SMALL_ANCHOR),
     "stopping": ("stopping", PUBLISHED, SCHEME, SMALL_STOPPING),
-    "reward": ("reward", PUBLISHED, SCHEME, SMALL_REWARD),
-    "tandem": ("tandem", PUBLISHED, SCHEME, SMALL_REWARD),
-    "kalman": ("kalman", PUBLISHED, SCHEME, SMALL_REWARD),
-    "distilled": ("distilled", PUBLISHED, SCHEME, SMALL_REWARD),
-    "transformer": ("transformer", PUBLISHED, SCHEME, SMALL_REWARD),
     "recurrent-ppo": (
         "recurrent-ppo",
         PUBLISHED,
@@ -90,8 +84,6 @@ KINDS = {
     "a2c": ("a2c", PUBLISHED, SCHEME, SMALL_A2C),
     "dqn": ("dqn", PUBLISHED, SCHEME, SMALL_Q),
     "qrdqn": ("qrdqn", PUBLISHED, SCHEME, (*SMALL_Q, "policy_kwargs.n_quantiles=5")),
-    "q-linear": ("q-linear", "HybridTrackQuickest-v0", QUICK, SMALL_Q[:-1]),
-    "jump-markov": ("jump-markov", "HybridTrackQuickest-v0", QUICK, SMALL_STATEMENTS),
     "ppo-quickest": ("ppo", "HybridTrackQuickest-v0", QUICK, SMALL_PPO),
     "statements": ("statements", "HybridTrackQuickest-v0", QUICK, SMALL_STATEMENTS),
     "rhythm": ("rhythm", "HybridTrackQuickest-v0", QUICK, SMALL_RHYTHM),

@@ -1,24 +1,13 @@
 """Values and files that once gave a traceback, a wrong step or half a result."""
 
 import errno
-import json
 import warnings
 
 import numpy as np
 import pytest
-from hostile_input import accepted, attack, counts, damaged
 
 from agents import track_recording
 from agents.cli import main
-from agents.tuning.search import (
-    JOURNAL,
-    Search,
-    best_rows,
-    ended,
-    median_rewards,
-    open_study,
-    parse_range,
-)
 from baselines.rules.rollout import evaluate
 from hybrid_env import ArgumentError, HybridTrackEnv
 from hybrid_env.wrappers import CompleteInfo
@@ -59,39 +48,6 @@ def test_results_of_a_recording_appear_together_or_not_at_all(tmp_path, monkeypa
         "modes.csv",
         "estimates.csv",
     }
-
-
-def test_a_journal_with_a_cut_last_line_goes_on_and_a_hostile_one_is_refused(tmp_path, capsys):
-    small = "tune --trials 1 --steps 512 --set n_envs=8 n_steps=32 batch_size=64 --search"
-    line = [*small.split(), "learning_rate=0.001..0.03", "--out", str(tmp_path)]
-
-    assert main(line) == 0
-    journal = tmp_path / JOURNAL
-    whole = journal.read_bytes()
-    journal.write_bytes(whole + json.dumps({"op_code": 4}).encode()[:9])
-    assert main(line) == 0
-    assert journal.read_bytes().startswith(whole)
-    capsys.readouterr()
-    journal.write_bytes(whole + b"[" * 100_000 + b"\n")
-    assert main(line) == 2
-    assert len(capsys.readouterr().err.splitlines()) == 1
-
-
-@pytest.mark.parametrize("examples", counts(40, 10_000))
-def test_a_damaged_journal_goes_on_or_is_refused(examples, tmp_path):
-    ranges = dict([parse_range("n_epochs=1..3")])
-    search = Search("hybrid_env:HybridTrackPublished-v0", {}, "ppo", (), ranges, 0, None)
-    study = open_study(search, tmp_path)
-    study.tell(study.ask(), 0.5)
-    content = (tmp_path / JOURNAL).read_bytes()
-
-    def check(changed):
-        (tmp_path / JOURNAL).write_bytes(changed)
-        study = accepted(lambda: open_study(search, tmp_path))
-        if study is not None:
-            ended(study), median_rewards(study), best_rows(study, 3)
-
-    attack(examples, damaged(content), check)
 
 
 def test_a_model_that_is_evaluated_elsewhere_than_it_was_trained_is_said():

@@ -82,7 +82,6 @@ def test_each_name_is_imported_alone_in_a_fresh_process(package, name):
         ("matplotlib.figure", "play"),
         ("unknown", None),
         ("pandas", "recordings"),
-        ("optuna", "tune"),
         ("sb3_contrib", "recurrent"),
         ("numpy", None),
     ],

@@ -172,6 +172,14 @@ def _log(values: Any) -> NDArray[np.float32]:
     return np.asarray(np.clip(np.log(values), -LARGEST_LOG, LARGEST_LOG), np.float32)
 
 
+def zero_layer(inputs: int, outputs: int) -> nn.Linear:
+    """Return a linear layer whose outputs are zero until it is trained."""
+    layer = nn.Linear(inputs, outputs)
+    for parameter in layer.parameters():
+        nn.init.zeros_(parameter)
+    return layer
+
+
 class StatementOutputs(NamedTuple):
     """Outputs of T ticks of N tracks.
 

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from agents.learned.anchor_net import LIMIT, Scales, ratios, turns_per_tick
-from agents.learned.reward_net import zero_layer
-from agents.learned.statement_net import GAIN
+from agents.learned.statement_net import GAIN, zero_layer
 from baselines.rules.decider import Observations
 from baselines.rules.msprt import mode_types
 from hybrid_env.checks import BoolArray, FloatArray, IntArray

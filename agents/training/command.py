@@ -17,11 +17,8 @@ class Train(WorldArguments):
 
     recipe: str = "ppo"
     """'ppo' (half a minute), 'anchor' (two minutes), 'anchor-all' (one agent for all environments),
-    'stopping' (the learned stop, 20 minutes), 'reward' (from rewards alone, a minute), 'tandem'
-    (MSPRT-TANDEM, two minutes), 'kalman' (KalmanNet, a minute), 'distilled' (the shipped agent in 9
-    kB, two minutes), 'transformer' (on measurements, five minutes), 'recurrent-ppo', 'a2c', 'dqn',
-    'qrdqn', 'statements', 'rhythm' and 'robust' (HybridTrackQuickest-v0, half an hour), 'q-linear',
-    'q-deep' and 'jump-markov' (HybridTrackQuickest-v0, minutes), 'flights' and 'gliders' (for
+    'stopping' (the learned stop, 20 minutes), 'recurrent-ppo', 'a2c', 'dqn', 'qrdqn', 'statements',
+    'rhythm' and 'robust' (HybridTrackQuickest-v0, half an hour), 'flights' and 'gliders' (for
     recorded flights, without an environment, 20 and 15 minutes), three ablations
     ('ppo-zero-wait-bias', 'ppo-posteriors', 'ppo-innovations'), or a YAML file.
     """

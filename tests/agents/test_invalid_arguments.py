@@ -15,9 +15,8 @@ from agents.studies.limits_command import Limits
 from agents.studies.play_command import Play
 from agents.studies.score_command import Score
 from agents.training.command import Train
-from agents.tuning.command import Tune
 
-WORLD_COMMANDS = ("compare", "train", "tune", "evaluate", "play --out x.gif")
+WORLD_COMMANDS = ("compare", "train", "evaluate", "play --out x.gif")
 QUICKEST = "--env HybridTrackQuickest-v0"
 INVALID_WORLD_ARGUMENTS = [
     ("--env NoSuch-v0", "env='NoSuch-v0'"),
@@ -139,9 +138,6 @@ INVALID_ARGUMENTS = [
     ("track good.csv --jobs 0", "jobs=0"),
     ("track good.csv --overwrite perhaps", "perhaps"),
     ("track good.csv ./good.csv", "both have the output folder"),
-    ("tune --recipe nosuch", "recipe='nosuch'"),
-    ("tune --search n_epochs=2", "search='n_epochs=2'"),
-    ("tune --trials 0", "trials=0"),
     (f"compare {QUICKEST} --deciders ate", "deciders='ate'"),
     (f"compare {QUICKEST} --episodes 999999999", "episodes=999999999"),
     (f"compare {QUICKEST} --accuracy 0.9", "accuracy=0.9"),
@@ -171,11 +167,7 @@ INVALID_ARGUMENTS += [
         ("good.csv good.csv", "--picture no/s.png", "picture='no/s.png'"),
     )
 ]
-INVALID_ARGUMENTS += [
-    ("league reward --training-seeds 0", "training-seeds=0"),
-    ("league reward --steps 0", "steps=0"),
-    ("league gliders", "deciders='gliders'"),
-]
+INVALID_ARGUMENTS += []
 INVALID_ARGUMENTS += [
     (f"{command} --error {rate}", f"error='{rate}'")
     for command in ("evaluate ate", "play --out x.gif", "track good.csv")
@@ -183,7 +175,7 @@ INVALID_ARGUMENTS += [
 ]
 INVALID_ARGUMENTS += [
     (f"{command} {flags}", message)
-    for command in ("limits", "compare", "evaluate", "tune")
+    for command in ("limits", "compare", "evaluate")
     for flags, message in (
         ("--jobs 0", "jobs=0"),
         ("--engine spark", "spark"),
@@ -223,7 +215,7 @@ def test_every_flag_has_an_invalid_value_in_the_list():
         (Score, "files"),
         (Evaluate, "deciders"),
     }
-    for kind in (Compare, Train, Evaluate, Play, Track, Limits, Tune, Score):
+    for kind in (Compare, Train, Evaluate, Play, Track, Limits, Score):
         for name in {field.name for field in fields(kind)} - {"trust"}:
             assert (kind, name) in positional or f"--{name.replace('_', '-')}" in lines, (
                 kind,

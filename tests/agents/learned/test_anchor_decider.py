@@ -1,6 +1,4 @@
-"""The anchor agent: invariances, which the agent of rewards and the learned stop share, loss and
-decisions.
-"""
+"""The anchor agent: invariances, which the learned stop shares, loss and decisions."""
 
 import functools
 from dataclasses import replace
@@ -14,7 +12,6 @@ from scipy.stats import multivariate_normal
 from agents.evaluation.registry import load_decider
 from agents.learned.anchor_decider import AnchorDecider, AnchorNetworks, errors_and_best
 from agents.learned.anchor_net import Scales
-from agents.learned.reward_net import RewardDecider, RewardNet
 from agents.learned.stopping_decider import StoppingDecider, StoppingNetworks
 from baselines import SPRTDecider
 from baselines.rules import rollout
@@ -36,19 +33,8 @@ def random_net(seed=0, hidden=12):
     return net
 
 
-def random_reward_net():
-    torch.manual_seed(0)
-    net = RewardNet(12)
-    torch.nn.init.normal_(net.output.weight, std=0.5)
-    return net
-
-
 def anchor_agent(world):
     return AnchorDecider(random_net(), world, 0.02)
-
-
-def reward_agent(world):
-    return RewardDecider(random_reward_net(), world, 0.02)
 
 
 def stopping_agent(world):
@@ -65,7 +51,7 @@ def stopping_agent(world):
     return StoppingDecider(net, world)
 
 
-every = pytest.mark.parametrize("agent", [anchor_agent, reward_agent, stopping_agent])
+every = pytest.mark.parametrize("agent", [anchor_agent, stopping_agent])
 
 
 def mirrored(rows):

@@ -16,14 +16,15 @@ from hybrid_env import ArgumentError, WorldOptions
 
 ENV = "hybrid_env:HybridTrackPublished-v0"
 SOURCE = """
-from agents.algorithms.reward import Reward
+from agents.algorithms.anchor import Anchor
 
-class Mine(Reward):
+class Mine(Anchor):
     pass
 """
 RECIPE = """
-default: {algo: "own_algorithm:Mine", n_timesteps: 200, n_envs: 4, batch_size: 8, hidden: 4,
-  learning_rate: 0.01}
+default: {algo: "own_algorithm:Mine", n_timesteps: 200, n_steps: 16, hidden: 4, batch_size: 8,
+  learning_rate: 0.01, smallest_alpha: 0.01, last_tick: 50, random_declarations: 0.1,
+  worlds: [{n_envs: 4}]}
 """
 
 

@@ -14,14 +14,12 @@ from agents.training.checkpoint import CHECKPOINT, PREVIOUS, digest
 from agents.training.recipe import load_recipe
 from agents.training.run_folder import CONFIG
 from agents.training.runs import make_run, resume_run
-from baselines.rules.measurements import OBSERVED
 from hybrid_env import Layout, QuickestLayout, QuickestOptions
 from hybrid_env.registration import environment_options
 
 KNOWN_SWITCHES = "hybrid_env:HybridTrackPublished-v0", {"scheme": "random 2x5-8"}
 ENVIRONMENTS = {
     "statements": ("hybrid_env:HybridTrackQuickest-v0", {"ticks": 8, "durations": "uniform 2-4"}),
-    "jump-markov": ("hybrid_env:HybridTrackQuickest-v0", {"ticks": 8, "durations": "uniform 2-4"}),
     "rhythm": ("hybrid_env:HybridTrackQuickest-v0", {"ticks": 8}),
     "flights": ("hybrid_env:HybridTrack-v0", {}),
 }
@@ -29,11 +27,6 @@ RECIPES = {
     "ppo": ("n_envs=4", "n_steps=16", "batch_size=32", "policy_kwargs.net_arch=[4]"),
     "anchor": ("n_steps=8", "hidden=4", "worlds=[{n_envs: 4}]"),
     "stopping": ("batch_size=8", "passes=1", "worlds=[{n_envs: 2}]", "drawn_worlds=[]"),
-    "reward": ("n_envs=4", "hidden=4", "batch_size=8"),
-    "tandem": ("n_envs=4", "hidden=4", "batch_size=8"),
-    "kalman": ("n_envs=4", "hidden=4", "batch_size=8"),
-    "distilled": ("n_envs=4", "hidden=4", "batch_size=8"),
-    "transformer": ("n_envs=4", "hidden=4", "batch_size=8"),
     "statements": (
         "n_envs=2",
         "batch_size=4",
@@ -49,7 +42,6 @@ RECIPES = {
         "batch_size=8",
         "policy_kwargs.net_arch=[4]",
     ),
-    "jump-markov": ("n_envs=2", "batch_size=4", "n_steps=4", "hidden=4"),
     "rhythm": ("n_envs=2", "batch_size=4", "n_steps=4", "hidden=4", "ticks=8"),
     "flights": ("flights=[1, 1, 1, 1]", "rows=100", "passes=1", "hidden=4"),
 }
@@ -63,7 +55,6 @@ def resume(folder):
     row = QuickestLayout if states else Layout
     widths = {
         "flights": 4,
-        "jump_markov": OBSERVED + 3,
         "rhythm": row(3).width + 19,
     }
     width = widths.get(run.recipe.algo, row(3).width)

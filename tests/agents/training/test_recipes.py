@@ -15,7 +15,7 @@ from agents.training.recipe import FOLDER, Recipe, load_recipe, recipe_names, re
 from agents.training.runs import make_run
 from hybrid_env.checks import ArgumentError
 
-ENV, QUICKEST = "hybrid_env:HybridTrackPublished-v0", "hybrid_env:HybridTrackQuickest-v0"
+ENV = "hybrid_env:HybridTrackPublished-v0"
 SMALL = load_recipe(
     "ppo",
     ENV,
@@ -26,11 +26,6 @@ LAUGHS = "a: &a [x, x]\nb: &b [*a, *a, *a, *a, *a]\n" + "".join(
     f"{chr(c + 1)}: &{chr(c + 1)} [{', '.join(['*' + chr(c)] * 9)}]\n"
     for c in range(ord("b"), ord("l"))
 )
-
-
-def home(recipe):
-    """An environment that a recipe is for."""
-    return QUICKEST if recipe.startswith("q-") else ENV
 
 
 INVALID = {
@@ -94,14 +89,6 @@ INVALID = {
         ("policy_kwargs", {"n_quantiles": 10**6}),
         ("policy", "CnnPolicy"),
     ],
-    "q-linear": [
-        ("policy_kwargs", {"net_arch": [0]}),
-        ("policy_kwargs", {"net_arch": 0}),
-    ],
-    "jump-markov": [
-        ("hidden", 10**6),
-        ("durations", []),
-    ],
     "anchor": [
         ("n_steps", 0),
         ("random_declarations", 1.0),
@@ -149,23 +136,6 @@ INVALID = {
         ("agent", 3),
         ("worlds", [{"n_envs": 10**5}]),
     ],
-    "reward": [
-        ("n_envs", 0),
-        ("n_envs", 10**6),
-        ("batch_size", 0),
-        ("hidden", 10**6),
-        ("learning_rate", 2.0),
-        ("every_row", 1),
-    ],
-    **{
-        name: [
-            ("n_envs", 0),
-            ("batch_size", 0),
-            ("hidden", 10**6),
-            ("learning_rate", 2.0),
-        ]
-        for name in ("tandem", "kalman", "distilled", "transformer")
-    },
     "recurrent-ppo": [
         ("policy_kwargs", {"lstm_hidden_size": 10**6}),
         ("policy_kwargs", {"n_lstm_layers": 10**9}),
@@ -223,7 +193,7 @@ NAMED = {
     [(recipe, *case) for recipe, cases in INVALID.items() for case in cases],
 )
 def test_invalid_settings_are_refused_in_one_line_that_names_them(recipe, name, value):
-    entry = load_recipe(recipe, home(recipe)).as_json()["entry"] | {name: value}
+    entry = load_recipe(recipe, ENV).as_json()["entry"] | {name: value}
     with pytest.raises(ArgumentError, match=NAMED.get(name, name)) as caught:
         recipe_of("mine", entry)
 
@@ -256,7 +226,7 @@ def test_recipes_are_read_changed_written_and_read_again(tmp_path):
 
 def load(path, changes=()):
     """A recipe that is used can be written to the config of a run and read again."""
-    recipe = load_recipe(str(path), home(str(path)), changes)
+    recipe = load_recipe(str(path), ENV, changes)
     again = json.loads(json.dumps(recipe.as_json()))
     assert recipe_of(again["name"], again["entry"]).as_json() == recipe.as_json()
     return recipe
@@ -331,11 +301,6 @@ def test_a_damaged_recipe_is_used_or_refused(name, examples, tmp_path):
 @pytest.mark.parametrize("name", recipe_names())
 def test_the_recipes_of_the_package_are_used(name):
     assert load(name).name == name
-
-
-def test_a_recipe_for_unknown_switches_alone_is_refused_in_other_environments():
-    with pytest.raises(ArgumentError, match="an entry for HybridTrackPublished-v0 or default"):
-        load_recipe("q-deep", ENV)
 
 
 def test_objects_that_move_otherwise_than_told_are_for_agents_that_read_rows_of_plain_noise(

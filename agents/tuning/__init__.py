@@ -1,1 +1,0 @@
-"""Search for hyper-parameters of a recipe with Optuna: ranges and trials (`search`)."""

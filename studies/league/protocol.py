@@ -1,0 +1,203 @@
+"""The protocol of the league: worlds, episodes, and the file of a decider, with a digest of its
+contents.
+"""
+
+import base64
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import joblib
+import numpy as np
+from numpy.typing import NDArray
+
+from agents import Task, find_family, select_threshold, sweep, task_of
+from baselines import Decider, Scores
+from hybrid_env import ArgumentError, Layout, QuickestLayout
+from studies.league.distilled import Distilled
+from studies.league.jump_markov import JumpMarkov
+from studies.league.kalman import Kalman
+from studies.league.reward import Reward
+from studies.league.tandem import Tandem
+from studies.league.transformer import Transformer
+
+# Weights of these algorithms can be loaded, because they are imported.
+RIVALS = (Distilled, JumpMarkov, Kalman, Reward, Tandem, Transformer)
+# Number of the protocol; it rises when worlds, episodes or metrics change.
+PROTOCOL = 1
+# Little-endian float32.
+REWARD = "<f4"
+KINDS = ("informed", "recurrent", "memoryless", "classical")
+# Three hypotheses, 21 hypotheses, and three with unknown switch moments.
+THREE = "hybrid_env:HybridTrackPublished-v0"
+BANK = "hybrid_env:HybridTrackPublishedBank-v0"
+QUICKEST = "hybrid_env:HybridTrackQuickest-v0"
+# Of the first reported episode; no other study reports these episodes.
+SEED = 600_000_000
+PACKAGES = ("hybrid-track", "stable-baselines3", "torch", "numpy", "numba")
+WORLDS: dict[str, tuple[str, dict[str, Any]]] = {
+    "R = 0.01": (THREE, {"measurement_variance": 0.01}),
+    "R = 0.1": (THREE, {}),
+    "R = 1": (THREE, {"measurement_variance": 1.0}),
+    "5 % outliers": (THREE, {"noise": "outliers 0.05"}),
+    "Q x 10": (THREE, {"process_variance": 0.01}),
+    "21 modes, R = 0.1": (BANK, {}),
+    "21 modes, R = 1": (BANK, {"measurement_variance": 1.0}),
+    "unknown, R = 0.01": (QUICKEST, {"measurement_variance": 0.01}),
+    "unknown, R = 0.1": (QUICKEST, {}),
+    "unknown, R = 1": (QUICKEST, {"measurement_variance": 1.0}),
+    "unknown, uniform 50-100": (QUICKEST, {"durations": "uniform 50-100"}),
+    "unknown, 5 % outliers": (QUICKEST, {"noise": "outliers 0.05"}),
+}
+"""Environment and changed options of each world."""
+QUICK_WORLDS = ("R = 0.1", "R = 1", "unknown, R = 0.1")
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """What is played; other values than the defaults give figures that do not compare."""
+
+    # Names of `WORLDS`.
+    worlds: Sequence[str] = tuple(WORLDS)
+    # Reported episodes of each world by environment; as many others select the threshold.
+    episodes: Mapping[str, int] = field(
+        default_factory=lambda: {THREE: 600, BANK: 600, QUICKEST: 150}
+    )
+    # Number of processes; -1 for one on each core. The results do not depend on it.
+    jobs: int = 1
+
+    def some(self, env_id: str) -> list[str]:
+        """Return the worlds of an environment."""
+        return [world for world in self.worlds if WORLDS[world][0] == env_id]
+
+    def parallel(self, calls: Sequence[Callable[[], Any]]) -> Iterator[Any]:
+        """Yield the results of calls, in their order."""
+        parallel = joblib.Parallel(n_jobs=self.jobs, return_as="generator")
+        yield from parallel(joblib.delayed(call)() for call in calls)
+
+
+def world_task(world: str) -> Task:
+    """Return the task of a world."""
+    env_id, options = WORLDS[world]
+    return task_of(env_id, options)
+
+
+def play_world(name: str, world: str, episodes: int) -> dict[str, Any]:
+    """Return title, kind, threshold, metrics and rewards of a decider in a world, or why there
+    are none.
+
+    The threshold with the best reward is selected, on other episodes than those reported.
+    """
+    task = world_task(world)
+    try:
+        family = find_family(name, task.options)
+        threshold = select_threshold(task, family, episodes)
+        scores = sweep(task, family, episodes, SEED, thresholds=(threshold,))
+    except ArgumentError as error:
+        return {"refused": str(error)}
+    estimates = {
+        metric.name: scores.estimate(metric.statistic).as_json() for metric in task.metrics
+    }
+    return {
+        "title": family.name,
+        "kind": kind_of(family.make(threshold), task),
+        "threshold": threshold,
+        "metrics": estimates,
+        "rewards": pack(scores.of(task.goal, 0)),
+    }
+
+
+def kind_of(decider: Decider, task: Task) -> str:
+    """Return "informed" of what a user does not know, "classical" rule, "recurrent" with memory,
+    or "memoryless".
+    """
+    if decider.informed:
+        return "informed"
+    if type(decider).__module__.startswith("baselines.rules.") and type(decider).name:
+        return "classical"
+    if decider.observes == "tracks":
+        return "recurrent"
+    layout = Layout if task.waits else QuickestLayout
+    rows = np.zeros((1, layout(task.options.hypotheses).width), np.float32)
+    _, state = decider.predict(rows, None, np.ones(1, np.bool_))
+    return "memoryless" if state is None else "recurrent"
+
+
+def collect(name: str, results: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
+    """Return the entry of a decider from what it did in each world; refuse one that can decide
+    in none.
+    """
+    played = [result for result in results.values() if "refused" not in result]
+    if not played:
+        raise ArgumentError(next(iter(results.values()))["refused"])
+    worlds = {
+        world: {key: value for key, value in result.items() if key not in ("title", "kind")}
+        for world, result in results.items()
+    }
+    return make_entry(name, played[0]["title"], played[0]["kind"], worlds)
+
+
+def make_entry(
+    decider: str,
+    title: str,
+    kind: str,
+    worlds: dict[str, Any],
+    cost: dict[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Return the contents of a file, with a digest of them; `cost` is that of a trained family."""
+    entry = {
+        "protocol": PROTOCOL,
+        "versions": {package: version(package) for package in PACKAGES},
+        "decider": decider,
+        "title": title,
+        "kind": kind,
+        "worlds": worlds,
+    }
+    entry |= {} if cost is None else {"cost": cost}
+    return entry | {"digest": digest(entry)}
+
+
+def read_entry(path: Path) -> dict[str, Any]:
+    """Read the file of a decider; refuse one that was changed, or is of another protocol or
+    version.
+    """
+    mine = version("hybrid-track")
+    try:
+        entry: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        unchanged = entry["digest"] == digest(entry)
+        origin = entry["protocol"], entry["versions"]["hybrid-track"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise ArgumentError(f"{path} is no file of the league ({error})") from None
+    if not unchanged:
+        raise ArgumentError(f"{path} was changed by hand")
+    if origin != (PROTOCOL, mine):
+        now = "protocol {} of version {}"
+        raise ArgumentError(
+            f"{path} is of {now.format(*origin)}: expected {now.format(PROTOCOL, mine)}"
+        )
+    return entry
+
+
+def pack(rewards: NDArray[np.float64]) -> str:
+    """Return the rewards of episodes (E,) as text: float32 in base 64."""
+    return base64.b64encode(rewards.astype(REWARD).tobytes()).decode()
+
+
+def scores_of(entry: Mapping[str, Any], world: str) -> Scores | None:
+    """Return the rewards of all episodes in a world; None where it did not play."""
+    content = entry["worlds"].get(world, {})
+    if "rewards" not in content:
+        return None
+    rewards = np.frombuffer(base64.b64decode(content["rewards"]), REWARD).astype(np.float64)
+    thresholds = (content["threshold"],)
+    return Scores(entry["title"], "", thresholds, ("reward",), rewards[:, None, None])
+
+
+def digest(entry: Mapping[str, Any]) -> str:
+    """Return the digest of an entry, without the one that it states."""
+    content = {key: value for key, value in entry.items() if key != "digest"}
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
