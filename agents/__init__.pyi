@@ -10,6 +10,10 @@ from agents.functions import compare as compare
 from agents.functions import evaluate as evaluate
 from agents.functions import load as load
 from agents.functions import train as train
+from agents.learned.statement_decider import UtilityDecider as UtilityDecider
 from agents.recordings.tracking import track_recording as track_recording
+from agents.training.expected_reward import ExpectedRewardAlgorithm as ExpectedRewardAlgorithm
+from agents.training.expected_reward import ExpectedRewardSettings as ExpectedRewardSettings
+from agents.training.expected_reward import StatementBatch as StatementBatch
 from agents.training.recipe import load_recipe as load_recipe
 from agents.training.vec_env import as_vec_env as as_vec_env

@@ -8,8 +8,11 @@ from baselines.estimation.imm import IMMFilter as IMMFilter
 from baselines.estimation.kalman import KalmanFilter as KalmanFilter
 from baselines.estimation.motion_models import MotionModel as MotionModel
 from baselines.estimation.run_filter import run_filter as run_filter
+from baselines.estimation.smoother import smooth as smooth
 from baselines.estimation.track_filter import TrackFilter as TrackFilter
 from baselines.recordings.ate import track_ate as track_ate
+from baselines.recordings.reading.igc import IgcLog as IgcLog
+from baselines.recordings.reading.igc import parse_igc as parse_igc
 from baselines.recordings.reading.read import read_recordings as read_recordings
 from baselines.rules.beam import BeamDecider as BeamDecider
 from baselines.rules.change_detection import CusumDecider as CusumDecider
@@ -34,3 +37,6 @@ from baselines.scoring.scores import Scores as Scores
 from baselines.scoring.scores import Statistic as Statistic
 from baselines.scoring.statements import Statements as Statements
 from baselines.scoring.statements import measure_statements as measure_statements
+from baselines.scoring.timelines import Timeline as Timeline
+from baselines.scoring.timelines import TimelineCounts as TimelineCounts
+from baselines.scoring.timelines import count_timeline as count_timeline

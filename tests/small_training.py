@@ -12,7 +12,6 @@ import pytest
 import torch
 
 from agents.algorithms import anchor
-from agents.algorithms.flights import Flights
 from agents.learned.policy_file import load_policy
 from agents.training import learning_curve
 from agents.training.recipe import load_recipe
@@ -58,7 +57,6 @@ SMALL_RHYTHM = (
     "durations=[drawn, geometric 30]",
     "ticks=50",
 )
-SMALL_FLIGHTS = ("flights=[2, 2, 2, 1]", "rows=100", "passes=1", "n_steps=50", "hidden=6")
 QUICK = {"ticks": 50, "durations": "uniform 5-20"}
 SCHEME = {"scheme": "random 2x20-30"}
 SMALL_A2C = ("n_envs=20", "n_steps=32", "policy_kwargs.net_arch=[16]")
@@ -87,7 +85,6 @@ KINDS = {
     "ppo-quickest": ("ppo", "HybridTrackQuickest-v0", QUICK, SMALL_PPO),
     "statements": ("statements", "HybridTrackQuickest-v0", QUICK, SMALL_STATEMENTS),
     "rhythm": ("rhythm", "HybridTrackQuickest-v0", QUICK, SMALL_RHYTHM),
-    "flights": ("flights", "HybridTrack-v0", {}, SMALL_FLIGHTS),
 }
 """Recipe, environment, its options and changed hyper-parameters."""
 WALL_CLOCK = ("seconds", "time/fps", "time/time_elapsed")
@@ -98,7 +95,6 @@ def log_often(set_value=setattr):
     set_value(learning_curve, "FIRST_EVALUATION", 1000)
     set_value(learning_curve, "EPISODES", 5)
     set_value(learning_curve.LearningCurve, "reference_reward", 0.5)
-    set_value(Flights, "curve_flights", (1, 1, 1, 1))
     set_value(anchor, "LOG_EVERY", 2)
 
 

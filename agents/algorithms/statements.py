@@ -16,9 +16,9 @@ from agents.evaluation.tasks import task_of
 from agents.learned.statement_decider import StatementDecider, UtilityDecider
 from agents.learned.statement_net import count_ages, statement_inputs
 from agents.training.expected_reward import (
-    Batch,
     ExpectedRewardAlgorithm,
     ExpectedRewardSettings,
+    StatementBatch,
 )
 from agents.training.settings import LARGEST_ROUND, two_factors
 from baselines.recordings.log_uniform import log_uniform
@@ -140,7 +140,7 @@ class TrackAlgorithm(ExpectedRewardAlgorithm):
             raise reject("n_envs", self.settings.n_envs, allowed)
         self.round_steps = self._round_tracks * self._ticks
 
-    def batches(self) -> Iterator[Batch]:
+    def batches(self) -> Iterator[StatementBatch]:
         """Simulate the tracks of a round, and divide them at random."""
         number = self.num_timesteps // self.round_steps
         first = seeds.TRAINING + self.seed * 10**9 + number * self._round_tracks
@@ -159,7 +159,7 @@ class TrackAlgorithm(ExpectedRewardAlgorithm):
                 array[:, order[start : start + self.settings.batch_size]] for array in arrays
             )
             costs = torch.full(modes.shape, self.world.change_cost)
-            yield Batch(inputs, logs, modes, costs, torch.ones(modes.shape))
+            yield StatementBatch(inputs, logs, modes, costs, torch.ones(modes.shape))
 
     def _draw_world(self, generator: np.random.Generator, law: str | None) -> QuickestOptions:
         if law is None:

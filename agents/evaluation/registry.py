@@ -12,15 +12,7 @@ import numpy as np
 
 from agents import learned
 from agents.interface.help_texts import shown_default
-from baselines.rules.decider import (
-    ANNOUNCED,
-    FLIGHTS,
-    GLIDERS,
-    UNKNOWN,
-    Decider,
-    DeciderFamily,
-    rules,
-)
+from baselines.rules.decider import ANNOUNCED, UNKNOWN, Decider, DeciderFamily, rules
 from baselines.rules.msprt import TypeDeclarations
 from baselines.rules.own import find_own, own_family, own_names, own_options
 from hybrid_env.checks import reject
@@ -30,24 +22,21 @@ from hybrid_env.quickest_options import QuickestOptions
 TASKS = {
     ANNOUNCED: "known switch moments",
     UNKNOWN: "unknown switch moments",
-    FLIGHTS: "recorded flights",
-    GLIDERS: "flights of gliders",
 }
 """What agents decide, in messages."""
 
 
-def learned_family(folder: Path, options: Any = None, recorded: str = FLIGHTS) -> DeciderFamily:
+def learned_family(folder: Path, options: Any) -> DeciderFamily:
     """Return the agent of a folder at any threshold, for any training algorithm.
 
-    `options` are those of the environment to decide in; without any, it decides on `recorded`
-    flights.
+    `options` are those of the environment to decide in.
     """
     # PyTorch is imported only here, because it loads slowly.
     from agents.algorithms import find_algorithm
     from agents.learned.policy_file import card_task, load_policy
 
     weights, card = load_policy(folder)
-    task = recorded if options is None else options.switches
+    task = options.switches
     if card_task(card) != task:
         raise reject("decider", str(folder), f"a policy for {TASKS[task]}")
     algorithm = find_algorithm(card["recipe"]["entry"]["algo"])

@@ -10,17 +10,16 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
 
 from agents.figures.canvas import DARK_GREY, GREY, legend_beside, new_canvas, plain_axes
 from agents.figures.decider_colours import decider_styles
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
-from hybrid_env.rendering.evidence import TYPE_COLOURS, mode_colour, mode_name, shade
+from hybrid_env.rendering.evidence import mode_colour, mode_name
 
-# In place of a mode at ticks before a declaration, and at those that are not drawn.
-UNDECIDED, NO_BAR = -1, -2
+# In place of a mode at ticks before a declaration.
+UNDECIDED = -1
 UNDECIDED_COLOUR = "0.92"
 WRONG_HATCH = "xxx"
 # Of a character, as a share of the time axis.
@@ -28,8 +27,6 @@ NAME_LENGTH = 0.009
 
 # Of the first and of the second decider, whose changes may coincide.
 MARKER_SIZES = (12.0, 7.0)
-UNSCORED = "#c8c8c8"
-LABEL_WIDTH, STATED_WIDTH = 6.0, 1.6
 
 
 def runs(values: IntArray, breaks: ArrayLike = ()) -> list[tuple[int, int, int]]:
@@ -54,18 +51,14 @@ def draw_by_mode(
     points: FloatArray,
     modes: IntArray,
     colours: Sequence[str],
-    pieces: Sequence[tuple[int, int]] | None = None,
     **style: Any,
 ) -> None:
-    """Draw a line through the points (T, 2) of each piece, or of all, in the colour of the mode
-    of each point.
-    """
+    """Draw a line through the points (T, 2) in the colour of the mode of each point."""
     lines = []
     shades = []
-    for first, end in [(0, len(modes))] if pieces is None else pieces:
-        for begin, stop, mode in runs(modes[first:end]):
-            lines.append(points[max(first + begin - 1, first) : first + stop])
-            shades.append(colours[mode])
+    for begin, stop, mode in runs(modes):
+        lines.append(points[max(begin - 1, 0) : stop])
+        shades.append(colours[mode])
     axes.add_collection(LineCollection(lines, colors=shades, capstyle="butt", **style))
     axes.autoscale_view()
 
@@ -174,64 +167,6 @@ def track_figure(records: Sequence[TrackRecord], radii: Sequence[float], title: 
     return canvas
 
 
-def recording_figure(
-    points: FloatArray,
-    minutes: FloatArray,
-    pieces: Sequence[tuple[int, int]],
-    labels: IntArray,
-    stated: Mapping[str, IntArray],
-    names: Sequence[str],
-    title: str,
-    label: str = "label",
-) -> Figure:
-    """A recorded track by the modes of the first decider over the labels, and all modes over time.
-
-    Points (n, 2) in km, times (n,) in min; pieces without gaps have a first row and one after the
-    last. Labels (n,) are modes 0 .. 2, or 3 where they do not count, drawn as a wide pale line;
-    statements (n,) of deciders come by name.
-    """
-    width, height = np.maximum(1000.0 * np.ptp(points, axis=0), 1.0)
-    tall = float(np.clip(9.0 * height / width, 3.5, 8.0))
-    bars = 0.8 + 0.3 * (1 + len(stated))
-    canvas = new_canvas((10.0, tall + bars + 1.2))
-    ground, timeline = canvas.subplots(2, 1, height_ratios=(tall, bars))
-    name, modes = next(iter(stated.items()))
-    pale = [shade(colour, 0.6) for colour in TYPE_COLOURS] + [UNSCORED]
-    draw_by_mode(ground, points, labels, pale, pieces, linewidths=LABEL_WIDTH, zorder=1)
-    draw_by_mode(ground, points, modes, TYPE_COLOURS, pieces, linewidths=STATED_WIDTH, zorder=2)
-    ground.plot(*points[0], "s", color="black", markersize=5, zorder=3)
-    ground.set_aspect("equal", adjustable="datalim")
-    ground.grid(alpha=0.25)
-    ground.set(xlabel="x east [km]", ylabel="y north [km]")
-    inside = np.zeros(len(minutes), np.bool_)
-    for first, end in pieces:
-        # The last position ends the last bar.
-        inside[first : end - 1] = True
-    rows = {
-        one: np.where(inside, values, NO_BAR) for one, values in {label: labels, **stated}.items()
-    }
-    edges = np.append(minutes, minutes[-1])
-    draw_timelines(timeline, edges, rows, [*TYPE_COLOURS, UNSCORED], "t [min]")
-    canvas.suptitle(title)
-    handles = [
-        Line2D([], [], color=TYPE_COLOURS[k], linewidth=2.5, label=mode)
-        for k, mode in enumerate(names)
-    ]
-    wide = {pale[1]: f"pale: {label}"} | (
-        {UNSCORED: "not scored"} if (labels == len(names)).any() else {}
-    )
-    handles += [
-        Line2D([], [], color=one, linewidth=LABEL_WIDTH, label=text) for one, text in wide.items()
-    ]
-    canvas.legend(
-        handles=handles,
-        loc="outside right upper",
-        frameon=False,
-        title=f"line: {name}",
-    )
-    return canvas
-
-
 def draw_timelines(
     axes: Any,
     edges: ArrayLike,
@@ -258,8 +193,6 @@ def draw_timelines(
         for first, end, key in runs(2 * modes + hatched, breaks):
             mode = key // 2
             span = (limits[first], limits[end])
-            if mode == NO_BAR:
-                continue
             colour = UNDECIDED_COLOUR if mode == UNDECIDED else colours[mode]
             axes.barh(
                 height,

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import tyro
 from docstring_parser import parse_from_object
 
-from baselines.rules.decider import ANNOUNCED, FLIGHTS, GLIDERS, UNKNOWN, rules
+from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
 
 # Defaults of flags that are not given; the help text then says what happens without the flag.
 NO_DEFAULT = (None, ())
@@ -38,14 +38,14 @@ def _prepare_flags(kind: type) -> None:
     """Join the lines of each flag's docstring, name the rules, and show no default where there
     is none.
 
-    "{announced}", "{unknown}", "{flights}" and "{gliders}" in a docstring stand for the names of
+    "{announced}" and "{unknown}" in a docstring stand for the names of
     the rules of a task.
     """
     texts: dict[str, str] = {}
     for base in reversed(kind.__mro__[:-1]):
         found = {one.arg_name: one.description for one in parse_from_object(base).params}
         texts |= {flag: " ".join(text.split()) for flag, text in found.items() if text}
-    for task in (ANNOUNCED, UNKNOWN, FLIGHTS, GLIDERS):
+    for task in (ANNOUNCED, UNKNOWN):
         names = ", ".join(f"'{name}'" for name in rules(task))
         texts = {flag: text.replace(f"{{{task}}}", names) for flag, text in texts.items()}
     hints = typing.get_type_hints(kind, include_extras=True)

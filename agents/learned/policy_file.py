@@ -79,9 +79,6 @@ def load_policy(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
     """
     try:
         card = read_json(folder / CARD)
-        # The card of an agent for flights that was trained without a recipe.
-        if "settings" in card:
-            card["recipe"] = {"name": "flights", "entry": {"algo": "flights", **card["settings"]}}
         algo = card["recipe"]["entry"]["algo"]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise unreadable_policy(folder, error) from None

@@ -5,7 +5,7 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -191,9 +191,7 @@ class Track(TrackingArguments, TrustArguments, FileArguments):
     trajectory.
 
     Writes modes.csv, estimates.csv and track.png. Rows are counted from 1. What is not given, such
-    as noise and turn radii, is found from the recording; lengths and times may have any unit. Of a
-    glider's flight log (IGC), without further flags, it writes the circles instead: circles.csv and
-    track.png.
+    as noise and turn radii, is found from the recording; lengths and times may have any unit.
     """
 
     picture: bool | None = None
@@ -219,14 +217,6 @@ class Track(TrackingArguments, TrustArguments, FileArguments):
         own inside.
         """
         check_free(folder, self.overwrite)
-        given = {one.name for one in fields(self) if getattr(self, one.name) != one.default}
-        if not given - {"files", "out", "overwrite", "jobs", "picture"}:
-            from agents.recordings.gliders import track_glider
-            from baselines.recordings.reading.files import read_igc
-
-            log = read_igc(path)
-            if log is not None:
-                return track_glider(path.name, log, folder, bool(self.picture))
         found = self.read(path)
         results = [self.track(recording) for recording in found.recordings]
         lines = [found.summary]

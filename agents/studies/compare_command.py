@@ -25,36 +25,17 @@ from hybrid_env.extras import explained
 
 
 @dataclass(kw_only=True)
-class FlightArguments:
-    """Flags of recorded flights of aircraft and of gliders."""
+class SimulatorArguments:
+    """Flags of simulators of others."""
 
-    flights: tuple[str, ...] | None = None
-    """Compare on recorded flights of the package 'traffic': without a value on those of the tiers,
-    else on these ids file:icao24:k.
-    """
-    gliders: bool = False
-    """Compare on flights of paragliders: the logs in igc-xc-score-1.8.0.tgz, which --source
-    names.
-    """
-    sealed: bool = False
-    """With --gliders: open the sealed logs too; with --simulators: the sealed paths instead.
-    Refused if code, weights or settings are not those of the seal.
-    """
-    source: Path | None = None
-    """With --flights: folder or wheel of the package 'traffic'; by default where it is installed.
-    With --gliders: the archive or a folder with its logs.
-    """
-    tier: tuple[Literal["A", "B", "C", "D", "stress"], ...] = ("A", "B", "C", "D", "stress")
-    """With --flights: tiers of quality, and flights with special manoeuvres, which no total
-    contains.
-    """
-    form: Literal["native", "semi-real"] = "native"
-    """With --flights: as reported, or the smoothed flight with white noise in the setting of
-    HybridTrackQuickest-v0, whose deciders are then compared, 'shipped' among them."""
     simulators: tuple[Literal["jsbsim", "bluesky", "sumo"], ...] | None = None
     """Compare on aircraft of JSBSim, airliners of BlueSky and cars of SUMO (extra 'simulators'),
     without a value on all: each in 27 worlds of three kinds, ticks and noises, the agent at its
     default threshold and rules that are tuned in each.
+    """
+    sealed: bool = False
+    """With --simulators: the sealed paths instead. Refused if code, weights or settings are not
+    those of the seal.
     """
 
 
@@ -64,7 +45,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(kw_only=True)
-class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments):
+class Compare(WorldArguments, TrustArguments, ParallelArguments, SimulatorArguments):
     """Compare learned agents with classical decision rules on the same episodes.
 
     The defaults train PPO for half a minute and take about two minutes on two cores. With --env
@@ -76,9 +57,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         tuple[str, ...] | None, shown_default("the usual rules of the environment")
     ] = None
     """Classical rules, or rules of your own ('mine.py:MyRule'); the first is the reference.
-    Announced switches: {announced}. Unknown switches: {unknown}. With --flights: {flights}, with an
-    optional ':threshold', or the folder of an agent. With --gliders: {gliders}, 'agent', or the
-    folder of an agent.
+    Announced switches: {announced}. Unknown switches: {unknown}.
     """
     agents: Annotated[
         tuple[str, ...] | None,
@@ -114,29 +93,16 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
     out: Path = Path("results")
     """Folder for compare.png (operating curves), episode.png (the episode on which the best agent
     and the reference differ most), compare.json, and agents (a run folder for each trained agent).
-    With --flights for flights.json and a picture of each flight, with --gliders for gliders.json
-    and gliders.png.
     """
 
     def run(self) -> None:
         """Train, score, print the tables and write the figures and compare.json."""
-        for flag, allowed, study in (
-            (
-                "simulators",
-                {"sealed", "episodes", "seed", "jobs", "engine"},
-                self._compare_simulators,
-            ),
-            ("gliders", {"sealed", "source", "jobs", "engine"}, self._compare_gliders),
-            ("flights", {"source", "tier", "form"}, self._compare_flights),
-        ):
-            if getattr(self, flag) not in (None, False):
-                self._refuse(allowed | {flag}, f"no value with --{flag}")
-                return study()
-        recorded = {field.name for field in fields(FlightArguments)}
-        self._refuse(
-            {field.name for field in fields(self)} - recorded,
-            "no value without --flights or --gliders",
-        )
+        if self.simulators is not None:
+            allowed = {"simulators", "sealed", "episodes", "seed", "jobs", "engine"}
+            self._refuse(allowed, "no value with --simulators")
+            return self._compare_simulators()
+        if self.sealed:
+            raise reject("sealed", True, "no value without --simulators")
         return self._compare()
 
     def _refuse(self, allowed_flags: set[str], allowed: str) -> None:
@@ -165,37 +131,6 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         for table in study.tables(result):
             console.print(table)
         print_lines(console, written)
-
-    def _compare_gliders(self) -> None:
-        from agents.studies import gliders_study as study
-
-        if self.source is None:
-            raise reject(
-                "source",
-                None,
-                "the archive igc-xc-score-1.8.0.tgz (npm pack igc-xc-score@1.8.0)",
-            )
-        names = self.deciders or study.default_names()
-        work = functools.partial(
-            study.compare_on_gliders,
-            self.source,
-            names,
-            self.workers(),
-            sealed=self.sealed,
-        )
-        self._show("Gliders", study, study.steps(names, self.sealed), work)
-
-    def _compare_flights(self) -> None:
-        from agents.evaluation.flights import FlightTask
-        from agents.studies import flights_study as study
-
-        task = FlightTask(self.source, self.flights or (), self.tier, self.form)
-        deciders = self.deciders or task.compared
-        if len(set(deciders)) < len(deciders):
-            raise reject("deciders", deciders, "different names")
-        names = {name: task.label(name) for name in deciders}
-        work = functools.partial(study.compare_on_flights, task, names)
-        self._show("Flights", study, study.steps(task, len(names)), work)
 
     def _compare_simulators(self) -> None:
         from agents.evaluation.simulators import COMPARED, SIMULATORS, simulator_worlds

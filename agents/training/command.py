@@ -18,8 +18,7 @@ class Train(WorldArguments):
     recipe: str = "ppo"
     """'ppo' (half a minute), 'anchor' (two minutes), 'anchor-all' (one agent for all environments),
     'stopping' (the learned stop, 20 minutes), 'recurrent-ppo', 'a2c', 'dqn', 'qrdqn', 'statements',
-    'rhythm' and 'robust' (HybridTrackQuickest-v0, half an hour), 'flights' and 'gliders' (for
-    recorded flights, without an environment, 20 and 15 minutes), three ablations
+    'rhythm' and 'robust' (HybridTrackQuickest-v0, half an hour), three ablations
     ('ppo-zero-wait-bias', 'ppo-posteriors', 'ppo-innovations'), or a YAML file.
     """
     set: Annotated[tuple[str, ...], shown_default("those of the recipe")] = ()

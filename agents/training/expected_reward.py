@@ -47,7 +47,7 @@ class ExpectedRewardSettings(NetworkSettings):
         ranged(0.0, LARGEST_WEIGHT)("belief_weight", self.belief_weight)
 
 
-class Batch(NamedTuple):
+class StatementBatch(NamedTuple):
     """T ticks of N tracks, of which an agent states the mode."""
 
     # (T, N, M - 1, inputs) of the network.
@@ -61,9 +61,12 @@ class Batch(NamedTuple):
     # (T, N) of the reward of each tick.
     weight: Tensor
 
-    def split(self, ticks: int) -> Iterator["Batch"]:
+    def split(self, ticks: int) -> Iterator["StatementBatch"]:
         """Divide it into parts of `ticks` ticks; the last one may be shorter."""
-        return (Batch(*parts) for parts in zip(*(part.split(ticks) for part in self), strict=True))
+        return (
+            StatementBatch(*parts)
+            for parts in zip(*(part.split(ticks) for part in self), strict=True)
+        )
 
 
 def change_probabilities(utility: Tensor, stay: Tensor) -> Tensor:
@@ -78,7 +81,7 @@ def change_probabilities(utility: Tensor, stay: Tensor) -> Tensor:
 
 def expected_reward(
     outputs: StatementOutputs,
-    batch: Batch,
+    batch: StatementBatch,
     last: Tensor | None,
 ) -> tuple[Tensor, Tensor]:
     """Return the expected mean reward of a tick (N,), and the probabilities of the last
@@ -109,7 +112,7 @@ def expected_reward(
     return (batch.weight * reward).mean(0), probability
 
 
-def cross_entropy(outputs: StatementOutputs, batch: Batch) -> Tensor:
+def cross_entropy(outputs: StatementOutputs, batch: StatementBatch) -> Tensor:
     """Return the weighted mean cross-entropy of the present mode."""
     beliefs = outputs.belief.flatten(0, 1)
     each = nn.functional.cross_entropy(beliefs, batch.true_modes.flatten(), reduction="none")
@@ -144,7 +147,7 @@ class ExpectedRewardAlgorithm(NetworkAlgorithm):
         """Check what is to be simulated, and set `round_steps`."""
 
     @abstractmethod
-    def batches(self) -> Iterator[Batch]:
+    def batches(self) -> Iterator[StatementBatch]:
         """Simulate the batches of the next round."""
 
     def restore_values(self, values: dict[str, Any]) -> None:
@@ -157,7 +160,7 @@ class ExpectedRewardAlgorithm(NetworkAlgorithm):
         metrics = {"expected_reward": reward, "cross_entropy": float(np.mean(entropies))}
         return self.round_steps, reward, math.nan, metrics
 
-    def _train_on(self, batch: Batch) -> tuple[float, float]:
+    def _train_on(self, batch: StatementBatch) -> tuple[float, float]:
         """Make one step of the optimizer for each part; return the means of reward and
         cross-entropy.
         """
@@ -184,6 +187,6 @@ class ExpectedRewardAlgorithm(NetworkAlgorithm):
         mean: NDArray[np.float64] = totals / len(parts)
         return float(mean[0]), float(mean[1])
 
-    def further_loss(self, outputs: StatementOutputs, batch: Batch) -> Tensor | float:
+    def further_loss(self, outputs: StatementOutputs, batch: StatementBatch) -> Tensor | float:
         """Return what is added to the loss of a part."""
         return 0.0

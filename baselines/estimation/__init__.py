@@ -1,6 +1,5 @@
 """Filters that estimate a trajectory without decisions. All filters of kinematic models have the
 interface of `track_filter.TrackFilter`; `run_filter.run_filter` runs one over a recording (T, B,
-d), and `smoother.smooth` its output backwards. `turns` and `turn_beam` state modes of recorded
-flights by filters for known turn rates. May import: `hybrid_env`. Never another room of
+d), and `smoother.smooth` its output backwards. May import: `hybrid_env`. Never another room of
 `baselines`, nor `agents`.
 """

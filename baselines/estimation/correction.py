@@ -183,37 +183,6 @@ class Correntropy(Robust):
         return Factors(state, state * (2.0 - state * (predicted + variance)), log_likelihood)
 
 
-@dataclass(frozen=True)
-class WholeStudentT:
-    """Innovations with a Student t distribution in the plane, one weight for all components of a
-    measurement: the expected relative precision given the innovation, at most 1. Lange, Little &
-    Taylor 1989, eq. (4).
-    """
-
-    # Degrees of freedom nu.
-    freedom: float
-
-    def weigh(
-        self,
-        innovation: FloatArray,
-        spread: FloatArray,
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return weights, by which variances are divided, log-likelihoods and squared
-        innovations, (...) each.
-        """
-        a = spread[..., 0, 0]
-        b = spread[..., 0, 1]
-        c = spread[..., 1, 1]
-        x = innovation[..., 0]
-        y = innovation[..., 1]
-        determinant = a * c - b * b
-        nis = (c * x * x - 2.0 * b * x * y + a * y * y) / determinant
-        shape = np.log1p(nis / self.freedom) * (0.5 * self.freedom + 1.0)
-        log_likelihood = -LOG_TWO_PI - 0.5 * np.log(determinant) - shape
-        weight = np.minimum((self.freedom + 2.0) / (self.freedom + nis), 1.0)
-        return weight, log_likelihood, nis
-
-
 class PrincipalNoise(NamedTuple):
     """Covariances of measurements along their principal axes."""
 
@@ -256,28 +225,16 @@ def correct(
     covariance: FloatArray,
     measurement: FloatArray,
     noise: PrincipalNoise,
-    robust: Robust | WholeStudentT | None = None,
+    robust: Robust | None = None,
 ) -> Corrected:
     """Correct predicted estimates, (..., n) and (..., n, n), by measured positions (..., d) [m].
-    `robust` says how components far from the prediction are used, or whole measurements; None is
-    the Kalman filter.
+    `robust` says how components far from the prediction are used; None is the Kalman filter.
     """
     state, covariance = state.copy(), covariance.copy()
     lead = state.shape[:-1]
     d = measurement.shape[-1]
     m = state.shape[-1] // d
     variances = np.broadcast_to(noise.variances, (*lead, d))
-    whole = isinstance(robust, WholeStudentT)
-    if isinstance(robust, WholeStudentT):
-        difference = measurement - state[..., ::m]
-        spread = covariance[..., ::m, ::m]
-        # Along the principal axes.
-        if noise.axes is not None:
-            difference = (difference[..., None, :] @ noise.axes)[..., 0, :]
-            spread = noise.axes.swapaxes(-1, -2) @ spread @ noise.axes
-        spread = spread + noise.variances[..., None] * np.eye(d)
-        weight, of_whole, nis_of_whole = robust.weigh(difference, spread)
-        variances, robust = variances / weight[..., None], None
     log_likelihood = np.zeros(lead)
     nis = np.zeros(lead)
     for i in range(d):
@@ -308,7 +265,4 @@ def correct(
             covariance[..., m * i, :] = after
         log_likelihood += factors.log_likelihood
         nis += innovation**2 / (predicted + variance)
-    if whole:
-        log_likelihood = of_whole
-        nis = nis_of_whole
     return Corrected(state, covariance, log_likelihood, nis)

@@ -1,5 +1,5 @@
-"""Classical tests for a change of the stated mode, CUSUM and Shiryaev-Roberts, and the rules on
-flights. Each mode is compared with the stated one by the log-likelihood ratios of single ticks, l =
+"""Classical tests for a change of the stated mode, CUSUM and Shiryaev-Roberts.
+Each mode is compared with the stated one by the log-likelihood ratios of single ticks, l =
 ln p(z | mode) - ln p(z | stated mode), of the running bank. When a statistic reaches the threshold,
 the statement changes to its mode and all statistics of the track begin anew.
 """
@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from baselines.rules.decider import FLIGHTS, UNKNOWN, Actions, Decider, Observations
-from baselines.rules.threshold import ThresholdDecider, read_statement
+from baselines.rules.decider import UNKNOWN, Actions, Decider, Observations
+from baselines.rules.threshold import read_statement
 from hybrid_env.checks import FloatArray, check_positive
 from hybrid_env.observation import QuickestLayout
 
@@ -104,27 +104,3 @@ class ShiryaevRobertsDecider(ChangeDecider):
     def update(self, statistics: FloatArray, ratio: FloatArray) -> FloatArray:
         """Return the values of ln R."""
         return np.logaddexp(statistics, 0.0) + ratio
-
-
-class FlightThresholdDecider(ThresholdDecider):
-    """The threshold on the probabilities of the IMM filter over turn rates."""
-
-    name = "imm"
-    task = FLIGHTS
-
-
-class FlightBeamDecider(FlightThresholdDecider):
-    """The threshold on the semi-Markov posterior over turn rates, in which short turns are
-    unlikely.
-    """
-
-    name = "beam"
-    title = "beam"
-
-
-class FlightCusumDecider(CusumDecider):
-    """CUSUM of the likelihoods of the modes in the IMM filter over turn rates."""
-
-    name = "cusum"
-    task = FLIGHTS
-    default = 3.5

@@ -18,8 +18,8 @@ from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel, probab
 Observations = NDArray[np.float32]
 Actions = NDArray[np.int64]
 
-# Tasks: announced switches, unknown switches, recorded flights of aircraft and of gliders.
-ANNOUNCED, UNKNOWN, FLIGHTS, GLIDERS = "announced", "unknown", "flights", "gliders"
+# Tasks: announced switches, unknown switches.
+ANNOUNCED, UNKNOWN = "announced", "unknown"
 # All subclasses of `Decider`, in the order of their definition.
 DEFINED: list[type["Decider"]] = []
 
@@ -33,7 +33,7 @@ class Decider:
     Attributes:
         name, title: on the command line, empty for a decider that is not found by a name; in tables
             and figures.
-        task: what it decides, `ANNOUNCED`, `UNKNOWN`, `FLIGHTS` or `GLIDERS`.
+        task: what it decides, `ANNOUNCED` or `UNKNOWN`.
         symbol, thresholds, default: of its threshold: those to sweep, in order of increasing
             decision time, and the one used when none is given.
         second_threshold: name of a further argument of the class, the number after the comma in

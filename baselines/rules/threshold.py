@@ -94,8 +94,8 @@ class ThresholdDecider(RowRule):
 
     @classmethod
     def family(cls, options: Any) -> DeciderFamily:
-        """See `Decider.family`; without options, as for flights, no thresholds are swept."""
-        thresholds = () if options is None else reachable_probabilities(options.hypotheses)
+        """See `Decider.family`."""
+        thresholds = reachable_probabilities(options.hypotheses)
         return replace(super().family(options), thresholds=thresholds)
 
     def act(self, rows: Observations) -> Actions:

@@ -62,25 +62,20 @@ def card(folder: str) -> str:
     weights = place / "policy.safetensors"
     numbers = sum(array.size for array in load_file(weights).values())
     digest = hashlib.sha256(weights.read_bytes()).hexdigest()
-    settings = told.get("settings") or told["recipe"]["entry"]
+    settings = told["recipe"]["entry"]
     rows = {
         "weights": f"{numbers:,} numbers, {weights.stat().st_size:,} bytes",
         "SHA-256": f"`{digest}`",
     }
-    if "recipe" in told:
-        rows["training"] = (
-            f"recipe `{told['recipe']['name']}` from seed {told['seed']} in"
-            f" `{told['environment']}`: {told['steps']:,} ticks in {told['seconds']:,.0f} s"
-        )
-        found = {
-            key.partition("/")[2]: value for key, value in told["measured"].items() if "/" in key
-        }
-        names = {"sprt": "reward of ATE", "threshold": "reward of the threshold rule"}
-        rows["at the end of training"] = ", ".join(
-            f"{names.get(key, key.replace('_', ' '))} {value:.3f}" for key, value in found.items()
-        )
-    else:
-        rows["training"] = f"recipe `flights` from seed {settings['seed']}: {told['rounds']} rounds"
+    rows["training"] = (
+        f"recipe `{told['recipe']['name']}` from seed {told['seed']} in"
+        f" `{told['environment']}`: {told['steps']:,} ticks in {told['seconds']:,.0f} s"
+    )
+    found = {key.partition("/")[2]: value for key, value in told["measured"].items() if "/" in key}
+    names = {"sprt": "reward of ATE", "threshold": "reward of the threshold rule"}
+    rows["at the end of training"] = ", ".join(
+        f"{names.get(key, key.replace('_', ' '))} {value:.3f}" for key, value in found.items()
+    )
     rows["versions"] = ", ".join(f"{name} {number}" for name, number in told["versions"].items())
     table = "\n".join(
         ["| | |", "|---|---|", *(f"| {name} | {text} |" for name, text in rows.items())]

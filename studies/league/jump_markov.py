@@ -21,7 +21,7 @@ from torch import Tensor, nn
 from agents.algorithms.statements import StatementSettings, TrackAlgorithm, make_tracks
 from agents.learned.statement_decider import UtilityDecider
 from agents.learned.statement_net import StatementNet, StatementOutputs, noise_of, sides, turn_views
-from agents.training.expected_reward import Batch
+from agents.training.expected_reward import StatementBatch
 from baselines.rules.decider import Actions, SeveralThresholds
 from baselines.rules.measurements import OBSERVED, MeasurementDecider
 from hybrid_env.checks import BoolArray, FloatArray, check_number, reject
@@ -470,7 +470,7 @@ class JumpMarkov(TrackAlgorithm):
         logs = np.array(seen, np.float32)[..., OBSERVED : OBSERVED + world.hypotheses]
         return np.array([track_inputs(world, one) for one in seen]), logs, np.array(modes)
 
-    def further_loss(self, outputs: StatementOutputs, batch: Batch) -> Tensor | float:
+    def further_loss(self, outputs: StatementOutputs, batch: StatementBatch) -> Tensor | float:
         """Return the mean negative log-likelihood of a measurement by the filter of the true
         mode.
         """

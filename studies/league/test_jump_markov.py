@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from agents.training.expected_reward import Batch
+from agents.training.expected_reward import StatementBatch
 from agents.training.recipe import load_recipe
 from agents.training.runs import make_run
 from baselines.rules.measurements import OBSERVED
@@ -267,7 +267,7 @@ def test_a_gain_is_learned_in_seconds():
             False,
         )
     )
-    batch = Batch(
+    batch = StatementBatch(
         inputs,
         logs,
         modes,

@@ -62,11 +62,6 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     return _read_text(content, name)
 
 
-def read_igc(path: Path) -> IgcLog | None:
-    """Return the log if a file is one. Raises `ArgumentError` if it has no positions."""
-    return _log(*_content(path))
-
-
 def _log(name: str, content: bytes) -> IgcLog | None:
     """Return the log if the content of a file is one."""
     if not is_igc(content):

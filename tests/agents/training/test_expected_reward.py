@@ -8,7 +8,7 @@ import torch
 
 from agents.algorithms.statements import simulate
 from agents.learned.statement_net import StatementOutputs
-from agents.training.expected_reward import Batch, change_probabilities, expected_reward
+from agents.training.expected_reward import StatementBatch, change_probabilities, expected_reward
 from baselines import Statements, measure_statements
 from hybrid_env import QuickestOptions
 
@@ -34,7 +34,7 @@ def reward_of(utility, stay, true_modes, cost, last=None, weight=1.0):
     costs, weights = (torch.as_tensor(one).expand(true_modes.shape) for one in (cost, weight))
     return expected_reward(
         outputs,
-        Batch(torch.empty(0), utility, true_modes, costs, weights),
+        StatementBatch(torch.empty(0), utility, true_modes, costs, weights),
         last,
     )
 

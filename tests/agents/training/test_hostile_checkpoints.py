@@ -21,7 +21,6 @@ KNOWN_SWITCHES = "hybrid_env:HybridTrackPublished-v0", {"scheme": "random 2x5-8"
 ENVIRONMENTS = {
     "statements": ("hybrid_env:HybridTrackQuickest-v0", {"ticks": 8, "durations": "uniform 2-4"}),
     "rhythm": ("hybrid_env:HybridTrackQuickest-v0", {"ticks": 8}),
-    "flights": ("hybrid_env:HybridTrack-v0", {}),
 }
 RECIPES = {
     "ppo": ("n_envs=4", "n_steps=16", "batch_size=32", "policy_kwargs.net_arch=[4]"),
@@ -43,7 +42,6 @@ RECIPES = {
         "policy_kwargs.net_arch=[4]",
     ),
     "rhythm": ("n_envs=2", "batch_size=4", "n_steps=4", "hidden=4", "ticks=8"),
-    "flights": ("flights=[1, 1, 1, 1]", "rows=100", "passes=1", "hidden=4"),
 }
 
 
@@ -54,7 +52,6 @@ def resume(folder):
     states = environment_options(run.env_id) is QuickestOptions
     row = QuickestLayout if states else Layout
     widths = {
-        "flights": 4,
         "rhythm": row(3).width + 19,
     }
     width = widths.get(run.recipe.algo, row(3).width)

@@ -160,24 +160,6 @@ INVALID = {
         ("ticks", 1e9),
         ("durations", ["drawn or drawn"]),
     ],
-    "flights": [
-        ("flights", 3),
-        ("flights", [1, 1, 1]),
-        ("flights", [1, 1, 1, 0]),
-        ("flights", [10**5] * 4),
-        ("rows", 0),
-        ("rows", 1e3),
-        ("passes", 0),
-        ("change_cost", -1.0),
-        ("change_cost", 1e9),
-        ("n_steps", 0),
-        ("belief_weight", float("nan")),
-    ],
-    "gliders": [
-        ("flights", 3),
-        ("flights", [1, 1]),
-        ("flights", [0]),
-    ],
 }
 NAMED = {
     "policy_kwargs": "net_arch|policy_kwargs|recipe|n_quantiles|lstm",

@@ -96,7 +96,6 @@ def test_ppo_learns_to_state_the_mode():
     ("kind", "rounds", "more"),
     [
         ("statements", 40, ()),
-        ("flights", 12, ("learning_rate=0.01",)),
     ],
 )
 def test_training_increases_the_expected_reward(kind, rounds, more):
@@ -114,9 +113,8 @@ def test_a_run_folder_has_card_metrics_and_an_equivalent_decider(kind, folders):
     folder, run = folders(kind)
     card = json.loads((folder / "policy.json").read_text())
     recipe, env, options, _ = KINDS[kind]
-    flights = kind == "flights"
 
-    assert card["environment"] == ("flights" if flights else f"hybrid_env:{env}")
+    assert card["environment"] == f"hybrid_env:{env}"
     assert (card["options"], card["recipe"]["name"], card["seed"]) == (options, recipe, 3)
     assert {"torch", "stable-baselines3", "numpy", "hybrid-track"} <= set(card["versions"])
     if "Quickest" in env:
@@ -124,43 +122,30 @@ def test_a_run_folder_has_card_metrics_and_an_equivalent_decider(kind, folders):
             card["observation_scales"]
             == QuickestLayout.hypothesis_features | QuickestLayout.track_features
         )
-    assert ("per tick" in run.notes[-1]) == (flights or "Quickest" in env)
+    assert ("per tick" in run.notes[-1]) == ("Quickest" in env)
     rows = read_metrics(folder)
     assert [row["step"] for row in rows if "evaluation/reward" in row][-1] == run.num_timesteps
     assert any("events.out.tfevents" in path.name for path in folder.iterdir()) == (
         isinstance(run, LibraryAlgorithm)
     )
     assert not list(folder.glob("*.part*"))
-    world = None if flights else (QuickestOptions if "Quickest" in env else WorldOptions)(**options)
+    world = (QuickestOptions if "Quickest" in env else WorldOptions)(**options)
     family = learned_family(folder, world)
     assert (family.name, family.hypotheses) == (
         kind,
         3 if isinstance(run, LibraryAlgorithm) else None,
     )
     loaded, own = (one.make(one.default) for one in (family, run.family("")))
-    if flights:
-        assert all(
-            torch.equal(*pair)
-            for pair in zip(
-                loaded.net.state_dict().values(),
-                own.net.state_dict().values(),
-                strict=True,
-            )
-        )
-    elif "Quickest" in env:
+    if "Quickest" in env:
         recorded = [record_statements(one, 5, 3, **options).stated_modes for one in (loaded, own)]
         np.testing.assert_array_equal(*recorded)
     else:
         np.testing.assert_array_equal(
             *(evaluate(one, ENV, 5, 1, **options).ticks for one in (loaded, own))
         )
-    others = {
-        WorldOptions(): "known",
-        QuickestOptions(): "unknown",
-        None: "recorded",
-    }
+    others = {WorldOptions(): "known", QuickestOptions(): "unknown"}
     for other, words in others.items():
-        if getattr(other, "switches", None) != getattr(world, "switches", None):
+        if other.switches != world.switches:
             with pytest.raises(ArgumentError, match=f"a policy for {words} "):
                 learned_family(folder, other)
 
@@ -216,8 +201,6 @@ def test_the_learning_curve_measures_fixed_episodes_of_the_environment(kind, tmp
         (QUICKEST, {}, "recurrent-ppo", [], r"wait_bias=5\.0"),
         (QUICKEST, {}, "anchor", [], "env="),
         (ENV, {}, "statements", [], "env="),
-        (QUICKEST, {}, "flights", [], "env="),
-        ("hybrid_env:HybridTrack-v0", {"tau": 0.2}, "flights", [], "options="),
         (ENV, {}, "anchor", ["worlds=[{n_envs: 8, options: {actions: best}}]"], "actions='best'"),
     ],
 )

@@ -1,0 +1,1 @@
+"""Deciders on recorded flights of aircraft: which mode, at every reported position."""

@@ -1,0 +1,73 @@
+"""Command line of the study: `python -m studies.flights`."""
+
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+from rich.console import Console
+
+from agents import run_command
+from studies.flights.study import (
+    COMPARED,
+    as_json,
+    compare_on_flights,
+    picture,
+    quick_flights,
+    read_flights,
+    tables,
+)
+
+
+@dataclass(kw_only=True)
+class Flights:
+    """Compare deciders on recorded flights of the package 'traffic'.
+
+    Prints figures with 95 % intervals, flights drawn with replacement, and writes flights.json and
+    a picture of each flight.
+    """
+
+    flights: Annotated[tuple[str, ...], tyro.conf.Positional] = ()
+    """Flights file:icao24:k; by default those of the tiers."""
+    source: Path | None = None
+    """Folder of the package 'traffic'; by default where it is installed."""
+    tier: tuple[Literal["A", "B", "C", "D", "stress"], ...] = ("A", "B", "C", "D", "stress")
+    """Tiers of quality, and flights with special manoeuvres, which no total contains."""
+    form: Literal["native", "semi-real"] = "native"
+    """As reported, or the smoothed flight with white noise in the setting of
+    HybridTrackQuickest-v0, whose deciders are then compared.
+    """
+    deciders: tuple[str, ...] = ()
+    """The first is the reference. Native: imm, cusum, beam, agent with an optional ':threshold',
+    or the folder of an agent. Semi-real: those of HybridTrackQuickest-v0.
+    """
+    quick: bool = False
+    """Short simulated flights instead of the recorded ones."""
+    out: Path = Path("results/flights")
+    """Folder for flights.json and the pictures."""
+
+    def run(self) -> None:
+        """Compare, print the tables and write the files."""
+        console = Console()
+        names = tuple(dict.fromkeys(self.deciders)) or COMPARED[self.form]
+        with console.status("reading") as status:
+            flights = (
+                quick_flights()
+                if self.quick
+                else read_flights(self.source, self.flights, self.tier)
+            )
+            result = compare_on_flights(flights, names, self.form, status.update)
+        for title, table in tables(result).items():
+            print(f"{title}\n{table.to_string(index=False)}\n")
+        self.out.mkdir(parents=True, exist_ok=True)
+        content = json.dumps(as_json(result), indent=2)
+        (self.out / "flights.json").write_text(content + "\n", encoding="utf-8")
+        for k, flight in enumerate(flights):
+            picture(result, k).savefig(self.out / f"{flight.identity.replace(':', '-')}.png")
+        print(f"Files in {self.out}")
+
+
+if __name__ == "__main__":
+    sys.exit(run_command(Flights, "python -m studies.flights"))

@@ -1,0 +1,288 @@
+"""Simulated flights that look like the recorded ones, and simulated twins of recorded flights.
+
+In a turn the aircraft rolls in within some seconds and keeps a turn rate that jitters; in straight
+motion the heading wanders slowly. Time and position have errors with a Student t distribution, by
+the tier. The default settings are those of the recorded flights as a whole, none chosen by the
+score of a decider; agents are trained with settings of their own.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.signal import lfilter
+
+from studies.flights.flight import Flight, Tier
+from studies.flights.labels import LabelRules, Labels, label_flight
+from studies.flights.turns import STRAIGHT, FloatArray
+
+# Step of the integration [s].
+GRID = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightWorld:
+    """How flights are simulated."""
+
+    # Turn rates, log-uniform [rad/s].
+    rates: tuple[float, float] = (0.012, 0.05)
+    # Durations of turns, log-uniform [s].
+    turns: tuple[float, float] = (16.0, 105.0)
+    # Median duration of straight motion in each tier [s], log-normal, and the deviation of its
+    # logarithm.
+    straight: tuple[tuple[str, float], ...] = (
+        ("A", 720.0),
+        ("B", 116.0),
+        ("C", 60.0),
+        ("D", 60.0),
+    )
+    spread: float = 1.0
+    # Probability that a turn is followed by one to the other side without straight motion.
+    reversal: float = 0.1
+    # Time to roll in or out [s].
+    roll: float = 4.5
+    # Standard deviation of the turn rate in a turn, as a share of it.
+    jitter: float = 0.18
+    # Its correlation time [s].
+    jitter_time: float = 8.0
+    # Standard deviation of the turn rate in straight motion [rad/s].
+    wander: float = float(np.radians(0.12))
+    # Its correlation time [s].
+    wander_time: float = 20.0
+    # Log-uniform [m/s].
+    speeds: tuple[float, float] = (40.0, 160.0)
+    # Degrees of freedom of the noise.
+    freedom: float = 5.0
+
+
+# Ranges of the settings that differ from flight to flight in training, log-uniform.
+DRAWN = {
+    "straight": (30.0, 900.0),
+    "reversal": (0.05, 0.3),
+    "roll": (2.0, 7.0),
+    "jitter": (0.08, 0.3),
+    "jitter_time": (4.0, 20.0),
+    "wander": (0.0007, 0.007),
+    "wander_time": (8.0, 40.0),
+    "freedom": (3.5, 12.0),
+}
+# The other settings in training: turns and speeds have wider ranges.
+WIDE = FlightWorld(
+    rates=(0.01, 0.055),
+    turns=(12.0, 120.0),
+    speeds=(25.0, 250.0),
+)
+
+
+def draw_world(generator: np.random.Generator) -> FlightWorld:
+    """Return settings of one flight: those of `DRAWN`, and the others of `WIDE`."""
+    drawn: dict[str, Any] = {
+        name: float(log_uniform(generator, *bounds)) for name, bounds in DRAWN.items()
+    }
+    straight = drawn.pop("straight")
+    return replace(WIDE, straight=tuple((name, straight) for name in "ABCD"), **drawn)
+
+
+def simulate_flights(
+    tier: Tier,
+    count: int,
+    duration: float,
+    generator: np.random.Generator,
+    world: FlightWorld | None = None,
+) -> tuple[list[Flight], list[Labels]]:
+    """Return `count` flights of a duration [s], and their labels, which follow from their true turn
+    rates. The tier gives noise and steps.
+    """
+    settings = FlightWorld() if world is None else world
+    results = []
+    for k in range(count):
+        times = _draw_times(tier, duration, generator)
+        grid = np.arange(0.0, times[-1] + 4.0 * GRID, GRID)
+        wanted = _draw_rates(
+            grid,
+            dict(settings.straight)[tier.name],
+            generator,
+            settings,
+        )
+        speeds = np.full(len(grid), log_uniform(generator, *settings.speeds))
+        results.append(fly(f"simulated:{k}:0", tier, times, wanted, speeds, generator, settings))
+    return [one for one, _ in results], [one for _, one in results]
+
+
+def twins(
+    flights: Sequence[Flight],
+    labels: Sequence[Labels],
+    generator: np.random.Generator,
+) -> tuple[list[Flight], list[Labels]]:
+    """Return simulated flights with the steps, speeds and turns of recorded ones, and their true
+    modes. The turns have the times and mean rates of the labels of the recorded flights.
+    """
+    settings = FlightWorld()
+    results = []
+    for flight, label in zip(flights, labels, strict=True):
+        grid = np.arange(
+            0.0,
+            flight.times[-1] + 4.0 * GRID,
+            GRID,
+        )
+        rates = np.zeros(len(flight.times))
+        for first, end, mode in label.pieces:
+            if mode != STRAIGHT:
+                rates[first:end] = np.clip(
+                    np.mean(label.rates[first:end]),
+                    -0.1,
+                    0.1,
+                )
+        row = np.clip(
+            np.searchsorted(flight.times, grid, "right") - 1,
+            0,
+            len(rates) - 1,
+        )
+        speeds = np.interp(
+            grid,
+            flight.times,
+            np.clip(label.speeds, 1.0, 400.0),
+        )
+        smooth = np.convolve(
+            np.pad(speeds, 30, mode="edge"),
+            np.ones(61) / 61.0,
+            "valid",
+        )
+        name = f"twin of {flight.identity}"
+        results.append(
+            fly(
+                name,
+                flight.tier,
+                flight.times,
+                rates[row],
+                smooth,
+                generator,
+                settings,
+            )
+        )
+    return [one for one, _ in results], [one for _, one in results]
+
+
+def fly(
+    identity: str,
+    tier: Tier,
+    times: FloatArray,
+    wanted: FloatArray,
+    speeds: FloatArray,
+    generator: np.random.Generator,
+    world: FlightWorld,
+) -> tuple[Flight, Labels]:
+    """Simulate a flight with positions at times (n,), from 0 [s]. The turn rate that the pilot
+    wants [rad/s] and the speeds [m/s], (g,), are those of every half second.
+    """
+    grid = GRID * np.arange(len(wanted))
+    width = max(round(world.roll / GRID), 1)
+    rolled = np.convolve(
+        np.pad(wanted, (width - 1, 0), mode="edge"),
+        np.ones(width) / width,
+        "valid",
+    )
+    jitter = coloured(len(grid), world.jitter, world.jitter_time, generator)
+    wander = coloured(len(grid), world.wander, world.wander_time, generator)
+    rates = rolled * (1.0 + jitter) + wander
+    path, moved = flown_path(rates, speeds, generator)
+    scale = np.sqrt((world.freedom - 2.0) / world.freedom)
+    late = scale * tier.timing * generator.standard_t(world.freedom, len(times))
+    errors = scale * tier.across * generator.standard_t(world.freedom, (len(times), 2))
+    when = times + late
+    positions = np.column_stack([np.interp(when, grid, axis) for axis in path.T]) + errors
+    # Outside of the grid.
+    before = np.where(when < 0.0, when, 0.0)
+    after = np.maximum(when - grid[-1], 0.0)
+    positions += before[:, None] * moved[0] / GRID + after[:, None] * moved[-1] / GRID
+    flight = Flight(
+        identity,
+        tier,
+        times,
+        positions,
+        np.full(len(times), np.nan),
+    )
+    true_rates = np.interp(times, grid, rates)
+    speed = np.interp(times, grid, speeds)
+    return flight, label_flight(flight, true_rates, speed, LabelRules())
+
+
+def log_uniform(
+    generator: np.random.Generator,
+    low: float,
+    high: float,
+    count: int | None = None,
+) -> Any:
+    """Return a number, or (count,) numbers, that are uniform in their logarithm."""
+    return np.exp(generator.uniform(np.log(low), np.log(high), count))
+
+
+def flown_path(
+    rates: FloatArray,
+    speeds: FloatArray,
+    generator: np.random.Generator,
+    wind: FloatArray | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the path (g, 2) and its moves until the next row [m], in any first direction. From
+    turn rates (g,) [rad/s], speeds (g,) and wind (g, 2) [m/s], every half second.
+    """
+    middle = generator.uniform(-np.pi, np.pi) + GRID * (np.cumsum(rates) - 0.5 * rates)
+    moved = GRID * speeds[:, None] * np.column_stack([np.cos(middle), np.sin(middle)])
+    moved += 0.0 if wind is None else GRID * wind
+    return np.cumsum(moved, axis=0) - moved, moved
+
+
+def coloured(
+    count: int,
+    deviation: float,
+    time: float,
+    generator: np.random.Generator,
+) -> FloatArray:
+    """Return noise with an exponential autocorrelation (Ornstein-Uhlenbeck), (count,)."""
+    kept = np.exp(-GRID / time)
+    white = deviation * generator.standard_normal(count)
+    white[1:] *= np.sqrt(1.0 - kept**2)
+    return np.asarray(lfilter([1.0], [1.0, -kept], white))
+
+
+def _draw_times(tier: Tier, duration: float, generator: np.random.Generator) -> FloatArray:
+    """Return times with steps as in a tier: reports that repeat a position are missing."""
+    nominal = 1.0 if tier.name in "AB" else 5.0
+    missing = {
+        "A": 0.15,
+        "B": 0.15,
+        "C": 0.03,
+        "D": 0.4,
+    }[tier.name]
+    steps = nominal * generator.geometric(1.0 - missing, int(duration / nominal))
+    times = np.concatenate([[0.0], np.cumsum(steps)])
+    if tier.name == "A":
+        times += generator.uniform(-0.3, 0.3, len(times))
+    return np.asarray(times[times < duration] - times[0])
+
+
+def _draw_rates(
+    grid: FloatArray,
+    median: float,
+    generator: np.random.Generator,
+    world: FlightWorld,
+) -> FloatArray:
+    """Return the wanted turn rate at every time of the grid [rad/s]."""
+    rates = np.zeros(len(grid))
+    time = median * np.exp(world.spread * generator.standard_normal()) * generator.uniform()
+    side = 0.0
+    while time < grid[-1]:
+        lasting = log_uniform(generator, *world.turns)
+        size = log_uniform(generator, *world.rates)
+        side = (
+            -side
+            if side and generator.uniform() < world.reversal
+            else generator.choice([-1.0, 1.0])
+        )
+        rates[(grid >= time) & (grid < time + lasting)] = side * size
+        time += lasting
+        if generator.uniform() >= world.reversal:
+            time += median * np.exp(world.spread * generator.standard_normal())
+            side = 0.0
+    return rates

@@ -1,0 +1,230 @@
+"""Training of the agent for recorded flights, on simulated ones: `hybridtrack train --recipe
+studies/flights/flights.yml`.
+
+The labels are those of recorded flights, and positions that they do not score have no reward. Steps
+are counted as if all flights had the number of positions in the recipe.
+"""
+
+import functools
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from agents import ExpectedRewardAlgorithm, ExpectedRewardSettings, StatementBatch
+from baselines import ThresholdDecider
+from hybrid_env import ArgumentError
+from studies.flights.agent import FlightAgent, log_probabilities
+from studies.flights.flight import TIERS, Flight, stack_flights
+from studies.flights.labels import Labels, label_flights
+from studies.flights.simulated import DRAWN, WIDE, draw_world, simulate_flights
+from studies.flights.turns import run_turn_imm
+
+# Of the flights, plus the seed of the run.
+FIRST_SEED = 10**6
+# Of the flights of the learning curve.
+CURVE_SEED = 10**5
+# Time between two positions [s], about.
+ROWS = {
+    "A": 1.2,
+    "B": 1.2,
+    "C": 5.2,
+    "D": 8.3,
+}
+# Thresholds of the rule beside the learning curve.
+PROBABILITIES = (0.0, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)
+
+Simulated = tuple[list[Flight], list[Labels], list[float]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightSettings(ExpectedRewardSettings):
+    """Hyper-parameters of the agent for recorded flights, trained on simulated ones, new ones in
+    every round.
+    """
+
+    # Of each group in a round; short ones are left out, about half of those of D.
+    flights: tuple[int, ...]
+    # Approximate number of positions of a flight.
+    rows: int
+    # Times that the flights of a round are used.
+    passes: int
+    # Of a change to a wrong mode: as much as a wrong statement for this time [s], times the scored
+    # time of the position over its mean.
+    change_cost: float
+
+    largest = ExpectedRewardSettings.largest | {"rows": 10_000, "passes": 10_000}
+    groups: ClassVar[tuple[str, ...]] = ("A", "B", "C", "D")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        counts = tuple(self.flights)
+        if len(counts) != len(self.groups) or not all(0 < count <= 1000 for count in counts):
+            raise ArgumentError(
+                f"flights={self.flights}: expected numbers of flights of {', '.join(self.groups)}"
+            )
+        object.__setattr__(self, "flights", counts)
+
+
+class Flights(ExpectedRewardAlgorithm):
+    """A training run on simulated flights; it takes no environment."""
+
+    Settings = FlightSettings
+    decider: ClassVar[type[FlightAgent]] = FlightAgent
+    settings: FlightSettings
+    next_command = "python -m studies.flights --deciders imm"
+    smallest_factor: ClassVar[float] = 0.05
+    simulation: ClassVar[dict[str, Any]] = asdict(WIDE) | DRAWN
+    early: ClassVar[float] = 0.0
+    """Time before a change of the label in which a change of the statement costs nothing [s]."""
+    curve_flights: ClassVar[tuple[int, ...]] = (12, 16, 20, 8)
+    """Of the learning curve, of each group."""
+
+    @classmethod
+    def run_name(cls, env_id: str, recipe: str) -> str:
+        """See `Algorithm.run_name`; there is no environment."""
+        return recipe
+
+    def prepare(self) -> None:
+        """See `ExpectedRewardAlgorithm.prepare`."""
+        if self.options or not self.env_id.endswith("HybridTrack-v0"):
+            raise ArgumentError(f"env={self.env_id}: expected no environment and no option of one")
+        self.round_steps = self.settings.passes * sum(self.settings.flights) * self.settings.rows
+        self._generator = np.random.default_rng(FIRST_SEED + self.seed)
+
+    def make_curve(self) -> Any:
+        """See `Algorithm.make_curve`; the episodes are simulated flights, the rule is the threshold
+        on the IMM.
+        """
+
+        @functools.cache
+        def flights() -> StatementBatch:
+            return self.simulate(self.curve_flights, np.random.default_rng(CURVE_SEED))
+
+        def measure(family: Any) -> dict[str, float]:
+            batch = flights()
+            agent = family.make(family.default)
+            utilities = agent.utilities(batch.inputs.numpy(), batch.log_probability.numpy())
+            return mean_reward(batch, agent.choose(utilities)[..., 0])
+
+        def measure_rule() -> float:
+            batch = flights()
+            logs = batch.log_probability.numpy().astype(np.float64)
+            rules = map(ThresholdDecider, PROBABILITIES)
+            return max(mean_reward(batch, rule.statements(logs))["reward"] for rule in rules)
+
+        curve = super().make_curve()
+        wording = replace(
+            curve.wording,
+            key="threshold",
+            rule="IMM threshold",
+            sentence="threshold rule",
+            unit="position",
+            measured=("right",),
+            text="right {right:.1%} of the time",
+        )
+        return replace(
+            curve,
+            wording=wording,
+            sample=f"{sum(self.curve_flights)} flights",
+            measure=measure,
+            measure_rule=measure_rule,
+        )
+
+    def remaining(self) -> float:
+        """See `NetworkAlgorithm.remaining`; of the updates, as if all flights were of full
+        length.
+        """
+        rounds = -(-self.steps // self.round_steps)
+        updates = rounds * self.settings.passes * -(-self.settings.rows // self.settings.n_steps)
+        return 1.0 - self.updates / updates
+
+    def batches(self) -> Iterator[StatementBatch]:
+        """Simulate the flights of a round once for all passes."""
+        batch = self.simulate(self.settings.flights, self._generator)
+        for _ in range(self.settings.passes):
+            yield batch
+
+    def values(self) -> dict[str, Any]:
+        """See `Algorithm.values`."""
+        return {"updates": self.updates, "generator": self._generator.bit_generator.state}
+
+    def restore_values(self, values: dict[str, Any]) -> None:
+        """See `Algorithm.restore_values`."""
+        super().restore_values(values)
+        self.updates = int(values["updates"])
+        self._generator.bit_generator.state = values["generator"]
+
+    def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
+        """See `Algorithm.save_agent`; the card also tells how flights were simulated, and the
+        filter.
+        """
+        simulation = {"world": self.simulation, "filter": asdict(self.decider.model)}
+        super().save_agent(
+            folder,
+            card | {"environment": self.decider.task} | simulation,
+        )
+
+    def draw(self, counts: tuple[int, ...], generator: np.random.Generator) -> Simulated:
+        """Return simulated flights of each tier, with settings of their own, their labels, and
+        usual steps [s].
+        """
+        flights = []
+        steps = []
+        for (name, step), count in zip(ROWS.items(), counts, strict=True):
+            for _ in range(count):
+                world = draw_world(generator)
+                duration = step * self.settings.rows
+                flights += simulate_flights(TIERS[name], 1, duration, generator, world)[0]
+                steps.append(step)
+        return flights, label_flights(flights), steps
+
+    def simulate(self, counts: tuple[int, ...], generator: np.random.Generator) -> StatementBatch:
+        """Return what the network is trained on, from simulated flights of each group.
+
+        Weights of the reward are the times that are scored, and costs those of a wrong change, both
+        in steps.
+        """
+        flights, labels, steps = self.draw(counts, generator)
+        batch = stack_flights(flights)
+        estimates = run_turn_imm(batch, self.decider.model)
+        modes = np.zeros(batch.times.shape, np.int64)
+        weights, costs = np.zeros((2, *batch.times.shape), np.float32)
+        for column, (k, first, end) in enumerate(batch.pieces):
+            rows = slice(end - first)
+            modes[rows, column] = labels[k].modes[first:end]
+            weights[rows, column] = labels[k].weights[first:end] / steps[k]
+            costs[:, column] = self.settings.change_cost / steps[k]
+        for ahead in range(1, round(self.early / min(steps)) + 1):
+            costs[:-ahead][modes[:-ahead] != modes[ahead:]] = 0.0
+        # Of all flights together; D has some far shorter ones, which are left out.
+        shortest = int(np.quantile(batch.present.sum(0), 0.1))
+        kept = batch.present[shortest - 1]
+        arrays = (
+            self.decider.inputs_of(batch, estimates),
+            log_probabilities(estimates),
+            modes,
+            costs,
+            weights,
+        )
+        return StatementBatch(*(torch.from_numpy(array[:shortest, kept]) for array in arrays))
+
+
+def mean_reward(batch: StatementBatch, stated: NDArray[Any]) -> dict[str, float]:
+    """Return the mean reward of a position and the share of right statements, from statements
+    (T, N).
+    """
+    modes, costs, weights = (
+        part.numpy() for part in (batch.true_modes, batch.change_cost, batch.weight)
+    )
+    right = stated == modes
+    wrong = np.diff(stated, axis=0, prepend=stated[:1]).astype(np.bool_) & ~right
+    total = weights.sum()
+    return {
+        "reward": float((weights * (right - costs * wrong)).sum() / total),
+        "right": float((weights * right).sum() / total),
+    }

@@ -1,0 +1,306 @@
+"""Simulated flights of gliders, in a moving air that rises where they circle: straight flight with
+wiggles and partial turns, and circles in thermals, in a wind that changes slowly, and gusts.
+Rolling in and out takes seconds; in circles the turn rate jitters, changes with the heading, and
+falls for moments. The lift begins before the circles and ends about with them; it also comes
+without. Positions are rounded as in logs, and some are missing. Settings are drawn.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from studies.flights.flight import Flight
+from studies.flights.labels import Labels
+from studies.flights.simulated import GRID, coloured, flown_path, log_uniform
+from studies.flights.turns import FloatArray, IntArray
+from studies.gliders.circling import air_motion, label_glider
+from studies.gliders.logs import error_tier
+
+# Ranges of the settings of a flight, log-uniform: winds, speeds and deviations of them [m/s], turn
+# rates [deg/s], times [s], shares.
+RANGES = {
+    "wind": (0.3, 9.0),
+    "gusts": (0.2, 1.2),
+    "gust_time": (1.5, 8.0),
+    "speed": (7.0, 14.0),
+    "faster": (1.0, 1.35),
+    "speed_jitter": (0.04, 0.18),
+    "surge": (0.03, 0.16),
+    "surge_time": (1.0, 4.0),
+    "rate": (11.0, 28.0),
+    "modulation": (0.1, 0.6),
+    "jitter": (0.1, 0.45),
+    "jitter_time": (2.0, 6.0),
+    "roll_in": (1.5, 5.0),
+    "roll_out": (2.5, 10.0),
+    "straight": (35.0, 400.0),
+    "circling": (60.0, 500.0),
+    "wander": (0.5, 3.0),
+    "wander_time": (0.8, 3.0),
+    "wiggle_gap": (15.0, 150.0),
+    "dip_gap": (12.0, 80.0),
+    "lift": (1.4, 5.0),
+    "sink": (0.7, 2.0),
+    "bumps": (0.6, 2.2),
+    "bump_time": (6.0, 25.0),
+    "missing": (1e-4, 0.3),
+    "noise": (0.03, 0.5),
+    "altitude_noise": (0.1, 2.0),
+}
+# Between positions [s].
+STEP = 1.0
+# Share of circles that follow circles to the other side.
+AT_ONCE = 0.2
+# Rounding of the latitude in logs [m].
+ROUNDED = (1.853, 0.185)
+# Those of rule b: probabilities of straight flight and circles after either, of slow and fast turns
+# in either, and at the start; a turn is measured over [s] and fast above [deg/s].
+STAYS = np.log([[0.982, 0.018], [0.030, 0.970]])
+SEEN = np.log([[0.942, 0.058], [0.093, 0.907]])
+START = np.log([0.8, 0.2])
+CHANGE_TIME, ENOUGH = 5.0, 6.0
+
+
+class Turns(NamedTuple):
+    """Turns, or other events: times at which each value begins to rise and to fall, linearly,
+    and how long [s].
+    """
+
+    begins: FloatArray
+    ends: FloatArray
+    values: FloatArray
+    rises: FloatArray
+    falls: FloatArray
+
+    def at(self, times: FloatArray) -> FloatArray:
+        """Return the values at times (t,)."""
+        knots = np.column_stack(
+            [self.begins, self.begins + self.rises, self.ends, self.ends + self.falls]
+        )
+        heights = np.column_stack([0.0 * self.values, self.values, self.values, 0.0 * self.values])
+        return np.interp(times, np.maximum.accumulate(knots.ravel()), heights.ravel())
+
+
+def one_after_the_other(
+    gaps: FloatArray,
+    lengths: FloatArray,
+    values: FloatArray,
+    rises: FloatArray,
+    falls: FloatArray,
+) -> Turns:
+    """Return turns with gaps before them; the lengths are the times until they fall."""
+    ends = np.cumsum(gaps + np.maximum(lengths, rises) + falls) - falls
+    return Turns(ends - np.maximum(lengths, rises), ends, values, rises, falls)
+
+
+World = dict[str, float]
+
+
+def simulate_glider(seconds: float, generator: np.random.Generator) -> Flight:
+    """Return a simulated flight of some seconds, with settings of its own."""
+    world = {name: float(log_uniform(generator, *bounds)) for name, bounds in RANGES.items()}
+    grid = np.arange(0.0, seconds + 2.0 * GRID, GRID)
+    path, altitudes = _fly(
+        world,
+        *_plan(world, seconds, generator),
+        grid,
+        generator,
+    )
+    times = np.arange(0.0, seconds, STEP)
+    times = times[generator.uniform(size=len(times)) >= world["missing"]]
+    step = float(generator.choice(ROUNDED))
+    rounding = step * np.array([np.cos(np.radians(generator.uniform(30.0, 55.0))), 1.0])
+    positions = np.column_stack([np.interp(times, grid, axis) for axis in path.T])
+    positions += world["noise"] * generator.standard_normal(positions.shape)
+    heights = np.interp(times, grid, altitudes) + world[
+        "altitude_noise"
+    ] * generator.standard_normal(len(times))
+    return Flight(
+        "simulated",
+        error_tier("simulated", step),
+        times - times[0],
+        rounding * np.round(positions / rounding),
+        np.full(len(times), np.nan),
+        altitudes=np.round(heights),
+    )
+
+
+def _plan(
+    world: World,
+    seconds: float,
+    generator: np.random.Generator,
+) -> tuple[Turns, Turns, Turns]:
+    """Return circles and wiggles with their turn rates [deg/s], and the shares by which circles
+    straighten.
+    """
+    n = int(seconds / 5.0) + 8
+
+    def drawn(low: float, high: float) -> FloatArray:
+        return log_uniform(generator, low, high, n)
+
+    gaps = world["straight"] * np.exp(1.2 * generator.standard_normal(n))
+    gaps[0] *= generator.uniform()
+    at_once = generator.uniform(size=n) < AT_ONCE
+    sides = np.cumprod(
+        np.where(
+            at_once,
+            -1.0,
+            generator.choice([-1.0, 1.0], n),
+        )
+    )
+    sizes = np.asarray(sides * world["rate"] * np.exp(0.2 * generator.standard_normal(n)))
+    circles = one_after_the_other(
+        np.where(
+            at_once,
+            generator.uniform(0.0, 4.0, n),
+            gaps,
+        ),
+        drawn(8.0, world["circling"]),
+        sizes,
+        world["roll_in"] * drawn(0.6, 1.6),
+        world["roll_out"] * drawn(0.5, 2.0),
+    )
+    angles = np.minimum(
+        5.0 * np.exp(generator.exponential(0.8, n)),
+        330.0,
+    )
+    rates = drawn(7.0, 35.0)
+    wiggles = one_after_the_other(
+        generator.exponential(world["wiggle_gap"], n),
+        angles / rates,
+        rates * generator.choice([-1.0, 1.0], n),
+        drawn(0.5, 3.0),
+        drawn(0.5, 3.0),
+    )
+    dips = one_after_the_other(
+        generator.exponential(world["dip_gap"], n),
+        drawn(1.0, 9.0),
+        np.asarray(generator.uniform(0.5, 1.4, n)),
+        drawn(1.0, 3.0),
+        drawn(1.0, 3.0),
+    )
+    return circles, wiggles, dips
+
+
+def _fly(
+    world: World,
+    circles: Turns,
+    wiggles: Turns,
+    dips: Turns,
+    grid: FloatArray,
+    generator: np.random.Generator,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the path (g, 2) and the altitude (g,) at times (g,) [m]."""
+
+    def noise(deviation: float, time: float) -> FloatArray:
+        return coloured(len(grid), deviation, time, generator)
+
+    def phase() -> float:
+        return float(generator.uniform(0.0, 2.0 * np.pi))
+
+    # What the pilot wants, and how far he circles.
+    wanted = circles.at(grid)
+    circling = np.minimum(
+        np.abs(wanted) / world["rate"],
+        1.0,
+    )
+    heading = np.radians(GRID * np.cumsum(wanted))
+    shape = 1.0 + noise(world["jitter"], world["jitter_time"])
+    shape += world["modulation"] * np.cos(heading + phase() + noise(1.0, 60.0))
+    busy = np.exp(noise(0.5, 60.0))
+    rough = (0.8 + 0.6 * circling) * np.exp(noise(0.7, 15.0))
+    rates = wanted * shape * (1.0 - dips.at(grid)) + (1.0 - circling) * wiggles.at(grid)
+    # The hand is busier in some minutes than in others.
+    rates += busy * noise(world["wander"], world["wander_time"])
+    speeds = (
+        1.0
+        + noise(world["speed_jitter"], 15.0)
+        + rough * noise(world["surge"], world["surge_time"])
+    )
+    speeds = (
+        world["speed"]
+        * (1.0 + (world["faster"] - 1.0) * (1.0 - circling))
+        * np.maximum(speeds, 0.3)
+    )
+    # A wind that changes slowly, and gusts.
+    angle = phase() - np.pi
+    wind = [
+        mean + noise(0.2 * world["wind"], 600.0) + rough * noise(world["gusts"], world["gust_time"])
+        for mean in (world["wind"] * np.cos(angle), world["wind"] * np.sin(angle))
+    ]
+    path, _ = flown_path(
+        np.radians(rates),
+        speeds,
+        generator,
+        np.column_stack(wind),
+    )
+    # Lift begins before the circles and ends about with them.
+    n = len(circles.values)
+    ends = np.maximum(
+        circles.ends + generator.uniform(-8.0, 30.0, n),
+        circles.begins + 4.0,
+    )
+    lift = Turns(
+        circles.begins - generator.uniform(4.0, 25.0, n),
+        ends,
+        world["lift"] * log_uniform(generator, 0.6, 1.6, n),
+        generator.uniform(2.0, 10.0, n),
+        generator.uniform(2.0, 10.0, n),
+    )
+    climb = lift.at(grid) - world["sink"] + noise(world["bumps"], world["bump_time"])
+    # Beside the centre of the thermal.
+    climb += 0.4 * world["lift"] * circling * np.cos(heading + phase())
+    return path, GRID * np.cumsum(climb)
+
+
+def label_gliders(flights: Sequence[Flight]) -> list[Labels]:
+    """Return the labels of simulated flights by both rules; rule b as libigc has it, but all of
+    it is in flight.
+    """
+    fast = [_turns_fast(flight) for flight in flights]
+    total = max(map(len, fast))
+    # (T, B)
+    seen = np.array([np.pad(one, (0, total - len(one))) for one in fast]).T
+    score = START + SEEN[:, seen[0]].T
+    back = np.empty((*seen.shape, 2), np.int64)
+    for k in range(1, total):
+        ways = score[:, :, None] + STAYS
+        back[k], score = ways.argmax(1), ways.max(1) + SEEN[:, seen[k]].T
+    decoded = np.empty(seen.shape, np.int64)
+    each = np.arange(len(flights))
+    decoded[-1] = score.argmax(1)
+    for k in range(total - 1, 0, -1):
+        decoded[k - 1] = back[k, each, decoded[k]]
+    motions = zip(
+        flights,
+        air_motion(flights),
+        decoded.T,
+        strict=True,
+    )
+    return [
+        label_glider(flight, motion, one[: len(flight.times)]) for flight, motion, one in motions
+    ]
+
+
+def _turns_fast(flight: Flight) -> IntArray:
+    """Return 1 where the ground track (n,) turned fast since the last position at least 5 s
+    before.
+    """
+    moves = np.diff(
+        flight.positions,
+        axis=0,
+        append=2.0 * flight.positions[-1:] - flight.positions[-2:-1],
+    )
+    bearings = np.arctan2(moves[:, 1], moves[:, 0])
+    before = (
+        np.searchsorted(
+            flight.times,
+            flight.times - CHANGE_TIME + 1e-7,
+            "right",
+        )
+        - 1
+    )
+    passed = flight.times - flight.times[np.maximum(before, 0)]
+    turned = np.degrees(np.abs(np.angle(np.exp(1j * (bearings - bearings[np.maximum(before, 0)])))))
+    return ((before >= 0) & (turned > ENOUGH * np.maximum(passed, 1e-9))).astype(np.int64)
