@@ -1,8 +1,8 @@
-"""Learned deciders, their training, and the studies that compare them with the classical rules.
+"""Learned deciders, their training, and the commands.
 
-Of the subpackages `interface`, `figures`, `learned`, `evaluation` and `training` each imports only
-those before it, and those of the commands (`studies`, `recordings`) all of them. `functions` has
-the commands for Python, `cli` for the console.
+Of the subpackages `interface`, `figures`, `learned`, `evaluation`, `training`, `recordings` and
+`commands` each imports only those before it. `functions` has the commands for Python, `cli` for the
+console.
 """
 
 from hybrid_env.extras import lazy_names

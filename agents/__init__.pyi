@@ -1,5 +1,6 @@
 from agents.algorithms import find_algorithm as find_algorithm
 from agents.cli import run_command as run_command
+from agents.evaluation.cells import in_brackets as in_brackets
 from agents.evaluation.cells import markdown_table as markdown_table
 from agents.evaluation.registry import find_family as find_family
 from agents.evaluation.selection import select_threshold as select_threshold

@@ -16,16 +16,14 @@ from typing import Annotated, Any
 import gymnasium as gym
 import tyro
 
+from agents.commands.compare import Compare
+from agents.commands.evaluate import Evaluate
+from agents.commands.play import Play
+from agents.commands.score import Score
+from agents.commands.track import Track
+from agents.commands.train import Train
 from agents.interface.help_texts import as_command
 from agents.interface.world_arguments import trusted, trusting
-from agents.recordings.command import Track
-from agents.studies.compare_command import Compare
-from agents.studies.dataset_command import Dataset
-from agents.studies.evaluate_command import Evaluate
-from agents.studies.limits_command import Limits
-from agents.studies.play_command import Play
-from agents.studies.score_command import Score
-from agents.training.command import Train
 from hybrid_env.checks import ArgumentError
 
 COMMANDS = {
@@ -34,9 +32,7 @@ COMMANDS = {
     "compare": Compare,
     "play": Play,
     "track": Track,
-    "limits": Limits,
     "score": Score,
-    "dataset": Dataset,
 }
 EXAMPLES = {
     "": (
@@ -86,21 +82,12 @@ EXAMPLES = {
         "hybridtrack track flight.csv --lengths 50 --radii 3 5 10",
         "hybridtrack track flight.csv --lengths 60 75 50 --radii 3 5 --measurement-variance 0.1",
     ),
-    "limits": (
-        "hybridtrack limits --episodes 100                  # a first look",
-        "hybridtrack limits --jobs 2                        # the same results in less time",
-        "hybridtrack limits --env HybridTrackQuickest-v0",
-    ),
     "score": (
         "hybridtrack score truth.csv imm.csv mine.csv --out score.json",
         (
             "hybridtrack score truth.csv mine.csv --columns time=1 mode=4 --per min --picture"
             " score.png"
         ),
-    ),
-    "dataset": (
-        "hybridtrack dataset --policies ate shipped random --out datasets",
-        "hybridtrack dataset --policies threshold shipped random --env HybridTrackQuickest-v0",
     ),
 }
 """Lines below the help of each command; a test parses them."""

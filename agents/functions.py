@@ -11,12 +11,12 @@ from typing import Any
 
 from rich.progress import Progress
 
+from agents.commands import comparison
+from agents.commands.compare import Compare
 from agents.evaluation.registry import find_decider, load_decider
 from agents.evaluation.task import sweep
 from agents.evaluation.tasks import task_of
 from agents.interface.world_arguments import DEFAULT_ENV
-from agents.studies import comparison
-from agents.studies.compare_command import Compare
 from agents.training.algorithm import TrainingProgress
 from agents.training.checkpoint import has_checkpoint
 from agents.training.recipe import load_recipe

@@ -11,10 +11,12 @@ from baselines.estimation.run_filter import run_filter as run_filter
 from baselines.estimation.smoother import smooth as smooth
 from baselines.estimation.track_filter import TrackFilter as TrackFilter
 from baselines.recordings.ate import track_ate as track_ate
+from baselines.recordings.given_tracks import GivenTracks as GivenTracks
 from baselines.recordings.reading.igc import IgcLog as IgcLog
 from baselines.recordings.reading.igc import parse_igc as parse_igc
 from baselines.recordings.reading.read import read_recordings as read_recordings
 from baselines.rules.beam import BeamDecider as BeamDecider
+from baselines.rules.beam_smoother import BeamSmoother as BeamSmoother
 from baselines.rules.change_detection import CusumDecider as CusumDecider
 from baselines.rules.change_detection import ShiryaevRobertsDecider as ShiryaevRobertsDecider
 from baselines.rules.decider import Decider as Decider
@@ -23,6 +25,7 @@ from baselines.rules.msprt import GapDecider as GapDecider
 from baselines.rules.msprt import MSPRTDecider as MSPRTDecider
 from baselines.rules.restarted import GLRDecider as GLRDecider
 from baselines.rules.restarted import MeanRatioDecider as MeanRatioDecider
+from baselines.rules.rollout import record_in as record_in
 from baselines.rules.rollout import record_statements as record_statements
 from baselines.rules.rollout import rollout as rollout
 from baselines.rules.sprt import SPRTDecider as SPRTDecider

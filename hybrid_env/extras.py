@@ -14,9 +14,7 @@ from typing import Any
 DISTRIBUTION = "hybrid-track"
 OTHER_NAMES = {
     "PIL": "pillow",
-    "bluesky": "bluesky-simulator",
     "pygame": "pygame-ce",
-    "sumo": "eclipse-sumo",
     "yaml": "pyyaml",
 }
 """Distributions that are not called as their modules."""

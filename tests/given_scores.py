@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from agents.commands.comparison import Comparison, Entry
+from agents.commands.continuation import Plan
 from agents.evaluation.announced import AnnouncedTask
 from agents.evaluation.unknown import UnknownTask
-from agents.studies.comparison import Comparison, Entry
-from agents.studies.continuation import Plan
 from baselines.rules.decider import rules
 from baselines.scoring import decisions, statements
 from baselines.scoring.scores import Scores

@@ -37,7 +37,7 @@ def test_results_of_a_recording_appear_together_or_not_at_all(tmp_path, monkeypa
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr("agents.recordings.command.row_table", full)
+        patch.setattr("agents.commands.track.row_table", full)
         assert main(["track", str(path), "--no-picture"]) == 2
 
     assert [one.name for one in tmp_path.iterdir()] == ["flight.csv"]

@@ -8,8 +8,15 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("hybrid_env", "baselines", "agents")
 BASELINES = ("estimation", "scoring", "rules", "recordings", "adapters")
-AGENTS = ("interface", "figures", "learned", "evaluation", "training")
-STUDIES = ("studies", "recordings")
+AGENTS = (
+    "interface",
+    "figures",
+    "learned",
+    "evaluation",
+    "training",
+    "recordings",
+    "commands",
+)
 SOURCES = [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
 
 
@@ -41,11 +48,8 @@ def test_a_file_imports_only_what_its_package_may(path):
         part = rest.partition(".")[0]
         if package == other == "baselines" and subpackage and part in BASELINES:
             assert BASELINES.index(part) <= BASELINES.index(subpackage), f"{path} imports {name}"
-        if package == "agents" and other == "agents" and subpackage:
-            if part in AGENTS and subpackage in AGENTS:
-                assert AGENTS.index(part) <= AGENTS.index(subpackage), f"{path} imports {name}"
-            if part in STUDIES:
-                assert part == subpackage, f"{path} imports {name}"
+        if package == other == "agents" and part in AGENTS and subpackage in AGENTS:
+            assert AGENTS.index(part) <= AGENTS.index(subpackage), f"{path} imports {name}"
 
 
 def test_only_the_public_interface_of_numba_is_used():

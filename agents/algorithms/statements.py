@@ -20,11 +20,10 @@ from agents.training.expected_reward import (
     ExpectedRewardSettings,
     StatementBatch,
 )
+from agents.training.inexact import draw_told, inexact_travel
 from agents.training.settings import LARGEST_ROUND, two_factors
+from baselines.recordings.given_tracks import GivenTracks
 from baselines.recordings.log_uniform import log_uniform
-from baselines.recordings.simulators.inexact import draw_told, inexact_travel
-from baselines.recordings.simulators.process_noise import FACTORS
-from baselines.recordings.simulators.tracks import GivenTracks
 from baselines.rules import seeds
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.durations import DRAWN, parse_durations
@@ -196,7 +195,7 @@ def make_tracks(world: QuickestOptions, tracks: int, inexact: bool) -> Any:
     likeliest noise.
     """
     if inexact:
-        return GivenTracks(inexact_travel, world, tracks, FACTORS)
+        return GivenTracks(inexact_travel, world, tracks, likeliest=True)
     return HybridTrackQuickestVectorEnv(
         tracks,
         autoreset_mode="Disabled",

@@ -145,18 +145,6 @@ class Task(ABC):
         """Return the task with some other options."""
         return dataclasses.replace(self, given={**self.given, **changes}) if changes else self
 
-    def settings(self, observes: str) -> Sequence[Mapping[str, Any]]:
-        """Return changes of options that are tried with the thresholds, the first without any.
-
-        observes: what the decider observes, see `Decider`.
-        """
-        return ({},)
-
-    @property
-    def untuned(self) -> Mapping[str, Any]:
-        """Changes of options for a decider for which nothing is selected."""
-        return {}
-
     @property
     @abstractmethod
     def agents(self) -> tuple[str, ...]:

@@ -20,7 +20,6 @@ from hybrid_env.checks import ArgumentError, reject
 
 PART_PREFIX = ".hybridtrack-"
 WRITTEN_ROWS = 50_000
-WRITTEN_BYTES = 2**20
 # Files in a line.
 MOST_NAMED = 8
 # Seconds; a temporary file without a change for so long is of a killed process.
@@ -91,24 +90,6 @@ def atomic_folder(name: str, path: Path) -> Iterator[Path]:
         with suppress(OSError):
             # Only if it is empty.
             path.rmdir()
-
-
-def check_space(folder: Path, size: int) -> None:
-    """Raise `OSError` if a number of bytes cannot be written to a folder, for libraries that
-    crash where there is none.
-
-    The bytes are written and removed again, because quotas and limits of the process are not known
-    otherwise.
-    """
-    path = folder / f"{PART_PREFIX}{secrets.token_hex(8)}.part"
-    try:
-        with path.open("xb") as file:
-            for first in range(0, size, WRITTEN_BYTES):
-                file.write(bytes(min(WRITTEN_BYTES, size - first)))
-            file.flush()
-            os.fsync(file.fileno())
-    finally:
-        path.unlink(missing_ok=True)
 
 
 def _remove_stale_parts(folder: Path) -> None:

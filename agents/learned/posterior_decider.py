@@ -23,7 +23,7 @@ class PosteriorDecider(NetworkDecider):
     """
 
     symbol = "alpha"
-    thresholds = FEW_ALPHAS
+    thresholds: ClassVar[tuple[float, ...]] = FEW_ALPHAS
     default = 0.02
     label: ClassVar[str]
     """Of the posterior in figures."""

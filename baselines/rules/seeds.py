@@ -10,12 +10,10 @@ FITTING = 2_000_000_000
 LEARNING_CURVE = 3_000_000_000
 # Random worlds of evaluations are drawn.
 DRAWN_WORLDS = 4_000_000_000
-# Data sets for offline learning.
-DATASET = 5_000_000_000
+# 5_000_000_000: data sets for offline learning.
 # Deciders without a threshold select one on episodes of what they are told.
 CHOOSING = 6_000_000_000
-# Paths of simulators stay closed until agent and settings are fixed, see `agents.studies.seal`.
-SEALED = 7_000_000_000
+# 7_000_000_000: paths of simulators that were closed until agent and settings were fixed.
 # The law of the noise is measured.
 MEASURING = 8_000_000_000
 # Training, 10^9 apart for each training seed.

@@ -7,9 +7,11 @@ Offline learning: a small network imitates the shipped agent from recorded episo
 """
 
 # %%
-# One command writes the episodes. They have seeds that no evaluation uses.
+# One command of a study writes the episodes; it runs in a checkout of the repository. They have seeds that no evaluation uses.
 
 import os
+import subprocess
+import sys
 import tempfile
 
 import minari
@@ -17,12 +19,11 @@ import numpy as np
 import torch
 from torch import nn
 
-from agents.cli import main
-
 folder = tempfile.TemporaryDirectory()
 os.environ["MINARI_DATASETS_PATH"] = folder.name
 env_id = "HybridTrackPublished-v0"
-main(["dataset", "--env", env_id, "--policies", "shipped", "--episodes", "1000"])
+command = f"-m studies.datasets shipped --env {env_id} --episodes 1000"
+subprocess.run([sys.executable, *command.split()], check=True)
 
 # %%
 # The rows that the agent saw, and what it did: it nearly always waits.

@@ -100,7 +100,7 @@ class League:
                 len(calls),
             )
         )
-        played = []
+        played: list[dict[str, Any]] = []
         for k, name in enumerate(deciders):
             part = results[k * len(protocol.worlds) :][: len(protocol.worlds)]
             entry = collect(

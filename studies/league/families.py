@@ -84,14 +84,13 @@ def probe(name: str, world: str, threshold: float, tracks: int) -> tuple[float, 
     # For small networks the overhead of threads exceeds the gain.
     torch.set_num_threads(1)
     task = world_task(world)
-    keywords = {"vectorization_mode": "vector_entry_point", "max_episode_steps": -1}
-    env = gym.make_vec(
-        task.env_id,
-        tracks,
-        tick_info=False,
-        **keywords,
+    keywords: dict[str, Any] = {
+        "vectorization_mode": "vector_entry_point",
+        "max_episode_steps": -1,
+        "tick_info": False,
         **task.given,
-    )
+    }
+    env = gym.make_vec(task.env_id, tracks, **keywords)
     decider = Probe(find_family(name, task.options).make(threshold))
     less = []
     for now in rollout(

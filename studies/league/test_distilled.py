@@ -9,9 +9,9 @@ import torch
 from agents.evaluation.registry import find_family
 from agents.training.recipe import load_recipe
 from agents.training.runs import make_run
-from studies.league.distilled import taught
+from studies.league.distilled import DistilledDecider, taught
 from studies.league.families import recipe_file
-from studies.league.reward import DistilledDecider, Explorer, reward_inputs
+from studies.league.reward import Explorer, reward_inputs
 
 ENV = "hybrid_env:HybridTrackPublished-v0"
 

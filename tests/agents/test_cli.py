@@ -6,7 +6,7 @@ import shlex
 import pytest
 
 from agents.cli import main
-from agents.studies import shifts
+from agents.evaluation import selection
 
 
 def unwrapped(capsys):
@@ -53,7 +53,7 @@ def test_compare_prints_tables_and_writes_figures_and_data(capsys, tmp_path, mon
 
 
 def test_evaluate_shows_degradation_in_shifted_environments(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(shifts, "MOST_THRESHOLDS", 3)
+    monkeypatch.setattr(selection, "MOST_THRESHOLDS", 3)
     out = tmp_path / "shifts.json"
     line = f"evaluate fixed msprt --shifted --episodes 10 --scheme random\\ 2x20-30 --out {out}"
 

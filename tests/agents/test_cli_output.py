@@ -55,7 +55,7 @@ def test_an_error_of_the_system_is_one_line(error, monkeypatch, capsys):
     def fail(self):
         raise error
 
-    monkeypatch.setattr("agents.studies.evaluate_command.Evaluate.run", fail)
+    monkeypatch.setattr("agents.commands.evaluate.Evaluate.run", fail)
 
     assert main(["evaluate"]) == 2
     (line,) = capsys.readouterr().err.splitlines()

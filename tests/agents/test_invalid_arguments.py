@@ -8,13 +8,12 @@ from dataclasses import fields
 import pytest
 
 from agents.cli import main
-from agents.recordings.command import Track
-from agents.studies.compare_command import Compare
-from agents.studies.evaluate_command import Evaluate
-from agents.studies.limits_command import Limits
-from agents.studies.play_command import Play
-from agents.studies.score_command import Score
-from agents.training.command import Train
+from agents.commands.compare import Compare
+from agents.commands.evaluate import Evaluate
+from agents.commands.play import Play
+from agents.commands.score import Score
+from agents.commands.track import Track
+from agents.commands.train import Train
 
 WORLD_COMMANDS = ("compare", "train", "evaluate", "play --out x.gif")
 QUICKEST = "--env HybridTrackQuickest-v0"
@@ -78,10 +77,6 @@ INVALID_ARGUMENTS = [
     ("compare --out bad.txt", "out="),
     ("compare --accuracy 1", "accuracy=1.0"),
     ("compare --curves maybe", "maybe"),
-    ("limits --episodes 1", "episodes=1"),
-    ("limits --seed 1000000000", "seed=1000000000"),
-    ("limits --deciders nowhere.py:rule", "nowhere.py"),
-    ("limits --env HybridTrackPublished-v0", "env='HybridTrackPublished-v0'"),
     ("train --steps 0", "steps=0"),
     ("train --out /dev/null/x", "out="),
     ("train --recipe stew", "recipe='stew'"),
@@ -95,8 +90,6 @@ INVALID_ARGUMENTS = [
     ("compare --agents nowhere", "agents='nowhere'"),
     ("train --seed 5000000000", "seed=5000000000"),
     ("evaluate --scheme 'random 99999999999999999999x5'", "segments="),
-    ("compare --simulators --speed 3", "speed=3.0"),
-    ("compare --sealed", "sealed=True"),
     ("train --save-every 0", "save-every=0.0"),
     ("train --resume nowhere", "resume='nowhere'"),
     ("train --resume nowhere --seed 3", "resume='nowhere'"),
@@ -138,7 +131,6 @@ INVALID_ARGUMENTS = [
     (f"play --out x.gif {QUICKEST} --decider beam --order often", "order='often'"),
     (f"evaluate {QUICKEST} --drawn 2", "drawn=2"),
     ("evaluate threshold", "decider='threshold'"),
-    (f"limits {QUICKEST} --departures", "env='HybridTrackQuickest-v0'"),
 ]
 INVALID_ARGUMENTS += [
     (f"score {files} {flags}", message)
@@ -158,7 +150,6 @@ INVALID_ARGUMENTS += [
         ("good.csv good.csv", "--picture no/s.png", "picture='no/s.png'"),
     )
 ]
-INVALID_ARGUMENTS += []
 INVALID_ARGUMENTS += [
     (f"{command} --error {rate}", f"error='{rate}'")
     for command in ("evaluate ate", "play --out x.gif", "track good.csv")
@@ -166,7 +157,7 @@ INVALID_ARGUMENTS += [
 ]
 INVALID_ARGUMENTS += [
     (f"{command} {flags}", message)
-    for command in ("limits", "compare", "evaluate")
+    for command in ("compare", "evaluate")
     for flags, message in (
         ("--jobs 0", "jobs=0"),
         ("--engine spark", "spark"),
@@ -206,7 +197,7 @@ def test_every_flag_has_an_invalid_value_in_the_list():
         (Score, "files"),
         (Evaluate, "deciders"),
     }
-    for kind in (Compare, Train, Evaluate, Play, Track, Limits, Score):
+    for kind in (Compare, Train, Evaluate, Play, Track, Score):
         for name in {field.name for field in fields(kind)} - {"trust"}:
             assert (kind, name) in positional or f"--{name.replace('_', '-')}" in lines, (
                 kind,

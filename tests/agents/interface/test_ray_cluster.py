@@ -6,8 +6,8 @@ import time
 
 import pytest
 
+from agents.functions import evaluate
 from agents.interface.parallel import Workers
-from agents.studies.limits import calls as limit_calls
 
 # Those of Ray are not ours.
 pytestmark = pytest.mark.filterwarnings("ignore")
@@ -44,7 +44,10 @@ def test_a_killed_node_changes_no_byte(nodes):
     assert [number for number, _ in found] == list(range(4))
     assert len({node for _, node in found}) == 2
 
-    study = limit_calls("", 200, 0)["golubkov2018"]
+    study = {
+        R: functools.partial(evaluate, "msprt", episodes=200, measurement_variance=R)
+        for R in (0.01, 0.1, 1.0)
+    }
     expected = list(Workers().results(study))
     slow = {number: functools.partial(node_after, 4.0, number) for number in range(4)}
     killer = threading.Timer(2.0, lambda: cluster.remove_node(second, allow_graceful=False))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agents import track_recording
-from agents.recordings.command import Track
+from agents.commands.track import Track
 from baselines import read_recordings
 from hybrid_env import ArgumentError, Radar
 from hybrid_env.sensors import parse_sensors

@@ -10,8 +10,8 @@ import pytest
 from recorded_tracks import OBJECTS
 
 from agents.cli import main
+from agents.commands.track import Report, Track, object_folders, work_on_files
 from agents.interface.output_files import write_table
-from agents.recordings.command import Report, Track, object_folders, work_on_files
 from agents.recordings.tracking import track_recording
 from hybrid_env.checks import ArgumentError, reject
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from recorded_tracks import LENGTHS, OBJECTS, TRUE_MODES
 
+from agents.commands.track import report_lines
 from agents.evaluation.registry import load_decider, needed_options
-from agents.recordings.command import report_lines
 from agents.recordings.tracking import track_recording
 from baselines.recordings.decisions import ModelUnits, decide_recording
 from baselines.recordings.model_fit import TrackModel, _check_radii

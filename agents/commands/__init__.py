@@ -1,0 +1,1 @@
+"""The commands `hybridtrack train | evaluate | compare | play | track | score`, one file each."""

@@ -1,0 +1,310 @@
+"""Comparison of deciders: training where requested, selection of thresholds, scores on common
+episodes.
+"""
+
+import functools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from rich.progress import Progress
+
+from agents.commands.continuation import Continuation, Plan, content_digest
+from agents.evaluation.curves import Selected
+from agents.evaluation.registry import find_family, is_own
+from agents.evaluation.task import Levels, OnProgress, Task, sweep
+from agents.figures.decider_colours import name_without_seed
+from agents.interface.output_files import finite
+from agents.interface.parallel import Call, Workers
+from baselines.rules import seeds
+from baselines.rules.decider import DeciderFamily
+from baselines.scoring.estimates import Estimate
+from baselines.scoring.scores import Scores
+
+
+@dataclass(frozen=True, eq=False)
+class Entry(Selected):
+    """Results of one decider on the reported episodes."""
+
+    # Its name in the plan.
+    decider: str
+    # The goal of the task at that threshold, on the selection episodes.
+    selected: float
+    # Run folder of an agent that was trained.
+    folder: Path | None = None
+
+    @property
+    def name(self) -> str:
+        """Name in tables and figures."""
+        return self.scores.name
+
+    def family(self, task: Task) -> DeciderFamily:
+        """Return the decider at any threshold."""
+        return find_family(self.decider if self.folder is None else str(self.folder), task.options)
+
+    @property
+    def threshold(self) -> float:
+        """The selected threshold."""
+        return self.scores.thresholds[self.chosen]
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Result of a comparison."""
+
+    # Settings.
+    plan: Plan
+    # Results of the deciders so far; the first is the reference.
+    entries: Sequence[Entry]
+
+    @cached_property
+    def levels(self) -> Levels:
+        """Figures of whole operating curves, see `Task.levels`; none without curves."""
+        task, first = self.plan.task, self.entries[0]
+        return task.levels(first.scores, first.family(task).default) if self.plan.curves else {}
+
+    @property
+    def best_rule(self) -> Entry:
+        """The classical rule that is best for the goal on the selection episodes."""
+        names = self.plan.deciders
+        return max(
+            (one for one in self.entries if one.decider in names),
+            key=lambda one: one.selected,
+        )
+
+    @property
+    def seed_groups(self) -> dict[str, list[Entry]]:
+        """Entries by name; agents whose names differ only in the training seed form one group."""
+        groups: dict[tuple[str, str, int], list[Entry]] = {}
+        for entry in self.entries:
+            is_agent = entry.decider in self.plan.agents and not is_own(entry.decider)
+            name = name_without_seed(entry.name) if is_agent else entry.name
+            key = name, entry.scores.symbol, len(entry.scores.thresholds)
+            groups.setdefault(key, []).append(entry)
+        names = {entry.name for entry in self.entries}
+        labels = [f"{name} seeds" if name in names else name for name, *_ in groups]
+        parts = zip(labels, groups.values(), strict=True)
+        return {
+            entries[0].name if len(entries) == 1 else label: entries for label, entries in parts
+        }
+
+    @functools.cache  # noqa: B019
+    def figure(self, entry: Entry, name: str) -> Estimate:
+        """Return a metric of a decider at its selected threshold."""
+        return entry.scores.estimate(self.plan.task.statistic(name), entry.chosen)
+
+    @functools.cache  # noqa: B019
+    def level(self, entry: Entry, keys: tuple[str, ...]) -> Estimate:
+        """Return a figure of a whole operating curve, by its keys in `levels`."""
+        return entry.scores.estimate(self.levels[keys].statistic)
+
+    def to_best_rule(self, entry: Entry) -> Estimate | None:
+        """Return the paired difference of the goal to that of the best rule; None for this rule."""
+        return None if entry is self.best_rule else self._difference(entry, self.best_rule)
+
+    @functools.cache  # noqa: B019
+    def _difference(self, entry: Entry, best: Entry) -> Estimate:
+        goal = self.plan.task.statistic(self.plan.task.goal)
+        return entry.scores.difference(best.scores, goal, entry.chosen, best.chosen)
+
+    @functools.cache  # noqa: B019
+    def against(self, entry: Entry) -> dict[str, dict[str, Estimate]]:
+        """Return the paired figures of a decider and the reference, see `Task.against`."""
+        return self.plan.task.against(entry, self.entries[0], self.plan.curves)
+
+    def picture(self) -> Figure:
+        """Return the figure of the operating curves."""
+        return self.plan.task.figure(self.seed_groups)
+
+    def largest_difference(self) -> tuple[Entry, int]:
+        """The best agent, or without one the best rule, and the episode in which it differs most
+        from the reference.
+        """
+        agents = [one for one in self.entries if one.decider in self.plan.agents]
+        best = max(agents, key=lambda one: one.selected) if agents else self.best_rule
+        mine, other = (
+            one.scores.of(self.plan.task.goal, one.chosen) for one in (best, self.entries[0])
+        )
+        return best, int(np.abs(mine - other).argmax())
+
+    def as_json(self) -> dict[str, Any]:
+        """Contents of tables and figures, with every point of the curves."""
+        return {
+            "plan": self.plan.settings,
+            "selection": {"seed": seeds.SELECTION, "episodes": self.plan.selection_episodes},
+            "best_rule": self.best_rule.name,
+            "deciders": [self._entry_json(entry) for entry in self.entries],
+        }
+
+    def _entry_json(self, entry: Entry) -> dict[str, Any]:
+        task, scores, difference = self.plan.task, entry.scores, self.to_best_rule(entry)
+        levels: dict[str, Any] = {}
+        for keys in self.levels:
+            *outer, last = keys
+            place = levels.setdefault(outer[0], {}) if outer else levels
+            place[last] = self.level(entry, keys).as_json()
+        against = {} if entry is self.entries[0] else self.against(entry)
+        return {
+            "name": entry.name,
+            "threshold": {"symbol": scores.symbol, "chosen": entry.threshold},
+            **{metric.name: self.figure(entry, metric.name).as_json() for metric in task.metrics},
+            **{name: finite(values[entry.chosen]) for name, values in scores.extra.items()},
+            **{
+                name: finite(scores.curve(statistic)[entry.chosen])
+                for name, statistic in task.further.items()
+            },
+            "reward_less_best_rule": None if difference is None else difference.as_json(),
+            **levels,
+            **{
+                key: {name: one.as_json() for name, one in found.items()}
+                for key, found in against.items()
+            },
+            "curve": {"thresholds": list(scores.thresholds)}
+            | {metric.name: finite(scores.curve(metric.statistic)) for metric in task.metrics},
+        }
+
+
+def compare(
+    plan: Plan,
+    workers: Workers,
+    progress: Progress,
+    folder: Path | None,
+    on_entry: Callable[[Comparison], None] = lambda now: None,
+) -> Comparison:
+    """Train and score the deciders of a plan.
+
+    The folder keeps trained agents and, until the comparison is complete, the scores of each
+    decider: one that was interrupted goes on from there, with the same results. `on_entry` is
+    called after each decider.
+    """
+    shown = None if workers.parallel else progress
+    calls: dict[tuple[str, int], Call] = {
+        call: functools.partial(score, plan, folder, *call, position == 0, shown)
+        for position, call in enumerate(plan.calls())
+    }
+    task = progress.add_task("Comparing", total=len(calls), note="")
+    entries: list[Entry] = []
+    result = Comparison(plan, entries)
+    for _, entry in workers.results(
+        calls,
+        lambda call: progress.update(task, advance=1, note=call[0]),
+    ):
+        entries.append(entry)
+        on_entry(result)
+    progress.update(task, note="")
+    Continuation(plan.settings, folder).finish()
+    return result
+
+
+def score(
+    plan: Plan,
+    folder: Path | None,
+    name: str,
+    number: int,
+    full: bool,
+    progress: Progress | None,
+) -> Entry:
+    """Train a decider if needed, select its threshold and score it, unless its file exists.
+
+    `number` is its training seed. `full`: also score thresholds that are not selected, if the plan
+    has no curves.
+    """
+    display = Progress(disable=True) if progress is None else progress
+    continuation = Continuation(plan.settings, folder)
+    found = plan.family(name)
+    run_folder = None
+    title = plan.titles[name]
+    if isinstance(found, DeciderFamily):
+        family = found
+        content = content_digest(name, plan.task.switches)
+    else:
+        family, run_folder = train_agent(found, plan, number, display, continuation)
+        content = (
+            None if run_folder is None else content_digest(str(run_folder), plan.task.switches)
+        )
+        title += f" seed {number}" if plan.training_seeds > 1 else ""
+    family = replace(family, name=title)
+    # Other code may have the same name the next time.
+    if content is None:
+        continuation = Continuation(plan.settings, None)
+    key = [family.name, family.thresholds, family.options, content, full]
+    saved = continuation.load(key)
+    if saved is None:
+        bar = display.add_task("Scoring", total=2.0, note=family.name)
+        saved = _score(family, plan, full, lambda done: display.update(bar, completed=done))
+        continuation.save(key, *saved)
+        display.remove_task(bar)
+    scores, chosen, selected = saved
+    return Entry(scores, chosen, name, selected, run_folder)
+
+
+def _score(
+    family: DeciderFamily,
+    plan: Plan,
+    full: bool,
+    on_progress: OnProgress,
+) -> tuple[Scores, int, float]:
+    """Return scores on the reported episodes, the index of the selected threshold, and its goal
+    before.
+    """
+    task = plan.task
+    selection = sweep(task, family, plan.selection_episodes, seeds.SELECTION, on_progress)
+    index = task.best(selection) if plan.accuracy is None else fastest(selection, plan.accuracy)
+    selected = float(selection.curve(task.statistic(task.goal))[index])
+    if not (plan.curves or full):
+        family, index = replace(family, thresholds=(family.thresholds[index],)), 0
+    scores = sweep(task, family, plan.episodes, plan.seed, lambda share: on_progress(1.0 + share))
+    return scores, index, selected
+
+
+def fastest(scores: Scores, accuracy: float) -> int:
+    """Return the index of the fastest threshold at a required accuracy; if none reaches it, the
+    most accurate one.
+    """
+    means = dict(zip(scores.columns, scores.values.mean(0), strict=True))
+    reached = means["accuracy"] >= accuracy
+    best = (
+        np.where(reached, means["ticks"], np.inf).argmin()
+        if reached.any()
+        else means["accuracy"].argmax()
+    )
+    return int(best)
+
+
+def train_agent(
+    recipe: Any,
+    plan: Plan,
+    number: int,
+    progress: Progress,
+    continuation: Continuation,
+) -> tuple[DeciderFamily, Path | None]:
+    """Train an agent, or go on with its training; return its family and run folder."""
+    from agents.training.algorithm import TrainingProgress
+    from agents.training.checkpoint import has_checkpoint
+    from agents.training.runs import make_run
+
+    name = recipe.name if plan.training_seeds == 1 else f"{recipe.name} seed {number}"
+    folder = continuation.run_folder(recipe.name, recipe.as_json(), number)
+    resume = folder is not None and has_checkpoint(folder)
+    run = make_run(
+        plan.task.env_id,
+        dict(plan.task.given),
+        recipe,
+        number,
+        folder,
+        plan.steps,
+        resume,
+    )
+    bar = progress.add_task(f"Training {name}", total=run.steps, note="")
+
+    def show(now: TrainingProgress) -> None:
+        progress.update(bar, completed=min(now.steps, now.total), note=now.note)
+
+    run.train(show)
+    progress.update(bar, completed=run.steps)
+    family: DeciderFamily = run.family(name)
+    return family, folder

@@ -1,0 +1,1 @@
+"""Episodes of deciders as data sets of Minari."""

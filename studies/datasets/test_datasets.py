@@ -1,0 +1,55 @@
+"""Data sets of Minari: loaded by Minari, and replayed in the environment that they name."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+minari = pytest.importorskip("minari")
+pytest.importorskip("h5py")
+
+
+@pytest.mark.parametrize(
+    ("env_id", "rule"),
+    [
+        ("HybridTrackPublished-v0", "ate"),
+        ("HybridTrackQuickest-v0", "threshold:0.7"),
+    ],
+)
+def test_episodes_of_a_data_set_are_those_of_its_environment(tmp_path, monkeypatch, env_id, rule):
+    command = [
+        sys.executable,
+        "-m",
+        "studies.datasets",
+        rule,
+        "random",
+        "--env",
+        env_id,
+    ]
+    flags = ["--quick", "--out", str(tmp_path)]
+    printed = subprocess.run(
+        [*command, *flags],
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    for name in (rule.replace(":0.7", "_0_7"), "random"):
+        data = minari.load_dataset(f"{env_id}/{name}-v0")
+        assert f"{env_id}/{name}-v0: 5 episodes, {data.total_steps:,} steps" in printed
+        env = data.recover_environment()
+        for number, episode in enumerate(data.iterate_episodes()):
+            observation, info = env.reset(seed=5_000_000_000 + number)
+            seen = [observation]
+            modes = [info["true_mode"]]
+            rewards = []
+            for action in episode.actions:
+                observation, reward, terminated, _, info = env.step(action)
+                seen.append(observation)
+                modes.append(info["true_mode"])
+                rewards.append(reward)
+            assert terminated
+            np.testing.assert_array_equal(seen, episode.observations)
+            np.testing.assert_array_equal(rewards, episode.rewards)
+            np.testing.assert_array_equal(modes, episode.infos["true_mode"])

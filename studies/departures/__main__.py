@@ -1,0 +1,66 @@
+"""Command line of the study: `python -m studies.departures`."""
+
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import joblib
+from rich.progress import track
+
+from agents import find_family, run_command, task_of
+from baselines import Estimate
+from studies.departures import study
+
+
+@dataclass(kw_only=True)
+class Departures:
+    """Evaluate deciders in worlds that depart from what they are told, step by step, beside the
+    best rule that is told. 200 episodes take about 20 minutes.
+    """
+
+    deciders: tuple[str, ...] = ()
+    """Further deciders for announced switches and three hypotheses, as 'runs/ppo'."""
+    episodes: int = 200
+    """Number of episodes at each level; at most 1,000 others serve to select thresholds."""
+    seed: int = 0
+    """Seed of the first episode, below 10^9."""
+    jobs: int = -1
+    """Number of processes; -1 for one on each core. The results do not depend on it."""
+    quick: bool = False
+    """Evaluate rules only, at the ends of the roads, on 10 episodes."""
+    out: Path = Path("results")
+    """Folder for departures.md, departures.json and departures.png."""
+
+    def run(self) -> None:
+        """Evaluate the deciders, print the tables and write the files."""
+        roads = study.quick_roads() if self.quick else study.all_roads(self.deciders)
+        for road in roads:
+            for name in road.deciders:
+                find_family(name, task_of(road.env_id).options)
+        episodes = 10 if self.quick else self.episodes
+        calls = [
+            joblib.delayed(study.respond)(
+                road,
+                level,
+                episodes,
+                self.seed,
+            )
+            for road in roads
+            for level in road.levels
+        ]
+        parallel = joblib.Parallel(n_jobs=self.jobs, return_as="generator")
+        rows = [row for part in track(parallel(calls), total=len(calls)) for row in part]
+        text = study.markdown(rows)
+        print(text)
+        self.out.mkdir(parents=True, exist_ok=True)
+        (self.out / "departures.md").write_text(text, encoding="utf-8")
+        (self.out / "departures.json").write_text(
+            json.dumps(rows, indent=2, default=Estimate.as_json),
+            encoding="utf-8",
+        )
+        study.figure(rows).savefig(self.out / "departures.png")
+
+
+if __name__ == "__main__":
+    sys.exit(run_command(Departures, "python -m studies.departures"))

@@ -1,0 +1,38 @@
+"""A rule that is told of a departure beside one that is not, on the same episodes."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+
+def test_the_quick_form_compares_with_the_rule_that_is_told(tmp_path):
+    command = [
+        sys.executable,
+        "-m",
+        "studies.departures",
+        "--quick",
+        "--jobs",
+        "1",
+        "--out",
+    ]
+    printed = subprocess.run(
+        [*command, str(tmp_path)],
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    rows = json.loads((tmp_path / "departures.json").read_text())
+
+    assert "Rhythm: durations" in printed.stdout
+    told = rows[::2]
+    untold = rows[1::2]
+    # Two levels of each road.
+    assert len(told) == len(untold) == 8
+    for reference, decider in zip(told, untold, strict=True):
+        assert reference["gap"] is None
+        gap = decider["reward"]["value"] - reference["reward"]["value"]
+        assert decider["gap"]["value"] == pytest.approx(gap)
+    assert (tmp_path / "departures.md").read_text().count("|---") == 3 * 4
+    assert (tmp_path / "departures.png").exists()

@@ -1,0 +1,1 @@
+"""What limits a decision: rules with more and more information, on every bank and noise level."""

@@ -1,0 +1,1 @@
+"""Does the agent also work where others wrote the simulator?"""
