@@ -182,19 +182,30 @@ def compare(
     called after each decider.
     """
     shown = None if workers.parallel else progress
+    planned = plan.calls()
     calls: dict[tuple[str, int], Call] = {
-        call: functools.partial(score, plan, folder, *call, position == 0, shown)
-        for position, call in enumerate(plan.calls())
+        call: functools.partial(score, plan, folder, *call, call == planned[0], shown)
+        for call in planned
     }
+    if workers.parallel:
+        # Training takes longest: it begins first, so that no process waits for it at the end.
+        rules_last = sorted(
+            calls,
+            key=lambda call: isinstance(plan.family(call[0]), DeciderFamily),
+        )
+        calls = {call: calls[call] for call in rules_last}
     task = progress.add_task("Comparing", total=len(calls), note="")
+    scored: dict[tuple[str, int], Entry] = {}
     entries: list[Entry] = []
     result = Comparison(plan, entries)
-    for _, entry in workers.results(
+    for call, entry in workers.results(
         calls,
         lambda call: progress.update(task, advance=1, note=call[0]),
     ):
-        entries.append(entry)
-        on_entry(result)
+        scored[call] = entry
+        entries[:] = [scored[name] for name in planned if name in scored]
+        if planned[0] in scored:
+            on_entry(result)
     progress.update(task, note="")
     Continuation(plan.settings, folder).finish()
     return result
