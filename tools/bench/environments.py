@@ -53,13 +53,13 @@ def vector_environment() -> Iterator[Measurement]:
     """N tracks against CartPole's vector entry point, waiting and with declarations, and
     SyncVectorEnv.
     """
-    for tracks, goal in {8: 10.0, 64: 4.0}.items():
+    for tracks in (8, 64):
         times = measure_in_turn(
             waiting_step(_tracks(tracks, tick_info=True)),
             _cartpole_step(tracks),
         )
-        group = "vector environment against CartPole's, waiting, default info"
-        yield speed_ratio(group, f"3 hypotheses, {tracks} tracks", *times, goal)
+        group = "vector environment against CartPole's, waiting, tick_info=True"
+        yield speed_ratio(group, f"3 hypotheses, {tracks} tracks", *times)
     goals = {
         "3 hypotheses": {
             8: 10.0,
