@@ -1,0 +1,37 @@
+"""Every command line of README, of the pages and of the studies is one that the console accepts."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from agents.cli import parse
+from agents.commands.train import Train
+from agents.training.recipe import recipe_names
+
+ROOT = Path(__file__).parents[1]
+PAGES = [
+    ROOT / "README.md",
+    *sorted((ROOT / "docs").rglob("*.md")),
+    *sorted((ROOT / "studies").glob("*/README.md")),
+]
+LINES = {
+    match[1]: page
+    for page in PAGES
+    for match in re.finditer(r"^ *hybridtrack (\w+ .*)$", page.read_text("utf-8"), re.MULTILINE)
+    if not match[1].startswith("has ")
+}
+
+
+def test_the_pages_have_commands():
+    assert len(LINES) > 50
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_a_command_line_of_the_pages_is_accepted(line):
+    command = parse(shlex.split(line, comments=True))
+
+    is_new = isinstance(command, Train) and command.resume is None
+    if is_new and not command.recipe.startswith("results/"):
+        assert command.recipe in recipe_names() or (ROOT / command.recipe).is_file()
