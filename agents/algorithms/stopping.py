@@ -35,7 +35,7 @@ from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED, Actions, Decider, Observations
 from baselines.rules.msprt import error_and_best, mode_types
 from baselines.rules.rollout import rollout
-from hybrid_env.checks import IntArray, check_integer, reject
+from hybrid_env.checks import IntArray, reject
 from hybrid_env.options import WorldOptions
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
@@ -210,20 +210,6 @@ class Stopping(WorldsAlgorithm):
             allowed = f"an anchor agent of {self.settings.hidden} units ({error})"
             raise reject("agent", self.settings.agent, allowed) from None
         self.start(self.net, self.settings.learning_rate)
-        self.rounds = 0
-
-    def values(self) -> dict[str, Any]:
-        """See `Algorithm.values`."""
-        return {"rounds": self.rounds}
-
-    def restore_values(self, values: dict[str, Any]) -> None:
-        """See `Algorithm.restore_values`."""
-        self.rounds = check_integer(
-            "rounds",
-            values["rounds"],
-            minimum=0,
-            maximum=self.num_timesteps,
-        )
 
     def train_round(self) -> Round:
         """See `Algorithm.train_round`."""

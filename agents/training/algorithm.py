@@ -22,7 +22,7 @@ from agents.training.learning_curve import LearningCurve, environment_curve
 from agents.training.recipe import Recipe
 from agents.training.settings import learning_rate_schedule
 from baselines.rules.decider import DeciderFamily
-from hybrid_env.checks import ArgumentError, reject
+from hybrid_env.checks import ArgumentError, check_integer, reject
 
 
 @dataclass(frozen=True)
@@ -332,6 +332,8 @@ class NetworkAlgorithm(Algorithm):
     """Class of the agent, a `PosteriorDecider` or a `UtilityDecider`."""
     world: Any
     """Options of the environment of the agent."""
+    rounds: int = 0
+    """Number of rounds so far, where a round is determined by its number."""
 
     def __init_subclass__(cls, **keywords: Any):
         super().__init_subclass__(**keywords)
@@ -362,6 +364,19 @@ class NetworkAlgorithm(Algorithm):
     def family(self, name: str) -> DeciderFamily:
         """See `Algorithm.family`; for the environment of the run."""
         return self.decider.trained(name, self.network, self.world)
+
+    def values(self) -> dict[str, Any]:
+        """See `Algorithm.values`: a round is determined by its number, unless there is more."""
+        return {"rounds": self.rounds}
+
+    def restore_values(self, values: dict[str, Any]) -> None:
+        """See `Algorithm.restore_values`."""
+        self.rounds = check_integer(
+            "rounds",
+            values["rounds"],
+            minimum=0,
+            maximum=self.num_timesteps,
+        )
 
     def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
         save_policy(folder, self.network.state_dict(), card, self.decider.task)

@@ -150,6 +150,10 @@ class ExpectedRewardAlgorithm(NetworkAlgorithm):
     def batches(self) -> Iterator[StatementBatch]:
         """Simulate the batches of the next round."""
 
+    def values(self) -> dict[str, Any]:
+        """See `Algorithm.values`: the number of steps says all."""
+        return {}
+
     def restore_values(self, values: dict[str, Any]) -> None:
         if self.num_timesteps % self.round_steps:
             raise ValueError("the number of steps is not one of complete rounds")

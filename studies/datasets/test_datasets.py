@@ -1,8 +1,5 @@
 """Data sets of Minari: loaded by Minari, and replayed in the environment that they name."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -17,23 +14,11 @@ pytest.importorskip("h5py")
         ("HybridTrackQuickest-v0", "threshold:0.7"),
     ],
 )
-def test_episodes_of_a_data_set_are_those_of_its_environment(tmp_path, monkeypatch, env_id, rule):
-    command = [
-        sys.executable,
-        "-m",
-        "studies.datasets",
-        rule,
-        "random",
-        "--env",
-        env_id,
-    ]
-    flags = ["--quick", "--out", str(tmp_path)]
-    printed = subprocess.run(
-        [*command, *flags],
-        check=True,
-        capture_output=True,
-        text=True,
-    ).stdout
+def test_episodes_of_a_data_set_are_those_of_its_environment(
+    tmp_path, monkeypatch, run_study, env_id, rule
+):
+    flags = ["--env", env_id, "--quick", "--out", str(tmp_path)]
+    printed = run_study("datasets", rule, "random", *flags)
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     for name in (rule.replace(":0.7", "_0_7"), "random"):
         data = minari.load_dataset(f"{env_id}/{name}-v0")

@@ -1,31 +1,15 @@
 """A rule that is told of a departure beside one that is not, on the same episodes."""
 
 import json
-import subprocess
-import sys
 
 import pytest
 
 
-def test_the_quick_form_compares_with_the_rule_that_is_told(tmp_path):
-    command = [
-        sys.executable,
-        "-m",
-        "studies.departures",
-        "--quick",
-        "--jobs",
-        "1",
-        "--out",
-    ]
-    printed = subprocess.run(
-        [*command, str(tmp_path)],
-        check=True,
-        capture_output=True,
-        text=True,
-    )
+def test_the_quick_form_compares_with_the_rule_that_is_told(tmp_path, run_study):
+    printed = run_study("departures", "--quick", "--jobs", "1", "--out", str(tmp_path))
     rows = json.loads((tmp_path / "departures.json").read_text())
 
-    assert "Rhythm: durations" in printed.stdout
+    assert "Rhythm: durations" in printed
     told = rows[::2]
     untold = rows[1::2]
     # Two levels of each road.

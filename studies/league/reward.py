@@ -40,7 +40,7 @@ from baselines.rules import seeds
 from baselines.rules.decider import Actions, Decider, Observations
 from baselines.rules.msprt import mode_types, posterior_of
 from baselines.rules.rollout import rollout
-from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_flag, check_integer, reject
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_flag, reject
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 from hybrid_env.registration import environment_options, make_vector_env
@@ -379,24 +379,12 @@ class SegmentAlgorithm(NetworkAlgorithm):
                 self.settings.n_envs,
                 f"n_envs x ticks x (M - 1) of at most {LARGEST_ROUND:,}",
             )
-        self.rounds = 0
         torch.manual_seed(self.seed)
         self.net: Any = self.decider.network(self.settings.hidden)
         self.start(self.net, self.settings.learning_rate)
         modes = np.arange(self.world.hypotheses)
         kinds = mode_types(modes.size) if self.world.correctness == "type" else modes
         self._alike = torch.from_numpy((kinds[:, None] == kinds).astype(np.float32))
-
-    def values(self) -> dict[str, Any]:
-        return {"rounds": self.rounds}
-
-    def restore_values(self, values: dict[str, Any]) -> None:
-        self.rounds = check_integer(
-            "rounds",
-            values["rounds"],
-            minimum=0,
-            maximum=self.num_timesteps,
-        )
 
     def train_round(self) -> Round:
         first = seeds.TRAINING + self.seed * 10**9 + self.rounds * self.settings.n_envs

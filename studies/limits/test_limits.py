@@ -1,8 +1,6 @@
 """Steps of information: the same episodes, thresholds from others, gains that add up."""
 
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -47,32 +45,18 @@ def test_every_step_is_reported_with_a_threshold_from_other_tracks(monkeypatch):
 
 
 @pytest.mark.parametrize("flags", ["--quick", "--quick --unknown"])
-def test_the_quick_form_writes_its_files(flags, tmp_path):
-    command = [
-        sys.executable,
-        "-m",
-        "studies.limits",
-        *flags.split(),
-        "--jobs",
-        "1",
-        "--out",
-    ]
-    printed = subprocess.run(
-        [*command, str(tmp_path)],
-        check=True,
-        capture_output=True,
-        text=True,
-    )
+def test_the_quick_form_writes_its_files(flags, tmp_path, run_study):
+    printed = run_study("limits", *flags.split(), "--jobs", "1", "--out", str(tmp_path))
     rows = json.loads((tmp_path / "limits.json").read_text())
 
-    assert (tmp_path / "limits.md").read_text() in printed.stdout
+    assert (tmp_path / "limits.md").read_text() in printed
     assert (tmp_path / "limits.png").exists()
     rewards = [row["reward"]["value"] for row in rows["steps"]]
     gains = [row["gain"] and row["gain"]["value"] for row in rows["steps"]]
     assert gains[0] is None
     assert np.diff(rewards) == pytest.approx(gains[1:])
     if "--unknown" in flags:
-        assert "later ticks" in printed.stdout
+        assert "later ticks" in printed
         return
     assert [row["step"] for row in rows["steps"]] == list(STEPS)
     # The more a bank knows of the anchor, the sooner the MSPRT decides.

@@ -1,8 +1,6 @@
 """Worlds of simulators: modes that are commanded, gains on the same paths, closed paths."""
 
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -39,22 +37,10 @@ def test_statements_follow_the_commands():
         assert np.mean(statements[0].true_modes[:, track] == commanded) > 0.99
 
 
-def test_the_quick_form_compares_in_a_world(tmp_path):
+def test_the_quick_form_compares_in_a_world(tmp_path, run_study):
     pytest.importorskip("jsbsim")
     flags = "--quick --simulators jsbsim --deciders robust threshold cusum --jobs 1 --out"
-    command = [
-        sys.executable,
-        "-m",
-        "studies.simulators",
-        *flags.split(),
-        str(tmp_path),
-    ]
-    printed = subprocess.run(
-        command,
-        check=True,
-        capture_output=True,
-        text=True,
-    ).stdout
+    printed = run_study("simulators", *flags.split(), str(tmp_path))
     content = json.loads((tmp_path / "simulators.json").read_text())
 
     (row,) = content["worlds"]
