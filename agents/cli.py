@@ -24,7 +24,7 @@ from agents.commands.track import Track
 from agents.commands.train import Train
 from agents.interface.help_texts import as_command
 from agents.interface.world_arguments import trusted, trusting
-from hybrid_env.checks import ArgumentError
+from hybrid_env.checks import ArgumentError, check_fields
 
 COMMANDS = {
     "train": Train,
@@ -65,7 +65,7 @@ EXAMPLES = {
         "hybridtrack compare --deciders ate mine.py:MyRule --agents model.zip",
         "hybridtrack compare --no-curves --episodes 300     # a first look",
         (
-            "hybridtrack compare --env HybridTrackBank-v0 --deciders ate msprt-type bayes"
+            "hybridtrack compare --env HybridTrackBank-v0 --deciders ate msprt-type msprt"
             " --accuracy 0.9"
         ),
     ),
@@ -95,8 +95,6 @@ EXAMPLES = {
 PROGRAM = "hybridtrack"
 # A flag is left out, not given as "None".
 CONFIG = (tyro.conf.DisallowNone,)
-# Characters; the middle of a longer message is left out.
-MAX_MESSAGE = 270
 
 
 def one_line(message: str) -> str:
@@ -105,7 +103,8 @@ def one_line(message: str) -> str:
     words = " ".join(re.sub("[\u2500-\u257f]|-{3,}", " ", " ".join(body)).split())
     words = re.sub(r"^(Unrecognized options) \1", r"\1", words)
     text = re.sub(r"^Error parsing | (Argument helptext|For full helptext).*", "", words)
-    return text if len(text) <= MAX_MESSAGE else f"{text[:180]} ... {text[-85:]}"
+    # The middle of a long message is left out.
+    return text if len(text) <= 270 else f"{text[:180]} ... {text[-85:]}"
 
 
 def parse(arguments: Sequence[str]) -> Any:
@@ -113,14 +112,7 @@ def parse(arguments: Sequence[str]) -> Any:
     name = arguments[0] if arguments else ""
     # The flags of one command are parsed much sooner than those of all.
     if name in COMMANDS:
-        kind, description = as_command(COMMANDS[name])
-        return tyro.cli(
-            kind,
-            prog=f"{PROGRAM} {name}",
-            args=arguments[1:],
-            description=description,
-            config=CONFIG,
-        )
+        return _parse_flags(COMMANDS[name], f"{PROGRAM} {name}", arguments[1:])
     kinds: list[Any] = []
     for name, (kind, description) in zip(COMMANDS, map(as_command, COMMANDS.values()), strict=True):
         first = tyro.conf.subcommand(name, description=description.partition("\n")[0])
@@ -133,6 +125,12 @@ def parse(arguments: Sequence[str]) -> Any:
         config=CONFIG,
         description="Quickest decisions on motion modes with classical rules and learned agents.",
     )
+
+
+def _parse_flags(command: type, program: str, arguments: Sequence[str]) -> Any:
+    """Return a command with the flags of its command line."""
+    kind, description = as_command(command)
+    return tyro.cli(kind, prog=program, args=arguments, description=description, config=CONFIG)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -154,9 +152,7 @@ def run_command(command: type, program: str, arguments: Sequence[str] | None = N
         or a file that cannot be read or written, of which one line is printed, or 130 after an
         interrupt by the user.
     """
-    kind, description = as_command(command)
-    options: dict[str, Any] = {"prog": program, "description": description, "config": CONFIG}
-    return _main(lambda given: tyro.cli(kind, args=given, **options), program, arguments)
+    return _main(functools.partial(_parse_flags, command, program), program, arguments)
 
 
 def _main(
@@ -164,7 +160,10 @@ def _main(
     program: str,
     arguments: Sequence[str] | None,
 ) -> int:
-    report = functools.partial(_report, program)
+    def report(message: str) -> None:
+        with contextlib.suppress(OSError):
+            print(f"{program}: {one_line(message)}", file=sys.stderr)
+
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             # Names of files may contain any bytes.
@@ -202,6 +201,7 @@ def _run(
         elif parser is parse:
             print("examples:", *EXAMPLES.get(arguments[0], EXAMPLES[""]), sep="\n  ")
         return int(stop.code or 0)
+    check_fields(command)
     trust = trusted() or getattr(command, "trust", False)
     with warnings.catch_warnings(), trusting(trust):
         warnings.showwarning = lambda message, *_: report(f"warning: {message}")
@@ -215,11 +215,6 @@ def _run(
                 f"code of a decider ended the program (status {stop.code})"
             ) from stop
     return 0
-
-
-def _report(program: str, message: str) -> None:
-    with contextlib.suppress(OSError):
-        print(f"{program}: {one_line(message)}", file=sys.stderr)
 
 
 def _discard_output() -> None:

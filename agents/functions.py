@@ -57,10 +57,11 @@ def evaluate(
         ArgumentError: an argument is not allowed.
     """
     task = task_of(env_id, options)
-    family, threshold = find_decider(decider, task.options)
+    named = find_decider(decider, task.options)
+    thresholds = (named.threshold,)
     check_integer("seed", seed, minimum=0)
-    scores = sweep(task, family, check_integer("episodes", episodes), seed, thresholds=(threshold,))
-    return {metric.name: scores.estimate(metric.statistic) for metric in task.metrics}
+    scores = sweep(task, named, check_integer("episodes", episodes), seed, thresholds=thresholds)
+    return task.figures(scores)
 
 
 def compare(
@@ -131,6 +132,4 @@ def train(
     begun = resume and folder is not None and has_checkpoint(folder)
     run = make_run(env_id, options, settings, seed, folder, steps, begun)
     run.train(on_progress)
-    family = run.family(settings.name)
-    decider: Decider = family.make(family.default)
-    return decider
+    return run.agent(settings.name)

@@ -5,6 +5,7 @@ from baselines.estimation.gain_filters import AdaptiveFilter as AdaptiveFilter
 from baselines.estimation.gain_filters import CorrectedAdaptiveFilter as CorrectedAdaptiveFilter
 from baselines.estimation.gain_filters import GHFilter as GHFilter
 from baselines.estimation.imm import IMMFilter as IMMFilter
+from baselines.estimation.imm import mixture as mixture
 from baselines.estimation.kalman import KalmanFilter as KalmanFilter
 from baselines.estimation.motion_models import MotionModel as MotionModel
 from baselines.estimation.run_filter import run_filter as run_filter
@@ -16,7 +17,6 @@ from baselines.recordings.reading.igc import IgcLog as IgcLog
 from baselines.recordings.reading.igc import parse_igc as parse_igc
 from baselines.recordings.reading.read import read_recordings as read_recordings
 from baselines.rules.beam import BeamDecider as BeamDecider
-from baselines.rules.beam_smoother import BeamSmoother as BeamSmoother
 from baselines.rules.change_detection import CusumDecider as CusumDecider
 from baselines.rules.change_detection import ShiryaevRobertsDecider as ShiryaevRobertsDecider
 from baselines.rules.decider import Decider as Decider

@@ -1,38 +1,48 @@
-"""Argument checks, and types of arrays. An error is one line: the argument, its value, the
-allowed values.
+"""Checks of values against their declared types, and types of arrays. An error is one line: the
+argument, its value, the allowed values.
+
+A type is declared with the field that has it, in the words of `annotated_types`:
+`Annotated[float, Interval(ge=0.0, le=1.0), Unit("s")]`. A function among them, as in
+`Annotated[str | Scheme, parse_scheme]`, takes value and name, and returns the value to be stored.
 """
 
 import copy
+import dataclasses
 import functools
+import inspect
 import math
+import operator
 import reprlib
-from collections.abc import Callable, Iterable, Mapping
+import types
+import typing
+from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral, Real
-from typing import Any, ClassVar, Self, TypeVar
+from typing import Annotated, Any, Self, TypeVar
 
 import numpy as np
+from annotated_types import BaseMetadata, Ge, GroupedMetadata, Gt, Interval
 from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
-AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
-Check = Callable[[str, Any], Any]
-"""Takes name and value of an argument, and returns the value as it is stored; others raise
-`ArgumentError`.
-"""
+Float32Array = NDArray[np.float32]
+AnyArray = NDArray[Any]
+SameArray = TypeVar("SameArray", bound=AnyArray)
+# Means and covariances.
+Moments = tuple[FloatArray, FloatArray]
+# Options of `reset`, and what it and `step` tell beside the observation.
+Info = dict[str, Any]
+Count = Annotated[int, Ge(1)]
+NotNegative = Annotated[int, Ge(0)]
+Positive = Annotated[float, Gt(0.0)]
+PositiveOrZero = Annotated[float, Ge(0.0)]
+Share = Annotated[float, Interval(ge=0.0, lt=1.0)]
+UnitInterval = Annotated[float, Interval(ge=0.0, le=1.0)]
+Probability = Annotated[float, Interval(gt=0.0, lt=1.0)]
 
-# Characters of a value in a message.
-LONGEST_VALUE = 120
-# Characters.
-LONGEST_MESSAGE = 300
 # Magnitude of an element of an array; its square must not overflow.
 LARGEST_NUMBER = 1e30
-
-# Does not print all of a nested or a large value.
-_short = reprlib.Repr()
-_short.maxstring = _short.maxother = _short.maxlong = LONGEST_VALUE
-_short.maxlevel = 3
 
 
 class ArgumentError(ValueError):
@@ -41,7 +51,7 @@ class ArgumentError(ValueError):
     """
 
     def __init__(self, message: str):
-        super().__init__(_shorten(" ".join(message.split()), LONGEST_MESSAGE))
+        super().__init__(_shorten(" ".join(message.split()), 300))
 
 
 class OwnState:
@@ -58,7 +68,7 @@ class ReadOnlyAttributes(OwnState):
     on them.
     """
 
-    read_only: ClassVar[frozenset[str]] = frozenset()
+    read_only: frozenset[str] = frozenset()
 
     def __setattr__(self, name: str, value: Any) -> None:
         # Reading __dict__ would slow down all attributes.
@@ -68,13 +78,12 @@ class ReadOnlyAttributes(OwnState):
 
 
 class Checked:
-    """A frozen dataclass whose fields are checked when it is made, in the order of `checks`."""
-
-    checks: ClassVar[Mapping[str, Check]] = {}
+    """A dataclass whose fields are checked by their declared types when it is made, and stored as
+    plain values.
+    """
 
     def __post_init__(self) -> None:
-        for name, check in self.checks.items():
-            object.__setattr__(self, name, check(name, getattr(self, name)))
+        check_fields(self)
 
 
 def _shorten(text: str, longest: int) -> str:
@@ -87,14 +96,146 @@ def _shorten(text: str, longest: int) -> str:
 
 def reject(name: str, value: Any, allowed: str) -> ArgumentError:
     """Return the error for a value that is not allowed. The caller raises it."""
+    # Does not print all of a nested or a large value.
+    short = reprlib.Repr()
+    short.maxstring = short.maxother = short.maxlong = 120
+    short.maxlevel = 3
     try:
-        shown = _short.repr(value.item() if isinstance(value, np.generic) else value)
+        shown = short.repr(value.item() if isinstance(value, np.generic) else value)
     except Exception:
         # Of the value's own __repr__, or an integer with too many digits.
         shown = f"<{type(value).__name__}>"
-    return ArgumentError(
-        f"{name}={_shorten(shown, LONGEST_VALUE)} is not allowed: expected {allowed}"
-    )
+    return ArgumentError(f"{name}={_shorten(shown, 120)} is not allowed: expected {allowed}")
+
+
+def declaration(hint: Any) -> tuple[Any, dict[str, Any]]:
+    """Return the plain type of a declared one, and its limits by their names in `annotated_types`;
+    "parse" is a function.
+    """
+    if typing.get_origin(hint) is not Annotated:
+        return hint, {}
+    limits: dict[str, Any] = {}
+    for part in hint.__metadata__:
+        if inspect.isfunction(part):
+            limits["parse"] = part
+        elif isinstance(part, (BaseMetadata, GroupedMetadata)):
+            given: Any = dataclasses.asdict(part)  # type: ignore[call-overload]
+            limits |= {name: limit for name, limit in given.items() if limit is not None}
+    return hint.__origin__, limits
+
+
+@functools.cache
+def declared_fields(kind: type) -> dict[str, Any]:
+    """Return the declared types of the fields of a dataclass."""
+    hints = typing.get_type_hints(kind, include_extras=True)
+    return {field.name: hints[field.name] for field in dataclasses.fields(kind)}
+
+
+def check_fields(instance: Any) -> None:
+    """Check the fields of a dataclass by their declared types, and store them as plain values."""
+    kind: Any = type(instance)
+    for name, hint in declared_fields(kind).items():
+        object.__setattr__(instance, name, checked(name, getattr(instance, name), hint))
+
+
+def checked(name: str, value: Any, hint: Any) -> Any:
+    """Return a value as its declared type stores it, numbers and tuples of Python. Raises
+    `ArgumentError` for others.
+    """
+    kind, limits = declaration(hint)
+    origin = typing.get_origin(kind)
+    inner = typing.get_args(kind)
+    if "parse" in limits:
+        return limits["parse"](value, name)
+    if origin in (typing.Union, types.UnionType):
+        others = [other for other in inner if other is not types.NoneType]
+        if (value is None and len(others) < len(inner)) or len(others) > 1:
+            return value
+        return checked(name, value, others[0])
+    if origin is typing.Literal:
+        return check_choice(name, value, inner)
+    if kind is bool:
+        return check_flag(name, value)
+    if kind in (int, float):
+        number = _number(value, kind)
+        bounds = limits.keys() & {"ge", "gt", "le", "lt"}
+        if number is None or not all(
+            getattr(operator, name)(number, limits[name]) for name in bounds
+        ):
+            raise reject(name, value, described(hint))
+        return number
+    if origin is tuple:
+        return _checked_elements(name, value, hint)
+    if hasattr(kind, "__dataclass_fields__") and isinstance(value, Mapping):
+        try:
+            return kind(**value)
+        except TypeError:
+            raise reject(name, value, described(hint)) from None
+    if isinstance(origin or kind, type) and not isinstance(value, origin or kind):
+        raise reject(name, value, described(hint))
+    return value
+
+
+def described(hint: Any) -> str:
+    """Return what a declared type allows, in words."""
+    kind, limits = declaration(hint)
+    inner = typing.get_args(kind)
+    if typing.get_origin(kind) is tuple:
+        least = limits.get("min_length", 0)
+        most = limits.get("max_length", "any number")
+        count = f"{least} to {most}" if inner[-1] is Ellipsis else str(len(inner))
+        return f"a list of {count} values, each {described(inner[0])}"
+    if dataclasses.is_dataclass(kind):
+        return f"a mapping with some of {', '.join(declared_fields(kind))}"  # type: ignore[arg-type]
+    words = {int: "an integer", float: "a finite number", str: "a text", Mapping: "a mapping"}
+    text = words.get(typing.get_origin(kind) or kind, f"an object {kind}")
+    signs = {"ge": ">=", "gt": ">", "le": "<=", "lt": "<"}
+    parts = [f"{sign} {limits[name]:.10g}" for name, sign in signs.items() if name in limits]
+    unit = f" [{limits['unit']}]" if "unit" in limits else ""
+    return f"{text} {' and '.join(parts)}{unit}".strip()
+
+
+def _number(value: Any, kind: type) -> Any:
+    """Return a number as int or finite float. Bools, strings, NaN, infinities and durations are
+    none: None.
+    """
+    wanted = Integral if kind is int else Real
+    if isinstance(value, (bool, np.bool_, np.timedelta64)) or not isinstance(value, wanted):
+        return None
+    try:
+        number = kind(value)
+    except (OverflowError, ValueError):
+        # An integer may be too large.
+        return None
+    return number if kind is int or math.isfinite(number) else None
+
+
+def elements(value: Any) -> Sequence[Any]:
+    """Return the elements of a sequence or array, or a list of a single value."""
+    if isinstance(value, np.ndarray):
+        # Masked elements become None.
+        return np.atleast_1d(value).tolist()
+    return value if isinstance(value, Sequence) and not isinstance(value, (str, bytes)) else [value]
+
+
+def _checked_elements(name: str, value: Any, hint: Any) -> tuple[Any, ...]:
+    kind, limits = declaration(hint)
+    inner = typing.get_args(kind)
+    values = elements(value)
+    several = inner[-1] is Ellipsis
+    fewest = limits.get("min_length", 0) if several else len(inner)
+    most = limits.get("max_length", math.inf) if several else len(inner)
+    if values is value or isinstance(value, np.ndarray):
+        try:
+            if fewest <= len(values) <= most:
+                hints = [inner[0]] * len(values) if several else inner
+                parts = zip(values, hints, strict=True)
+                return tuple(checked(name, element, part) for element, part in parts)
+        except ArgumentError:
+            # The message about a dataclass names its field.
+            if dataclasses.is_dataclass(inner[0]):
+                raise
+    raise reject(name, value, described(hint))
 
 
 def check_number(
@@ -104,62 +245,16 @@ def check_number(
     low: float = -math.inf,
     high: float = math.inf,
 ) -> float:
-    """Return a finite float from `low` to `high`. Bools, strings, NaN, infinities and durations
-    are none.
-    """
-    if isinstance(value, (bool, np.bool_, np.timedelta64)) or not isinstance(value, Real):
+    """Return a finite float from `low` to `high`."""
+    number = _number(value, float)
+    if number is None or not low <= number <= high:
         raise reject(name, value, allowed)
-    try:
-        number = float(value)
-    except (OverflowError, ValueError):
-        # An integer may be too large.
-        raise reject(name, value, allowed) from None
-    if not math.isfinite(number) or not low <= number <= high:
-        raise reject(name, value, allowed)
-    return number
-
-
-def ranged(low: float, high: float, allowed: str = "") -> Check:
-    """Return the check of a number from `low` to `high`."""
-    return functools.partial(
-        check_number,
-        allowed=allowed or f"a number from {low:g} to {high:g}",
-        low=low,
-        high=high,
-    )
-
-
-def optional(check: Check) -> Check:
-    """Return a check that also allows None."""
-    return lambda name, value: None if value is None else check(name, value)
-
-
-check_share = ranged(0.0, math.nextafter(1.0, 0.0), "a number >= 0 and < 1")
-
-
-def check_positive(name: str, value: Any, allow_zero: bool = False) -> float:
-    """Return a finite float > 0, or >= 0 with `allow_zero`."""
-    low, sign = (0.0, ">=") if allow_zero else (math.ulp(0.0), ">")
-    return check_number(name, value, f"a finite number {sign} 0", low)
-
-
-def check_between(name: str, value: Any, low: float, high: float) -> float:
-    """Return a float strictly between two bounds."""
-    allowed = f"a number strictly between {low:g} and {high:g}"
-    return check_number(name, value, allowed, math.nextafter(low, high), math.nextafter(high, low))
+    return float(number)
 
 
 def check_integer(name: str, value: Any, minimum: int = 1, maximum: int | None = None) -> int:
     """Return an integer >= `minimum`, and <= `maximum` unless that is None."""
-    allowed = (
-        f"an integer >= {minimum}" if maximum is None else f"an integer from {minimum} to {maximum}"
-    )
-    if isinstance(value, (bool, np.bool_, np.timedelta64)) or not isinstance(value, Integral):
-        raise reject(name, value, allowed)
-    number = int(value)
-    if number < minimum or (maximum is not None and number > maximum):
-        raise reject(name, value, allowed)
-    return number
+    return checked(name, value, Annotated[int, Interval(ge=minimum, le=maximum)])
 
 
 def check_choice(name: str, value: Any, choices: Iterable[str]) -> str:
@@ -168,12 +263,6 @@ def check_choice(name: str, value: Any, choices: Iterable[str]) -> str:
     if not isinstance(value, str) or value not in choices:
         raise reject(name, value, "one of " + ", ".join(map(repr, choices)))
     return str(value)
-
-
-def check_reset_options(options: Any) -> None:
-    """Raise `ArgumentError` if the options of `reset` are neither a dict nor None."""
-    if options is not None and not isinstance(options, dict):
-        raise reject("options", options, "a dict or None")
 
 
 def check_flag(name: str, value: Any) -> bool:
@@ -209,12 +298,8 @@ def check_array(
     """Return a copy as a finite float64 array of a given shape; None in `shape` allows any length
     >= 1, and `missing` allows NaN.
     """
-    expected = (
-        "("
-        + ", ".join("*" if size is None else str(size) for size in shape)
-        + ("," * (len(shape) == 1))
-        + ")"
-    )
+    sizes = ", ".join("*" if size is None else str(size) for size in shape)
+    expected = f"({sizes},)" if len(shape) == 1 else f"({sizes})"
     array = _real_array(value)
     if array is None:
         raise reject(name, value, f"an array of finite numbers of shape {expected}, none masked")
@@ -265,7 +350,7 @@ def dimensions(value: ArrayLike) -> int:
         return -1
 
 
-def frozen(array: AnyArray) -> AnyArray:
+def frozen(array: SameArray) -> SameArray:
     """Return the array, which can no longer be changed in place."""
     array.setflags(write=False)
     return array

@@ -23,30 +23,28 @@ def main() -> int:
         with explained():
             try:
                 command = importlib.import_module("agents.cli").main
-            except Exception as error:
-                foreign = _foreign(error)
+            except Exception:
+                foreign = _foreign()
                 if foreign is None:
                     raise
                 print(f"hybridtrack: {foreign}", file=sys.stderr)
                 return 2
-            status: int = command()
-            return status
+            return command()
     except MissingExtraError as error:
         print(f"hybridtrack: {error}", file=sys.stderr)
         return 2
 
 
-def _foreign(error: Exception) -> str | None:
+def _foreign() -> str | None:
     """Return which packages of another distribution stand in the place of ours; None if none do."""
-    found = metadata.packages_distributions()
-    others = {name: set(found.get(name, ())) - {DISTRIBUTION} for name in PACKAGES}
+    distributions = metadata.packages_distributions()
+    others = {name: set(distributions.get(name, ())) - {DISTRIBUTION} for name in PACKAGES}
     shown = [f"'{name}' of {', '.join(sorted(kinds))}" for name, kinds in others.items() if kinds]
     if not shown:
         return None
-    reason = " ".join(str(error).split())[:100]
     return (
-        f"the package {' and '.join(shown)} stands in the place of that of {DISTRIBUTION}"
-        f" ({reason}): install {DISTRIBUTION} in a virtual environment of its own"
+        f"the package {' and '.join(shown)} stands in the place of that of {DISTRIBUTION}:"
+        f" install {DISTRIBUTION} in a virtual environment of its own"
     )
 
 

@@ -9,28 +9,43 @@ draws a law for every episode.
 
 import re
 from dataclasses import dataclass
-from functools import partial
-from typing import Any, ClassVar, TypeAlias, get_args
+from typing import Annotated, Any, ClassVar, TypeAlias
 
 import numpy as np
+from annotated_types import Interval
 
-from hybrid_env.checks import Checked, FloatArray, check_integer, ranged, reject
-from hybrid_env.limits import MAX_LENGTH, check_ticks
+from hybrid_env.checks import Checked, FloatArray, reject
+from hybrid_env.limits import MAX_LENGTH, Ticks
 
 DRAWN = "drawn"
-GRAMMAR = (
-    "'geometric 75', '25 + geometric 50', 'uniform 50-100', 'uniform 30-40 or uniform 80-90', "
-    "'straight uniform 90-100, turns geometric 30', 'drawn', or a law of hybrid_env.durations"
-)
 
 _INTEGER = "[0-9]{1,20}"
 _BY_MODE = re.compile("straight ([^,]+), ?turns ([^,]+)")
-_GEOMETRIC = re.compile(rf"(?:({_INTEGER})\s*\+\s*)?geometric\s+({_INTEGER}(?:\.{_INTEGER})?)")
-_UNIFORM = re.compile(rf"uniform\s+({_INTEGER})(?:\s*-\s*({_INTEGER}))?")
 
 
 @dataclass(frozen=True)
-class GeometricDurations(Checked):
+class DurationLaw(Checked):
+    """A law of the durations of all segments. Each direct subclass is one that a text can name."""
+
+    # Texts, as a message shows them.
+    examples: ClassVar[tuple[str, ...]]
+    # Pattern of its text, with a group for each field that the text has.
+    form: ClassVar[str]
+
+    @property
+    def mean_duration(self) -> float:
+        """Expected duration [ticks]."""
+        raise NotImplementedError
+
+    def survival(self, ticks: int) -> FloatArray:
+        """Return the probabilities that a duration is longer than 0, 1, ..., `ticks`, (ticks +
+        1,).
+        """
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class GeometricDurations(DurationLaw):
     """Durations `offset` + G, where G = 1, 2, ... has a geometric distribution.
 
     Attributes:
@@ -38,13 +53,11 @@ class GeometricDurations(Checked):
         offset: smallest duration minus 1 [ticks].
     """
 
-    checks: ClassVar = {
-        "mean": ranged(1.0, MAX_LENGTH, f"a number of ticks from 1 to {MAX_LENGTH}"),
-        "offset": partial(check_integer, minimum=0, maximum=MAX_LENGTH),
-    }
+    examples = ("geometric 75", "25 + geometric 50")
+    form = rf"(?:(?P<offset>{_INTEGER})\s*\+\s*)?geometric\s+(?P<mean>{_INTEGER}(?:\.{_INTEGER})?)"
 
-    mean: float
-    offset: int = 0
+    mean: Annotated[float, Interval(ge=1.0, le=MAX_LENGTH)]
+    offset: Annotated[int, Interval(ge=0, le=MAX_LENGTH)] = 0
 
     @property
     def mean_duration(self) -> float:
@@ -56,7 +69,7 @@ class GeometricDurations(Checked):
         1,).
         """
         beyond = np.maximum(np.arange(ticks + 1.0) - self.offset, 0.0)
-        return np.asarray((1.0 - 1.0 / self.mean) ** beyond)
+        return (1.0 - 1.0 / self.mean) ** beyond
 
     def __str__(self) -> str:
         return (f"{self.offset} + " if self.offset else "") + f"geometric {self.mean:g}"
@@ -68,21 +81,23 @@ class DrawnDurations(GeometricDurations):
     and rules that assume a law assume the default one, whose attributes these are.
     """
 
-    mean: float = 50.0
-    offset: int = 25
+    mean: Annotated[float, Interval(ge=1.0, le=MAX_LENGTH)] = 50.0
+    offset: Annotated[int, Interval(ge=0, le=MAX_LENGTH)] = 25
 
     def __str__(self) -> str:
         return DRAWN
 
 
 @dataclass(frozen=True)
-class UniformDurations(Checked):
+class UniformDurations(DurationLaw):
     """Equally likely durations from `shortest` to `longest`, both included [ticks]."""
 
-    checks: ClassVar = {"shortest": check_ticks, "longest": check_ticks}
+    examples = ("uniform 50-100",)
+    # A single number is both.
+    form = rf"uniform\s+(?=(?P<shortest>{_INTEGER}))(?:{_INTEGER}\s*-\s*)?(?P<longest>{_INTEGER})"
 
-    shortest: int
-    longest: int
+    shortest: Ticks
+    longest: Ticks
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -103,7 +118,7 @@ class UniformDurations(Checked):
         1,).
         """
         left = (self.longest - np.arange(ticks + 1.0)) / (self.longest - self.shortest + 1.0)
-        return np.asarray(left.clip(0.0, 1.0))
+        return left.clip(0.0, 1.0)
 
     def __str__(self) -> str:
         return f"uniform {self.shortest}-{self.longest}"
@@ -113,18 +128,17 @@ class UniformDurations(Checked):
 class _Pair:
     """Two laws of some kinds, of which each holds for half of the segments."""
 
-    kinds: ClassVar[tuple[type, ...]] = (GeometricDurations, UniformDurations)
+    kinds: ClassVar[tuple[type, ...]] = (DurationLaw,)
 
     def __post_init__(self) -> None:
         for name, law in vars(self).items():
-            if type(law) not in self.kinds:
+            if not isinstance(law, self.kinds) or isinstance(law, DrawnDurations):
                 raise reject(name, law, " or ".join(kind.__name__ for kind in self.kinds))
 
     @property
     def mean_duration(self) -> float:
         """Expected duration [ticks]."""
-        one, other = vars(self).values()
-        return 0.5 * float(one.mean_duration + other.mean_duration)
+        return 0.5 * sum(law.mean_duration for law in vars(self).values())
 
 
 @dataclass(frozen=True)
@@ -133,8 +147,8 @@ class TwoDurations(_Pair):
     segment.
     """
 
-    one: GeometricDurations | UniformDurations
-    other: GeometricDurations | UniformDurations
+    one: DurationLaw
+    other: DurationLaw
 
     def survival(self, ticks: int) -> FloatArray:
         """Return the probabilities that a duration is longer than 0, 1, ..., `ticks`, (ticks +
@@ -146,14 +160,14 @@ class TwoDurations(_Pair):
         return f"{self.one} or {self.other}"
 
 
-SimpleDurations: TypeAlias = GeometricDurations | UniformDurations | TwoDurations
+SimpleDurations: TypeAlias = DurationLaw | TwoDurations
 
 
 @dataclass(frozen=True)
 class ModeDurations(_Pair):
     """A law of straight segments and another one of turns."""
 
-    kinds = get_args(SimpleDurations)
+    kinds = (DurationLaw, TwoDurations)
 
     straight: SimpleDurations
     turns: SimpleDurations
@@ -163,14 +177,14 @@ class ModeDurations(_Pair):
 
 
 Durations: TypeAlias = SimpleDurations | ModeDurations
+GRAMMAR = (
+    ", ".join(repr(text) for law in DurationLaw.__subclasses__() for text in law.examples)
+    + ", 'uniform 30-40 or uniform 80-90', 'straight uniform 90-100, turns geometric 30', "
+    + "'drawn', or a law of hybrid_env.durations"
+)
 
 
-def laws_by_mode(law: Durations) -> tuple[SimpleDurations, SimpleDurations]:
-    """Return the laws of straight motion and of turns."""
-    return (law.straight, law.turns) if isinstance(law, ModeDurations) else (law, law)
-
-
-def parse_durations(value: Any) -> Durations:
+def parse_durations(value: Any, name: str = "durations") -> Durations:
     """Parse a string; a law is returned as it is. Raises `ArgumentError` for other values."""
     if isinstance(value, Durations):
         return value
@@ -178,20 +192,25 @@ def parse_durations(value: Any) -> Durations:
     if text == DRAWN:
         return DrawnDurations()
     if by_mode := _BY_MODE.fullmatch(text):
-        return ModeDurations(*(_parse_simple(part, value) for part in by_mode.groups()))
-    return _parse_simple(text, value)
+        return ModeDurations(*(_parse_simple(part, value, name) for part in by_mode.groups()))
+    return _parse_simple(text, value, name)
 
 
-def _parse_simple(text: str, value: Any) -> SimpleDurations:
+def _parse_simple(text: str, value: Any, name: str) -> SimpleDurations:
     """Parse the law of one mode, which is a part of a value."""
-    laws: list[GeometricDurations | UniformDurations] = []
+    laws: list[DurationLaw] = []
     for part in text.split(" or ", 1):
-        if geometric := _GEOMETRIC.fullmatch(part):
-            laws.append(GeometricDurations(float(geometric[2]), int(geometric[1] or 0)))
-        elif uniform := _UNIFORM.fullmatch(part):
-            laws.append(UniformDurations(int(uniform[1]), int(uniform[2] or uniform[1])))
+        for kind in DurationLaw.__subclasses__():
+            if match := re.fullmatch(kind.form, part):
+                numbers = {
+                    key: float(number) if "." in number else int(number)
+                    for key, number in match.groupdict().items()
+                    if number is not None
+                }
+                laws.append(kind(**numbers))
+                break
         else:
-            raise reject("durations", value, GRAMMAR)
+            raise reject(name, value, GRAMMAR)
     return TwoDurations(*laws) if len(laws) > 1 else laws[0]
 
 

@@ -2,40 +2,40 @@
 
 import functools
 import operator
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
 from hybrid_env.checks import (
     BoolArray,
+    Float32Array,
+    Info,
     ReadOnlyAttributes,
     check_choice,
     check_flag,
     check_integer,
-    check_reset_options,
+    checked,
 )
 from hybrid_env.core.kernel import DECIDED
 from hybrid_env.options import WorldOptions
-from hybrid_env.rendering.evidence import DEFAULT_ALPHA, EvidencePanel, sprt_panel
-from hybrid_env.rendering.history import History, record_declaration
+from hybrid_env.rendering.history import History
 from hybrid_env.rendering.window import RENDER_FPS, Renderer
 from hybrid_env.world import World, state_of
 
 
-class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
+class TrackEnv(ReadOnlyAttributes, gym.Env[Float32Array, np.int64]):
     """An environment of one track; each environment has a subclass that names its options."""
 
-    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
+    metadata: ClassVar[Info] = {  # type: ignore[misc]
         "render_modes": ["human", "rgb_array"],
         "render_fps": RENDER_FPS,
     }
 
     read_only = frozenset(("options", "world"))
 
-    options_class: ClassVar[Any]
-    evidence_panel: ClassVar[EvidencePanel]
+    options_class: Any
     # Ticks of the running episode; None without a render mode.
     history: History | None
     renderer: Renderer | None
@@ -54,26 +54,18 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
         self.world = World(self.options, 1, rows, bank_info=check_flag("bank_info", bank_info))
         if render_mode is not None:
             self.history = History()
-            self.renderer = Renderer(self.options, render_mode == "human", self.evidence_panel)
+            self.renderer = Renderer(self.options, render_mode == "human")
         self.action_space = self.world.action_space()
         self.observation_space = self.world.observation_space()  # type: ignore[assignment]
 
         self._bank_info = bank_info
-        self._reset_mask = np.ones(1, np.bool_)
+        self._reset_mask = np.ones(1, bool)
         self._started = False
         self._bind_views()
 
-    def _step_info(self, events: int) -> dict[str, Any]:
-        """Return further info of the last step, by the events of the kernel."""
-        return {}
-
-    def _record(self, history: History, info: dict[str, Any], finished: bool) -> None:
-        """Add the last step or reset to the history."""
-        raise NotImplementedError
-
     def action_masks(self) -> BoolArray:
         """Return which actions count now, (actions,), as sb3-contrib's `MaskablePPO` reads them."""
-        return np.asarray(self.world.action_mask[0] > 0)
+        return self.world.action_mask[0] > 0
 
     def get_keys_to_action(self) -> dict[tuple[int], int]:
         """Return actions by key for `gymnasium.utils.play`: w straight, a left, d right, both of
@@ -98,9 +90,9 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
             (name, view.copy if view.ndim else functools.partial(view.__getitem__, ()))
             for name, view in views.items()
         ]
-        self._info_names: dict[str, Any] = dict.fromkeys(views)
+        self._info_names: Info = dict.fromkeys(views)
 
-    def _info(self) -> dict[str, Any]:
+    def _info(self) -> Info:
         """Return the info of the current tick: NumPy scalars, and copies of arrays."""
         # A dictionary of the final size is filled faster.
         info = self._info_names.copy()
@@ -110,7 +102,7 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
             info |= {name: values[0] for name, values in self.world.bank_tick().items()}
         return info
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
+    def __setstate__(self, state: Info) -> None:
         self.__dict__.update(state)
         # Copied and unpickled views do not share memory with the world.
         self._bind_views()
@@ -119,10 +111,10 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
         self,
         *,
         seed: int | None = None,
-        options: dict[str, Any] | None = None,
-    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        options: Info | None = None,
+    ) -> tuple[Float32Array, Info]:
         """Begin an episode. Without a seed the random stream continues. `options` is not used."""
-        check_reset_options(options)
+        checked("options", options, Mapping | None)
         if self.spec is not None and self.spec.id in gym.registry:
             # `gym.make` does not tell the environment the limit of its wrapper: this is that of the
             # id.
@@ -135,12 +127,12 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
         info = self._info()
         if self.history is not None:
             self.history.begin()
-            self._record(self.history, info, finished=False)
+            self.history.record(self.world, 0, info, finished=False)
             if self.render_mode == "human":
                 self.render()
         return self._observation.copy(), info
 
-    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[Float32Array, float, bool, bool, Info]:
         """Apply an action of the action space, others raise `InvalidAction`, and advance the
         track.
         """
@@ -155,10 +147,17 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
         self._actions[0] = index
         events = self.world.step()
         info = self._info()
-        if events:
-            info |= self._step_info(events)
+        if events & DECIDED:
+            decisions = self.world.read_decisions()
+            del decisions["has_decision"]
+            # Flags as arrays without dimensions: Gymnasium's vectorizers would make objects of bool
+            # scalars.
+            info |= {
+                name: values.reshape(()) if values.dtype == np.bool_ else values[0]
+                for name, values in decisions.items()
+            }
         if self.history is not None:
-            self._record(self.history, info, self._terminated.item(0))
+            self.history.record(self.world, 0, info, self._terminated.item(0))
             if self.render_mode == "human":
                 self.render()
         return self._observation.copy(), self._reward.item(0), self._terminated.item(0), False, info
@@ -326,19 +325,3 @@ class HybridTrackEnv(TrackEnv):
 
     options: WorldOptions
     options_class = WorldOptions
-    evidence_panel = sprt_panel(DEFAULT_ALPHA)
-
-    def _step_info(self, events: int) -> dict[str, Any]:
-        if not events & DECIDED:
-            return {}
-        decisions = self.world.read_decisions()
-        del decisions["has_decision"]
-        # Flags as arrays without dimensions: Gymnasium's vectorizers would make objects of bool
-        # scalars.
-        return {
-            key: values.reshape(()) if values.dtype == np.bool_ else values[0]
-            for key, values in decisions.items()
-        }
-
-    def _record(self, history: History, info: dict[str, Any], finished: bool) -> None:
-        record_declaration(history, self.world.read_trace(0), info, finished)

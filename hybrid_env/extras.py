@@ -50,8 +50,9 @@ def extra_of(module: str) -> str | None:
         requirements = metadata.requires(DISTRIBUTION) or []
     except metadata.PackageNotFoundError:
         return None
-    found = (re.match(r"([\w.-]+).*\bextra == ['\"]([\w-]+)['\"]", line) for line in requirements)
-    return next((one[2] for one in found if one and one[1].lower() == wanted), None)
+    matches = (re.match(r"([\w.-]+).*\bextra == ['\"]([\w-]+)['\"]", line) for line in requirements)
+    named = ((match[1].lower(), match[2]) for match in matches if match)
+    return next((extra for name, extra in named if name == wanted), None)
 
 
 def lazy_names(package: str) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:

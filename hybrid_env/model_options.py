@@ -5,15 +5,22 @@ import difflib
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from annotated_types import Ge, Interval, Unit
 
-from hybrid_env import limits
-from hybrid_env.checks import Checked, FloatArray, check_integer, check_share, optional, reject
-from hybrid_env.core.state import PARAMETERS
-from hybrid_env.limits import axis_variances, check_variances, check_within, distinct_radii
+from hybrid_env.checks import AnyArray, Checked, FloatArray, Share, checked, reject
+from hybrid_env.core.memory import PARAMETERS
+from hybrid_env.limits import (
+    Radii,
+    Speed,
+    TickLength,
+    VelocityVariance,
+    axis_variances,
+    check_initial_error,
+    check_variances,
+)
 from hybrid_env.noises import GaussianNoise, Noise, StudentNoise, parse_likelihood, parse_noise
 from hybrid_env.observation import Layout
 from hybrid_env.sensors import Radar, Sensor, check_sensors, has_radar, parse_sensors, sensor_table
@@ -55,21 +62,6 @@ class ModelOptions(Checked):
             [m^2/s^2]) of a normal error; 0 starts at the true state.
     """
 
-    checks: ClassVar = {
-        "radii": distinct_radii,
-        "speed": check_within,
-        "tau": check_within,
-        "process_variance": check_within,
-        "heading": optional(check_within),
-        "object_variance": optional(check_within),
-        "measurement_variance": lambda _, value: check_variances(value),
-        "noise": lambda _, value: parse_noise(value),
-        "missed": check_share,
-        "sensors": lambda _, value: parse_sensors(value),
-        "likelihood": lambda _, value: parse_likelihood(value),
-        "initial_error": limits.check_initial_error,
-    }
-
     switches: ClassVar[Literal["announced", "unknown"]]
     # Of the current tick, in the order of `info`.
     tick_names: ClassVar[tuple[str, ...]]
@@ -80,51 +72,39 @@ class ModelOptions(Checked):
     # Whether the kernel can store the ticks of a step, which may be more than one.
     traced: ClassVar[bool]
 
-    radii: tuple[float, ...] = (5.0,)
-    speed: float = 2.0
-    heading: float | None = None
-    tau: float = 0.1
-    process_variance: float = 0.001
-    object_variance: float | None = None
-    measurement_variance: float | tuple[float, float] = 0.1
-    noise: str | Noise = "gaussian"
-    missed: float = 0.0
-    sensors: tuple[Sensor | Radar, ...] = ()
-    likelihood: str | GaussianNoise | StudentNoise = "gaussian"
-    initial_error: float | tuple[float, float] = (0.3, 0.02)
+    radii: Radii = (5.0,)
+    speed: Speed = 2.0
+    heading: Annotated[float, Interval(ge=-1e6, le=1e6), Unit("rad")] | None = None
+    tau: TickLength = 0.1
+    process_variance: VelocityVariance = 0.001
+    object_variance: VelocityVariance | None = None
+    measurement_variance: Annotated[float | tuple[float, float], check_variances] = 0.1
+    noise: Annotated[str | Noise, parse_noise] = "gaussian"
+    missed: Share = 0.0
+    sensors: Annotated[tuple[Sensor | Radar, ...], parse_sensors] = ()
+    likelihood: Annotated[str | GaussianNoise | StudentNoise, parse_likelihood] = "gaussian"
+    initial_error: Annotated[float | tuple[float, float], check_initial_error] = (0.3, 0.02)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_sensors(self.sensors, self.variances.tolist())
 
     def _check_ratios(self, radii: Iterable[float]) -> None:
-        """Check the turn per tick, and motion and radii in standard deviations; radii: of bank
-        and object.
-        """
+        """Check the ratios of the options, for radii of bank and object [m]."""
         assert isinstance(self.initial_error, tuple)
-        smallest = min(radii)
-        largest = max(radii)
-        variance = float(self.variances.min())
-        turn = self.speed * self.tau
-        if turn > limits.LARGEST_TURN * smallest:
-            allowed = f"at most {limits.LARGEST_TURN:g} rad per tick (speed * tau / radius)"
-            allowed = (
-                f"at least {turn / limits.LARGEST_TURN:g}, so that the object turns by {allowed}"
-            )
-            raise reject("radii", smallest, allowed)
+        # From pi on a turn cannot be told from a slower one.
+        smallest = self.speed * self.tau / 100.0
+        if smallest > min(radii):
+            allowed = "at most 100 rad per tick (speed * tau / radius)"
+            raise reject("radii", min(radii), f"at least {smallest:g}: {allowed}")
         fastest = max(self.process_variance, self.object_variance or 0.0, self.initial_error[1])
         motion = self.tau * max(self.speed, math.sqrt(fastest))
-        least = max(motion / limits.LARGEST_MOTION, largest / limits.LARGEST_CIRCLE) ** 2
+        # Standard deviations of a measurement in a tick and in a radius; a float64 has 16 digits.
+        least = max(motion / 1e9, max(radii) / 1e12) ** 2
+        variance = float(self.variances.min())
         if variance < least:
-            allowed = (
-                "standard deviations must exceed the motion per tick, and"
-                f" {limits.LARGEST_CIRCLE:g} the radius"
-            )
-            raise reject(
-                "measurement_variance",
-                variance,
-                f"at least {least:g}: {limits.LARGEST_MOTION:g} {allowed}",
-            )
+            allowed = "the motion per tick and the radii are too many standard deviations"
+            raise reject("measurement_variance", variance, f"at least {least:g}: {allowed}")
 
     @classmethod
     def of(cls, **options: Any) -> Self:
@@ -175,17 +155,11 @@ class ModelOptions(Checked):
         """Refuse a limit below the longest episode, which would end without a decision; None and
         -1 are no limit.
         """
-        if (
-            max_episode_steps is None
-            or check_integer("max_episode_steps", max_episode_steps, -1) == -1
-        ):
-            return
-        if self.longest_episode > max_episode_steps:
+        most = checked("max_episode_steps", max_episode_steps, Annotated[int, Ge(-1)] | None)
+        if most not in (None, -1) and self.longest_episode > most:
             allowed = f"at least {self.longest_episode}, the longest episode of these options"
             raise reject(
-                "max_episode_steps",
-                max_episode_steps,
-                f"{allowed}; the classes of hybrid_env have no limit",
+                "max_episode_steps", most, f"{allowed}; the classes of hybrid_env have no limit"
             )
 
     @property
@@ -201,8 +175,8 @@ class ModelOptions(Checked):
         x, y = position * np.broadcast_to(self.variances, 2)
         return np.array([x, velocity, y, velocity])
 
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays of the options that the kernel reads; see `core.state.Arrays`."""
+    def arrays(self) -> dict[str, AnyArray]:
+        """Return the arrays of the options that the kernel reads; see `core.memory.Arrays`."""
         return {
             "radii": np.array(self.radii),
             "sensors": sensor_table(self.sensors, float(self.variances[0])),
@@ -215,13 +189,17 @@ class ModelOptions(Checked):
         """Segments in order, or the modes to draw from, see `scheme.segment_table`."""
         raise NotImplementedError
 
-    def parameters(self) -> NDArray[Any]:
-        """Return (1,) record `core.state.PARAMETERS` with the options; the addresses are 0."""
+    def parameters(self) -> AnyArray:
+        """Return (1,) record `core.memory.PARAMETERS` with the options; the addresses are 0. A
+        number or a flag is written into the field of its name.
+        """
         assert isinstance(self.initial_error, tuple)
         assert not isinstance(self.noise, str)
         record = np.zeros(1, PARAMETERS)
-        for name in ("tau", "process_variance", "speed", "missed", "action_count"):
-            record[name] = getattr(self, name)
+        for name, value in vars(self).items():
+            if isinstance(value, (float, int)) and name in (record.dtype.names or ()):
+                record[name] = value
+        record["action_count"] = self.action_count
         record["heading"] = math.nan if self.heading is None else self.heading
         record["initial_position"], record["initial_velocity"] = self.initial_error
         flown = self.process_variance if self.object_variance is None else self.object_variance
@@ -230,9 +208,12 @@ class ModelOptions(Checked):
         record["variance_x"], record["variance_y"] = self.variances[[0, -1]]
         record["log_noise"] = np.log(self.variances).mean()
         record["noise_whitener"] = np.exp(-0.5 * record["log_noise"])
-        record["radii_count"], record["columns"] = len(self.radii), len(self.radii) + 1
-        record["modes"], record["axes"] = self.hypotheses, self.variances.size
-        record["table_rows"], record["sensor_count"] = len(self.table), len(self.sensors)
+        record["radii_count"] = len(self.radii)
+        record["columns"] = len(self.radii) + 1
+        record["modes"] = self.hypotheses
+        record["axes"] = self.variances.size
+        record["table_rows"] = len(self.table)
+        record["sensor_count"] = len(self.sensors)
         self.noise.write_parameters(record)
         record["freedom"] = (
             self.likelihood.freedom if isinstance(self.likelihood, StudentNoise) else 0.0

@@ -11,20 +11,15 @@ import dataclasses
 import math
 import re
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
-from numpy.typing import NDArray
+from annotated_types import Interval
 
-from hybrid_env.checks import Checked, check_share, ranged, reject
+from hybrid_env.checks import AnyArray, Checked, Share, reject
 from hybrid_env.core.noise import GAUSSIAN, LEVY, OUTLIERS, STUDENT_T
 
 # Magnitude of a measurement error over sqrt(R).
 LARGEST_ERROR = 1e6
-# Of the standard deviations of outliers and other measurements.
-LARGEST_RATIO = 1e3
-# From here on Student's t equals the normal distribution in all digits that matter.
-LARGEST_FREEDOM = 1e6
-LIKELIHOODS = "'gaussian', 'student_t 4', or one of these laws of hybrid_env.noises"
 
 _NUMBER = r"[0-9]{0,20}\.?[0-9]{1,20}(?:[eE][-+]?[0-9]{1,3})?"
 _TEXT = re.compile(rf"([a-z_]+)((?:\s+{_NUMBER}){{0,3}})\s*")
@@ -43,15 +38,15 @@ class Noise(Checked):
     # Shape, scale and clip for the kernel: a number or the name of a field.
     numbers: ClassVar[tuple[str | float, ...]]
 
-    def write_parameters(self, record: NDArray[Any]) -> None:
-        """Write the law into a (1,) record `core.state.PARAMETERS`."""
+    def write_parameters(self, record: AnyArray) -> None:
+        """Write the law into a (1,) record `core.memory.PARAMETERS`."""
         record["noise_law"] = self.law
-        for name, one in zip(
+        for name, number in zip(
             ("noise_shape", "noise_scale", "noise_clip"),
             self.numbers,
             strict=True,
         ):
-            record[name] = getattr(self, one) if isinstance(one, str) else one
+            record[name] = getattr(self, number) if isinstance(number, str) else number
 
     def __str__(self) -> str:
         numbers = [f"{getattr(self, field.name):.15g}" for field in dataclasses.fields(self)]
@@ -81,10 +76,8 @@ class OutlierNoise(Noise):
     law = OUTLIERS
     numbers = ("share", "ratio", math.inf)
 
-    checks: ClassVar = {"share": check_share, "ratio": ranged(1.0, LARGEST_RATIO)}
-
-    share: float
-    ratio: float = 5.0
+    share: Share
+    ratio: Annotated[float, Interval(ge=1.0, le=1e3)] = 5.0
 
 
 @dataclass(frozen=True)
@@ -106,15 +99,9 @@ class LevyNoise(Noise):
     law = LEVY
     numbers = ("index", "scale", "clip")
 
-    checks: ClassVar = {
-        "index": ranged(0.5, 2.0),
-        "scale": ranged(1e-3, 1e3),
-        "clip": ranged(1e-3, LARGEST_ERROR),
-    }
-
-    index: float
-    scale: float = 1.0
-    clip: float = LARGEST_ERROR
+    index: Annotated[float, Interval(ge=0.5, le=2.0)]
+    scale: Annotated[float, Interval(ge=1e-3, le=1e3)] = 1.0
+    clip: Annotated[float, Interval(ge=1e-3, le=LARGEST_ERROR)] = LARGEST_ERROR
 
 
 @dataclass(frozen=True)
@@ -123,16 +110,15 @@ class StudentNoise(Noise):
     `LARGEST_ERROR`.
 
     Large errors of both coordinates occur together. A coordinate has the variance R freedom /
-    (freedom - 2), with degrees of freedom from 1 (Cauchy) to `LARGEST_FREEDOM`.
+    (freedom - 2), with degrees of freedom from 1 (Cauchy) to 10^6, where it equals the normal
+    distribution in all digits that matter.
     """
 
     example = "student_t 3"
     law = STUDENT_T
     numbers = ("freedom", 1.0, LARGEST_ERROR)
 
-    checks: ClassVar = {"freedom": ranged(1.0, LARGEST_FREEDOM)}
-
-    freedom: float
+    freedom: Annotated[float, Interval(ge=1.0, le=1e6)]
 
 
 _LAWS: dict[str, type[Noise]] = {
@@ -151,26 +137,22 @@ def parse_noise(value: Any, name: str = "noise", grammar: str = GRAMMAR) -> Nois
     if type(value) in _LAWS.values():
         # Checks the numbers again, as a copy may have others.
         return dataclasses.replace(value)
-    found = _TEXT.fullmatch(value.strip()) if isinstance(value, str) else None
-    if found and found[1] in _LAWS:
-        law = _LAWS[found[1]]
-        numbers = [float(number) for number in found[2].split()]
-        fields = dataclasses.fields(law)
-        if (
-            sum(field.default is dataclasses.MISSING for field in fields)
-            <= len(numbers)
-            <= len(fields)
-        ):
-            try:
-                return law(*numbers)
-            except ValueError as error:
-                raise reject(name, value, f"{grammar} ({error})") from None
+    match = _TEXT.fullmatch(value.strip()) if isinstance(value, str) else None
+    if match and match[1] in _LAWS:
+        try:
+            return _LAWS[match[1]](*map(float, match[2].split()))
+        except TypeError:
+            # Too few or too many numbers.
+            pass
+        except ValueError as error:
+            raise reject(name, value, f"{grammar} ({error})") from None
     raise reject(name, value, grammar)
 
 
-def parse_likelihood(value: Any) -> GaussianNoise | StudentNoise:
+def parse_likelihood(value: Any, name: str = "likelihood") -> GaussianNoise | StudentNoise:
     """Parse the law that a bank assumes of the innovations; see `parse_noise`."""
-    law = parse_noise(value, "likelihood", LIKELIHOODS)
+    allowed = "'gaussian', 'student_t 4', or one of these laws of hybrid_env.noises"
+    law = parse_noise(value, name, allowed)
     if not isinstance(law, (GaussianNoise, StudentNoise)):
-        raise reject("likelihood", value, LIKELIHOODS)
+        raise reject(name, value, allowed)
     return law

@@ -1,12 +1,11 @@
 """The layouts of the observations that `core.observation_row` writes."""
 
 import functools
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hybrid_env.checks import FloatArray, check_integer, reject
+from hybrid_env.checks import AnyArray, FloatArray, check_integer, reject
 from hybrid_env.core import observation_row
 
 
@@ -55,18 +54,14 @@ class Layout:
         """
         blocks = len(cls.hypothesis_features)
         singles = len(cls.track_features)
-        # The width does not depend on the number of hypotheses.
-        if blocks == 0:
-            if width != singles:
-                raise reject("width", width, str(singles))
-            return cls(3)
-        hypotheses, rest = divmod(width - singles, blocks)
+        # Without blocks the width does not depend on the number of hypotheses.
+        hypotheses, rest = divmod(width - singles, blocks) if blocks else (3, width - singles)
         if rest or hypotheses < 3 or hypotheses % 2 == 0:
             raise reject("width", width, f"{blocks} M + {singles} for M = 3, 5, 7, ... hypotheses")
         return cls(hypotheses)
 
     @classmethod
-    def of_rows(cls, observation: NDArray[Any]) -> Self:
+    def of_rows(cls, observation: AnyArray) -> Self:
         """Return the layout of a batch of observations, (N, width). Raises `ArgumentError`
         otherwise.
         """
@@ -79,7 +74,7 @@ class Layout:
         places = (f"{name} {place.start}:{place.stop}" for name, place in self.slices.items())
         return f"{type(self).__name__}({self.hypotheses}): {', '.join(places)}"
 
-    def read(self, observation: NDArray[Any], name: str) -> FloatArray:
+    def read(self, observation: AnyArray, name: str) -> FloatArray:
         """Return a quantity without its scale, (..., M) per hypothesis or (...) per track.
 
         Args:
@@ -91,7 +86,7 @@ class Layout:
         rows = np.asarray(observation)
         if rows.ndim == 0 or rows.shape[-1] != self.width:
             raise reject("observation shape", rows.shape, f"(..., {self.width})")
-        values = rows[..., self.slices[name]].astype(np.float64) / self.scales[name]
+        values = rows[..., self.slices[name]].astype(float) / self.scales[name]
         return values if name in self.hypothesis_features else values[..., 0]
 
 

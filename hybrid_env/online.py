@@ -12,6 +12,7 @@ from hybrid_env.checks import (
     check_array,
     check_choice,
     check_covariance,
+    checked,
     dimensions,
     frozen,
 )
@@ -25,13 +26,9 @@ from hybrid_env.core.bank_ticks import (
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.bank import FilterModel, bank_arrays
 from hybrid_env.core.compilation import compiled, prepare
-from hybrid_env.core.records import LANES, state_of, triangle_of
-from hybrid_env.core.state import BANKS
-from hybrid_env.limits import axis_variances, check_within, distinct_radii
-
-TRIANGLE = np.triu_indices(4)
-KNOWN_BANKS = tuple(name for name in BANKS if name != "oracle")
-"""The banks that need no true state."""
+from hybrid_env.core.memory import BANKS, LANES, state_of, triangle_of
+from hybrid_env.limits import TickLength, VelocityVariance, axis_variances, distinct_radii
+from hybrid_env.live import TRIANGLE
 
 
 @compiled
@@ -97,11 +94,11 @@ class KalmanBank(ReadOnlyAttributes):
         measurement_variance: float | ArrayLike = 0.1,
         bank: str = "published",
     ):
-        self.radii = frozen(np.array(distinct_radii("radii", radii)))
-        self.tau = check_within("tau", tau)
-        self.process_variance = check_within("process_variance", process_variance)
+        self.radii = frozen(np.array(distinct_radii(radii)))
+        self.tau = checked("tau", tau, TickLength)
+        self.process_variance = checked("process_variance", process_variance, VelocityVariance)
         self.variances = frozen(axis_variances(measurement_variance))
-        self.bank = check_choice("bank", bank, KNOWN_BANKS)
+        self.bank = check_choice("bank", bank, [name for name in BANKS if name != "oracle"])
         # The axes of an anchor may have different covariances even if they have one measurement
         # variance.
         self._filters = bank_arrays(BANKS[self.bank], self.radii.size, axes=2)
@@ -133,19 +130,10 @@ class KalmanBank(ReadOnlyAttributes):
         if dimensions(covariance) == 1:
             xx, xv, vv = check_array("covariance", covariance, (3,))
             covariance = np.kron(np.eye(2), [[xx, xv], [xv, vv]])
-        triangle = check_covariance(
-            "covariance",
-            check_array("covariance", covariance, (4, 4)),
-            definite=False,
-        )[TRIANGLE]
-        arguments = (
-            self._filters,
-            self._rows,
-            anchor[:, None],
-            triangle[:, None],
-            self.radii,
-            self._model,
-        )
+        matrix = check_array("covariance", covariance, (4, 4))
+        triangle = check_covariance("covariance", matrix, definite=False)[TRIANGLE]
+        columns = anchor[:, None], triangle[:, None]
+        arguments = self._filters, self._rows, *columns, self.radii, self._model
         prepare(_begin_one, *arguments)
         _begin_one(*arguments)
         self._rows[:, :ESTIMATES] = np.nan

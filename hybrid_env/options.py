@@ -2,33 +2,20 @@
 
 import math
 from dataclasses import dataclass
-from functools import partial
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from annotated_types import Interval
 
-from hybrid_env import limits
-from hybrid_env.checks import FloatArray, check_choice, check_flag, optional, ranged, reject
+from hybrid_env.checks import AnyArray, FloatArray, reject
+from hybrid_env.core.memory import BANKS, SEGMENT_COLUMNS, TICK_NAMES
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, OBSERVATIONS, TICK_SCALE
-from hybrid_env.core.records import SEGMENT_COLUMNS, TICK_NAMES
-from hybrid_env.core.state import BANKS
-from hybrid_env.limits import check_within
+from hybrid_env.limits import Cost
 from hybrid_env.model_options import ModelOptions as ModelOptions
 from hybrid_env.noises import StudentNoise
 from hybrid_env.observation import Layout, RawLayout, StateLayout
 from hybrid_env.scheme import FixedScheme, Scheme, parse_scheme, segment_table
 from hybrid_env.sensors import has_radar
-
-CHOICES = {
-    "bank": tuple(BANKS),
-    "follow": ("declared", "bank"),
-    "correctness": ("exact", "type"),
-    "actions": ("all", "types", "best"),
-    "observation": OBSERVATIONS,
-    "undecided": ("likeliest", "keep"),
-}
-"""Options that are one of several words."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,32 +60,21 @@ class WorldOptions(ModelOptions):
             hypothesis, "keep" for the last decided mode, as in the papers.
     """
 
-    checks: ClassVar = {
-        "scheme": lambda _, value: parse_scheme(value),
-        **ModelOptions.checks,
-        "delay_cost": check_within,
-        "evidence": ranged(*limits.RANGES["evidence"], "a probability from 0 to 1 - 1e-9"),
-        **{name: partial(check_choice, choices=choices) for name, choices in CHOICES.items()},
-        "reset_covariance": optional(check_flag),
-        "recalculation": check_flag,
-        "refine_radius": check_flag,
-    }
-
     switches = "announced"
     tick_names = TICK_NAMES
     hypothesis_field = "log_likelihood"
     first_action = "wait"
     traced = True
 
-    scheme: str | Scheme = "random"
-    bank: str = "published"
+    scheme: Annotated[str | Scheme, parse_scheme] = "random"
+    bank: Literal["published", "anchor_aware", "oracle"] = "published"
     reset_covariance: bool | None = None
     follow: Literal["declared", "bank"] = "declared"
     recalculation: bool = False
     refine_radius: bool = False
-    delay_cost: float = 0.02
+    delay_cost: Cost = 0.02
     correctness: Literal["exact", "type"] = "exact"
-    evidence: float = 0.0
+    evidence: Annotated[float, Interval(ge=0.0, le=1.0 - 1e-9)] = 0.0
     actions: Literal["all", "types", "best"] = "all"
     observation: Literal["bank", "raw", "state"] = "bank"
     undecided: Literal["likeliest", "keep"] = "likeliest"
@@ -168,36 +144,37 @@ class WorldOptions(ModelOptions):
         }[self.observation]
 
     @property
+    def _scheme(self) -> Scheme:
+        """The scheme, of whatever was given."""
+        assert not isinstance(self.scheme, str)
+        return self.scheme
+
+    @property
     def table(self) -> FloatArray:
         """Segments in order, or the modes to draw from, see `scheme.segment_table`."""
-        assert not isinstance(self.scheme, str)
-        return segment_table(self.scheme, self.radii)
+        return segment_table(self._scheme, self.radii)
+
+    @property
+    def _lengths(self) -> list[int]:
+        """Largest length of every segment of an episode [ticks]."""
+        if isinstance(self._scheme, FixedScheme):
+            return [piece.length for piece in self._scheme.pieces]
+        return [self._scheme.lengths[1]] * self._scheme.segments
 
     @property
     def longest_segment(self) -> int:
         """Length of the longest possible segment [ticks]."""
-        assert not isinstance(self.scheme, str)
-        if isinstance(self.scheme, FixedScheme):
-            return max(piece.length for piece in self.scheme.pieces)
-        return self.scheme.lengths[1]
+        return max(self._lengths)
 
     @property
     def longest_episode(self) -> int:
         """Largest number of steps of an episode: its ticks if every action waits."""
-        assert not isinstance(self.scheme, str)
-        if isinstance(self.scheme, FixedScheme):
-            return sum(piece.length for piece in self.scheme.pieces)
-        return self.scheme.segments * self.scheme.lengths[1]
+        return sum(self._lengths)
 
     @property
     def segments(self) -> int:
         """Number of segments of an episode."""
-        assert not isinstance(self.scheme, str)
-        return (
-            len(self.scheme.pieces)
-            if isinstance(self.scheme, FixedScheme)
-            else self.scheme.segments
-        )
+        return len(self._lengths)
 
     def bounds(self) -> dict[str, tuple[float, float]]:
         """Return the smallest and largest value of bounded quantities of the observation,
@@ -229,34 +206,28 @@ class WorldOptions(ModelOptions):
             "trace_length": trace_rows,
         }
 
-    def parameters(self) -> NDArray[Any]:
+    def parameters(self) -> AnyArray:
         """See `ModelOptions.parameters`."""
-        assert not isinstance(self.scheme, str)
         record = super().parameters()
-        record["delay_cost"], record["segments"] = self.delay_cost, self.segments
+        record["segments"] = self.segments
         default = self.bank == "published" and self.follow == "declared"
         record["reset_covariance"] = (
             default if self.reset_covariance is None else self.reset_covariance
         )
-        record["oracle"], record["exact_anchor"] = (
-            self.bank == "oracle",
-            self.bank != "anchor_aware",
-        )
-        record["exact"], record["merged"] = self.correctness == "exact", self.follow == "bank"
-        record["declare_best"], record["declare_type"] = (
-            self.actions == "best",
-            self.actions == "types",
-        )
+        record["oracle"] = self.bank == "oracle"
+        record["exact_anchor"] = self.bank != "anchor_aware"
+        record["exact"] = self.correctness == "exact"
+        record["merged"] = self.follow == "bank"
+        record["declare_best"] = self.actions == "best"
+        record["declare_type"] = self.actions == "types"
         record["log_error_allowed"] = math.log1p(-self.evidence)
         record["observation"] = OBSERVATIONS.index(self.observation)
         # 1 if those of both axes are equal.
         record["axes"] = 2 if self.follow == "bank" else self.variances.size
-        record["recalculated"], record["refined"] = (
-            self.hypotheses * self.recalculation,
-            self.refine_radius,
-        )
+        record["recalculated"] = self.hypotheses * self.recalculation
+        record["refined"] = self.refine_radius
         record["keep_undecided"] = self.undecided == "keep"
-        if not isinstance(self.scheme, FixedScheme):
+        if not isinstance(self._scheme, FixedScheme):
             record["random_scheme"] = True
-            record["shortest"], record["longest"] = self.scheme.lengths
+            record["shortest"], record["longest"] = self._scheme.lengths
         return record

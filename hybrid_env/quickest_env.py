@@ -1,11 +1,7 @@
 """The environment of one track with unknown switch moments."""
 
-from typing import Any
-
 from hybrid_env.env import TrackEnv
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.rendering.evidence import probability_panel
-from hybrid_env.rendering.history import History, record_statement
 
 
 class HybridTrackQuickestEnv(TrackEnv):
@@ -104,7 +100,3 @@ class HybridTrackQuickestEnv(TrackEnv):
 
     options: QuickestOptions
     options_class = QuickestOptions
-    evidence_panel = probability_panel()
-
-    def _record(self, history: History, info: dict[str, Any], finished: bool) -> None:
-        record_statement(history, int(self._actions[0]), info, finished)

@@ -2,30 +2,25 @@
 
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from annotated_types import Interval
 
 from hybrid_env import durations as laws
-from hybrid_env.checks import FloatArray, check_choice, check_number, reject
-from hybrid_env.core.banks.imm import ImmBank
+from hybrid_env.checks import AnyArray, FloatArray, checked, reject
+from hybrid_env.core.memory import TICK_NAMES, ImmBank
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
-from hybrid_env.core.records import TICK_NAMES
 from hybrid_env.durations import DRAWN, Durations, parse_durations
-from hybrid_env.limits import check_ticks, check_within
+from hybrid_env.limits import Cost, Ticks
 from hybrid_env.model_options import ModelOptions
 from hybrid_env.observation import Layout, QuickestLayout
 from hybrid_env.scheme import RandomScheme, segment_table
 
-# Named values of the option `order`.
-ORDERS = ("equal", "cycle", DRAWN)
-
 
 def check_order(order: Any, modes: int) -> str | tuple[tuple[float, ...], ...]:
     """Return a name, or a matrix as a tuple of rows. Raises `ArgumentError` for other values."""
-    if isinstance(order, str) and order in ORDERS:
+    if isinstance(order, str) and order in ("equal", "cycle", DRAWN):
         return order
     allowed = (
         f"equal, cycle, drawn, or a ({modes}, {modes}) matrix with a zero diagonal and rows that"
@@ -33,7 +28,7 @@ def check_order(order: Any, modes: int) -> str | tuple[tuple[float, ...], ...]:
     )
     rows = [row.split() for row in order.split(",")] if isinstance(order, str) else order
     with suppress(TypeError, ValueError):
-        matrix = np.array(rows, np.float64)
+        matrix = np.array(rows, float)
         if (
             matrix.shape == (modes, modes)
             and (matrix >= 0.0).all()
@@ -73,32 +68,18 @@ class QuickestOptions(ModelOptions):
     first_action = "straight"
     bank_class = ImmBank
 
-    checks: ClassVar = {
-        **ModelOptions.checks,
-        "ticks": check_ticks,
-        "durations": lambda _, value: parse_durations(value),
-        "start": partial(check_choice, choices=("known", "random")),
-        "change_cost": partial(check_within, limits="delay_cost"),
-    }
-
-    ticks: int = 600
-    durations: str | Durations = "25 + geometric 50"
+    ticks: Ticks = 600
+    durations: Annotated[str | Durations, parse_durations] = "25 + geometric 50"
     order: str | tuple[tuple[float, ...], ...] = "equal"
     start: Literal["known", "random"] = "known"
-    change_cost: float = 5.0
+    change_cost: Cost = 5.0
     hazard: float | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "order", check_order(self.order, self.hypotheses))
-        if self.hazard is not None:
-            largest = 1.0 - 1.0 / self.hypotheses
-            allowed = f"a number from 0 to {largest:.6g}, or None"
-            object.__setattr__(
-                self,
-                "hazard",
-                check_number("hazard", self.hazard, allowed, 0.0, largest),
-            )
+        allowed = Annotated[float, Interval(ge=0.0, le=1.0 - 1.0 / self.hypotheses)] | None
+        object.__setattr__(self, "hazard", checked("hazard", self.hazard, allowed))
         self._check_ratios(self.radii)
 
     @property
@@ -163,7 +144,8 @@ class QuickestOptions(ModelOptions):
         first = (
             laws.remaining_probabilities if self.start == "random" else laws.duration_probabilities
         )
-        both = laws.laws_by_mode(self.law)
+        law = self.law
+        both = (law.straight, law.turns) if isinstance(law, laws.ModeDurations) else (law, law)
         return np.stack(
             [of(law, self.ticks) for of in (first, laws.duration_probabilities) for law in both]
         )
@@ -173,21 +155,17 @@ class QuickestOptions(ModelOptions):
         """Probabilities of the next mode (column) by the present one, (M, M); rows sum to 1."""
         if isinstance(self.order, tuple):
             return np.array(self.order)
-        others = np.eye(self.hypotheses)
-        return (
-            np.roll(others, 1, axis=1)
-            if self.order == "cycle"
-            else (1.0 - others) / (self.hypotheses - 1)
-        )
+        if self.order == "cycle":
+            return np.roll(np.eye(self.hypotheses), 1, axis=1)
+        return (1.0 - np.eye(self.hypotheses)) / (self.hypotheses - 1)
 
-    def arrays(self) -> dict[str, NDArray[Any]]:
+    def arrays(self) -> dict[str, AnyArray]:
         """See `ModelOptions.arrays`."""
-        cumulative = {"durations": np.cumsum(self.duration_laws, axis=1)}
-        return (
-            super().arrays()
-            | cumulative
-            | ({} if self.order in ("equal", DRAWN) else {"order": self.order_matrix})
-        )
+        arrays = super().arrays()
+        arrays["durations"] = np.cumsum(self.duration_laws, axis=1)
+        if self.order not in ("equal", DRAWN):
+            arrays["order"] = self.order_matrix
+        return arrays
 
     def bounds(self) -> dict[str, tuple[float, float]]:
         """See `WorldOptions.bounds`."""
@@ -200,7 +178,8 @@ class QuickestOptions(ModelOptions):
 
     def largest(self, trace_rows: int) -> dict[str, int]:
         """See `WorldOptions.largest`."""
-        modes, ticks = self.hypotheses, self.ticks
+        modes = self.hypotheses
+        ticks = self.ticks
         return {
             "segment": ticks - 1,
             "true_mode": modes - 1,
@@ -211,10 +190,9 @@ class QuickestOptions(ModelOptions):
             "stated_ticks": ticks,
         }
 
-    def parameters(self) -> NDArray[Any]:
+    def parameters(self) -> AnyArray:
         """See `ModelOptions.parameters`."""
         record = super().parameters()
-        record["ticks"], record["change_cost"] = self.ticks, self.change_cost
         record["start_known"] = self.start == "known"
         record["order_rows"] = 0 if self.order in ("equal", DRAWN) else self.hypotheses
         record["drawn_modes"] = self.hypotheses if self.order == DRAWN else 0

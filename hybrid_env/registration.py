@@ -34,15 +34,6 @@ ENVIRONMENTS: dict[str, dict[str, object]] = {
 }
 """Registered ids and their options that differ from the defaults."""
 
-_CLASSES = dict.fromkeys(
-    ENVIRONMENTS,
-    ("env:HybridTrackEnv", "vector_env:HybridTrackVectorEnv"),
-) | dict.fromkeys(
-    ("HybridTrackQuickest-v0", "HybridTrackQuickestBank-v0"),
-    ("quickest_env:HybridTrackQuickestEnv", "vector_env:HybridTrackQuickestVectorEnv"),
-)
-"""Module and class of the single and of the vector environment of each id."""
-
 MAX_EPISODE_STEPS = 10_000
 """Limit of the registered ids, for libraries that need one. Options whose episodes are longer
 are refused.
@@ -53,11 +44,12 @@ def register_environments() -> None:
     """Register every id that is not registered yet."""
     for env_id, options in ENVIRONMENTS.items():
         if env_id not in registry:
-            single, vector = (f"hybrid_env.{name}" for name in _CLASSES[env_id])
+            kind = "Quickest" if "Quickest" in env_id else ""
+            module = "quickest_env" if kind else "env"
             register(
                 id=env_id,
-                entry_point=single,
-                vector_entry_point=vector,
+                entry_point=f"hybrid_env.{module}:HybridTrack{kind}Env",
+                vector_entry_point=f"hybrid_env.vector_env:HybridTrack{kind}VectorEnv",
                 kwargs=options,
                 max_episode_steps=MAX_EPISODE_STEPS,
             )
@@ -84,8 +76,7 @@ def make_vector_env(env_id: str, num_envs: int, **options: Any) -> "HybridTrackV
 
 def environment_options(env_id: str) -> "type[ModelOptions]":
     """Return the class of the options of a registered id: `WorldOptions` or `QuickestOptions`."""
-    found: type[ModelOptions] = vector_class(env_id).options_class
-    return found
+    return vector_class(env_id).options_class
 
 
 def vector_class(env_id: str, kind: str = "TrackVectorEnv") -> Any:
@@ -94,18 +85,13 @@ def vector_class(env_id: str, kind: str = "TrackVectorEnv") -> Any:
     """
     from hybrid_env import vector_env
 
-    entries = {name: spec.vector_entry_point for name, spec in registry.items()}
-    own = {
-        name: entry
-        for name, entry in entries.items()
-        if isinstance(entry, str) and entry.startswith("hybrid_env.")
+    base = getattr(vector_env, kind)
+    kinds: dict[str, Any] = {
+        name: load_env_creator(str(spec.vector_entry_point))
+        for name, spec in registry.items()
+        if str(spec.vector_entry_point).startswith("hybrid_env.")
     }
-    classes: dict[str, Any] = {name: load_env_creator(entry) for name, entry in own.items()}
-    known = {
-        name: found
-        for name, found in classes.items()
-        if issubclass(found, getattr(vector_env, kind))
-    }
+    known = [name for name, environment in kinds.items() if issubclass(environment, base)]
     if (name := env_id.removeprefix("hybrid_env:")) not in known:
         raise reject("env", env_id, "one of " + ", ".join(known))
-    return known[name]
+    return kinds[name]

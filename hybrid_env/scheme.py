@@ -5,14 +5,14 @@ a right turn of 75 ticks with a radius of 5 m, and a straight line of 50 ticks.
 
 import re
 from dataclasses import dataclass
-from functools import partial
-from typing import Any, ClassVar, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
+from annotated_types import Len
 from numpy.typing import ArrayLike
 
-from hybrid_env.checks import ArgumentError, Checked, FloatArray, check_choice, optional, reject
-from hybrid_env.limits import MAX_PIECES, check_ticks, check_within, distinct_radii, two_values
+from hybrid_env.checks import ArgumentError, Checked, FloatArray, checked, reject
+from hybrid_env.limits import Radii, Radius, Ticks
 
 GRAMMAR = (
     "words such as 'S50' or 'L50r3' (mode, ticks, radius), 'random 6x50-100', or a key of SCHEMES"
@@ -33,15 +33,9 @@ class Segment(Checked):
         radius: turn radius [m]; None for a straight segment.
     """
 
-    checks: ClassVar = {
-        "mode": partial(check_choice, choices=("S", "L", "R")),
-        "length": check_ticks,
-        "radius": optional(partial(check_within, limits="radii")),
-    }
-
-    mode: str
-    length: int
-    radius: float | None = None
+    mode: Literal["S", "L", "R"]
+    length: Ticks
+    radius: Radius | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -62,29 +56,19 @@ class Segment(Checked):
         return f"{self.mode}{self.length}{radius}"
 
 
-def _check_pieces(name: str, pieces: Any) -> tuple[Segment, ...]:
-    listed = isinstance(pieces, (tuple, list)) and 1 <= len(pieces) <= MAX_PIECES
-    if not listed or not all(isinstance(piece, Segment) for piece in pieces):
-        raise reject(name, pieces, f"a tuple of 1 to {MAX_PIECES} objects hybrid_env.Segment")
-    return tuple(pieces)
-
-
 @dataclass(frozen=True)
 class FixedScheme(Checked):
     """A scheme with the same segments in every episode: a tuple of at most 10,000 pieces."""
 
-    checks: ClassVar = {"pieces": _check_pieces}
-
-    pieces: tuple[Segment, ...]
+    pieces: Annotated[tuple[Segment, ...], Len(1, 10_000)]
 
     def __str__(self) -> str:
         return " ".join(map(str, self.pieces))
 
 
-def _check_lengths(name: str, value: Any) -> tuple[int, int]:
-    shortest, longest = (
-        check_ticks(name, length) for length in two_values(name, value, "(shortest, longest)")
-    )
+def check_lengths(value: Any, name: str = "lengths") -> tuple[int, int]:
+    """Return the shortest and the longest of two lengths [ticks]."""
+    shortest, longest = checked(name, value, tuple[Ticks, Ticks])
     if shortest > longest:
         raise reject(name, value, "(shortest, longest)")
     return shortest, longest
@@ -100,15 +84,9 @@ class RandomScheme(Checked):
         radii: turn radii of the object [m]; None uses the radii of the bank.
     """
 
-    checks: ClassVar = {
-        "segments": check_ticks,
-        "lengths": _check_lengths,
-        "radii": optional(distinct_radii),
-    }
-
-    segments: int = 6
-    lengths: tuple[int, int] = (50, 100)
-    radii: tuple[float, ...] | None = None
+    segments: Ticks = 6
+    lengths: Annotated[tuple[int, int], check_lengths] = (50, 100)
+    radii: Radii | None = None
 
     def __str__(self) -> str:
         return f"random {self.segments}x{self.lengths[0]}-{self.lengths[1]}"
@@ -124,14 +102,14 @@ SCHEMES = {
 """The schemes of the papers: Golubkov 2018, table 1; Tsyganov 2019, example 1; Golubkov 2020."""
 
 
-def parse_scheme(value: "str | Scheme") -> Scheme:
+def parse_scheme(value: "str | Scheme", name: str = "scheme") -> Scheme:
     """Parse a string; a scheme object is returned as it is. Raises `ArgumentError` for other
     values.
     """
     if isinstance(value, (FixedScheme, RandomScheme)):
         return value
     if not isinstance(value, str) or not value.strip():
-        raise reject("scheme", value, GRAMMAR)
+        raise reject(name, value, GRAMMAR)
     text = SCHEMES.get(value.strip(), value.strip())
     random = _RANDOM.fullmatch(text)
     if random:
@@ -139,10 +117,7 @@ def parse_scheme(value: "str | Scheme") -> Scheme:
             return RandomScheme()
         shortest = int(random[2])
         return RandomScheme(int(random[1]), (shortest, int(random[3] or shortest)))
-    words = re.split(r"[\s,;]+", text)
-    if len(words) > MAX_PIECES:
-        raise reject("scheme", value, f"at most {MAX_PIECES} segments")
-    return FixedScheme(tuple(_parse_word(value, word) for word in words))
+    return FixedScheme(tuple(_parse_word(value, word) for word in re.split(r"[\s,;]+", text)))
 
 
 def _parse_word(scheme: str, word: str) -> Segment:
@@ -151,8 +126,9 @@ def _parse_word(scheme: str, word: str) -> Segment:
     match = _SEGMENT.fullmatch(word)
     if not match or (match[1] == "S") != (match[3] is None):
         raise reject("scheme", scheme, f"{GRAMMAR}; invalid word {shown!r}")
+    mode: Any = match[1]
     try:
-        return Segment(match[1], int(match[2]), float(match[3]) if match[3] else None)
+        return Segment(mode, int(match[2]), float(match[3]) if match[3] else None)
     except ArgumentError as error:
         raise reject("scheme", scheme, f"allowed segments; {shown!r}: {error}") from None
 
@@ -163,21 +139,21 @@ def nearest_mode(signed_radius: float, radii: ArrayLike) -> int:
     """
     if signed_radius == 0.0:
         return 0
-    bank: FloatArray = np.asarray(radii, dtype=np.float64)
+    bank: FloatArray = np.asarray(radii, float)
     nearest = int(np.abs(1.0 / bank - 1.0 / abs(signed_radius)).argmin())
     return 1 + nearest + (bank.size if signed_radius < 0 else 0)
 
 
 def segment_table(scheme: Scheme, radii: ArrayLike) -> FloatArray:
-    """Return the segment table, (segments, columns), with columns `core.records.SEGMENT_COLUMNS`. A
+    """Return the segment table, (segments, columns), with columns `core.memory.SEGMENT_COLUMNS`. A
     random scheme has one row per mode, equally likely, with length 0.
     """
-    bank = np.asarray(radii, dtype=np.float64)
+    bank = np.asarray(radii, float)
     if isinstance(scheme, FixedScheme):
         segments = [(piece.signed_radius, piece.length) for piece in scheme.pieces]
     else:
-        own = bank if scheme.radii is None else np.asarray(scheme.radii)
-        segments = [(signed, 0) for signed in (0.0, *own, *-own)]
+        radii_of_object = bank if scheme.radii is None else np.asarray(scheme.radii)
+        segments = [(signed, 0) for signed in (0.0, *radii_of_object, *-radii_of_object)]
     return np.array(
         [(signed, nearest_mode(signed, bank), length) for signed, length in segments],
         np.float64,

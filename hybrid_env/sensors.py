@@ -6,22 +6,22 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from annotated_types import Interval, Unit
+from numpy.typing import ArrayLike
 
 from hybrid_env.checks import (
-    ArgumentError,
+    AnyArray,
     Checked,
     FloatArray,
+    Positive,
     check_array,
-    check_number,
-    optional,
-    ranged,
+    checked,
     reject,
 )
+from hybrid_env.core.memory import MOST_RATES, SENSOR
 from hybrid_env.core.polar import (
     Position,
     add_information,
@@ -29,12 +29,9 @@ from hybrid_env.core.polar import (
     position_noise,
     to_position,
 )
-from hybrid_env.core.records import MOST_RATES, SENSOR
-from hybrid_env.limits import RANGES, check_ticks, check_within, two_values
+from hybrid_env.limits import Speed, Ticks, Variance
 
 MOST_SENSORS = 100
-# Variance of a sensor over R, and R over it.
-LARGEST_VARIANCE_RATIO = 1e12
 GRAMMAR = (
     f"a list of at most {MOST_SENSORS}: hybrid_env.Sensor, Radar, mappings, or texts such as "
     "'0.4 period 5 range 30 at 10 20', 'radar 5 0.01 rate 0.3'"
@@ -48,32 +45,22 @@ _TEXT = re.compile(
 )
 
 
-def _check_position(name: str, value: Any) -> tuple[float, ...]:
-    largest = RANGES["radii"][1]
-    check = ranged(-largest, largest, f"numbers up to {largest:g}")
-    return tuple(check(name, x) for x in two_values(name, value, "(x, y)"))
+Coordinate: TypeAlias = Annotated[float, Interval(ge=-1e12, le=1e12), Unit("m")]
 
 
-def _check_range(name: str, value: Any) -> float:
+def check_range(value: Any, name: str = "range") -> float:
+    """Return the largest distance [m] at which a sensor measures, which may be infinite."""
     infinite = isinstance(value, float) and value == math.inf
-    return (
-        math.inf if infinite else check_number(name, value, "a number > 0, or inf", math.ulp(0.0))
-    )
+    return math.inf if infinite else checked(name, value, Positive)
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Placed(Checked):
     """Where and when a sensor measures."""
 
-    checks: ClassVar = {
-        "position": _check_position,
-        "period": check_ticks,
-        "range": _check_range,
-    }
-
-    position: tuple[float, float] = (0.0, 0.0)
-    period: int = 1
-    range: float = math.inf
+    position: tuple[Coordinate, Coordinate] = (0.0, 0.0)
+    period: Ticks = 1
+    range: Annotated[float, check_range] = math.inf
 
     # Number of values that it measures.
     values: ClassVar[int] = 2
@@ -93,11 +80,7 @@ class Sensor(_Placed):
         range: largest distance of the object at which it is measured [m].
     """
 
-    checks: ClassVar = {
-        "variance": partial(check_within, limits="measurement_variance")
-    } | _Placed.checks
-
-    variance: float
+    variance: Variance
 
     def located(self, values: FloatArray) -> Position:
         """Return a measured (x, y) [m] and its covariance xx, xy, yy [m^2]."""
@@ -122,15 +105,9 @@ class Radar(_Placed):
         position, period, range: see `Sensor`.
     """
 
-    checks: ClassVar = {
-        "range_deviation": check_within,
-        "bearing_deviation": check_within,
-        "rate_deviation": optional(check_within),
-    } | _Placed.checks
-
-    range_deviation: float
-    bearing_deviation: float
-    rate_deviation: float | None = None
+    range_deviation: Annotated[float, Interval(ge=1e-9, le=1e9), Unit("m")]
+    bearing_deviation: Annotated[float, Interval(ge=1e-6, le=1.0), Unit("rad")]
+    rate_deviation: Speed | None = None
 
     @property
     def values(self) -> int:  # type: ignore[override]
@@ -188,14 +165,14 @@ def fuse(sensors: Sequence[Sensor | Radar], values: Mapping[int, ArrayLike]) -> 
     rates = []
     origin = None
     for k, sensor in enumerate(sensors):
-        found = None
+        measured = None
         if k in values:
-            found = check_array(f"measurement[{k}]", values[k], (sensor.values,))
-            x, y, xx, xy, yy = sensor.located(found)
+            measured = check_array(f"measurement[{k}]", values[k], (sensor.values,))
+            x, y, xx, xy, yy = sensor.located(measured)
             origin = origin or (x, y)
             information = add_information(information, x - origin[0], y - origin[1], (xx, xy, yy))
         if sensor.values == 3:
-            rates.append(math.nan if found is None else float(found[2]))
+            rates.append(math.nan if measured is None else float(measured[2]))
     if origin is None or not values.keys() <= set(range(len(sensors))):
         allowed = f"values of some of the {len(sensors)} sensors by their place in the list, from 0"
         raise reject("measurement", dict(values), allowed)
@@ -203,70 +180,63 @@ def fuse(sensors: Sequence[Sensor | Radar], values: Mapping[int, ArrayLike]) -> 
     return Fused((origin[0] + x, origin[1] + y), tuple(covariance), tuple(rates))
 
 
-def check_fused(name: str, value: Fused) -> Fused:
+def check_fused(value: Fused) -> Fused:
     """Return what sensors measured as plain floats; raise `ArgumentError` for values that no
     sensor measures.
     """
-    x, y = check_array(f"{name}.position", value.position, (2,)).tolist()
+    x, y = check_array("measurement.position", value.position, (2,)).tolist()
     covariance = None
     if value.covariance is not None:
-        xx, xy, yy = check_array(f"{name}.covariance", value.covariance, (3,)).tolist()
+        xx, xy, yy = check_array("measurement.covariance", value.covariance, (3,)).tolist()
         # Rounded, if nearly singular.
         if not (xx > 0.0 and yy > 0.0 and xy * xy <= (1.0 + 1e-9) * xx * yy):
             raise reject(
-                f"{name}.covariance",
+                "measurement.covariance",
                 value.covariance,
                 "xx, xy, yy of a positive definite matrix",
             )
         covariance = xx, xy, yy
     if not isinstance(value.rates, tuple) or len(value.rates) > MOST_RATES:
-        raise reject(f"{name}.rates", value.rates, f"a tuple of at most {MOST_RATES} range rates")
-    return Fused(
-        (x, y),
-        covariance,
-        tuple(_check_rate(f"{name}.rates", rate) for rate in value.rates),
-    )
+        raise reject(
+            "measurement.rates", value.rates, f"a tuple of at most {MOST_RATES} range rates"
+        )
+    rates = check_array("measurement.rates", (*value.rates, 0.0), (None,), missing=True)
+    return Fused((x, y), covariance, tuple(rates[:-1].tolist()))
 
 
-def _check_rate(name: str, value: Any) -> float:
-    missing = isinstance(value, float) and math.isnan(value)
-    return math.nan if missing else check_number(name, value, "finite numbers, or NaN without one")
-
-
-def parse_sensors(value: Any) -> tuple[Sensor | Radar, ...]:
+def parse_sensors(value: Any, name: str = "sensors") -> tuple[Sensor | Radar, ...]:
     """Return the sensors of a list of sensors, mappings or texts. Raises `ArgumentError` for
     other values.
     """
     listed = isinstance(value, Sequence) and not isinstance(value, (str, bytes))
-    if not listed or len(value) > MOST_SENSORS:
-        raise reject("sensors", value, GRAMMAR)
     sensors = []
-    for one in value:
-        if isinstance(one, (Mapping, str)):
+    for sensor in value if listed else ():
+        if isinstance(sensor, (Mapping, str)):
             try:
-                given = _attributes(one) if isinstance(one, str) else one
-                one = (Radar if "range_deviation" in given else Sensor)(**given)
-            except (ArgumentError, TypeError, ValueError) as error:
-                raise reject("sensors", value, f"{GRAMMAR} ({error})") from None
-        if not isinstance(one, (Sensor, Radar)):
-            raise reject("sensors", value, GRAMMAR)
-        sensors.append(one)
-    if sum(one.values == 3 for one in sensors) > MOST_RATES:
-        raise reject("sensors", value, f"at most {MOST_RATES} radars that measure the range rate")
+                given = _attributes(sensor) if isinstance(sensor, str) else sensor
+                sensor = (Radar if "range_deviation" in given else Sensor)(**given)
+            except (TypeError, ValueError) as error:
+                raise reject(name, value, f"{GRAMMAR} ({error})") from None
+        sensors.append(sensor)
+    known = all(isinstance(sensor, (Sensor, Radar)) for sensor in sensors)
+    if not listed or not known or len(sensors) > MOST_SENSORS:
+        raise reject(name, value, GRAMMAR)
+    if sum(sensor.values == 3 for sensor in sensors) > MOST_RATES:
+        raise reject(name, value, f"at most {MOST_RATES} radars that measure the range rate")
     return tuple(sensors)
 
 
 def _attributes(text: str) -> dict[str, Any]:
     """Return the attributes of a sensor from a text, see `_TEXT`."""
-    found = _TEXT.fullmatch(" ".join(text.split()))
-    if found is None:
+    match = _TEXT.fullmatch(" ".join(text.split()))
+    if match is None:
         raise ValueError(repr(text))
     values: dict[str, Any] = {
-        name: float(word) for name, word in found.groupdict().items() if word is not None
+        name: float(word) for name, word in match.groupdict().items() if word is not None
     }
     if "x" in values:
         values["position"] = values.pop("x"), values.pop("y")
-    return values | ({"period": int(found["period"])} if found["period"] else {})
+    return values | ({"period": int(match["period"])} if match["period"] else {})
 
 
 def has_radar(sensors: Sequence[Sensor | Radar]) -> bool:
@@ -283,12 +253,9 @@ def check_sensors(sensors: Sequence[Sensor | Radar], variances: Sequence[float])
     if len(variances) > 1:
         allowed = "one number with sensors, whose variances are the same for both axes"
         raise reject("measurement_variance", tuple(variances), allowed)
-    for sensor in sensors:
-        variance = _variance(sensor)
-        if not 1.0 / LARGEST_VARIANCE_RATIO <= variance / variances[0] <= LARGEST_VARIANCE_RATIO:
-            allowed = (
-                f"variances within a factor {LARGEST_VARIANCE_RATIO:g} of measurement_variance"
-            )
+    for variance in map(_variance, sensors):
+        if not 1e-12 <= variance / variances[0] <= 1e12:
+            allowed = "variances within a factor 1e+12 of measurement_variance"
             raise reject("sensors", variance, allowed)
 
 
@@ -296,7 +263,7 @@ def _variance(sensor: Sensor | Radar) -> float:
     return sensor.variance if isinstance(sensor, Sensor) else sensor.range_deviation**2
 
 
-def sensor_table(sensors: Sequence[Sensor | Radar], variance: float) -> NDArray[Any]:
+def sensor_table(sensors: Sequence[Sensor | Radar], variance: float) -> AnyArray:
     """Return (k,) records `SENSOR` for the kernel; variance: R [m^2]."""
     table = np.zeros(len(sensors), SENSOR)
     rates = 0
@@ -305,13 +272,12 @@ def sensor_table(sensors: Sequence[Sensor | Radar], variance: float) -> NDArray[
         row["x"], row["y"] = sensor.position
         row["deviation"] = math.sqrt(_variance(sensor))
         row["precision"] = variance / _variance(sensor)
-        row["period"], row["range"] = sensor.period, sensor.range
+        row["period"] = sensor.period
+        row["range"] = sensor.range
         if isinstance(sensor, Radar):
             row["bearing_deviation"] = sensor.bearing_deviation
             if sensor.rate_deviation is not None:
-                row["rate_deviation"], row["rate_row"], rates = (
-                    sensor.rate_deviation,
-                    rates,
-                    rates + 1,
-                )
+                row["rate_deviation"] = sensor.rate_deviation
+                row["rate_row"] = rates
+                rates += 1
     return table

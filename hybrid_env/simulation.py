@@ -7,14 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_env.checks import FloatArray, IntArray, check_array, check_integer, reject
-from hybrid_env.core.arrays import aligned_zeros
+from hybrid_env.checks import FloatArray, IntArray, check_array, check_integer, checked, reject
 from hybrid_env.core.compilation import compiled, prepare
-from hybrid_env.core.noise import NOISE_ROWS
-from hybrid_env.core.records import BLOCK, LANES, SENSOR
-from hybrid_env.core.state import PARAMETERS
+from hybrid_env.core.memory import BLOCK, LANES, PARAMETERS, SENSOR, aligned_zeros
 from hybrid_env.core.true_object import begin_motion, move
-from hybrid_env.limits import axis_variances, check_within
+from hybrid_env.limits import TickLength, VelocityVariance, axis_variances
 from hybrid_env.noises import Noise, parse_noise
 from hybrid_env.scheme import FixedScheme, parse_scheme, segment_table
 
@@ -47,7 +44,7 @@ def _simulate(
     truth: FloatArray,
     points: FloatArray,
 ) -> None:
-    draws = np.empty((NOISE_ROWS, LANES))
+    draws = np.empty((7, LANES))
     setting = options[0]
     for b in range(blocks.size):
         block = blocks[b]
@@ -108,8 +105,10 @@ def simulate(
     measurements = np.empty((number * LANES, lengths.sum(), 2))
     deviations = np.sqrt(axis_variances(measurement_variance))
     parameters = np.zeros(1, PARAMETERS)
-    parameters["tau"] = check_within("tau", tau)
-    parameters["process_deviation"] = math.sqrt(check_within("process_variance", process_variance))
+    parameters["tau"] = checked("tau", tau, TickLength)
+    parameters["process_deviation"] = math.sqrt(
+        checked("process_variance", process_variance, VelocityVariance)
+    )
     parameters["deviation_x"], parameters["deviation_y"] = deviations[[0, -1]]
     parse_noise(noise).write_parameters(parameters)
     arguments = blocks, lengths, table, parameters, np.zeros(0, SENSOR), truth, measurements

@@ -1,67 +1,50 @@
 """The vector environments: N tracks in one kernel call."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from numbers import Integral
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
-from numpy.typing import NDArray
 
 from hybrid_env.checks import (
+    AnyArray,
     BoolArray,
+    Float32Array,
     FloatArray,
+    Info,
+    IntArray,
+    NotNegative,
     ReadOnlyAttributes,
     check_choice,
     check_flag,
     check_integer,
-    check_reset_options,
+    checked,
+    elements,
     frozen,
     reject,
 )
 from hybrid_env.core.kernel import TERMINATED
-from hybrid_env.core.records import DECISION, DECISION_FLAGS
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.rendering.evidence import (
-    DEFAULT_ALPHA,
-    EvidencePanel,
-    probability_panel,
-    sprt_panel,
-)
-from hybrid_env.rendering.history import History, record_declaration, record_statement
+from hybrid_env.rendering.history import History
 from hybrid_env.rendering.window import RENDER_FPS, Renderer
 from hybrid_env.world import World, random_states
 
 # Tracks, and rows of a trace.
 LARGEST = 2**31 - 1
-Step = tuple[NDArray[np.float32], FloatArray, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]
+Step = tuple[Float32Array, FloatArray, BoolArray, BoolArray, Info]
 """Observations (N, width), rewards, terminated and truncated (N,), and info."""
-_DECISION_MASKS = tuple(f"_{key}" for key in DECISION + DECISION_FLAGS if key != "has_decision")
-RENDERED = 4
-"""Largest number of tracks in a frame, which has two columns."""
 
 
-@dataclass(frozen=True)
-class Scene:
-    """A track that is rendered: the ticks of its running episode, and what draws them."""
-
-    history: History
-    renderer: Renderer
-
-
-class TrackVectorEnv(
-    ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[np.int64], NDArray[Any]]
-):
+class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[Float32Array, IntArray, AnyArray]):
     """A vector environment of N tracks, as `HybridTrackVectorEnv`; each environment has a
     subclass with its options.
     """
 
-    options_class: ClassVar[Any]
-    evidence_panel: ClassVar[EvidencePanel]
+    options_class: Any
     read_only = frozenset(("num_envs", "options", "world"))
 
     def __init__(
@@ -99,11 +82,10 @@ class TrackVectorEnv(
             trace_rows = max(trace_rows, self.options.longest_segment + 1)
         threads = check_integer("threads", threads, maximum=1024)
         self.world = World(self.options, self.num_envs, trace_rows, threads, self.bank_info)
-        rendered = 0 if render_mode is None else min(RENDERED, self.num_envs)
-        self._scenes = [
-            Scene(History(), Renderer(self.options, human=False, panel=self.evidence_panel))
-            for _ in range(rendered)
-        ]
+        # A frame has two columns and at most two rows.
+        rendered = 0 if render_mode is None else min(4, self.num_envs)
+        # The ticks of its running episode, and what draws them.
+        self._scenes = [(History(), Renderer(self.options, human=False)) for _ in range(rendered)]
         self.single_observation_space = self.world.observation_space()
         self.single_action_space = self.world.action_space()
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
@@ -112,16 +94,16 @@ class TrackVectorEnv(
         self._disabled = self.autoreset_mode is AutoresetMode.DISABLED
         self._same_step = self.autoreset_mode is AutoresetMode.SAME_STEP
         self._shape = (self.num_envs,)
-        self._truncated = np.zeros(self.num_envs, np.bool_)
+        self._truncated = np.zeros(self.num_envs, bool)
         # Shared by the info of all steps, and therefore read-only.
-        self._every_track = frozen(np.ones(self.num_envs, np.bool_))
+        self._every_track = frozen(np.ones(self.num_envs, bool))
 
     def reset(
         self,
         *,
         seed: int | Sequence[int | None] | None = None,
-        options: dict[str, Any] | None = None,
-    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        options: Info | None = None,
+    ) -> tuple[Float32Array, Info]:
         """Begin an episode on every track, or on those of `options["reset_mask"]`, (N,) bool.
 
         Args:
@@ -130,24 +112,23 @@ class TrackVectorEnv(
             options: may contain "reset_mask". A track outside of it that was never reset raises
                 `ResetNeeded`.
         """
-        mask = np.ones(self.num_envs, np.bool_)
-        check_reset_options(options)
+        mask = np.ones(self.num_envs, bool)
+        checked("options", options, Mapping | None)
         if options is not None and "reset_mask" in options:
-            mask = options["reset_mask"]
-            if not isinstance(mask, np.ndarray) or (mask.dtype, mask.shape) != (
-                np.bool_,
-                self._shape,
-            ):
-                raise reject("reset_mask", mask, f"a bool array of shape ({self.num_envs},)")
-            if not mask.any() or np.ma.is_masked(mask):
-                raise reject("reset_mask", mask, "at least one True, and no masked element")
-            mask = np.array(mask, order="C")
+            given = options["reset_mask"]
+            mask = np.array(given, order="C") if isinstance(given, np.ndarray) else np.zeros(1)
+            expected = mask.dtype == bool and mask.shape == self._shape and mask.any()
+            if not expected or np.ma.is_masked(given):
+                allowed = (
+                    f"a bool array of shape ({self.num_envs},), at least one True, none masked"
+                )
+                raise reject("reset_mask", given, allowed)
         seeds = self._check_seeds(seed)
         if not (self.world.seeded | mask).all():
             raise gym.error.ResetNeeded(
                 "reset() with a reset_mask requires an earlier reset() of all tracks"
             )
-        given = np.array([one is not None for one in seeds])
+        given = np.array([track_seed is not None for track_seed in seeds])
         chosen = np.flatnonzero(mask & (given | ~self.world.seeded))
         if chosen.size:
             self.world.seed(chosen, random_states([seeds[i] for i in chosen.tolist()]))
@@ -156,7 +137,7 @@ class TrackVectorEnv(
         self._record_scenes(mask, mask)
         info = self._tick_info(mask)
         if self.tick_info:
-            info |= self._decision_info(np.zeros(self.num_envs, np.bool_))
+            info |= self._decision_info(np.zeros(self.num_envs, bool))
         return self.world.take_rows(), info
 
     def _check_seeds(self, seed: Any) -> Sequence[int | None]:
@@ -166,18 +147,13 @@ class TrackVectorEnv(
         if isinstance(seed, Integral):
             first = check_integer("seed", seed, minimum=0)
             return range(first, first + self.num_envs)
-        if isinstance(seed, np.ndarray):
-            # A number if it has no dimension.
-            seed = seed.tolist()
-        if not isinstance(seed, Sequence) or isinstance(seed, str) or len(seed) != self.num_envs:
-            raise reject(
-                "seed",
-                seed,
-                f"an integer, or a sequence of {self.num_envs} integers or None",
-            )
-        return [None if one is None else check_integer("seed", one, minimum=0) for one in seed]
+        seeds = elements(seed)
+        if len(seeds) != self.num_envs or (seeds is not seed and np.ndim(seed) == 0):
+            allowed = f"an integer, or a sequence of {self.num_envs} integers or None"
+            raise reject("seed", seed, allowed)
+        return [checked("seed", track_seed, NotNegative | None) for track_seed in seeds]
 
-    def action_array(self, actions: Any) -> NDArray[np.int64]:
+    def action_array(self, actions: Any) -> IntArray:
         """Return actions as an array of integers, (N,). Raises `InvalidAction` if shape or type
         are wrong.
         """
@@ -187,11 +163,11 @@ class TrackVectorEnv(
             # Ragged, or a tensor with a gradient.
             array = np.array(None)
         if array.shape != self._shape or array.dtype.kind not in "iu":
-            found = f"actions have shape {array.shape} and type {array.dtype}"
-            raise gym.error.InvalidAction(f"{found}: expected integers of shape ({self.num_envs},)")
+            given = f"actions have shape {array.shape} and type {array.dtype}"
+            raise gym.error.InvalidAction(f"{given}: expected integers of shape ({self.num_envs},)")
         return array
 
-    def step(self, actions: NDArray[np.int64]) -> Step:
+    def step(self, actions: IntArray) -> Step:
         """Step every track. Returns observations, rewards, terminated, truncated and info as
         fresh arrays.
 
@@ -211,8 +187,9 @@ class TrackVectorEnv(
         if self._scenes:
             self._record_scenes(self._every_track, before)
 
-        terminated, rewards = world.terminated.copy(), world.rewards.copy()
-        final: dict[str, Any] = {}
+        terminated = world.terminated.copy()
+        rewards = world.rewards.copy()
+        final: Info = {}
         if events & TERMINATED and self._same_step:
             final_obs = np.full(self.num_envs, None, dtype=object)
             for i in np.flatnonzero(terminated):
@@ -236,9 +213,9 @@ class TrackVectorEnv(
         """End the threads, if there are any."""
         self.world.close()
 
-    def action_masks(self) -> NDArray[np.bool_]:
+    def action_masks(self) -> BoolArray:
         """Return which actions count now, (N, actions)."""
-        return np.asarray(self.world.action_mask > 0)
+        return self.world.action_mask > 0
 
     def render(self) -> Any:
         """Return a frame of the first tracks (at most four), (height, width, 3) uint8; None
@@ -252,7 +229,7 @@ class TrackVectorEnv(
             return None
         if not self._started:
             raise gym.error.ResetNeeded("render() requires a running episode: call reset() first")
-        frames = [scene.renderer.draw(scene.history) for scene in self._scenes]
+        frames = [renderer.draw(history) for history, renderer in self._scenes]
         frames += [np.full_like(frames[0], 255)] * (len(frames) % 2 if len(frames) > 1 else 0)
         rows = [
             np.concatenate(frames[first : first + 2], axis=1) for first in range(0, len(frames), 2)
@@ -268,32 +245,20 @@ class TrackVectorEnv(
         info = self.world.copy_tick()
         decisions = self.world.read_decisions()
         decided = decisions.pop("has_decision")
-        for track, scene in enumerate(self._scenes):
+        for track, (history, _) in enumerate(self._scenes):
             if not stepped[track]:
                 continue
-            told = info | decisions if decided[track] and not begins[track] else info
+            described = info | decisions if decided[track] and not begins[track] else info
             if begins[track]:
-                scene.history.begin()
-            finished = bool(self.world.terminated[track])
-            self._record(
-                scene.history,
-                track,
-                {name: values[track] for name, values in told.items()},
-                finished,
-            )
+                history.begin()
+            described = {name: values[track] for name, values in described.items()}
+            history.record(self.world, track, described, self.world.terminated.item(track))
 
-    def _record(self, history: History, track: int, info: dict[str, Any], finished: bool) -> None:
-        """Add the last step or reset of a track to its history."""
-        raise NotImplementedError
-
-    def _tick_info(self, mask: NDArray[np.bool_] | None = None) -> dict[str, Any]:
+    def _tick_info(self, mask: BoolArray | None = None) -> Info:
         """Return the info of the current tick, zero for tracks outside a mask, (N,); all tracks
         without one.
         """
-        values: dict[str, Any] = {
-            "action_mask": self.world.action_mask.copy(),
-            **self.world.bank_tick(),
-        }
+        values: Info = {"action_mask": self.world.action_mask.copy()} | self.world.bank_tick()
         if self.tick_info:
             values |= self.world.copy_tick()
         if mask is None:
@@ -304,11 +269,22 @@ class TrackVectorEnv(
                 array[~mask] = 0
         return values | {f"_{key}": mask for key in values}
 
-    def _decision_info(self, mask: NDArray[np.bool_] | None = None) -> dict[str, Any]:
-        """Return further info of the last step, zero for tracks outside a mask, (N,); by default
-        nothing.
+    def _decision_info(self, mask: BoolArray | None = None) -> Info:
+        """Return the decisions of the last step, zero for tracks outside a mask, (N,); none with
+        unknown switches.
         """
-        return {}
+        if self.options.switches == "unknown":
+            return {}
+        values = self.world.read_decisions()
+        decided = values.pop("has_decision")
+        if mask is not None:
+            for array in values.values():
+                array[~mask] = 0
+            decided &= mask
+        elif self._same_step and not self.tick_info and not decided.any():
+            # The decisions are in `final_info`.
+            return {}
+        return values | {f"_{key}": decided for key in values}
 
 
 class HybridTrackVectorEnv(TrackVectorEnv):
@@ -340,22 +316,6 @@ class HybridTrackVectorEnv(TrackVectorEnv):
 
     options: WorldOptions
     options_class = WorldOptions
-    evidence_panel = sprt_panel(DEFAULT_ALPHA)
-
-    def _record(self, history: History, track: int, info: dict[str, Any], finished: bool) -> None:
-        record_declaration(history, self.world.read_trace(track), info, finished)
-
-    def _decision_info(self, mask: NDArray[np.bool_] | None = None) -> dict[str, Any]:
-        values = self.world.read_decisions()
-        decided = values.pop("has_decision")
-        if mask is not None:
-            for array in values.values():
-                array[~mask] = 0
-            decided &= mask
-        elif self._same_step and not self.tick_info and not decided.any():
-            # The decisions are in `final_info`.
-            return {}
-        return values | dict.fromkeys(_DECISION_MASKS, decided)
 
 
 class HybridTrackQuickestVectorEnv(TrackVectorEnv):
@@ -368,7 +328,3 @@ class HybridTrackQuickestVectorEnv(TrackVectorEnv):
 
     options: QuickestOptions
     options_class = QuickestOptions
-    evidence_panel = probability_panel()
-
-    def _record(self, history: History, track: int, info: dict[str, Any], finished: bool) -> None:
-        record_statement(history, int(self.world.actions[track]), info, finished)

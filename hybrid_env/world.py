@@ -5,7 +5,7 @@ import operator
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -14,40 +14,40 @@ from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from hybrid_env.checks import (
+    AnyArray,
     ArgumentError,
     BoolArray,
+    Float32Array,
     FloatArray,
     IntArray,
     ReadOnlyAttributes,
     reject,
 )
-from hybrid_env.core.arrays import allocate, declared
 from hybrid_env.core.bank_ticks import read_bank_ticks
 from hybrid_env.core.compilation import prepare
-from hybrid_env.core.kernels import KERNELS, RESET, STEP
-from hybrid_env.core.records import DECISION, DECISION_FLAGS, LANES
-from hybrid_env.core.state import Arrays
+from hybrid_env.core.kernels import KERNELS, LIVE_KERNELS, RESET, STEP
+from hybrid_env.core.memory import DECISION, DECISION_FLAGS, LANES, Arrays, allocate, declared
 from hybrid_env.observation import Layout
 
 
 class World(ReadOnlyAttributes):
     """State of N tracks under the options of an environment, stepped by some threads. The arrays
     cannot be replaced, because the kernel has their addresses. A trace has `trace_rows` ticks of
-    the last step, with announced switches; 0 stores none.
+    the last step, with announced switches; 0 stores none. With `live` the kernels are those of a
+    live sensor, see `hybrid_env.live`, and `run` takes their commands.
     """
 
     read_only = frozenset(("options", "layout", "threads", "bank", *declared(Arrays, "tracks")))
-    kernels: ClassVar[dict[type, Any]] = KERNELS
 
     layout: Layout
     # Named tuple of the arrays of all banks; `bank.hypotheses` is (B, M).
     bank: Any
     # (B,) records with the state of `LANES` tracks.
-    blocks: NDArray[Any]
+    blocks: AnyArray
     # (N,) of the next step.
     actions: IntArray
     # (N, width)
-    observations: NDArray[np.float32]
+    observations: Float32Array
     # (N, actions) 1 where an action counts; a declaration with 0 waits.
     action_mask: NDArray[np.int8]
     # (N, M, columns) every filter at the present tick, if asked for.
@@ -76,6 +76,7 @@ class World(ReadOnlyAttributes):
         trace_rows: int = 0,
         threads: int = 1,
         bank_info: bool = False,
+        live: bool = False,
     ):
         if trace_rows and not options.traced:
             raise reject("trace_rows", trace_rows, "0: info describes every tick")
@@ -86,17 +87,24 @@ class World(ReadOnlyAttributes):
                 "False with unknown switches, where the filters mix their estimates",
             )
         self.options = options
+        self.live = live
         self.layout = options.layout_class(options.hypotheses)
         self.threads = min(threads, -(-tracks // LANES))
         parameters = options.parameters()
-        parameters["tracks"], parameters["blocks_count"] = tracks, -(-tracks // LANES)
-        parameters["width"], parameters["trace_rows"] = self.layout.width, trace_rows
+        parameters["tracks"] = tracks
+        parameters["blocks_count"] = -(-tracks // LANES)
+        # On a live sensor any measurement may be missing.
+        parameters["irregular"] |= live
+        parameters["width"] = self.layout.width
+        parameters["trace_rows"] = trace_rows
         parameters["bank_rows"] = options.hypotheses if bank_info else 0
         sizes = parameters[0]
         bank = options.bank_class
         try:
-            state = {name: allocate(one, sizes) for name, one in declared(Arrays, "tracks").items()}
-            filters = {name: allocate(one, sizes) for name, one in declared(bank).items()}
+            state = {
+                name: allocate(array, sizes) for name, array in declared(Arrays, "tracks").items()
+            }
+            filters = {name: allocate(array, sizes) for name, array in declared(bank).items()}
         except (MemoryError, OSError, OverflowError, ValueError):
             allowed = f"a number of tracks with {trace_rows} trace_rows that fits into memory"
             raise reject("num_envs", tracks, allowed) from None
@@ -110,14 +118,16 @@ class World(ReadOnlyAttributes):
         }
         self._bind(parameters, state | filters | self._constant)
 
-    def arrays(self) -> dict[str, NDArray[Any]]:
+    def arrays(self) -> dict[str, AnyArray]:
         """Return the arrays that hold the state, by name. They are views, not copies."""
         return dict(self._kept)
 
     def largest(self) -> dict[str, int]:
         """Return the largest value of every field of the blocks that the kernel uses as index or
-        length.
+        length; those of a live sensor have its lengths and ticks.
         """
+        if self.live:
+            return dict.fromkeys(("active_mode", "stated_mode"), self.options.hypotheses - 1)
         return dict(self.options.largest(self.trace.shape[1]))
 
     def action_space(self) -> spaces.Discrete:
@@ -131,18 +141,18 @@ class World(ReadOnlyAttributes):
         )
         return gym.error.InvalidAction(str(reject("action", action, allowed)))
 
-    def _bind(self, parameters: NDArray[Any], arrays: dict[str, NDArray[Any]]) -> None:
+    def _bind(self, parameters: AnyArray, arrays: dict[str, AnyArray]) -> None:
         """Write the array addresses into one parameter record per thread, with scratch memory
         for each.
         """
-        self._advance = self.kernels[self.options.bank_class]
+        self._advance = (LIVE_KERNELS if self.live else KERNELS)[self.options.bank_class]
         prepare(self._advance, 0, 0)
-        cuts = np.linspace(0, len(self.blocks), self.threads + 1).astype(np.int64)
+        cuts = np.linspace(0, len(self.blocks), self.threads + 1).astype(int)
         temporary = declared(Arrays, "thread") | declared(self.options.bank_class, "thread")
         self._parameters = []
         self._scratch = []
         for thread in range(self.threads):
-            scratch = {name: allocate(one, parameters[0]) for name, one in temporary.items()}
+            scratch = {name: allocate(array, parameters[0]) for name, array in temporary.items()}
             parameters["first_block"], parameters["last_block"] = cuts[thread : thread + 2]
             for name, array in (arrays | scratch).items():
                 parameters[name] = array.ctypes.data
@@ -151,24 +161,24 @@ class World(ReadOnlyAttributes):
         addresses = [parameters.ctypes.data for parameters in self._parameters]
         self._pool: ThreadPoolExecutor | None = None
         self._pool_process = 0
-        self._run: Callable[[int], int] = functools.partial(self._advance, addresses[0])
+        self.run: Callable[[int], int] = functools.partial(self._advance, addresses[0])
         # Once after a step or reset: a new array (N, width).
-        self.take_rows: Callable[[], NDArray[np.float32]] = self.observations.copy
+        self.take_rows: Callable[[], Float32Array] = self.observations.copy
         if self.threads > 1:
             ranges = [slice(*(LANES * cuts[k : k + 2]).tolist()) for k in range(self.threads)]
-            self._run = functools.partial(
+            self.run = functools.partial(
                 self._run_threads,
                 list(zip(addresses, ranges, strict=True)),
             )
             self.take_rows = lambda: self._rows
 
-    def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, arrays: Mapping[str, AnyArray]) -> None:
         """Copy the state of a world with the same options and number of tracks from its `arrays()`.
         If an array is missing or has another type or shape, or an index is out of range, nothing is
         copied.
         """
-        own = self.arrays()
-        for name, array in own.items():
+        present = self.arrays()
+        for name, array in present.items():
             other = arrays.get(name)
             if not isinstance(other, np.ndarray) or (other.dtype, other.shape) != (
                 array.dtype,
@@ -180,10 +190,10 @@ class World(ReadOnlyAttributes):
                     " hybrid_env or with other options"
                 )
         self.check_blocks(arrays["blocks"], arrays["seeded"])
-        for name, array in own.items():
+        for name, array in present.items():
             array[...] = arrays[name]
 
-    def check_blocks(self, blocks: NDArray[Any], seeded: BoolArray) -> None:
+    def check_blocks(self, blocks: AnyArray, seeded: BoolArray) -> None:
         """Check the fields of blocks that the kernel uses as indices, lengths of loops and,
         where seeded, seeds.
         """
@@ -203,6 +213,7 @@ class World(ReadOnlyAttributes):
             "trace_rows": self.trace.shape[1],
             "threads": self.threads,
             "bank_info": self.bank_ticks.size > 0,
+            "live": self.live,
             "arrays": self.arrays(),
         }
 
@@ -218,7 +229,8 @@ class World(ReadOnlyAttributes):
         """
         # A forked process has no threads.
         if self._pool is None or self._pool_process != os.getpid():
-            self._pool, self._pool_process = ThreadPoolExecutor(self.threads - 1), os.getpid()
+            self._pool = ThreadPoolExecutor(self.threads - 1)
+            self._pool_process = os.getpid()
         pool = self._pool
         self._rows = np.empty_like(self.observations)
         jobs = [pool.submit(self._run_share, *share, command) for share in shares[1:]]
@@ -227,7 +239,7 @@ class World(ReadOnlyAttributes):
         return events[0] if events[0] < 0 else functools.reduce(operator.or_, events)
 
     def _run_share(self, address: int, tracks: slice, command: int) -> int:
-        events: int = self._advance(address, command)
+        events = self._advance(address, command)
         self._rows[tracks] = self.observations[tracks]
         return events
 
@@ -237,11 +249,16 @@ class World(ReadOnlyAttributes):
             self._pool.shutdown()
             self._pool = None
 
-    def field(self, name: str) -> NDArray[Any]:
+    def field(self, name: str) -> AnyArray:
         """Return a copy of a field of the blocks, (N, ...)."""
         return self._flatten_blocks(self.blocks[name].copy())
 
-    def _flatten_blocks(self, values: NDArray[Any]) -> NDArray[Any]:
+    def write(self, name: str, values: AnyArray) -> None:
+        """Write a field of the blocks, (N,) or (N, k)."""
+        blocks, lanes = np.divmod(np.arange(len(values)), LANES)
+        self.blocks[name][blocks, ..., lanes] = values
+
+    def _flatten_blocks(self, values: AnyArray) -> AnyArray:
         """Reshape a field of all blocks, (B, ..., LANES), to (N, ...)."""
         by_lane = values if values.ndim == 2 else values.swapaxes(1, 2)
         return by_lane.reshape(-1, *by_lane.shape[2:])[: self.actions.size]
@@ -252,7 +269,7 @@ class World(ReadOnlyAttributes):
         """
         return self._flatten_blocks(self.bank.hypotheses[self.options.hypothesis_field].copy())
 
-    def copy_tick(self) -> dict[str, NDArray[Any]]:
+    def copy_tick(self) -> dict[str, AnyArray]:
         """Return copies of the current tick of every track by their names in `info`, (N, ...)."""
         ticks = {name: self.field(name) for name in self.options.tick_names}
         ticks[self.options.hypothesis_field] = self.hypothesis_values()
@@ -262,9 +279,7 @@ class World(ReadOnlyAttributes):
         """Return what every filter did at the present tick, see `read_bank_ticks`; empty if it
         is not recorded.
         """
-        if not self.bank_ticks.size:
-            return {}
-        return read_bank_ticks(self.bank_ticks)
+        return read_bank_ticks(self.bank_ticks) if self.bank_ticks.size else {}
 
     @property
     def drawn(self) -> dict[str, FloatArray]:
@@ -274,11 +289,11 @@ class World(ReadOnlyAttributes):
         habits = {"law": self.drawn_law, "order": self.drawn_order}
         return {name: array for name, array in habits.items() if array.size}
 
-    def read_decisions(self) -> dict[str, NDArray[Any]]:
+    def read_decisions(self) -> dict[str, AnyArray]:
         """Return copies of `DECISION` and `DECISION_FLAGS` of the last step, (N,), zero if
         undecided.
         """
-        values: dict[str, NDArray[Any]] = dict(zip(DECISION, self.decisions.copy(), strict=True))
+        values: dict[str, AnyArray] = dict(zip(DECISION, self.decisions.copy(), strict=True))
         values["decided_squared_error"] = values["decided_squared_error"].view(np.float64)
         return values | dict(zip(DECISION_FLAGS, self.decision_flags.copy(), strict=True))
 
@@ -298,14 +313,14 @@ class World(ReadOnlyAttributes):
     def reset(self, mask: BoolArray) -> None:
         """Begin a new episode on the tracks of a mask, (N,)."""
         self.actions[:] = mask
-        self._run(RESET)
+        self.run(RESET)
 
     def step(self) -> int:
         """Step every track with `actions`; a terminated track begins its next episode. Returns the
         events of the kernel, combined as bits: `DECIDED`, `TERMINATED`. An action outside the space
         raises `InvalidAction`, and no track is stepped.
         """
-        events = self._run(STEP)
+        events = self.run(STEP)
         if events < 0:
             raise self.invalid_action(int(self.actions[-1 - events]))
         return events

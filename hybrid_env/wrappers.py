@@ -5,10 +5,10 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from hybrid_env.checks import OwnState
+from hybrid_env.checks import Info, OwnState
 from hybrid_env.env import HybridTrackEnv
 
-NO_DECISION: dict[str, Any] = {
+NO_DECISION: Info = {
     "decided_mode": np.int64(-1),
     "decided_true_mode": np.int64(-1),
     "correct": np.array(False),
@@ -30,12 +30,12 @@ class CompleteInfo(OwnState, gym.Wrapper[Any, Any, Any, Any]):
         super().__init__(env)
         self._added = NO_DECISION if isinstance(env.unwrapped, HybridTrackEnv) else {}
 
-    def reset(self, **keywords: Any) -> tuple[Any, dict[str, Any]]:
+    def reset(self, **keywords: Any) -> tuple[Any, Info]:
         """See `gymnasium.Env.reset`."""
         observation, info = self.env.reset(**keywords)
         return observation, self._added | info
 
-    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, Info]:
         """See `gymnasium.Env.step`."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         return observation, reward, terminated, truncated, self._added | info

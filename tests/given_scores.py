@@ -73,8 +73,8 @@ def unknown_scores(name, rates, delays, rewards, tracks=6):
 
 def comparison(task, *found, chosen=None, agents=0, accuracy=None, curves=True):
     """A comparison of scores; the last `agents` of them are those of agents."""
-    known = {rule.family(task.options).name: name for name, rule in rules(task.switches).items()}
-    reference = rules(task.switches)[known[found[0].name]].family(task.options)
+    known = {rule.attribute("title"): name for name, rule in rules(task.switches).items()}
+    reference = rules(task.switches)[known[found[0].name]].create(task.options)
     shifted = tuple(reference.default + (k - 1.0) for k in range(len(found[0].thresholds)))
     # The second one is the default.
     found = [replace(found[0], thresholds=shifted), *found[1:]]

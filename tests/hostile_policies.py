@@ -133,9 +133,7 @@ HOSTILE_ZIPS = {
         of_type(torch.float64) | {"value_net.bias": torch.full((1,), 1e300, dtype=torch.float64)},
         "{}",
     ),
-    "whole numbers": lambda: (of_type(torch.int64), "{}"),
     "complex": lambda: (of_type(torch.complex64), "{}"),
-    "bytes": lambda: (of_type(torch.float8_e4m3fn), "{}"),
     "sparse": lambda: (
         {name: tensor.to_sparse() for name, tensor in actor_weights().items()},
         "{}",
@@ -163,7 +161,6 @@ HOSTILE_ZIPS = {
     "names of two lines": lambda: (actor_weights() | {"a\nb": torch.zeros(1)}, "{}"),
     "numbers as names": lambda: (actor_weights() | {3: torch.zeros(1)}, "{}"),
     "a call": lambda: (actor_weights() | {"x": Calls(bytearray, 10**10)}, "{}"),
-    "large data": lambda: (actor_weights(), json.dumps({"x": [[]] * 2_000_000})),
     "nested data": lambda: (actor_weights(), nested_data()),
     "data of another form": lambda: (actor_weights(), "[1]"),
     "activation": lambda: (
@@ -179,10 +176,6 @@ HOSTILE_ZIPS = {
     ),
     "zeros": lambda: (
         stored(actor_weights(), zipfile.ZIP_DEFLATED, [("archive/zeros", bytes(2**27))]),
-        "{}",
-    ),
-    "records": lambda: (
-        stored(actor_weights(), more=[(f"archive/{k}", b"") for k in range(5000)]),
         "{}",
     ),
     "text": lambda: (b"not a zip file", "{}"),

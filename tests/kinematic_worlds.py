@@ -4,16 +4,10 @@ import numpy as np
 from filterpy.common import Q_continuous_white_noise, Q_discrete_white_noise
 from scipy.linalg import block_diag, expm
 
-ORDERS = {
-    "CV": 2,
-    "CA": 3,
-    "CJ": 4,
-}
-
 
 def matrices(model, dt):
     """F and Q of the whole state, from filterpy's Q and the exponential of the generator."""
-    m = ORDERS[model.name]
+    m = model.order
     transition = expm(np.eye(m, k=1) * dt)
     one = (
         Q_continuous_white_noise if model.discretization == "continuous" else Q_discrete_white_noise
@@ -26,8 +20,13 @@ def positions_of(model):
     """H, (d, n)."""
     return np.kron(
         np.eye(model.axes),
-        np.eye(1, ORDERS[model.name]),
+        np.eye(1, model.order),
     )
+
+
+def squared_errors(error, covariance):
+    """Errors squared in units of their covariances (NEES), (B,)."""
+    return np.einsum("bi,bij,bj->b", error, np.linalg.inv(covariance), error)
 
 
 def draw(rng, mean, covariance, size):

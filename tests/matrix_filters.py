@@ -5,7 +5,7 @@ import math
 import numpy as np
 from scipy import stats
 
-from hybrid_env.core.banks.published import PublishedBank
+from hybrid_env.core.memory import PublishedBank
 from hybrid_env.live import SQUARE
 
 # Of the robust likelihood in the tests.

@@ -9,7 +9,7 @@ import numpy as np
 from baselines import OnlineTracker
 from hybrid_env import HybridTrackQuickestVectorEnv, HybridTrackVectorEnv
 from hybrid_env.core.compilation import compiled
-from hybrid_env.core.records import LANES
+from hybrid_env.core.memory import LANES
 from hybrid_env.core.true_object import draw_first_estimate
 from hybrid_env.world import World, random_states
 

@@ -1,6 +1,7 @@
 """Random options of a world inside the allowed ranges, and a soak of one world, for the tests."""
 
 import numpy as np
+from declared import limits_of
 
 from hybrid_env import (
     FixedScheme,
@@ -12,8 +13,14 @@ from hybrid_env import (
     WorldOptions,
 )
 from hybrid_env.checks import ArgumentError
-from hybrid_env.limits import LARGEST_TURN, RANGES
 
+RANGES = {
+    "radii": (1e-12, 1e12),
+    "measurement_variance": (1e-18, 1e18),
+    "initial_position": (0.0, 1e12),
+    "initial_velocity": (0.0, 1e18),
+}
+"""Of the options of several numbers."""
 BANKS = ("published", "anchor_aware", "oracle")
 NOISES = (
     *("gaussian",) * 4,
@@ -33,7 +40,7 @@ def log_uniform(generator, name, spread):
     """Draw an option from its range, whose logarithm is scaled by `spread`; sometimes its limit
     or 0.
     """
-    low, high = RANGES[name]
+    low, high = RANGES.get(name) or limits_of(WorldOptions, name)
     if low == 0.0 and generator.random() < 0.2:
         return 0.0
     if generator.random() < 0.03:
@@ -112,13 +119,21 @@ def draw(generator, longest):
     spread = generator.choice((0.05, 0.15, 0.4, 1.0))
     values = {
         name: log_uniform(generator, name, spread)
-        for name in RANGES
-        if name not in ("heading", "evidence")
+        for name in (
+            "radii",
+            "speed",
+            "tau",
+            "process_variance",
+            "measurement_variance",
+            "delay_cost",
+            "initial_position",
+            "initial_velocity",
+        )
     }
     radii = [values["radii"]]
     if generator.random() < 0.5:
         turn = 10.0 ** generator.uniform(-6, 2)
-        radii = [values["speed"] * values["tau"] / min(turn, LARGEST_TURN)]
+        radii = [values["speed"] * values["tau"] / min(turn, 100.0)]
     ratio = 10.0 ** generator.uniform(0.01, 1.0)
     radii = tuple(float(radii[0] * ratio**k) for k in range(generator.integers(1, 11)))
     variance = values["measurement_variance"]
@@ -145,7 +160,7 @@ def draw(generator, longest):
         "refine_radius": follow == "declared" and len(radii) > 1 and bool(generator.random() < 0.5),
         "delay_cost": values["delay_cost"],
         "correctness": str(generator.choice(("exact", "type"))),
-        "evidence": float(generator.choice((0.0, 0.5, 0.95, RANGES["evidence"][1]))),
+        "evidence": float(generator.choice((0.0, 0.5, 0.95, 1.0 - 1e-9))),
         "actions": str(generator.choice(("all", "types", "best"))),
         "observation": str(generator.choice(("bank", "bank", "raw", "state"))),
         "undecided": str(generator.choice(("likeliest", "keep"))),

@@ -18,7 +18,7 @@ from agents.training.recipe import load_recipe
 from agents.training.run_folder import CONFIG, read_metrics
 from agents.training.runs import make_run, resume_run
 
-STEPS = 2560
+STEPS = 1920
 SMALL_PPO = (
     "n_envs=20",
     "n_steps=32",
@@ -92,10 +92,10 @@ WALL_CLOCK = ("seconds", "time/fps", "time/time_elapsed")
 
 def log_often(set_value=setattr):
     """Evaluate often and briefly, so that a small training writes several lines of metrics."""
-    set_value(learning_curve, "FIRST_EVALUATION", 1000)
+    set_value(learning_curve, "FIRST_EVALUATION", 600)
     set_value(learning_curve, "EPISODES", 5)
     set_value(learning_curve.LearningCurve, "reference_reward", 0.5)
-    set_value(anchor, "LOG_EVERY", 2)
+    set_value(anchor.Anchor, "log_every", 2)
 
 
 def small_run(kind, folder=None, steps=STEPS, seed=3, more=()):
@@ -118,11 +118,12 @@ def small_recipe(folder, kind="ppo"):
 def outcome(folder):
     """Metrics, card and weights of a run, without times."""
     rows = [{k: v for k, v in row.items() if k not in WALL_CLOCK} for row in read_metrics(folder)]
-    weights, card = load_policy(folder)
+    saved = load_policy(folder)
+    card = saved.card
     card["measured"].pop("seconds")
     card.pop("seconds")
     return json.dumps([rows, card]), {
-        name: value.numpy().tobytes() for name, value in weights.items()
+        name: value.numpy().tobytes() for name, value in saved.weights.items()
     }
 
 

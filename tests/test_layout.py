@@ -7,7 +7,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("hybrid_env", "baselines", "agents")
-BASELINES = ("estimation", "scoring", "rules", "recordings", "adapters")
+BASELINES = ("estimation", "scoring", "rules", "recordings")
 AGENTS = (
     "interface",
     "figures",
@@ -70,7 +70,7 @@ def test_only_the_public_interface_of_numba_is_used():
     ("name", "file"),
     [
         ("instance_class", "banks/operations.py"),
-        ("nb[ic]", "compilation.py"),
+        (".nbi", "compilation.py"),
     ],
 )
 def test_what_leans_on_names_inside_numba_stands_in_one_file(name, file):

@@ -10,7 +10,7 @@ import pkgutil
 from typing import Any
 
 from agents.interface.world_arguments import TRUST, trusted
-from baselines.rules.own import find_own
+from baselines.rules.external import find_external
 from hybrid_env.checks import reject
 
 # By name: all that have been imported.
@@ -34,11 +34,11 @@ def find_algorithm(name: Any, *, imported: bool = False) -> Any:
     if name in names:
         importlib.import_module(f"{__name__}.{name}")
     elif isinstance(name, str) and name not in REGISTERED and (imported or trusted()):
-        kind = find_own(name)
+        kind = find_external(name)
         if any(kind is other for other in REGISTERED.values()):
             return kind
     if not isinstance(name, str) or name not in REGISTERED:
-        own = f"package.module:Name, with {TRUST}=1 if it is not imported"
-        allowed = f"{', '.join(names)}, or {own}"
+        of_others = f"package.module:Name, with {TRUST}=1 if it is not imported"
+        allowed = f"{', '.join(names)}, or {of_others}"
         raise reject("algo", name, allowed)
     return REGISTERED[name]

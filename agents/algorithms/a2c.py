@@ -1,16 +1,14 @@
 """A2C of Stable-Baselines3."""
 
 from dataclasses import dataclass
+from typing import Annotated
+
+from annotated_types import Ge
 
 from agents.training.library import LibraryAlgorithm
-from agents.training.library_settings import (
-    LARGEST_ROLLOUT,
-    LibrarySettings,
-    check_factor,
-    check_weight,
-)
-from agents.training.settings import LARGEST_COUNT
-from hybrid_env.checks import check_integer, check_positive, reject
+from agents.training.library_settings import LibrarySettings
+from agents.training.settings import Factor
+from hybrid_env.checks import Count
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,24 +16,11 @@ class A2CSettings(LibrarySettings):
     """Hyper-parameters of A2C."""
 
     # Of each track per rollout.
-    n_steps: int
+    n_steps: Count
     # Of generalized advantage estimation.
-    gae_lambda: float
+    gae_lambda: Factor
     # Entropy coefficient of the loss.
-    ent_coef: float
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_integer("n_steps", self.n_steps, maximum=LARGEST_COUNT)
-        check_factor("gae_lambda", self.gae_lambda)
-        check_positive("ent_coef", self.ent_coef, allow_zero=True)
-        check_weight("ent_coef", self.ent_coef)
-        if self.n_envs * self.n_steps > LARGEST_ROLLOUT:
-            raise reject(
-                "n_steps",
-                self.n_steps,
-                f"n_envs x n_steps of at most {LARGEST_ROLLOUT:,}",
-            )
+    ent_coef: Annotated[float, Ge(0.0)]
 
 
 class A2C(LibraryAlgorithm):

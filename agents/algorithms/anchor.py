@@ -11,13 +11,14 @@ random samples of the last anchors and declarations.
 import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 import torch
+from annotated_types import Interval
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
-from torch import Tensor, nn
+from torch import Tensor
 
 from agents.learned.anchor_decider import (
     AnchorDecider,
@@ -25,34 +26,17 @@ from agents.learned.anchor_decider import (
     TrackFilters,
     errors_and_best,
 )
-from agents.learned.anchor_net import ratios, regret_inputs, select, turns_per_tick
+from agents.learned.anchor_net import declaration_context, regret_inputs, select, turns_per_tick
 from agents.training.algorithm import Round
-from agents.training.checkpoint import check_tracks, restore_generator, track_arrays
-from agents.training.settings import LARGEST_ALPHA, NetworkSettings, WorldsSettings
+from agents.training.checkpoint import check_tracks, track_arrays
+from agents.training.settings import LARGEST_ALPHA, WorldsSettings
 from agents.training.worlds import WorldsAlgorithm
 from baselines.rules import seeds
 from baselines.rules.anchor_prior import anchor_errors
 from baselines.rules.measurements import sensed_of
-from hybrid_env.checks import (
-    FloatArray,
-    IntArray,
-    check_between,
-    check_integer,
-    check_share,
-    reject,
-)
+from hybrid_env.checks import Count, Float32Array, IntArray, Share, check_integer
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
-# Ticks x hypotheses of an update.
-LARGEST_UNROLLING = 2**22
-# Updates.
-LOG_EVERY = 10
-# Environment steps with decisions that the displayed means are taken over.
-RECENT_STEPS = 200
-# Norm of the gradient of each network.
-LARGEST_GRADIENT = 1.0
-# Thresholds of segments whose losses are learned.
-TYPICAL_ALPHAS = 0.003, 0.1
 DECLARATION = 7
 """Numbers that describe a declaration, the arguments of `anchor_net.regret_inputs`."""
 
@@ -67,41 +51,20 @@ class AnchorSettings(WorldsSettings):
     """
 
     # Ticks between updates.
-    n_steps: int
-    smallest_alpha: float
+    n_steps: Count
+    smallest_alpha: Annotated[float, Interval(gt=0.0, lt=LARGEST_ALPHA)]
     # At which every track declares; later ticks contribute little to learning.
-    last_tick: int
+    last_tick: Count
     # Probability that a declaration is replaced by a random hypothesis.
-    random_declarations: float
+    random_declarations: Share
     # After which the random environments are drawn anew.
-    updates_per_world: int = 32
+    updates_per_world: Count = 32
     # Last anchors, and last declarations, that samples are drawn from.
-    buffer_size: int = 50_000
+    buffer_size: Count = 50_000
     # Steps of the optimizer per update.
-    batches: int = 8
+    batches: Count = 8
     # Samples of a step.
-    batch_size: int = 1024
-
-    largest = NetworkSettings.largest | {
-        "n_steps": 10_000,
-        "last_tick": 10**6,
-        "updates_per_world": 10**6,
-        "buffer_size": 10**6,
-        "batches": 1000,
-        "batch_size": 10**5,
-    }
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        tracks = 3 * sum(world.n_envs for world in self.worlds)
-        tracks += sum(
-            drawn.worlds * drawn.n_envs * (2 * drawn.radii + 1) for drawn in self.drawn_worlds
-        )
-        if self.n_steps * tracks > LARGEST_UNROLLING:
-            allowed = f"n_steps x hypotheses of all tracks of at most {LARGEST_UNROLLING:,}"
-            raise reject("n_steps", self.n_steps, allowed)
-        check_between("smallest_alpha", self.smallest_alpha, 0.0, LARGEST_ALPHA)
-        check_share("random_declarations", self.random_declarations)
+    batch_size: Count = 1024
 
 
 class SampleBuffer:
@@ -118,7 +81,7 @@ class SampleBuffer:
         self.rows[(self.count + np.arange(len(samples))) % len(self.rows)] = samples
         self.count += len(samples)
 
-    def draw(self, generator: np.random.Generator, size: int) -> NDArray[np.float32]:
+    def draw(self, generator: np.random.Generator, size: int) -> Float32Array:
         """Return random samples (size, width), with replacement."""
         filled = min(self.count, len(self.rows))
         return self.rows[generator.integers(filled, size=size)]
@@ -148,8 +111,10 @@ class AnchorStream:
         counts = [env.num_envs for env in envs]
         self.starts = np.concatenate([[0], np.cumsum(counts)])
         self.tracks = int(self.starts[-1])
-        firsts = [first_seed + int(start) for start in self.starts[:-1]]
-        self.rows = [env.reset(seed=seed)[0] for env, seed in zip(envs, firsts, strict=True)]
+        self.rows = [
+            env.reset(seed=first_seed + int(start))[0]
+            for env, start in zip(envs, self.starts[:-1], strict=True)
+        ]
         self.layout = envs[0].world.layout
         self.filters = TrackFilters([env.options for env in envs], counts)
         self.by_type = np.repeat([env.options.correctness == "type" for env in envs], counts)
@@ -202,7 +167,7 @@ class AnchorStream:
         self,
         k: int,
         actions: IntArray,
-        observation: NDArray[np.float32],
+        observation: Float32Array,
         rollout: Rollout,
     ) -> None:
         """Step the tracks of environment k, and record the decisions."""
@@ -219,40 +184,28 @@ class AnchorStream:
         loss = np.where(info["correct"][decided], 0.0, 2.0) + env.options.delay_cost * ticks
         rollout.decisions.append((1.0 - float(loss.mean()), float(ticks.mean())))
         tracks = start + decided
-        low, high = TYPICAL_ALPHAS
-        typical = (low < self.alpha[tracks]) & (self.alpha[tracks] < high)
+        # Losses after unusual thresholds are not learned.
+        typical = (self.alpha[tracks] > 0.003) & (self.alpha[tracks] < 0.1)
         known = typical & self.has_declaration[tracks]
         if known.any():
             pairs = np.concatenate([self.declaration[tracks], loss[:, None]], axis=1)
             rollout.declarations.append(pairs[known])
-        self.declaration[tracks] = self._describe(tracks, observation[tracks], info, decided)
-        self.has_declaration[tracks] = ~terminated[decided]
-        switched = decided[~terminated[decided]]
-        self.errors[start + switched] = anchor_errors(env, switched, truth[switched])
-
-    def _describe(
-        self,
-        tracks: IntArray,
-        rows: NDArray[np.float32],
-        info: dict[str, Any],
-        decided: IntArray,
-    ) -> FloatArray:
-        """Return the declarations of tracks, (n, 7)."""
-        scales = select(self.filters.scales, tracks)
+        rows, scales = observation[tracks], select(self.filters.scales, tracks)
         turn = turns_per_tick(self.layout, rows, scales)
-        motion, process, *_ = ratios(self.layout, rows, scales)
         each = np.arange(len(tracks))
-        ticks_left = info["decided_length"][decided] - info["ticks"][decided]
+        motion, process, _, *of_world = declaration_context(self.layout, rows, scales)
         columns = [
             turn[each, info["decided_mode"][decided]],
             turn[each, info["decided_true_mode"][decided]],
             motion,
             process,
-            ticks_left,
-            scales.follows_bank,
-            scales.anchor_aware,
+            info["decided_length"][decided] - ticks,
+            *of_world,
         ]
-        return np.stack(columns, axis=-1)
+        self.declaration[tracks] = np.stack(columns, axis=-1)
+        self.has_declaration[tracks] = ~terminated[decided]
+        switched = decided[~terminated[decided]]
+        self.errors[start + switched] = anchor_errors(env, switched, truth[switched])
 
     def state_arrays(self) -> dict[str, NDArray[Any]]:
         """Return all arrays that determine the next rollout; writing into them changes the
@@ -272,15 +225,13 @@ class Anchor(WorldsAlgorithm):
     name = "anchor"
     Settings = AnchorSettings
     smallest_factor: ClassVar[float] = 0.02
+    log_every: ClassVar[int] = 10
     decider = AnchorDecider
     settings: AnchorSettings
 
     def build(self) -> None:
-        """Create networks, optimizer and environments."""
-        torch.manual_seed(self.seed)
-        self.net = AnchorNetworks(self.settings.hidden)
-        self.start(self.net, self.settings.learning_rate)
-        self.create_worlds()
+        """Create networks, optimizer, environments and buffers."""
+        super().build()
         self._generator = np.random.default_rng(seeds.TRAINING + self.seed)
         self._anchors = SampleBuffer(self.settings.buffer_size, self.net.anchor.inputs + 4)
         self._declarations = SampleBuffer(self.settings.buffer_size, DECLARATION + 1)
@@ -294,14 +245,10 @@ class Anchor(WorldsAlgorithm):
         begins.
         """
         super().set_steps(steps)
-        generation = self._updates // self.settings.updates_per_world
+        generation = steps // self._round_steps // self.settings.updates_per_world
         if self.settings.drawn_worlds and generation != self._generation:
             self._generation = generation
             self._streams = self._draw_streams()
-
-    @property
-    def _updates(self) -> int:
-        return self.num_timesteps // self._round_steps
 
     def _draw_streams(self) -> list[AnchorStream]:
         """Return tracks of the fixed worlds and of random ones, one stream for each number of
@@ -324,14 +271,15 @@ class Anchor(WorldsAlgorithm):
         return {name: torch.from_numpy(array) for name, array in arrays.items()}
 
     def values(self) -> dict[str, Any]:
-        return {
-            "generators": [one.bit_generator.state for one in self._generators()],
+        return super().values() | {
+            "generators": [generator.bit_generator.state for generator in self._generators()],
             "counts": [self._anchors.count, self._declarations.count],
         }
 
     def restore_values(self, values: dict[str, Any]) -> None:
+        super().restore_values(values)
         for generator, state in zip(self._generators(), values["generators"], strict=True):
-            restore_generator(generator, state)
+            generator.bit_generator.state = state
         for buffer, count in zip(
             (self._anchors, self._declarations),
             values["counts"],
@@ -349,54 +297,32 @@ class Anchor(WorldsAlgorithm):
         # One thread per stream; the samples do not depend on the order of completion.
         with ThreadPoolExecutor(len(self._streams)) as pool:
             for rollout in pool.map(
-                lambda one: one.rollout(self.net, self.settings),
+                lambda stream: stream.rollout(self.net, self.settings),
                 self._streams,
             ):
                 self._anchors.add(rollout.anchors)
                 self._declarations.add(rollout.declarations)
-                self._recent = (self._recent + rollout.decisions)[-RECENT_STEPS:]
+                # The displayed means are those of the last steps with decisions.
+                self._recent = (self._recent + rollout.decisions)[-200:]
         self.set_learning_rate()
-        totals = np.zeros(2)
-        for _ in range(self.settings.batches):
-            totals += self._update()
-        losses = dict(
-            zip(
-                ("anchor_loss", "regret_loss"),
-                (totals / self.settings.batches).tolist(),
-                strict=True,
-            )
-        )
+        totals = np.mean([self._update() for _ in range(self.settings.batches)], axis=0).tolist()
+        losses = dict(zip(("anchor_loss", "regret_loss"), totals, strict=True))
         reward, ticks = np.mean(self._recent, axis=0) if self._recent else (math.nan, math.nan)
         return self._round_steps, float(reward), float(ticks), losses
 
-    def is_logged(self) -> bool:
-        return self._updates % LOG_EVERY == 0
-
     def _update(self) -> list[float]:
         """Make a step of the optimizer on random samples; return the losses of anchors and
-        declarations.
+        declarations, 0 without samples.
         """
-        losses = self._losses()
-        self.optimizer.zero_grad(set_to_none=False)
-        for loss in losses:
-            if loss is not None:
-                loss.backward()
-        for part in (self.net.anchor, self.net.regret):
-            nn.utils.clip_grad_norm_(part.parameters(), LARGEST_GRADIENT)
-        self.optimizer.step()
-        return [0.0 if loss is None else float(loss.detach()) for loss in losses]
-
-    def _losses(self) -> tuple[Tensor | None, Tensor | None]:
-        """Return the losses of random anchors and declarations; None without samples."""
         size, inputs = self.settings.batch_size, self.net.anchor.inputs
-        of_anchors = of_regrets = None
+        losses = [torch.zeros((), requires_grad=True)] * 2
         if self._anchors.count:
             rows = torch.from_numpy(self._anchors.draw(self._generator, size))
-            of_anchors = self.net.anchor.loss(rows[:, :inputs], rows[:, inputs:])
+            losses[0] = self.net.anchor.loss(rows[:, :inputs], rows[:, inputs:])
         if self._declarations.count:
-            *values, losses = self._declarations.draw(self._generator, size).astype(np.float64).T
-            of_regrets = self.net.regret.loss(
-                *regret_inputs(*values),
-                torch.from_numpy(losses).float(),
+            *values, targets = self._declarations.draw(self._generator, size).astype(np.float64).T
+            losses[1] = self.net.regret.loss(
+                *regret_inputs(*values), torch.from_numpy(targets).float()
             )
-        return of_anchors, of_regrets
+        self.improve(losses[0] + losses[1], 1.0, self.net.anchor, self.net.regret)
+        return [float(loss.detach()) for loss in losses]

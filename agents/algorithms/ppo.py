@@ -1,11 +1,13 @@
 """PPO of Stable-Baselines3."""
 
 from dataclasses import dataclass
+from typing import Annotated
+
+from annotated_types import Ge
 
 from agents.algorithms.a2c import A2CSettings
 from agents.training.library import LibraryAlgorithm
-from agents.training.settings import LARGEST_COUNT
-from hybrid_env.checks import check_integer, reject
+from hybrid_env.checks import Count, reject
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -13,14 +15,12 @@ class PPOSettings(A2CSettings):
     """Hyper-parameters of PPO and RecurrentPPO."""
 
     # Of a mini-batch; a divisor of n_envs x n_steps.
-    batch_size: int
+    batch_size: Annotated[int, Ge(2)]
     # Passes over a rollout per update.
-    n_epochs: int
+    n_epochs: Count
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_integer("n_epochs", self.n_epochs, maximum=LARGEST_COUNT)
-        check_integer("batch_size", self.batch_size, minimum=2)
         samples = self.n_envs * self.n_steps
         if samples % self.batch_size:
             raise reject(

@@ -1,6 +1,9 @@
 """QR-DQN of sb3-contrib: DQN with the quantiles of the return."""
 
 from dataclasses import dataclass
+from typing import Annotated
+
+from annotated_types import Interval
 
 from agents.algorithms.dqn import QSettings
 from agents.training.library import LibraryAlgorithm
@@ -10,7 +13,7 @@ from agents.training.library import LibraryAlgorithm
 class QuantileSettings(QSettings):
     """Hyper-parameters of QR-DQN."""
 
-    network_keywords = ("net_arch", "n_quantiles")
+    network = QSettings.network | {"n_quantiles": Annotated[int, Interval(ge=1, le=200)]}
 
 
 class QRDQN(LibraryAlgorithm):

@@ -1,11 +1,14 @@
 """RecurrentPPO of sb3-contrib: PPO with an LSTM."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
+from annotated_types import Interval
 from torch import Tensor
 
 from agents.algorithms.ppo import PPOSettings
 from agents.training.library import LibraryAlgorithm
+from agents.training.library_settings import Layer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -13,13 +16,12 @@ class RecurrentPPOSettings(PPOSettings):
     """Hyper-parameters of RecurrentPPO."""
 
     policy_name = "MlpLstmPolicy"
-    network_keywords = (
-        "net_arch",
-        "ortho_init",
-        "lstm_hidden_size",
-        "n_lstm_layers",
-        "enable_critic_lstm",
-    )
+    network = {  # noqa: RUF012
+        **PPOSettings.network,
+        "lstm_hidden_size": Layer,
+        "n_lstm_layers": Annotated[int, Interval(ge=1, le=2)],
+        "enable_critic_lstm": bool,
+    }
 
 
 class RecurrentPPO(LibraryAlgorithm):

@@ -6,7 +6,7 @@ than the network and its optimizer.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import torch
@@ -14,28 +14,27 @@ from numpy.typing import NDArray
 
 from agents.evaluation.tasks import task_of
 from agents.learned.statement_decider import StatementDecider, UtilityDecider
-from agents.learned.statement_net import count_ages, statement_inputs
+from agents.learned.statement_net import statement_inputs
 from agents.training.expected_reward import (
     ExpectedRewardAlgorithm,
     ExpectedRewardSettings,
     StatementBatch,
 )
 from agents.training.inexact import draw_told, inexact_travel
-from agents.training.settings import LARGEST_ROUND, two_factors
+from agents.training.settings import Factors
 from baselines.recordings.given_tracks import GivenTracks
 from baselines.recordings.log_uniform import log_uniform
 from baselines.rules import seeds
-from hybrid_env.checks import check_integer, reject
+from baselines.rules.rollout import statement_env
+from hybrid_env.checks import Count, Float32Array, IntArray, NotNegative, reject
 from hybrid_env.durations import DRAWN, parse_durations
-from hybrid_env.limits import check_ticks
+from hybrid_env.limits import Ticks
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.vector_env import HybridTrackQuickestVectorEnv
 
-MOST_LAWS = 100
-# Range of the bank's hazard where the law of the durations is drawn.
-HAZARDS = 1 / 160, 1 / 30
-# Tracks x ticks x turns, whose inputs take half a gigabyte.
-LARGEST_INPUTS = 2**22
+
+def law_text(value: Any, name: str) -> str:
+    """Return the text of a law of the durations."""
+    return str(parse_durations(value, name))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,48 +44,24 @@ class StatementSettings(ExpectedRewardSettings):
     """
 
     # Laws of segments, one environment of every round for each, also repeated.
-    durations: tuple[str, ...]
+    durations: tuple[Annotated[str, law_text], ...]
     # Tracks of each environment.
-    n_envs: int
+    n_envs: Count
     # Tracks of an update.
-    batch_size: int
+    batch_size: Count
     # Smallest and largest factor of the measurement variance of the environment.
-    variances: tuple[float, float] = (1.0, 1.0)
+    variances: Factors = (1.0, 1.0)
     # Likewise of its radii.
-    radii: tuple[float, float] = (1.0, 1.0)
+    radii: Factors = (1.0, 1.0)
     # Length of the tracks; None is that of the environment.
-    ticks: int | None = None
+    ticks: Ticks | None = None
     # Further environments of every round, in which objects move otherwise than told.
-    inexact: int = 0
-
-    largest = ExpectedRewardSettings.largest | {
-        "n_envs": LARGEST_ROUND,
-        "batch_size": LARGEST_ROUND,
-    }
+    inexact: NotNegative = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_integer("inexact", self.inexact, minimum=0, maximum=MOST_LAWS)
-        fewest = 0 if self.inexact else 1
-        if (
-            not isinstance(self.durations, (list, tuple))
-            or not fewest <= len(self.durations) <= MOST_LAWS
-        ):
-            raise reject("durations", self.durations, f"a list of {fewest} to {MOST_LAWS} laws")
-        object.__setattr__(
-            self,
-            "durations",
-            tuple(str(parse_durations(law)) for law in self.durations),
-        )
-        check_ticks("ticks", 1 if self.ticks is None else self.ticks)
-        if self.n_envs * (len(self.durations) + self.inexact) > LARGEST_ROUND:
-            raise reject(
-                "n_envs",
-                self.n_envs,
-                f"n_envs x environments of at most {LARGEST_ROUND:,}",
-            )
-        for name in ("variances", "radii"):
-            object.__setattr__(self, name, two_factors(name, getattr(self, name)))
+        if not self.durations and not self.inexact:
+            raise reject("durations", self.durations, "at least one law, or inexact environments")
 
 
 class TrackAlgorithm(ExpectedRewardAlgorithm):
@@ -134,15 +109,11 @@ class TrackAlgorithm(ExpectedRewardAlgorithm):
         self._laws = *self.settings.durations, *([None] * self.settings.inexact)
         self._round_tracks = len(self._laws) * self.settings.n_envs
         self._ticks = world.ticks if self.settings.ticks is None else self.settings.ticks
-        if self._round_tracks * self._ticks * (world.hypotheses - 1) > LARGEST_INPUTS:
-            allowed = f"n_envs x environments x ticks x (M - 1) of at most {LARGEST_INPUTS:,}"
-            raise reject("n_envs", self.settings.n_envs, allowed)
         self.round_steps = self._round_tracks * self._ticks
 
     def batches(self) -> Iterator[StatementBatch]:
         """Simulate the tracks of a round, and divide them at random."""
-        number = self.num_timesteps // self.round_steps
-        first = seeds.TRAINING + self.seed * 10**9 + number * self._round_tracks
+        first = seeds.TRAINING + self.seed * 10**9 + self.rounds * self._round_tracks
         generator = np.random.default_rng(first)
         count = self.settings.n_envs
         parts = [
@@ -171,7 +142,7 @@ class TrackAlgorithm(ExpectedRewardAlgorithm):
         habits: dict[str, Any] = {"durations": law}
         # The bank's hazard follows from the law, which is then unknown.
         if law == DRAWN:
-            hazard = float(log_uniform(generator, *HAZARDS))
+            hazard = float(log_uniform(generator, 1 / 160, 1 / 30))
             habits |= {"order": DRAWN, "hazard": min(hazard, 1.0 - 1.0 / self.world.hypotheses)}
         return replace(
             self.world,
@@ -190,36 +161,24 @@ class Statements(TrackAlgorithm):
     decider = StatementDecider
 
 
-def make_tracks(world: QuickestOptions, tracks: int, inexact: bool) -> Any:
-    """Return a vector environment; `inexact` objects move otherwise than told, with rows of the
-    likeliest noise.
-    """
-    if inexact:
-        return GivenTracks(inexact_travel, world, tracks, likeliest=True)
-    return HybridTrackQuickestVectorEnv(
-        tracks,
-        autoreset_mode="Disabled",
-        tick_info=False,
-        **vars(world),
-    )
-
-
 def simulate(
     world: QuickestOptions,
     tracks: int,
     seed: int,
-    decider: StatementDecider | None = None,
+    decider: StatementDecider,
     inexact: bool = False,
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]:
+) -> tuple[Float32Array, Float32Array, IntArray]:
     """Return inputs (T, N, M - 1, k), log-probabilities (T, N, M) and true modes (T, N) of one
     episode each.
 
-    The inputs are those of the network of a decider, by default a `StatementDecider`; the network
-    is not used. inexact: whether objects move otherwise than told, see `make_tracks`.
+    The inputs are those of the network of a decider, which is not used. inexact: objects move
+    otherwise than told, with rows of the likeliest noise.
     """
-    if decider is None:
-        decider = StatementDecider(StatementDecider.network(1), world)
-    env = make_tracks(world, tracks, inexact)
+    env: Any = (
+        GivenTracks(inexact_travel, world, tracks, likeliest=True)
+        if inexact
+        else statement_env(world, tracks)
+    )
     rows, _ = env.reset(seed=seed)
     all_rows = np.empty((world.ticks, *rows.shape), np.float32)
     log_probability = np.empty((world.ticks, tracks, world.hypotheses), np.float32)
@@ -227,7 +186,7 @@ def simulate(
     best = np.full(tracks, -1)
     age = np.zeros(tracks, np.int64)
     statement = np.zeros(tracks, np.int64)
-    more: list[NDArray[np.float32]] = []
+    more: list[Float32Array] = []
     filters = None
     starts = np.zeros(tracks, np.bool_)
     for tick in range(world.ticks):
@@ -238,7 +197,7 @@ def simulate(
         if further is not None:
             more.append(further)
         previous, best = best, bank.argmax(-1)
-        ages[tick] = age = count_ages(best, previous, age)
+        ages[tick] = age = np.where(best == previous, age + 1, 1)
         # Statements change only columns that the network does not read.
         rows, *_ = env.step(statement)
     inputs = statement_inputs(world, all_rows, ages, np.stack(more) if more else None)

@@ -15,34 +15,23 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from agents.evaluation.registry import policy_folder
-from agents.learned.anchor_net import Scales, ratios, regret_inputs, turns_per_tick
+from agents.learned.anchor_net import Scales, declaration_context, regret_inputs, turns_per_tick
 from agents.learned.policy_file import load_policy, load_weights
-from agents.learned.stopping_decider import StoppingDecider, StoppingNetworks
+from agents.learned.stopping_decider import StoppingDecider
 from agents.training.algorithm import Round
-from agents.training.settings import (
-    LARGEST_COUNT,
-    LARGEST_ROUND,
-    NetworkSettings,
-    WorldsSettings,
-    two_factors,
-)
+from agents.training.settings import Factors, WorldsSettings
 from agents.training.worlds import WorldsAlgorithm
+from baselines.recordings.log_uniform import log_uniform
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED, Actions, Decider, Observations
 from baselines.rules.msprt import error_and_best, mode_types
 from baselines.rules.rollout import rollout
-from hybrid_env.checks import IntArray, reject
+from hybrid_env.checks import Count, Float32Array, IntArray, reject
 from hybrid_env.options import WorldOptions
 from hybrid_env.vector_env import HybridTrackVectorEnv
-
-# Norm.
-LARGEST_GRADIENT = 1.0
-# Deviation of the margin of a decided segment.
-DISTURBANCE = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,39 +39,22 @@ class StoppingSettings(WorldsSettings):
     """Hyper-parameters of the learned stop, trained on one episode of each track in every round."""
 
     # Segments of an update.
-    batch_size: int
+    batch_size: Count
     # Times that the segments of a round are used.
-    passes: int
+    passes: Count
     # Smallest and largest delay cost; half of the environments have one drawn between them.
-    delay_costs: tuple[float, float] = (0.003, 0.05)
+    delay_costs: Factors = (0.003, 0.05)
     # Or the run folder of an anchor agent, with as many hidden units.
     agent: str = "shipped-threshold"
-
-    largest = NetworkSettings.largest | {"batch_size": LARGEST_COUNT, "passes": 1000}
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        tracks = sum(world.n_envs for world in self.worlds) + sum(
-            drawn.worlds * drawn.n_envs for drawn in self.drawn_worlds
-        )
-        if tracks > LARGEST_ROUND:
-            raise reject(
-                "worlds",
-                self.worlds,
-                f"at most {LARGEST_ROUND:,} tracks, drawn_worlds included",
-            )
-        object.__setattr__(self, "delay_costs", two_factors("delay_costs", self.delay_costs))
-        if not isinstance(self.agent, str):
-            raise reject("agent", self.agent, "'shipped-threshold' or a run folder")
 
 
 class Paths(NamedTuple):
     """S segments that ran to their ends, with n ticks."""
 
     # (n, 30) one segment after the other.
-    inputs: NDArray[np.float32]
+    inputs: Float32Array
     # (n,) of a declaration at each tick, what it costs in the next segment included.
-    rewards: NDArray[np.float32]
+    rewards: Float32Array
     # (S,)
     lengths: IntArray
 
@@ -116,19 +88,13 @@ class Explorer(Decider):
         inputs, logits, posterior, inner = self.agent.logits(observation, inner, episode_start)
         rows = np.asarray(observation)[:, : self.layout.width]
         tracks = len(rows)
-        drawn = self.generator.normal(0.0, DISTURBANCE, tracks)
+        drawn = self.generator.normal(0.0, 1.0, tracks)
         drawn[self.generator.random(tracks) < 0.5] = np.inf
         margin = np.where(self.layout.read(rows, "ticks") < 1.5, drawn, margin)
         stops = (logits > margin) | (self.layout.read(rows, "ticks_left") < 0.5)
         best = error_and_best(posterior, self.agent.by_type)[1]
-        stopped = np.flatnonzero(stops)
-        actions = np.zeros(tracks, np.int64)
         self.seen.append((inputs, rows, best, np.isinf(margin), stops))
-        if stopped.size:
-            actions[stopped] = (
-                self.agent.declared(observation[stopped], posterior[stopped], inner, stopped) + 1
-            )
-        return actions, (inner, margin)
+        return self.agent.declarations(observation, posterior, inner, stops), (inner, margin)
 
     def paths(self, env: HybridTrackVectorEnv, seed: int) -> Paths:
         """Run one episode of every track; return the segments that ran to their ends."""
@@ -154,13 +120,13 @@ class Explorer(Decider):
         rewards = self.rewards(rows[kept], best[kept], true)
         return Paths(inputs[kept], rewards, lengths)
 
-    def rewards(self, rows: Observations, best: IntArray, true: IntArray) -> NDArray[np.float32]:
+    def rewards(self, rows: Observations, best: IntArray, true: IntArray) -> Float32Array:
         """Return the rewards (n,) of declarations at rows (n, width), their cost in the next
         segment subtracted.
         """
         agent, kind = self.agent, mode_types(self.layout.hypotheses)
         right = kind[best] == kind[true] if agent.by_type else best == true
-        found = np.where(right, 1.0, -1.0) - agent.world.delay_cost * self.layout.read(
+        rewards = np.where(right, 1.0, -1.0) - agent.world.delay_cost * self.layout.read(
             rows,
             "ticks",
         )
@@ -168,18 +134,11 @@ class Explorer(Decider):
             scales = Scales.of([agent.world], [len(rows)])
             turn = turns_per_tick(self.layout, rows, scales)
             each = np.arange(len(rows))
-            motion, process, *_ = ratios(self.layout, rows, scales)
-            of_track = (
-                motion,
-                process,
-                self.layout.read(rows, "ticks_left"),
-                scales.follows_bank,
-                scales.anchor_aware,
-            )
-            inputs = regret_inputs(turn[each, best], turn[each, true], *of_track)
+            context = declaration_context(self.layout, rows, scales)
+            inputs = regret_inputs(turn[each, best], turn[each, true], *context)
             with torch.no_grad():
-                found = found - agent.net.regret.regret(*inputs).double().numpy()
-        return found.astype(np.float32)
+                rewards = rewards - agent.net.regret.regret(*inputs).double().numpy()
+        return rewards.astype(np.float32)
 
 
 class Stopping(WorldsAlgorithm):
@@ -193,35 +152,33 @@ class Stopping(WorldsAlgorithm):
     decider = StoppingDecider
     settings: StoppingSettings
 
-    def build(self) -> None:
-        """Create the networks, read those of the anchor agent, and create the optimizer."""
-        torch.manual_seed(self.seed)
-        self.create_worlds()
-        self.net = StoppingNetworks(self.settings.hidden)
-        weights, _ = load_policy(policy_folder(self.settings.agent, ANNOUNCED))
-        own = {
+    def create_network(self) -> nn.Module:
+        """See `NetworkAlgorithm.create_network`; with the networks of the anchor agent."""
+        network = super().create_network()
+        weights = load_policy(policy_folder(self.settings.agent, ANNOUNCED)).weights
+        untrained = {
             name: tensor
-            for name, tensor in self.net.state_dict().items()
+            for name, tensor in network.state_dict().items()
             if name.startswith("stopping.")
         }
         try:
-            load_weights(self.net, weights | own)
+            load_weights(network, weights | untrained)
         except ValueError as error:
             allowed = f"an anchor agent of {self.settings.hidden} units ({error})"
             raise reject("agent", self.settings.agent, allowed) from None
-        self.start(self.net, self.settings.learning_rate)
+        return network
 
     def train_round(self) -> Round:
         """See `Algorithm.train_round`."""
         first = seeds.TRAINING + self.seed * 10**9 + self.rounds * 10**4
         generator = np.random.default_rng(first)
-        found = []
+        paths = []
         seed = first
         for world, tracks in self._worlds(generator):
             env = HybridTrackVectorEnv(tracks, tick_info=False, **vars(world))
-            found.append(Explorer(StoppingDecider(self.net, world), generator).paths(env, seed))
+            paths.append(Explorer(StoppingDecider(self.net, world), generator).paths(env, seed))
             seed += tracks
-        inputs, rewards, lengths = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        inputs, rewards, lengths = (np.concatenate(parts) for parts in zip(*paths, strict=True))
         begins = lengths.cumsum() - lengths
         totals = []
         self.set_learning_rate()
@@ -239,12 +196,8 @@ class Stopping(WorldsAlgorithm):
                     torch.from_numpy(ticks + 1).expand(rows.shape),
                     inside,
                 )
-                self.optimizer.zero_grad(set_to_none=False)
-                (-earned.mean()).backward()
-                nn.utils.clip_grad_norm_(self.net.stopping.parameters(), LARGEST_GRADIENT)
-                self.optimizer.step()
+                self.improve(-earned.mean(), 1.0, self.net.stopping)
                 totals.append((float(earned.detach().mean()), float(decided.mean())))
-        self.rounds += 1
         reward, delay = np.mean(totals, axis=0).tolist()
         return len(inputs), reward, delay, {"expected_reward": reward}
 
@@ -252,16 +205,15 @@ class Stopping(WorldsAlgorithm):
         """Return the environments of a round and their numbers of tracks; half of them with
         another delay cost.
         """
-        found = []
+        worlds = []
         for world, tracks in self.all_worlds(generator):
-            low, high = np.log(self.settings.delay_costs)
             cost = (
-                float(np.exp(generator.uniform(low, high)))
+                float(log_uniform(generator, *self.settings.delay_costs))
                 if generator.random() < 0.5
                 else world.delay_cost
             )
-            found.append((WorldOptions.of(**{**vars(world), "delay_cost": cost}), tracks))
-        return found
+            worlds.append((WorldOptions.of(**{**vars(world), "delay_cost": cost}), tracks))
+        return worlds
 
 
 def expected_reward(logits: Tensor, rewards: Tensor, waits: Tensor) -> Tensor:

@@ -16,7 +16,14 @@ from agents.interface.parallel import ParallelArguments
 from agents.interface.progress import print_lines, progress_display
 from agents.interface.world_arguments import TrustArguments, WorldArguments
 from baselines.rules import seeds
-from hybrid_env.checks import check_integer, reject
+from hybrid_env.checks import (
+    Count,
+    NotNegative,
+    Probability,
+    checked,
+    declared_fields,
+    reject,
+)
 
 if TYPE_CHECKING:
     from agents.commands.comparison import Comparison
@@ -49,25 +56,27 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments):
     'shipped-threshold', 'shipped-margin' or 'robust' (weights in the package), run folders, or
     policies of other libraries ('model.zip', 'policy.onnx').
     """
-    accuracy: Annotated[float | None, shown_default("the threshold with the best reward")] = None
+    accuracy: Annotated[Probability | None, shown_default("the threshold with the best reward")] = (
+        None
+    )
     """Select the fastest threshold that reaches this accuracy."""
     curves: bool = True
     """Score every decider at every threshold; without curves, all but the reference at their
     selected one only, in half the time.
     """
-    episodes: Annotated[int | None, shown_default("1500; 500 for unknown switches", "--tracks")] = (
-        None
-    )
+    episodes: Annotated[
+        Count | None, shown_default("1500; 500 for unknown switches", "--tracks")
+    ] = None
     """Number of episodes, of one track each, that every decider is scored on."""
-    selection_episodes: Annotated[int | None, shown_default("1000; 300 for unknown switches")] = (
+    selection_episodes: Annotated[Count | None, shown_default("1000; 300 for unknown switches")] = (
         None
     )
     """Number of separate episodes for the selection of thresholds."""
-    seed: int = 0
+    seed: NotNegative = 0
     """Seed of the first evaluation episode; training and threshold selection use other seeds."""
-    steps: Annotated[int | None, shown_default("those of the recipe")] = None
+    steps: Annotated[Count | None, shown_default("those of the recipe")] = None
     """Environment steps of each training."""
-    training_seeds: int = 1
+    training_seeds: Count = 1
     """Number of agents to train per recipe, each with its own seed."""
     out: Path = Path("results")
     """Folder for compare.png (operating curves), episode.png (the episode on which the best agent
@@ -79,7 +88,13 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments):
         plan, workers = self.plan(), self.workers()
         from agents.commands.comparison import compare
         from agents.commands.continuation import TRAINED
-        from agents.commands.tables import chosen_table, levels_table, spread_lines, unreached_lines
+        from agents.commands.tables import (
+            chosen_table,
+            further_tables,
+            levels_table,
+            spread_lines,
+            unreached_lines,
+        )
 
         folder, task, console = output_folder("out", self.out), plan.task, Console(emoji=False)
 
@@ -98,8 +113,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments):
         if plan.curves:
             console.print(levels_table(result))
         print_lines(console, *spread_lines(result), *unreached_lines(result))
-        chosen = [entry.scores.at(entry.chosen) for entry in result.entries]
-        for table in task.further_tables(chosen, remarks):
+        for table in further_tables(result, remarks):
             console.print(table)
         data = result.as_json() | {"complete": True} | remarks
         files = {
@@ -113,24 +127,29 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments):
 
     def plan(self) -> "Plan":
         """Return the checked plan."""
+        hints = declared_fields(Compare)
+        # Not the deciders, which may be functions.
+        for name in (
+            "episodes",
+            "selection_episodes",
+            "training_seeds",
+            "steps",
+            "seed",
+            "accuracy",
+        ):
+            checked(name, getattr(self, name), hints[name])
         from agents.commands.continuation import Plan
 
         task = task_of(self.env_id, self.world_options())
+        values: dict[str, Any] = {
+            field.name: getattr(self, field.name) for field in fields(Plan) if field.name != "task"
+        }
         usual: dict[str, Any] = {
             name: getattr(task, name) for name in ("agents", "episodes", "selection_episodes")
         }
         usual["deciders"] = task.compared
-        own: dict[str, Any] = {
-            field.name: getattr(self, field.name) for field in fields(Plan) if field.name != "task"
-        }
-        own |= {name: value for name, value in usual.items() if own[name] is None}
-        plan = Plan(task, **own)
-        for name in ("episodes", "selection_episodes", "training_seeds", "steps"):
-            if getattr(plan, name) is not None:
-                check_integer(name.replace("_", "-"), getattr(plan, name))
-        check_integer("seed", self.seed, minimum=0)
-        if self.accuracy is not None and not 0.0 < self.accuracy < 1.0:
-            raise reject("accuracy", self.accuracy, "a number between 0 and 1")
+        values |= {name: value for name, value in usual.items() if values[name] is None}
+        plan = Plan(task, **values)
         if self.accuracy is not None and "accuracy" not in task.columns:
             raise reject("accuracy", self.accuracy, f"no value in {task.title}")
         if self.seed + plan.episodes > seeds.SELECTION:
@@ -144,7 +163,10 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments):
         if len(set(plan.agents)) != len(plan.agents):
             raise reject("agents", plan.agents, "different names")
         # Before any file is written.
-        plan.check()
+        task.check_episodes("episodes", plan.episodes)
+        task.check_episodes("selection-episodes", plan.selection_episodes)
+        # Looks every name up.
+        assert plan.titles
         return plan
 
     def _episode(self, result: "Comparison") -> Figure:
@@ -153,8 +175,8 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments):
         best, episode = result.largest_difference()
         seed, records = plan.seed + episode, []
         for entry in dict.fromkeys((result.entries[0], best)):
-            family = entry.family(task)
-            episodes = Episodes(task, entry.name, family.make(entry.threshold), family.options)
+            decider = entry.found(task).at(entry.threshold)
+            episodes = Episodes(task, entry.name, decider, decider.options)
             # Matplotlib would read it as a formula.
             name = entry.name.replace("$", r"\$")
             records.append(episodes.record(name, seed))

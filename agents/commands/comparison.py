@@ -3,8 +3,8 @@ episodes.
 """
 
 import functools
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -14,14 +14,15 @@ from matplotlib.figure import Figure
 from rich.progress import Progress
 
 from agents.commands.continuation import Continuation, Plan, content_digest
-from agents.evaluation.curves import Selected
-from agents.evaluation.registry import find_family, is_own
-from agents.evaluation.task import Levels, OnProgress, Task, sweep
+from agents.evaluation.curves import comparison_figure
+from agents.evaluation.registry import find_decider, is_external
+from agents.evaluation.task import Levels, OnProgress, Selected, Task, sweep
 from agents.figures.decider_colours import name_without_seed
 from agents.interface.output_files import finite
 from agents.interface.parallel import Call, Workers
+from agents.interface.progress import train_shown
 from baselines.rules import seeds
-from baselines.rules.decider import DeciderFamily
+from baselines.rules.decider import Decider
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores
 
@@ -42,9 +43,9 @@ class Entry(Selected):
         """Name in tables and figures."""
         return self.scores.name
 
-    def family(self, task: Task) -> DeciderFamily:
-        """Return the decider at any threshold."""
-        return find_family(self.decider if self.folder is None else str(self.folder), task.options)
+    def found(self, task: Task) -> Decider:
+        """Return the decider."""
+        return find_decider(self.decider if self.folder is None else str(self.folder), task.options)
 
     @property
     def threshold(self) -> float:
@@ -65,15 +66,15 @@ class Comparison:
     def levels(self) -> Levels:
         """Figures of whole operating curves, see `Task.levels`; none without curves."""
         task, first = self.plan.task, self.entries[0]
-        return task.levels(first.scores, first.family(task).default) if self.plan.curves else {}
+        return task.levels(first.scores, first.found(task).default) if self.plan.curves else {}
 
     @property
     def best_rule(self) -> Entry:
         """The classical rule that is best for the goal on the selection episodes."""
         names = self.plan.deciders
         return max(
-            (one for one in self.entries if one.decider in names),
-            key=lambda one: one.selected,
+            (entry for entry in self.entries if entry.decider in names),
+            key=lambda entry: entry.selected,
         )
 
     @property
@@ -81,7 +82,7 @@ class Comparison:
         """Entries by name; agents whose names differ only in the training seed form one group."""
         groups: dict[tuple[str, str, int], list[Entry]] = {}
         for entry in self.entries:
-            is_agent = entry.decider in self.plan.agents and not is_own(entry.decider)
+            is_agent = entry.decider in self.plan.agents and not is_external(entry.decider)
             name = name_without_seed(entry.name) if is_agent else entry.name
             key = name, entry.scores.symbol, len(entry.scores.thresholds)
             groups.setdefault(key, []).append(entry)
@@ -93,41 +94,47 @@ class Comparison:
         }
 
     @functools.cache  # noqa: B019
-    def figure(self, entry: Entry, name: str) -> Estimate:
-        """Return a metric of a decider at its selected threshold."""
-        return entry.scores.estimate(self.plan.task.statistic(name), entry.chosen)
+    def figures(self, entry: Entry) -> dict[str, Estimate]:
+        """Return the metrics of a decider at its selected threshold, by name."""
+        return self.plan.task.figures(entry.scores, entry.chosen)
 
     @functools.cache  # noqa: B019
-    def level(self, entry: Entry, keys: tuple[str, ...]) -> Estimate:
-        """Return a figure of a whole operating curve, by its keys in `levels`."""
-        return entry.scores.estimate(self.levels[keys].statistic)
+    def at_levels(self, entry: Entry) -> dict[tuple[str, ...], Estimate]:
+        """Return the figures of a whole operating curve, by their keys in `levels`."""
+        return {
+            keys: entry.scores.estimate(metric.statistic) for keys, metric in self.levels.items()
+        }
 
     def to_best_rule(self, entry: Entry) -> Estimate | None:
         """Return the paired difference of the goal to that of the best rule; None for this rule."""
-        return None if entry is self.best_rule else self._difference(entry, self.best_rule)
-
-    @functools.cache  # noqa: B019
-    def _difference(self, entry: Entry, best: Entry) -> Estimate:
-        goal = self.plan.task.statistic(self.plan.task.goal)
+        best, task = self.best_rule, self.plan.task
+        if entry is best:
+            return None
+        goal = task.statistic(task.goal)
         return entry.scores.difference(best.scores, goal, entry.chosen, best.chosen)
 
     @functools.cache  # noqa: B019
-    def against(self, entry: Entry) -> dict[str, dict[str, Estimate]]:
-        """Return the paired figures of a decider and the reference, see `Task.against`."""
-        return self.plan.task.against(entry, self.entries[0], self.plan.curves)
+    def against(self, entry: Entry) -> dict[str, Estimate]:
+        """Return the paired figures of a decider and the reference, see `Task.against`; none of
+        the reference.
+        """
+        reference = self.entries[0]
+        if entry is reference:
+            return {}
+        return self.plan.task.against(entry, reference, self.plan.curves)
 
     def picture(self) -> Figure:
         """Return the figure of the operating curves."""
-        return self.plan.task.figure(self.seed_groups)
+        return comparison_figure(self.plan.task, self.seed_groups)
 
     def largest_difference(self) -> tuple[Entry, int]:
         """The best agent, or without one the best rule, and the episode in which it differs most
         from the reference.
         """
-        agents = [one for one in self.entries if one.decider in self.plan.agents]
-        best = max(agents, key=lambda one: one.selected) if agents else self.best_rule
+        agents = [entry for entry in self.entries if entry.decider in self.plan.agents]
+        best = max(agents, key=lambda entry: entry.selected) if agents else self.best_rule
         mine, other = (
-            one.scores.of(self.plan.task.goal, one.chosen) for one in (best, self.entries[0])
+            entry.scores.of(self.plan.task.goal, entry.chosen) for entry in (best, self.entries[0])
         )
         return best, int(np.abs(mine - other).argmax())
 
@@ -143,29 +150,29 @@ class Comparison:
     def _entry_json(self, entry: Entry) -> dict[str, Any]:
         task, scores, difference = self.plan.task, entry.scores, self.to_best_rule(entry)
         levels: dict[str, Any] = {}
-        for keys in self.levels:
-            *outer, last = keys
+        for (*outer, last), estimate in self.at_levels(entry).items():
             place = levels.setdefault(outer[0], {}) if outer else levels
-            place[last] = self.level(entry, keys).as_json()
-        against = {} if entry is self.entries[0] else self.against(entry)
+            place[last] = estimate.as_json()
+        against = _plain(self.against(entry))
         return {
             "name": entry.name,
             "threshold": {"symbol": scores.symbol, "chosen": entry.threshold},
-            **{metric.name: self.figure(entry, metric.name).as_json() for metric in task.metrics},
+            **_plain(self.figures(entry)),
             **{name: finite(values[entry.chosen]) for name, values in scores.extra.items()},
             **{
-                name: finite(scores.curve(statistic)[entry.chosen])
-                for name, statistic in task.further.items()
+                metric.name: finite(scores.curve(metric.statistic)[entry.chosen])
+                for metric in task.further
             },
             "reward_less_best_rule": None if difference is None else difference.as_json(),
             **levels,
-            **{
-                key: {name: one.as_json() for name, one in found.items()}
-                for key, found in against.items()
-            },
+            **({task.paired: against} if against else {}),
             "curve": {"thresholds": list(scores.thresholds)}
             | {metric.name: finite(scores.curve(metric.statistic)) for metric in task.metrics},
         }
+
+
+def _plain(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
+    return {name: estimate.as_json() for name, estimate in estimates.items()}
 
 
 def compare(
@@ -191,7 +198,7 @@ def compare(
         # Training takes longest: it begins first, so that no process waits for it at the end.
         rules_last = sorted(
             calls,
-            key=lambda call: isinstance(plan.family(call[0]), DeciderFamily),
+            key=lambda call: isinstance(plan.find(call[0]), Decider),
         )
         calls = {call: calls[call] for call in rules_last}
     task = progress.add_task("Comparing", total=len(calls), note="")
@@ -226,27 +233,22 @@ def score(
     """
     display = Progress(disable=True) if progress is None else progress
     continuation = Continuation(plan.settings, folder)
-    found = plan.family(name)
+    decider = plan.find(name)
     run_folder = None
     title = plan.titles[name]
-    if isinstance(found, DeciderFamily):
-        family = found
-        content = content_digest(name, plan.task.switches)
-    else:
-        family, run_folder = train_agent(found, plan, number, display, continuation)
-        content = (
-            None if run_folder is None else content_digest(str(run_folder), plan.task.switches)
-        )
+    if not isinstance(decider, Decider):
+        decider, run_folder = train_agent(decider, plan, number, display, continuation)
         title += f" seed {number}" if plan.training_seeds > 1 else ""
-    family = replace(family, name=title)
+    content = content_digest(name if run_folder is None else str(run_folder), plan.task.switches)
+    decider = decider.changed(title=title)
     # Other code may have the same name the next time.
     if content is None:
         continuation = Continuation(plan.settings, None)
-    key = [family.name, family.thresholds, family.options, content, full]
+    key = [decider.title, decider.thresholds, decider.options, content, full]
     saved = continuation.load(key)
     if saved is None:
-        bar = display.add_task("Scoring", total=2.0, note=family.name)
-        saved = _score(family, plan, full, lambda done: display.update(bar, completed=done))
+        bar = display.add_task("Scoring", total=2.0, note=decider.title)
+        saved = _score(decider, plan, full, lambda done: display.update(bar, completed=done))
         continuation.save(key, *saved)
         display.remove_task(bar)
     scores, chosen, selected = saved
@@ -254,7 +256,7 @@ def score(
 
 
 def _score(
-    family: DeciderFamily,
+    decider: Decider,
     plan: Plan,
     full: bool,
     on_progress: OnProgress,
@@ -263,12 +265,12 @@ def _score(
     before.
     """
     task = plan.task
-    selection = sweep(task, family, plan.selection_episodes, seeds.SELECTION, on_progress)
+    selection = sweep(task, decider, plan.selection_episodes, seeds.SELECTION, on_progress)
     index = task.best(selection) if plan.accuracy is None else fastest(selection, plan.accuracy)
     selected = float(selection.curve(task.statistic(task.goal))[index])
     if not (plan.curves or full):
-        family, index = replace(family, thresholds=(family.thresholds[index],)), 0
-    scores = sweep(task, family, plan.episodes, plan.seed, lambda share: on_progress(1.0 + share))
+        decider, index = decider.changed(thresholds=(decider.thresholds[index],)), 0
+    scores = sweep(task, decider, plan.episodes, plan.seed, lambda share: on_progress(1.0 + share))
     return scores, index, selected
 
 
@@ -292,9 +294,8 @@ def train_agent(
     number: int,
     progress: Progress,
     continuation: Continuation,
-) -> tuple[DeciderFamily, Path | None]:
-    """Train an agent, or go on with its training; return its family and run folder."""
-    from agents.training.algorithm import TrainingProgress
+) -> tuple[Decider, Path | None]:
+    """Train an agent, or go on with its training; return it and its run folder."""
     from agents.training.checkpoint import has_checkpoint
     from agents.training.runs import make_run
 
@@ -310,12 +311,5 @@ def train_agent(
         plan.steps,
         resume,
     )
-    bar = progress.add_task(f"Training {name}", total=run.steps, note="")
-
-    def show(now: TrainingProgress) -> None:
-        progress.update(bar, completed=min(now.steps, now.total), note=now.note)
-
-    run.train(show)
-    progress.update(bar, completed=run.steps)
-    family: DeciderFamily = run.family(name)
-    return family, folder
+    train_shown(run, progress, f"Training {name}")
+    return run.agent(name), folder

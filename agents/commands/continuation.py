@@ -20,19 +20,18 @@ import hybrid_env
 from agents.evaluation.registry import (
     base_name,
     distinct_titles,
-    find_family,
-    is_brought,
-    is_own,
+    find_decider,
+    is_external,
+    is_policy_or_external,
     policy_folder,
-    rule_name,
     shipped_names,
+    split_name,
 )
 from agents.evaluation.task import Task
 from agents.interface.output_files import atomic_file, output_folder
 from agents.interface.world_arguments import CARD, trusted
 from agents.learned.policy_file import WEIGHTS, package_versions
-from baselines.rules.decider import DeciderFamily, rules
-from baselines.rules.own import own_digest
+from baselines.rules.decider import Decider, rules
 from baselines.scoring.scores import Scores
 from hybrid_env.checks import reject
 
@@ -76,8 +75,8 @@ class Plan:
         }
         return {"env_id": self.task.env_id, "options": dict(self.task.given)} | others
 
-    def family(self, name: str) -> Any:
-        """Return the family of a decider, or the recipe of an agent still to be trained."""
+    def find(self, name: str) -> Any:
+        """Return a decider, or the recipe of an agent still to be trained."""
         from agents.training.recipe import load_recipe, recipe_names
 
         if name in self.agents:
@@ -85,36 +84,32 @@ class Plan:
             shipped = shipped_names(self.task.switches)
             if (name in recipes and name not in shipped) or str(name).endswith(".yml"):
                 return load_recipe(name, self.task.env_id)
-            if name not in shipped and not is_brought(name):
+            if name not in shipped and not is_policy_or_external(name):
                 kinds = "'shipped', a run folder, model.zip, policy.onnx, a recipe as YAML"
                 raise reject("agents", name, f"{kinds}, or {', '.join(recipes)}")
-        elif rule_name(name) not in rules(self.task.switches) and not is_own(name):
-            raise reject(
-                "deciders",
-                name,
-                f"{', '.join(rules(self.task.switches))}, or mine.py:MyRule",
-            )
-        return find_family(name, self.task.options)
+        else:
+            known, (base, text) = rules(self.task.switches), split_name(name)
+            # Thresholds are swept, but not a second one.
+            if not (base in known and (not text or "," in text)) and not is_external(name):
+                raise reject("deciders", name, f"{', '.join(known)}, or mine.py:MyRule")
+        return find_decider(name, self.task.options)
 
     @cached_property
     def titles(self) -> dict[Any, str]:
         """Titles of all deciders by name, see `distinct_titles`; those of agents are without
         training seeds.
         """
-        titles = distinct_titles(self.names, [self.family(name).name for name in self.names])
+        deciders = map(self.find, self.names)
+        titles = distinct_titles(
+            self.names,
+            [each.title if isinstance(each, Decider) else each.name for each in deciders],
+        )
         return dict(zip(self.names, titles, strict=True))
-
-    def check(self) -> None:
-        """Raise `ArgumentError` for a name that is unknown, or too many episodes."""
-        self.task.check_episodes("episodes", self.episodes)
-        self.task.check_episodes("selection-episodes", self.selection_episodes)
-        # Looks every name up.
-        assert self.titles
 
     def calls(self) -> list[tuple[str, int]]:
         """Return name and training seed of everything that is scored."""
         counts = [
-            1 if isinstance(self.family(name), DeciderFamily) else self.training_seeds
+            1 if isinstance(self.find(name), Decider) else self.training_seeds
             for name in self.names
         ]
         return [
@@ -125,7 +120,6 @@ class Plan:
 TRAINED = "agents"
 UNFINISHED = "unfinished"
 EXTRA = "extra "
-DAMAGE = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
 
 
 class Continuation:
@@ -157,7 +151,7 @@ class Continuation:
         try:
             with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
                 extra = {
-                    one.removeprefix(EXTRA): file[one] for one in file if one.startswith(EXTRA)
+                    name.removeprefix(EXTRA): file[name] for name in file if name.startswith(EXTRA)
                 }
                 names, thresholds, columns = (
                     file[key].tolist() for key in ("names", "thresholds", "columns")
@@ -173,7 +167,7 @@ class Continuation:
                     bank,
                 )
                 return scores, int(file["chosen"]), float(file["selected"])
-        except DAMAGE:
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
             return None
 
     def save(self, key: list[Any], scores: Scores, chosen: int, selected: float) -> None:
@@ -216,9 +210,9 @@ class Continuation:
 
 
 def content_digest(name: Any, switches: str) -> str | None:
-    """Digest of what a decider is beside this package: the weights and the card of an agent, the
-    file of a policy, or the sources of a user's rule. None if it is not known, and empty for a rule
-    of the package.
+    """Digest of what a decider is beside this package: the weights and the card of an agent, or the
+    file of a policy. None for a user's rule, which may read anything, and empty for a rule of the
+    package.
     """
     base = base_name(name)
     # It may run any code.
@@ -229,7 +223,7 @@ def content_digest(name: Any, switches: str) -> str | None:
     folder = policy_folder(base, switches)
     paths = [folder / WEIGHTS, folder / CARD] if folder.is_dir() else [Path(base)]
     if not all(path.is_file() for path in paths):
-        return own_digest(base) if is_own(base) else None
+        return None
     return hashlib.sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()
 
 

@@ -1,6 +1,6 @@
 """The command `hybridtrack evaluate`: metrics of deciders, nominal or under distribution shift."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,8 +11,7 @@ from agents.evaluation.registry import (
     ErrorArguments,
     distinct_titles,
     find_decider,
-    find_family,
-    split_threshold,
+    given_threshold,
 )
 from agents.evaluation.shifts import differences_json, evaluate_shifts, shift_table
 from agents.evaluation.task import Task, sweep
@@ -25,14 +24,9 @@ from agents.interface.progress import progress_display, shown
 from agents.interface.world_arguments import TrustArguments, WorldArguments
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED
-from hybrid_env.checks import check_integer, reject
+from hybrid_env.checks import Count, NotNegative, reject
 from hybrid_env.noises import parse_noise
 from hybrid_env.rendering.evidence import mode_name
-
-# Random worlds.
-MOST_DRAWN = 1000
-# Of a confusion matrix.
-MOST_SHOWN_MODES = 5
 
 
 @dataclass(kw_only=True)
@@ -51,9 +45,9 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
     optional thresholds: 'ate:1e-6', 'fixed:30', 'runs/ppo:-2', 'model.zip', 'policy.onnx',
     'mine.py:MyRule:0.1'. Announced switches: {announced}. Unknown switches: {unknown}.
     """
-    episodes: int = 1000
+    episodes: Count = 1000
     """Number of evaluation episodes."""
-    seed: int = 0
+    seed: NotNegative = 0
     """Seed of the first episode; later episodes use consecutive seeds."""
     shifted: bool = False
     """Evaluate under distribution shift (noise, radii, segment lengths, speed, outliers; with
@@ -61,7 +55,7 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
     reward on as many other episodes, at most 1,000, of each environment and of the nominal one. The
     names then take no thresholds.
     """
-    drawn: int = 0
+    drawn: NotNegative = 0
     """Evaluate in this many random environments, from ranges twice as wide at both ends as in the
     training of the shipped agent, and in the nominal one, as with --shifted.
     """
@@ -90,15 +84,12 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
         return bool(self.shifted or self.drawn or self.noises)
 
     def _check(self) -> None:
-        check_integer("episodes", self.episodes)
         # Checks --jobs and --engine also where one evaluation needs neither.
         self.workers()
-        check_integer("seed", self.seed, minimum=0)
         if self.out is not None and not self.out.parent.is_dir():
             raise reject("out", str(self.out), "a file in a folder that exists")
         if len(set(self.deciders)) != len(self.deciders):
             raise reject("deciders", self.deciders, "different names")
-        check_integer("drawn", self.drawn, minimum=0, maximum=MOST_DRAWN)
         if not self._worlds:
             return
         worlds = "with --shifted, --drawn or --noises"
@@ -109,7 +100,7 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
                 f"at most {seeds.SELECTION} minus the number of episodes, {worlds}",
             )
         for name in self.deciders:
-            if split_threshold(name)[1] is not None:
+            if given_threshold(name) is not None:
                 raise reject("deciders", name, f"a name without a threshold, {worlds}")
 
     def _evaluate(self, deciders: tuple[str, ...], console: Console) -> Any:
@@ -119,40 +110,34 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
         # PyTorch.
         from agents.commands.tables import confusion_table, scores_table
 
-        found = []
+        pairs = []
         # Checks all names before evaluating.
         for name in deciders:
             task = task_of(*self.world_of(name))
-            family, threshold = find_decider(name, task.options)
-            task.options_with(family.options)
-            found.append((task, family, threshold))
-        titles = distinct_titles(deciders, [family.name for _, family, _ in found])
+            decider = find_decider(name, task.options)
+            task.options_with(decider.options)
+            pairs.append((task, decider))
+        titles = distinct_titles(deciders, [decider.title for _, decider in pairs])
         groups: dict[str, list[Any]] = {}
         rows: list[dict[str, Any]] = []
         with progress_display(console) as progress:
-            bar = progress.add_task("Evaluating", total=len(found), note="")
-            for name, title, (task, family, threshold) in zip(deciders, titles, found, strict=True):
-
-                def show(share: float, before: int = len(rows)) -> None:
-                    progress.update(bar, completed=before + share)
-
+            bar = progress.add_task("Evaluating", total=len(pairs), note="")
+            for name, title, (task, decider) in zip(deciders, titles, pairs, strict=True):
                 progress.update(bar, note=name)
                 scores = sweep(
                     task,
-                    replace(family, name=title),
+                    decider.changed(title=title),
                     self.episodes,
                     self.seed,
-                    show,
-                    (threshold,),
+                    lambda share: progress.update(bar, completed=len(rows) + share),
+                    (decider.threshold,),
                 )
-                figures = {
-                    metric.name: scores.estimate(metric.statistic) for metric in task.metrics
-                }
+                figures = task.figures(scores)
                 groups.setdefault(f"{task.env_id} {task.given}", []).append((task, scores, figures))
                 row: dict[str, Any] = {
                     "decider": name,
                     "name": scores.name,
-                    "threshold": {"symbol": scores.symbol, "value": threshold},
+                    "threshold": {"symbol": scores.symbol, "value": decider.threshold},
                     "episodes": self.episodes,
                     "size": task.size(self.episodes),
                     **figures,
@@ -162,7 +147,10 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
         for (task, first, figures), *others in groups.values():
             goal = task.statistic(task.goal)
             cells = [(first, figures, None)]
-            cells += [(scores, own, scores.difference(first, goal)) for _, scores, own in others]
+            cells += [
+                (scores, estimates, scores.difference(first, goal))
+                for _, scores, estimates in others
+            ]
             console.print(
                 scores_table(
                     task,
@@ -173,7 +161,8 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
             )
             modes = [mode_name(mode, task.options.radii) for mode in range(task.options.hypotheses)]
             for scores, *_ in cells:
-                if "confusion" in scores.extra and len(modes) <= MOST_SHOWN_MODES:
+                # A larger matrix does not fit into a terminal.
+                if "confusion" in scores.extra and len(modes) <= 5:
                     console.print(confusion_table(scores, modes))
         return rows
 
@@ -186,7 +175,7 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
         if self.drawn:
             worlds |= draw_worlds(self.drawn, seeds.DRAWN_WORLDS)
         for name in deciders:
-            find_family(name, task.options)
+            find_decider(name, task.options)
         tasks = {name: task.changed(changes) for name, changes in worlds.items()}
         results = shown(
             console,
@@ -207,7 +196,7 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments
                 f"{task.title} under distribution shift: {task.size(self.episodes)} each",
             )
         )
-        found: dict[str, Any] = {"results": results}
+        data: dict[str, Any] = {"results": results}
         if len(deciders) > 1:
-            found["differences"] = differences_json(results)
-        return found | {"worlds": worlds}
+            data["differences"] = differences_json(results)
+        return data | {"worlds": worlds}

@@ -2,6 +2,7 @@
 or GIF.
 """
 
+import csv
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,25 +15,20 @@ from PIL import Image
 from rich.console import Console
 from rich.progress import Progress
 
+from agents.evaluation.episodes import episode_table, track_record
 from agents.evaluation.registry import ErrorArguments, find_decider, load_decider
 from agents.evaluation.task import Task
 from agents.evaluation.tasks import task_of
 from agents.figures.tracks import TrackRecord
 from agents.interface.help_texts import shown_default
-from agents.interface.output_files import atomic_file, write_table
+from agents.interface.output_files import atomic_file
 from agents.interface.progress import print_lines, progress_display
 from agents.interface.world_arguments import TrustArguments, WorldArguments
 from baselines.rules.rollout import rollout
-from hybrid_env.checks import ArgumentError, check_integer, reject
+from hybrid_env.checks import ArgumentError, Count, Float32Array, IntArray, NotNegative, reject
 from hybrid_env.env import TrackEnv
-from hybrid_env.options import ModelOptions
-from hybrid_env.rendering.evidence import mode_colour, shade
-from hybrid_env.rendering.figure import CURRENT_COLOUR
 from hybrid_env.rendering.history import TRACE_INDEX, History
 from hybrid_env.rendering.window import RENDER_FPS, Renderer, display_available
-
-# Number of times that the window shows the last frame of an episode: for two seconds.
-FINAL_FRAMES = 2 * RENDER_FPS
 
 
 class OneTrack:
@@ -43,12 +39,12 @@ class OneTrack:
     def __init__(self, env: TrackEnv):
         self.env, self.world, self.single_action_space = env, env.world, env.action_space
 
-    def reset(self, *, seed: int | None = None) -> tuple[NDArray[np.float32], dict[str, Any]]:
+    def reset(self, *, seed: int | None = None) -> tuple[Float32Array, dict[str, Any]]:
         """Begin an episode."""
         row, info = self.env.reset(seed=seed)
         return row[None], info
 
-    def step(self, actions: NDArray[np.int64]) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+    def step(self, actions: IntArray) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Step the track."""
         row, reward, terminated, truncated, info = self.env.step(int(actions[0]))
         return row[None], np.array([reward]), np.array([terminated]), np.array([truncated]), info
@@ -62,7 +58,7 @@ class Episodes:
     def __init__(self, task: Task, name: str, decider: Any = None, changes: Any = None):
         changes = dict(changes or {})
         if decider is None:
-            changes = find_decider(name, task.options)[0].options | changes
+            changes = find_decider(name, task.options).options | changes
         if getattr(task.options, "actions", "all") == "types":
             # Deciders declare hypotheses.
             changes["actions"] = "all"
@@ -103,7 +99,8 @@ class Episodes:
             history.trace[:, [TRACE_INDEX[f"{key}x"], TRACE_INDEX[f"{key}y"]]]
             for key in ("", "measured_", "estimate_")
         )
-        return self.task.track_record(
+        return track_record(
+            self.task,
             history,
             name=name,
             truth=truth,
@@ -123,9 +120,9 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
     """'shipped', a run folder, 'model.zip', 'mine.py:MyRule' or a rule, with an optional
     ':threshold'. Announced switches: {announced}. Unknown switches: {unknown}.
     """
-    episodes: int = 1
+    episodes: Count = 1
     """Number of episodes."""
-    seed: int = 0
+    seed: NotNegative = 0
     """Seed of the first episode; it increases by one with each episode."""
     out: Annotated[Path | None, shown_default("a window")] = None
     """A .gif file for all episodes, or a .png file for the end of a single one."""
@@ -157,8 +154,6 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
                 print_lines(console, f"{path}: {path.stat().st_size / 1024:.0f} KiB")
 
     def _check(self) -> None:
-        check_integer("episodes", self.episodes)
-        check_integer("seed", self.seed, minimum=0)
         for name, suffixes in (
             ("out", (".gif", ".png")),
             ("record", (".csv",)),
@@ -166,12 +161,8 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
             path = getattr(self, name)
             if path is None:
                 continue
-            if path.suffix.lower() not in suffixes:
-                raise reject(name, str(path), f"a file name that ends in {' or '.join(suffixes)}")
-            if not path.parent.is_dir() or path.is_dir():
-                allowed = (
-                    "a file, not a folder" if path.is_dir() else "a file in an existing folder"
-                )
+            if path.suffix.lower() not in suffixes or not path.parent.is_dir() or path.is_dir():
+                allowed = f"a file in an existing folder, which ends in {' or '.join(suffixes)}"
                 raise reject(name, str(path), allowed)
             if self.episodes > 1 and path.suffix.lower() != ".gif":
                 raise reject(
@@ -192,7 +183,7 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
             )
             progress.advance(bar)
             title = f"{episodes.name}, episode {episode + 1}, seed {seed}"
-            console.print(task.episode_table(title, history))
+            console.print(episode_table(task, title, history))
             if self.record is not None:
                 write_recording(self.record, history, episodes.env.options.tau)
             yield history
@@ -202,11 +193,12 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
         end.
         """
         if self.out is not None and self.out.suffix.lower() == ".gif":
-            write_gif(self.out, (renderer.draw(history) for history in histories), renderer.options)
+            write_gif(self.out, (renderer.draw(history) for history in histories))
             return True
         for history in histories:
             if renderer.window is not None:
-                for _ in range(FINAL_FRAMES if history.finished else 1):
+                # The end of an episode for two seconds.
+                for _ in range(2 * RENDER_FPS if history.finished else 1):
                     renderer.draw(history)
                 if renderer.window.closed_by_user:
                     return False
@@ -223,69 +215,33 @@ def write_recording(path: Path, history: History, tau: float) -> None:
     # 0.3 instead of 0.30000000000000004.
     times = [float(f"{time:.12g}") for time in tau * ticks]
     x, y = (history.trace[measured, TRACE_INDEX[name]] for name in ("measured_x", "measured_y"))
-    write_table(
-        path,
-        {
-            "t": times,
-            "x": x,
-            "y": y,
-        },
-    )
+    rows = zip(times, x.tolist(), y.tolist(), strict=True)
+    with atomic_file(path) as part, part.open("w", encoding="utf-8", newline="") as stream:
+        csv.writer(stream, lineterminator="\n").writerows([("t", "x", "y"), *rows])
 
 
-Frame = NDArray[np.uint8]
-
-# Pillow has all of them in memory before it writes the file.
-MAX_FRAMES = 1700
-# A GIF has 256 colours, and Pillow uses one for unchanged pixels.
-PALETTE_SIZE = 255
-
-
-def write_gif(path: Path, frames: Iterator[Frame], options: ModelOptions) -> None:
+def write_gif(path: Path, frames: Iterator[NDArray[np.uint8]], most: int = 1700) -> None:
     """Write frames, (height, width, 3) uint8, as an endless animation with RENDER_FPS frames per
-    second.
+    second; Pillow has at most `most` of them in memory.
 
-    All frames share one palette. With one palette for each frame, which is the default of Pillow,
-    files are four to seven times as large and unchanged pixels flicker.
+    All frames have the colours of the first one, whose legend has those of the modes: with others
+    in each frame, unchanged pixels would flicker.
     """
-    palette = Image.new("P", (1, 1))
-    palette.putpalette(palette_colours(options).tobytes())
+    first = Image.fromarray(next(frames)).quantize(255)
 
-    def images() -> Iterator[Image.Image]:
-        for number, frame in enumerate(frames, start=1):
-            if number > MAX_FRAMES:
-                raise reject(
-                    "out",
-                    str(path),
-                    f"at most {MAX_FRAMES} frames: choose fewer or shorter episodes",
-                )
-            yield Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+    def others() -> Iterator[Image.Image]:
+        for number, frame in enumerate(frames, start=2):
+            if number > most:
+                allowed = f"at most {most} frames: choose fewer or shorter episodes"
+                raise reject("out", str(path), allowed)
+            yield Image.fromarray(frame).quantize(palette=first, dither=Image.Dither.NONE)
 
-    others = images()
-    duration = round(1000 / RENDER_FPS)
     with atomic_file(path) as part:
-        next(others).save(
+        first.save(
             part,
             format="GIF",
             save_all=True,
-            append_images=others,
-            duration=duration,
+            append_images=others(),
+            duration=1000 // RENDER_FPS,
             loop=0,
         )
-
-
-def palette_colours(options: ModelOptions) -> NDArray[np.uint8]:
-    """Return the colours of all frames and their mixtures with white, (n, 3) with n <=
-    PALETTE_SIZE.
-    """
-    greys = [f"#{level:02x}{level:02x}{level:02x}" for level in range(0, 256, 17)]
-    current = [shade(CURRENT_COLOUR, amount) for amount in (-0.75, -0.5, -0.25, 0.0, 0.5)]
-    modes = [mode_colour(mode, options.radii) for mode in range(options.hypotheses)]
-    available = PALETTE_SIZE - len(greys) - len(current)
-    steps = min(max(available // len(modes), 1), 12)
-    mixtures = [shade(colour, step / steps) for step in range(steps) for colour in modes]
-    colours = [*greys, *current, *mixtures[:available]]
-    return np.array(
-        [[int(colour[k : k + 2], 16) for k in (1, 3, 5)] for colour in colours],
-        np.uint8,
-    )

@@ -20,7 +20,7 @@ from agents.figures.tracks import UNDECIDED_COLOUR, draw_timelines, wrong_patch
 from agents.interface.help_texts import shown_default
 from agents.interface.output_files import save_figure, write_json
 from agents.interface.progress import print_lines
-from baselines.recordings.reading.names import SECONDS
+from baselines.recordings.reading.names import SECONDS, columns_by_role
 from baselines.scoring.score import TimelineScores, score
 from hybrid_env.checks import reject
 
@@ -89,10 +89,7 @@ class Score:
         # Pandas; other commands start faster.
         from baselines.recordings.reading.modes import read_modes
 
-        for text in self.columns:
-            if text.partition("=")[0] not in ("time", "mode") or not text.partition("=")[2]:
-                raise reject("columns", text, "time=column or mode=column")
-        columns = dict(text.split("=", 1) for text in self.columns)
+        columns = columns_by_role(self.columns, ("time", "mode"))
         names = [
             file.name.removesuffix(".gz").rpartition(".")[0] or file.name for file in self.files[1:]
         ]
@@ -130,8 +127,6 @@ misses: switches followed by another one before that.
 delay, all: without it, until the next switch or the end of the track.
 false: changes to a mode that is not true until the next change, per {per} or 1,000 samples.
 changes: of the statement, per switch."""
-# In the picture.
-MOST_TRACKS = 4
 
 
 def score_tables(result: TimelineScores, per: str) -> list[Table]:
@@ -175,7 +170,8 @@ def score_figure(result: TimelineScores) -> Figure:
     """Return a picture of truth and statements over time on the first tracks; wrong ones are
     hatched.
     """
-    tracks = min(result.tracks, MOST_TRACKS)
+    # In the picture.
+    tracks = min(result.tracks, 4)
     canvas = new_canvas((10.0, 0.8 + tracks * (0.6 + 0.3 * (1 + len(result.timelines)))))
     grid = canvas.subplots(tracks, 1, squeeze=False)[:, 0]
     colours = [to_hex(colormaps["tab10"](k % 10)) for k in range(len(result.modes))]

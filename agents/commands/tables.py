@@ -1,6 +1,7 @@
 """Tables of scores for the terminal: figures with their intervals, the same for every task."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from rich.markup import escape
@@ -10,6 +11,7 @@ from rich.text import Text
 from agents.commands.comparison import Comparison
 from agents.evaluation.cells import bounds_cell, estimate_cell, filled_table
 from agents.evaluation.task import Metric, Task
+from baselines.rules.decider import ANNOUNCED
 from baselines.rules.fixed_time import NO_EARLY_DECISION
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores
@@ -52,7 +54,7 @@ def scores_table(
         cells = [metric_cell(metric, figures[metric.name]) for metric in task.metrics]
         if quantiles:
             ticks = scores.extra["delay_quantiles"][0]
-            cells.append("\n".join(f"{one:.0f}" if np.isfinite(one) else "-" for one in ticks))
+            cells.append("\n".join(f"{tick:.0f}" if np.isfinite(tick) else "-" for tick in ticks))
         if compared:
             goal = next(metric for metric in task.metrics if metric.name == task.goal)
             cells.append(
@@ -75,10 +77,10 @@ def chosen_table(result: Comparison) -> Table:
     """Return the metrics of each decider at its selected threshold."""
     plan, task = result.plan, result.plan.task
     criterion = "the best reward" if plan.accuracy is None else f"{plan.accuracy:.1%} accuracy"
-    rows = []
-    for entry in result.entries:
-        figures = {metric.name: result.figure(entry, metric.name) for metric in task.metrics}
-        rows.append((entry.scores.at(entry.chosen), figures, result.to_best_rule(entry)))
+    rows = [
+        (entry.scores.at(entry.chosen), result.figures(entry), result.to_best_rule(entry))
+        for entry in result.entries
+    ]
     title = f"{task.title}: {task.size(plan.episodes)}, common to all"
     notes = f"Thresholds for {criterion}, selected on other episodes.\n"
     return scores_table(task, rows, title, notes, result.best_rule.name)
@@ -88,28 +90,26 @@ def levels_table(result: Comparison) -> Table:
     """Return figures of whole operating curves, and paired figures of each decider and the
     reference.
     """
-    task, (reference, *others) = result.plan.task, result.entries
-    word = {
-        "diff.": f"diff.: less that of {reference.name}",
-        "ratio": f"ratio: to that of {reference.name}",
-    }
-    found = [result.against(entry) for entry in others]
-    pairs = list(dict.fromkeys((key, name) for one in found for key in one for name in one[key]))
+    is_difference = result.plan.task.switches == ANNOUNCED
+    paired, explained = ("diff.", "less") if is_difference else ("ratio", "to")
+    names = list(dict.fromkeys(name for entry in result.entries for name in result.against(entry)))
     heads = ["decider", *(metric.head for metric in result.levels.values())]
-    heads += [f"{name.replace('_', ' ')}\n{task.paired}" for _, name in pairs]
+    heads += [f"{name.replace('_', ' ')}\n{paired}" for name in names]
     lines = []
     for entry in result.entries:
-        cells = [
-            metric_cell(metric, result.level(entry, keys)) for keys, metric in result.levels.items()
+        against = result.against(entry)
+        values = zip(result.levels.values(), result.at_levels(entry).values(), strict=True)
+        cells = [metric_cell(metric, value) for metric, value in values]
+        cells += [
+            bounds_cell(against[name], 1 if name.startswith("ticks") else 3)
+            if name in against
+            else ""
+            for name in names
         ]
-        for key, name in pairs:
-            paired = None if entry is reference else result.against(entry).get(key, {}).get(name)
-            cells.append(
-                "" if paired is None else bounds_cell(paired, 1 if name.startswith("ticks") else 3)
-            )
         lines.append((escape(entry.name), *cells))
     notes = (
-        f"Interpolated between thresholds. {HALF_WIDTH}\n{word[task.paired]} on the same episodes"
+        f"Interpolated between thresholds. {HALF_WIDTH}\n{paired}: {explained} that of"
+        f" {result.entries[0].name} on the same episodes"
     )
     return filled_table(
         "On the operating curves",
@@ -128,18 +128,19 @@ def spread_lines(result: Comparison) -> list[str]:
         if len(entries) < 2:
             continue
         figures = [
-            (metric, [result.figure(one, metric.name) for one in entries])
+            (metric, [result.figures(entry)[metric.name] for entry in entries])
             for metric in task.metrics
         ]
         figures += [
-            (metric, [result.level(one, keys) for one in entries])
+            (metric, [result.at_levels(entry)[keys] for entry in entries])
             for keys, metric in result.levels.items()
         ]
         spread = []
-        for metric, found in figures:
-            values = metric.scale * np.array([one.value for one in found])
+        for metric, estimates in figures:
+            values = metric.scale * np.array([estimate.value for estimate in estimates])
             mean, low, high = (
-                f"{one:.{metric.digits}f}" for one in (values.mean(), values.min(), values.max())
+                f"{value:.{metric.digits}f}"
+                for value in (values.mean(), values.min(), values.max())
             )
             spread.append(f"{' '.join(metric.head.split())} {mean} ({low} to {high})")
         lines.append(
@@ -170,3 +171,45 @@ def confusion_table(scores: Scores, modes: Sequence[str]) -> Table:
     ]
     title = Text.from_markup(decider_cell(scores)).plain.replace("\n", ", ")
     return filled_table(f"{title}: true mode in rows, decided mode in columns", ("", *modes), rows)
+
+
+def further_tables(result: Comparison, remarks: Mapping[str, Any]) -> list[Table]:
+    """Return tables of the other figures of the task, and of the calibration of its bank."""
+    task = result.plan.task
+    tables = []
+    if task.further:
+        rows = [
+            (
+                escape(entry.name),
+                *(
+                    metric_cell(metric, entry.scores.estimate(metric.statistic, entry.chosen))
+                    for metric in task.further
+                ),
+            )
+            for entry in result.entries
+        ]
+        what = "Error rate by previous decision"
+        title = what if task.switches == ANNOUNCED else "Type and radius after a switch"
+        tables.append(
+            filled_table(title, ("decider", *(metric.head for metric in task.further)), rows)
+        )
+    if "bank" in remarks:
+        tables.append(calibration_table(remarks["bank"], task.options.bank))
+    return tables
+
+
+def calibration_table(rows: Sequence[Mapping[str, Any]], bank: str) -> Table:
+    """Return a table of `calibration_rows` of a bank."""
+    cells = []
+    for row in rows:
+        worst = "-" if row["worst"] is None else f"{100 * row['worst']:+.1f}"
+        cells.append(
+            (f"{row['ticks']:g}", f"{100 * row['right']:.1f}", f"{100 * row['stated']:.1f}", worst)
+        )
+    return filled_table(
+        f"Calibration of the {bank.replace('_', '-')} bank (no decisions)",
+        ("ticks", "accuracy\n%", "mean\nposterior, %", "largest calibration\nerror, %"),
+        cells,
+        "Calibration error: mean posterior minus accuracy,\nin bins of at least 1,000 segments.",
+        0,
+    )

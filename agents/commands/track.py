@@ -1,13 +1,12 @@
 """The command `hybridtrack track`: mode decisions on recordings of positions, one file or many."""
 
 import functools
-import math
 import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import joblib
 import numpy as np
@@ -18,33 +17,34 @@ from rich.table import Table
 
 from agents.evaluation.cells import filled_table
 from agents.interface.help_texts import shown_default
-from agents.interface.output_files import atomic_folder, output_folder, write_files, write_table
+from agents.interface.output_files import atomic_folder, output_folder, write_files
 from agents.interface.parallel import Workers
 from agents.interface.progress import print_lines, progress_display
 from agents.interface.world_arguments import TrustArguments
 from agents.recordings.figure import check_plotly, draw_recording, write_map
 from agents.recordings.tables import piece_table, row_table
 from agents.recordings.tracking import TrackedRecording, TrackingArguments
-from baselines.recordings.reading.names import ROLES
-from hybrid_env.checks import ArgumentError, check_between, check_integer, check_positive, reject
+from baselines.recordings.reading.names import ROLES, columns_by_role
+from hybrid_env.checks import ArgumentError, Count, Positive, reject
+from hybrid_env.limits import TickLength
 from hybrid_env.sensors import Radar, parse_sensors
 
 if TYPE_CHECKING:
     from baselines.recordings.reading.read import RecordingFile
 
-# [s]
-TAU_RANGE = (1e-9, 1e9)
-COLUMN_ROLES = ("t", *ROLES)
-# With fewer files the start of processes takes longer than it saves.
-PARALLEL_FILES = 8
-MAX_PRINTED_PIECES = 20
-# Up to this many files, each has a picture by default; it takes longer than the tracking.
-FEW_FILES = 20
+
+Report: TypeAlias = tuple[list[str], list[Table], list[Path]]
+"""What was read and found of a file, in lines; for a single one also its pieces and new files."""
 
 
 @dataclass(kw_only=True)
-class FileArguments:
-    """How files are read and where the results go."""
+class Track(TrackingArguments, TrustArguments):
+    """Decide between straight motion, left and right turns on recordings, and estimate the
+    trajectory.
+
+    Writes modes.csv, estimates.csv and track.png. Rows are counted from 1. What is not given, such
+    as noise and turn radii, is found from the recording; lengths and times may have any unit.
+    """
 
     files: Annotated[
         tyro.conf.Positional[tuple[Path, ...]], shown_default("none, at least one is needed")
@@ -68,9 +68,9 @@ class FileArguments:
     time_unit: str | None = None
     """Unit of the times: s, ms, us, ns, min, h, or a format such as '%d/%m/%Y %H:%M:%S'. By default
     ISO dates, seconds, and s, ms, us or ns since 1970 are recognised."""
-    tau: float | None = None
+    tau: TickLength | None = None
     """Duration of a tick [s] of a file without times; by default time is counted in ticks."""
-    gap: float | None = None
+    gap: Positive | None = None
     """Longest time between two measurements [s]; after a longer gap the track starts anew. By
     default 20 ticks.
     """
@@ -86,10 +86,72 @@ class FileArguments:
     """
     overwrite: bool = False
     """Replace existing results."""
-    jobs: int | None = None
+    jobs: Count | None = None
     """Files that are tracked at the same time. By default one for each core if there are many
     files.
     """
+    picture: bool | None = None
+    """Write track.png; by default with up to 20 files."""
+    html: bool = False
+    """Write track.html, a map in which time, mode and probability can be read. Needs the extra
+    'html'.
+    """
+
+    def run(self) -> None:
+        """Track the recordings, write the results and print the decisions."""
+        self.check_files()
+        self.check_tracking()
+        if self.html:
+            check_plotly()
+        # Up to this many files, each has a picture by default; it takes longer than the tracking.
+        picture = len(self.files) <= 20 if self.picture is None else self.picture
+        # It is sent to a process with every file.
+        work = replace(self, files=(), picture=picture)
+        work_on_files(work.track_file, self.files, self.folders(), self.jobs)
+
+    def track_file(self, path: Path, folder: Path) -> Report:
+        """Track the recordings of a file, and then write; several objects have folders of their
+        own inside.
+        """
+        check_free(folder, self.overwrite)
+        file = self.read(path)
+        results = [self.track(recording) for recording in file.recordings]
+        lines = [file.summary]
+        tables = []
+        files = []
+        folders = object_folders(folder, [recording.name for recording in file.recordings])
+        with atomic_folder("out", folder) as part:
+            for tracked, place in zip(results, folders, strict=True):
+                pieces = piece_table(tracked)
+                lines += report_lines(tracked)
+                tables.append(_printed_table(pieces, tracked))
+                inside = place.relative_to(folder)
+                files += [place / name for name in self._write(tracked, pieces, part / inside)]
+        return lines, tables if len(tables) == 1 else [], files
+
+    def _write(
+        self,
+        tracked: TrackedRecording,
+        pieces: dict[str, list[Any]],
+        folder: Path,
+    ) -> list[str]:
+        """Write the results of an object; return the names of the files."""
+        import pandas as pd
+
+        output_folder("out", folder)
+        for name, columns in (("modes.csv", pieces), ("estimates.csv", row_table(tracked))):
+            table = pd.DataFrame(columns)
+            table.to_csv(folder / name, index=False, na_rep="nan", lineterminator="\n")
+        if self.picture:
+            write_files(folder, {"track.png": draw_recording(tracked)})
+        if self.html:
+            write_map(folder / "track.html", tracked)
+        return [
+            "modes.csv",
+            "estimates.csv",
+            *["track.png"] * bool(self.picture),
+            *["track.html"] * self.html,
+        ]
 
     def read(self, path: Path) -> "RecordingFile":
         """Read a file."""
@@ -112,9 +174,9 @@ class FileArguments:
         if self.radar is None:
             return None
         with suppress(ArgumentError):
-            (one,) = parse_sensors([f"radar {self.radar}"])
-            if isinstance(one, Radar) and one.period == 1 and one.range == math.inf:
-                return one
+            (radar,) = parse_sensors([f"radar {self.radar}"])
+            if isinstance(radar, Radar):
+                return radar
         allowed = (
             "two standard deviations, rate and place, as in '30 0.01 rate 0.5 at 10 0', without"
             " period and range"
@@ -123,19 +185,7 @@ class FileArguments:
 
     def column_names(self) -> dict[str, str]:
         """Return the columns by role."""
-        names: dict[str, str] = {}
-        for text in self.columns:
-            role, sign, column = text.partition("=")
-            if not sign or role not in COLUMN_ROLES or not column:
-                raise reject(
-                    "columns",
-                    text,
-                    f"role=column with a role of {', '.join(COLUMN_ROLES)}",
-                )
-            if role in names:
-                raise reject("columns", text, f"one column for {role}")
-            names[role] = column
-        return names
+        return columns_by_role(self.columns, ("t", *ROLES))
 
     def folders(self) -> list[Path]:
         """Return the output folder of each file."""
@@ -154,14 +204,6 @@ class FileArguments:
             raise reject("files", self.files, "at least one file")
         self.column_names()
         self.parsed_radar()
-        if self.unit is not None and not self.unit.strip():
-            raise reject("unit", self.unit, "the name of a unit, for example m, km or deg")
-        if self.tau is not None:
-            check_between("tau", self.tau, *TAU_RANGE)
-        if self.gap is not None:
-            check_positive("gap", self.gap)
-        if self.jobs is not None:
-            check_integer("jobs", self.jobs)
 
     def _folder(self, path: Path) -> Path:
         # . and /.
@@ -171,87 +213,6 @@ class FileArguments:
         if self.out is None:
             return path.with_name(name)
         return self.out if len(self.files) == 1 else self.out / name
-
-
-@dataclass(frozen=True)
-class Report:
-    """What is printed about a file."""
-
-    # What was read, found and written.
-    lines: tuple[str, ...]
-    # Details, which are printed for a single file only.
-    table: Table | None = None
-    # The files that were written, printed for a single file only.
-    files: tuple[Path, ...] = ()
-
-
-@dataclass(kw_only=True)
-class Track(TrackingArguments, TrustArguments, FileArguments):
-    """Decide between straight motion, left and right turns on recordings, and estimate the
-    trajectory.
-
-    Writes modes.csv, estimates.csv and track.png. Rows are counted from 1. What is not given, such
-    as noise and turn radii, is found from the recording; lengths and times may have any unit.
-    """
-
-    picture: bool | None = None
-    """Write track.png; by default with up to 20 files."""
-    html: bool = False
-    """Write track.html, a map in which time, mode and probability can be read. Needs the extra
-    'html'.
-    """
-
-    def run(self) -> None:
-        """Track the recordings, write the results and print the decisions."""
-        self.check_files()
-        self.check_tracking()
-        if self.html:
-            check_plotly()
-        picture = len(self.files) <= FEW_FILES if self.picture is None else self.picture
-        # It is sent to a process with every file.
-        work = replace(self, files=(), picture=picture)
-        work_on_files(work.track_file, self.files, self.folders(), self.jobs)
-
-    def track_file(self, path: Path, folder: Path) -> Report:
-        """Track the recordings of a file, and then write; several objects have folders of their
-        own inside.
-        """
-        check_free(folder, self.overwrite)
-        found = self.read(path)
-        results = [self.track(recording) for recording in found.recordings]
-        lines = [found.summary]
-        tables = []
-        files = []
-        folders = object_folders(folder, [recording.name for recording in found.recordings])
-        with atomic_folder("out", folder) as part:
-            for tracked, place in zip(results, folders, strict=True):
-                pieces = piece_table(tracked)
-                lines += report_lines(tracked)
-                tables.append(_printed_table(pieces, tracked))
-                inside = place.relative_to(folder)
-                files += [place / name for name in self._write(tracked, pieces, part / inside)]
-        return Report(tuple(lines), tables[0] if len(tables) == 1 else None, tuple(files))
-
-    def _write(
-        self,
-        tracked: TrackedRecording,
-        pieces: dict[str, list[Any]],
-        folder: Path,
-    ) -> list[str]:
-        """Write the results of an object; return the names of the files."""
-        output_folder("out", folder)
-        write_table(folder / "modes.csv", pieces)
-        write_table(folder / "estimates.csv", row_table(tracked))
-        if self.picture:
-            write_files(folder, {"track.png": draw_recording(tracked)})
-        if self.html:
-            write_map(folder / "track.html", tracked)
-        return [
-            "modes.csv",
-            "estimates.csv",
-            *["track.png"] * bool(self.picture),
-            *["track.html"] * self.html,
-        ]
 
 
 def report_lines(tracked: TrackedRecording) -> list[str]:
@@ -272,7 +233,7 @@ def report_lines(tracked: TrackedRecording) -> list[str]:
         f" {model.process_variance:.3g} {unit}^2/{time}^2 {process_is}, mean duration"
         f" {model.duration:.3g} ticks {duration_is}, tick {tracked.tau:.6g} {time}"
     ]
-    found = {
+    remarks = {
         "no turns are seen; the radius has no meaning": (
             not model.turns and "radii" in model.estimated
         ),
@@ -282,19 +243,20 @@ def report_lines(tracked: TrackedRecording) -> list[str]:
             tracked.moved > 0.01
         ),
     }
-    lines += [f"{name}: {text}" for text, true in found.items() if true]
+    lines += [f"{name}: {text}" for text, true in remarks.items() if true]
     return lines + [f"{name}: warning: {text}" for text in tracked.warnings]
 
 
 def _printed_table(pieces: dict[str, list[Any]], tracked: TrackedRecording) -> Table:
+    max_printed_pieces = 20
     unit = escape(f"[{tracked.recording.time_unit}]")
     rows = []
-    columns = [column[:MAX_PRINTED_PIECES] for column in pieces.values()]
+    columns = [column[:max_printed_pieces] for column in pieces.values()]
     for number, first, last, begin, _, mode, radius, when, _ in zip(*columns, strict=True):
         known = "" if radius == "" else f"{radius:.4g}"
         decided = "undecided" if when == "" else f"{when:.6g}"
         rows.append((str(number), f"{first}-{last}", f"{begin:.6g}", mode, known, decided))
-    more = len(pieces["piece"]) - MAX_PRINTED_PIECES
+    more = len(pieces["piece"]) - max_printed_pieces
     heads = ("piece", "rows", f"from\n{unit}", "mode", "radius", f"decided at\n{unit}")
     return filled_table(
         "Pieces",
@@ -309,15 +271,15 @@ def object_folders(folder: Path, names: Sequence[str]) -> list[Path]:
     """Return the output folder of each object of a file: that of the file if it has only one."""
     if len(names) == 1:
         return [folder]
-    found: dict[str, Path] = {}
+    folders: dict[str, Path] = {}
     for number, name in enumerate(names, start=1):
         plain = "".join(letter if letter.isalnum() or letter in "._-+" else "_" for letter in name)
         plain = plain.strip(".") or str(number)
         # Names may differ in letters that folders do not tell apart.
-        while plain.casefold() in found:
+        while plain.casefold() in folders:
             plain = f"{plain}_{number}"
-        found[plain.casefold()] = folder / plain
-    return list(found.values())
+        folders[plain.casefold()] = folder / plain
+    return list(folders.values())
 
 
 # On a file and its output folder; it can be pickled.
@@ -328,7 +290,7 @@ def work_on_files(
     work: Work,
     paths: Sequence[Path],
     folders: Sequence[Path],
-    jobs: int | None = None,
+    jobs: Count | None = None,
 ) -> None:
     """Work on files in processes and print a report for each, or on the standard error output
     why there is none.
@@ -338,11 +300,11 @@ def work_on_files(
     failed = 0
     if len(paths) == 1:
         with console.status("Tracking"):
-            report = work(paths[0], folders[0])
-        print_lines(console, *report.lines)
-        if report.table is not None:
-            console.print(report.table)
-        print_lines(console, *report.files)
+            lines, tables, files = work(paths[0], folders[0])
+        print_lines(console, *lines)
+        for table in tables:
+            console.print(table)
+        print_lines(console, *files)
         return
     with progress_display(console, transient=True) as progress:
         task = progress.add_task("Tracking", total=len(paths), note="")
@@ -350,13 +312,14 @@ def work_on_files(
             file: functools.partial(_attempt, work, *file)
             for file in zip(paths, folders, strict=True)
         }
-        usual = joblib.cpu_count() if len(paths) >= PARALLEL_FILES else 1
+        # With fewer files the start of processes takes longer than it saves.
+        usual = joblib.cpu_count() if len(paths) >= 8 else 1
         for _, result in Workers(min(jobs or usual, len(paths))).results(calls):
-            if isinstance(result, Report):
-                print_lines(progress.console, *result.lines)
-            else:
+            if isinstance(result, str):
                 failed += 1
                 print_lines(errors, f"hybridtrack: {result}")
+            else:
+                print_lines(progress.console, *result[0])
             progress.update(task, advance=1, note=f"{failed} failed" if failed else "")
     if failed:
         verb = "is" if failed == 1 else "are"
@@ -371,7 +334,7 @@ def check_free(folder: Path, overwrite: bool) -> None:
     """
     try:
         full = folder.is_dir() and any(folder.iterdir())
-        existing = next((one for one in (folder, *folder.parents) if one.exists()), folder)
+        existing = next((place for place in (folder, *folder.parents) if place.exists()), folder)
         writable = existing.is_dir() and os.access(existing, os.W_OK | os.X_OK)
     except (OSError, ValueError):
         full = writable = False

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from agents.interface.help_texts import shown_default
 from agents.interface.world_arguments import WorldArguments
-from hybrid_env.checks import check_integer, check_positive, reject
+from hybrid_env.checks import Count, NotNegative, Positive, reject
 
 
 @dataclass(kw_only=True)
@@ -18,8 +18,7 @@ class Train(WorldArguments):
     recipe: str = "ppo"
     """'ppo' (half a minute), 'anchor' (two minutes), 'anchor-all' (one agent for all environments),
     'stopping' (the learned stop, 20 minutes), 'recurrent-ppo', 'a2c', 'dqn', 'qrdqn', 'statements',
-    'rhythm' and 'robust' (HybridTrackQuickest-v0, half an hour), three ablations
-    ('ppo-zero-wait-bias', 'ppo-posteriors', 'ppo-innovations'), or a YAML file.
+    'rhythm' and 'robust' (HybridTrackQuickest-v0, half an hour), or a YAML file.
     """
     set: Annotated[tuple[str, ...], shown_default("those of the recipe")] = ()
     """Hyper-parameters to override, such as n_envs=128 policy_kwargs.net_arch=[32]."""
@@ -29,24 +28,22 @@ class Train(WorldArguments):
     """Resume the run in this folder, with its environment and recipe; takes only --steps and
     --save-every.
     """
-    steps: Annotated[int | None, shown_default("those of the recipe or of the resumed run")] = None
+    steps: Annotated[Count | None, shown_default("those of the recipe or of the resumed run")] = (
+        None
+    )
     """Environment steps, summed over tracks."""
-    seed: int = 0
+    seed: NotNegative = 0
     """Seed of weights, tracks and mini-batches; training is reproducible for a given seed."""
-    save_every: float = 10.0
+    save_every: Positive = 10.0
     """Seconds between checkpoints; a resumed run repeats what followed the last one, with equal
     results.
     """
 
     def run(self) -> None:
         """Train with a progress display and print a summary."""
-        check_integer("seed", self.seed, minimum=0)
-        check_positive("save-every", self.save_every)
-        if self.steps is not None:
-            check_integer("steps", self.steps)
-        from agents.training.algorithm import TrainingProgress
+        from agents.algorithms import find_algorithm
         from agents.training.recipe import load_recipe
-        from agents.training.runs import make_run, resume_run, run_name
+        from agents.training.runs import make_run, resume_run
 
         if self.resume is not None:
             folder = self.resume
@@ -55,22 +52,18 @@ class Train(WorldArguments):
             run = resume_run(folder, self.steps)
         else:
             recipe = load_recipe(self.recipe, self.env_id, self.set)
-            folder = self.out or Path("runs") / f"{run_name(self.env_id, recipe)}-seed{self.seed}"
+            name = find_algorithm(recipe.algo).run_name(self.env_id, recipe.name)
+            folder = self.out or Path("runs") / f"{name}-seed{self.seed}"
             run = make_run(self.env_id, self.world_options(), recipe, self.seed, folder, self.steps)
         from rich.console import Console
 
-        from agents.interface.progress import progress_display
+        from agents.interface.progress import progress_display, train_shown
         from agents.training.learning_curve import draw_learning_curve
         from agents.training.run_folder import read_metrics
 
         console = Console(emoji=False)
         with progress_display(console) as display:
-            task = display.add_task("Training", total=run.steps, note="")
-
-            def show(now: TrainingProgress) -> None:
-                display.update(task, completed=min(now.steps, now.total), note=now.note)
-
-            run.train(show, self.save_every)
+            train_shown(run, display, "Training", self.save_every)
         for line in run.curve.summary(read_metrics(folder)):
             console.print(line, highlight=False, soft_wrap=True)
         draw_learning_curve(folder, folder / "learning.png", run.curve)

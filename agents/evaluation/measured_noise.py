@@ -19,7 +19,6 @@ from baselines.rules.rollout import rollout
 from hybrid_env.checks import FloatArray
 from hybrid_env.noises import (
     LARGEST_ERROR,
-    LARGEST_RATIO,
     GaussianNoise,
     LevyNoise,
     Noise,
@@ -31,8 +30,6 @@ from hybrid_env.registration import make_track_vector_env
 
 # Of the measurements.
 TRACKS, TICKS = 256, 100
-# Differences; with fewer ones noise counts as normal.
-FEWEST = 1000
 # Of neighbouring measurements in a third difference.
 WEIGHTS = np.array([-1.0, 3.0, -3.0, 1.0])
 # Of the bins of the histogram.
@@ -40,7 +37,7 @@ EDGES = np.concatenate([[0.0], np.geomspace(1.0, 1e12, 73), [np.inf]])
 LAWS: Mapping[type[Noise], tuple[tuple[tuple[float, ...], float, float], ...]] = {
     OutlierNoise: (
         ((0.01, 0.05, 0.2), 1e-3, 0.4),
-        ((3.0, 10.0, 50.0, 200.0), 1.5, LARGEST_RATIO),
+        ((3.0, 10.0, 50.0, 200.0), 1.5, 1e3),
     ),
     StudentNoise: (((1.5, 3.0, 10.0), 1.0, 100.0),),
     LevyNoise: (
@@ -50,14 +47,6 @@ LAWS: Mapping[type[Noise], tuple[tuple[tuple[float, ...], float, float], ...]] =
     ),
 }
 """Start values, lower and upper bound of each number of a law."""
-# Factor between the best start value and the other corners of the first simplex.
-STEP = 1.3
-# Simulations from there on.
-TRIED = 60
-# Noise counts as normal up to this likelihood-ratio statistic per degree of freedom. It is about 6
-# for normal noise, as neighbouring differences depend on each other, and the reference is simulated
-# too.
-NOT_NORMAL = 12.0
 
 
 @functools.lru_cache(64)
@@ -73,14 +62,17 @@ def measured_noise(options: ModelOptions) -> Noise:
         return -float(seen @ np.log(expected / expected.sum()))
 
     normal = GaussianNoise()
-    if seen.sum() < FEWEST:
+    # Too few differences count as normal.
+    if seen.sum() < 1000:
         return normal
     least = -float(seen @ np.log(np.maximum(seen, 1.0) / seen.sum()))
     usual = surprise(normal)
-    if 2.0 * (usual - least) <= NOT_NORMAL * (np.count_nonzero(seen) - 1):
+    # The likelihood-ratio statistic per degree of freedom is about 6 for normal noise, as
+    # neighbouring differences depend on each other, and the reference is simulated too.
+    if 2.0 * (usual - least) <= 12.0 * (np.count_nonzero(seen) - 1):
         return normal
-    found = [(usual, normal), *(_likeliest(kind, surprise) for kind in LAWS)]
-    return min(found, key=lambda one: one[0])[1]
+    candidates = [(usual, normal), *(_likeliest(kind, surprise) for kind in LAWS)]
+    return min(candidates, key=lambda candidate: candidate[0])[1]
 
 
 def _likeliest(kind: type[Noise], surprise: Callable[[Noise], float]) -> tuple[float, Noise]:
@@ -91,14 +83,14 @@ def _likeliest(kind: type[Noise], surprise: Callable[[Noise], float]) -> tuple[f
 
     starts, low, high = zip(*LAWS[kind], strict=True)
     first = min(itertools.product(*starts), key=lambda numbers: surprise(kind(*numbers)))
-    simplex = np.log(first) + np.vstack([np.zeros(len(low)), np.log(STEP) * np.eye(len(low))])
+    simplex = np.log(first) + np.vstack([np.zeros(len(low)), np.log(1.3) * np.eye(len(low))])
     best = optimize.minimize(
         lambda point: surprise(law_of(point)),
         simplex[0],
         method="Nelder-Mead",
         bounds=[*zip(np.log(low), np.log(high), strict=True)],
         options={
-            "maxfev": TRIED,
+            "maxfev": 60,
             "initial_simplex": simplex,
             "xatol": 0.02,
             "fatol": 1.0,

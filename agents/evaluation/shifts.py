@@ -4,15 +4,14 @@ environments.
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from itertools import product
+from dataclasses import dataclass
 from typing import Any
 
 from rich.markup import escape
 from rich.table import Table
 
 from agents.evaluation.cells import filled_table
-from agents.evaluation.registry import distinct_titles, find_family
+from agents.evaluation.registry import distinct_titles, find_decider
 from agents.evaluation.selection import select_threshold
 from agents.evaluation.task import Task, sweep
 from agents.evaluation.worlds import NOMINAL
@@ -23,54 +22,39 @@ from baselines.scoring.scores import Scores
 
 @dataclass(frozen=True, eq=False)
 class Shift:
-    """Scores of one decider in one environment."""
+    """Scores of one decider in one environment, at two thresholds."""
 
     # Name of the environment.
     world: str
     # What is decided, in this environment.
     task: Task
-    # Scores at the threshold selected in this environment, on other episodes.
-    own: Scores
-    # Scores at the threshold selected in the nominal environment.
-    nominal: Scores
+    # First at the threshold selected in this environment, last at that of the nominal one, on other
+    # episodes.
+    scores: Scores
 
-    @property
-    def decider(self) -> str:
-        """Name of the decider."""
-        return self.own.name
-
-    def called(self, title: str) -> "Shift":
-        """Return the scores under another name of the decider."""
-        own, nominal = replace(self.own, name=title), replace(self.nominal, name=title)
-        return replace(self, own=own, nominal=nominal)
-
-    @property
-    def reward(self) -> Estimate:
-        """Mean of the goal at the own threshold."""
-        return self.own.estimate(self.task.statistic(self.task.goal))
-
-    @property
-    def nominal_reward(self) -> Estimate:
-        """Mean of the goal at the threshold of the nominal environment."""
-        return self.nominal.estimate(self.task.statistic(self.task.goal))
+    def reward(self, index: int) -> Estimate:
+        """Return the mean of the goal at the first or the last threshold."""
+        return self.scores.estimate(self.task.statistic(self.task.goal), index)
 
     def as_json(self) -> dict[str, Any]:
         """Return the figures."""
+        first, thresholds = self.scores.at(0), self.scores.thresholds
         others = [metric for metric in self.task.metrics if metric.name != self.task.goal]
-        reward, nominal = self.reward, self.nominal_reward
         return {
             "world": self.world,
-            "decider": self.decider,
-            "threshold": self.own.thresholds[0],
-            "reward": reward.value,
-            "low": reward.low,
-            "high": reward.high,
-            **{metric.name: float(self.own.curve(metric.statistic)[0]) for metric in others},
-            "nominal_threshold": self.nominal.thresholds[0],
-            "nominal_reward": nominal.value,
-            "nominal_low": nominal.low,
-            "nominal_high": nominal.high,
+            "decider": self.scores.name,
+            "threshold": thresholds[0],
+            **_bounds(self.reward(0), "", "reward"),
+            **{metric.name: float(first.curve(metric.statistic)[0]) for metric in others},
+            "nominal_threshold": thresholds[-1],
+            **_bounds(self.reward(-1), "nominal_", "reward"),
         }
+
+
+def _bounds(estimate: Estimate, prefix: str, name: str) -> dict[str, float]:
+    """Return an estimate with its interval as plain values."""
+    keys = (prefix + name, f"{prefix}low", f"{prefix}high")
+    return dict(zip(keys, (estimate.value, estimate.low, estimate.high), strict=True))
 
 
 def evaluate_shifts(
@@ -88,57 +72,57 @@ def evaluate_shifts(
     same environment and once of the nominal environment. Rules that are fitted to an environment
     are fitted to each of them.
     """
-    alone = functools.partial(evaluate_world, episodes=episodes, seed=seed)
     home = worlds[NOMINAL]
+    deciders = {name: find_decider(name, home.options) for name in names}
+    titles = distinct_titles(names, [decider.title for decider in deciders.values()])
+    usual = dict(
+        workers.results(
+            {
+                name: functools.partial(select_threshold, home, decider, episodes)
+                for name, decider in deciders.items()
+            }
+        )
+    )
     calls = {
-        f"{name}: {NOMINAL}": functools.partial(alone, name, NOMINAL, home, None) for name in names
+        f"{title}: {world}": functools.partial(
+            evaluate_world, name, title, world, task, usual[name], episodes, seed
+        )
+        for name, title in zip(names, titles, strict=True)
+        for world, task in worlds.items()
     }
-    results = dict(workers.results(calls, on_progress))
-    others = {}
-    for name, (world, task) in product(names, worlds.items()):
-        if world != NOMINAL:
-            usual = results[f"{name}: {NOMINAL}"].own.thresholds[0]
-            others[f"{name}: {world}"] = functools.partial(alone, name, world, task, usual)
-    results |= workers.results(others, on_progress)
-    titles = distinct_titles(names, [find_family(name, home.options).name for name in names])
-    pairs = zip(names, titles, strict=True)
-    return [results[f"{name}: {world}"].called(title) for name, title in pairs for world in worlds]
+    return [result for _, result in workers.results(calls, on_progress)]
 
 
 def evaluate_world(
     name: str,
+    title: str,
     world: str,
     task: Task,
-    threshold: float | None,
+    usual: float,
     episodes: int,
     seed: int,
 ) -> Shift:
-    """Evaluate a decider in one environment; without a nominal threshold, its own also serves as
-    nominal.
+    """Evaluate a decider in one environment, at the threshold selected there and at its usual
+    one.
     """
-    family = find_family(name, task.options)
-    best = select_threshold(task, family, episodes)
-    own = sweep(task, family, episodes, seed, thresholds=(best,))
-    if threshold in (None, best):
-        return Shift(world, task, own, own)
-    return Shift(world, task, own, sweep(task, family, episodes, seed, thresholds=(threshold,)))
+    decider = find_decider(name, task.options).changed(title=title)
+    best = usual if world == NOMINAL else select_threshold(task, decider, episodes)
+    thresholds = tuple(dict.fromkeys((best, usual)))
+    return Shift(world, task, sweep(task, decider, episodes, seed, thresholds=thresholds))
 
 
 def differences(results: Sequence[Shift]) -> dict[str, tuple[Shift, Estimate, Estimate]]:
     """Return the best other decider of each environment, and the first less it, also at the
     nominal threshold.
     """
-    found = {}
+    gains = {}
     for world in dict.fromkeys(result.world for result in results):
         mine, *others = (result for result in results if result.world == world)
-        best = max(others, key=lambda one: one.reward.value)
+        best = max(others, key=lambda other: other.reward(0).value)
         goal = mine.task.statistic(mine.task.goal)
-        found[world] = (
-            best,
-            mine.own.difference(best.own, goal),
-            mine.nominal.difference(best.own, goal),
-        )
-    return found
+        gain, nominal = (mine.scores.difference(best.scores, goal, index, 0) for index in (0, -1))
+        gains[world] = best, gain, nominal
+    return gains
 
 
 def differences_json(results: Sequence[Shift]) -> list[dict[str, Any]]:
@@ -146,14 +130,10 @@ def differences_json(results: Sequence[Shift]) -> list[dict[str, Any]]:
     return [
         {
             "world": world,
-            "decider": results[0].decider,
-            "other": best.decider,
-            "difference": gain.value,
-            "low": gain.low,
-            "high": gain.high,
-            "nominal_difference": nominal.value,
-            "nominal_low": nominal.low,
-            "nominal_high": nominal.high,
+            "decider": results[0].scores.name,
+            "other": best.scores.name,
+            **_bounds(gain, "", "difference"),
+            **_bounds(nominal, "nominal_", "difference"),
         }
         for world, (best, gain, nominal) in differences(results).items()
     ]
@@ -161,7 +141,7 @@ def differences_json(results: Sequence[Shift]) -> list[dict[str, Any]]:
 
 def shift_table(results: Sequence[Shift], title: str) -> Table:
     """Return a table with environments in rows and deciders in columns."""
-    deciders = list(dict.fromkeys(result.decider for result in results))
+    deciders = list(dict.fromkeys(result.scores.name for result in results))
     caption = (
         "Reward and half width of its 95 % confidence interval, at the threshold selected in this"
         " environment; in the last line of a row the reward at the threshold selected in the"
@@ -174,10 +154,10 @@ def shift_table(results: Sequence[Shift], title: str) -> Table:
     heads += [f"{heads[0]} -\nbest\nother"] * bool(gains)
     rows = []
     for world in dict.fromkeys(result.world for result in results):
-        row = {result.decider: result for result in results if result.world == world}
-        pairs = [(row[name].reward, row[name].nominal_reward) for name in deciders]
+        row = {result.scores.name: result for result in results if result.world == world}
+        pairs = [(row[name].reward(0), row[name].reward(-1)) for name in deciders]
         pairs += [gains[world][1:]] if gains else []
-        rows.append((world, *(_cell(world, own, nominal.value) for own, nominal in pairs)))
+        rows.append((world, *(_cell(world, reward, nominal.value) for reward, nominal in pairs)))
     table = filled_table(title, ("environment   ", *heads), rows, caption)
     table.padding, table.show_edge = (0, 0, 0, 0), False
     return table

@@ -10,24 +10,15 @@ from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from rich.table import Table
 
-from agents.evaluation.curves import Groups, Selected
-from agents.figures.curves import Panel, curve_figure
-from agents.figures.tracks import TrackRecord
-from baselines.rules.decider import DeciderFamily
-from baselines.rules.own import as_decider
+from baselines.rules.decider import Decider
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores, Statistic
 from hybrid_env.checks import FloatArray
 from hybrid_env.options import ModelOptions
 from hybrid_env.registration import make_track_vector_env
-from hybrid_env.rendering.history import History
 
-# Of the figure of a comparison [in].
-FIGURE_SIZE = (13.0, 5.2)
 Levels = dict[tuple[str, ...], "Metric"]
 """Figures of whole operating curves, by their keys in JSON from the outermost on."""
 # Called with the finished share.
@@ -50,24 +41,6 @@ class Metric:
 
 
 @dataclass(frozen=True)
-class Wording:
-    """What a learning curve shows of an agent, and of the classical rule beside it."""
-
-    # Of the reward of the rule in the metrics, without prefix.
-    key: str
-    # Name of the rule in figures.
-    rule: str
-    # Name of the rule in a sentence.
-    sentence: str
-    # What a mean reward is the mean of.
-    unit: str
-    # Names of other metrics of the agent.
-    measured: tuple[str, ...]
-    # These metrics as text, a format string.
-    text: str
-
-
-@dataclass(frozen=True)
 class Recorded:
     """What one decider did on E episodes."""
 
@@ -75,6 +48,16 @@ class Recorded:
     figures: FloatArray
     # Values of which quantiles or counts are taken, by name.
     samples: Mapping[str, NDArray[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Selected:
+    """Scores of a decider, and the threshold selected for it."""
+
+    # At all its thresholds, or at the selected one.
+    scores: Scores
+    # Index of the threshold that was selected on other episodes.
+    chosen: int
 
 
 @dataclass(frozen=True)
@@ -94,19 +77,18 @@ class Task(ABC):
     columns: ClassVar[tuple[str, ...]]
     # Figures of a decider at one threshold, in the order of tables.
     metrics: ClassVar[tuple[Metric, ...]]
-    # Other figures at one threshold, for JSON.
-    further: ClassVar[Mapping[str, Statistic]] = {}
+    # Other figures, of a table and of JSON beside them.
+    further: ClassVar[tuple[Metric, ...]] = ()
     # Figure that thresholds are selected for.
     goal: ClassVar[str] = "reward"
-    figure_note: ClassVar[str] = "Filled markers: thresholds selected on other episodes."
     # Lines that explain the metrics below a table.
     notes: ClassVar[str] = ""
-    # How `against` compares, as a word for headings.
-    paired: ClassVar[str]
     # Name of the rule that others are compared with.
     reference: ClassVar[str]
-    # Of the learning curve of an agent.
-    wording: ClassVar[Wording]
+    # Key of the paired figures in JSON, see `against`.
+    paired: ClassVar[str]
+    # What a mean reward is the mean of: "segment" or "tick".
+    unit: ClassVar[str]
     # Episodes, selection_episodes: default numbers.
     episodes: ClassVar[int]
     selection_episodes: ClassVar[int]
@@ -124,12 +106,6 @@ class Task(ABC):
     def title(self) -> str:
         """Name of the environment in titles."""
         return self.env_id.rpartition(":")[2]
-
-    @property
-    def figure_title(self) -> str:
-        """Title of the figure of a comparison."""
-        variances = " and ".join(f"{variance:g}" for variance in self.options.variances)
-        return f"{self.title}: {self.options.hypotheses} hypotheses, R = {variances} m²"
 
     @abstractmethod
     def size(self, episodes: int) -> str:
@@ -165,16 +141,9 @@ class Task(ABC):
 
     @abstractmethod
     def record(
-        self,
-        deciders: Sequence[Any],
-        changes: Mapping[str, Any],
-        episodes: int,
-        seed: int,
-        on_progress: OnProgress,
+        self, decider: Decider, episodes: int, seed: int, on_progress: OnProgress
     ) -> list[Recorded]:
-        """Roll a rule at different thresholds out on at most `batch` episodes; `changes` are
-        options it needs.
-        """
+        """Roll a decider out on at most `batch` episodes, at one threshold or at several ones."""
 
     @abstractmethod
     def extra(self, samples: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
@@ -189,41 +158,15 @@ class Task(ABC):
         """
 
     @abstractmethod
-    def against(
-        self,
-        mine: Selected,
-        reference: Selected,
-        curves: bool,
-    ) -> dict[str, dict[str, Estimate]]:
-        """Return paired figures of a decider and the reference by keys in JSON; `curves`: at all
+    def against(self, mine: Selected, reference: Selected, curves: bool) -> dict[str, Estimate]:
+        """Return paired figures of a decider and the reference by name; `curves`: at all
         thresholds.
         """
-
-    @abstractmethod
-    def panels(self, groups: Groups) -> list[Panel]:
-        """Return the operating curves of deciders, the reference first."""
-
-    def figure(self, groups: Groups) -> Figure:
-        """Return the figure of a comparison, see `panels`."""
-        panels = self.panels(groups)
-        rows = [panels[k : k + 2] for k in range(0, len(panels), 2)]
-        width, height = FIGURE_SIZE
-        return curve_figure(rows, (width, height * len(rows)), self.figure_title, self.figure_note)
 
     @property
     def length(self) -> int:
         """Number of segments to declare, or of ticks to state, in an episode."""
-        return int(getattr(self.options, f"{self.wording.unit}s"))
-
-    @abstractmethod
-    def episode_table(self, title: str, history: History) -> Table:
-        """Return a table of an episode that has just ended."""
-
-    @abstractmethod
-    def track_record(self, history: History, **common: Any) -> TrackRecord:
-        """Return what was declared or stated in an episode, for a figure; `common` has the other
-        attributes.
-        """
+        return int(getattr(self.options, f"{self.unit}s"))
 
     def remarks(self, episodes: int, seed: int) -> dict[str, Any]:
         """Return what else a comparison tells of the episodes, as plain values by their keys in
@@ -231,13 +174,13 @@ class Task(ABC):
         """
         return {}
 
-    def further_tables(self, scores: Sequence[Scores], remarks: Mapping[str, Any]) -> list[Table]:
-        """Return further tables, of deciders at one threshold each and of `remarks`."""
-        return []
-
     def statistic(self, name: str) -> Statistic:
         """Return the statistic of a metric."""
         return next(metric.statistic for metric in self.metrics if metric.name == name)
+
+    def figures(self, scores: Scores, index: int | None = None) -> dict[str, Estimate]:
+        """Return the metrics of scores by name, at the threshold of an index or at the only one."""
+        return {metric.name: scores.estimate(metric.statistic, index) for metric in self.metrics}
 
     def best(self, scores: Scores) -> int:
         """Return the index of the threshold that is best for the goal."""
@@ -246,7 +189,7 @@ class Task(ABC):
 
 def sweep(
     task: Task,
-    family: DeciderFamily,
+    decider: Decider,
     episodes: int,
     seed: int,
     on_progress: OnProgress = lambda share: None,
@@ -258,40 +201,40 @@ def sweep(
     finished share.
     """
     task.check_episodes("episodes", episodes)
-    used = family.thresholds if thresholds is None else tuple(thresholds)
-    deciders = [family.make(threshold) for threshold in used]
-    together = len(deciders) > 1 and as_decider(deciders[0]).together(deciders[:1]) is not None
-    groups = [deciders] if together else [[decider] for decider in deciders]
+    used = decider.thresholds if thresholds is None else tuple(thresholds)
+    several = decider.sweeps and len(used) > 1
+    deciders = [decider.at(used)] if several else [decider.at(threshold) for threshold in used]
+    width = len(used) // len(deciders)
     size = task.batch()
-    total = episodes * len(deciders)
+    total = episodes * len(used)
     # In each batch at every threshold.
-    found: list[list[Recorded]] = []
+    recorded: list[list[Recorded]] = []
     done = 0
     for first in range(0, episodes, size):
         count = min(size, episodes - first)
-        found.append([])
-        for group in groups:
+        recorded.append([])
+        for each in deciders:
 
-            def show(share: float, before: int = done, width: int = count * len(group)) -> None:
-                on_progress((before + share * width) / total)
+            def show(share: float, before: int = done, part: int = count * width) -> None:
+                on_progress((before + share * part) / total)
 
-            found[-1] += task.record(group, family.options, count, seed + first, show)
-            done += count * len(group)
+            recorded[-1] += task.record(each, count, seed + first, show)
+            done += count * width
             show(0.0, done)
-    return gather(task, family, used, [*zip(*found, strict=True)])
+    return gather(task, decider, used, [*zip(*recorded, strict=True)])
 
 
 def gather(
     task: Task,
-    family: DeciderFamily,
+    decider: Decider,
     thresholds: tuple[float, ...],
-    found: Sequence[Sequence[Recorded]],
+    recorded: Sequence[Sequence[Recorded]],
 ) -> Scores:
     """Return the scores of a decider from what was recorded in several batches at every
     threshold.
     """
     values = np.stack(
-        [np.concatenate([part.figures for part in parts]) for parts in found],
+        [np.concatenate([part.figures for part in parts]) for parts in recorded],
         axis=-1,
     )
     extra = [
@@ -301,8 +244,8 @@ def gather(
                 for name in parts[0].samples
             }
         )
-        for parts in found
+        for parts in recorded
     ]
-    stacked = {name: np.stack([one[name] for one in extra]) for name in extra[0]}
-    bank = getattr(task.options_with(family.options), "bank", "")
-    return Scores(family.name, family.symbol, thresholds, task.columns, values, stacked, bank)
+    stacked = {name: np.stack([arrays[name] for arrays in extra]) for name in extra[0]}
+    bank = getattr(task.options_with(decider.options), "bank", "")
+    return Scores(decider.title, decider.symbol, thresholds, task.columns, values, stacked, bank)

@@ -13,59 +13,23 @@ from hybrid_env.options import WorldOptions
 from hybrid_env.scheme import RandomScheme
 
 NOMINAL = "nominal"
-# Factor of the ranges of worlds for evaluation, at both ends.
-BEYOND = 2.0
-
-# Standard deviation of a measurement [m], where units are drawn.
-LENGTH_UNITS = (0.03, 1000.0)
-# Length of a tick [s], likewise.
-TICKS = (0.01, 60.0)
-# Distance per tick over the deviation of a measurement.
-MOTION = (0.08, 8.0)
-# Turn angle per tick of the smallest radius [rad].
-TURN = (0.012, 0.25)
-# Largest over smallest radius.
-WIDEST_BANK = 25.0
-# Deviation of process noise per tick over the speed.
-PROCESS = (0.003, 0.06)
-MOST_OUTLIERS = 0.1
-# Share of worlds whose noise is stable or Student's t.
-HEAVY_TAILS = 0.3
-LEVY_INDICES = (1.2, 1.9)
-# Over the assumed standard deviation.
-LEVY_SCALES = (0.5, 1.2)
-LEVY_CLIPS = (10.0, 1000.0)
-FREEDOMS = (1.5, 8.0)
-# Measurement variance of one axis over that of the other.
-LARGEST_AXIS_RATIO = 20.0
-# Ticks of the shortest segment.
-SHORTEST = (20, 100)
-LONGEST_OVER_SHORTEST = 2.5
-# Of the widest turn from a straight line after half a segment, over sqrt(R).
-LEAST_DEVIATION = 3.0
-BANKS = (
-    ("published", "declared"),
-    ("anchor_aware", "declared"),
-    ("published", "bank"),
-    ("anchor_aware", "bank"),
-)
-SHARES = (0.55, 0.2, 0.1, 0.15)
-
-LAWS = (
-    "uniform 40-45",
-    "uniform 63-67",
-    "uniform 90-100",
-    "uniform 30-60",
-    "60 + geometric 20",
-    "uniform 150-170",
-    "uniform 28-32 or uniform 75-85",
-    "uniform 50-53 or 20 + geometric 60",
-    "straight uniform 90-100, turns uniform 40-44",
-    "straight 25 + geometric 50, turns uniform 50-54",
-)
 RHYTHMS: dict[str, dict[str, Any]] = {
     NOMINAL: {},
-    **{law: {"durations": law} for law in LAWS},
+    **{
+        law: {"durations": law}
+        for law in (
+            "uniform 40-45",
+            "uniform 63-67",
+            "uniform 90-100",
+            "uniform 30-60",
+            "60 + geometric 20",
+            "uniform 150-170",
+            "uniform 28-32 or uniform 75-85",
+            "uniform 50-53 or 20 + geometric 60",
+            "straight uniform 90-100, turns uniform 40-44",
+            "straight 25 + geometric 50, turns uniform 50-54",
+        )
+    },
     "nominal, cycle": {"order": "cycle"},
     "uniform 55-60, habits": {"durations": "uniform 55-60", "order": "0 0.9 0.1, 0.2 0 0.8, 1 0 0"},
 }
@@ -142,33 +106,47 @@ def draw_world(generator: Generator, radii_count: int, beyond: float = 1.0) -> d
     the covariance to the identity depends on the units. In each, some properties differ from their
     usual values.
     """
-    drawn = round(_log_uniform(generator, SHORTEST, beyond))
+    # Ticks of the shortest segment.
+    drawn = round(_log_uniform(generator, (20, 100), beyond))
     shortest = drawn if generator.random() < 0.6 else 50
-    longest = round(shortest * generator.uniform(1.0, LONGEST_OVER_SHORTEST))
-    spread = _log_uniform(generator, (1.5, WIDEST_BANK), beyond) if radii_count > 1 else 1.0
+    longest = round(shortest * generator.uniform(1.0, 2.5))
+    # Largest over smallest radius.
+    spread = _log_uniform(generator, (1.5, 25.0), beyond) if radii_count > 1 else 1.0
     motion = 0.0
     turn = 0.0
-    while motion * turn / spread * (shortest + longest) ** 2 / 32.0 < LEAST_DEVIATION:
-        motion = _log_uniform(generator, MOTION, beyond)
-        turn = _log_uniform(generator, TURN, beyond)
+    # Of the widest turn from a straight line after half a segment, over sqrt(R).
+    while motion * turn / spread * (shortest + longest) ** 2 / 32.0 < 3.0:
+        # Distance per tick over the deviation of a measurement.
+        motion = _log_uniform(generator, (0.08, 8.0), beyond)
+        # Turn angle per tick of the smallest radius [rad].
+        turn = _log_uniform(generator, (0.012, 0.25), beyond)
     tau = 0.1
     deviation = 0.0
     if generator.random() < 0.5:
         deviation = 0.2 / motion
     else:
-        tau = _log_uniform(generator, TICKS)
-        deviation = _log_uniform(generator, LENGTH_UNITS)
+        # Units of time [s] and of length [m].
+        tau = _log_uniform(generator, (0.01, 60.0))
+        deviation = _log_uniform(generator, (0.03, 1000.0))
     speed = motion * deviation / tau
     smallest = speed * tau / turn
     spaced = np.linspace if generator.random() < 0.5 else np.geomspace
     radii = spaced(smallest, smallest * spread, radii_count)
-    noise = _log_uniform(generator, PROCESS, beyond) if generator.random() < 0.6 else 0.0158
-    ratio = _log_uniform(generator, (1.0 / LARGEST_AXIS_RATIO, LARGEST_AXIS_RATIO), beyond)
+    # Deviation of process noise per tick over the speed.
+    noise = _log_uniform(generator, (0.003, 0.06), beyond) if generator.random() < 0.6 else 0.0158
+    # Measurement variance of one axis over that of the other.
+    ratio = _log_uniform(generator, (0.05, 20.0), beyond)
     axes = ratio**0.5 if generator.random() < 0.3 else 1.0
     velocity = speed * _log_uniform(generator, (0.01, 0.3))
-    bank, follow = BANKS[generator.choice(len(BANKS), p=SHARES)]
+    banks = (
+        ("published", "declared"),
+        ("anchor_aware", "declared"),
+        ("published", "bank"),
+        ("anchor_aware", "bank"),
+    )
+    bank, follow = banks[generator.choice(len(banks), p=(0.55, 0.2, 0.1, 0.15))]
     outliers = generator.random() < 0.35
-    law = f"outliers {generator.uniform(0.0, beyond * MOST_OUTLIERS)}" if outliers else "gaussian"
+    law = f"outliers {generator.uniform(0.0, beyond * 0.1)}" if outliers else "gaussian"
     world = {
         "scheme": f"random 6x{shortest}-{longest}",
         "radii": tuple(radii.tolist()),
@@ -182,18 +160,16 @@ def draw_world(generator: Generator, radii_count: int, beyond: float = 1.0) -> d
         "follow": follow,
         "correctness": "type" if radii_count > 1 and generator.random() < 0.6 else "exact",
     }
-    return world | (
-        {"noise": _draw_heavy_tails(generator)} if generator.random() < HEAVY_TAILS else {}
-    )
+    return world | ({"noise": _draw_heavy_tails(generator)} if generator.random() < 0.3 else {})
 
 
 def _draw_heavy_tails(generator: Generator) -> str:
     """Return a law of the measurement noise with heavy tails, stable or Student's t."""
     if generator.random() < 0.7:
-        index = generator.uniform(*LEVY_INDICES)
-        scale = _log_uniform(generator, LEVY_SCALES)
-        return f"levy {index:.6g} {scale:.6g} {_log_uniform(generator, LEVY_CLIPS):.6g}"
-    return f"student_t {_log_uniform(generator, FREEDOMS):.6g}"
+        index = generator.uniform(1.2, 1.9)
+        scale = _log_uniform(generator, (0.5, 1.2))
+        return f"levy {index:.6g} {scale:.6g} {_log_uniform(generator, (10.0, 1000.0)):.6g}"
+    return f"student_t {_log_uniform(generator, (1.5, 8.0)):.6g}"
 
 
 def draw_worlds(count: int, seed: int) -> dict[str, dict[str, Any]]:
@@ -202,6 +178,8 @@ def draw_worlds(count: int, seed: int) -> dict[str, dict[str, Any]]:
     """
     generators = [np.random.default_rng(seed + k) for k in range(count)]
     return {
-        f"random world {k}": draw_world(one, int(one.choice([1, 3, 10], p=[0.6, 0.2, 0.2])), BEYOND)
-        for k, one in enumerate(generators, start=1)
+        f"random world {k}": draw_world(
+            generator, int(generator.choice([1, 3, 10], p=[0.6, 0.2, 0.2])), beyond=2.0
+        )
+        for k, generator in enumerate(generators, start=1)
     }

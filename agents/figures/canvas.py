@@ -1,34 +1,19 @@
 """An empty figure, and the style of its axes."""
 
-from collections.abc import Sequence
 from typing import Any
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-DPI = 110
-GREY, DARK_GREY, TRUTH = "#9a9a9a", "#4d4d4d", "#1a1a1a"
-"""Of measurements, of lines beside curves, and of the true track."""
+GREY, DARK_GREY = "#9a9a9a", "#4d4d4d"
+"""Of measurements, and of marks beside curves."""
 
 
 def new_canvas(size: tuple[float, float]) -> Figure:
     """Return an empty figure of width and height [in]."""
-    canvas = Figure(figsize=size, layout="constrained", dpi=DPI)
+    canvas = Figure(figsize=size, layout="constrained", dpi=110)
     FigureCanvasAgg(canvas)
     return canvas
-
-
-def paper_figure(
-    title: str,
-    size: tuple[float, float],
-    widths: Sequence[float],
-) -> tuple[Figure, Any]:
-    """Return a figure of a paper, of width and height [in], with axes of relative widths in a
-    row.
-    """
-    figure = new_canvas(size)
-    figure.suptitle(title)
-    return figure, figure.subplots(1, len(widths), width_ratios=widths)
 
 
 def plain_axes(axes: Any, xlabel: str = "", ylabel: str = "") -> None:
@@ -36,13 +21,6 @@ def plain_axes(axes: Any, xlabel: str = "", ylabel: str = "") -> None:
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
     axes.set(xlabel=xlabel, ylabel=ylabel)
-
-
-def style_map(axes: Any, title: str, unit: str = "m") -> None:
-    """Make axes a map with its title."""
-    axes.set(title=title, xlabel=f"x [{unit}]", ylabel=f"y [{unit}]")
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.grid(alpha=0.25)
 
 
 def legend_beside(axes: Any, **handles: Any) -> None:

@@ -35,8 +35,7 @@ class Curve:
     size: float = 4.5
     # Whether the markers are filled.
     filled: bool = False
-    # Width, dashes: width [pt] and dashes of the line.
-    width: float = 1.4
+    # Of the line.
     dashes: str = "-"
 
 
@@ -71,8 +70,8 @@ def error_bars(estimates: Sequence[Estimate]) -> FloatArray:
     """Return the lengths (2, K) of the bars below and above estimates, down and up to their
     bounds.
     """
-    found = [[one.value - one.low, one.high - one.value] for one in estimates]
-    return np.array(found, np.float64).reshape(-1, 2).T
+    bars = [[point.value - point.low, point.high - point.value] for point in estimates]
+    return np.array(bars, np.float64).reshape(-1, 2).T
 
 
 def curve_figure(
@@ -134,8 +133,8 @@ def _draw_curve(axes: Any, curve: Curve) -> None:
     if curve.bounds is not None:
         axes.fill_between(curve.x, *curve.bounds, color=colour, alpha=0.13, linewidth=0)
     y: Any = curve.y
-    values = [one.value if isinstance(one, Estimate) else one for one in y]
-    if any(isinstance(one, Estimate) for one in y):
+    values = [point.value if isinstance(point, Estimate) else point for point in y]
+    if any(isinstance(point, Estimate) for point in y):
         axes.errorbar(curve.x, values, error_bars(y), color=colour, linestyle="none", linewidth=1)
     hollow = {} if curve.filled else {"markerfacecolor": "white", "markeredgewidth": 0.9}
     axes.plot(
@@ -144,7 +143,7 @@ def _draw_curve(axes: Any, curve: Curve) -> None:
         color=colour,
         marker=marker if curve.size else None,
         markersize=curve.size,
-        linewidth=curve.width,
+        linewidth=1.4,
         linestyle=curve.dashes,
         label=curve.name.replace("$", r"\$"),
         **hollow,

@@ -5,15 +5,10 @@ from the colours of the motion modes (`hybrid_env.rendering.evidence`), and its 
 from each other with red-green colour blindness.
 """
 
-import functools
 import re
 import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass
-
-from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
-
-SEED_SUFFIX = r"[ -]seed ?\d+$"
 
 
 @dataclass(frozen=True)
@@ -33,28 +28,43 @@ AGENT_STYLES = {
 }
 """Styles of the most common agents, by name."""
 
-_FURTHER_COLOURS = ("#690f96", "#f5a0b4", "#969600", "#4b4b4b")
-_FURTHER_MARKERS = (">", "p", "*", "8")
 FURTHER_STYLES = tuple(
-    DeciderStyle(colour, _FURTHER_MARKERS[(index + shift) % len(_FURTHER_MARKERS)])
-    for shift in range(len(_FURTHER_MARKERS))
-    for index, colour in enumerate(_FURTHER_COLOURS)
+    DeciderStyle(colour, marker)
+    for markers in (">p*8", "p*8>", "*8>p", "8>p*")
+    for colour, marker in zip(("#690f96", "#f5a0b4", "#969600", "#4b4b4b"), markers, strict=True)
 )
 """Styles of all other deciders."""
 
 
-@functools.cache
-def rule_styles() -> dict[str, DeciderStyle]:
-    """Styles of the classical rules by their titles; rules of different tasks may share one."""
-    kinds = [kind for task in (ANNOUNCED, UNKNOWN) for kind in rules(task).values() if kind.colour]
-    return {kind.title: DeciderStyle(kind.colour, kind.marker) for kind in kinds}
+RULE_STYLES = {
+    "fixed time": DeciderStyle("#a0a0a0", "s"),
+    "ML at the end": DeciderStyle("#2d0069", "X"),
+    "MSPRT": DeciderStyle("#c80f82", "D"),
+    "MSPRT of types": DeciderStyle("#ff87f0", "d"),
+    "MSPRT, anchor-aware": DeciderStyle("#3c000f", "*"),
+    "gap rule": DeciderStyle("#695a00", "P"),
+    "MSPRT, kept P": DeciderStyle("#0000b4", ">"),
+    "calibrated anchor": DeciderStyle("#00e196", "p"),
+    "calibrated anchor, robust": DeciderStyle("#0f961e", "8"),
+    "ATE (SPRT)": DeciderStyle("#6900ff", "o"),
+    "beam, adaptive": DeciderStyle("#0f961e", "8"),
+    "beam": DeciderStyle("#c80f82", "D"),
+    "beam, geometric": DeciderStyle("#00e196", "p"),
+    "beam, default law": DeciderStyle("#3c000f", "*"),
+    "CUSUM": DeciderStyle("#a0a0a0", "s"),
+    "Shiryaev-Roberts": DeciderStyle("#ff87f0", "d"),
+    "GLR": DeciderStyle("#0000b4", ">"),
+    "detector 2020": DeciderStyle("#695a00", "P"),
+    "IMM threshold": DeciderStyle("#6900ff", "o"),
+}
+"""Styles of the classical rules by their titles; rules of different tasks may share one."""
 
 
 def name_without_seed(name: str) -> str:
     """Name of a decider without the seed of its training: "ppo seed 1" and "ppo-seed1" become
     "ppo".
     """
-    return re.sub(SEED_SUFFIX, "", name)
+    return re.sub(r"[ -]seed ?\d+$", "", name)
 
 
 def decider_style(name: str) -> DeciderStyle:
@@ -64,7 +74,7 @@ def decider_style(name: str) -> DeciderStyle:
     ("HybridTrack-v0-ppo-seed0") with their recipe. An unknown name always gets the same style.
     """
     recipe = re.sub(r"^.*-v\d+-", "", name_without_seed(name))
-    known = AGENT_STYLES | rule_styles()
+    known = AGENT_STYLES | RULE_STYLES
     return known.get(recipe) or FURTHER_STYLES[zlib.crc32(recipe.encode()) % len(FURTHER_STYLES)]
 
 
@@ -77,12 +87,7 @@ def decider_styles(names: Iterable[str]) -> dict[str, DeciderStyle]:
     styles: dict[str, DeciderStyle] = {}
     for name in names:
         style = decider_style(name)
-        free = [further for further in FURTHER_STYLES if further not in styles.values()]
-        if style in styles.values() and free:
-            start = zlib.crc32(name.encode()) % len(FURTHER_STYLES)
-            style = next(
-                (further for further in FURTHER_STYLES[start:] if further in free),
-                free[0],
-            )
-        styles[name] = style
+        start = zlib.crc32(name.encode()) % len(FURTHER_STYLES)
+        choice = (style, *FURTHER_STYLES[start:], *FURTHER_STYLES)
+        styles[name] = next((other for other in choice if other not in styles.values()), style)
     return styles

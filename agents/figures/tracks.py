@@ -21,12 +21,6 @@ from hybrid_env.rendering.evidence import mode_colour, mode_name
 # In place of a mode at ticks before a declaration.
 UNDECIDED = -1
 UNDECIDED_COLOUR = "0.92"
-WRONG_HATCH = "xxx"
-# Of a character, as a share of the time axis.
-NAME_LENGTH = 0.009
-
-# Of the first and of the second decider, whose changes may coincide.
-MARKER_SIZES = (12.0, 7.0)
 
 
 def runs(values: IntArray, breaks: ArrayLike = ()) -> list[tuple[int, int, int]]:
@@ -134,7 +128,8 @@ def track_figure(records: Sequence[TrackRecord], radii: Sequence[float], title: 
             label="mode switch",
         )
     styles = decider_styles(record.name for record in records)
-    for record, size in zip(records, MARKER_SIZES, strict=False):
+    # Changes of the first and of the second decider may coincide.
+    for record, size in zip(records, (12.0, 7.0), strict=False):
         style = styles[record.name]
         label = f"{record.name}: estimate"
         handles += track.plot(
@@ -174,7 +169,7 @@ def draw_timelines(
     colours: Sequence[str],
     xlabel: str,
     *,
-    wrong: Mapping[str, BoolArray] | None = None,
+    wrong: Mapping[str, BoolArray],
     breaks: ArrayLike = (),
     names: Sequence[str] = (),
     edge_width: float = 0.0,
@@ -189,7 +184,7 @@ def draw_timelines(
     limits = np.asarray(edges)
     axes.set_xlim(0, limits[-1])
     for height, (row, modes) in enumerate(rows.items()):
-        hatched = (wrong or {}).get(row, np.zeros(len(modes), np.bool_))
+        hatched = wrong.get(row, np.zeros(len(modes), np.bool_))
         for first, end, key in runs(2 * modes + hatched, breaks):
             mode = key // 2
             span = (limits[first], limits[end])
@@ -201,7 +196,7 @@ def draw_timelines(
                 color=colour,
                 edgecolor="white",
                 linewidth=edge_width,
-                hatch=WRONG_HATCH if key % 2 else None,
+                hatch="xxx" if key % 2 else None,
             )
             if names:
                 text = str(end - first) if mode == UNDECIDED else names[mode]
@@ -233,7 +228,8 @@ def _write_into(
             "edgecolor": "none",
             "pad": 1.5,
         }
-    if always or (span[1] - span[0]) / axes.get_xlim()[1] > NAME_LENGTH * len(text):
+    # A character takes so much of the time axis.
+    if always or (span[1] - span[0]) / axes.get_xlim()[1] > 0.009 * len(text):
         axes.text(sum(span) / 2, height, text, **style)
 
 
@@ -242,6 +238,6 @@ def wrong_patch(label: str) -> Patch:
     return Patch(
         facecolor="0.6",
         edgecolor="white",
-        hatch=WRONG_HATCH,
+        hatch="xxx",
         label=label,
     )

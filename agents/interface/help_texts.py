@@ -10,9 +10,6 @@ from docstring_parser import parse_from_object
 
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
 
-# Defaults of flags that are not given; the help text then says what happens without the flag.
-NO_DEFAULT = (None, ())
-
 
 def shown_default(text: str, *aliases: str, help: str | None = None) -> Any:
     """Annotation of a flag whose value is None or empty by default: the text stands for it in
@@ -43,17 +40,18 @@ def _prepare_flags(kind: type) -> None:
     """
     texts: dict[str, str] = {}
     for base in reversed(kind.__mro__[:-1]):
-        found = {one.arg_name: one.description for one in parse_from_object(base).params}
-        texts |= {flag: " ".join(text.split()) for flag, text in found.items() if text}
+        described = {flag.arg_name: flag.description for flag in parse_from_object(base).params}
+        texts |= {flag: " ".join(text.split()) for flag, text in described.items() if text}
     for task in (ANNOUNCED, UNKNOWN):
         names = ", ".join(f"'{name}'" for name in rules(task))
         texts = {flag: text.replace(f"{{{task}}}", names) for flag, text in texts.items()}
     hints = typing.get_type_hints(kind, include_extras=True)
     for field in dataclasses.fields(kind):
         settings = getattr(hints[field.name], "__metadata__", ())
-        known = any(getattr(one, "help_behavior_hint", None) is not None for one in settings)
+        known = any(getattr(part, "help_behavior_hint", None) is not None for part in settings)
         hint = None
-        if field.default in NO_DEFAULT and not known:
+        # Of a flag that is not given the text says what happens without it.
+        if field.default in (None, ()) and not known:
             hint = ""
         elif isinstance(field.default, bool):
             hint = f"(default: {'on' if field.default else 'off'})"

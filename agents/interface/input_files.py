@@ -32,11 +32,11 @@ def read_text(path: Path, largest: int = LARGEST_FILE) -> str:
         raise ValueError(f"{path.name} is not in UTF-8") from None
 
 
-def read_json(path: Path, largest: int = LARGEST_FILE) -> Any:
+def read_json(path: Path) -> Any:
     """Read JSON, as `read_text`; NaN, infinities and integers that float64 does not hold exactly
     are refused.
     """
-    text = read_text(path, largest)
+    text = read_text(path)
     try:
         integer, real = (
             (lambda digits: _checked(int(digits))),

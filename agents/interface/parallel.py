@@ -4,8 +4,6 @@ Every call gets all that it needs, also its seeds, as arguments. So the results 
 number of processes, on their order or on their machines.
 """
 
-import functools
-import gc
 import os
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass
@@ -16,33 +14,28 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from agents.interface.help_texts import shown_default
 from agents.interface.world_arguments import trusted, trusting
-from hybrid_env.checks import ArgumentError, check_choice, check_integer, reject
+from hybrid_env.checks import ArgumentError, Checked, Count, reject
 
 Call = Callable[[], Any]
 """A call without arguments, such as `functools.partial(function, seed)`. It can be pickled."""
 
 Name = TypeVar("Name", bound=Hashable)
-ENGINES = ("local", "ray")
-MOST_JOBS = 10_000
 # Of the calls of lost workers; more losses mean that a call itself ends its worker.
 LARGEST_RETRIES = 3
-# Are 1: one worker for each core.
-ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass(frozen=True)
-class Workers:
+class Workers(Checked):
     """Where calls run."""
 
     # Number of calls that run at the same time; 1 with the engine "local" runs them in this
     # process.
-    jobs: int = 1
+    jobs: Count = 1
     # For processes of this machine; "ray" for the cluster at RAY_ADDRESS, or one that is started.
-    engine: str = "local"
+    engine: Literal["local", "ray"] = "local"
 
     def __post_init__(self) -> None:
-        check_integer("jobs", self.jobs, maximum=MOST_JOBS)
-        check_choice("engine", self.engine, ENGINES)
+        super().__post_init__()
         if self.engine == "ray":
             _import_ray()
 
@@ -101,26 +94,12 @@ def _processes(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, An
     raise _lost()
 
 
-def _named(name: Name, call: Call, trust: bool) -> tuple[Name, Any]:
+def _in_worker(name: Name, call: Call, trust: bool) -> tuple[Name, Any]:
     """Run a call. A worker may be that of an earlier command: it trusts what this command
     trusts.
     """
     with trusting(trust):
         return name, call()
-
-
-def _in_worker(name: Name, call: Call, trust: bool) -> tuple[Name, Any]:
-    result = _named(name, call, trust)
-    _keep_imported()
-    return result
-
-
-@functools.cache
-def _keep_imported() -> None:
-    """Exempt what is imported from garbage collection, which loky without psutil runs every
-    second.
-    """
-    gc.freeze()
 
 
 def _ray(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, Any]]:
@@ -131,7 +110,9 @@ def _ray(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, Any]]:
     """
     ray = _import_ray()
     if not ray.is_initialized():
-        threads = dict.fromkeys(ONE_THREAD, "1")
+        # One worker for each core.
+        names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+        threads = dict.fromkeys(names, "1")
         # Without RAY_ADDRESS a cluster with one worker per job is started on this machine.
         local: dict[str, Any] = {} if os.environ.get("RAY_ADDRESS") else {"num_cpus": jobs}
         ray.init(
@@ -140,7 +121,7 @@ def _ray(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, Any]]:
             logging_level="error",
             **local,
         )
-    task = ray.remote(max_retries=LARGEST_RETRIES, num_cpus=1)(_named)
+    task = ray.remote(max_retries=LARGEST_RETRIES, num_cpus=1)(_in_worker)
     waiting = list(calls.items())[::-1]
     trust = trusted()
     running: list[Any] = []
@@ -182,7 +163,7 @@ def _import_ray() -> Any:
 class ParallelArguments:
     """Flags for parallel work. The results do not depend on them."""
 
-    jobs: Annotated[int | None, shown_default("one for each core")] = None
+    jobs: Annotated[Count | None, shown_default("one for each core")] = None
     """Number of processes, or of tasks at a time with --engine ray."""
     engine: Literal["local", "ray"] = "local"
     """'local' for processes of this machine; 'ray' for the Ray cluster at RAY_ADDRESS, which 'ray

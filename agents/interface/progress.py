@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from datetime import timedelta
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from rich.console import Console
 from rich.progress import (
@@ -19,10 +19,6 @@ from rich.progress import (
 )
 
 T = TypeVar("T")
-# Seconds after which a command without a terminal prints its progress.
-FIRST_LINE = 10.0
-# Seconds between two such lines.
-LONGEST_SILENCE = 60.0
 
 
 def progress_display(console: Console, transient: bool = False) -> Progress:
@@ -67,6 +63,17 @@ def shown(
     return result
 
 
+def train_shown(run: Any, progress: Progress, title: str, save_every: float = 10.0) -> None:
+    """Train an `Algorithm` with a bar of its steps."""
+    bar = progress.add_task(title, total=run.steps, note="")
+
+    def show(now: Any) -> None:
+        progress.update(bar, completed=min(now.steps, now.total), note=now.note)
+
+    run.train(show, save_every)
+    progress.update(bar, completed=run.steps)
+
+
 class _ProgressLines(Progress):
     """Lines on the standard error stream. The longer the command takes, the rarer they are."""
 
@@ -81,14 +88,15 @@ class _ProgressLines(Progress):
 
     def _print_lines(self) -> None:
         began = time.monotonic()
-        silence = FIRST_LINE
+        # Seconds from the first line on.
+        silence = 10.0
         while not self._ended.wait(silence):
             current = [task for task in self.tasks if not task.finished]
             if current:
                 # The stream is closed.
                 with suppress(OSError, ValueError):
                     print(_line(current[-1]), file=sys.stderr, flush=True)
-            silence = min(LONGEST_SILENCE, max(FIRST_LINE, 0.2 * (time.monotonic() - began)))
+            silence = min(60.0, max(10.0, 0.2 * (time.monotonic() - began)))
 
 
 def _line(task: Task) -> str:

@@ -25,33 +25,24 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from agents.learned.statement_net import zero_layer
 from baselines.rules.anchor_prior import MIRROR
 from baselines.rules.component_filters import stated_covariance
 from baselines.rules.decider import Observations
 from baselines.rules.msprt import mode_types
-from hybrid_env.checks import FloatArray
+from hybrid_env.checks import Float32Array, FloatArray, IntArray
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
 # Inputs are clipped to +-5.
 LIMIT = 5.0
 SMALLEST = 1e-12
-# Without the posterior of the components.
-ANCHOR_INPUTS = 22
 # Inputs that do not depend on the declaration, and that do.
 CONTEXT, PAIR = 7, 6
-# Difference of turn angles per tick [rad] below which a declaration costs little.
-NEGLIGIBLE_TURN = 1e-3
 COMPONENTS = 4
-# Of the standard deviations, relative to those that the bank states.
-INITIAL_LOG_SCALES = (0.0, 1.2, 2.4, 3.6)
-INITIAL_LOG_WEIGHTS = (0.0, -1.0, -3.0, -5.0)
 LOWER = torch.tril_indices(4, 4, -1, device="cpu")
-SMALLEST_SCALE, LARGEST_SCALE = -6.0, 9.0
 # Weight, mean, scales and correlations of a component.
 NUMBERS = 1 + 4 + 4 + LOWER.shape[1]
-# Of the stated variances, relative to R and to R / tau^2 of the thousandth part.
-FLOOR = 1e-3
 
 
 class Scales(NamedTuple):
@@ -103,8 +94,9 @@ def _log(values: FloatArray) -> FloatArray:
     return np.log(np.maximum(values, SMALLEST))
 
 
-def _log_odds(probability: FloatArray) -> FloatArray:
-    inside = np.clip(probability, SMALLEST, 1.0 - SMALLEST)
+def log_odds(probability: FloatArray, smallest: float = SMALLEST) -> FloatArray:
+    """Return the log-odds of probabilities, at least the smallest one away from 0 and 1."""
+    inside = np.clip(probability, smallest, 1.0 - smallest)
     return np.log(inside) - np.log1p(-inside)
 
 
@@ -132,7 +124,26 @@ def ratios(layout: Layout, rows: Observations, scales: Scales) -> tuple[FloatArr
     )
 
 
-def clipped(columns: Sequence[FloatArray]) -> NDArray[np.float32]:
+def posterior_within(posterior: FloatArray, modes: IntArray) -> FloatArray:
+    """Return the posterior (N, M) of the hypotheses of the type of each mode (N,), given this
+    type.
+    """
+    kind = mode_types(posterior.shape[1])
+    within = np.where(kind == kind[modes][:, None], posterior, 0.0)
+    within /= np.maximum(within.sum(-1, keepdims=True), SMALLEST)
+    return within
+
+
+def declaration_context(layout: Layout, rows: Observations, scales: Scales) -> list[FloatArray]:
+    """Return the arguments of `regret_inputs` after the turns for declarations at rows, (N,)
+    each.
+    """
+    motion, process, *_ = ratios(layout, rows, scales)
+    left = layout.read(rows, "ticks_left")
+    return [motion, process, left, scales.follows_bank, scales.anchor_aware]
+
+
+def clipped(columns: Sequence[FloatArray]) -> Float32Array:
     """Return inputs (..., K) within their limits from columns (...)."""
     return np.clip(np.stack(columns, axis=-1), -LIMIT, LIMIT).astype(np.float32)
 
@@ -158,7 +169,7 @@ def declared_side(layout: Layout, rows: Observations, last: LastRow) -> FloatArr
     """
     decided = layout.read(rows, "previous").argmax(-1)
     kind = mode_types(layout.hypotheses)
-    left, right = (last.posterior[:, kind == one].sum(-1) for one in (1, 2))
+    left, right = (last.posterior[:, kind == motion_type].sum(-1) for motion_type in (1, 2))
     return np.select([kind[decided] == 1, kind[decided] == 2, left < right], [1.0, -1.0, -1.0], 1.0)
 
 
@@ -168,7 +179,7 @@ def anchor_inputs(
     scales: Scales,
     last: LastRow,
     side: FloatArray,
-) -> NDArray[np.float32]:
+) -> Float32Array:
     """Return the inputs for the distribution of the anchor error, (N, 22 + C), at first rows of
     a segment (N, width).
 
@@ -180,13 +191,14 @@ def anchor_inputs(
     decided = layout.read(rows, "previous").argmax(-1)
     straight = decided == 0
     posterior = last.posterior
-    of_type = np.stack([posterior[:, kind == one].sum(-1) for one in range(3)], axis=-1)
+    of_type = np.stack(
+        [posterior[:, kind == motion_type].sum(-1) for motion_type in range(3)], axis=-1
+    )
     same = np.where(side > 0, 1, 2)
     other = np.where(side > 0, 2, 1)
     speed = layout.read(rows, "speed")
     turn = turns_per_tick(layout, rows, scales) * side[:, None]
-    within = np.where(kind == kind[decided][:, None], posterior, 0.0)
-    within /= np.maximum(within.sum(-1, keepdims=True), SMALLEST)
+    within = posterior_within(posterior, decided)
     deviation = turn - turn[tracks, decided][:, None]
     mean = (within * deviation).sum(-1)
     spread = np.sqrt((within * deviation**2).sum(-1))
@@ -197,11 +209,11 @@ def anchor_inputs(
     columns = [
         np.where(straight, 0.0, 0.5 * (_log(np.abs(turn[tracks, decided])) + 3.0)),
         straight.astype(np.float64),
-        0.2 * _log_odds(posterior[tracks, decided]),
-        0.2 * _log_odds(of_type[tracks, kind[decided]]),
+        0.2 * log_odds(posterior[tracks, decided]),
+        0.2 * log_odds(of_type[tracks, kind[decided]]),
         *(of_type[:, 0], of_type[tracks, same], of_type[tracks, other]),
         # Of the turn angles per tick.
-        *(np.arcsinh(30.0 * one) for one in (mean, spread)),
+        *(np.arcsinh(30.0 * angle) for angle in (mean, spread)),
         0.5 * (np.log(np.maximum(last.ticks, 1.0)) - 3.0),
         0.5 * (np.log1p(last.ticks_left) - 4.0),
         0.5 * (position + 2.0),
@@ -238,7 +250,8 @@ class RegretNet(nn.Module):
 
         It is zero where the declared and the true turn do not differ.
         """
-        share = 1.0 - torch.exp(-(difference / NEGLIGIBLE_TURN).square())
+        # Below a difference of 1e-3 rad a tick a declaration costs little.
+        share = 1.0 - torch.exp(-(difference / 1e-3).square())
         excess: Tensor = nn.functional.softplus(self.excess(torch.cat([context, pair], dim=-1)))
         return share * excess.squeeze(-1)
 
@@ -263,7 +276,7 @@ def regret_inputs(*values: FloatArray) -> tuple[Tensor, Tensor, Tensor]:
     difference = np.abs(declared - true)
 
     def log_turn(turn: FloatArray) -> FloatArray:
-        return np.where(turn == 0.0, 0.0, 0.5 * (np.log(np.maximum(np.abs(turn), 1e-12)) + 3.0))
+        return np.where(turn == 0.0, 0.0, 0.5 * (_log(np.abs(turn)) + 3.0))
 
     log_difference = np.log(np.maximum(difference, 1e-6))
     context = [
@@ -294,18 +307,18 @@ class AnchorNet(nn.Module):
 
     def __init__(self, hidden: int):
         super().__init__()
-        self.inputs = ANCHOR_INPUTS + COMPONENTS
+        self.inputs = 22 + COMPONENTS
         self.layers = nn.Sequential(
             nn.Linear(self.inputs, hidden),
             nn.Tanh(),
             nn.Linear(hidden, hidden),
             nn.Tanh(),
         )
-        self.output = nn.Linear(hidden, COMPONENTS * NUMBERS)
-        nn.init.zeros_(self.output.weight)
+        self.output = zero_layer(hidden, COMPONENTS * NUMBERS)
         bias = torch.zeros(COMPONENTS, NUMBERS)
-        bias[:, 0] = torch.tensor(INITIAL_LOG_WEIGHTS)
-        bias[:, 5:9] = torch.tensor(INITIAL_LOG_SCALES)[:, None]
+        bias[:, 0] = torch.tensor((0.0, -1.0, -3.0, -5.0))
+        # Of the standard deviations, relative to those that the bank states.
+        bias[:, 5:9] = torch.tensor((0.0, 1.2, 2.4, 3.6))[:, None]
         with torch.no_grad():
             self.output.bias.copy_(bias.flatten())
 
@@ -316,7 +329,7 @@ class AnchorNet(nn.Module):
         The inputs are (n, 22 + C), see `anchor_inputs`.
         """
         numbers = self.output(self.layers(inputs)).unflatten(-1, (COMPONENTS, NUMBERS))
-        scale = numbers[..., 5:9].clamp(SMALLEST_SCALE, LARGEST_SCALE).exp()
+        scale = numbers[..., 5:9].clamp(-6.0, 9.0).exp()
         factor = torch.diag_embed(torch.ones_like(scale))
         factor[..., LOWER[0], LOWER[1]] = numbers[..., 9:]
         return (
@@ -342,7 +355,7 @@ class AnchorNet(nn.Module):
     @torch.no_grad()
     def anchors(
         self,
-        inputs: NDArray[np.float32],
+        inputs: Float32Array,
         whitener: FloatArray,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return log weights (n, C), mean errors (n, C, 4) and covariances (n, C, 4, 4) in the
@@ -374,9 +387,10 @@ def stated_factor(
     """
     covariance = stated_covariance(layout, rows)
     noise = np.exp(layout.read(rows, "log_noise"))
+    # Relative to R, and to R / tau^2 of the thousandth part.
     for k, floor in (
-        (0, FLOOR * noise),
-        (1, FLOOR * noise / (1000.0 * tau**2)),
+        (0, 1e-3 * noise),
+        (1, 1e-3 * noise / (1000.0 * tau**2)),
     ):
         for axis in (k, k + 2):
             covariance[:, axis, axis] = np.maximum(covariance[:, axis, axis], floor)

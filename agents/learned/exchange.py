@@ -2,12 +2,10 @@
 ONNX files.
 """
 
-import itertools
 import pickle
 import re
 import warnings
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,27 +22,22 @@ from agents.learned.policy import VALUE_THRESHOLDS, actor_decider, check_actions
 from agents.learned.policy_file import (
     LARGEST_FILE,
     LARGEST_WIDTH,
-    LAYOUTS,
     check_finite,
     first_line,
     load_weights,
 )
 from agents.learned.torch_defaults import own_defaults
 from agents.learned.zip_file import read_model
-from baselines.rules.decider import DeciderFamily
-from baselines.rules.own import own_family
+from baselines.rules.decider import Decider
+from baselines.rules.external import external_decider
 from hybrid_env.checks import ArgumentError, reject
 
 HOW_TO_TRUST = "--trust unpickles it, which runs the code in the file"
-# Of QR-DQN, by default.
-QUANTILES = 200
 ACTIVATIONS = {
     kind.__name__: kind for kind in (nn.Tanh, nn.ReLU, nn.ELU, nn.LeakyReLU, nn.SiLU, nn.GELU)
 }
 STATISTICS = "vecnormalize.pkl", "vec_normalize.pkl"
 """Usual names of the file of `VecNormalize`."""
-HEADS = {"pi": "policy_net", "vf": "value_net"}
-VALUE_NETS = {"q_net.q_net": "DQN", "quantile_net.quantile_net": "QR-DQN"}
 
 
 class RowNetwork(nn.Module):
@@ -64,8 +57,8 @@ class RowNetwork(nn.Module):
 
 
 @own_defaults()
-def exchanged_family(path: Path, options: Any) -> DeciderFamily:
-    """Return the policy of a file at any threshold.
+def exchanged_decider(path: Path, options: Any) -> Decider:
+    """Return the policy of a file as a decider.
 
     An actor has thresholds on its log-odds, a network of action values on their differences; an
     ONNX file that returns actions has none. Nothing is unpickled but tensors, unless policies are
@@ -75,7 +68,7 @@ def exchanged_family(path: Path, options: Any) -> DeciderFamily:
     if not path.is_file() or path.stat().st_size > LARGEST_FILE:
         raise reject("decider", str(path), f"a file of at most {LARGEST_FILE:,} bytes")
     try:
-        family = (_from_zip if path.suffix == ".zip" else _from_onnx)(path, options)
+        decider: Decider = (_from_zip if path.suffix == ".zip" else _from_onnx)(path, options)
     except ArgumentError as error:
         raise ArgumentError(f"{path.name}: {error}") from error
     except ImportError as error:
@@ -86,15 +79,10 @@ def exchanged_family(path: Path, options: Any) -> DeciderFamily:
             str(path),
             f"a policy that can be read ({first_line(error)})",
         ) from error
-    if family.hypotheses not in (None, options.hypotheses):
-        allowed = (
-            f"a policy for {options.hypotheses} hypotheses; this one is for {family.hypotheses}"
-        )
-        raise reject("decider", str(path), allowed)
-    return family
+    return decider
 
 
-def _from_zip(path: Path, options: Any) -> DeciderFamily:
+def _from_zip(path: Path, options: Any) -> Decider:
     """Return the policy that a model of Stable-Baselines3 or sb3-contrib saved."""
     if trusted():
         return _unpickled(path, options)
@@ -103,12 +91,15 @@ def _from_zip(path: Path, options: Any) -> DeciderFamily:
         where = _statistics_file(path) or f"a {STATISTICS[0]} beside it"
         _warn_of_raw_rows(path, f"--trust unpickles their statistics from {where}")
     kwargs = data.get("policy_kwargs") or {}
-    for name, kind in VALUE_NETS.items():
+    for name in ("q_net.q_net", "quantile_net.quantile_net"):
         if f"{name}.0.weight" in weights:
-            values = _value_network(weights, name, kwargs, quantiles=kind == "QR-DQN")
-            family = _actor(values, path, options)
-            return replace(family, symbol="value difference", thresholds=VALUE_THRESHOLDS)
-    layers = {head: _layers(weights, f"mlp_extractor.{net}") for head, net in HEADS.items()}
+            values = _value_network(weights, name, kwargs)
+            actor = _actor(values, path, options)
+            return actor.changed(symbol="value difference", thresholds=VALUE_THRESHOLDS)
+    layers = {
+        head: _layers(weights, f"mlp_extractor.{net}")
+        for head, net in (("pi", "policy_net"), ("vf", "value_net"))
+    }
     widths = {
         head: [len(weights[f"{layer}.bias"]) for layer in each] for head, each in layers.items()
     }
@@ -118,7 +109,11 @@ def _from_zip(path: Path, options: Any) -> DeciderFamily:
         "activation_fn": _activation(kwargs, nn.Tanh),
     }
     lstm = weights.get("lstm_actor.weight_ih_l0")
+    kind: Any = ActorCriticPolicy
     if lstm is not None:
+        from sb3_contrib.ppo_recurrent import MlpLstmPolicy
+
+        kind = MlpLstmPolicy
         settings |= {
             "lstm_hidden_size": lstm.shape[0] // 4,
             "n_lstm_layers": sum(name.startswith("lstm_actor.weight_ih") for name in weights),
@@ -131,15 +126,12 @@ def _from_zip(path: Path, options: Any) -> DeciderFamily:
     first = weights[f"{(*layers['pi'], 'action_net')[0]}.weight"] if lstm is None else lstm
     width = first.shape[1]
     actions = len(weights["action_net.bias"])
-    if (
-        max(width, actions, settings.get("lstm_hidden_size", 0), *widths["pi"], *widths["vf"])
-        > LARGEST_WIDTH
-    ):
-        raise ValueError(f"it is wider than {LARGEST_WIDTH}")
-    if _size(width, actions, settings) > sum(tensor.numel() for tensor in weights.values()):
-        raise ValueError(f"its layers are larger than its weights; {HOW_TO_TRUST}")
+    sizes = [width, actions, settings.get("lstm_hidden_size", 0), *widths["pi"], *widths["vf"]]
+    # Its layers are created before they are compared with the weights.
+    if max(sizes) > LARGEST_WIDTH or len(sizes) > 20 or settings.get("n_lstm_layers", 0) > 4:
+        raise ValueError(f"it is wider than {LARGEST_WIDTH}, or has too many layers")
     space = spaces.Box(-np.inf, np.inf, (width,), np.float32)
-    policy = make_policy(space, spaces.Discrete(actions), settings, kind=_policy_class(lstm))
+    policy = make_policy(space, spaces.Discrete(actions), settings, kind=kind)
     try:
         load_weights(policy, weights)
     except ValueError as error:
@@ -147,77 +139,49 @@ def _from_zip(path: Path, options: Any) -> DeciderFamily:
     return _actor(policy, path, options)
 
 
-def _policy_class(lstm: Tensor | None) -> Any:
-    if lstm is None:
-        return ActorCriticPolicy
-    from sb3_contrib.ppo_recurrent import MlpLstmPolicy
-
-    return MlpLstmPolicy
-
-
-def _actor(policy: Any, path: Path, options: Any) -> DeciderFamily:
-    """Return a policy at any threshold, after a call with two rows."""
-    task, (width,), actions = (
-        options.switches,
-        policy.observation_space.shape,
-        int(policy.action_space.n),
-    )
-    check_actions(actions, LAYOUTS[task].of_width(width).hypotheses, task)
+def _actor(policy: Any, path: Path, options: Any) -> Decider:
+    """Return a policy as a decider, after a call with two rows."""
+    (width,) = policy.observation_space.shape
+    actions = int(policy.action_space.n)
+    check_actions(actions, width, options.switches)
     policy.eval()
-    decider = actor_decider(policy, task)
+    decider = actor_decider(policy, options.switches)
     logits, _ = decider.logits(np.zeros((2, width), np.float32))
     if logits.shape != (2, actions) or not np.isfinite(logits).all():
         raise ValueError(
             f"it returns {logits.shape} numbers for two rows, or some that are not finite"
         )
-    return decider.trained(path.stem)
-
-
-def _size(width: int, actions: int, settings: dict[str, Any]) -> int:
-    """Return the number of weights of an actor and its critic with some settings, at least."""
-    hidden = settings.get("lstm_hidden_size", 0)
-    size = 0
-    first = hidden or width
-    for head, outputs in (
-        ("pi", actions),
-        ("vf", 1),
-    ):
-        sizes = [first, *settings["net_arch"][head], outputs]
-        size += sum((given + 1) * units for given, units in itertools.pairwise(sizes))
-    recurrent = settings.get("n_lstm_layers", 0) * (1 + settings.get("enable_critic_lstm", False))
-    return size + recurrent * 4 * hidden * (hidden + 2) + bool(hidden) * 4 * hidden * width
+    return decider.changed(title=path.stem)
 
 
 def _layers(weights: dict[str, Tensor], name: str) -> list[str]:
     """Return the names of the linear layers of a network, from its input on."""
-    found = [
+    layers = [
         key.removesuffix(".bias") for key in weights if re.fullmatch(rf"{name}\.\d+\.bias", key)
     ]
-    return sorted(found, key=lambda one: int(one.split(".")[-1]))
+    return sorted(layers, key=lambda layer: int(layer.split(".")[-1]))
 
 
 def _value_network(
     weights: dict[str, Tensor],
     name: str,
     kwargs: Any,
-    quantiles: bool,
 ) -> RowNetwork:
     """Return the network of the action values of DQN, or of the means of the quantiles of
     QR-DQN.
     """
     layers: list[nn.Module] = []
     for key in _layers(weights, name):
-        own = {part: weights[f"{key}.{part}"] for part in ("weight", "bias")}
-        outputs, inputs = own["weight"].shape
-        layer = nn.Linear(inputs, outputs)
-        load_weights(layer, own)
+        parts = {part: weights[f"{key}.{part}"] for part in ("weight", "bias")}
+        outputs, inputs = parts["weight"].shape
+        layer = nn.Linear(inputs, outputs, device="meta")
+        load_weights(layer, parts)
         layers += [layer, _activation(kwargs, nn.ReLU)()]
     network = nn.Sequential(*layers[:-1])
     width = weights[f"{name}.0.weight"].shape[1]
-    if not quantiles:
+    if not name.startswith("quantile"):
         return RowNetwork(network, width, outputs)
-    given = re.search(r"\d+", str(kwargs.get("n_quantiles", QUANTILES)))
-    count = int(given[0]) if given else QUANTILES
+    count = int(kwargs.get("n_quantiles", 200))
     return RowNetwork(
         lambda rows: network(rows).view(len(rows), count, -1).mean(1),
         width,
@@ -233,7 +197,7 @@ def _activation(kwargs: Any, default: type[nn.Module]) -> type[nn.Module]:
     return ACTIVATIONS[name]
 
 
-def _unpickled(path: Path, options: Any) -> DeciderFamily:
+def _unpickled(path: Path, options: Any) -> Decider:
     """Return the policy of a zip file as the library makes it, with the classes in the file."""
     from stable_baselines3.common.save_util import load_from_zip_file
 
@@ -249,14 +213,14 @@ def _unpickled(path: Path, options: Any) -> DeciderFamily:
         _normalise(policy, path)
     if hasattr(policy, "action_net") and hasattr(policy, "mlp_extractor"):
         return _actor(policy, path, options)
-    return replace(own_family(policy, str(path), options), name=path.stem)
+    return external_decider(policy, str(path), options).changed(title=path.stem)
 
 
-def _from_onnx(path: Path, options: Any) -> DeciderFamily:
+def _from_onnx(path: Path, options: Any) -> Decider:
     """Return the policy of an ONNX file: logits as an actor, actions as they are."""
     network, (width, *actions) = read_network(path)
     if not actions:
-        return replace(own_family(network, str(path), options), name=path.stem)
+        return external_decider(network, str(path), options).changed(title=path.stem)
     return _actor(
         RowNetwork(lambda rows: torch.from_numpy(network(rows.numpy())), width, *actions),
         path,

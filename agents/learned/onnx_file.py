@@ -15,13 +15,6 @@ from agents.learned.policy_file import LARGEST_FILE, LARGEST_WEIGHT, LARGEST_WID
 
 # Bytes of a file, of which a parser needs a hundred times as many.
 LARGEST_MODEL = 2**23
-MOST_NODES = 2000
-# Bytes of the first call.
-MEMORY = 3 * LARGEST_FILE
-# Of the first call.
-SECONDS = 2.0
-# Level of the messages that ONNX Runtime prints.
-FATAL = 4
 _NAMES = (
     # Arithmetic.
     "Abs Add Ceil Clip Div Erf Exp Floor Log Max Mean Min Mod Mul Neg Pow Reciprocal Round Sign"
@@ -82,7 +75,8 @@ def _settings() -> Any:
 
     settings = onnxruntime.SessionOptions()
     settings.intra_op_num_threads = settings.inter_op_num_threads = 1
-    settings.log_severity_level = FATAL
+    # Fatal errors only.
+    settings.log_severity_level = 4
     return settings
 
 
@@ -92,7 +86,7 @@ def _limit_memory() -> None:
     import onnxruntime
 
     kinds = onnxruntime.OrtAllocatorType.ORT_ARENA_ALLOCATOR, onnxruntime.OrtMemType.DEFAULT
-    limits = onnxruntime.OrtArenaCfg({"max_mem": MEMORY, "arena_extend_strategy": 1})
+    limits = onnxruntime.OrtArenaCfg({"max_mem": 3 * LARGEST_FILE, "arena_extend_strategy": 1})
     onnxruntime.create_and_register_allocator(
         onnxruntime.OrtMemoryInfo("Cpu", kinds[0], 0, kinds[1]),
         limits,
@@ -107,10 +101,8 @@ def _checked_model(path: Path) -> bytes:
         raise ValueError(f"it is larger than {LARGEST_MODEL:,} bytes: export it with external data")
     model = onnx.load(path, load_external_data=False)
     nodes = model.graph.node
-    if len(nodes) > MOST_NODES or model.functions or model.graph.sparse_initializer:
-        raise ValueError(
-            f"it has more than {MOST_NODES} nodes, functions of its own or sparse weights"
-        )
+    if len(nodes) > 2000 or model.functions or model.graph.sparse_initializer:
+        raise ValueError("it has more than 2000 nodes, functions of its own or sparse weights")
     for node in nodes:
         if node.domain not in ("", "ai.onnx") or node.op_type not in OPERATORS:
             raise ValueError(
@@ -171,7 +163,7 @@ def _check_calls(session: Any) -> tuple[int, ...]:
     # Not two rows alone, for which two numbers would do.
     for count in (2, 3):
         running = onnxruntime.RunOptions()
-        stop = threading.Timer(SECONDS, setattr, (running, "terminate", True))
+        stop = threading.Timer(2.0, setattr, (running, "terminate", True))
         stop.start()
         try:
             values = session.run(

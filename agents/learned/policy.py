@@ -1,14 +1,11 @@
 """A trained actor of Stable-Baselines3 as a decider, and its file."""
 
-import functools
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from gymnasium import spaces
-from numpy.typing import NDArray
 from scipy.special import softmax
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
@@ -17,18 +14,17 @@ from torch import Tensor
 from agents.learned.policy_file import (
     LARGEST_WIDTH,
     LAYOUTS,
-    card_task,
+    SavedPolicy,
     load_weights,
-    save_policy,
     unreadable_policy,
 )
 from agents.learned.torch_defaults import NetworkDecider, own_defaults
-from baselines.rules.decider import ANNOUNCED, UNKNOWN, Actions, DeciderFamily, Observations
+from baselines.rules.decider import ANNOUNCED, UNKNOWN, Actions, Observations
 from baselines.rules.msprt import mode_types
 from baselines.rules.threshold import read_statement
-from hybrid_env.checks import FloatArray, check_integer, reject
+from hybrid_env.checks import BoolArray, FloatArray, check_integer, reject
 from hybrid_env.observation import Layout
-from hybrid_env.rendering.evidence import EvidencePanel, Threshold, probability_panel
+from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
 
 # Wait, straight, left, right.
 TYPE_ACTIONS = 4
@@ -137,22 +133,14 @@ class ActorDecider(NetworkDecider):
     symbol = "log-odds"
 
     def __init__(self, policy: Any, threshold: float = 0.0):
-        self.policy, self.threshold = policy, threshold
+        super().__init__(threshold)
+        self.policy = policy
+        width = policy.observation_space.shape[0]
+        self.hypotheses: int = LAYOUTS[self.task].of_width(width).hypotheses
         self.generator = np.random.default_rng(0)
-
-    def trained(self, name: str) -> DeciderFamily:
-        """Return the policy at any threshold."""
-        symbol, grid = self.symbol, self.thresholds
-        if value_network(self.policy) is not None:
-            symbol = "value difference"
-            grid = VALUE_THRESHOLDS
-        make = functools.partial(type(self), self.policy)
-        return DeciderFamily(name, symbol, grid, self.default, make, self.hypotheses)
-
-    @property
-    def hypotheses(self) -> int:
-        """Number M of hypotheses that the policy was trained for."""
-        return LAYOUTS[self.task].of_width(self.policy.observation_space.shape[0]).hypotheses
+        if value_network(policy) is not None:
+            self.symbol = "value difference"
+            self.thresholds = VALUE_THRESHOLDS
 
     @torch.no_grad()
     def logits(
@@ -210,7 +198,7 @@ class ActorDecider(NetworkDecider):
         logits, state = self.logits(observation, state, episode_start)
         return self.choose(logits, observation, deterministic), state
 
-    def select_tracks(self, state: Any, tracks: NDArray[np.bool_]) -> Any:
+    def select_tracks(self, state: Any, tracks: BoolArray) -> Any:
         return None if state is None else tuple(part[:, torch.from_numpy(tracks)] for part in state)
 
 
@@ -263,13 +251,8 @@ class PolicyDecider(ActorDecider):
         """Return the panel of `evidence`; one curve for all hypotheses if the bank chooses the
         one.
         """
-        return EvidencePanel(
-            label="log-odds of declaring against waiting",
-            limits=(self.threshold - 15.0, self.threshold + 5.0),
-            curves="single" if self.policy.action_space == spaces.Discrete(2) else "hypothesis",
-            thresholds=(Threshold(np.array([self.threshold])),),
-            legend=f"threshold {self.threshold:g}",
-        )
+        single = self.policy.action_space == spaces.Discrete(2)
+        return self.log_odds_panel(15.0, 5.0, "single" if single else "hypothesis")
 
     def evidence(
         self,
@@ -326,41 +309,21 @@ def actor_decider(policy: Any, task: str) -> ActorDecider:
     return kind(policy)
 
 
-def save_actor(
-    folder: Path,
-    policy: BasePolicy,
-    card: dict[str, Any],
-    task: str = ANNOUNCED,
-) -> None:
-    """Write weights and card; see `save_policy`."""
-    row = policy.observation_space
-    actions = policy.action_space
-    assert isinstance(row, spaces.Box)
-    assert isinstance(actions, spaces.Discrete)
-    card = card | {"observation_width": row.shape[0], "actions": int(actions.n)}
-    save_policy(folder, policy.state_dict(), card, task)
-
-
 @own_defaults()
 def load_actor(
-    folder: Path,
-    weights: dict[str, Tensor],
-    card: dict[str, Any],
+    saved: SavedPolicy,
     kind: Any,
     check_network: Callable[[Any], None],
 ) -> BasePolicy:
-    """Return the policy for the weights and card that `policy_file.load_policy` read; refuse
-    them if they differ.
+    """Return the policy of weights and card; refuse them if they differ.
 
     Args:
-        folder: for messages.
-        weights, card: of the policy.
+        saved: weights and card.
         kind: class of the policy.
         check_network: raises `ArgumentError` for keyword arguments that are not allowed.
     """
     try:
-        entry = card["recipe"]["entry"]
-        task = card_task(card)
+        entry, task, card = saved.entry, saved.task, saved.card
         keywords = entry["policy_kwargs"]
         check_network(keywords)
         if issubclass(kind, ActorCriticPolicy):
@@ -368,7 +331,7 @@ def load_actor(
             keywords = keywords | {"ortho_init": False}
         width = check_integer("observation_width", card["observation_width"], maximum=LARGEST_WIDTH)
         actions = check_integer("actions", card["actions"], maximum=LARGEST_WIDTH)
-        check_actions(actions, LAYOUTS[task].of_width(width).hypotheses, task)
+        check_actions(actions, width, task)
         space = spaces.Box(-np.inf, np.inf, (width,), np.float32)
         observe = tuple(entry.get("observe", ()))
         # The limits on widths and layers keep this below 200 MB, whatever the card says.
@@ -380,15 +343,16 @@ def load_actor(
             kind,
             LAYOUTS[task],
         )
-        load_weights(policy, weights)
+        load_weights(policy, saved.weights)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        raise unreadable_policy(folder, error) from None
+        raise unreadable_policy(saved.folder, error) from None
     policy.set_training_mode(False)
     return policy
 
 
-def check_actions(actions: int, hypotheses: int, task: str) -> None:
-    """Raise `ArgumentError` if an actor cannot have this number of actions for M hypotheses."""
+def check_actions(actions: int, width: int, task: str) -> None:
+    """Raise `ArgumentError` if an actor cannot have this number of actions for rows (N, width)."""
+    hypotheses = LAYOUTS[task].of_width(width).hypotheses
     allowed = (hypotheses,) if task == UNKNOWN else (2, TYPE_ACTIONS, hypotheses + 1)
     if actions not in allowed:
         raise reject("actions", actions, " or ".join(map(str, allowed)))

@@ -2,13 +2,14 @@
 
 import platform
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar
 
 import torch
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from agents.algorithms import find_algorithm
@@ -25,14 +26,10 @@ LAYOUTS: dict[str, type[Layout]] = {ANNOUNCED: Layout, UNKNOWN: QuickestLayout}
 
 # Bytes.
 LARGEST_FILE = 2**27
-# Bytes.
-LARGEST_HEADER = 2**20
 # Units of a hidden layer.
 LARGEST_HIDDEN = 512
 # Of an observation row.
 LARGEST_WIDTH = 2000
-# Characters of a reason in a message.
-LONGEST_LINE = 200
 # Decisions of larger weights could overflow.
 LARGEST_WEIGHT = 1e6
 
@@ -64,16 +61,37 @@ def _scales(layout: type[Layout]) -> dict[str, float]:
     return layout.hypothesis_features | layout.track_features
 
 
-def card_task(card: Mapping[str, Any]) -> str:
-    """Return the task that a policy was trained for, from a card of `load_policy`."""
-    tasks: tuple[str, ...] = find_algorithm(card["recipe"]["entry"]["algo"]).tasks
-    if tasks[0] not in LAYOUTS:
-        return tasks[0]
-    return next(task for task in tasks if card["observation_scales"] == _scales(LAYOUTS[task]))
+@dataclass(frozen=True)
+class SavedPolicy:
+    """Weights and card of an agent, see `load_policy`."""
+
+    folder: Path
+    card: dict[str, Any]
+    # Class of the training algorithm.
+    algorithm: Any
+    weights: dict[str, Tensor]
+
+    @property
+    def entry(self) -> dict[str, Any]:
+        """Hyper-parameters on the card."""
+        entry: dict[str, Any] = self.card["recipe"]["entry"]
+        return entry
+
+    @property
+    def layouts(self) -> dict[str, type[Layout]]:
+        """Layouts of the rows that the agent may read, by task; none if it reads no rows."""
+        return {task: LAYOUTS[task] for task in self.algorithm.tasks if task in LAYOUTS}
+
+    @property
+    def task(self) -> str:
+        """What the agent was trained for, see `Decider.task`."""
+        scales = self.card.get("observation_scales")
+        tasks = [task for task, layout in self.layouts.items() if _scales(layout) == scales]
+        return tasks[0] if tasks else str(self.algorithm.tasks[0])
 
 
 @own_defaults()
-def load_policy(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
+def load_policy(folder: Path) -> SavedPolicy:
     """Read weights and card of any agent; refuse damaged files, and a policy trained with other
     observation scales.
     """
@@ -82,29 +100,29 @@ def load_policy(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
         algo = card["recipe"]["entry"]["algo"]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise unreadable_policy(folder, error) from None
-    rows = [LAYOUTS[task] for task in find_algorithm(algo).tasks if task in LAYOUTS]
+    policy = SavedPolicy(folder, card, find_algorithm(algo), {})
+    layouts = [_scales(layout) for layout in policy.layouts.values()]
     try:
-        is_known = not rows or card["observation_scales"] in [_scales(layout) for layout in rows]
+        is_known = not layouts or card["observation_scales"] in layouts
         weights = _read_tensors(folder / WEIGHTS)
     except (OSError, ValueError, KeyError, TypeError, SafetensorError) as error:
         raise unreadable_policy(folder, error) from None
     if not is_known:
         allowed = "a policy trained with the current observation scales; this one has other scales"
         raise reject("run", str(folder), allowed)
-    return weights, card
+    return replace(policy, weights=weights)
 
 
 def _read_tensors(path: Path) -> dict[str, Tensor]:
-    """Read tensors of finite float32 numbers; others raise `OSError`, `SafetensorError` or
-    `ValueError`.
-    """
-    check_tensor_file(path, LARGEST_FILE)
-    tensors = {}
-    with safe_open(path, framework="pt") as file:
-        for name in file.keys():  # noqa: SIM118
-            if file.get_slice(name).get_dtype() != "F32":
-                raise ValueError(f"{name} in {path.name} is not of float32 numbers")
-            tensors[name] = check_finite(f"{name} in {path.name}", file.get_tensor(name))
+    """Read tensors of finite float32 numbers; others raise `SafetensorError` or `ValueError`."""
+    # A named pipe would wait for its writer.
+    if not path.is_file() or path.stat().st_size > LARGEST_FILE:
+        raise ValueError(f"{path.name} is missing or larger than {LARGEST_FILE:,} bytes")
+    tensors: dict[str, Tensor] = load_file(path)
+    for name, tensor in tensors.items():
+        if tensor.dtype != torch.float32:
+            raise ValueError(f"{name} in {path.name} is not of float32 numbers")
+        check_finite(f"{name} in {path.name}", tensor)
     return tensors
 
 
@@ -115,43 +133,21 @@ def check_finite(name: str, weights: Tensor) -> Tensor:
     return weights
 
 
-def check_tensor_file(path: Path, largest: int) -> None:
-    """Raise `ValueError` if a safetensors file or its header is too large [bytes], before it is
-    read.
-    """
-    # A named pipe would wait for its writer.
-    if not path.is_file():
-        raise ValueError(f"{path.name} is missing or not a file")
-    with path.open("rb") as start:
-        header = int.from_bytes(start.read(8), "little")
-    if path.stat().st_size > largest or header > LARGEST_HEADER:
-        raise ValueError(
-            f"{path.name} is larger than {largest:,} bytes, or its header is too large"
-        )
-
-
 Network = TypeVar("Network", bound=torch.nn.Module)
 
 
 @own_defaults()
-def load_network(
-    folder: Path,
-    weights: Mapping[str, Tensor],
-    card: dict[str, Any],
-    kind: Callable[[int], Network],
-) -> Network:
-    """Return a network for the weights and card that `load_policy` read from a folder.
-
-    `kind` creates it with a number of hidden units; `ArgumentError` if weights and card do not
-    match.
+def load_network(policy: SavedPolicy, kind: Callable[[int], Network]) -> Network:
+    """Return the network of an agent, which `kind` creates with a number of hidden units;
+    `ArgumentError` if weights and card do not match.
     """
     try:
-        hidden = check_integer("hidden", card["recipe"]["entry"]["hidden"], maximum=LARGEST_HIDDEN)
+        hidden = check_integer("hidden", policy.entry["hidden"], maximum=LARGEST_HIDDEN)
         with torch.device("meta"):
             net = kind(hidden)
-        load_weights(net, weights)
+        load_weights(net, policy.weights)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        raise unreadable_policy(folder, error) from None
+        raise unreadable_policy(policy.folder, error) from None
     net.eval()
     return net
 
@@ -161,10 +157,10 @@ def load_weights(module: torch.nn.Module, weights: Mapping[str, Tensor]) -> None
     shapes differ.
     """
     expected = {name: tuple(tensor.shape) for name, tensor in module.state_dict().items()}
-    found = {name: tuple(tensor.shape) for name, tensor in weights.items()}
-    for name in sorted(expected | found):
-        if found.get(name) != expected.get(name):
-            shapes = f"{found.get(name)}, not {expected.get(name)}"
+    given = {name: tuple(tensor.shape) for name, tensor in weights.items()}
+    for name in sorted(expected | given):
+        if given.get(name) != expected.get(name):
+            shapes = f"{given.get(name)}, not {expected.get(name)}"
             raise ValueError(f"weights {name} have the shape {shapes} as on the card")
     module.load_state_dict(weights, assign=True)
 
@@ -176,5 +172,5 @@ def unreadable_policy(folder: Path, error: Exception) -> ValueError:
 
 
 def first_line(error: Exception) -> str:
-    """Return the first line of an error message, cut to `LONGEST_LINE` characters."""
-    return (str(error).splitlines() or [type(error).__name__])[0][:LONGEST_LINE]
+    """Return the first line of an error message, of at most 200 characters."""
+    return (str(error).splitlines() or [type(error).__name__])[0][:200]

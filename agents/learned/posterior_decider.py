@@ -1,16 +1,15 @@
 """Base class of the learned deciders that compare an error probability with a threshold."""
 
 import copy
-import functools
 from abc import abstractmethod
 from typing import Any, ClassVar
 
 import numpy as np
 
 from agents.learned.torch_defaults import NetworkDecider
-from baselines.rules.decider import Actions, DeciderFamily, Observations
-from baselines.rules.msprt import FEW_ALPHAS, mode_types, posterior_of
-from hybrid_env.checks import FloatArray, IntArray, reject
+from baselines.rules.decider import Actions, Observations
+from baselines.rules.msprt import FEW_ALPHAS, error_and_best, mode_types, posterior_of
+from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel
@@ -23,28 +22,17 @@ class PosteriorDecider(NetworkDecider):
     """
 
     symbol = "alpha"
-    thresholds: ClassVar[tuple[float, ...]] = FEW_ALPHAS
+    thresholds: tuple[float, ...] = FEW_ALPHAS
     default = 0.02
+    bounds = 1e-300, 1.0
     label: ClassVar[str]
     """Of the posterior in figures."""
 
-    def __init__(self, net: Any, world: WorldOptions, alpha: float = 0.02):
-        if not 0.0 < alpha <= 1.0:
-            raise reject("alpha", alpha, "a number above 0, at most 1")
-        self.net, self.world, self.alpha = net, world, alpha
+    def __init__(self, net: Any, world: WorldOptions, threshold: float | None = None):
+        super().__init__(threshold)
+        self.net, self.world = net, world
         self.by_type = world.correctness == "type"
         self.layout = Layout(world.hypotheses)
-
-    @classmethod
-    def trained(cls, name: str, net: Any, options: WorldOptions) -> DeciderFamily:
-        """Return a network at any threshold, for the options of an environment."""
-        return DeciderFamily(
-            name,
-            cls.symbol,
-            cls.thresholds,
-            cls.default,
-            functools.partial(cls, net, options),
-        )
 
     @abstractmethod
     def posterior(
@@ -55,14 +43,16 @@ class PosteriorDecider(NetworkDecider):
     ) -> tuple[FloatArray, Any]:
         """Return the posterior (N, M) after one tick, and the state."""
 
-    @abstractmethod
     def errors(
         self,
         observation: Observations,
         posterior: FloatArray,
         state: Any,
     ) -> tuple[FloatArray, IntArray]:
-        """Return the expected loss of a declaration (N,) and the hypothesis to declare (N,)."""
+        """Return the expected loss of a declaration (N,) and the hypothesis to declare (N,): by
+        default the likeliest one, or the best one of the likeliest type.
+        """
+        return error_and_best(posterior, self.by_type)
 
     def decide(
         self,
@@ -73,10 +63,10 @@ class PosteriorDecider(NetworkDecider):
         """See `Decider.decide`. The state is that of `posterior`."""
         posterior, state = self.posterior(observation, state, episode_start)
         error, best = self.errors(observation, posterior, state)
-        return np.where(error <= self.alpha, best + 1, 0), state
+        return np.where(error <= self.threshold, best + 1, 0), state
 
     def panel(self) -> EvidencePanel:
-        return posterior_panel(self.label, self.by_type, np.array([self.alpha]))
+        return posterior_panel(self.label, self.by_type, self.threshold)
 
     def evidence(
         self,

@@ -1,12 +1,11 @@
 """The statement network on a beam that learns an object's habits within the episode.
 
-The beam (`baselines.rules.adaptive_beam`) is smaller than that of the rule: fewer laws, and fewer
+The beam (`baselines.rules.beam`) is smaller than that of the rule: fewer laws, and fewer
 histories, which are joined (`baselines.rules.beam_joining`). Its probabilities of the modes are
 those that the network corrects, and what its histories say about age and end of the present segment
 are further inputs.
 """
 
-import functools
 import math
 from typing import Any
 
@@ -15,15 +14,14 @@ from numpy.typing import NDArray
 
 from agents.learned.statement_decider import StatementDecider
 from agents.learned.statement_net import INPUTS, LOWEST_LOG, StatementNet
-from baselines.rules.adaptive_beam import AdaptiveBeamDecider, Prior, mixed_prior
-from baselines.rules.beam import BeamState
+from baselines.rules.beam import BeamDecider, BeamState
 from baselines.rules.beam_filters import Branches
+from baselines.rules.beam_prior import mixed_prior
 from baselines.rules.decider import Observations
 from baselines.rules.measurements import run_compiled
-from hybrid_env.checks import FloatArray, reject
-from hybrid_env.core.compilation import compiled
-from hybrid_env.core.records import LANES
-from hybrid_env.durations import GeometricDurations, SimpleDurations, UniformDurations
+from hybrid_env.checks import Float32Array, FloatArray, reject
+from hybrid_env.compiled import LANES, compiled
+from hybrid_env.durations import GeometricDurations, UniformDurations
 from hybrid_env.quickest_options import QuickestOptions
 
 HABIT_INPUTS = (
@@ -37,41 +35,15 @@ HABIT_INPUTS = (
 `statement_net.HYPOTHESIS_INPUTS`.
 """
 
-BRANCHES, BRANCHES_PER_MODE = 16, 3
-# Ticks, of the shortest duration of a uniform law.
-SHORTEST, LONGEST = 14.0, 180.0
-WIDTHS = {
-    1.07: 0.07,
-    1.2: 0.13,
-    1.6: 0.25,
-    2.4: 0.4,
-}
-OFFSETS, MEANS = (0, 10, 25, 50, 80), (10, 20, 40, 80)
-# Probability of each kind.
-UNIFORM, GEOMETRIC = 0.32, 0.08
-# Laws of the recipe `statements`, likewise.
-KNOWN: dict[SimpleDurations, float] = {
-    GeometricDurations(50.0, 25): 0.3,
-    UniformDurations(50, 100): 0.3,
-}
-# See `adaptive_beam.Prior`.
-DIFFERENT, HABITUAL = 0.15, 0.4
-
-
-@functools.cache
-def prior() -> Prior:
-    """Return the prior of the beam; see `adaptive_beam.default_prior`."""
-    shares = UNIFORM, GEOMETRIC
-    return mixed_prior(
-        WIDTHS,
-        (SHORTEST, LONGEST),
-        OFFSETS,
-        MEANS,
-        shares,
-        KNOWN,
-        DIFFERENT,
-        HABITUAL,
-    )
+# The beam learns among fewer laws than that of the rule, with those of the recipe `statements`.
+PRIOR = mixed_prior(
+    widths=((1.07, 0.07), (1.2, 0.13), (1.6, 0.25), (2.4, 0.4)),
+    shortest=(14.0, 180.0),
+    offsets=(0, 10, 25, 50, 80),
+    means=(10, 20, 40, 80),
+    shares=(0.32, 0.08),
+    known=((GeometricDurations(50.0, 25), 0.3), (UniformDurations(50, 100), 0.3)),
+)._replace(different=0.15, habitual=0.4)
 
 
 class RhythmDecider(StatementDecider):
@@ -95,17 +67,17 @@ class RhythmDecider(StatementDecider):
         net: StatementNet,
         world: QuickestOptions,
         margin: float = 0.0,
-        branches: int = BRANCHES,
+        branches: int = 16,
     ):
         super().__init__(net, world, margin)
-        branches = max(branches, BRANCHES_PER_MODE * world.hypotheses)
-        self.beam = AdaptiveBeamDecider(world, branches=branches, joined=True, prior=prior())
+        branches = max(branches, 3 * world.hypotheses)
+        self.beam = BeamDecider(world, branches=branches, joined=True, prior=PRIOR)
 
     def observe(self, tracks: Any) -> FloatArray:
         """Return rows, and what the beam observes, (N, width)."""
         return np.hstack([tracks.take_rows(), self.beam.observe(tracks)])
 
-    def divide(self, observation: Observations) -> tuple[NDArray[np.float32], NDArray[Any] | None]:
+    def divide(self, observation: Observations) -> tuple[Float32Array, NDArray[Any] | None]:
         """See `StatementDecider.divide`."""
         width = self.layout.width
         if observation.ndim != 2 or observation.shape[1] <= width:
@@ -119,11 +91,11 @@ class RhythmDecider(StatementDecider):
 
     def filtered(
         self,
-        bank: NDArray[np.float64],
+        bank: FloatArray,
         seen: NDArray[Any] | None,
         filters: BeamState | None,
         episode_start: Any,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float32] | None, BeamState]:
+    ) -> tuple[FloatArray, Float32Array | None, BeamState]:
         """See `StatementDecider.filtered`."""
         assert seen is not None
         _, state = self.beam.decide(seen, filters, episode_start)
@@ -141,7 +113,7 @@ class RhythmDecider(StatementDecider):
         return self.beam.evidence(seen, None if state is None else state.filters, episode_start)
 
 
-def habit_inputs(branches: Branches, log_probability: FloatArray) -> NDArray[np.float32]:
+def habit_inputs(branches: Branches, log_probability: FloatArray) -> Float32Array:
     """Return the `HABIT_INPUTS` of all hypotheses, (N, M, 5).
 
     Args:

@@ -1,7 +1,6 @@
 """The statement network as a decider."""
 
-import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -9,11 +8,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from agents.learned.statement_net import INPUTS, StatementNet, count_ages, statement_inputs
+from agents.learned.statement_net import INPUTS, StatementNet, statement_inputs
 from agents.learned.torch_defaults import NetworkDecider
-from baselines.rules.decider import UNKNOWN, Actions, DeciderFamily, Observations
+from baselines.rules.decider import UNKNOWN, Actions, Observations
 from baselines.rules.threshold import read_statement
-from hybrid_env.checks import check_number, reject
+from hybrid_env.checks import BoolArray, Float32Array, FloatArray, IntArray, reject
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.quickest_options import QuickestOptions
 
@@ -44,7 +43,8 @@ class UtilityDecider(NetworkDecider):
     net: Any
 
     def __init__(self, net: Any, margin: float = 0.0):
-        self.net, self.margin = net, check_number("margin", margin)
+        super().__init__(margin)
+        self.net = net
 
     @classmethod
     def network(cls, hidden: int) -> Any:
@@ -53,22 +53,12 @@ class UtilityDecider(NetworkDecider):
         """
         return StatementNet(hidden, cls.inputs)
 
-    @classmethod
-    def trained(cls, name: str, net: Any, options: Any = None) -> DeciderFamily:
-        """Return a network at any margin, for the options of an environment if the decider takes
-        them.
-        """
-        make = (
-            functools.partial(cls, net) if options is None else functools.partial(cls, net, options)
-        )
-        return DeciderFamily(name, cls.symbol, cls.thresholds, cls.default, make)
-
     def largest(
         self,
-        utility: NDArray[np.float64],
-        stay: NDArray[np.float64],
+        utility: FloatArray,
+        stay: FloatArray,
         stated: Actions,
-        started: NDArray[np.bool_],
+        started: BoolArray,
     ) -> Actions:
         """Return the statements of N tracks, (N,).
 
@@ -78,7 +68,7 @@ class UtilityDecider(NetworkDecider):
             stated: (N,) last statements.
             started: (N,) whether there has been a statement.
         """
-        utility[np.arange(len(utility)), stated] += np.where(started, stay + self.margin, 0.0)
+        utility[np.arange(len(utility)), stated] += np.where(started, stay + self.threshold, 0.0)
         return utility.argmax(-1)
 
 
@@ -94,8 +84,8 @@ class StatementState:
     """
 
     memory: Tensor
-    best: NDArray[np.int64]
-    age: NDArray[np.int64]
+    best: IntArray
+    age: IntArray
     filters: Any = None
 
 
@@ -138,16 +128,14 @@ class StatementDecider(UtilityDecider):
             state = StatementState(torch.zeros(1, tracks * turns, hidden), *nothing)
         elif episode_start is not None and episode_start.any():
             going_on = torch.from_numpy(np.repeat(~episode_start, turns)).float()
-            best = np.where(episode_start, -1, state.best)
-            state = StatementState(
-                state.memory * going_on[None, :, None],
-                best,
-                state.age,
-                state.filters,
+            state = replace(
+                state,
+                memory=state.memory * going_on[None, :, None],
+                best=np.where(episode_start, -1, state.best),
             )
         bank = self.layout.read(rows, "log_probability")
         best = bank.argmax(-1)
-        age = count_ages(best, state.best, state.age)
+        age = np.where(best == state.best, state.age + 1, 1)
         log_probability, more, filters = self.filtered(bank, seen, state.filters, episode_start)
         inputs = torch.from_numpy(statement_inputs(self.world, rows, age, more)[None])
         outputs = self.net(inputs, torch.from_numpy(log_probability[None]).float(), state.memory)
@@ -160,7 +148,7 @@ class StatementDecider(UtilityDecider):
             filters,
         )
 
-    def divide(self, observation: Observations) -> tuple[NDArray[np.float32], NDArray[Any] | None]:
+    def divide(self, observation: Observations) -> tuple[Float32Array, NDArray[Any] | None]:
         """Return the rows (N, width) of an observation, and what else it contains."""
         rows = np.asarray(observation, np.float32)
         if rows.ndim != 2 or rows.shape[1] != self.layout.width:
@@ -169,11 +157,11 @@ class StatementDecider(UtilityDecider):
 
     def filtered(
         self,
-        bank: NDArray[np.float64],
+        bank: FloatArray,
         seen: NDArray[Any] | None,
         filters: Any,
         episode_start: Any,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float32] | None, Any]:
+    ) -> tuple[FloatArray, Float32Array | None, Any]:
         """Return log-probabilities (N, M) to correct, further inputs (N, M, k), and the state of
         own filters.
 

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from baselines.rules.msprt import mode_types
+from hybrid_env.checks import Float32Array, IntArray
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.quickest_options import QuickestOptions
 
@@ -36,37 +36,19 @@ TRACK_INPUTS = (
 INPUTS = 3 * len(HYPOTHESIS_INPUTS) + len(TRACK_INPUTS)
 # Index of the lateral innovation.
 ACROSS = 4
-LARGEST_INNOVATION = 6.0
 LOWEST_LOG = -15.0
-LOWEST_RATIO = -10.0
 # Magnitude of the inputs of the track.
 LARGEST_LOG = 10.0
-SMALLEST_SPEED = 1e-30
 # Of the outputs, so that they learn faster than the recurrent part.
 GAIN = 3.0
-INITIAL_STAY = 2.0
-
-
-def count_ages(
-    best: NDArray[np.int64],
-    previous: NDArray[np.int64],
-    age: NDArray[np.int64],
-) -> NDArray[np.int64]:
-    """Return the ticks for which the most probable mode has been the same, (N,).
-
-    Args:
-        best: (N,) most probable mode of this tick.
-        previous, age: (N,) of the last tick.
-    """
-    return np.where(best == previous, age + 1, 1)
 
 
 def statement_inputs(
     world: QuickestOptions,
-    rows: NDArray[np.float32],
-    ages: NDArray[np.int64],
-    more: NDArray[np.float32] | None = None,
-) -> NDArray[np.float32]:
+    rows: Float32Array,
+    ages: IntArray,
+    more: Float32Array | None = None,
+) -> Float32Array:
     """Return the inputs of each of the M - 1 turn hypotheses, (..., M - 1, 26 + 3 k).
 
     Args:
@@ -85,10 +67,10 @@ def statement_inputs(
     )
     n = each.shape[-1]
     out = turn_views(each, logs, (ACROSS,), len(TRACK_INPUTS))
-    speed = np.maximum(rows[..., layout.slices["speed"]], SMALLEST_SPEED)[..., None]
-    out[..., 3 * n] = 0.5 * _log(speed * np.float32(world.tau / noise_of(world)))[..., 0]
+    speed = np.maximum(rows[..., layout.slices["speed"]], 1e-30)
+    out[..., 3 * n] = 0.5 * _log(speed * np.float32(world.tau / noise_of(world)))
     turn_radii = np.tile(np.array(world.radii, np.float32), 2)
-    out[..., 3 * n + 1] = 0.5 * _log(speed[..., 0] * np.float32(world.tau) / turn_radii) + 1.5
+    out[..., 3 * n + 1] = 0.5 * _log(speed * np.float32(world.tau) / turn_radii) + 1.5
     return out
 
 
@@ -99,12 +81,12 @@ def noise_of(world: QuickestOptions) -> float:
 
 def _hypothesis_inputs(
     layout: QuickestLayout,
-    rows: NDArray[np.float32],
-    ages: NDArray[np.int64],
-) -> NDArray[np.float32]:
+    rows: Float32Array,
+    ages: IntArray,
+) -> Float32Array:
     """Return the inputs of all hypotheses, (..., M, 8), with innovations that are not mirrored."""
 
-    def block(name: str) -> NDArray[np.float32]:
+    def block(name: str) -> Float32Array:
         return rows[..., layout.slices[name]]
 
     log_probability = block("log_probability") / np.float32(layout.scales["log_probability"])
@@ -113,12 +95,12 @@ def _hypothesis_inputs(
     out = np.empty((*log_probability.shape, len(HYPOTHESIS_INPUTS)), np.float32)
     out[..., 0] = 2.0 * np.exp(log_probability) - 1.0
     out[..., 1] = np.maximum(log_probability, LOWEST_LOG) / 5.0
-    out[..., 2] = np.maximum(block("log_ratio"), LOWEST_RATIO) / 3.0
+    out[..., 2] = np.maximum(block("log_ratio"), -10.0) / 3.0
     for k, name in (
         (3, "innovation_along"),
         (ACROSS, "innovation_across"),
     ):
-        out[..., k] = 0.5 * np.clip(block(name), -LARGEST_INNOVATION, LARGEST_INNOVATION)
+        out[..., k] = 0.5 * np.clip(block(name), -6.0, 6.0)
     out[..., 5] = np.minimum(block("log_variance"), LARGEST_LOG)
     out[..., 6] = np.minimum(age / 100.0, 2.0)
     out[..., 7] = np.log(np.maximum(age, 1.0)) / 5.0
@@ -126,11 +108,11 @@ def _hypothesis_inputs(
 
 
 def turn_views(
-    each: NDArray[np.float32],
-    logs: NDArray[np.float32],
+    each: Float32Array,
+    logs: Float32Array,
     odd: tuple[int, ...],
     more: int,
-) -> NDArray[np.float32]:
+) -> Float32Array:
     """Return what each turn hypothesis sees: straight motion, itself, the other turns, (..., M -
     1, 3 n + more).
 
@@ -151,12 +133,12 @@ def turn_views(
     return out
 
 
-def sides(hypotheses: int) -> NDArray[np.float32]:
+def sides(hypotheses: int) -> Float32Array:
     """Return 0 for straight motion, 1 for left and -1 for right turns, (M,)."""
     return np.array([0, 1, -1], np.float32)[mode_types(hypotheses)]
 
 
-def _others(logs: NDArray[np.float32], turns: NDArray[np.float32]) -> NDArray[np.float32]:
+def _others(logs: Float32Array, turns: Float32Array) -> Float32Array:
     """Return the mean inputs of all turns but one, weighted by their probabilities, (..., M - 1,
     n).
     """
@@ -168,7 +150,7 @@ def _others(logs: NDArray[np.float32], turns: NDArray[np.float32]) -> NDArray[np
     return np.asarray(weights.astype(np.float32) @ turns)
 
 
-def _log(values: Any) -> NDArray[np.float32]:
+def _log(values: Any) -> Float32Array:
     return np.asarray(np.clip(np.log(values), -LARGEST_LOG, LARGEST_LOG), np.float32)
 
 
@@ -213,10 +195,8 @@ class StatementNet(nn.Module):
     def __init__(self, hidden: int, inputs: int = INPUTS):
         super().__init__()
         self.recurrent = nn.GRU(inputs, hidden)
-        self.output = nn.Linear(hidden, 5)
+        self.output = zero_layer(hidden, 5)
         self.scale = nn.Parameter(torch.ones(1))
-        nn.init.zeros_(self.output.weight)
-        nn.init.zeros_(self.output.bias)
 
     def forward(
         self,
@@ -238,5 +218,5 @@ class StatementNet(nn.Module):
         believed = torch.cat([mean[..., 1, None], outputs[..., 0]], -1)
         preferred = torch.cat([mean[..., 3, None], outputs[..., 2]], -1)
         belief = log_probability + believed
-        stay = nn.functional.softplus(mean[..., 4] + INITIAL_STAY)
+        stay = nn.functional.softplus(mean[..., 4] + 2.0)
         return StatementOutputs(self.scale * belief + preferred, stay, belief, memory)

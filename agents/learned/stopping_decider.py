@@ -1,11 +1,11 @@
 """The anchor agent with a learned stop: no threshold, in any environment and for any delay cost."""
 
 import copy
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from agents.learned.anchor_decider import (
     AnchorDecider,
@@ -18,9 +18,8 @@ from agents.learned.stopping_net import Memory, StoppingNet, stopping_inputs
 from baselines.rules.decider import Actions, Observations
 from baselines.rules.measurements import split_sensed
 from baselines.rules.msprt import error_and_best
-from hybrid_env.checks import BoolArray, FloatArray, IntArray
-from hybrid_env.options import WorldOptions
-from hybrid_env.rendering.evidence import EvidencePanel, Threshold
+from hybrid_env.checks import BoolArray, Float32Array, FloatArray
+from hybrid_env.rendering.evidence import EvidencePanel
 
 
 class StoppingNetworks(AnchorNetworks):
@@ -47,11 +46,8 @@ class StoppingDecider(AnchorDecider):
     network = StoppingNetworks
     symbol = "log-odds"
     default = 0.0
+    bounds = -math.inf, math.inf
     thresholds = -30.0, -12.0, -5.0, -2.5, 0.0, 2.5, 5.0, 12.0, 30.0
-
-    def __init__(self, net: StoppingNetworks, world: WorldOptions, margin: float = 0.0):
-        super().__init__(net, world)
-        self.margin = margin
 
     @torch.no_grad()
     def logits(
@@ -59,7 +55,7 @@ class StoppingDecider(AnchorDecider):
         observation: Observations,
         state: Any,
         episode_start: Any,
-    ) -> tuple[NDArray[np.float32], FloatArray, FloatArray, StoppingState]:
+    ) -> tuple[Float32Array, FloatArray, FloatArray, StoppingState]:
         """Return inputs of the network (N, 30), log-odds of declaring (N,), posterior (N, M) and
         state after a tick.
         """
@@ -91,45 +87,33 @@ class StoppingDecider(AnchorDecider):
     ) -> tuple[Actions, Any]:
         """See `Decider.decide`."""
         _, logits, posterior, state = self.logits(observation, state, episode_start)
-        actions = np.zeros(len(logits), np.int64)
-        stops = np.flatnonzero(logits > self.margin)
-        if stops.size:
-            actions[stops] = (
-                self.declared(np.asarray(observation)[stops], posterior[stops], state, stops) + 1
-            )
-        return actions, state
+        return self.declarations(observation, posterior, state, logits > self.threshold), state
 
-    def declared(
+    def declarations(
         self,
         observation: Observations,
         posterior: FloatArray,
         state: StoppingState,
-        tracks: IntArray,
-    ) -> IntArray:
-        """Return the hypotheses (n,) that some tracks (n,) declare."""
-        rows, scales = (
-            split_sensed(self.layout, observation)[0],
-            select(state.anchor.filters.scales, tracks),
-        )
-        always = np.ones(len(rows))
-        return errors_and_best(
-            self.net,
-            rows,
-            scales,
-            posterior,
-            np.full(len(rows), self.by_type),
-            always,
-        )[1]
+        stops: BoolArray,
+    ) -> Actions:
+        """Return the actions (N,) of tracks that declare where `stops` (N,) is True."""
+        actions = np.zeros(len(stops), np.int64)
+        if stops.any():
+            rows = split_sensed(self.layout, np.asarray(observation)[stops])[0]
+            _, best = errors_and_best(
+                self.net,
+                rows,
+                select(state.anchor.filters.scales, stops),
+                posterior[stops],
+                np.full(len(rows), self.by_type),
+                np.ones(len(rows)),
+            )
+            actions[stops] = best + 1
+        return actions
 
     def panel(self) -> EvidencePanel:
         """See `Decider.panel`."""
-        return EvidencePanel(
-            label="log-odds of declaring against waiting",
-            limits=(self.margin - 60.0, self.margin + 20.0),
-            curves="single",
-            thresholds=(Threshold(np.array([self.margin])),),
-            legend=f"threshold {self.margin:g}",
-        )
+        return self.log_odds_panel(60.0, 20.0, "single")
 
     def evidence(
         self,

@@ -9,23 +9,25 @@ of a turn.
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.learned.anchor_net import LIMIT, Scales, ratios, turns_per_tick
+from agents.learned.anchor_net import (
+    Scales,
+    clipped,
+    log_odds,
+    posterior_within,
+    ratios,
+    turns_per_tick,
+)
 from agents.learned.statement_net import GAIN, zero_layer
 from baselines.rules.decider import Observations
 from baselines.rules.msprt import mode_types
-from hybrid_env.checks import BoolArray, FloatArray, IntArray
+from hybrid_env.checks import BoolArray, Float32Array, FloatArray, IntArray
 from hybrid_env.observation import Layout
 
 INPUTS = 30
 # Of the moving averages of the log-odds.
 RATES = np.array([1 / 2, 1 / 5, 1 / 12])
-# Of those of the squared innovations.
-SLOW, FAST = 1 / 60, 1 / 8
-LARGEST_SQUARE = 40.0
-USUAL_COST, USUAL_ERROR = 0.02, 0.02
 # Error probability.
 SMALLEST = 1e-9
 
@@ -44,11 +46,6 @@ class Memory(NamedTuple):
         return cls(np.zeros((tracks, RATES.size)), np.ones((tracks, 2)))
 
 
-def _log_odds(probability: FloatArray) -> FloatArray:
-    inside = np.clip(probability, SMALLEST, 1.0 - SMALLEST)
-    return np.log1p(-inside) - np.log(inside)
-
-
 def stopping_inputs(
     rows: Observations,
     scales: Scales,
@@ -60,7 +57,7 @@ def stopping_inputs(
     delay_cost: float,
     memory: Memory,
     first: BoolArray,
-) -> tuple[NDArray[np.float32], Memory]:
+) -> tuple[Float32Array, Memory]:
     """Return the inputs of the network (N, 30), and the memory.
 
     Args:
@@ -80,24 +77,23 @@ def stopping_inputs(
     each = np.arange(len(rows))
     kind = mode_types(layout.hypotheses)
     ticks, left = (layout.read(rows, name) for name in ("ticks", "ticks_left"))
-    odds = _log_odds(error)
+    odds = -log_odds(error, SMALLEST)
     begins = ticks < 1.5
     before = np.where(begins[:, None], odds[:, None], memory.log_odds)
     averages = before + RATES * (odds[:, None] - before)
-    square = np.minimum(squares, LARGEST_SQUARE)[:, None]
+    square = np.minimum(squares, 40.0)[:, None]
     known = np.where(np.stack([begins, first], -1), 1.0, memory.squares)
-    known = known + np.array([FAST, SLOW]) * (square - known)
+    known = known + np.array([1 / 8, 1 / 60]) * (square - known)
 
     same = kind == kind[best][:, None] if by_type else np.arange(kind.size) == best[:, None]
     rival = np.where(same, -1.0, posterior).argmax(-1)
     turn = turns_per_tick(layout, rows, scales)
     difference = np.log(np.maximum(np.abs(turn[each, best] - turn[each, rival]), 1e-6))
-    within = np.where(kind == kind[best][:, None], posterior, 0.0)
-    within /= np.maximum(within.sum(-1, keepdims=True), SMALLEST)
+    within = posterior_within(posterior, best)
     spread = np.sqrt((within * (turn - turn[each, best][:, None]) ** 2).sum(-1))
     motion, process, noise, position, velocity = ratios(layout, rows, scales)
     entropy = -(posterior * np.log(np.maximum(posterior, SMALLEST))).sum(-1)
-    cost = np.log(max(delay_cost, SMALLEST) / USUAL_COST)
+    cost = np.log(max(delay_cost, SMALLEST) / 0.02)
     log_ticks = np.log(np.maximum(ticks, 1.0))
     constants = cost / 2.0, float(by_type), np.log(kind.size / 3.0) / 2.0
     # Logarithm of the distance to the rival over sqrt(R), per squared tick.
@@ -127,9 +123,9 @@ def stopping_inputs(
         0.5 * (velocity + 6.0),
         scales.follows_bank,
         scales.anchor_aware,
-        *(np.full(len(rows), one) for one in constants),
+        *(np.full(len(rows), constant) for constant in constants),
     ]
-    return np.clip(np.stack(columns, -1), -LIMIT, LIMIT).astype(np.float32), Memory(averages, known)
+    return clipped(columns), Memory(averages, known)
 
 
 class StoppingNet(nn.Module):
@@ -151,6 +147,6 @@ class StoppingNet(nn.Module):
         """Return the log-odds (...) from inputs (..., 30). Before training an error of 0.02 is
         the threshold.
         """
-        threshold = float(_log_odds(np.array(USUAL_ERROR)))
+        threshold = -float(log_odds(np.array(0.02), SMALLEST))
         logits: Tensor = GAIN * self.output(self.layers(inputs)).squeeze(-1)
         return logits + 4.0 * inputs[..., 0] - threshold

@@ -4,11 +4,12 @@ before.
 
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
-from typing import Any
+from typing import Any, Literal
 
 import torch
 
 from baselines.rules.decider import Decider
+from hybrid_env.rendering.evidence import EvidencePanel
 
 
 @contextmanager
@@ -38,3 +39,15 @@ class NetworkDecider(Decider):
         for name in ("observe", "predict", "decide", "evidence"):
             if name in vars(cls):
                 setattr(cls, name, own_defaults()(vars(cls)[name]))
+
+    def log_odds_panel(
+        self, below: float, above: float, curves: Literal["single", "hypothesis"]
+    ) -> EvidencePanel:
+        """Return the panel of log-odds of declaring, with limits below and above the threshold."""
+        return EvidencePanel(
+            label="log-odds of declaring against waiting",
+            limits=(self.threshold - below, self.threshold + above),
+            curves=curves,
+            thresholds={"": self.threshold},
+            legend=f"threshold {self.threshold:g}",
+        )

@@ -2,6 +2,7 @@
 file.
 """
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -16,18 +17,6 @@ from agents.interface.output_files import atomic_file
 from agents.recordings.tracking import TrackedRecording
 from hybrid_env.checks import ArgumentError, IntArray
 from hybrid_env.rendering.evidence import mode_colour
-
-# That are drawn in the figure; Agg raises OverflowError for very long lines.
-MAX_POINTS = 5000
-# In a map without delay in a browser.
-MAX_MAP_POINTS = 100_000
-# Up to this many pieces, their first rows are marked.
-MAX_MARKS = 60
-# Of a normalised innovation in two dimensions.
-MEDIAN_LENGTH = 1.177
-# Exceeded with probability 0.001.
-FAR_LENGTH = 3.717
-BLACK = "#000000"
 
 
 def draw_recording(tracked: TrackedRecording) -> Figure:
@@ -58,23 +47,7 @@ def draw_recording(tracked: TrackedRecording) -> Figure:
         Line2D([], [], color=colour, linewidth=2.5, label=names.get(name, name))
         for colour, name in zip(colours, tracked.mode_names(), strict=True)
     ]
-    dots = Line2D(
-        [],
-        [],
-        color=GREY,
-        marker=".",
-        linestyle="none",
-        label="measurements",
-    )
-    ring = Line2D(
-        [],
-        [],
-        color=BLACK,
-        marker="o",
-        markerfacecolor="white",
-        linestyle="none",
-        label="new piece",
-    )
+    dots, *_, ring = ground.get_legend_handles_labels()[0]
     figure.legend(
         handles=[dots, *modes, ring],
         loc="outside right upper",
@@ -90,7 +63,12 @@ def mode_colours(tracked: TrackedRecording) -> list[str]:
     return [mode_colour(mode, radii) for mode in range(2 * len(radii) + 1)]
 
 
-def mode_lines(tracked: TrackedRecording, most: int) -> list[tuple[int, IntArray]]:
+def thinned(rows: IntArray, most: int = 5000) -> IntArray:
+    """Return at most so many rows; Agg raises OverflowError for very long lines."""
+    return rows[:: max(-(-len(rows) // most), 1)]
+
+
+def mode_lines(tracked: TrackedRecording, most: int = 5000) -> list[tuple[int, IntArray]]:
     """Return mode and rows of the line of each piece, joined to the piece before; of `most` rows
     in all.
 
@@ -107,8 +85,7 @@ def mode_lines(tracked: TrackedRecording, most: int) -> list[tuple[int, IntArray
 
 def _draw_ground(axes: Any, tracked: TrackedRecording) -> None:
     recording, unit = tracked.recording, tracked.recording.unit
-    rows = np.flatnonzero(recording.measured)
-    rows = rows[:: max(-(-len(rows) // MAX_POINTS), 1)]
+    rows = thinned(np.flatnonzero(recording.measured))
     size = float(np.clip(600.0 / np.sqrt(len(rows)) / 10.0, 0.7, 3.0))
     axes.plot(
         *recording.positions[rows].T,
@@ -117,32 +94,32 @@ def _draw_ground(axes: Any, tracked: TrackedRecording) -> None:
         markersize=size,
         alpha=0.5,
         zorder=1,
+        label="measurements",
     )
     colours = mode_colours(tracked)
     positions = tracked.estimates[:, ::2]
-    found = mode_lines(tracked, MAX_POINTS)
-    lines = [positions[line] for _, line in found]
-    shades = [colours[mode] for mode, _ in found]
+    lines = mode_lines(tracked)
     axes.add_collection(
         LineCollection(
-            lines,
-            colors=shades,
+            [positions[rows] for _, rows in lines],
+            colors=[colours[mode] for mode, _ in lines],
             linewidths=1.8,
             capstyle="round",
             zorder=2,
         )
     )
     first = tracked.pieces[:, 0]
-    if len(first) <= MAX_MARKS:
-        axes.plot(
-            *positions[first].T,
-            "o",
-            color=BLACK,
-            markerfacecolor="white",
-            markersize=4,
-            zorder=4,
-        )
-    axes.plot(*positions[first[0]], "s", color=BLACK, markersize=6, zorder=5)
+    axes.plot(
+        # More marks would hide the track.
+        *positions[first if len(first) <= 60 else first[:0]].T,
+        "o",
+        color="black",
+        markerfacecolor="white",
+        markersize=4,
+        zorder=4,
+        label="new piece",
+    )
+    axes.plot(*positions[first[0]], "s", color="black", markersize=6, zorder=5)
     axes.set_aspect("equal", adjustable="datalim")
     axes.autoscale_view()
     axes.set(
@@ -157,7 +134,7 @@ def _draw_probabilities(axes: Any, tracked: TrackedRecording) -> None:
     """Draw the probabilities as stacked areas, and above them the decided modes."""
     times, colours = tracked.recording.times, mode_colours(tracked)
     for first, end in tracked.recording.pieces:
-        rows = slice(first, end, -(-len(times) // MAX_POINTS))
+        rows = np.arange(first, end, -(-len(times) // 5000))
         axes.stackplot(times[rows], tracked.probabilities[rows].T, colors=colours, linewidth=0.0)
     above = blended_transform_factory(axes.transData, axes.transAxes)
     first, end, modes, _ = tracked.pieces.T
@@ -179,19 +156,14 @@ def _draw_probabilities(axes: Any, tracked: TrackedRecording) -> None:
 def _draw_residuals(axes: Any, tracked: TrackedRecording) -> None:
     lengths = np.hypot(*tracked.residuals.T)
     given = np.flatnonzero(~np.isnan(lengths))
-    shown = given[:: -(-len(lengths) // MAX_POINTS)]
-    axes.plot(tracked.recording.times[shown], lengths[shown], ".", color=BLACK, markersize=2)
-    for length, style in (
-        (MEDIAN_LENGTH, ":"),
-        (FAR_LENGTH, "--"),
-    ):
-        axes.axhline(length, color=BLACK, linestyle=style, linewidth=1.0)
-    top = (
-        max(1.2 * FAR_LENGTH, 1.1 * float(np.quantile(lengths[given], 0.995)))
-        if given.size
-        else 5.0
-    )
-    axes.set(ylim=(0.0, top), ylabel="residual [sd]")
+    shown = thinned(given)
+    axes.plot(tracked.recording.times[shown], lengths[shown], ".", color="black", markersize=2)
+    # Of the length of a normalised innovation in two dimensions, which is exceeded so often.
+    median, far = (math.sqrt(-2.0 * math.log(exceeded)) for exceeded in (0.5, 0.001))
+    for length, style in ((median, ":"), (far, "--")):
+        axes.axhline(length, color="black", linestyle=style, linewidth=1.0)
+    largest = float(np.quantile(lengths[given], 0.995)) if given.size else 0.0
+    axes.set(ylim=(0.0, max(1.2 * far, 1.1 * largest)), ylabel="residual [sd]")
     axes.set_title("Normalised residuals (dotted, dashed: median and 99.9 % if the model holds)")
 
 
@@ -213,8 +185,9 @@ def write_map(path: Path, tracked: TrackedRecording) -> None:
     plotly = check_plotly()
     recording, names, colours = tracked.recording, tracked.mode_names(), mode_colours(tracked)
     figure = plotly.Figure()
-    rows = np.flatnonzero(recording.measured)
-    rows = rows[:: max(-(-len(rows) // MAX_MAP_POINTS), 1)]
+    # More would delay a browser.
+    most = 100_000
+    rows = thinned(np.flatnonzero(recording.measured), most)
     figure.add_scattergl(
         x=recording.positions[rows, 0],
         y=recording.positions[rows, 1],
@@ -227,7 +200,7 @@ def write_map(path: Path, tracked: TrackedRecording) -> None:
         },
         hoverinfo="skip",
     )
-    lines = mode_lines(tracked, MAX_MAP_POINTS)
+    lines = mode_lines(tracked, most)
     for mode, name in enumerate(names):
         of_mode = [np.append(rows, -1) for line_mode, rows in lines if line_mode == mode]
         if not of_mode:

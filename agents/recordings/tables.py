@@ -6,8 +6,6 @@ import numpy as np
 
 from agents.recordings.tracking import TrackedRecording
 
-STATE = ("x", "vx", "y", "vy")
-
 
 def piece_table(tracked: TrackedRecording) -> dict[str, list[Any]]:
     """Columns of modes.csv. Rows are counted from 1. Cells that do not apply are empty."""
@@ -31,6 +29,7 @@ def row_table(tracked: TrackedRecording) -> dict[str, Any]:
     """Columns of estimates.csv, nan where there is no number. The first three are those of a
     recording.
     """
+    state = ("x", "vx", "y", "vy")
     recording = tracked.recording
     triangle = [(i, j) for i in range(4) for j in range(i, 4)]
     letters, radii = tracked.of_modes(tracked.modes)
@@ -44,7 +43,7 @@ def row_table(tracked: TrackedRecording) -> dict[str, Any]:
             f"p_{n.replace(' ', '_')}": tracked.probabilities[:, k]
             for k, n in enumerate(tracked.mode_names())
         },
-        **{f"estimate_{name}": tracked.estimates[:, k] for k, name in enumerate(STATE)},
-        **{f"cov_{STATE[i]}_{STATE[j]}": tracked.covariances[:, i, j] for i, j in triangle},
+        **{f"estimate_{name}": tracked.estimates[:, k] for k, name in enumerate(state)},
+        **{f"cov_{state[i]}_{state[j]}": tracked.covariances[:, i, j] for i, j in triangle},
         **{f"residual_{axis}": tracked.residuals[:, k] for k, axis in enumerate("xy")},
     }

@@ -15,19 +15,19 @@ from agents.evaluation.chosen_threshold import reachable
 from agents.evaluation.registry import (
     ErrorArguments,
     base_name,
-    find_family,
-    is_brought,
+    find_decider,
+    given_threshold,
+    is_policy_or_external,
     load_decider,
     needed_options,
     shipped_names,
-    split_threshold,
 )
 from baselines.recordings.consistency import Consistency, check_consistency
 from baselines.recordings.decisions import (
     ModelUnits,
     TickDecisions,
     check_lengths,
-    decide_recording,
+    decide_piece,
 )
 from baselines.recordings.model_fit import TrackModel, fit_model
 from baselines.recordings.recording import Recording, make_recording
@@ -40,30 +40,20 @@ from hybrid_env.checks import (
     BoolArray,
     FloatArray,
     IntArray,
+    Positive,
+    PositiveOrZero,
     check_array,
-    check_choice,
-    check_integer,
-    check_positive,
+    check_fields,
     reject,
 )
 from hybrid_env.durations import GeometricDurations, parse_durations
-from hybrid_env.limits import MAX_LENGTH, distinct_radii
+from hybrid_env.limits import MAX_LENGTH, Ticks, distinct_radii
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Radar
 
-# Default deciders: without and with segment lengths.
-DECIDER, DECIDER_OF_LENGTHS = "threshold", "msprt-aware"
-
-# Of an episode, for deciders that are fitted by simulation.
-SIMULATED_SEGMENTS = 6
-
-
-NO_ROW = -1
 # Probability of a stated mode in successive rows, more than decisions take.
 UNLIKELY, LONG = 0.05, 20
-# Bend of an arc of the length of the bearing error over the range deviation, see `Radar`.
-MOST_BENT = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,23 +107,25 @@ class TrackedRecording:
     @property
     def warnings(self) -> list[str]:
         """Plain sentences about what does not fit."""
-        found = self.consistency.warnings(self.model) + self._bent()
+        sentences = self.consistency.warnings(self.model) + self._bent()
         if self.standing:
-            found.append(
+            sentences.append(
                 f"the object stands still in {self.standing} ticks, whose modes have no meaning:"
                 " cut them out"
             )
         if self.unlikely:
-            found.append(
+            sentences.append(
                 f"the stated mode has a probability below {UNLIKELY:g} in {self.unlikely} rows: the"
                 " threshold of the decider may be too high for another one to be stated"
             )
-        return found
+        return sentences
 
     def _bent(self) -> list[str]:
         """A sentence if the arc of the bearing error of a radar is bent more than the filters
         allow, see `Radar`.
         """
+        # Bend of an arc of the length of the bearing error over the range deviation, see `Radar`.
+        most_bent = 0.25
         recording, radar = self.recording, self.recording.radar
         if radar is None:
             return []
@@ -141,11 +133,11 @@ class TrackedRecording:
             np.hypot(*(recording.positions[recording.measured] - radar.position).T).max()
         )
         bend = farthest * radar.bearing_deviation**2 / radar.range_deviation
-        if bend <= MOST_BENT:
+        if bend <= most_bent:
             return []
         return [
             "the bearing error is too large for the range deviation (range * deviation^2 is"
-            f" {bend:.2g} of it, at most {MOST_BENT:g} is consistent): errors are larger than the"
+            f" {bend:.2g} of it, at most {most_bent:g} is consistent): errors are larger than the"
             " covariances say"
         ]
 
@@ -168,7 +160,7 @@ class TrackedRecording:
 class TrackingArguments(ErrorArguments):
     """How a recording is tracked. What is not given is found from the recording, in any units."""
 
-    lengths: tuple[int, ...] = ()
+    lengths: tuple[Ticks, ...] = ()
     """Ticks of each piece between known switches, with the number of ticks as their sum; a single
     number is the length of every piece. By default the switches are not known.
     """
@@ -180,10 +172,10 @@ class TrackingArguments(ErrorArguments):
     """Turn radii, each tested as a left and as a right turn [unit of the recording]. By default
     found from the recording.
     """
-    measurement_variance: float | None = None
+    measurement_variance: Positive | None = None
     """Measurement noise variance R of each coordinate. By default the one with the largest
     likelihood."""
-    process_variance: float | None = None
+    process_variance: PositiveOrZero | None = None
     """Process noise variance Q of each velocity in a tick. By default the one with the largest
     likelihood."""
     durations: str | None = None
@@ -211,16 +203,10 @@ class TrackingArguments(ErrorArguments):
 
     def check_tracking(self) -> None:
         """Check the arguments before any work."""
-        for length in self.lengths:
-            check_integer("lengths", length, maximum=MAX_LENGTH)
         if self.radii:
-            distinct_radii("radii", self.radii)
-        for name in ("measurement_variance", "process_variance"):
-            if getattr(self, name) is not None:
-                check_positive(name, getattr(self, name), allow_zero=name == "process_variance")
+            distinct_radii(self.radii)
         if self.durations is not None:
             parse_durations(self.durations)
-        check_choice("undecided", self.undecided, ("keep", "likeliest"))
         for name in ("bank", "recalculation", "refine_radius"):
             if getattr(self, name) and not self.lengths:
                 nothing = "none" if name == "bank" else "False"
@@ -229,30 +215,20 @@ class TrackingArguments(ErrorArguments):
                     getattr(self, name),
                     f"{nothing} without lengths: modes are then stated, by the IMM",
                 )
-        if self.start is not None:
-            check_array("start", self.start, (4,))
         announced = rules(ANNOUNCED)
         unknown = rules(UNKNOWN)
         name = base_name(self._decider_name())
         known = *announced, *unknown, *shipped_names(ANNOUNCED, UNKNOWN)
-        if name not in known and not is_brought(name):
+        if name not in known and not is_policy_or_external(name):
             raise reject(
                 "decider",
                 self.decider,
                 f"{', '.join(known)}, a run folder, model.zip or mine.py:MyRule",
             )
-        if not self.lengths and name in announced:
-            raise reject(
-                "decider",
-                self.decider,
-                f"{', '.join(unknown)} or an agent, or give --lengths",
-            )
-        if self.lengths and name in unknown:
-            raise reject(
-                "decider",
-                self.decider,
-                f"{', '.join(announced)} or an agent with --lengths",
-            )
+        fitting, others = (announced, unknown) if self.lengths else (unknown, announced)
+        if name in others:
+            remedy = " with --lengths" if self.lengths else ", or give --lengths"
+            raise reject("decider", self.decider, f"{', '.join(fitting)} or an agent{remedy}")
 
     def track(self, recording: Recording) -> TrackedRecording:
         """Track a recording."""
@@ -283,7 +259,9 @@ class TrackingArguments(ErrorArguments):
         except ArgumentError as error:
             raise _in_units(error, model) from None
         start = None if self.start is None else np.array(self.start)
-        decisions = decide_recording(grid, model, tracker, lengths=lengths, start=start)
+        decisions = [
+            decide_piece(piece, grid.radar, model, tracker, lengths, start) for piece in grid.pieces
+        ]
         consistency = check_consistency(grid, model, lengths)
         tracked = row_results(recording, grid, model, name, decisions, consistency, outliers)
         standing = standing_ticks(grid, model.measurement_variance, model.speed * model.tau)
@@ -294,7 +272,7 @@ class TrackingArguments(ErrorArguments):
         )
 
     def _decider_name(self) -> str:
-        return self.at_error(self.decider or (DECIDER_OF_LENGTHS if self.lengths else DECIDER))
+        return self.at_error(self.decider or ("msprt-aware" if self.lengths else "threshold"))
 
     def _tracker(
         self,
@@ -306,7 +284,8 @@ class TrackingArguments(ErrorArguments):
         options: dict[str, Any] = ModelUnits.of(model).options(model, grid.radar)
         world: WorldOptions | QuickestOptions
         if lengths:
-            segments = min(len(lengths), SIMULATED_SEGMENTS)
+            # Of an episode, for deciders that are fitted by simulation.
+            segments = min(len(lengths), 6)
             scheme = f"random {segments}x{min(lengths)}-{max(lengths)}"
             given = {
                 flag: getattr(self, flag)
@@ -328,10 +307,10 @@ class TrackingArguments(ErrorArguments):
 
 def _warn_of_threshold(name: str, world: QuickestOptions) -> None:
     """Warn of a given threshold that not every mode reaches."""
-    base, threshold = split_threshold(name)
+    threshold = given_threshold(name)
     if threshold is None:
         return
-    highest = reachable(find_family(base, world), world)
+    highest = reachable(find_decider(base_name(name), world), world)
     if threshold > highest:
         why = (
             f"with these durations and noise not every mode reaches more than {highest:.3g}, and it"
@@ -361,16 +340,15 @@ def track_recording(
         ArgumentError: an argument has a value that is not allowed.
     """
     arguments = TrackingArguments(**options)
+    check_fields(arguments)
     if radar is None:
         return arguments.track(make_recording(times, positions))
-    values = np.asarray(positions, np.float64)
-    if values.ndim != 2 or values.shape[1] != radar.values:
-        raise reject("positions shape", values.shape, f"(n, {radar.values}), as the radar measures")
+    values = check_array("positions", positions, (None, radar.values), missing=True)
     if (values[:, 0] < 0.0).any():
         raise reject("positions", float(np.nanmin(values[:, 0])), "ranges >= 0")
-    found = [radar.located(row)[:2] for row in values]
+    located = [radar.located(row)[:2] for row in values]
     rates = values[:, 2] if radar.values == 3 else None
-    return arguments.track(make_recording(times, found, radar=radar, rates=rates))
+    return arguments.track(make_recording(times, located, radar=radar, rates=rates))
 
 
 def _in_units(error: ArgumentError, model: TrackModel) -> ArgumentError:
@@ -417,9 +395,9 @@ def row_results(
         "covariances": (4, 4),
         "residuals": (2,),
     }
-    arrays: dict[str, Any] = {"modes": np.full(rows, NO_ROW), "decided": np.zeros(rows, np.bool_)}
+    arrays: dict[str, Any] = {"modes": np.full(rows, -1), "decided": np.zeros(rows, np.bool_)}
     arrays |= {name: np.full((rows, *shape), np.nan) for name, shape in shapes.items()}
-    for piece, found, innovations in zip(
+    for piece, decided, innovations in zip(
         grid.pieces,
         decisions,
         consistency.innovations,
@@ -427,16 +405,16 @@ def row_results(
     ):
         rows_of = slice(piece.first, piece.end)
         for name in ("modes", "decided", "probabilities", "estimates", "covariances"):
-            arrays[name][rows_of] = getattr(found, name)[piece.ticks]
+            arrays[name][rows_of] = getattr(decided, name)[piece.ticks]
         arrays["estimates"][rows_of, 0::2] += (
             piece.late[:, None] * arrays["estimates"][rows_of, 1::2]
         )
         arrays["residuals"][rows_of] = innovations[piece.ticks]
-        table = found.pieces.copy()
+        table = decided.pieces.copy()
         for column in (0, 1, 3):
-            at = np.searchsorted(piece.ticks, found.pieces[:, column])
+            at = np.searchsorted(piece.ticks, decided.pieces[:, column])
             table[:, column] = np.minimum(piece.first + at, piece.end)
-        table[found.pieces[:, 3] < 0, 3] = -1
+        table[decided.pieces[:, 3] < 0, 3] = -1
         # A piece between two rows has none.
         pieces.append(table[table[:, 1] > table[:, 0]])
     arrays["residuals"][~recording.measured] = np.nan

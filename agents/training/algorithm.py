@@ -1,13 +1,12 @@
 """Base class of training algorithms: run folder, checkpoints, progress and learning curve."""
 
 import math
-import os
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeAlias
 
 import torch
 from torch import Tensor, nn
@@ -15,13 +14,13 @@ from torch.optim import Optimizer
 
 from agents.algorithms import REGISTERED
 from agents.interface.output_files import output_folder, write_json
-from agents.learned.policy_file import load_network, package_versions, save_policy
+from agents.learned.policy_file import SavedPolicy, load_network, package_versions, save_policy
 from agents.learned.torch_defaults import own_defaults
 from agents.training import checkpoint, run_folder
 from agents.training.learning_curve import LearningCurve, environment_curve
 from agents.training.recipe import Recipe
 from agents.training.settings import learning_rate_schedule
-from baselines.rules.decider import DeciderFamily
+from baselines.rules.decider import Decider
 from hybrid_env.checks import ArgumentError, check_integer, reject
 
 
@@ -47,6 +46,10 @@ class TrainingProgress:
         return (
             f"{reward} per tick" if math.isnan(self.ticks) else f"{reward}, {self.ticks:.1f} ticks"
         )
+
+
+OnRound: TypeAlias = Callable[[TrainingProgress], None] | None
+"""Called after each round with its progress."""
 
 
 class Algorithm(ABC):
@@ -86,14 +89,8 @@ class Algorithm(ABC):
 
     @classmethod
     @abstractmethod
-    def load(
-        cls,
-        folder: Path,
-        weights: dict[str, Tensor],
-        card: dict[str, Any],
-        options: Any,
-    ) -> DeciderFamily:
-        """Return the agent of a folder at any threshold, from weights and card of `load_policy`.
+    def load(cls, saved: SavedPolicy, options: Any) -> Decider:
+        """Return the agent of weights and card.
 
         `options` are those of the environment; None where agents decide without one.
         """
@@ -112,29 +109,24 @@ class Algorithm(ABC):
         self.env_id, self.options, self.recipe = env_id, options, recipe
         self.seed, self.folder, self.steps = seed, folder, steps
         self.settings: Any = recipe.settings
-        self.saved: checkpoint.Checkpoint | None = None
-        if folder is not None:
-            if resume:
-                self.saved = checkpoint.read_checkpoint(folder)
-            else:
-                run_folder.check_free(folder)
+        saved = checkpoint.read_checkpoint(folder) if resume and folder is not None else None
+        if folder is not None and saved is None and not run_folder.is_free(folder):
+            allowed = "a new or empty folder, or --resume to resume a run"
+            raise reject("out", str(folder), allowed)
         # Without evaluations; environment steps.
         self.seconds = 0.0
         self.num_timesteps = 0
         # Last point of the learning curve.
         self.last_evaluation: dict[str, float] = {}
         self.curve = self.make_curve()
-        self._opened = False
         # For small networks the overhead of threads exceeds the gain.
         torch.set_num_threads(1)
         self.build()
-        if self.saved is not None:
-            self._restore(self.saved)
-        if folder is not None:
-            output_folder("out", folder)
-            with run_folder.lock(folder):
-                # Only to refuse it before anything is displayed; `train` holds the lock.
-                pass
+        if folder is not None and saved is not None:
+            try:
+                self._restore(saved)
+            except Exception as error:
+                raise checkpoint.incomplete_checkpoint(folder, error) from None
 
     def make_curve(self) -> LearningCurve:
         """Return the learning curve of a new run."""
@@ -155,7 +147,7 @@ class Algorithm(ABC):
         return {}
 
     def values(self) -> dict[str, Any]:
-        """Return the counters and random generators of the algorithm as plain values."""
+        """Return counters and random generators of the algorithm, as tensors or plain values."""
         return {}
 
     @abstractmethod
@@ -165,11 +157,11 @@ class Algorithm(ABC):
         """
 
     @abstractmethod
-    def family(self, name: str) -> DeciderFamily:
-        """Return the current agent as a family of deciders."""
+    def agent(self, title: str) -> Decider:
+        """Return the current agent."""
 
     @abstractmethod
-    def learn(self, on_progress: Callable[[TrainingProgress], None] | None) -> None:
+    def learn(self, on_progress: OnRound) -> None:
         """Make the remaining steps; call `between_updates` before every rollout."""
 
     @abstractmethod
@@ -179,7 +171,7 @@ class Algorithm(ABC):
     @own_defaults()
     def train(
         self,
-        on_progress: Callable[[TrainingProgress], None] | None = None,
+        on_progress: OnRound = None,
         save_every: float = 10.0,
     ) -> None:
         """Train for the remaining steps, with a checkpoint every `save_every` seconds.
@@ -194,8 +186,17 @@ class Algorithm(ABC):
         if self.folder is None:
             self.learn(on_progress)
             return
-        with run_folder.lock(self.folder):
-            self._open_folder(self.folder)
+        with run_folder.lock(output_folder("out", self.folder)):
+            run_folder.drop_metrics_after(self.folder, self.num_timesteps)
+            run_folder.delete_temporary_files(self.folder)
+            config = {
+                "env": self.env_id,
+                "options": self.options,
+                "recipe": self.recipe.as_json(),
+                "steps": self.steps,
+                "seed": self.seed,
+            }
+            write_json(self.folder / run_folder.CONFIG, config)
             if self.num_timesteps < self.steps:
                 self.learn(on_progress)
                 self.seconds = time.monotonic() - self._started
@@ -226,7 +227,7 @@ class Algorithm(ABC):
         """Add a point of the learning curve to the metrics."""
         assert self.folder is not None
         self.last_evaluation = self.curve.evaluate(
-            self.family(""),
+            self.agent(""),
             self.num_timesteps,
             self.seconds,
         )
@@ -240,12 +241,20 @@ class Algorithm(ABC):
         assert self.folder is not None
         if not all(tensor.isfinite().all() for tensor in self.network.state_dict().values()):
             raise ArgumentError("the training has diverged: a weight is not finite")
-        values = {
+        state = {
             "steps": self.num_timesteps,
             "seconds": self.seconds,
             "measured": self.last_evaluation,
+            "network": self.network.state_dict(),
+            "optimizer": self.optimizer.state_dict(),
+            # Without the memory of arrays of which they are parts.
+            "tracks": {
+                name: tensor.clone(memory_format=torch.contiguous_format)
+                for name, tensor in self.track_tensors().items()
+            },
+            "values": self.values(),
         }
-        checkpoint.write_checkpoint(self.folder, self._tensors(), values | self.values())
+        checkpoint.write_checkpoint(self.folder, state)
         self._save_agent(self.folder)
 
     def _save_agent(self, folder: Path) -> None:
@@ -261,60 +270,16 @@ class Algorithm(ABC):
         }
         self.save_agent(folder, card)
 
-    def _tensors(self) -> dict[str, Tensor]:
-        """Return all tensors of a checkpoint; writing into them changes the run."""
-        parts = {
-            "network": self.network.state_dict(),
-            "optimizer": checkpoint.optimizer_tensors(self.optimizer),
-            "tracks": self.track_tensors(),
-        }
-        return {
-            f"{part}.{name}": tensor
-            for part, all_ in parts.items()
-            for name, tensor in all_.items()
-        }
-
-    def _restore(self, saved: checkpoint.Checkpoint) -> None:
-        assert self.folder is not None
-        try:
-            self.set_steps(saved.values["steps"])
-            self.seconds = saved.values["seconds"]
-            self.last_evaluation = checkpoint.check_scalars(saved.values["measured"])
-            if self.num_timesteps:
-                checkpoint.allocate_optimizer_state(self.optimizer)
-            checkpoint.copy_tensors(saved.tensors, self._tensors())
-            self.restore_values(saved.values)
-            self.curve.skip(self.num_timesteps)
-        except checkpoint.DAMAGE as error:
-            raise checkpoint.incomplete_checkpoint(self.folder, error) from None
-
-    def _open_folder(self, folder: Path) -> None:
-        """Prepare the locked folder for writing, once."""
-        if self._opened:
-            return
-        if self.saved is None:
-            run_folder.check_free(folder)
-        else:
-            if checkpoint.read_checkpoint(folder).values["steps"] != self.saved.values["steps"]:
-                raise reject(
-                    "resume",
-                    str(folder),
-                    "a run folder that has not changed since it was read",
-                )
-            # The last one is damaged.
-            if self.saved.path.name == checkpoint.PREVIOUS:
-                os.replace(self.saved.path, folder / checkpoint.CHECKPOINT)
-            run_folder.drop_metrics_after(folder, self.num_timesteps)
-        run_folder.delete_temporary_files(folder)
-        config = {
-            "env": self.env_id,
-            "options": self.options,
-            "recipe": self.recipe.as_json(),
-            "steps": self.steps,
-            "seed": self.seed,
-        }
-        write_json(folder / run_folder.CONFIG, config)
-        self._opened = True
+    def _restore(self, state: dict[str, Any]) -> None:
+        """Set everything that `save` wrote."""
+        self.set_steps(check_integer("steps", state["steps"], minimum=0))
+        self.seconds = float(state["seconds"])
+        self.last_evaluation = dict(state["measured"])
+        self.network.load_state_dict(state["network"])
+        self.optimizer.load_state_dict(state["optimizer"])
+        checkpoint.copy_tensors(state["tracks"], self.track_tensors())
+        self.restore_values(state["values"])
+        self.curve.skip(self.num_timesteps)
 
 
 Round = tuple[int, float, float, dict[str, float]]
@@ -324,12 +289,16 @@ run folder.
 
 
 class NetworkAlgorithm(Algorithm):
-    """Trains a network of PyTorch with Adam, in rounds; its `build` calls `start`."""
+    """Trains a network of PyTorch with Adam, in rounds."""
 
     smallest_factor: ClassVar[float]
     """Lower bound of the learning rate, as a factor of the first one, while it decays linearly."""
     decider: ClassVar[Any]
     """Class of the agent, a `PosteriorDecider` or a `UtilityDecider`."""
+    log_every: ClassVar[int] = 1
+    """Rounds between two lines of metrics."""
+    net: Any
+    """The network that is trained."""
     world: Any
     """Options of the environment of the agent."""
     rounds: int = 0
@@ -341,29 +310,52 @@ class NetworkAlgorithm(Algorithm):
             cls.tasks = (cls.decider.task,)
 
     @classmethod
-    def load(
-        cls,
-        folder: Path,
-        weights: dict[str, Tensor],
-        card: dict[str, Any],
-        options: Any,
-    ) -> DeciderFamily:
-        network = load_network(folder, weights, card, cls.decider.network)
-        family: DeciderFamily = cls.decider.trained(folder.name, network, options)
-        return family
+    def load(cls, saved: SavedPolicy, options: Any) -> Decider:
+        """See `Algorithm.load`."""
+        return cls.decide_by(load_network(saved, cls.decider.network), options)
+
+    @classmethod
+    def decide_by(cls, network: nn.Module, options: Any) -> Decider:
+        """Return the agent with a network; `options` as for `load`."""
+        decider: Decider = cls.decider(network, *(() if options is None else (options,)))
+        return decider
+
+    def prepare(self) -> None:
+        """Check and create what is to be simulated, before there is a network."""
+
+    def build(self) -> None:
+        """Create network and optimizer."""
+        self.prepare()
+        torch.manual_seed(self.seed)
+        self.start(self.create_network(), self.settings.learning_rate)
+
+    def create_network(self) -> nn.Module:
+        """Return the network at the beginning of the training."""
+        network: nn.Module = self.decider.network(self.settings.hidden)
+        return network
 
     def start(self, network: nn.Module, learning_rate: str | float) -> None:
         """Create the optimizer of a new network."""
-        self.network = network
+        self.net = self.network = network
         self._rate, self._decays = learning_rate_schedule(learning_rate)
         self.optimizer = torch.optim.Adam(network.parameters(), lr=self._rate)
         # A part without samples yet has no gradient.
         for parameter in network.parameters():
             parameter.grad = torch.zeros_like(parameter)
 
-    def family(self, name: str) -> DeciderFamily:
-        """See `Algorithm.family`; for the environment of the run."""
-        return self.decider.trained(name, self.network, self.world)
+    def improve(self, loss: Tensor, largest: float, *parts: nn.Module) -> None:
+        """Make a step of the optimizer; `largest` is the norm of the gradient of each part of the
+        network.
+        """
+        self.optimizer.zero_grad(set_to_none=False)
+        loss.backward()
+        for part in parts:
+            nn.utils.clip_grad_norm_(part.parameters(), largest)
+        self.optimizer.step()
+
+    def agent(self, title: str) -> Decider:
+        """See `Algorithm.agent`; for the environment of the run."""
+        return self.decide_by(self.network, self.world).changed(title=title)
 
     def values(self) -> dict[str, Any]:
         """See `Algorithm.values`: a round is determined by its number, unless there is more."""
@@ -371,12 +363,7 @@ class NetworkAlgorithm(Algorithm):
 
     def restore_values(self, values: dict[str, Any]) -> None:
         """See `Algorithm.restore_values`."""
-        self.rounds = check_integer(
-            "rounds",
-            values["rounds"],
-            minimum=0,
-            maximum=self.num_timesteps,
-        )
+        self.rounds = int(values["rounds"])
 
     def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
         save_policy(folder, self.network.state_dict(), card, self.decider.task)
@@ -385,18 +372,15 @@ class NetworkAlgorithm(Algorithm):
     def train_round(self) -> Round:
         """Simulate, and train on it."""
 
-    def is_logged(self) -> bool:
-        """Return whether the metrics of a round that ends now are written."""
-        return True
-
-    def learn(self, on_progress: Callable[[TrainingProgress], None] | None) -> None:
+    def learn(self, on_progress: OnRound) -> None:
         while self.num_timesteps < self.steps:
             self.between_updates()
             steps, reward, ticks, metrics = self.train_round()
+            self.rounds += 1
             self.set_steps(self.num_timesteps + steps)
             if on_progress is not None:
                 on_progress(TrainingProgress(self.num_timesteps, self.steps, reward, ticks))
-            if self.folder is not None and self.is_logged():
+            if self.folder is not None and self.rounds % self.log_every == 0:
                 metrics["seconds"] = self.seconds
                 run_folder.append_metrics(self.folder, self.num_timesteps, metrics)
 

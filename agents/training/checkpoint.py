@@ -1,49 +1,28 @@
-"""Checkpoints: the whole state of a run in one safetensors file, so that it is always consistent.
+"""Checkpoints: the whole state of a run in one file of PyTorch, which is replaced as a whole.
 
-Tensors are weights, optimizer state, tracks and hidden states; values are counters and random
-generators, as JSON. Nothing is unpickled. The checkpoint before the last is kept, in case the last
-one is damaged.
+It holds network, optimizer, tracks, counters and random generators. It is read with `weights_only`:
+nothing in it is run.
 """
 
-import hashlib
-import json
-import math
-import os
+import io
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-import safetensors.torch
 import torch
 from numpy.typing import NDArray
-from safetensors import SafetensorError, safe_open
 from torch import Tensor
-from torch.optim import Optimizer
 
 from agents.interface.output_files import atomic_file
-from agents.learned.policy_file import LARGEST_WEIGHT, check_tensor_file, first_line
-from hybrid_env.checks import ArgumentError, check_integer, check_positive, reject
+from agents.learned.policy_file import first_line
+from agents.learned.zip_file import read_plain
+from hybrid_env.checks import reject
 from hybrid_env.vector_env import TrackVectorEnv
 
-# Of the Mersenne twister.
-WORDS = 624
-CHECKPOINT = "checkpoint.safetensors"
-PREVIOUS = "checkpoint-previous.safetensors"
+CHECKPOINT = "checkpoint.pt"
 # Bytes.
 LARGEST_CHECKPOINT = 2**29
-DAMAGE = (
-    OSError,
-    ArithmeticError,
-    AttributeError,
-    LookupError,
-    TypeError,
-    ValueError,
-    RuntimeError,
-    SafetensorError,
-)
-"""Exceptions that reading a damaged checkpoint can raise."""
 
 
 def track_arrays(env: TrackVectorEnv) -> dict[str, NDArray[Any]]:
@@ -60,165 +39,69 @@ def check_tracks(env: TrackVectorEnv) -> None:
     env.world.check_blocks(env.world.blocks, env.world.seeded)
 
 
-def restore_generator(generator: np.random.Generator, state: Any) -> None:
-    """Set the state of a generator; `ValueError` or the like if it is invalid."""
-    generator.bit_generator.state = state
-    # NumPy rounds fractions.
-    if generator.bit_generator.state != state:
-        raise ValueError("the state of a generator is invalid")
-
-
 def random_state() -> dict[str, Any]:
     """Return the state of both global generators."""
-    _, key, position, has_normal, normal = np.random.get_state()  # noqa: NPY002
-    return {
-        "torch": torch.get_rng_state().numpy().tobytes().hex(),
-        "numpy": [np.asarray(key).tolist(), position, has_normal, normal],
-    }
+    _, key, *others = np.random.get_state()  # noqa: NPY002
+    words = torch.from_numpy(np.asarray(key, np.int64))
+    return {"torch": torch.get_rng_state(), "numpy": [words, *others]}
 
 
-def parse_random_state(state: dict[str, Any]) -> tuple[Tensor, tuple[Any, ...]]:
-    """Return what `torch.set_rng_state` and `numpy.random.set_state` take; raise an exception if
-    it is invalid.
-    """
-    key, position, has_normal, normal = state["numpy"]
-    # Numpy does not check the position.
-    if len(key) != WORDS or not 0 <= position <= WORDS:
+def set_random_state(state: Mapping[str, Any]) -> None:
+    """Set both global generators to a state of `random_state`."""
+    words, position, *others = state["numpy"]
+    key = words.numpy().astype(np.uint32)
+    # NumPy does not check it.
+    if not 0 <= position <= key.size:
         raise ValueError("the state of NumPy's generator is invalid")
-    of_numpy = "MT19937", np.array(key, np.uint32), int(position), int(has_normal), float(normal)
-    of_torch = torch.frombuffer(bytearray.fromhex(state["torch"]), dtype=torch.uint8)
-    torch.Generator().set_state(of_torch)
-    np.random.RandomState().set_state(of_numpy)
-    return of_torch, of_numpy
-
-
-class Checkpoint(NamedTuple):
-    """State of a run."""
-
-    tensors: dict[str, Tensor]
-    # Plain ones, with `steps` and `seconds` so far.
-    values: dict[str, Any]
-    # Of the file that it was read from.
-    path: Path
+    np.random.set_state(("MT19937", key, position, *others))  # noqa: NPY002
+    torch.set_rng_state(state["torch"])
 
 
 def has_checkpoint(folder: Path) -> bool:
     """Return whether a folder contains a checkpoint."""
-    return any((folder / name).exists() for name in (CHECKPOINT, PREVIOUS))
+    return (folder / CHECKPOINT).exists()
 
 
-def write_checkpoint(
-    folder: Path,
-    tensors: Mapping[str, Tensor],
-    values: Mapping[str, Any],
-) -> None:
-    """Write a checkpoint atomically; the one before becomes the previous one."""
-    tensors = {name: tensor.contiguous() for name, tensor in tensors.items()}
-    text = json.dumps(values)
-    content = safetensors.torch.save(tensors, {"values": text, "sha256": digest(tensors, text)})
+def write_checkpoint(folder: Path, state: Mapping[str, Any]) -> None:
+    """Write a state of tensors and plain values in place of the one before.
+
+    Raises:
+        ArgumentError: the file cannot be written, or it would be too large to be read.
+    """
+    content = io.BytesIO()
+    torch.save(state, content)
     # At the start of a training: a checkpoint is saved before it.
-    if len(content) > LARGEST_CHECKPOINT:
-        raise reject(
-            "checkpoint",
-            len(content),
-            f"at most {LARGEST_CHECKPOINT:,} bytes: use fewer n_envs",
-        )
+    if content.tell() > LARGEST_CHECKPOINT:
+        allowed = f"at most {LARGEST_CHECKPOINT:,} bytes: use fewer n_envs"
+        raise reject("checkpoint", content.tell(), allowed)
     with atomic_file(folder / CHECKPOINT) as part:
-        part.write_bytes(content)
-        with suppress(FileNotFoundError):
-            os.replace(folder / CHECKPOINT, folder / PREVIOUS)
+        part.write_bytes(content.getbuffer())
 
 
-def read_checkpoint(folder: Path) -> Checkpoint:
-    """Read the last checkpoint, or the one before if the last is missing or damaged."""
-    errors = []
-    for name in (CHECKPOINT, PREVIOUS):
-        try:
-            return _read(folder / name)
-        except DAMAGE as error:
-            errors.append(error)
-    raise incomplete_checkpoint(folder, errors[0])
+def read_checkpoint(folder: Path) -> Any:
+    """Return the state in a folder; `ArgumentError` if it cannot be read."""
+    try:
+        return read_plain(folder / CHECKPOINT, LARGEST_CHECKPOINT)
+    except Exception as error:
+        raise incomplete_checkpoint(folder, error) from None
 
 
-def digest(tensors: Mapping[str, Tensor], text: str) -> str:
-    """Return a digest of the content of a checkpoint, with which damage is detected."""
-    found = hashlib.sha256(text.encode())
-    for name, tensor in sorted(tensors.items()):
-        found.update(name.encode())
-        found.update(tensor.numpy().tobytes())
-    return found.hexdigest()
-
-
-def _read(path: Path) -> Checkpoint:
-    check_tensor_file(path, LARGEST_CHECKPOINT)
-    with safe_open(path, framework="pt") as file:
-        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-        metadata = file.metadata()
-    if metadata["sha256"] != digest(tensors, metadata["values"]):
-        raise ValueError(f"{path.name} is damaged")
-    values = json.loads(metadata["values"])
-    check_integer("steps", values["steps"], minimum=0)
-    check_positive("seconds", values["seconds"], allow_zero=True)
-    for name, tensor in tensors.items():
-        largest = LARGEST_WEIGHT if name.startswith("network.") else math.inf
-        if tensor.is_floating_point() and not (tensor.isfinite() & (tensor.abs() <= largest)).all():
-            raise ValueError(f"{name} is not finite or too large")
-    return Checkpoint(tensors, values, path)
-
-
-def incomplete_checkpoint(folder: Path, error: Exception) -> ArgumentError:
+def incomplete_checkpoint(folder: Path, error: Exception) -> ValueError:
     """Return the error for a checkpoint that does not fit its run."""
-    return reject(
-        "resume",
-        str(folder),
-        f"a run folder with a complete {CHECKPOINT} ({first_line(error)})",
-    )
-
-
-def optimizer_tensors(optimizer: Optimizer) -> dict[str, Tensor]:
-    """Return the state of an optimizer by name; writing into the tensors changes the optimizer."""
-    states = optimizer.state_dict()["state"]
-    return {
-        f"{index}.{name}": tensor
-        for index, state in states.items()
-        for name, tensor in state.items()
-    }
-
-
-def allocate_optimizer_state(optimizer: Optimizer) -> None:
-    """Create the state that an optimizer has after its first step, to be overwritten."""
-    for group in optimizer.param_groups:
-        for parameter in group["params"]:
-            parameter.grad = torch.zeros_like(parameter)
-    optimizer.step()
-    optimizer.zero_grad()
+    allowed = f"a run folder with a complete {CHECKPOINT} ({first_line(error)})"
+    return reject("resume", str(folder), allowed)
 
 
 @torch.no_grad()
 def copy_tensors(saved: Mapping[str, Tensor], live: Mapping[str, Tensor]) -> None:
-    """Copy the tensors of a checkpoint into those of a run.
-
-    `ValueError` if names, shapes or types differ, or a second moment of the optimizer is negative.
+    """Copy the tensors of a checkpoint into those of a run; `ValueError` if they differ in name,
+    shape or type.
     """
-    different = sorted(saved.keys() ^ live.keys())
-    if different:
-        raise ValueError(f"{different[0]} is {'missing' if different[0] in live else 'unknown'}")
-    for name, tensor in live.items():
-        found = saved[name]
-        kinds = [f"{one.dtype} {tuple(one.shape)}" for one in (found, tensor)]
-        if kinds[0] != kinds[1]:
-            raise ValueError(f"{name} is {kinds[0]}, not {kinds[1]}")
-        if name.endswith(".exp_avg_sq") and bool((found < 0).any()):
-            raise ValueError(f"{name} is negative")
+    kinds = [
+        {name: (tensor.dtype, tensor.shape) for name, tensor in tensors.items()}
+        for tensors in (saved, live)
+    ]
+    if kinds[0] != kinds[1]:
+        raise ValueError("its tracks are not those of the run")
     for name, tensor in live.items():
         tensor.copy_(saved[name])
-
-
-def check_scalars(values: Mapping[str, Any]) -> dict[str, float]:
-    """Return a mapping whose values are finite numbers or NaN; `ValueError` or the like if one
-    is not.
-    """
-    for name, value in values.items():
-        if math.isinf(value):
-            raise ValueError(f"{name} is infinite")
-    return dict(values)

@@ -13,22 +13,19 @@ import math
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from annotated_types import Ge
 from torch import Tensor, nn
 
 from agents.learned.statement_decider import UtilityDecider
 from agents.learned.statement_net import StatementOutputs
 from agents.training.algorithm import NetworkAlgorithm, Round
-from agents.training.settings import LARGEST_WEIGHT, NetworkSettings
-from hybrid_env.checks import ranged
+from agents.training.settings import NetworkSettings
+from hybrid_env.checks import Count, FloatArray
 from hybrid_env.quickest_options import QuickestOptions
-
-# Norm.
-LARGEST_GRADIENT = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,15 +33,9 @@ class ExpectedRewardSettings(NetworkSettings):
     """Hyper-parameters of an agent that is trained on its expected reward; base class."""
 
     # Ticks of an update; gradients do not reach back beyond its first tick.
-    n_steps: int
+    n_steps: Count
     # Of the cross-entropy of the present mode, in addition to the reward.
-    belief_weight: float
-
-    largest = NetworkSettings.largest | {"n_steps": 10_000}
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        ranged(0.0, LARGEST_WEIGHT)("belief_weight", self.belief_weight)
+    belief_weight: Annotated[float, Ge(0.0)]
 
 
 class StatementBatch(NamedTuple):
@@ -128,43 +119,24 @@ class ExpectedRewardAlgorithm(NetworkAlgorithm):
     decider: ClassVar[type[UtilityDecider]]
     # An `ExpectedRewardSettings`.
     settings: Any
-    # Steps of a round.
+    # Steps of a round, which `prepare` sets.
     round_steps: int
+    # Steps of the optimizer so far.
+    updates: int = 0
     # Options of the environment of the agent, None if it has none.
     world: QuickestOptions | None = None
-
-    def build(self) -> None:
-        """Create network and optimizer."""
-        # Steps of the optimizer so far.
-        self.updates = 0
-        self.prepare()
-        torch.manual_seed(self.seed)
-        self.net = self.decider.network(self.settings.hidden)
-        self.start(self.net, self.settings.learning_rate)
-
-    @abstractmethod
-    def prepare(self) -> None:
-        """Check what is to be simulated, and set `round_steps`."""
 
     @abstractmethod
     def batches(self) -> Iterator[StatementBatch]:
         """Simulate the batches of the next round."""
 
-    def values(self) -> dict[str, Any]:
-        """See `Algorithm.values`: the number of steps says all."""
-        return {}
-
-    def restore_values(self, values: dict[str, Any]) -> None:
-        if self.num_timesteps % self.round_steps:
-            raise ValueError("the number of steps is not one of complete rounds")
-
     def train_round(self) -> Round:
-        rewards, entropies = zip(*map(self._train_on, self.batches()), strict=True)
-        reward = float(np.mean(rewards))
-        metrics = {"expected_reward": reward, "cross_entropy": float(np.mean(entropies))}
+        parts = zip(*map(self._train_on, self.batches()), strict=True)
+        reward, entropy = (float(np.mean(values)) for values in parts)
+        metrics = {"expected_reward": reward, "cross_entropy": entropy}
         return self.round_steps, reward, math.nan, metrics
 
-    def _train_on(self, batch: StatementBatch) -> tuple[float, float]:
+    def _train_on(self, batch: StatementBatch) -> FloatArray:
         """Make one step of the optimizer for each part; return the means of reward and
         cross-entropy.
         """
@@ -181,15 +153,11 @@ class ExpectedRewardAlgorithm(NetworkAlgorithm):
                 - reward.mean()
                 + self.further_loss(outputs, part)
             )
-            self.optimizer.zero_grad(set_to_none=False)
-            loss.backward()
-            nn.utils.clip_grad_norm_(self.net.parameters(), LARGEST_GRADIENT)
-            self.optimizer.step()
+            self.improve(loss, 0.5, self.net)
             self.updates += 1
             memory, last = outputs.memory.detach(), last.detach()
             totals += float(reward.detach().mean()), float(entropy.detach())
-        mean: NDArray[np.float64] = totals / len(parts)
-        return float(mean[0]), float(mean[1])
+        return totals / len(parts)
 
     def further_loss(self, outputs: StatementOutputs, batch: StatementBatch) -> Tensor | float:
         """Return what is added to the loss of a part."""

@@ -8,22 +8,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from agents.evaluation.task import Wording, sweep
+from agents.evaluation.task import sweep
 from agents.evaluation.tasks import task_of
 from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import decider_style
 from agents.interface.output_files import save_figure
 from agents.training.run_folder import read_metrics
 from baselines.rules import seeds
-from baselines.rules.decider import DeciderFamily, rules
+from baselines.rules.decider import Decider, rules
 
 EPISODES = 200
 PREFIX = "evaluation/"
 REWARD_KEY = PREFIX + "reward"
+# Of the classical rule.
+REFERENCE_KEY = PREFIX + "reference"
 # Environment steps, 2 to 5 s of training.
 FIRST_EVALUATION = 100_000
-# Ratio of the steps of consecutive evaluations.
-EVALUATION_SPACING = 1.4
 
 
 @dataclass(eq=False)
@@ -34,22 +34,19 @@ class LearningCurve:
     The rule has its best threshold, chosen on the same episodes.
     """
 
-    # Names and units.
-    wording: Wording
+    # What a mean reward is the mean of.
+    unit: str
+    # Name of the rule.
+    rule: str
     # What is evaluated, in words.
     sample: str
-    # Returns `reward` and the other metrics of the wording, without prefix, of an agent.
-    measure: Callable[[DeciderFamily], Mapping[str, float]]
+    # Returns `reward` and other metrics, without prefix, of an agent.
+    measure: Callable[[Decider], Mapping[str, float]]
     # Returns the mean reward of the rule.
     measure_rule: Callable[[], float]
 
     def __post_init__(self) -> None:
         self._next = float(FIRST_EVALUATION)
-
-    @property
-    def reference_key(self) -> str:
-        """Key of the reward of the classical rule in the metrics."""
-        return PREFIX + self.wording.key
 
     @functools.cached_property
     def reference_reward(self) -> float:
@@ -63,15 +60,15 @@ class LearningCurve:
     def skip(self, steps: int) -> None:
         """Skip the evaluations that were due up to a number of environment steps."""
         while self._next <= steps:
-            self._next *= EVALUATION_SPACING
+            self._next *= 1.4
 
-    def evaluate(self, family: DeciderFamily, steps: int, seconds: float) -> dict[str, float]:
+    def evaluate(self, decider: Decider, steps: int, seconds: float) -> dict[str, float]:
         """Return the training time so far, the metrics of the agent, and the reward of the
         classical rule.
         """
         self.skip(steps)
-        measured = {PREFIX + name: value for name, value in self.measure(family).items()}
-        return {"seconds": seconds} | measured | {self.reference_key: self.reference_reward}
+        measured = {PREFIX + name: value for name, value in self.measure(decider).items()}
+        return {"seconds": seconds} | measured | {REFERENCE_KEY: self.reference_reward}
 
     def summary(self, metrics: Sequence[dict[str, Any]]) -> list[str]:
         """Return the lines printed after training: final metrics, and when the agent surpassed
@@ -81,19 +78,21 @@ class LearningCurve:
         if not points:
             return []
         last = points[-1]
-        other = self.wording.text.format(
-            **{name: last[PREFIX + name] for name in self.wording.measured}
+        others = ", ".join(
+            f"{name.removeprefix(PREFIX).replace('_', ' ')} {value:.4g}"
+            for name, value in last.items()
+            if name.startswith(PREFIX) and name not in (REWARD_KEY, REFERENCE_KEY)
         )
         lines = [
-            f"Reward {last[REWARD_KEY]:.3f} per {self.wording.unit}, {other}, "
+            f"Reward {last[REWARD_KEY]:.3f} per {self.unit}, {others}, "
             f"after {last['seconds']:.0f} s of training ({self.sample})"
         ]
-        best = f"Best reward of the {self.wording.sentence}"
-        surpassed = next((row for row in points if row[REWARD_KEY] > row[self.reference_key]), None)
+        best = f"Best reward of {self.rule}"
+        surpassed = next((row for row in points if row[REWARD_KEY] > row[REFERENCE_KEY]), None)
         if surpassed is None:
-            return [*lines, f"{best} not surpassed: {last[self.reference_key]:.3f}"]
+            return [*lines, f"{best} not surpassed: {last[REFERENCE_KEY]:.3f}"]
         when = f"after {surpassed['seconds']:.0f} s and {surpassed['step']:,} steps"
-        return [*lines, f"{best} surpassed: {last[self.reference_key]:.3f}, {when}"]
+        return [*lines, f"{best} surpassed: {last[REFERENCE_KEY]:.3f}, {when}"]
 
 
 def environment_curve(env_id: str, options: Mapping[str, Any]) -> LearningCurve:
@@ -101,19 +100,21 @@ def environment_curve(env_id: str, options: Mapping[str, Any]) -> LearningCurve:
     of its id.
     """
     task = task_of(env_id, options)
-    wording = task.wording
+    rule = rules(task.switches)[task.reference].create(task.options)
+    shown = "accuracy", "ticks", "right", "wrong_changes"
+    measured = [metric.name for metric in task.metrics if metric.name in shown]
 
-    def measure(family: DeciderFamily) -> dict[str, float]:
-        scores = sweep(task, family, EPISODES, seeds.LEARNING_CURVE, thresholds=(family.default,))
-        names = ("reward", *wording.measured)
+    def measure(agent: Decider) -> dict[str, float]:
+        scores = sweep(task, agent, EPISODES, seeds.LEARNING_CURVE, thresholds=(agent.default,))
+        names = ("reward", *measured)
         return {name: float(scores.curve(task.statistic(name))[0]) for name in names}
 
     def measure_rule() -> float:
-        family = rules(task.switches)[task.reference].family(task.options)
-        scores = sweep(task, family, EPISODES, seeds.LEARNING_CURVE)
+        scores = sweep(task, rule, EPISODES, seeds.LEARNING_CURVE)
         return float(scores.curve(task.statistic("reward")).max())
 
-    return LearningCurve(wording, f"{EPISODES} episodes", measure, measure_rule)
+    sample = f"{EPISODES} episodes"
+    return LearningCurve(task.unit, rule.title, sample, measure, measure_rule)
 
 
 def learning_points(metrics: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -137,9 +138,9 @@ def draw_learning_curve(folder: Path, path: Path, curve: LearningCurve) -> None:
         curves = []
         limits = None
         if points:
-            level = points[-1][curve.reference_key]
+            level = points[-1][REFERENCE_KEY]
             end = 1.05 * max(values)
-            limits, rule = (0.0, end), curve.wording.rule
+            limits = (0.0, end)
             curves = [
                 Curve(
                     folder.name,
@@ -150,15 +151,13 @@ def draw_learning_curve(folder: Path, path: Path, curve: LearningCurve) -> None:
                     filled=True,
                 ),
                 Curve(
-                    f"{rule} at its best threshold",
-                    decider_style(rule),
+                    f"{curve.rule} at its best threshold",
+                    decider_style(curve.rule),
                     [1e-3 * end, 0.999 * end],
                     [level] * 2,
                     size=0.0,
                     dashes="--",
                 ),
             ]
-        panels.append(
-            Panel("", Axis(label, limits), Axis(f"mean reward per {curve.wording.unit}"), curves)
-        )
+        panels.append(Panel("", Axis(label, limits), Axis(f"mean reward per {curve.unit}"), curves))
     save_figure(curve_figure([panels], (10.0, 4.0), sharey=True), path)

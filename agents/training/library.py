@@ -6,10 +6,9 @@ switches.
 """
 
 import math
-import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -27,18 +26,17 @@ from agents.learned.policy import (
     actor_decider,
     load_actor,
     policy_kwargs_with_features,
-    save_actor,
     value_network,
 )
-from agents.learned.policy_file import LAYOUTS, first_line
+from agents.learned.policy_file import LAYOUTS, SavedPolicy, first_line, save_policy
 from agents.training import checkpoint, run_folder
-from agents.training.algorithm import Algorithm, TrainingProgress
+from agents.training.algorithm import Algorithm, OnRound, TrainingProgress
 from agents.training.library_settings import LibrarySettings
 from agents.training.settings import learning_rate_schedule
 from agents.training.vec_env import HybridTrackVecEnv
 from baselines.rules import seeds
-from baselines.rules.decider import DeciderFamily
-from hybrid_env.checks import ArgumentError, check_flag, check_integer, check_number, reject
+from baselines.rules.decider import Decider
+from hybrid_env.checks import ArgumentError, reject
 
 
 def plain_values(logged: Mapping[str, Any]) -> dict[str, Any]:
@@ -50,30 +48,10 @@ def plain_values(logged: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in plain.items() if isinstance(value, (int, float, str))}
 
 
-class MetricsWriter(KVWriter):
-    """Logger output that appends to the metrics file of the run folder."""
-
-    def __init__(self, folder: Path):
-        self.folder = folder
-
-    def write(
-        self,
-        key_values: dict[str, Any],
-        key_excluded: dict[str, tuple[str, ...]],
-        step: int = 0,
-    ) -> None:
-        """Append the values of an update."""
-        values = plain_values(key_values)
-        # Counted from the last start.
-        values.pop("time/iterations", None)
-        run_folder.append_metrics(self.folder, step, values)
-
-    def close(self) -> None:
-        """Do nothing; the file is closed after every line."""
-
-
-class Events(TensorBoardOutputFormat):
-    """TensorBoard events; those that a killed run wrote after its last checkpoint are hidden."""
+class RunWriter(TensorBoardOutputFormat):
+    """Logger output that appends to the metrics file of the run folder, and writes TensorBoard
+    events; those that a killed run wrote after its last checkpoint are hidden.
+    """
 
     def __init__(self, folder: Path, steps: int):
         self.folder = folder
@@ -87,6 +65,10 @@ class Events(TensorBoardOutputFormat):
         step: int = 0,
     ) -> None:
         """Write the values of an update."""
+        values = plain_values(key_values)
+        # Counted from the last start.
+        values.pop("time/iterations", None)
+        run_folder.append_metrics(self.folder, step, values)
         try:
             super().write(key_values, key_excluded, step)
         except OSError as error:
@@ -103,28 +85,10 @@ class Events(TensorBoardOutputFormat):
             super().close()
 
 
-@contextmanager
-def without_tracebacks_of_threads() -> Iterator[None]:
-    """Context without the traceback that TensorBoard's thread prints if a file cannot be written.
-
-    The error is raised again by the next `write`.
-    """
-    hook = threading.excepthook
-    threading.excepthook = lambda error: (
-        None if issubclass(error.exc_type, OSError) else hook(error)
-    )
-    try:
-        yield
-    finally:
-        threading.excepthook = hook
-
-
 class _RunCallback(BaseCallback):
     """Reports progress after each rollout; evaluates and saves the agent after each update."""
 
-    def __init__(
-        self, run: "LibraryAlgorithm", on_progress: Callable[[TrainingProgress], None] | None
-    ):
+    def __init__(self, run: "LibraryAlgorithm", on_progress: OnRound):
         super().__init__()
         self.run, self.on_progress = run, on_progress
 
@@ -142,14 +106,6 @@ class _RunCallback(BaseCallback):
             self.on_progress(
                 TrainingProgress(self.model.num_timesteps, self.run.steps, reward, ticks)
             )
-
-
-LOGGED_EPISODES = 500
-"""Episodes between two lines of metrics of DQN and QR-DQN; the others write one for each
-rollout.
-"""
-BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
-"""Arrays of a replay buffer."""
 
 
 class LibraryAlgorithm(Algorithm):
@@ -178,17 +134,10 @@ class LibraryAlgorithm(Algorithm):
         return getattr(sb3_contrib, cls.library_name)
 
     @classmethod
-    def load(
-        cls,
-        folder: Path,
-        weights: dict[str, Tensor],
-        card: dict[str, Any],
-        options: Any,
-    ) -> DeciderFamily:
+    def load(cls, saved: SavedPolicy, options: Any) -> Decider:
         """See `Algorithm.load`."""
         kind = cls.library_class().policy_aliases[cls.Settings.policy_name]
-        actor = load_actor(folder, weights, card, kind, cls.Settings.check_network)
-        return actor_decider(actor, options.switches).trained(folder.name)
+        return actor_decider(load_actor(saved, kind, cls.Settings.check_network), options.switches)
 
     def build(self) -> None:
         """Create model and environments; the initial policy waits if it can."""
@@ -199,29 +148,19 @@ class LibraryAlgorithm(Algorithm):
         self.world = env.env.options
         self.task = task_of(self.env_id, self.options)
         rate, decays = learning_rate_schedule(settings.learning_rate)
-        try:
-            self.model = kind(
-                settings.policy,
-                env,
-                learning_rate=lambda remaining: rate * max(remaining, 0.0) if decays else rate,
-                seed=self.seed,
-                device="cpu",
-                **settings.keywords,
-                policy_kwargs=policy_kwargs_with_features(
-                    settings.policy_kwargs,
-                    settings.observe,
-                    type(env.env.world.layout),
-                ),
-            )
-        except ArgumentError:
-            raise
-        except (TypeError, KeyError, ValueError, AttributeError, AssertionError) as error:
-            keywords = dict(settings.policy_kwargs)
-            raise reject(
-                "policy_kwargs",
-                keywords,
-                f"keyword arguments of {settings.policy} ({error})",
-            ) from None
+        self.model = kind(
+            settings.policy,
+            env,
+            learning_rate=lambda remaining: rate * max(remaining, 0.0) if decays else rate,
+            seed=self.seed,
+            device="cpu",
+            **settings.keywords,
+            policy_kwargs=policy_kwargs_with_features(
+                settings.policy_kwargs,
+                settings.observe,
+                type(env.env.world.layout),
+            ),
+        )
         if self.task.waits:
             self._prefer_waiting(settings.wait_bias)
         elif settings.wait_bias:
@@ -235,16 +174,17 @@ class LibraryAlgorithm(Algorithm):
         self.model.ep_info_buffer = deque(maxlen=self.model._stats_window_size)
         self.model.ep_success_buffer = deque(maxlen=self.model._stats_window_size)
         self.network, self.optimizer = self.model.policy, self.model.policy.optimizer
-        self._random: tuple[Tensor, tuple[Any, ...]] | None = None
-        self._actions: dict[str, Any] | None = None
-        self._logged: dict[str, float] = {}
+        # Of a checkpoint, until `learn` uses it.
+        self._restored: dict[str, Any] | None = None
 
     @torch.no_grad()
     def _prefer_waiting(self, bias: float) -> None:
         policy = self.model.policy
         values = value_network(policy)
         *_, last = (
-            one for one in (values or policy.action_net).modules() if isinstance(one, nn.Linear)
+            layer
+            for layer in (values or policy.action_net).modules()
+            if isinstance(layer, nn.Linear)
         )
         # One row for each quantile.
         last.bias.view(-1, self.model.action_space.n)[:, 0] = bias
@@ -261,8 +201,8 @@ class LibraryAlgorithm(Algorithm):
         super().set_steps(steps)
         self.model.num_timesteps = steps
 
-    def family(self, name: str) -> DeciderFamily:
-        return actor_decider(self.model.policy, self.task.switches).trained(name)
+    def agent(self, title: str) -> Decider:
+        return actor_decider(self.model.policy, self.task.switches).changed(title=title)
 
     def evaluate(self) -> None:
         """See `Algorithm.evaluate`; only if the actions are declarations of hypotheses or types, or
@@ -277,12 +217,13 @@ class LibraryAlgorithm(Algorithm):
         if not episodes:
             return math.nan, math.nan
         reward, ticks = (
-            float(np.mean([one[key] for one in episodes])) / self.task.length for key in ("r", "l")
+            float(np.mean([episode[key] for episode in episodes])) / self.task.length
+            for key in ("r", "l")
         )
-        self.model.logger.record(f"{self.task.wording.unit}/reward", reward)
+        self.model.logger.record(f"{self.task.unit}/reward", reward)
         if not self.task.waits:
             return reward, math.nan
-        self.model.logger.record(f"{self.task.wording.unit}/ticks", ticks)
+        self.model.logger.record(f"{self.task.unit}/ticks", ticks)
         return reward, ticks
 
     def track_tensors(self) -> dict[str, Tensor]:
@@ -291,7 +232,8 @@ class LibraryAlgorithm(Algorithm):
         arrays = {"observation": model._last_obs, "episode_start": model._last_episode_starts}
         arrays |= model.env.state_arrays()
         if self.buffer is not None:
-            arrays |= {f"buffer.{name}": getattr(self.buffer, name) for name in BUFFER}
+            names = "observations", "next_observations", "actions", "rewards", "dones", "timeouts"
+            arrays |= {f"buffer.{name}": getattr(self.buffer, name) for name in names}
         return {name: torch.from_numpy(array) for name, array in arrays.items()}
 
     def values(self) -> dict[str, Any]:
@@ -314,56 +256,40 @@ class LibraryAlgorithm(Algorithm):
         return values
 
     def restore_values(self, values: dict[str, Any]) -> None:
-        model = self.model
+        model, buffer = self.model, self.buffer
         checkpoint.check_tracks(model.env.env)
-        self._random = checkpoint.parse_random_state(values["random"])
-        self._logged = checkpoint.check_scalars(values["logged"])
-        model._n_updates = check_integer("updates", values["updates"], minimum=0)
+        self._restored = values
+        model._n_updates = values["updates"]
         model.ep_info_buffer.extend(
-            {"r": float(reward), "l": int(ticks)} for reward, ticks in values["episodes"]
+            {"r": reward, "l": ticks} for reward, ticks in values["episodes"]
         )
-        buffer = self.buffer
         if buffer is not None:
-            model._n_calls, model._episode_num = (
-                check_integer(name, values[name], minimum=0) for name in ("calls", "finished")
-            )
-            model.exploration_rate = check_number("exploration", values["exploration"])
-            buffer.pos = check_integer(
-                "position",
-                values["position"],
-                minimum=0,
-                maximum=buffer.buffer_size - 1,
-            )
-            buffer.full = check_flag("full", values["full"])
-            if not ((buffer.actions >= 0) & (buffer.actions < model.action_space.n)).all():
-                raise ValueError("an action is out of range")
-            self._actions = values["actions"]
-            checkpoint.restore_generator(np.random.default_rng(), self._actions)
+            model._n_calls, model._episode_num = values["calls"], values["finished"]
+            model.exploration_rate = values["exploration"]
+            buffer.pos, buffer.full = values["position"], values["full"]
 
-    @without_tracebacks_of_threads()
-    def learn(self, on_progress: Callable[[TrainingProgress], None] | None) -> None:
-        model, writers = self.model, []
+    def learn(self, on_progress: OnRound) -> None:
+        model = self.model
+        writers: list[KVWriter] = []
         if self.folder is not None:
-            writers = [MetricsWriter(self.folder), Events(self.folder, self.num_timesteps)]
+            writers = [RunWriter(self.folder, self.num_timesteps)]
         model.set_logger(Logger(None if self.folder is None else str(self.folder), writers))
-        # By the last update before the checkpoint, not written yet.
-        for name, value in self._logged.items():
-            # As Stable-Baselines3 does.
-            excluded = "tensorboard" if name == "train/n_updates" else None
-            model.logger.record(name, value, excluded)
         # The generators are global, so they are set here and not when the run is created.
-        if self._random is not None:
-            torch.set_rng_state(self._random[0])
-            np.random.set_state(self._random[1])  # noqa: NPY002
+        if self._restored is not None:
+            checkpoint.set_random_state(self._restored["random"])
+            if self.buffer is not None:
+                model.action_space.np_random.bit_generator.state = self._restored["actions"]
+            # By the last update before the checkpoint, not written yet.
+            for name, value in self._restored["logged"].items():
+                # As Stable-Baselines3 does.
+                excluded = "tensorboard" if name == "train/n_updates" else None
+                model.logger.record(name, value, excluded)
         elif self.num_timesteps == 0:
             model.set_random_seed(self.seed)
-        if self._actions is not None:
-            checkpoint.restore_generator(model.action_space.np_random, self._actions)
-        self._random = None
-        self._actions = None
-        self._logged = {}
+        self._restored = None
         callback = _RunCallback(self, on_progress)
-        interval = 1 if self.buffer is None else LOGGED_EPISODES
+        # Rollouts between two lines of metrics; of DQN and QR-DQN episodes.
+        interval = 1 if self.buffer is None else 500
         try:
             model.learn(
                 self.steps - self.num_timesteps,
@@ -381,4 +307,8 @@ class LibraryAlgorithm(Algorithm):
             model.logger.close()
 
     def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
-        save_actor(folder, self.model.policy, card, self.world.switches)
+        sizes = {
+            "observation_width": self.model.observation_space.shape[0],
+            "actions": int(self.model.action_space.n),
+        }
+        save_policy(folder, self.network.state_dict(), card | sizes, self.world.switches)

@@ -5,30 +5,19 @@ libraries.
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
-from agents.training.settings import LARGEST_COUNT, LARGEST_WEIGHT, learning_rate_schedule
-from hybrid_env.checks import check_between, check_flag, check_integer, ranged, reject
+from annotated_types import Interval, Len
 
-OURS = (
-    "n_envs",
-    "learning_rate",
-    "policy",
-    "policy_kwargs",
-    "wait_bias",
-    "observe",
-    "reward_scale",
-)
-"""Settings that are no plain keywords of an algorithm."""
-# Samples of an update, which then take less than a gigabyte.
-LARGEST_ROLLOUT = 2**21
-LARGEST_LAYER = 1024
-MOST_LAYERS = 8
-MOST_QUANTILES = 200
+from agents.training.settings import Factor, LearningRate
+from hybrid_env.checks import Checked, Count, checked, reject
+
+# Units of a layer, of which a file may not ask for more.
+Layer = Annotated[int, Interval(ge=1, le=1024)]
 
 
 @dataclass(frozen=True, kw_only=True)
-class LibrarySettings:
+class LibrarySettings(Checked):
     """Hyper-parameters that all algorithms have; base class.
 
     The default gamma is 1: segments are fast-forwarded after a declaration, and delay is already
@@ -36,14 +25,14 @@ class LibrarySettings:
     """
 
     # Parallel tracks.
-    n_envs: int
+    n_envs: Count
     # Constant, or "lin_" and the initial value for linear decay to zero.
-    learning_rate: str | float
+    learning_rate: LearningRate
     # Class of the policy.
     policy: str
     policy_kwargs: Mapping[str, Any] = field(default_factory=dict)
     # Discount factor.
-    gamma: float = 1.0
+    gamma: Factor = 1.0
     # Initial bias of the waiting action, on its logit or its value; with 0 an untrained policy
     # declares immediately and does not learn to wait.
     wait_bias: float = 5.0
@@ -52,20 +41,14 @@ class LibrarySettings:
 
     policy_name: ClassVar[str] = "MlpPolicy"
     """The only value of `policy`."""
-    network_keywords: ClassVar[tuple[str, ...]] = ("net_arch", "ortho_init")
-    """Allowed keyword arguments of the policy."""
-    fewest_layers: ClassVar[int] = 1
-    """Hidden layers of the policy."""
+    network: ClassVar[Mapping[str, Any]] = {
+        "net_arch": Annotated[tuple[Layer, ...], Len(1, 8)],
+        "ortho_init": bool,
+    }
+    """Declared types of the keyword arguments of the policy."""
 
     def __post_init__(self) -> None:
-        check_integer("n_envs", self.n_envs, maximum=LARGEST_COUNT)
-        learning_rate_schedule(self.learning_rate)
-        check_factor("gamma", self.gamma)
-        check_weight("wait_bias", self.wait_bias)
-        names = self.observe
-        if not isinstance(names, (list, tuple)) or not all(isinstance(name, str) for name in names):
-            raise reject("observe", names, "a list of names")
-        object.__setattr__(self, "observe", tuple(names))
+        super().__post_init__()
         if self.policy != self.policy_name:
             raise reject("policy", self.policy, self.policy_name)
         self.check_network(self.policy_kwargs)
@@ -75,41 +58,18 @@ class LibrarySettings:
         """Check names and types of the keyword arguments of a policy, and the size of its
         network.
         """
-        known = cls.network_keywords
-        if not isinstance(policy_kwargs, Mapping) or any(
-            name not in known for name in policy_kwargs
-        ):
+        known = cls.network
+        if not isinstance(policy_kwargs, Mapping) or not policy_kwargs.keys() <= known.keys():
             raise reject("policy_kwargs", policy_kwargs, f"a mapping of {', '.join(known)}")
-        layers = policy_kwargs.get("net_arch", [1])
-        if not isinstance(layers, list) or not cls.fewest_layers <= len(layers) <= MOST_LAYERS:
-            allowed = f"a list of {cls.fewest_layers} to {MOST_LAYERS} layers"
-            raise reject("net_arch", layers, allowed)
-        for units in layers:
-            check_integer("net_arch", units, maximum=LARGEST_LAYER)
-        largest = {
-            "lstm_hidden_size": LARGEST_LAYER,
-            "n_lstm_layers": 2,
-            "n_quantiles": MOST_QUANTILES,
-        }
-        for name, maximum in largest.items():
-            check_integer(name, policy_kwargs.get(name, 1), maximum=maximum)
-        for name in ("ortho_init", "enable_critic_lstm"):
-            check_flag(name, policy_kwargs.get(name, True))
+        for name, value in policy_kwargs.items():
+            checked(name, value, known[name])
 
     @property
     def keywords(self) -> dict[str, Any]:
         """Plain keywords of the algorithm."""
+        ours = {setting.name for setting in dataclasses.fields(LibrarySettings)} | {"reward_scale"}
         return {
-            one.name: getattr(self, one.name)
-            for one in dataclasses.fields(self)
-            if one.name not in OURS
+            setting.name: getattr(self, setting.name)
+            for setting in dataclasses.fields(self)
+            if setting.name == "gamma" or setting.name not in ours
         }
-
-
-def check_factor(name: str, value: Any) -> None:
-    """Raise `ArgumentError` if a value is not in (0, 1]."""
-    if isinstance(value, bool) or value != 1.0:
-        check_between(name, value, 0.0, 1.0)
-
-
-check_weight = ranged(-LARGEST_WEIGHT, LARGEST_WEIGHT, f"a magnitude of at most {LARGEST_WEIGHT:g}")

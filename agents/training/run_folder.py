@@ -1,13 +1,11 @@
 """The run folder: lock, config and metrics as JSON lines; see `checkpoint` for the checkpoint."""
 
 import json
-import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from agents.interface.input_files import read_json
 from agents.interface.output_files import PART_PREFIX, atomic_file
 from hybrid_env.checks import reject
 
@@ -20,14 +18,6 @@ except ImportError:
 CONFIG = "config.json"
 METRICS = "metrics.jsonl"
 LOCK = ".training.lock"
-
-
-def check_free(folder: Path) -> None:
-    """Refuse a folder that contains anything but the files of a run killed before its first
-    checkpoint.
-    """
-    if not is_free(folder):
-        raise reject("out", str(folder), "a new or empty folder, or --resume to resume a run")
 
 
 def is_free(folder: Path) -> bool:
@@ -71,31 +61,13 @@ def lock(folder: Path) -> Iterator[None]:
         yield
 
 
-def read_config(folder: Path) -> dict[str, Any]:
-    """Read the config of a run to resume."""
-    try:
-        config = read_json(folder / CONFIG)
-        return {name: config[name] for name in ("env", "options", "recipe", "steps", "seed")}
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise reject(
-            "resume",
-            str(folder),
-            f"a run folder with a readable {CONFIG} ({error})",
-        ) from None
-
-
 def append_metrics(folder: Path, step: int, metrics: Mapping[str, Any]) -> None:
-    """Append one line with a JSON object, or no part of it; a resumed run appends to the same
-    file.
-    """
+    """Append one line with a JSON object; a resumed run appends to the same file."""
     path = folder / METRICS
-    size = path.stat().st_size if path.exists() else 0
     try:
         with path.open("a", encoding="utf-8") as file:
             file.write(json.dumps({"step": step} | dict(metrics)) + "\n")
     except OSError as error:
-        with suppress(OSError):
-            os.truncate(path, size)
         raise reject("file", str(path), f"a file that can be written ({error.strerror})") from None
 
 
@@ -107,9 +79,7 @@ def read_metrics(folder: Path) -> list[dict[str, Any]]:
     rows = []
     for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
         with suppress(ValueError, RecursionError):
-            row = json.loads(line)
-            if isinstance(row, dict) and isinstance(row.get("step"), int):
-                rows.append(row)
+            rows.append(json.loads(line))
     return rows
 
 

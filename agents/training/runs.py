@@ -4,17 +4,12 @@ from pathlib import Path
 from typing import Any
 
 from agents.algorithms import find_algorithm
+from agents.interface.input_files import read_json
 from agents.training import run_folder
 from agents.training.algorithm import Algorithm
 from agents.training.checkpoint import has_checkpoint
 from agents.training.recipe import Recipe, recipe_of
 from hybrid_env.checks import check_integer, reject
-
-
-def run_name(env_id: str, recipe: Recipe) -> str:
-    """Return the name of the folder of a run."""
-    name: str = find_algorithm(recipe.algo).run_name(env_id, recipe.name)
-    return name
 
 
 def make_run(
@@ -51,14 +46,14 @@ def resume_run(folder: Path, steps: int | None = None) -> Algorithm:
 
     `steps` is the total number of environment steps; None uses that of the run.
     """
-    config = run_folder.read_config(folder)
     try:
+        config = read_json(folder / run_folder.CONFIG)
         recipe = recipe_of(config["recipe"]["name"], config["recipe"]["entry"])
         steps = int(config["steps"]) if steps is None else check_integer("steps", steps)
         env_id = str(config["env"])
         options = dict(config["options"])
         seed = int(config["seed"])
-    except (LookupError, TypeError, ValueError, OverflowError) as error:
+    except (OSError, LookupError, TypeError, ValueError, OverflowError) as error:
         allowed = f"a run folder with a readable {run_folder.CONFIG} ({error})"
         raise reject("resume", str(folder), allowed) from None
     resume = has_checkpoint(folder)

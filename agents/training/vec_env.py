@@ -2,7 +2,6 @@
 per track.
 """
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 
 from agents.training.checkpoint import track_arrays
+from hybrid_env.checks import BoolArray, Float32Array, IntArray
 from hybrid_env.registration import make_track_vector_env
 
 
@@ -59,10 +59,9 @@ class HybridTrackVecEnv(VecEnv):
         )
         self.render_mode, self.reward_scale = None, reward_scale
         super().__init__(num_envs, self.env.single_observation_space, self.env.single_action_space)
-        self._actions = np.zeros(num_envs, np.int64)
         self._returns, self._steps = np.zeros(num_envs), np.zeros(num_envs, np.int64)
 
-    def reset(self) -> NDArray[np.float32]:
+    def reset(self) -> Float32Array:
         """Start a new episode on every track, seeded if `seed()` was called since the last
         reset.
         """
@@ -71,13 +70,13 @@ class HybridTrackVecEnv(VecEnv):
         self._returns[:] = self._steps[:] = 0
         return observation
 
-    def step_async(self, actions: NDArray[np.int64]) -> None:
+    def step_async(self, actions: IntArray) -> None:
         """Set the actions (N,) of the next `step_wait`."""
         self._actions = actions
 
     def step_wait(
         self,
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+    ) -> tuple[Float32Array, Float32Array, BoolArray, list[dict[str, Any]]]:
         """Step all tracks. Terminated tracks are reset and return the first row of the next
         episode.
         """
@@ -128,7 +127,3 @@ class HybridTrackVecEnv(VecEnv):
     def env_is_wrapped(self, wrapper_class: Any, indices: VecEnvIndices = None) -> list[bool]:
         """Return False for each index; tracks are not wrapped."""
         return [False for _ in self._get_indices(indices)]
-
-    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
-        """Return None for each track; to render, use a single `HybridTrackEnv`."""
-        return [None] * self.num_envs

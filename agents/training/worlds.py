@@ -14,22 +14,21 @@ from hybrid_env.registration import make_vector_env
 
 
 class WorldsAlgorithm(NetworkAlgorithm):
-    """An algorithm with `WorldsSettings`; its `build` calls `create_worlds`."""
+    """An algorithm with `WorldsSettings`."""
 
     settings: Any
     world: WorldOptions
 
-    def create_worlds(self) -> None:
+    def prepare(self) -> None:
         """Set the options of the environments; refuse those in which hypotheses are not
         declared.
         """
         self.world = make_vector_env(self.env_id, 1, **self.options).options
         self._fixed: list[tuple[WorldOptions, int]] = []
-        for one in self.settings.worlds:
-            options = self.options | dict(one.options)
-            self._fixed.append(
-                (make_vector_env(one.env or self.env_id, 1, **options).options, one.n_envs)
-            )
+        for training_world in self.settings.worlds:
+            options = self.options | dict(training_world.options)
+            env = make_vector_env(training_world.env or self.env_id, 1, **options)
+            self._fixed.append((env.options, training_world.n_envs))
         for world in (self.world, *(world for world, _ in self._fixed)):
             if world.actions != "all":
                 raise reject(
@@ -44,6 +43,8 @@ class WorldsAlgorithm(NetworkAlgorithm):
         """
         worlds = list(self._fixed)
         for drawn in self.settings.drawn_worlds:
-            options = [draw_world(generator, drawn.radii) for _ in range(drawn.worlds)]
-            worlds += [(WorldOptions.of(**one), drawn.n_envs) for one in options]
+            worlds += [
+                (WorldOptions.of(**draw_world(generator, drawn.radii)), drawn.n_envs)
+                for _ in range(drawn.worlds)
+            ]
         return worlds

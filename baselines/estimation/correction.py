@@ -11,15 +11,14 @@ of the density that belongs to the loss, with the scale of the innovation.
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from annotated_types import Interval
 from scipy.special import gammaln, ndtr
 
-from hybrid_env.checks import BoolArray, FloatArray, check_between, check_positive
+from hybrid_env.checks import BoolArray, Checked, FloatArray, Positive
 
-# Of the correntropy.
-ITERATIONS = 10
 LOG_TWO_PI = float(np.log(2.0 * np.pi))
 
 
@@ -46,7 +45,7 @@ def gaussian_factors(
     return Factors(precision, precision, log_likelihood)
 
 
-class Robust(ABC):
+class Robust(Checked, ABC):
     """A robust correction."""
 
     @abstractmethod
@@ -71,10 +70,7 @@ class Huber(Robust):
     """
 
     # Standard deviations, > 0; with Gaussian noise a mean has 95 % of the efficiency.
-    threshold: float = 1.345
-
-    def __post_init__(self) -> None:
-        check_positive("threshold", self.threshold)
+    threshold: Positive = 1.345
 
     def factors(
         self,
@@ -112,10 +108,10 @@ class StudentT(Robust):
     """
 
     # Nu, from 0.1 to 1000; 1 is Cauchy noise, 1000 practically Gaussian.
-    degrees_of_freedom: float = 4.0
+    degrees_of_freedom: Annotated[float, Interval(ge=0.1, le=1000.0)] = 4.0
 
     def __post_init__(self) -> None:
-        check_between("degrees_of_freedom", self.degrees_of_freedom, 0.0999, 1000.1)
+        super().__post_init__()
         nu = self.degrees_of_freedom
         # The integrand is analytic: errors of about 1e-8.
         step = min(0.5, np.sqrt(2.0 / nu))
@@ -124,8 +120,8 @@ class StudentT(Robust):
         lowest = min(np.log((nu + 1.0) / (nu + farthest**2)), -40.0 / nu)
         logs = np.arange(max(lowest, np.log(1e-16)), np.log(2.0 + 80.0 / nu), step)
         density = 0.5 * nu * (logs - np.exp(logs)) + 0.5 * nu * np.log(0.5 * nu) - gammaln(0.5 * nu)
-        object.__setattr__(self, "_inverse_weights", np.exp(-logs))
-        object.__setattr__(self, "_log_shares", density + np.log(step) - 0.5 * LOG_TWO_PI)
+        shares = density + np.log(step) - 0.5 * LOG_TWO_PI
+        object.__setattr__(self, "_quadrature", (np.exp(-logs), shares))
 
     def factors(
         self,
@@ -134,11 +130,11 @@ class StudentT(Robust):
         variance: FloatArray,
     ) -> Factors:
         """See `Robust.factors`."""
-        inverse_weights: FloatArray = self._inverse_weights  # type: ignore[attr-defined]
+        inverse_weights, log_shares = vars(self)["_quadrature"]
         total = variance[:, None] * inverse_weights + predicted[:, None]
         precision = 1.0 / total
         squares = innovation**2
-        logs = 0.5 * (np.log(precision) - squares[:, None] * precision) + self._log_shares  # type: ignore[attr-defined]
+        logs = 0.5 * (np.log(precision) - squares[:, None] * precision) + log_shares
         largest = logs.max(-1)
         share = np.exp(logs - largest[:, None])
         norm = share.sum(-1)
@@ -155,10 +151,7 @@ class Correntropy(Robust):
     variances; a large width gives the Kalman filter.
     """
 
-    width: float = 3.0
-
-    def __post_init__(self) -> None:
-        check_positive("width", self.width)
+    width: Positive = 3.0
 
     def factors(
         self,
@@ -172,7 +165,7 @@ class Correntropy(Robust):
         squares = innovation**2
         least = 1e-12
         scale = 2.0 * self.width**2
-        for _ in range(ITERATIONS):
+        for _ in range(10):
             of_prediction = np.exp(-squares * gain**2 / (scale * predicted))
             of_measurement = np.exp(-squares * (1.0 - gain) ** 2 / (scale * variance))
             ratio = np.maximum(of_measurement, least) / np.maximum(of_prediction, least)
@@ -198,19 +191,6 @@ class PrincipalNoise(NamedTuple):
         return PrincipalNoise(variances, axes if axes is None or axes.ndim == 2 else axes[tracks])
 
 
-class Corrected(NamedTuple):
-    """Estimates after a measurement."""
-
-    # (..., n)
-    state: FloatArray
-    # (..., n, n)
-    covariance: FloatArray
-    # (...) of the measurement.
-    log_likelihood: FloatArray
-    # (...) squared innovation in units of its covariance.
-    nis: FloatArray
-
-
 def principal_noise(covariance: FloatArray) -> PrincipalNoise:
     """Return the principal axes of covariances of measurements, (d, d) or (..., d, d)."""
     diagonal = np.diagonal(covariance, axis1=-2, axis2=-1)
@@ -226,11 +206,14 @@ def correct(
     measurement: FloatArray,
     noise: PrincipalNoise,
     robust: Robust | None = None,
-) -> Corrected:
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Correct predicted estimates, (..., n) and (..., n, n), by measured positions (..., d) [m].
     `robust` says how components far from the prediction are used; None is the Kalman filter.
+    Returns estimates, covariances, and (...) the log-likelihood of the measurement and its squared
+    innovation in units of its covariance.
     """
-    state, covariance = state.copy(), covariance.copy()
+    state = state.copy()
+    covariance = covariance.copy()
     lead = state.shape[:-1]
     d = measurement.shape[-1]
     m = state.shape[-1] // d
@@ -265,4 +248,4 @@ def correct(
             covariance[..., m * i, :] = after
         log_likelihood += factors.log_likelihood
         nis += innovation**2 / (predicted + variance)
-    return Corrected(state, covariance, log_likelihood, nis)
+    return state, covariance, log_likelihood, nis

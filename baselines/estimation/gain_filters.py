@@ -25,39 +25,54 @@ of that of the positions (Benedict & Bordner 1962).
 """
 
 import math
-from abc import abstractmethod
 
 import numpy as np
 
 from baselines.estimation.track_filter import TrackFilter
 from hybrid_env.checks import (
     FloatArray,
+    Positive,
     check_flag,
     check_integer,
     check_number,
-    check_positive,
+    checked,
     reject,
 )
 
 
-class GainFilter(TrackFilter):
-    """A filter of [x, v] per axis with gains, (2, B, d) or (2, B, 1), of positions [-] and
-    velocities [1/s]. Two-point start: a track has the position of its first measurement and no
-    velocity; the second gives the position z_2 and the velocity (z_2 - z_1) / t. It starts anew
-    after `longest_gap` without a measurement [s].
+class GHFilter(TrackFilter):
+    """The g-h filter of positions in d dimensions, [x, v] per axis.
+
+    With x, v the prediction at a measurement z and t the time since the last one: x' = x + g (z -
+    x), v' = v + h / t (z - x). The gains have 0 < g and 0 <= h < 4 - 2 g, so that the filter is
+    stable. Two-point start: a track has the position of its first measurement and no velocity; the
+    second gives the position z_2 and the velocity (z_2 - z_1) / t. It starts anew after
+    `longest_gap` without a measurement [s]; None never.
     """
 
-    has_covariance = False
     covariance = None
     order = 2
     longest_gap = np.inf
+
+    def __init__(self, axes: int, g: float, h: float, longest_gap: float | None = None):
+        self.axes = check_integer("axes", axes)
+        self.g = checked("g", g, Positive)
+        bound = 4.0 - 2.0 * g
+        self.h = check_number(
+            "h",
+            h,
+            f"a number from 0, below 4 - 2 g = {bound:g}",
+            0.0,
+            math.nextafter(bound, -1.0),
+        )
+        self.longest_gap = checked("longest_gap", longest_gap, Positive | None) or np.inf
 
     def _begin(self, tracks: int) -> None:
         self.state = np.full((tracks, 2 * self.axes), np.nan)
         self.log_likelihood = self.nis = np.full(tracks, np.nan)
         self.gains = np.full((2, tracks, self.axes), np.nan)
         # Measurements at different moments so far.
-        self._count = np.zeros(tracks, np.int64)
+        self._count = np.zeros(tracks, int)
         # Since the last one [s].
         self._elapsed = np.zeros(tracks)
 
@@ -80,57 +95,25 @@ class GainFilter(TrackFilter):
         self._count = np.where(first, 1, self._count + passed)
         self.gains = self._find_gains(measurement)
         second = passed & (self._count == 2)
-        self.gains[0, second], self.gains[1, second] = 1.0, 1.0 / self._elapsed[second, None]
+        self.gains[0, second] = 1.0
+        self.gains[1, second] = 1.0 / self._elapsed[second, None]
         innovation = (measurement - self.state[:, ::2])[later]
         self.state[later, ::2] += self.gains[0, later] * innovation
         self.state[later, 1::2] += self.gains[1, later] * innovation
-        self.state[first, ::2], self.state[first, 1::2] = measurement[first], 0.0
+        self.state[first, ::2] = measurement[first]
+        self.state[first, 1::2] = 0.0
         self._elapsed[measured] = 0.0
 
-    @abstractmethod
     def _find_gains(self, measurement: FloatArray) -> FloatArray:
         """Gains (2, B, d) or (2, B, 1) for the measurements (B, d) of a tick, NaN where there is
         none.
         """
-
-
-class GHFilter(GainFilter):
-    """The g-h filter of positions in d dimensions; for its start see `GainFilter`.
-
-    With x, v the prediction at a measurement z and t the time since the last one: x' = x + g (z -
-    x), v' = v + h / t (z - x). The gains have 0 < g and 0 <= h < 4 - 2 g, so that the filter is
-    stable. After `longest_gap` between two measurements [s] a track starts anew; None never.
-    """
-
-    def __init__(self, axes: int, g: float, h: float, longest_gap: float | None = None):
-        self.axes = check_integer("axes", axes)
-        self.g, bound = check_positive("g", g), 4.0 - 2.0 * g
-        self.h = check_number(
-            "h",
-            h,
-            f"a number from 0, below 4 - 2 g = {bound:g}",
-            0.0,
-            math.nextafter(bound, -1.0),
-        )
-        self.longest_gap = (
-            np.inf if longest_gap is None else check_positive("longest_gap", longest_gap)
-        )
-
-    def _find_gains(self, measurement: FloatArray) -> FloatArray:
         rate = self.h / np.where(self._elapsed > 0.0, self._elapsed, np.inf)
         return np.stack([np.full(self.tracks, self.g), rate])[..., None]
 
 
 # Coefficients of the third backward difference D^3, newest value first.
 DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0])
-# Of H_0 to H_4.
-LAGS = 5
-# Before the filter adapts.
-PRODUCTS = 10
-# Number of innovations in H_0 of the corrected filter.
-WINDOW = 15
-# Of its gain K_1 = 1 - R / H_0.
-LIMITS = 0.12, 0.9
 
 
 def third_difference(values: FloatArray) -> FloatArray:
@@ -143,7 +126,7 @@ def products(position: FloatArray, velocity: FloatArray, innovation: FloatArray)
     D^3 nu nu, of the last four predictions [m, m/s] and five innovations [m], newest first.
     """
     differences = [third_difference(values) for values in (position, velocity, innovation)]
-    return np.stack([*innovation[:LAGS], *differences]) * innovation[0]
+    return np.stack([*innovation[:5], *differences]) * innovation[0]
 
 
 def published_gain(means: FloatArray, tau: float) -> tuple[FloatArray, FloatArray]:
@@ -158,14 +141,36 @@ def published_gain(means: FloatArray, tau: float) -> tuple[FloatArray, FloatArra
     return position_spread / total, velocity_spread / total
 
 
-class ConstantStepFilter(GainFilter):
-    """A filter with gains that depend on past innovations, for d axes and equal time steps of tau
-    [s]. Until it adapts it has the gains of a line fitted to n measurements, K_1 = 2 (2 n - 1) / (n
-    (n + 1)) and K_2 = 6 / (n (n + 1) T).
+def shifted(history: FloatArray, newest: FloatArray) -> FloatArray:
+    """The history, newest first, with one more value in the place of the oldest."""
+    return np.concatenate([newest[None], history[:-1]])
+
+
+class AdaptiveFilter(GHFilter):
+    """The adaptive filter as published, each axis by itself, for equal time steps.
+
+    Its gains depend on past innovations. Until it adapts it has those of a line fitted to n
+    measurements, K_1 = 2 (2 n - 1) / (n (n + 1)) and K_2 = 6 / (n (n + 1) T). Products of ticks
+    around a missing measurement are left out of the means.
+
+    Args:
+        axes: number of dimensions d.
+        tau: length of a tick [s].
+        limited: limits the gains to 0 <= K_1 <= 1 and 0 <= K_2 <= K_1^2 / ((2 - K_1) T), which the
+            paper does not state. Without limits its estimates are worse than the measurements.
     """
 
-    def __init__(self, axes: int, tau: float):
-        self.axes, self.tau = check_integer("axes", axes), check_positive("tau", tau)
+    def __init__(self, axes: int, tau: float, *, limited: bool = True):
+        self.axes = check_integer("axes", axes)
+        self.tau = checked("tau", tau, Positive)
+        self.limited = check_flag("limited", limited)
+
+    def _begin(self, tracks: int) -> None:
+        super()._begin(tracks)
+        # Of H_0 to H_4.
+        self._history = np.full((3, 5, tracks, self.axes), np.nan)
+        self._means = np.zeros((8, tracks, self.axes))
+        self._products = np.zeros((tracks, self.axes))
 
     def _predict(self, dt: float | FloatArray) -> None:
         step = np.asarray(dt)
@@ -179,72 +184,29 @@ class ConstantStepFilter(GainFilter):
         super()._predict(self.tau)
 
     def _find_gains(self, measurement: FloatArray) -> FloatArray:
-        position = self.state[:, ::2].copy()
-        velocity = self.state[:, 1::2].copy()
         n = np.maximum(self._count, 2)[:, None]
         line = np.stack([2.0 * (2 * n - 1) / (n * (n + 1)), 6.0 / (n * (n + 1) * self.tau)])
-        adapted = self._adapted(measurement, position, velocity)
+        adapted = self._adapted(measurement)
         return np.where(np.isnan(adapted), line, adapted)
 
-    @abstractmethod
-    def _adapted(
-        self,
-        measurement: FloatArray,
-        position: FloatArray,
-        velocity: FloatArray,
-    ) -> FloatArray:
-        """Gains (2, B, d) after measurement and prediction of a tick, (B, d) each; NaN where it
-        does not adapt yet.
+    def _adapted(self, measurement: FloatArray) -> FloatArray:
+        """Gains (2, B, d) after prediction and measurement of a tick, (B, d); NaN where it does
+        not adapt yet.
         """
-
-
-def shifted(history: FloatArray, newest: FloatArray) -> FloatArray:
-    """The history, newest first, with one more value in the place of the oldest."""
-    return np.concatenate([newest[None], history[:-1]])
-
-
-class AdaptiveFilter(ConstantStepFilter):
-    """The adaptive filter as published, each axis by itself, for equal time steps.
-
-    Products of ticks around a missing measurement are left out of the means.
-
-    Args:
-        axes: number of dimensions d.
-        tau: length of a tick [s].
-        limited: limits the gains to 0 <= K_1 <= 1 and 0 <= K_2 <= K_1^2 / ((2 - K_1) T), which the
-            paper does not state. Without limits its estimates are worse than the measurements.
-    """
-
-    def __init__(self, axes: int, tau: float, *, limited: bool = True):
-        super().__init__(axes, tau)
-        self.limited = check_flag("limited", limited)
-
-    def _begin(self, tracks: int) -> None:
-        super()._begin(tracks)
-        self._history = np.full((3, LAGS, tracks, self.axes), np.nan)
-        self._means = np.zeros((8, tracks, self.axes))
-        self._products = np.zeros((tracks, self.axes))
-
-    def _adapted(
-        self,
-        measurement: FloatArray,
-        position: FloatArray,
-        velocity: FloatArray,
-    ) -> FloatArray:
-        values = (position, velocity, measurement - position)
+        values = (self.position, self.velocity, measurement - self.position)
         self._history = np.stack(
             [shifted(*pair) for pair in zip(self._history, values, strict=True)]
         )
         new = products(*self._history)
-        known = np.logical_not(np.isnan(new).any(axis=0))
+        known = ~np.isnan(new).any(axis=0)
         self._products += known
         change = known / np.maximum(self._products, 1.0) * (new - self._means)
         self._means = self._means + np.where(np.isnan(change), 0.0, change)
-        ready = self._products > PRODUCTS
+        ready = self._products > 10
         means = self._means[:, ready]
         gains = np.full((2, *ready.shape), np.nan)
         # Innovations of exactly 0 identify nothing.
-        means = np.where(np.equal(means[0], 0.0), np.nan, means)
+        means = np.where(means[0] == 0.0, np.nan, means)
         gains[:, ready] = published_gain(means, self.tau)
         if self.limited:
             gains[0] = np.clip(gains[0], 0.0, 1.0)
@@ -252,28 +214,26 @@ class AdaptiveFilter(ConstantStepFilter):
         return gains
 
 
-class CorrectedAdaptiveFilter(ConstantStepFilter):
+class CorrectedAdaptiveFilter(AdaptiveFilter):
     """The adaptive filter with estimates of R and H_0 that are not biased, and one gain for all
     axes, from their means.
 
-    It adapts after two windows of H_0. A short window would follow a manoeuvre faster, a long one
-    have a steadier gain.
+    It adapts after two windows of H_0, of 15 innovations. A short window would follow a manoeuvre
+    faster, a long one have a steadier gain. The gain K_1 = 1 - R / H_0 is limited to 0.12 to 0.9.
     """
+
+    window = 15
 
     def _begin(self, tracks: int) -> None:
         super()._begin(tracks)
         self._measurements = np.full((4, tracks, self.axes), np.nan)
         # Of innovations, mean over the axes.
-        self._squares = np.full((WINDOW, tracks), np.nan)
-        self._noise, self._differences = np.zeros(tracks), np.zeros(tracks)
+        self._squares = np.full((self.window, tracks), np.nan)
+        self._noise = np.zeros(tracks)
+        self._differences = np.zeros(tracks)
 
-    def _adapted(
-        self,
-        measurement: FloatArray,
-        position: FloatArray,
-        velocity: FloatArray,
-    ) -> FloatArray:
-        innovation = measurement - position
+    def _adapted(self, measurement: FloatArray) -> FloatArray:
+        innovation = measurement - self.position
         self._measurements = shifted(self._measurements, measurement)
         new = (third_difference(self._measurements) ** 2).mean(-1) / (DIFFERENCE**2).sum()
         known = ~np.isnan(new)
@@ -283,8 +243,8 @@ class CorrectedAdaptiveFilter(ConstantStepFilter):
         self._squares = np.where(np.isnan(innovation[:, 0]), self._squares, later)
         # NaN until the window is full.
         mean = self._squares.mean(0)
-        ready = (self._count > 2 * WINDOW) & (mean > 0.0)
+        ready = (self._count > 2 * self.window) & (mean > 0.0)
         ratio = self._noise / np.where(ready, mean, 1.0)
-        gain = np.clip(1.0 - ratio, *LIMITS)
+        gain = np.clip(1.0 - ratio, 0.12, 0.9)
         gains = np.stack([gain, gain**2 / ((2.0 - gain) * self.tau)])
         return np.where(ready, gains, np.nan)[..., None].repeat(self.axes, axis=-1)

@@ -1,7 +1,6 @@
-"""The interacting multiple model (IMM) filter, and its steps for filters of any kind. Blom &
-Bar-Shalom 1988, "The interacting multiple model algorithm for systems with Markovian switching
-coefficients". Logarithms of probabilities are stored, so that none is lost in an outlier. Rows of a
-transition matrix sum to 1.
+"""The interacting multiple model (IMM) filter. Blom & Bar-Shalom 1988, "The interacting multiple
+model algorithm for systems with Markovian switching coefficients". Logarithms of probabilities are
+stored, so that none is lost in an outlier. Rows of a transition matrix sum to 1.
 """
 
 from collections.abc import Sequence
@@ -12,63 +11,14 @@ from numpy.typing import ArrayLike
 from baselines.estimation.kalman import KalmanFilter, resized
 from baselines.estimation.motion_models import check_per_item
 from baselines.estimation.track_filter import TrackFilter
-from hybrid_env.checks import FloatArray, check_array, check_covariance, reject
-
-# Smaller probabilities count as this one.
-SMALLEST = 1e-300
-
-
-class ModelChain:
-    """The Markov chain of models in continuous time, from rates of change (M, M) [1/s], whose
-    rows sum to 0.
-    """
-
-    def __init__(self, generator: FloatArray):
-        self._values, self._vectors = np.linalg.eig(generator)
-        self._inverse = np.linalg.inv(self._vectors)
-
-    def transition(self, dt: float | FloatArray) -> FloatArray:
-        """Transition matrix of the models, (M, M) or (B, M, M), in a time step [s] or (B,) of
-        them.
-        """
-        powers = np.exp(self._values * np.asarray(dt)[..., None])
-        return np.clip(np.real((self._vectors * powers[..., None, :]) @ self._inverse), 0.0, 1.0)
-
-
-def mix_models(
-    log_probability: FloatArray,
-    transition: FloatArray,
-    smallest: float,
-) -> tuple[FloatArray, FloatArray]:
-    """Return log probabilities (B, M) after a step of the chain, at least `smallest`, and weights
-    (B, M, M), whose row j mixes the filters before the step for model j.
-    """
-    with np.errstate(divide="ignore"):
-        # Before, after.
-        joint = np.log(transition) + log_probability[:, :, None]
-    after = log_sum(joint, 1)
-    weights = np.exp(joint - after[:, None, :])
-    return np.maximum(after, np.log(smallest)), weights.swapaxes(1, 2)
-
-
-def weigh_models(
-    log_prior: FloatArray,
-    log_likelihood: FloatArray,
-    smallest: float,
-) -> tuple[FloatArray, FloatArray]:
-    """Return the log posterior of the models, (B, M), at least `smallest`, and the
-    log-likelihood of all, (B,).
-    """
-    joint = log_prior + log_likelihood
-    total = log_sum(joint, 1)
-    return np.maximum(joint - total[:, None], np.log(smallest)), total
+from hybrid_env.checks import FloatArray, Moments, check_array, check_covariance, reject
 
 
 def mixture(
     state: FloatArray,
     covariance: FloatArray,
     weights: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
+) -> Moments:
     """Return mean and covariance of C mixtures, (B, C, n) and (B, C, n, n), of the same K normal
     distributions, (B, K, n) and (B, K, n, n), with weights (B, C, K).
     """
@@ -83,26 +33,15 @@ def mixture(
     return mean, mixed - centre[..., :, None] * centre[..., None, :]
 
 
-def squared_innovation(innovation: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Return squares (B,) of innovations (B, d) in units of their covariances (B, d, d); NaN
-    without one.
+def log_sum(logarithms: FloatArray) -> FloatArray:
+    """Return logarithms of sums of numbers along the second axis, without overflow;
+    of nothing but zeros -inf.
     """
-    used = ~np.isnan(innovation).any(1)
-    nis = np.full(len(innovation), np.nan)
-    solved = np.linalg.solve(covariance[used], innovation[used][..., None])[..., 0]
-    nis[used] = (innovation[used] * solved).sum(-1)
-    return nis
-
-
-def log_sum(logarithms: FloatArray, axis: int) -> FloatArray:
-    """Return logarithms of sums of numbers along an axis, without overflow; of nothing but zeros
-    -inf.
-    """
-    largest = logarithms.max(axis, keepdims=True)
+    largest = logarithms.max(1, keepdims=True)
     finite = np.where(np.isinf(largest), 0.0, largest)
     with np.errstate(divide="ignore"):
-        total = np.log(np.exp(logarithms - finite).sum(axis, keepdims=True)) + finite
-    return np.asarray(total.squeeze(axis))
+        total = np.log(np.exp(logarithms - finite).sum(1, keepdims=True)) + finite
+    return total.squeeze(1)
 
 
 class IMMFilter(TrackFilter):
@@ -122,32 +61,27 @@ class IMMFilter(TrackFilter):
             any of the others with equal probability.
     """
 
+    # Smaller probabilities count as this one.
+    smallest = 1e-300
     covariance: FloatArray
 
     def __init__(self, filters: Sequence[KalmanFilter], sojourns: float | ArrayLike):
-        known = isinstance(filters, Sequence) and all(
-            isinstance(one, KalmanFilter) for one in filters
-        )
-        if not known or len(filters) < 2 or len({one.axes for one in filters}) > 1:
-            raise reject(
-                "filters",
-                filters,
-                "two or more KalmanFilters with the same number of axes",
-            )
-        orders = [one.order for one in filters]
-        for one in filters:
-            if one.order > min(orders) and one.start_variances is None:
-                raise reject("filters", one.model.name, "start_deviations of the larger models")
-        self.filters, self.axes, self.order, count = (
-            list(filters),
-            filters[0].axes,
-            max(orders),
-            len(filters),
-        )
+        orders = [track_filter.order for track_filter in filters]
+        for track_filter in filters:
+            if track_filter.order > min(orders) and track_filter.start_variances is None:
+                raise reject(
+                    "filters", track_filter.model.name, "start_deviations of the larger models"
+                )
+        self.filters = list(filters)
+        count = len(filters)
+        self.axes = filters[0].axes
+        self.order = max(orders)
         times = check_per_item("sojourns", sojourns, count, smallest=1e-30)
         self._stationary = times / times.sum()
         others = (np.ones((count, count)) - count * np.eye(count)) / (count - 1)
-        self._chain = ModelChain(others / times[:, None])
+        # Of the rates of change [1/s], whose rows sum to 0.
+        self._rates, self._vectors = np.linalg.eig(others / times[:, None])
+        self._inverse = np.linalg.inv(self._vectors)
 
     @property
     def probabilities(self) -> FloatArray:
@@ -155,7 +89,7 @@ class IMMFilter(TrackFilter):
         return np.exp(self._log_probabilities)
 
     @property
-    def estimates(self) -> tuple[FloatArray, FloatArray]:
+    def estimates(self) -> Moments:
         """Estimates of the models, (B, M, n), and their covariances, (B, M, n, n)."""
         return self._estimates_with(self.order, None)
 
@@ -163,12 +97,13 @@ class IMMFilter(TrackFilter):
         self,
         order: int,
         variances: FloatArray | None,
-    ) -> tuple[FloatArray, FloatArray]:
+    ) -> Moments:
         """Return the estimates of the models with the same number of values per axis, see
         `resized`.
         """
         parts = [
-            resized(one.state, one.covariance, self.axes, order, variances) for one in self.filters
+            resized(track_filter.state, track_filter.covariance, self.axes, order, variances)
+            for track_filter in self.filters
         ]
         state, covariance = (np.stack(values, axis=1) for values in zip(*parts, strict=True))
         return state, covariance
@@ -187,28 +122,28 @@ class IMMFilter(TrackFilter):
         count = len(self.filters)
         size = self.axes * self.order
         weights = check_array("probabilities", probabilities, (None, count))
-        if (weights < 0.0).any() or not np.allclose(weights.sum(-1), 1.0):
-            raise reject(
-                "probabilities",
-                probabilities,
-                "numbers >= 0 whose sum is 1 for each track",
-            )
         means = check_array("states", states, (len(weights), count, size))
         matrices = check_array("covariances", covariances, (len(weights), count, size, size))
         matrices = check_covariance("covariances", matrices, definite=False)
         self._begin(len(weights))
-        self._log_probabilities = np.log(np.maximum(weights, SMALLEST))
-        for j, one in enumerate(self.filters):
-            one._set(*resized(means[:, j], matrices[:, j], self.axes, one.order, None))
+        self._log_probabilities = np.log(np.maximum(weights, self.smallest))
+        for j, track_filter in enumerate(self.filters):
+            track_filter._set(
+                *resized(means[:, j], matrices[:, j], self.axes, track_filter.order, None)
+            )
         self._merge()
 
     def transition(self, dt: float | FloatArray) -> FloatArray:
-        """Transition matrix of the models, (M, M) or (B, M, M), in a time step [s]."""
-        return self._chain.transition(dt)
+        """Transition matrix of the models, (M, M) or (B, M, M), in a time step [s] or (B,) of
+        them.
+        """
+        powers = np.exp(self._rates * np.asarray(dt)[..., None])
+        steps = (self._vectors * powers[..., None, :]) @ self._inverse
+        return np.clip(np.real(steps), 0.0, 1.0)
 
     def _begin(self, tracks: int) -> None:
-        for one in self.filters:
-            one._begin(tracks)
+        for track_filter in self.filters:
+            track_filter._begin(tracks)
         self._log_probabilities = np.log(
             np.broadcast_to(self._stationary, (tracks, len(self.filters)))
         ).copy()
@@ -217,40 +152,55 @@ class IMMFilter(TrackFilter):
 
     def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
         assert covariance is not None
-        for one in self.filters:
-            one._set(*resized(state, covariance, self.axes, one.order, None))
+        for track_filter in self.filters:
+            track_filter._set(*resized(state, covariance, self.axes, track_filter.order, None))
         self._merge()
 
     def _predict(self, dt: float | FloatArray) -> None:
-        after, weights = mix_models(self._log_probabilities, self.transition(dt), SMALLEST)
+        with np.errstate(divide="ignore"):
+            # Before, after.
+            joint = np.log(self.transition(dt)) + self._log_probabilities[:, :, None]
+        after = log_sum(joint)
+        # Of the filters before the step, in row j for model j.
+        weights = np.exp(joint - after[:, None, :]).swapaxes(1, 2)
         mixed = [
-            mixture(*self._estimates_with(one.order, one.start_variances), weights[:, j, None])
-            for j, one in enumerate(self.filters)
+            mixture(
+                *self._estimates_with(track_filter.order, track_filter.start_variances),
+                weights[:, j, None],
+            )
+            for j, track_filter in enumerate(self.filters)
         ]
-        for one, (state, covariance) in zip(self.filters, mixed, strict=True):
-            one._set(state[:, 0], covariance[:, 0])
-            one._predict(dt)
-        self._log_probabilities = after
+        for track_filter, (state, covariance) in zip(self.filters, mixed, strict=True):
+            track_filter._set(state[:, 0], covariance[:, 0])
+            track_filter._predict(dt)
+        self._log_probabilities = np.maximum(after, np.log(self.smallest))
         self._merge()
 
     def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
-        noises = [one.noise if noise is None else noise for one in self.filters]
+        noises = [track_filter.noise if noise is None else noise for track_filter in self.filters]
         of_models = sum(
-            p[:, None, None] * one for p, one in zip(self.probabilities.T, noises, strict=True)
+            p[:, None, None] * covariance
+            for p, covariance in zip(self.probabilities.T, noises, strict=True)
         )
         spread = self.covariance[:, :: self.order, :: self.order] + of_models
-        self.nis = squared_innovation(measurement - self.position, spread)
-        for one in self.filters:
-            one._update(measurement, noise)
-        each = np.stack([one.log_likelihood for one in self.filters], axis=-1)
-        self._log_probabilities, self.log_likelihood = weigh_models(
-            self._log_probabilities,
-            each,
-            SMALLEST,
+        innovation = measurement - self.position
+        used = ~np.isnan(innovation).any(1)
+        self.nis = np.full(len(innovation), np.nan)
+        solved = np.linalg.solve(spread[used], innovation[used][..., None])[..., 0]
+        self.nis[used] = (innovation[used] * solved).sum(-1)
+        for track_filter in self.filters:
+            track_filter._update(measurement, noise)
+        each = np.stack([track_filter.log_likelihood for track_filter in self.filters], axis=-1)
+        joint = self._log_probabilities + each
+        self.log_likelihood = log_sum(joint)
+        self._log_probabilities = np.maximum(
+            joint - self.log_likelihood[:, None],
+            np.log(self.smallest),
         )
         self._merge()
 
     def _merge(self) -> None:
         """Compute mean and covariance of the mixture of all models."""
         state, covariance = mixture(*self.estimates, self.probabilities[:, None])
-        self.state, self.covariance = state[:, 0], covariance[:, 0]
+        self.state = state[:, 0]
+        self.covariance = covariance[:, 0]

@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baselines.estimation.correction import Robust, correct, principal_noise
-from baselines.estimation.motion_models import MotionModel
+from baselines.estimation.motion_models import MotionModel, check_per_item
 from baselines.estimation.track_filter import TrackFilter, measurement_covariance
-from hybrid_env.checks import FloatArray, IntArray, check_array, reject
+from hybrid_env.checks import FloatArray, IntArray, Moments, reject
 
 
 class KalmanFilter(TrackFilter):
@@ -34,30 +34,20 @@ class KalmanFilter(TrackFilter):
         start_deviations: ArrayLike | None = None,
         robust: Robust | None = None,
     ):
-        if not isinstance(model, MotionModel):
-            raise reject("model", model, "a MotionModel")
-        if robust is not None and not isinstance(robust, Robust):
-            raise reject("robust", robust, "Huber, StudentT, Correntropy or None")
-        self.model, self.robust = model, robust
-        self.axes, self.order = model.axes, model.order
+        self.model = model
+        self.robust = robust
+        self.axes = model.axes
+        self.order = model.order
         self.noise = measurement_covariance("noise", noise, self.axes)
         self._principal = principal_noise(self.noise)
         self.start_variances: FloatArray | None = None
         if start_deviations is not None:
-            deviations = check_array("start_deviations", start_deviations, (self.order - 1,))
-            if (deviations < 0.0).any():
-                raise reject("start_deviations", start_deviations, "numbers >= 0")
+            deviations = check_per_item("start_deviations", start_deviations, self.order - 1)
             self.start_variances = deviations**2
         # Matrices of the last time step, if it was equal for all tracks.
         self._step = np.nan, np.empty(0), np.empty(0)
 
     def _begin(self, tracks: int) -> None:
-        if self.noise.ndim == 3 and len(self.noise) != tracks:
-            raise reject(
-                "tracks",
-                tracks,
-                f"{len(self.noise)}, as many as covariances of the measurement",
-            )
         size = self.model.size
         self.state = np.full((tracks, size), np.nan)
         self.covariance = np.full((tracks, size, size), np.nan)
@@ -65,7 +55,8 @@ class KalmanFilter(TrackFilter):
 
     def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
         assert covariance is not None
-        self.state, self.covariance = state, covariance
+        self.state = state
+        self.covariance = covariance
 
     def _predict(self, dt: float | FloatArray) -> None:
         step = dt if isinstance(dt, float) else np.nan
@@ -123,7 +114,7 @@ def resized(
     axes: int,
     order: int,
     variances: FloatArray | None,
-) -> tuple[FloatArray, FloatArray]:
+) -> Moments:
     """Return estimates (B, d m) and covariances with another number of values per axis, `order`.
     Derivatives that are left out are marginalized; new ones have the variances (order - 1,),
     velocity first, or are 0.
@@ -152,7 +143,7 @@ def propagate(
     transition: FloatArray,
     step_noise: FloatArray,
     intensity: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
+) -> Moments:
     """Return predicted estimates (..., n) and covariances F P F' + Q, (..., n, n). F and Q consist
     of d equal blocks of m values, one for each axis of CV, CA and CJ, given as (m, m) or (..., m,
     m), and Q has an intensity (d,) for each. A coordinated turn, whose axes depend on each other,

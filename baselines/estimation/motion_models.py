@@ -1,10 +1,9 @@
-"""Motion models for real time steps: constant velocity, acceleration and jerk (CV, CA, CJ), and
-coordinated turns.
+"""Motion models for real time steps: constant velocity, acceleration and jerk (CV, CA, CJ).
 
 The state lists position and derivatives axis by axis, [x, vx, y, vy] for CV in the plane: n = d m
 values. The axes are independent, with the same m x m transition matrix. White noise drives the
 highest derivative. Bar-Shalom, Li & Kirubarajan 2001, "Estimation with Applications to Tracking and
-Navigation", section 6.2 (continuous noise), 6.3 (discrete noise) and 11.7 (turns).
+Navigation", section 6.2 (continuous noise) and 6.3 (discrete noise).
 """
 
 from dataclasses import dataclass
@@ -15,14 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_env.checks import (
-    FloatArray,
-    check_array,
-    check_choice,
-    check_integer,
-    dimensions,
-    reject,
-)
+from hybrid_env.checks import Checked, Count, FloatArray, check_array, dimensions, reject
 
 # Number of values per axis, m, of each model.
 ORDERS = {
@@ -48,7 +40,7 @@ def check_per_item(
 
 
 @dataclass(frozen=True)
-class MotionModel:
+class MotionModel(Checked):
     """A kinematic model of d axes and its process noise.
 
     The intensity of the noise is one number or (d,). Continuous noise, which does not depend on how
@@ -59,14 +51,12 @@ class MotionModel:
     """
 
     name: Literal["CV", "CA", "CJ"]
-    axes: int
+    axes: Count
     noise: float | ArrayLike
     discretization: Literal["continuous", "discrete"] = "continuous"
 
     def __post_init__(self) -> None:
-        check_choice("name", self.name, ORDERS)
-        check_integer("axes", self.axes)
-        check_choice("discretization", self.discretization, ("continuous", "discrete"))
+        super().__post_init__()
         object.__setattr__(self, "noise", check_per_item("noise", self.noise, self.axes))
 
     @property
@@ -83,7 +73,7 @@ class MotionModel:
         """Transition matrix of one axis, (m, m) or (B, m, m), for a time step [s] or (B,) of
         them.
         """
-        steps = np.asarray(dt, np.float64)
+        steps = np.asarray(dt, float)
         matrix = np.zeros((*steps.shape, self.order, self.order))
         for row, column in combinations_with_replacement(range(self.order), 2):
             matrix[..., row, column] = steps ** (column - row) / factorial(column - row)
@@ -91,7 +81,7 @@ class MotionModel:
 
     def step_noise(self, dt: float | FloatArray) -> FloatArray:
         """Covariance of the process noise of one axis for unit intensity, (m, m) or (B, m, m)."""
-        steps = np.asarray(dt, np.float64)
+        steps = np.asarray(dt, float)
         m = self.order
         if self.discretization == "discrete":
             # CV: an acceleration for the whole step; CA and CJ: a jump of the last value at its
@@ -100,7 +90,7 @@ class MotionModel:
             effect = np.stack([steps**power / factorial(power) for power in powers], axis=-1)
             # No time, no noise.
             moved = (steps > 0.0)[..., None, None]
-            return np.asarray(effect[..., :, None] * effect[..., None, :] * moved)
+            return effect[..., :, None] * effect[..., None, :] * moved
         matrix = np.zeros((*steps.shape, m, m))
         for row, column in np.ndindex(m, m):
             power = 2 * m - 1 - row - column
@@ -108,32 +98,3 @@ class MotionModel:
                 power * factorial(m - 1 - row) * factorial(m - 1 - column)
             )
         return matrix
-
-
-def turn_transition(rates: FloatArray, dt: FloatArray) -> FloatArray:
-    """Return the transition matrices (..., 4, 4) of coordinated turns, of a state [x, vx, y, vy].
-    Turn rates [rad/s], anticlockwise positive, 0 is straight motion, and time steps [s] have shapes
-    that broadcast.
-    """
-    angle = rates * dt
-    safe = np.where(rates == 0.0, 1.0, rates)
-    sine = np.sin(angle)
-    cosine = np.cos(angle)
-    matrix = np.zeros((*angle.shape, 4, 4))
-    matrix[..., 0, 0] = matrix[..., 2, 2] = 1.0
-    matrix[..., 0, 1] = matrix[..., 2, 3] = np.where(rates == 0.0, dt, sine / safe)
-    matrix[..., 2, 1] = np.where(rates == 0.0, 0.0, (1.0 - cosine) / safe)
-    matrix[..., 0, 3] = -matrix[..., 2, 1]
-    matrix[..., 1, 1] = matrix[..., 3, 3] = cosine
-    matrix[..., 3, 1], matrix[..., 1, 3] = sine, -sine
-    return matrix
-
-
-def turn_noise(density: float, dt: FloatArray) -> FloatArray:
-    """Return the covariances (..., 4, 4) of the noise of turns in steps (...) [s]: white
-    acceleration, as CV.
-    """
-    model = MotionModel("CV", 2, density)
-    matrix = np.zeros((*dt.shape, 4, 4))
-    matrix[..., :2, :2] = matrix[..., 2:, 2:] = density * model.step_noise(dt)
-    return matrix

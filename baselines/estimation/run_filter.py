@@ -3,7 +3,6 @@
 import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +17,6 @@ from hybrid_env.checks import (
     ArgumentError,
     FloatArray,
     check_array,
-    check_flag,
     check_number,
     dimensions,
     reject,
@@ -96,9 +94,8 @@ def run_filter(
         keep_covariances: False leaves the covariances out, which take the most memory.
         horizons: times ahead of each tick for which the state is forecast [s].
     """
-    if not isinstance(track_filter, TrackFilter):
-        raise reject("track_filter", track_filter, "a TrackFilter")
-    single, axes = dimensions(measurements) == 2, track_filter.axes
+    single = dimensions(measurements) == 2
+    axes = track_filter.axes
     shape: tuple[int | None, ...] = (None, axes) if single else (None, None, axes)
     values = check_measurements("measurements", measurements, shape)
     values = values[:, None] if single else values
@@ -109,26 +106,23 @@ def run_filter(
         each = (total, axes, axes) if dimensions(noises) == 3 else (total, tracks, axes, axes)
         flat = check_array("noises", noises, each).reshape(-1, axes, axes)
         covariances = measurement_covariance("noises", flat, axes).reshape(each)
-    keep = check_flag("keep_covariances", keep_covariances)
     if start is None:
         track_filter.begin(tracks)
         first = moments[0]
-    elif isinstance(start, tuple) and len(start) == 3:
-        means: Any = start[0]
-        track_filter.begin_from(means if dimensions(means) == 2 else [means], start[1])
+    else:
+        means, covariance, begun = start
+        track_filter.begin_from(np.atleast_2d(means), covariance)
         allowed = "a time not after the first measurement"
         last = float(moments[0].min())
         first = np.full(
             moments.shape[1:],
-            check_number("start time", start[2], allowed, -LARGEST_NUMBER, last),
+            check_number("start time", begun, allowed, -LARGEST_NUMBER, last),
         )
         if track_filter.tracks != tracks:
             raise reject("start estimates", track_filter.tracks, f"{tracks}, one for each track")
-    else:
-        raise reject("start", start, "(estimates, covariances, time) or None")
     size = track_filter.state.shape[1]
-    kept = keep and track_filter.has_covariance
-    found, *ahead = (
+    kept = keep_covariances and track_filter.covariance is not None
+    present, *ahead = (
         Estimates(
             np.empty((total, tracks, size)),
             np.empty((total, tracks, size, size)) if kept else None,
@@ -143,22 +137,28 @@ def run_filter(
         equal = step.ndim == 0 or (step == step[0]).all()
         track_filter._predict(float(step.flat[0]) if equal else step)
         track_filter._update(values[k], None if covariances is None else covariances[k])
-        log_likelihoods[k], nis[k] = track_filter.log_likelihood, track_filter.nis
-        found.write(k, track_filter)
-        for horizon, one in zip(horizons, ahead, strict=True):
+        log_likelihoods[k] = track_filter.log_likelihood
+        nis[k] = track_filter.nis
+        present.write(k, track_filter)
+        for horizon, forecast in zip(horizons, ahead, strict=True):
             later = copy.deepcopy(track_filter)
             later.predict(horizon)
-            one.write(k, later)
+            forecast.write(k, later)
     if single:
-        found, ahead = found.of_one(), [one.of_one() for one in ahead]
-        log_likelihoods, nis = log_likelihoods[:, 0], nis[:, 0]
-    return Filtered(**vars(found), log_likelihoods=log_likelihoods, nis=nis, forecasts=tuple(ahead))
+        present = present.of_one()
+        ahead = [forecast.of_one() for forecast in ahead]
+        log_likelihoods = log_likelihoods[:, 0]
+        nis = nis[:, 0]
+    return Filtered(
+        **vars(present), log_likelihoods=log_likelihoods, nis=nis, forecasts=tuple(ahead)
+    )
 
 
 def check_times(times: ArrayLike, total: int, tracks: int) -> FloatArray:
     """Return checked times that do not decrease, (T,) or (T, B)."""
     moments = check_array("times", times, (total,) if dimensions(times) == 1 else (total, tracks))
-    if (np.diff(moments, axis=0) < 0.0).any():
-        k = int(np.argwhere(np.diff(moments, axis=0) < 0.0)[0][0]) + 1
-        raise ArgumentError(f"times[{k}] is not allowed: expected times that do not decrease")
+    wrong = np.argwhere(np.diff(moments, axis=0) < 0.0)
+    if wrong.size:
+        place = wrong[0, 0] + 1
+        raise ArgumentError(f"times[{place}] is not allowed: expected times that do not decrease")
     return moments

@@ -18,16 +18,8 @@ def smooth(model: MotionModel, filtered: Filtered, times: ArrayLike) -> Estimate
     `times`, (T,) or (T, B) [s], are those of the filter. After a robust one the result is
     approximate: the weights of the measurements are those of the filter.
     """
-    if not isinstance(model, MotionModel) or not isinstance(filtered, Filtered):
-        raise reject("model", model, "the MotionModel of the filter and its output")
     if filtered.covariances is None:
         raise reject("filtered.covariances", None, "the covariances of a Kalman filter")
-    if filtered.states.shape[-1] != model.size or filtered.order != model.order:
-        raise reject(
-            "model",
-            model.name,
-            f"a model with {filtered.states.shape[-1]} values of the state",
-        )
     single = filtered.states.ndim == 2
     states = (filtered.states[:, None] if single else filtered.states).copy()
     covariances = (filtered.covariances[:, None] if single else filtered.covariances).copy()
@@ -38,11 +30,9 @@ def smooth(model: MotionModel, filtered: Filtered, times: ArrayLike) -> Estimate
         if not begun.any():
             continue
         step = steps[k] if steps.ndim == 1 else steps[k][begun]
-        state, covariance, transition = (
-            states[k, begun],
-            covariances[k, begun],
-            model.transition(step),
-        )
+        state = states[k, begun]
+        covariance = covariances[k, begun]
+        transition = model.transition(step)
         noise = model.step_noise(step), np.asarray(model.noise)
         predicted, spread = propagate(state, covariance, transition, *noise)
         gain = _divide(times_transition(covariance, transition), spread)
@@ -50,7 +40,8 @@ def smooth(model: MotionModel, filtered: Filtered, times: ArrayLike) -> Estimate
         change = gain @ (covariances[k + 1, begun] - spread) @ gain.swapaxes(1, 2)
         covariances[k, begun] = covariance + 0.5 * (change + change.swapaxes(1, 2))
     if single:
-        states, covariances = states[:, 0], covariances[:, 0]
+        states = states[:, 0]
+        covariances = covariances[:, 0]
     return Estimates(states, covariances, model.order)
 
 
@@ -65,4 +56,4 @@ def _divide(cross: FloatArray, spread: FloatArray) -> FloatArray:
         gain = np.linalg.solve(scaled, right.swapaxes(1, 2)).swapaxes(1, 2)
     except np.linalg.LinAlgError:
         gain = right @ np.linalg.pinv(scaled, hermitian=True)
-    return np.asarray(gain / deviations[:, None, :])
+    return gain / deviations[:, None, :]

@@ -3,22 +3,20 @@ measurements.
 """
 
 from abc import ABC, abstractmethod
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from baselines.estimation.motion_models import check_per_item
 from hybrid_env.checks import (
-    LARGEST_NUMBER,
     FloatArray,
     OwnState,
+    PositiveOrZero,
     check_array,
     check_covariance,
     check_integer,
-    check_number,
+    checked,
     dimensions,
-    reject,
 )
 
 
@@ -29,7 +27,6 @@ class TrackFilter(OwnState, ABC):
     state is NaN. A missing measurement is NaN: that track only predicts.
     """
 
-    has_covariance: ClassVar[bool] = True
     # Number of dimensions d.
     axes: int
     # Number of values per axis of the state, m.
@@ -70,37 +67,22 @@ class TrackFilter(OwnState, ABC):
         """
         size = self.axes * self.order
         means = check_array("state", state, (None, size))
-        if (covariance is None) == self.has_covariance:
-            allowed = (
-                "a matrix (n, n) or (B, n, n)"
-                if self.has_covariance
-                else "None, because this filter has none"
-            )
-            raise reject("covariance", covariance, allowed)
         matrices = None
         if covariance is not None:
             shape = (size, size) if dimensions(covariance) == 2 else (len(means), size, size)
-            checked = check_covariance(
+            each = check_covariance(
                 "covariance",
                 check_array("covariance", covariance, shape),
                 definite=False,
             )
-            matrices = np.broadcast_to(checked, (len(means), size, size)).copy()
+            matrices = np.broadcast_to(each, (len(means), size, size)).copy()
         self._begin(len(means))
         self._set(means, matrices)
 
     def predict(self, dt: float | ArrayLike) -> None:
         """Advance by a time step [s], >= 0, one number or (B,)."""
         if dimensions(dt) == 0:
-            self._predict(
-                check_number(
-                    "dt",
-                    dt,
-                    f"a number from 0 to {LARGEST_NUMBER:g}",
-                    0.0,
-                    LARGEST_NUMBER,
-                )
-            )
+            self._predict(checked("dt", dt, PositiveOrZero))
         else:
             self._predict(check_per_item("dt", dt, self.tracks))
 
@@ -139,15 +121,8 @@ def check_measurements(name: str, value: ArrayLike, shape: tuple[int | None, ...
     """Return a copy as a float64 array; a point with a NaN is missing, with NaN in all its
     components.
     """
-    if (
-        dimensions(value) != len(shape)
-        or np.ma.is_masked(value)
-        or np.asarray(value).dtype.kind != "f"
-    ):
-        return check_array(name, value, shape)
-    missing = np.isnan(value)
-    values = check_array(name, np.where(missing, 0.0, value), shape)
-    values[missing.any(-1)] = np.nan
+    values = check_array(name, value, shape, missing=True)
+    values[np.isnan(values).any(-1)] = np.nan
     return values
 
 

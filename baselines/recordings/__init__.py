@@ -4,6 +4,6 @@ A recording (`recording`, read by `reading`) becomes uniform ticks (`ticks`) wit
 (`scatter`). `model_fit` finds noise, radii and durations by the likelihood that `imm_pass` computes
 on chunks of the recording, one in each lane; `consistency` says whether the model fits, and
 `decisions` runs a decider over the ticks. A piece lies between two gaps or switches. `ate` decides
-the segments between known switches as in the papers, with the published bank on `arrays` of
+the segments between known switches as in the papers, with the published bank on arrays of
 positions. May import: `hybrid_env`, and `estimation`, `scoring` and `rules` of `baselines`.
 """

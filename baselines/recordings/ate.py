@@ -13,28 +13,50 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baselines.recordings.arrays import Filters, check_recording, make_filters, write_estimate
 from baselines.rules.measurements import run_compiled
 from baselines.rules.sprt import sprt_test, sprt_thresholds
-from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_choice, check_flag
-from hybrid_env.core.banks.bank import IDENTITY, likeliest, likeliest_of_type, set_estimate
-from hybrid_env.core.banks.published import (
+from baselines.rules.start import line_weights
+from hybrid_env.checks import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    check_array,
+    check_choice,
+    check_flag,
+    check_integer,
+    checked,
+    dimensions,
+    reject,
+)
+from hybrid_env.compiled import (
+    IDENTITY,
+    LANES,
+    FilterModel,
     PublishedBank,
+    State,
+    bank_arrays,
     begin_published,
+    compiled,
+    covariance_published,
+    estimate_of,
     follow_published,
+    internal,
+    likeliest,
+    likeliest_of_type,
+    set_estimate,
     step_published,
 )
-from hybrid_env.core.compilation import compiled, internal
-from hybrid_env.core.records import LANES, State
-from hybrid_env.limits import check_within, distinct_radii
+from hybrid_env.limits import TickLength, VelocityVariance, axis_variances, distinct_radii
 
-NO_RECALCULATION, AS_PUBLISHED, REWIND, LITERAL = 0, 1, 2, 3
-RECALCULATIONS = {
-    "none": NO_RECALCULATION,
-    "as_published": AS_PUBLISHED,
-    "rewind": REWIND,
-    "literal": LITERAL,
-}
+
+class Filters(NamedTuple):
+    """A bank and its model, as arguments of compiled functions. A run uses the first lane."""
+
+    # Of one block.
+    bank: PublishedBank
+    # (n,) [m]
+    radii: FloatArray
+    model: FilterModel
 
 
 class Tracks(NamedTuple):
@@ -68,13 +90,35 @@ class Rule(NamedTuple):
     lower: float
     straight_reference: bool
     keep: bool
-    recalculation: int
+    recalculates: bool
+    # Before the recalculation, the estimate of the decided filter, or all of all filters.
+    restores_estimate: bool
+    restores_all: bool
     refine: bool
 
 
 @internal
+def _write_estimate(
+    bank: PublishedBank,
+    mode: int,
+    estimate: FloatArray,
+    covariance: FloatArray,
+) -> None:
+    """Write the estimate, (4,), and the covariance, (2, 3), of one hypothesis of the first lane."""
+    for k, value in enumerate(estimate_of(bank.hypotheses, mode, 0)):
+        estimate[k] = value
+    triangle = covariance_published(bank, mode, 0)
+    covariance[0, 0] = triangle[0]
+    covariance[0, 1] = triangle[1]
+    covariance[0, 2] = triangle[4]
+    covariance[1, 0] = triangle[7]
+    covariance[1, 1] = triangle[8]
+    covariance[1, 2] = triangle[9]
+
+
+@internal
 def _write_tick(bank: PublishedBank, mode: int, k: int, output: Tracks) -> None:
-    write_estimate(bank, mode, output.estimates[k], output.covariances[k])
+    _write_estimate(bank, mode, output.estimates[k], output.covariances[k])
     output.modes[k] = mode
 
 
@@ -85,7 +129,7 @@ def _recalculate(
     anchor: State,
     mode: int,
     filters: Filters,
-    recalculation: int,
+    rule: Rule,
     output: Tracks,
 ) -> None:
     """Recompute the estimates up to the decision with the decided filter. Tsyganov 2019, lines
@@ -93,17 +137,17 @@ def _recalculate(
     """
     bank, radii, model = filters
     measurement = np.zeros((2, LANES))
-    if recalculation == AS_PUBLISHED:
+    if rule.restores_estimate:
         set_estimate(bank.hypotheses[mode], 0, anchor)
-    elif recalculation == REWIND:
+    elif rule.restores_all:
         begin_published(bank, 0, anchor, IDENTITY, radii, model)
     for k in range(ticks[0], ticks[1]):
         measurement[:, 0] = measurements[k]
-        if recalculation != REWIND:
-            follow_published(bank, 0, mode, measurement, model)
-        else:
+        if rule.restores_all:
             # All filters, because the radius may be refined among them later.
             step_published(bank, 0, 1, measurement, model)
+        else:
+            follow_published(bank, 0, mode, measurement, model)
         _write_tick(bank, mode, k, output)
 
 
@@ -151,16 +195,8 @@ def _track_run(
                 output.ticks[segment] = k - begin
         if output.undecided[segment] and not rule.keep:
             active = likeliest(bank.hypotheses, 0)
-        if rule.recalculation != NO_RECALCULATION and not output.undecided[segment]:
-            _recalculate(
-                measurements,
-                (begin, k),
-                anchor,
-                active,
-                filters,
-                rule.recalculation,
-                output,
-            )
+        if rule.recalculates and not output.undecided[segment]:
+            _recalculate(measurements, (begin, k), anchor, active, filters, rule, output)
         for j in range(k, end):
             measurement[:, 0] = measurements[j]
             if rule.refine:
@@ -169,7 +205,7 @@ def _track_run(
             else:
                 follow_published(bank, 0, active, measurement, model)
             _write_tick(bank, active, j, output)
-        write_estimate(bank, active, estimate, covariance)
+        _write_estimate(bank, active, estimate, covariance)
         output.decided[segment] = active
         k = end
 
@@ -215,18 +251,32 @@ def track_ate(
         refine_radius: True runs all filters after the decision and uses the most likely hypothesis
             of the decided type; the published algorithm does not change the decided radius.
     """
-    tau = check_within("tau", tau)
-    values, segment_lengths, starts = check_recording(measurements, lengths, start, tau)
-    bank_radii = np.array(distinct_radii("radii", radii))
-    filters = make_filters(bank_radii, tau, process_variance, measurement_variance)
-    upper, lower = sprt_thresholds(alpha, beta)
-    keep = check_choice("undecided", undecided, ("keep", "likeliest")) == "keep"
-    straight = check_choice("reference", reference, ("active", "straight")) == "straight"
-    method = RECALCULATIONS[check_choice("recalculation", recalculation, RECALCULATIONS)]
-    rule = Rule(upper, lower, straight, keep, method, check_flag("refine_radius", refine_radius))
+    tau = checked("tau", tau, TickLength)
+    values, segment_lengths, starts = _check_recording(measurements, lengths, start, tau)
+    bank_radii = np.array(distinct_radii(radii))
+    variances = axis_variances(measurement_variance)
+    model = FilterModel(
+        tau,
+        checked("process_variance", process_variance, VelocityVariance),
+        float(variances[0]),
+        float(variances[-1]),
+    )
+    bank = bank_arrays(PublishedBank, bank_radii.size, variances.size)
+    filters = Filters(bank, bank_radii, model)
+    methods = ("none", "as_published", "rewind", "literal")
+    method = check_choice("recalculation", recalculation, methods)
+    rule = Rule(
+        *sprt_thresholds(alpha, beta),
+        check_choice("reference", reference, ("active", "straight")) == "straight",
+        check_choice("undecided", undecided, ("keep", "likeliest")) == "keep",
+        method != "none",
+        method == "as_published",
+        method == "rewind",
+        check_flag("refine_radius", refine_radius),
+    )
     runs, total = values.shape[:2]
     segments = (runs, segment_lengths.size)
-    found = Tracks(
+    tracks = Tracks(
         np.empty((runs, total, 4)),
         np.empty((runs, total, 2, 3)),
         np.empty((runs, total), np.int64),
@@ -236,7 +286,7 @@ def track_ate(
         np.empty((runs, total, filters.bank.hypotheses.size)),
     )
     for run in range(runs):
-        of_run = Tracks(*(array[run] for array in found))
+        of_run = Tracks(*(array[run] for array in tracks))
         run_compiled(
             _track_run,
             values[run],
@@ -246,4 +296,46 @@ def track_ate(
             rule,
             of_run,
         )
-    return Tracks(*(array[0] for array in found)) if np.ndim(measurements) == 2 else found
+    return Tracks(*(array[0] for array in tracks)) if np.ndim(measurements) == 2 else tracks
+
+
+def first_estimate(measurements: ArrayLike, tau: float) -> FloatArray:
+    """Fit a straight line to the first ten measurements by least squares.
+
+    Args:
+        measurements: (T, 2) measured positions [m], or (n, T, 2) for n runs.
+        tau: length of a tick [s].
+
+    Returns:
+        (4,) or (n, 4) estimates [x, vx, y, vy] one tick before the first measurement [m, m/s].
+    """
+    values = np.asarray(measurements, dtype=np.float64)
+    count = min(10, values.shape[-2])
+    if count < 2:
+        line = np.stack([values[..., 0, :], np.zeros_like(values[..., 0, :])])
+    else:
+        line = line_weights(tau * np.arange(1, count + 1)) @ values[..., :count, :]
+        line = np.moveaxis(line, -2, 0)
+    return np.moveaxis(line, 0, -1).reshape(*values.shape[:-2], 4)
+
+
+def _check_recording(
+    measurements: ArrayLike,
+    lengths: Sequence[int] | IntArray,
+    start: ArrayLike | None,
+    tau: float,
+) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Return checked measurements (n, T, 2), lengths (K,) and initial estimates (n, 4)."""
+    single = dimensions(measurements) == 2
+    values = check_array("measurements", measurements, (None, 2) if single else (None, None, 2))
+    values = values[None] if single else values
+    runs, total = values.shape[:2]
+    ticks = [check_integer("lengths", length) for length in lengths]
+    # Of Python's integers, which cannot overflow.
+    if sum(ticks) != total:
+        raise reject("lengths", ticks, f"lengths whose sum is {total}, the number of measurements")
+    segment_lengths = np.array(ticks, np.int64)
+    if start is None:
+        return values, segment_lengths, first_estimate(values, tau)
+    starts = check_array("start", start, (4,) if dimensions(start) == 1 else (runs, 4))
+    return values, segment_lengths, np.broadcast_to(starts, (runs, 4))

@@ -5,29 +5,16 @@ Kirubarajan 2001, "Estimation with applications to tracking and navigation", sec
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from baselines.recordings.imm_pass import SHORTEST_CHUNK, chunks_at, cut, recorded_pass
-from baselines.recordings.model_fit import NEVER, TrackModel, imm_model
+from baselines.recordings.model_fit import NEVER, TrackModel
 from baselines.recordings.scatter import noise_estimate
 from baselines.recordings.ticks import TickGrid
 from hybrid_env.checks import FloatArray
-from hybrid_env.core.records import LANES
-
-# Ticks; the filters start anew at the beginning of each chunk.
-LONGEST_CHUNK = 2048
-# Median of the squared length of a normalised innovation in two dimensions.
-CHI_SQUARE_MEDIAN = 2.0 * math.log(2.0)
-# Squared length that a normalised innovation exceeds with probability 0.001.
-FAR = 13.8
-LARGEST_RATIO = 1.5
-LARGEST_SCATTER = 3.0
-LARGEST_CORRELATION = 0.25
-MOST_FAR = 0.02
-# Innovations.
-FEWEST = 30
+from hybrid_env.compiled import LANES
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,43 +39,47 @@ class Consistency:
 
     def warnings(self, model: TrackModel) -> list[str]:
         """Return a plain sentence for everything that does not fit."""
-        if self.count < FEWEST:
+        largest_correlation = 0.25
+        largest_scatter = 3.0
+        largest_ratio = 1.5
+        # Innovations.
+        if self.count < 30:
             return [f"only {self.count} innovations: whether the model fits cannot be checked"]
-        found = []
+        sentences = []
         given, better = (
             ", ".join(f"{radius:.4g}" for radius in some)
             for some in (model.radii, model.better_radii)
         )
-        if self.scatter > LARGEST_SCATTER or self.scatter < 1.0 / LARGEST_SCATTER:
-            found.append(
+        if self.scatter > largest_scatter or self.scatter < 1.0 / largest_scatter:
+            sentences.append(
                 f"the measurements scatter {_times(self.scatter)} what R says: check units and R"
             )
-        elif not 1.0 / LARGEST_RATIO <= self.ratio <= LARGEST_RATIO:
-            found.append(
+        elif not 1.0 / largest_ratio <= self.ratio <= largest_ratio:
+            sentences.append(
                 f"residuals are {_times(self.ratio)} what the model says: check units, R, Q and"
                 " radii"
             )
         elif better:
-            found.append(
+            sentences.append(
                 f"turns of radius {given} do not explain the recording, {better} does: check units"
                 " and radii"
             )
         elif not model.turns and "radii" not in model.estimated:
-            found.append(
+            sentences.append(
                 f"turns of radius {given} explain the recording no better than straight motion:"
                 " check units and radii, if there are turns"
             )
-        elif abs(self.correlation) > max(LARGEST_CORRELATION, 4.0 / math.sqrt(2.0 * self.count)):
-            found.append(
+        elif abs(self.correlation) > max(largest_correlation, 4.0 / math.sqrt(2.0 * self.count)):
+            sentences.append(
                 f"successive residuals are correlated by {self.correlation:.2f}: the model does not"
                 " fit (motion other than lines and arcs, smoothed positions, or wrong radii)"
             )
-        if self.far > MOST_FAR:
-            found.append(
+        if self.far > 0.02:
+            sentences.append(
                 f"{self.far:.1%} of the residuals are outliers, more than three standard"
                 " deviations off"
             )
-        return found
+        return sentences
 
 
 def _times(ratio: float) -> str:
@@ -104,16 +95,23 @@ def check_consistency(
     switches, say of a model.
     """
     scale = math.sqrt(model.measurement_variance)
-    longest = max(min(LONGEST_CHUNK, -(-grid.total // LANES)), SHORTEST_CHUNK)
+    # Ticks; the filters start anew at the beginning of each chunk.
+    longest = max(min(2048, -(-grid.total // LANES)), SHORTEST_CHUNK)
     places = cut(grid, longest)
-    process = model.process_variance * model.tau**2 / model.measurement_variance
-    assumed = imm_model(1.0, process, NEVER if lengths else model.duration, len(model.radii))
+    assumed = replace(
+        model,
+        measurement_variance=1.0,
+        process_variance=model.process_variance * model.tau**2 / model.measurement_variance,
+        duration=NEVER if lengths else model.duration,
+    )
     chunks = chunks_at(grid, places, scale, lengths)
-    white = recorded_pass(chunks, np.array(model.radii) / scale, assumed).white
+    white = recorded_pass(chunks, np.array(model.radii) / scale, assumed.of_bank).white
     innovations = [np.full((len(piece.measurements), 2), np.nan) for piece in grid.pieces]
     for k, (index, first, end) in enumerate(places):
         innovations[index][first:end] = white[k // LANES, : end - first, :, k % LANES]
-    joined = np.concatenate([np.vstack([one, np.full((1, 2), np.nan)]) for one in innovations])
+    joined = np.concatenate(
+        [np.vstack([of_piece, np.full((1, 2), np.nan)]) for of_piece in innovations]
+    )
     squared = (joined**2).sum(1)
     count = int((~np.isnan(squared)).sum())
     noise = noise_estimate(grid) if grid.radar is None else None
@@ -124,9 +122,10 @@ def check_consistency(
     near = np.clip(joined, -5.0, 5.0)
     products = near[1:] * near[:-1]
     total = float(np.nanmean(near**2))
-    correlation = (
-        float(np.nanmean(products)) / total if total and (~np.isnan(products)).any() else 0.0
-    )
-    ratio = math.sqrt(float(np.nanmedian(squared)) / CHI_SQUARE_MEDIAN)
-    far = float((squared > FAR * max(ratio, 1.0) ** 2).sum()) / count
+    known = total and not np.isnan(products).all()
+    correlation = float(np.nanmean(products)) / total if known else 0.0
+    # Median of the squared length of a normalised innovation in two dimensions.
+    ratio = math.sqrt(float(np.nanmedian(squared)) / (2.0 * math.log(2.0)))
+    # Squared length that a normalised innovation exceeds with probability 0.001.
+    far = float((squared > 13.8 * max(ratio, 1.0) ** 2).sum()) / count
     return Consistency(tuple(innovations), ratio, correlation, far, scatter, count)

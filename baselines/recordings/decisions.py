@@ -15,7 +15,7 @@ from baselines.recordings.model_fit import TrackModel
 from baselines.recordings.ticks import Piece, TickGrid
 from baselines.rules.tracker import OnlineTracker
 from hybrid_env.checks import BoolArray, FloatArray, IntArray, reject
-from hybrid_env.core.banks.bank import FilterModel
+from hybrid_env.compiled import FilterModel
 from hybrid_env.live import SQUARE
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
@@ -23,12 +23,6 @@ from hybrid_env.sensors import Fused, Radar
 
 # Measurement variance and tick in the units of the filters.
 VARIANCE, TICK = 0.1, 0.1
-# For the first state.
-MOST_TICKS = 50
-# Measurements.
-FEWEST = 3
-# Probability of a mode that counts as known.
-SURE = 0.6
 
 
 class ModelUnits(NamedTuple):
@@ -78,39 +72,16 @@ class TickDecisions:
     pieces: IntArray
 
 
-def decide_recording(
-    grid: TickGrid,
-    model: TrackModel,
-    tracker: OnlineTracker,
-    *,
-    lengths: Sequence[int] = (),
-    start: FloatArray | None = None,
-) -> list[TickDecisions]:
-    """Run a decider over the pieces of a recording, whose tracker has the options of
-    `ModelUnits.options`. Lengths are ticks between the known switches, see `check_lengths`; `start`
-    is the exact state (4,) [x, vx, y, vy] one tick before the first measurement, None starts from
-    the first measurements.
-    """
-    check_lengths(grid, lengths)
-    return [
-        _decide_piece(piece, grid.radar, model, tracker, lengths, start) for piece in grid.pieces
-    ]
-
-
 def check_lengths(grid: TickGrid, lengths: Sequence[int]) -> None:
     """Raise `ArgumentError` if the ticks between known switches do not fit the recording."""
-    if lengths and len(grid.pieces) > 1:
-        raise reject(
-            "lengths",
-            tuple(lengths),
-            f"none with {len(grid.pieces) - 1} gaps, or a longer --gap",
-        )
-    if lengths and sum(lengths) != grid.total:
-        allowed = f"lengths whose sum is {grid.total}, the number of ticks, not {sum(lengths)}"
+    allowed = f"lengths whose sum is {grid.total}, the number of ticks, not {sum(lengths)}"
+    if len(grid.pieces) > 1:
+        allowed = f"none with {len(grid.pieces) - 1} gaps, or a longer --gap"
+    if lengths and (len(grid.pieces) > 1 or sum(lengths) != grid.total):
         raise reject("lengths", tuple(lengths), allowed)
 
 
-def _decide_piece(
+def decide_piece(
     piece: Piece,
     radar: Radar | None,
     model: TrackModel,
@@ -118,43 +89,41 @@ def _decide_piece(
     lengths: Sequence[int],
     start: FloatArray | None,
 ) -> TickDecisions:
+    """Run a decider over a piece of a recording, whose tracker has the options of
+    `ModelUnits.options`. Lengths are ticks between the known switches, see `check_lengths`; `start`
+    is the exact state (4,) [x, vx, y, vy] one tick before the first measurement, None starts from
+    the first measurements.
+    """
     units = ModelUnits.of(model)
     scales = np.array([*units, *units])
     origin = np.zeros(4)
-    measured = ~np.isnan(piece.measurements[:, 0])
+    measured = piece.measured
     origin[::2] = piece.measurements[measured][0] if radar is None else radar.position
-    points, rates = (piece.measurements - origin[::2]) * units.length, piece.rates * units.velocity
+    points = (piece.measurements - origin[::2]) * units.length
+    rates = piece.rates * units.velocity
     options: Any = tracker.options
     total = len(points)
-    M = options.hypotheses
-    found = TickDecisions(
-        np.zeros(total, np.int64),
-        np.zeros(total, np.bool_),
-        np.empty((total, M)),
+    decisions = TickDecisions(
+        np.zeros(total, int),
+        np.zeros(total, bool),
+        np.empty((total, options.hypotheses)),
         np.empty((total, 4)),
         np.empty((total, 4, 4)),
-        np.full((len(lengths), 4), -1),
+        np.empty((0, 4), int),
     )
-    # Whether it is that of the decider.
-    has_mode = np.zeros(total, np.bool_)
     if start is not None:
         tracker.begin((start - origin) * scales, np.zeros((4, 4)))
     else:
         # From the first measurements, with known switches those of the first piece.
         known = slice(lengths[0] if lengths else None)
-        first = first_state(
-            points[known],
-            options,
-            0.0 if lengths else options.assumed_hazard,
-            rates[known],
-        )
-        estimate, covariance, mode = first or (None, None, None)
+        hazard = 0.0 if lengths else options.assumed_hazard
+        estimate, covariance, mode = first_state(points[known], options, hazard, rates[known])
         # An announced switch begins the first piece, whatever the mode before it.
         tracker.begin(estimate, covariance, None if lengths else mode)
-    ends = np.cumsum(lengths, dtype=np.int64)
-    found.pieces[:, 0], found.pieces[:, 1] = ends - lengths, ends
-    switches = dict(zip(found.pieces[:, 0].tolist(), lengths, strict=True))
-    for k, ((x, y), seen) in enumerate(zip(points.tolist(), measured.tolist(), strict=True)):
+    switches = dict(zip(np.cumsum([0, *lengths[:-1]]).tolist(), lengths, strict=False))
+    # First tick with a mode of the decider.
+    begun = total
+    for k, ((x, y), seen) in enumerate(zip(points.tolist(), measured, strict=True)):
         if k in switches:
             tracker.switch(switches[k])
         measurement: Any = (x, y) if seen else None
@@ -162,46 +131,56 @@ def _decide_piece(
         if seen and options.sensors:
             measurement = Fused((x, y), options.sensors[0].noise(x, y), (float(rates[k]),))
         now = tracker.update(measurement)
-        found.modes[k], found.decided[k] = now.mode, now.decided
-        has_mode[k] = now.decided if lengths else not tracker.collects
-        found.probabilities[k] = now.probabilities
-        found.estimates[k], found.covariances[k] = now.estimate, now.covariance
+        for name, value in zip(vars(decisions), now[:5], strict=False):
+            getattr(decisions, name)[k] = value
         if now.recalculated is not None:
             again = slice(k + 1 - len(now.recalculated[0]), k + 1)
-            found.estimates[again], found.covariances[again] = now.recalculated
-            found.modes[again] = now.mode
-    found.estimates[:] = found.estimates / scales + origin
-    found.covariances[:] /= np.outer(scales, scales)
-    # One without a decision is as in the options.
-    for one in found.pieces:
-        first, end = one[:2]
-        one[2], decided = found.modes[end - 1], np.flatnonzero(found.decided[first:end])
+            decisions.estimates[again], decisions.covariances[again] = now.recalculated
+            decisions.modes[again] = now.mode
+        if now.decided if lengths else not tracker.collects:
+            begun = min(begun, k)
+    decisions.estimates[:] = decisions.estimates / scales + origin
+    decisions.covariances[:] /= np.outer(scales, scales)
+    pieces = _segments(decisions, lengths, options.undecided) if lengths else None
+    if begun < total:
+        decisions.modes[:begun] = decisions.modes[begun]
+    return replace(decisions, pieces=_runs(decisions) if pieces is None else pieces)
+
+
+def _segments(decisions: TickDecisions, lengths: Sequence[int], undecided: str) -> IntArray:
+    """Return the pieces between known switches; the mode of one without a decision is as in the
+    options.
+    """
+    ends = np.cumsum(lengths)
+    pieces = np.stack([ends - lengths, ends, decisions.modes[ends - 1], np.full_like(ends, -1)], 1)
+    for segment in pieces:
+        first, end = segment[:2]
+        decided = np.flatnonzero(decisions.decided[first:end])
         if decided.size:
-            one[3] = first + decided[0]
-        elif options.undecided == "likeliest":
-            one[2] = found.probabilities[end - 1].argmax()
-    stated = np.flatnonzero(has_mode)
-    if stated.size:
-        found.modes[: stated[0]] = found.modes[stated[0]]
-    if lengths:
-        return found
-    # The runs of one mode.
-    begin = np.flatnonzero(np.diff(found.modes, prepend=-1))
-    end = np.append(begin[1:], len(found.modes))
-    when = np.where(found.decided[begin], begin, -1)
-    decided = np.flatnonzero(found.decided[: end[0]])
+            segment[3] = first + decided[0]
+        elif undecided == "likeliest":
+            segment[2] = decisions.probabilities[end - 1].argmax()
+    return pieces
+
+
+def _runs(decisions: TickDecisions) -> IntArray:
+    """Return the runs of one mode."""
+    begin = np.flatnonzero(np.diff(decisions.modes, prepend=-1))
+    end = np.append(begin[1:], len(decisions.modes))
+    when = np.where(decisions.decided[begin], begin, -1)
+    decided = np.flatnonzero(decisions.decided[: end[0]])
     if decided.size:
         when[0] = decided[0]
-    return replace(found, pieces=np.stack([begin, end, found.modes[begin], when], axis=1))
+    return np.stack([begin, end, decisions.modes[begin], when], axis=1)
 
 
 def first_state(
     measurements: FloatArray,
     options: WorldOptions | QuickestOptions,
     hazard: float,
-    rates: FloatArray | None = None,
-) -> tuple[FloatArray, FloatArray, int | None] | None:
-    """Return the state one tick before the first measurement, seen backwards; None with too few
+    rates: FloatArray,
+) -> tuple[FloatArray | None, FloatArray | None, int | None]:
+    """Return the state one tick before the first measurement, seen backwards; nothing with too few
     measurements. A bank for known switches takes its first estimate as exact, and an error there
     passes on from piece to piece; a straight line is not good enough if the object turns by much in
     a tick. So the interacting multiple model bank runs backwards over at most 50 ticks of the
@@ -210,25 +189,28 @@ def first_state(
     not allow. Returns the estimate (4,) [x, vx, y, vy], its covariance (4, 4), and the mode, None
     if none is probable enough.
     """
-    used = measurements[:MOST_TICKS]
-    if (~np.isnan(used[:, 0])).sum() < FEWEST:
-        return None
+    # For the first state.
+    most_ticks = 50
+    used = measurements[:most_ticks]
+    # Measurements.
+    if (~np.isnan(used[:, 0])).sum() < 3:
+        return None, None, None
     # The last tick only predicts.
-    backwards = np.vstack([used[::-1], np.full((1, 2), np.nan)])
-    chunks = make_chunks([backwards])
-    if rates is not None and options.sensors and isinstance(options.sensors[0], Radar):
-        rates = np.append(-rates[:MOST_TICKS][::-1], np.nan)
-        chunks = make_chunks([backwards], None, [rates], options.sensors[0])
+    backwards = [np.vstack([used[::-1], np.full((1, 2), np.nan)])]
+    radar: Any = next(iter(options.sensors), None)
+    rates = np.append(-rates[:most_ticks][::-1], np.nan)
+    chunks = make_chunks(backwards, None, [rates], radar)
     x, y = map(float, np.broadcast_to(options.variances, 2))
-    radii, M = np.array(options.radii), options.hypotheses
+    radii = np.array(options.radii)
+    M = options.hypotheses
     model = FilterModel(options.tau, options.process_variance, x, y, 1.0 - hazard, hazard / (M - 1))
     output = recorded_pass(chunks, radii, model)
     reverse = np.array([1.0, -1.0, 1.0, -1.0])
     covariance = chunks.block["covariance"][0, :, 0][SQUARE] * np.outer(reverse, reverse)
     # A left turn seen backwards is a right turn.
-    n = len(radii)
-    seen = output.probabilities[0, -2, :, 0]
-    probabilities = np.concatenate([seen[:1], seen[1 + n :], seen[1 : 1 + n]])
+    straight, left, right = np.split(output.probabilities[0, -2, :, 0], [1, 1 + len(radii)])
+    probabilities = np.concatenate([straight, right, left])
     best = int(probabilities.argmax())
-    mode = best if probabilities[best] > SURE else None
+    # Probability of a mode that counts as known.
+    mode = best if probabilities[best] > 0.6 else None
     return chunks.block["estimate"][0, :, 0] * reverse, covariance, mode

@@ -2,15 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 
 from baselines.recordings.likeliest_noise import FACTORS, LikeliestNoise
 from baselines.rules.decider import Actions, Observations
-from hybrid_env.checks import BoolArray, FloatArray, IntArray, OwnState
-from hybrid_env.live import MeasuredTracks
+from hybrid_env.checks import BoolArray, FloatArray, Info, IntArray, OwnState
+from hybrid_env.live import LiveTracks
 from hybrid_env.quickest_options import QuickestOptions
 
 Paths = tuple[FloatArray, IntArray, FloatArray]
@@ -49,46 +48,48 @@ class GivenTracks(OwnState):
         tracks: int,
         likeliest: bool = False,
     ):
-        self.travel, self.options, self.num_envs = travel, options, tracks
+        self.travel = travel
+        self.options = options
+        self.num_envs = tracks
         factors = FACTORS if likeliest else (1.0,)
-        told = [
-            replace(options, process_variance=factor * options.process_variance)
+        self.banks = [
+            LiveTracks(
+                replace(options, process_variance=factor * options.process_variance),
+                tracks,
+            )
             for factor in factors
         ]
-        self.worlds = [MeasuredTracks(bank, tracks) for bank in told]
-        self.world = self.worlds[factors.index(1.0)]
+        self.world = self.banks[factors.index(1.0)].world
         self.single_action_space = spaces.Discrete(options.hypotheses)
 
-    def reset(self, *, seed: int | None = None) -> tuple[Observations, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None) -> tuple[Observations, Info]:
         """Begin the paths of the seeds, and measure their first positions."""
         assert seed is not None
         self._points, self._modes, starts = self.travel(self.options, self.num_envs, seed)
         self._tick = 0
         self._chooser = LikeliestNoise(self.options)
-        for world in self.worlds:
-            world.begin_all(starts, np.diag(self.options.start_variances), self._modes[0])
+        for bank in self.banks:
+            bank.begin(starts, np.diag(self.options.start_variances), self._modes[0])
         return self._measure(), {}
 
     def _measure(self) -> Observations:
-        for world in self.worlds:
-            world.measure_all(self._points[self._tick])
-            world.write("true_mode", self._modes[self._tick])
+        """Measure the next positions; after the last ones the rows remain."""
+        if self._tick < len(self._points):
+            for bank in self.banks:
+                bank.measure_all(self._points[self._tick])
+                bank.world.write("true_mode", self._modes[self._tick])
         self._tick += 1
-        return self._rows()
-
-    def _rows(self) -> Observations:
-        rows = np.stack([world.take_rows() for world in self.worlds])
+        rows = np.stack([bank.world.take_rows() for bank in self.banks])
         return rows[0] if len(rows) == 1 else self._chooser.choose(rows)
 
     def step(
         self,
         actions: Actions,
-    ) -> tuple[Observations, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
+    ) -> tuple[Observations, FloatArray, BoolArray, BoolArray, Info]:
         """Go on to the next positions after statements (N,); after the last ones the episodes
         end.
         """
-        for world in self.worlds:
-            world.actions[:] = actions
+        for bank in self.banks:
+            bank.world.actions[:] = actions
         ended = np.full(self.num_envs, self._tick == len(self._points))
-        rows = self._rows() if ended.all() else self._measure()
-        return rows, np.zeros(self.num_envs), ended, np.zeros(self.num_envs, np.bool_), {}
+        return self._measure(), np.zeros(self.num_envs), ended, np.zeros(self.num_envs, bool), {}

@@ -10,17 +10,26 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.recordings.ticks import TickGrid
 from baselines.rules.measurements import run_compiled
-from hybrid_env.checks import BoolArray, FloatArray, IntArray
-from hybrid_env.core.arrays import aligned_zeros
-from hybrid_env.core.banks.bank import FilterModel, bank_arrays
-from hybrid_env.core.banks.imm import ImmBank, begin_imm, correct_imm, predict_imm, step_imm
-from hybrid_env.core.compilation import compiled, internal
-from hybrid_env.core.polar import position_noise
-from hybrid_env.core.records import LANES, MEASURED_FIELDS, lanes_of
+from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray
+from hybrid_env.compiled import (
+    LANES,
+    MEASURED_FIELDS,
+    FilterModel,
+    ImmBank,
+    aligned_zeros,
+    bank_arrays,
+    begin_imm,
+    compiled,
+    correct_imm,
+    internal,
+    lanes_of,
+    position_noise,
+    predict_imm,
+    step_imm,
+)
 from hybrid_env.sensors import Radar, sensor_table
 
 # What `step_imm` reads and writes of a track.
@@ -33,8 +42,6 @@ PASS_BLOCK = lanes_of(
 FIRST, LAST = np.uint64(0), np.uint64(LANES)
 # Measurements after the start that do not count: they depend on how the velocity was found.
 BURN_IN = 3
-# Ticks that are used; a longer recording is represented by chunks of it, evenly spread.
-FIT_TICKS = 4096
 # Ticks; every chunk forgets the velocity of the one before, and with it what it says about Q.
 SHORTEST_CHUNK = 256
 
@@ -49,11 +56,11 @@ class Chunks(NamedTuple):
     # (B,) number of lanes with a chunk, the first ones.
     lanes: IntArray
     # (1,) record `PASS_BLOCK`, temporary memory.
-    block: NDArray[Any]
+    block: AnyArray
     # (B, T, LANES) range rates, NaN without one.
     rates: FloatArray
     # (1,) record `SENSOR` of a radar at the origin that made the measurements, or none.
-    sensors: NDArray[Any]
+    sensors: AnyArray
 
 
 class PassOutput(NamedTuple):
@@ -96,7 +103,8 @@ def make_chunks(
             own_rates[b, rows, lane] = rates[k]
     lanes = np.minimum(len(parts) - LANES * np.arange(blocks), LANES)
     block = aligned_zeros((1,), PASS_BLOCK)
-    block["noise"][:, ::2], block["rates"] = 1.0, np.nan
+    block["noise"][:, ::2] = 1.0
+    block["rates"] = np.nan
     sensors = sensor_table([] if radar is None else [radar], 1.0)
     return Chunks(measurements, begins, lanes, block, own_rates, sensors)
 
@@ -107,11 +115,9 @@ def _sense(block: Any, lane: int, rate: float, radar: Any, variance: float) -> N
     x = block.measurement[0, lane]
     y = block.measurement[1, lane]
     xx, xy, yy = position_noise(x, y, radar.deviation, radar.bearing_deviation)
-    block.noise[0, lane], block.noise[1, lane], block.noise[2, lane] = (
-        xx / variance,
-        xy / variance,
-        yy / variance,
-    )
+    block.noise[0, lane] = xx / variance
+    block.noise[1, lane] = xy / variance
+    block.noise[2, lane] = yy / variance
     block.rates[0, lane] = rate
 
 
@@ -133,7 +139,8 @@ def _begin(
     for axis in range(2):
         now = block.measurement[axis, lane]
         velocity = (now - last[axis]) / time
-        block.estimate[2 * axis, lane], block.estimate[2 * axis + 1, lane] = now, velocity
+        block.estimate[2 * axis, lane] = now
+        block.estimate[2 * axis + 1, lane] = velocity
     speed = math.hypot(block.estimate[1, lane], block.estimate[3, lane])
     bend = speed * min(0.5 * ticks * turn * speed * model.tau, 1.0)
     for k in range(10):
@@ -176,14 +183,12 @@ def imm_pass(
     radii: FloatArray,
     model: FilterModel,
     output: PassOutput,
-) -> tuple[float, int]:
-    """Run the bank over all chunks; return the logarithm of the likelihood, and the number of
-    measurements in it. Two measurements start a chunk, with equally probable modes; these and
-    `BURN_IN` more do not count. The bank, of one block, and the output are overwritten; no radii
-    (n,) is a bank of straight motion.
+) -> float:
+    """Run the bank over all chunks; return the logarithm of the likelihood. Two measurements start
+    a chunk, with equally probable modes; these and `BURN_IN` more do not count. The bank, of one
+    block, and the output are overwritten; no radii (n,) is a bank of straight motion.
     """
     total = 0.0
-    count = 0
     block = chunks.block[0]
     turn = 0.0
     for radius in radii:
@@ -218,10 +223,8 @@ def imm_pass(
                     together = False
             # An assignment of arrays would take seconds to compile.
             for lane in range(LANES):
-                block.measurement[0, lane], block.measurement[1, lane] = (
-                    measurement[0, lane],
-                    measurement[1, lane],
-                )
+                block.measurement[0, lane] = measurement[0, lane]
+                block.measurement[1, lane] = measurement[1, lane]
             if together:
                 step_imm(bank, block, FIRST, LAST, radii, model)
             for lane in range(lanes):
@@ -237,7 +240,8 @@ def imm_pass(
                 if measured and seen[lane] < 2:
                     if seen[lane] == 1:
                         _begin(bank, block, lane, last[lane], k - when[lane], turn, model)
-                    last[lane, 0], last[lane, 1] = measurement[0, lane], measurement[1, lane]
+                    last[lane, 0] = measurement[0, lane]
+                    last[lane, 1] = measurement[1, lane]
                     when[lane] = k
                     seen[lane] += 1
                     continue
@@ -256,17 +260,18 @@ def imm_pass(
                     if seen[lane] > 2 + BURN_IN:
                         sums = bank.sums[0]
                         total += sums.largest[lane] + math.log(sums.total[lane])
-                        count += 1
                 if records:
                     _record(bank, lane, measured, output.white[b, k], output.probabilities[b, k])
-    return total, count
+    return total
 
 
 def fit_chunks(grid: TickGrid, scale: float, lengths: Sequence[int] = ()) -> Chunks:
     """Return chunks of a recording, evenly spread, see `chunks_at`."""
-    length = max(-(-min(grid.total, FIT_TICKS) // LANES), SHORTEST_CHUNK)
+    # Ticks that are used; a longer recording is represented by chunks of it, evenly spread.
+    fit_ticks = 4096
+    length = max(-(-min(grid.total, fit_ticks) // LANES), SHORTEST_CHUNK)
     places = cut(grid, length)
-    wanted = max(FIT_TICKS // length, LANES)
+    wanted = max(fit_ticks // length, LANES)
     if len(places) > wanted:
         places = [places[k] for k in np.linspace(0, len(places) - 1, wanted).round().astype(int)]
     places.sort(key=lambda place: place[2] - place[1])
@@ -299,22 +304,23 @@ def chunks_at(
         begins[np.cumsum([0, *lengths[:-1]])] = True
         switches = [begins[a:b] for _, a, b in places]
     parts = [grid.pieces[k].measurements[a:b] for k, a, b in places]
-    if grid.radar is None:
-        origins = [np.vstack([part[~np.isnan(part[:, 0])], np.zeros(2)])[0] for part in parts]
-        return make_chunks(
-            [(part - origin) / scale for part, origin in zip(parts, origins, strict=True)],
-            switches,
-        )
-    values = [(part - np.array(grid.radar.position)) / scale for part in parts]
     rates = [grid.pieces[k].rates[a:b] * velocity for k, a, b in places]
-    return make_chunks(values, switches, rates, grid.radar.scaled(1.0 / scale, velocity))
+    if grid.radar is None:
+        radar = None
+        origins = [np.vstack([part[~np.isnan(part[:, 0])], np.zeros(2)])[0] for part in parts]
+    else:
+        radar = grid.radar.scaled(1.0 / scale, velocity)
+        origins = [np.array(grid.radar.position)] * len(parts)
+    values = [(part - origin) / scale for part, origin in zip(parts, origins, strict=True)]
+    return make_chunks(values, switches, rates, radar)
 
 
 def recorded_pass(chunks: Chunks, radii: FloatArray, model: FilterModel) -> PassOutput:
     """Return innovations and probabilities of the modes of chunks at every tick, NaN where there
     are none. The block of the chunks holds the last estimates afterwards.
     """
-    shape, modes = chunks.measurements.shape[:2], 2 * len(radii) + 1
+    shape = chunks.measurements.shape[:2]
+    modes = 2 * len(radii) + 1
     output = PassOutput(
         np.full((*shape, 2, LANES), np.nan),
         np.full((*shape, modes, LANES), np.nan),

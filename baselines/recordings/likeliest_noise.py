@@ -16,9 +16,6 @@ from hybrid_env.quickest_options import QuickestOptions
 FACTORS = tuple(10.0 ** (0.5 * k) for k in range(-2, 5))
 """Process noise of the banks, as factors of the nominal one."""
 
-MEMORY = 50.0
-"""Ticks of the exponential memory."""
-
 
 class LikeliestNoise:
     """Chooses among the rows of banks that differ in their process noise alone.
@@ -46,5 +43,6 @@ class LikeliestNoise:
         logs = -0.5 * squares - self.layout.read(rows, "log_variance")
         largest = logs.max(-1, keepdims=True)
         likelihood = np.log((prior * np.exp(logs - largest)).sum(-1)) + largest[..., 0]
-        self.evidence = (1.0 - 1.0 / MEMORY) * self.evidence + likelihood
+        # Ticks of the exponential memory.
+        self.evidence = (1.0 - 1.0 / 50.0) * self.evidence + likelihood
         return rows[self.evidence.argmax(0), np.arange(rows.shape[1])]

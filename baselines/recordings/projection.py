@@ -41,8 +41,8 @@ def centred_projection(latitudes: ArrayLike, longitudes: ArrayLike) -> Projectio
     """Return a projection around the middle of the extent of positions [deg], (n,), also across
     the longitude 180.
     """
-    latitude = np.asarray(latitudes, np.float64)
-    longitude = np.asarray(longitudes, np.float64)
+    latitude = np.asarray(latitudes, float)
+    longitude = np.asarray(longitudes, float)
     known = ~(np.isnan(latitude) | np.isnan(longitude))
     unwrapped = np.unwrap(longitude[known], period=360.0)
     middle = (unwrapped.min() + unwrapped.max()) / 2.0

@@ -6,14 +6,15 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hybrid_env.checks import (
-    LARGEST_NUMBER,
     ArgumentError,
+    BoolArray,
     FloatArray,
+    Positive,
     check_array,
-    check_positive,
+    checked,
     frozen,
     reject,
 )
@@ -22,8 +23,6 @@ from hybrid_env.sensors import Radar
 if TYPE_CHECKING:
     from baselines.recordings.projection import Projection
 
-# Default of the gap, in nominal ticks.
-GAP_TICKS = 20
 # Unit of a length that the file does not name.
 UNKNOWN_UNIT = "units"
 
@@ -60,7 +59,7 @@ class Recording:
     rates: FloatArray | None = None
 
     @property
-    def measured(self) -> NDArray[np.bool_]:
+    def measured(self) -> BoolArray:
         """(n,) True for rows with a measurement."""
         return ~np.isnan(self.positions[:, 0])
 
@@ -90,23 +89,15 @@ def make_recording(
     radar = further.get("radar")
     if radar is not None and (radar.period != 1 or math.isfinite(radar.range)):
         raise reject("radar", radar, "no period and no range: a recording holds what was measured")
-    values = np.array(positions, np.float64)
-    if values.ndim != 2 or values.shape[1] != 2:
-        raise ArgumentError(f"positions has shape {values.shape}: expected (n, 2)")
-    large = values[np.abs(values) > LARGEST_NUMBER]
-    if large.size:
-        raise reject(
-            "positions",
-            float(large[0]),
-            f"finite numbers up to {LARGEST_NUMBER:g}, or NaN if missing",
-        )
-    missing = np.asarray(np.isnan(values).any(axis=1))
+    values = check_array("positions", positions, (None, 2), missing=True)
+    missing = np.isnan(values).any(axis=1)
     values[missing] = np.nan
     measured = len(values) - int(missing.sum())
     if measured < 2:
         raise ArgumentError(f"{name} has {measured} measured positions: expected at least two")
     if times is None:
-        instants, time_unit = np.arange(len(values), dtype=np.float64), time_unit or "ticks"
+        instants = np.arange(len(values), dtype=np.float64)
+        time_unit = time_unit or "ticks"
     else:
         instants = check_array("times", times, (len(values),))
     steps = np.diff(instants)
@@ -114,10 +105,10 @@ def make_recording(
         k = int(np.argmin(steps > 0.0)) + 1
         raise reject(f"times[{k}]", instants[k], f"a time after {instants[k - 1]:.12g}")
     tick = float(np.median(steps))
-    longest = GAP_TICKS * tick if gap is None else check_positive("gap", gap)
+    longest = 20 * tick if gap is None else checked("gap", gap, Positive)
     rows = np.flatnonzero(~missing)
     # First measurement at or after a break.
-    before = np.searchsorted(rows, np.asarray(breaks, np.int64))
+    before = np.searchsorted(rows, np.asarray(breaks, int))
     ends = np.flatnonzero(np.diff(instants[rows]) > longest) + 1
     borders = np.unique(np.concatenate([[0, len(rows)], ends, before])).tolist()
     pieces = tuple((int(rows[first]), int(rows[end - 1]) + 1) for first, end in pairwise(borders))

@@ -8,23 +8,10 @@ import numpy as np
 from baselines.recordings.ticks import Piece, TickGrid
 from hybrid_env.checks import FloatArray, IntArray
 
-# Median of |z| for a standard normal z.
-NORMAL_MEDIAN = 0.6744897501960817
 # Differences.
 FEWEST = 5
-# Span of four or five measurements, over the median span.
-LONGEST = 2.0
 # An outlier is this many standard deviations from its neighbours.
 FAR = 7.0
-# Measurements between two jumps that are errors of the sensor.
-LONGEST_BURST = 10
-# Quantile of the steps, and how many times it motion may reach.
-USUAL, FASTEST = 0.9, 5.0
-
-# Measurements of an object that stands, and standard deviations between any two of them.
-STANDING, WIDEST = 10, 6.0
-# With a larger share far from their neighbours, the noise is not what its estimate says.
-MOST_OUTLIERS = 0.1
 
 
 def noise_estimate(grid: TickGrid) -> float | None:
@@ -40,7 +27,8 @@ def noise_estimate(grid: TickGrid) -> float | None:
     if len(differences) < FEWEST:
         return None
     median = np.median(np.abs(differences), axis=0)
-    return float(np.mean((median / NORMAL_MEDIAN) ** 2))
+    # Median of |z| for a standard normal z.
+    return float(np.mean((median / 0.6744897501960817) ** 2))
 
 
 def without_outliers(grid: TickGrid) -> tuple[TickGrid, int]:
@@ -56,9 +44,6 @@ def without_outliers(grid: TickGrid) -> tuple[TickGrid, int]:
     count = 0
     for piece in grid.pieces:
         ticks, differences = _differences(piece, 5)
-        if not len(ticks):
-            pieces.append(piece)
-            continue
         # In standard deviations; the measurement in the middle has the largest weight.
         size = np.abs(differences).max(1) / np.sqrt(noise)
         around = np.max([np.roll(size, shift) for shift in (-2, -1, 1, 2)], axis=0)
@@ -73,15 +58,18 @@ def without_outliers(grid: TickGrid) -> tuple[TickGrid, int]:
 def without_jumps(grid: TickGrid) -> tuple[TickGrid, int]:
     """Return the grid without short runs of measurements elsewhere, and the number of these
     measurements. A jump is a step far longer than others, which neither the step before nor the one
-    after resembles. At most `LONGEST_BURST` measurements between two jumps are errors of the
+    after resembles. At most `longest_burst` measurements between two jumps are errors of the
     sensor. Where a jump remains, a new piece begins.
     """
+    # Measurements between two jumps that are errors of the sensor.
+    longest_burst = 10
     noise = noise_estimate(grid) or 0.0
     steps = np.concatenate([_steps(piece)[1] for piece in grid.pieces])
     if len(steps) < FEWEST:
         return grid, 0
-    usual = np.quantile(np.hypot(*steps.T), USUAL)
-    limits = FAR * math.sqrt(2.0 * noise), FASTEST * float(usual)
+    # Motion may reach five times the usual step.
+    usual = np.quantile(np.hypot(*steps.T), 0.9)
+    limits = FAR * math.sqrt(2.0 * noise), 5.0 * float(usual)
     if not sum(limits):
         return grid, 0
     pieces = []
@@ -90,7 +78,7 @@ def without_jumps(grid: TickGrid) -> tuple[TickGrid, int]:
         values = piece.measurements.copy()
         runs = _runs(piece, *limits)
         for k, run in enumerate(runs):
-            if len(runs) > 1 and len(run) <= LONGEST_BURST and len(run) < max(map(len, runs)):
+            if len(runs) > 1 and len(run) <= longest_burst and len(run) < max(map(len, runs)):
                 values[run] = np.nan
                 count += len(run)
                 runs[k] = run[:0]
@@ -106,10 +94,9 @@ def _unless_many(grid: TickGrid, pieces: list[Piece], count: int) -> tuple[TickG
     """Return the grid with other pieces and their number of outliers, or as it was if these are
     too many.
     """
+    # With a larger share far from their neighbours, the noise is not what its estimate says.
     return (
-        (grid, 0)
-        if count > MOST_OUTLIERS * grid.measured
-        else (grid._replace(pieces=tuple(pieces)), count)
+        (grid, 0) if count > 0.1 * grid.measured else (grid._replace(pieces=tuple(pieces)), count)
     )
 
 
@@ -117,7 +104,7 @@ def _steps(piece: Piece) -> tuple[IntArray, FloatArray]:
     """Return the ticks with a measurement, (n,), and the steps between them for each tick, (n -
     1, 2).
     """
-    rows = np.flatnonzero(~np.isnan(piece.measurements[:, 0]))
+    rows = np.flatnonzero(piece.measured)
     return rows, np.diff(piece.measurements[rows], axis=0) / np.diff(rows)[:, None]
 
 
@@ -140,35 +127,38 @@ def _split(piece: Piece, runs: list[IntArray], noise: float, step: float) -> lis
         b = following[0]
         if np.hypot(*(piece.measurements[b] - piece.measurements[a])) > noise + step * (b - a):
             borders.append(int(b))
-    found = []
+    parts = []
     for first, end in pairwise([*borders, len(piece.measurements)]):
         a, b = np.searchsorted(piece.ticks, [first, end]).tolist()
-        ticks, late = piece.ticks[a:b] - first, piece.late[a:b]
-        values, rates = piece.measurements[first:end], piece.rates[first:end]
-        found.append(Piece(piece.first + a, piece.first + b, ticks, late, values, rates))
-    return found
+        ticks = piece.ticks[a:b] - first
+        late = piece.late[a:b]
+        values = piece.measurements[first:end]
+        rates = piece.rates[first:end]
+        parts.append(Piece(piece.first + a, piece.first + b, ticks, late, values, rates))
+    return parts
 
 
 def standing_ticks(grid: TickGrid, variance: float, speed: float) -> int:
-    """Return the number of ticks in which the object stands: `STANDING` successive measurements are
-    not farther apart than noise, of a variance [unit of length squared] or as estimated, although
-    the speed [unit of length / tick] takes it far beyond.
+    """Return the number of ticks in which the object stands: ten successive measurements are
+    not farther apart than six standard deviations of the noise, of a variance [unit of length
+    squared] or as estimated, although the speed [unit of length / tick] takes it far beyond.
     """
-    apart = WIDEST * math.sqrt(max(variance, noise_estimate(grid) or 0.0))
-    if speed * STANDING < 5.0 * apart:
+    standing = 10
+    apart = 6.0 * math.sqrt(max(variance, noise_estimate(grid) or 0.0))
+    if speed * standing < 5.0 * apart:
         return 0
     total = 0
     for piece in grid.pieces:
-        rows = np.flatnonzero(~np.isnan(piece.measurements[:, 0]))
-        if len(rows) < STANDING:
+        rows = np.flatnonzero(piece.measured)
+        if len(rows) < standing:
             continue
         windows = np.lib.stride_tricks.sliding_window_view(
             piece.measurements[rows],
-            STANDING,
+            standing,
             axis=0,
         )
         still = np.flatnonzero((np.ptp(windows, axis=2) < apart).all(1))
-        total += len(np.unique(still[:, None] + np.arange(STANDING)))
+        total += len(np.unique(still[:, None] + np.arange(standing)))
     return total
 
 
@@ -202,13 +192,14 @@ def _differences(piece: Piece, points: int) -> tuple[IntArray, FloatArray]:
     """Return ticks, (n, m), and divided differences, (n, 2), of m = `points` successive
     measurements. Differences have unit noise, and cancel polynomials of degree m - 2.
     """
-    rows = np.flatnonzero(~np.isnan(piece.measurements[:, 0]))
+    rows = np.flatnonzero(piece.measured)
     if len(rows) < points:
-        return np.zeros((0, points), np.int64), np.zeros((0, 2))
+        return np.zeros((0, points), int), np.zeros((0, 2))
     ticks = np.lib.stride_tricks.sliding_window_view(rows, points)
     span = ticks[:, -1] - ticks[:, 0]
-    ticks = ticks[span <= LONGEST * np.median(span)]
-    times = (ticks - ticks[:, :1]).astype(np.float64)
+    # Span of four or five measurements, over the median span.
+    ticks = ticks[span <= 2.0 * np.median(span)]
+    times = (ticks - ticks[:, :1]).astype(float)
     apart = times[:, :, None] - times[:, None, :] + np.eye(points)
     weights = 1.0 / apart.prod(2)
     weights /= np.sqrt((weights**2).sum(1, keepdims=True))

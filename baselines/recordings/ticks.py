@@ -13,24 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from baselines.recordings.recording import Recording
-from hybrid_env.checks import FloatArray, IntArray, reject
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, reject
 from hybrid_env.sensors import Radar
 
-# The tick of an irregular recording is its median step divided by one of these.
-DIVISORS = (1, 2, 3, 4, 5, 8, 10)
-# Largest share of rows that fall on the tick of another one, if a divisor allows it.
-SHARED = 0.05
-# Measurements that give the local velocity.
-NEIGHBOURS = 5
-# Of a step in time, and of the extent of the positions.
-SMALLEST_UNIT = 1e-30
 MAX_TICKS = 5_000_000
-# Largest error of a row of a clock that jitters, over the tick.
-LATEST = 0.6
-# Of the clock, over its error.
-CORRECTION = 0.2
-# A row that is off its tick by a smaller part of it is not moved.
-EXACT = 1e-6
 
 
 class Piece(NamedTuple):
@@ -47,6 +33,11 @@ class Piece(NamedTuple):
     measurements: FloatArray
     # (T,) range rates; NaN without one.
     rates: FloatArray
+
+    @property
+    def measured(self) -> BoolArray:
+        """(T,) True at ticks with a measurement."""
+        return ~np.isnan(self.measurements[:, 0])
 
 
 class TickGrid(NamedTuple):
@@ -70,7 +61,7 @@ class TickGrid(NamedTuple):
     @property
     def measured(self) -> int:
         """Number of ticks with a measurement."""
-        return sum(int((~np.isnan(piece.measurements[:, 0])).sum()) for piece in self.pieces)
+        return sum(int(piece.measured.sum()) for piece in self.pieces)
 
 
 def tick_grid(recording: Recording) -> TickGrid:
@@ -78,13 +69,15 @@ def tick_grid(recording: Recording) -> TickGrid:
     million, because of a long gap, or if the steps in time or the extent of the positions are too
     small.
     """
+    # Of a step in time, and of the extent of the positions.
+    smallest_unit = 1e-30
     extent = float(np.ptp(recording.positions[recording.measured], axis=0).max())
     for name, value in (
         ("step of the times", recording.tick),
         ("extent of the positions", extent),
     ):
-        if 0.0 < value < SMALLEST_UNIT:
-            raise reject(name, value, f"at least {SMALLEST_UNIT:g}: choose a smaller unit")
+        if 0.0 < value < smallest_unit:
+            raise reject(name, value, f"at least {smallest_unit:g}: choose a smaller unit")
     times_of = [recording.times[first:end] for first, end in recording.pieces]
     tau, ticks = _regular(times_of, recording.tick) or _irregular(times_of, recording.tick)
     pieces = []
@@ -93,7 +86,8 @@ def tick_grid(recording: Recording) -> TickGrid:
     for (first, end), times, numbers in zip(recording.pieces, times_of, ticks, strict=True):
         origin = float(np.mean(times - tau * numbers))
         late = times - (origin + tau * numbers)
-        late[np.abs(late) < EXACT * tau] = 0.0
+        # A row that is off its tick by a smaller part of it is not moved.
+        late[np.abs(late) < 1e-6 * tau] = 0.0
         measured = recording.measured[first:end]
         values = _moved(recording.positions[first:end][measured], times[measured], late[measured])
         total = int(numbers[-1]) + 1
@@ -101,10 +95,7 @@ def tick_grid(recording: Recording) -> TickGrid:
         sums = [np.bincount(numbers[measured], column, total) for column in values.T]
         with np.errstate(invalid="ignore"):
             measurements = np.stack(sums, axis=1) / counts[:, None]
-        single = counts[numbers[measured]] == 1
-        # Exactly, without 0 + x.
-        measurements[numbers[measured][single]] = values[single]
-        shared += int((counts[counts > 1] - 1).sum())
+        shared += int((counts - 1).clip(0).sum())
         squares += float((late**2).sum())
         rates = np.full(total, np.nan)
         if recording.rates is not None:
@@ -125,18 +116,23 @@ def _regular(times_of: list[FloatArray], tick: float) -> tuple[float, list[IntAr
     """Return the tick, the slope of the times over their numbers, and the tick numbers of every
     piece. None for a clock whose errors add up.
     """
+    # Largest error of a row of a clock that jitters, over the tick.
+    latest = 0.6
     numbers = [_follow(times, tick) for times in times_of]
-    centred = [one - one.mean() for one in numbers]
-    weight = sum(float(one @ one) for one in centred)
+    centred = [of_piece - of_piece.mean() for of_piece in numbers]
+    weight = sum(float(of_piece @ of_piece) for of_piece in centred)
     if weight == 0.0:
-        return tick, [one.astype(np.int64) for one in numbers]
-    tau = sum(float(one @ (t - t[0])) for one, t in zip(centred, times_of, strict=True)) / weight
-    for one, times in zip(numbers, times_of, strict=True):
-        late = times - tau * one
-        if not np.abs(late - late.mean()).max() <= LATEST * tau:
+        return tick, [of_piece.astype(int) for of_piece in numbers]
+    tau = (
+        sum(float(of_piece @ (t - t[0])) for of_piece, t in zip(centred, times_of, strict=True))
+        / weight
+    )
+    for of_piece, times in zip(numbers, times_of, strict=True):
+        late = times - tau * of_piece
+        if not np.abs(late - late.mean()).max() <= latest * tau:
             return None
-    _check_total(sum(float(one[-1]) + 1.0 for one in numbers), tau)
-    return tau, [one.astype(np.int64) for one in numbers]
+    _check_total(sum(float(of_piece[-1]) + 1.0 for of_piece in numbers), tau)
+    return tau, [of_piece.astype(int) for of_piece in numbers]
 
 
 def _follow(times: FloatArray, tick: float) -> FloatArray:
@@ -150,20 +146,23 @@ def _follow(times: FloatArray, tick: float) -> FloatArray:
         passed = min(max(round((time - clock) / tick), 1), MAX_TICKS)
         numbers[k] = numbers[k - 1] + passed
         clock += passed * tick
-        clock += CORRECTION * (time - clock)
+        # Of the clock, over its error.
+        clock += 0.2 * (time - clock)
     return numbers
 
 
 def _irregular(times_of: list[FloatArray], tick: float) -> tuple[float, list[IntArray]]:
     """Return the tick and the next ticks of irregular times, on a grid that is fine enough."""
-    numbers: list[IntArray] = []
-    tau = tick
-    for divisor in DIVISORS:
+    # The tick of an irregular recording is its median step divided by one of these.
+    for divisor in (1, 2, 3, 4, 5, 8, 10):
         tau = tick / divisor
         _check_total(sum((times[-1] - times[0]) / tau + 1.0 for times in times_of), tau)
-        numbers = [np.rint((times - times[0]) / tau).astype(np.int64) for times in times_of]
-        shared = sum(int((np.diff(one) == 0).sum()) for one in numbers)
-        if shared <= SHARED * sum(map(len, numbers)):
+        numbers = [np.rint((times - times[0]) / tau).astype(int) for times in times_of]
+        shared = sum(
+            len(of_piece) - 1 - np.count_nonzero(np.diff(of_piece)) for of_piece in numbers
+        )
+        # Largest share of rows that fall on the tick of another one, if a divisor allows it.
+        if shared <= 0.05 * sum(map(len, numbers)):
             break
     return tau, numbers
 
@@ -179,8 +178,10 @@ def _check_total(ticks: float, tau: float) -> None:
 
 def _moved(points: FloatArray, times: FloatArray, late: FloatArray) -> FloatArray:
     """Return measurements, (n, 2), moved back by `late` along the local velocity."""
+    # Measurements that give the local velocity.
+    neighbours = 5
     rows = np.flatnonzero(late)
-    count = min(NEIGHBOURS, len(points))
+    count = min(neighbours, len(points))
     if not rows.size or count < 2:
         return points
     first = np.clip(rows - count // 2, 0, len(points) - count)

@@ -10,18 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
-from hybrid_env.core.records import TRACE_COLUMNS
+from hybrid_env.compiled import TRACE_COLUMNS
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
 TRUTH = [TRACE_COLUMNS.index(name) for name in ("x", "vx", "y", "vy")]
 # Signs of [x, vx, y, vy] in a frame whose across axis points to the right.
 MIRROR = np.array([1.0, 1.0, -1.0, -1.0])
-# Errors to fit a mixture to; with fewer, types and then outcomes are pooled.
-FEWEST = 100
-# Of the EM algorithm.
-STEPS = 50
-# Share of the pooled variances added to the variances of a component.
-RIDGE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -68,16 +62,22 @@ def anchor_errors(env: HybridTrackVectorEnv, tracks: IntArray, before: FloatArra
     )
 
 
-def fit_anchor_prior(errors: FloatArray, types: IntArray, correct: BoolArray) -> AnchorPrior:
+def fit_anchor_prior(
+    errors: FloatArray,
+    types: IntArray,
+    correct: BoolArray,
+) -> AnchorPrior:
     """Fit the mixtures to errors (n, 4) in the heading frame, by declared types (n,) and their
     correctness (n,).
+
+    With fewer than 100 errors for a mixture, types and then outcomes are pooled.
     """
     mirrored = errors * np.where((types == 2)[:, None], MIRROR, 1.0)
     fits = []
     for turn, outcome in itertools.product((False, True), (True, False)):
         chosen = (correct == outcome) & ((types > 0) == turn)
         for pooled in (correct == outcome, np.ones_like(correct)):
-            chosen = chosen if chosen.sum() >= FEWEST else pooled
+            chosen = chosen if chosen.sum() >= 100 else pooled
         values = mirrored[chosen]
         # Straight: symmetric.
         fits.append(_fit_mixture(values if turn else np.concatenate([values, values * MIRROR])))
@@ -94,16 +94,15 @@ def _fit_mixture(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
     pooled = np.diag(np.median(values**2, axis=0) + 1e-300)
     size = (values**2 / np.diag(pooled)).sum(-1)
     large = size > np.quantile(size, 0.9)
-    share = np.stack([~large, large], axis=-1).astype(np.float64)
-    for _ in range(STEPS):
+    share = np.stack([~large, large], axis=-1).astype(float)
+    for _ in range(50):
         count = share.sum(0)
         weight = count / len(values)
         mean = share.T @ values / count[:, None]
         centred = values[:, None] - mean
-        covariance = (
-            np.einsum("nc,nci,ncj->cij", share, centred, centred) / count[:, None, None]
-            + RIDGE * pooled
-        )
+        covariance = np.einsum("nc,nci,ncj->cij", share, centred, centred) / count[:, None, None]
+        # A component of a few values has no smaller variances.
+        covariance += 1e-6 * pooled
         white = np.linalg.solve(np.linalg.cholesky(covariance), centred[..., None])[..., 0]
         log_density = np.log(weight) - 0.5 * (np.linalg.slogdet(covariance)[1] + (white**2).sum(-1))
         share = np.exp(log_density - log_density.max(-1, keepdims=True))

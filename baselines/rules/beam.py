@@ -4,8 +4,8 @@ durations.
 
 import copy
 import dataclasses
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Self
+from collections.abc import Mapping
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -17,34 +17,21 @@ from baselines.rules.beam_filters import (
     step_branches,
     step_memory,
 )
-from baselines.rules.decider import Actions, Decider, DeciderFamily, SeveralThresholds
+from baselines.rules.beam_prior import Prior, hazard_tables, hazards, mixed_prior
+from baselines.rules.decider import Actions, Variants
 from baselines.rules.measurements import MeasurementDecider, filter_model, run_compiled, sensors_of
-from baselines.rules.threshold import ThresholdDecider, reachable_probabilities
-from hybrid_env.checks import BoolArray, FloatArray, check_flag, check_integer
+from baselines.rules.threshold import reachable_probabilities, state_modes
+from hybrid_env.checks import (
+    BoolArray,
+    FloatArray,
+    UnitInterval,
+    check_integer,
+    checked,
+)
 from hybrid_env.durations import Durations, GeometricDurations
 from hybrid_env.limits import MAX_LENGTH
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
-
-MOST_BRANCHES = 100_000
-# Histories of switches.
-SMALLEST_BEAM = 64
-# Twice as many gain less than 0.001 of the share of right ticks with 7 hypotheses.
-HISTORIES_PER_MODE = 16
-
-
-def hazards(laws: FloatArray) -> FloatArray:
-    """Return the probability that a segment ends after each age, (rows, ticks), of laws as
-    `QuickestOptions.duration_laws`.
-    """
-    table = np.empty_like(laws)
-    for row, ends in enumerate(laws):
-        before = 1.0 - np.append(0.0, np.cumsum(ends)[:-1])
-        reached = int(np.argmin(before > 1e-12)) or len(ends)
-        table[row, :reached] = ends[:reached] / before[:reached]
-        # Of ages that are hardly ever or never reached.
-        table[row, reached:] = table[row, reached - 1]
-    return table.clip(0.0, 1.0)
 
 
 class BeamState(NamedTuple):
@@ -54,95 +41,122 @@ class BeamState(NamedTuple):
     branches: Branches
     # (N, M) logarithms of the probabilities of the modes.
     log_probability: FloatArray
-    # (N,) last statements.
+    # (K, N) last statements, at each threshold.
     stated: Actions
+
+
+def _geometric(options: QuickestOptions) -> Mapping[str, Any]:
+    """Return the geometric law of the same mean, for which ages have no meaning."""
+    mean = min(options.law.mean_duration, float(MAX_LENGTH))
+    return {"durations": GeometricDurations(mean), "order": "equal"}
 
 
 class BeamDecider(MeasurementDecider[BeamState]):
     """The threshold rule on the posterior of the most probable histories of switches.
 
+    With a `prior` it does not know the laws of the durations and of the next mode: its posterior
+    is averaged over laws by their evidence, and the order of the modes is learned by counts.
+    Histories then carry beliefs, see `beam_habits`; their filters are the same.
+
     Args:
         options: of the environment.
         threshold, release: see `ThresholdDecider`.
-        branches: largest number of histories.
+        branches: largest number of histories; None is 16 for each mode, at least 64. Twice as many
+            gain less than 0.001 of the share of right ticks with 7 hypotheses.
         merged: whether histories that switch to the same mode at the same tick are merged into one.
         durations: law of the durations that the decider assumes; None is the true one of the
             options.
         order: law of the next mode that it assumes, likewise.
         joined: whether histories of a full beam that switched to the same mode at nearly the same
             tick become one; else the least probable are omitted. See `beam_joining`.
+        prior: laws of the durations with their probabilities; None does not learn.
     """
 
     name = "beam"
     title = "beam"
     symbol = "probability"
     default = 0.6
-    informed = True
-    colour = "#c80f82"
-    marker = "D"
+    bounds = 0.0, 1.0
+    sweeps = True
+    oracle = True
+    variants: ClassVar[Variants] = {
+        "beam-geometric": {
+            "title": "beam, geometric",
+            "oracle": False,
+            "arguments": _geometric,
+        },
+        "beam-default": {
+            "title": "beam, default law",
+            "oracle": False,
+            "arguments": lambda options: {
+                "durations": QuickestOptions.durations,
+                "order": QuickestOptions.order,
+            },
+        },
+        "beam-adaptive": {
+            "title": "beam, adaptive",
+            "oracle": False,
+            "default": 0.65,
+            "arguments": lambda options: {"threshold": 0.65, "prior": mixed_prior()},
+        },
+    }
 
     def __init__(
         self,
         options: QuickestOptions,
         threshold: float = 0.6,
         release: float = 1.0,
-        branches: int = 64,
+        branches: int | None = None,
         merged: bool = True,
         durations: str | Durations | None = None,
         order: Any = None,
         joined: bool = False,
+        prior: Prior | None = None,
     ):
-        self.rule = ThresholdDecider(threshold, release)
+        super().__init__(threshold)
+        self.release = checked("release", release, UnitInterval)
         self.hypotheses = options.hypotheses
-        self.branches = check_integer("branches", branches, options.hypotheses, MOST_BRANCHES)
+        self.thresholds = reachable_probabilities(options.hypotheses)
+        usual = max(64, 16 * options.hypotheses)
+        largest = 100_000
+        self.branches = check_integer(
+            "branches",
+            usual if branches is None else branches,
+            options.hypotheses,
+            largest,
+        )
         assumed = {"durations": durations, "order": order}
         options = dataclasses.replace(
             options,
             **{name: law for name, law in assumed.items() if law is not None},
         )
+        tables = np.zeros((2, 1, 2, 0), np.float32)
+        weights = np.zeros((3, 0))
+        if prior is not None:
+            oldest = min(options.ticks, 1200)
+            tables = hazard_tables(prior, oldest, options.start == "random")
+            # Of the rows of `beam_habits.Habits`.
+            shares = 1.0 - prior.different, prior.different, prior.different
+            weights = np.outer(shares, prior.weights) / np.sum(prior.weights)
         self.model = BeamModel(
             np.array(options.radii),
             hazards(options.duration_laws),
             options.order_matrix,
-            check_flag("merged", merged),
-            np.zeros((2, 1, 2, 0), np.float32),
-            np.zeros((3, 0)),
-            0.0,
+            checked("merged", merged, bool),
+            tables,
+            weights,
+            0.0 if prior is None else prior.habitual,
             filter_model(options),
             sensors_of(options),
-            check_flag("joined", joined),
+            checked("joined", joined, bool),
         )
-
-    @classmethod
-    def assumed(cls, options: QuickestOptions) -> dict[str, Any]:
-        """Return the laws that the decider found by its name assumes; others are the true ones."""
-        return {}
-
-    @classmethod
-    def family(cls, options: QuickestOptions) -> DeciderFamily:
-        """See `Decider.family`."""
-        return dataclasses.replace(
-            super().family(options),
-            thresholds=reachable_probabilities(options.hypotheses),
-        )
-
-    @classmethod
-    def maker(cls, options: QuickestOptions) -> Callable[[float], Decider]:
-        """See `Decider.maker`."""
-        branches = max(SMALLEST_BEAM, HISTORIES_PER_MODE * options.hypotheses)
-        assumed = cls.assumed(options)
-        return lambda threshold: cls(options, threshold, branches=branches, **assumed)
-
-    @classmethod
-    def together(cls, deciders: Sequence[Self]) -> "Beams":
-        """See `Decider.together`."""
-        return Beams(deciders)
 
     def begin(self, tracks: int) -> BeamState:
         """Return branches without meaning; see `MeasurementDecider.begin`."""
         branches = branch_arrays(tracks, self.branches, self.hypotheses, self.model.prior.shape[1])
         branches.counts[:] = 1
-        return BeamState(branches, np.zeros((tracks, self.hypotheses)), np.zeros(tracks, np.int64))
+        stated = np.zeros((np.size(self.threshold), tracks), int)
+        return BeamState(branches, np.zeros((tracks, self.hypotheses)), stated)
 
     def begin_track(self, state: BeamState, track: int, start: FloatArray) -> None:
         """Begin one branch of every mode; see `MeasurementDecider.begin_track`."""
@@ -163,12 +177,19 @@ class BeamDecider(MeasurementDecider[BeamState]):
 
     def statements(self, state: BeamState, starts: BoolArray) -> Actions:
         """Apply the threshold rule to the posterior; see `MeasurementDecider.statements`."""
-        state.stated[:] = self.rule.choose(state.log_probability, state.stated, ~starts)
-        return state.stated.copy()
+        for threshold, stated in zip(np.atleast_1d(self.threshold), state.stated, strict=True):
+            stated[:] = state_modes(
+                state.log_probability,
+                stated,
+                ~starts,
+                float(threshold),
+                self.release,
+            )
+        return state.stated.copy() if np.ndim(self.threshold) else state.stated[0].copy()
 
     def panel(self) -> EvidencePanel:
         """Return the panel of `evidence`."""
-        return probability_panel("beam", self.rule.threshold)
+        return probability_panel("beam", self.threshold)
 
     def evidence(
         self,
@@ -178,68 +199,6 @@ class BeamDecider(MeasurementDecider[BeamState]):
     ) -> FloatArray:
         """Return the posterior of the modes, (N, M)."""
         # A copy, because `decide` changes the state in place.
-        return np.asarray(
-            np.exp(self.decide(observation, copy.deepcopy(state), episode_start)[1].log_probability)
+        return np.exp(
+            self.decide(observation, copy.deepcopy(state), episode_start)[1].log_probability
         )
-
-
-class GeometricBeamDecider(BeamDecider):
-    """The beam that assumes a geometric law of the same mean, for which ages have no meaning."""
-
-    name = "beam-geometric"
-    title = "beam, geometric"
-    informed = False
-    colour = "#00e196"
-    marker = "p"
-
-    @classmethod
-    def assumed(cls, options: QuickestOptions) -> dict[str, Any]:
-        """See `BeamDecider.assumed`."""
-        mean = min(options.law.mean_duration, float(MAX_LENGTH))
-        return {"durations": GeometricDurations(mean), "order": "equal"}
-
-
-class DefaultBeamDecider(BeamDecider):
-    """The beam that always assumes the default law of the environment."""
-
-    name = "beam-default"
-    title = "beam, default law"
-    informed = False
-    colour = "#3c000f"
-    marker = "*"
-
-    @classmethod
-    def assumed(cls, options: QuickestOptions) -> dict[str, Any]:
-        """See `BeamDecider.assumed`."""
-        return {"durations": QuickestOptions.durations, "order": QuickestOptions.order}
-
-
-class Beams(SeveralThresholds):
-    """Beams that differ in their thresholds only, computed once: the posterior does not depend
-    on statements.
-    """
-
-    observes = "tracks"
-
-    def __init__(self, beams: Sequence[BeamDecider]):
-        self.beam, self.rules = beams[0], [beam.rule for beam in beams]
-        self.chosen = []
-
-    def observe(self, tracks: Any) -> FloatArray:
-        """See `MeasurementDecider.observe`."""
-        return self.beam.observe(tracks)
-
-    def decide(
-        self,
-        observation: FloatArray,
-        state: Any,
-        episode_start: Any,
-    ) -> tuple[Actions, Any]:
-        """See `MeasurementDecider.decide`."""
-        _, state = self.beam.decide(observation, state, episode_start)
-        last = self.chosen or [np.zeros(len(observation), np.int64)] * len(self.rules)
-        logs = state.log_probability
-        started = ~np.asarray(episode_start)
-        pairs = zip(self.rules, last, strict=True)
-        self.chosen = [rule.choose(logs, stated, started) for rule, stated in pairs]
-        return self.chosen[0], state

@@ -18,7 +18,6 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.rules.beam_habits import (
     Habits,
@@ -28,21 +27,26 @@ from baselines.rules.beam_habits import (
     merge_habits,
 )
 from baselines.rules.beam_joining import join_branches
-from hybrid_env.checks import FloatArray, IntArray
-from hybrid_env.core.arrays import aligned_zeros
-from hybrid_env.core.banks.anchor_aware import (
+from hybrid_env.checks import AnyArray, Float32Array, FloatArray, IntArray
+from hybrid_env.compiled import (
     AWARE_HYPOTHESIS,
+    INNOVATION,
+    LANES,
+    MEASURED,
+    FilterModel,
+    State,
+    Triangle4,
+    aligned_zeros,
     begin_hypothesis,
+    compiled,
     covariance_of,
+    estimate_of,
+    internal,
     sense_hypothesis,
+    signed_radius,
+    write_measured,
 )
-from hybrid_env.core.banks.bank import INNOVATION, FilterModel, estimate_of, signed_radius
-from hybrid_env.core.banks.sensing import write_measured
-from hybrid_env.core.compilation import compiled, internal
-from hybrid_env.core.records import LANES, MEASURED, State, Triangle4
 
-# Probability of a parent, over that of the most probable one, that is left out of a mixture.
-SMALLEST_SHARE = 1e-9
 # Rows of the table of hazards: the first segment of an episode, later ones.
 FIRST, LATER = 0, 1
 
@@ -53,7 +57,7 @@ class Branches(NamedTuple):
     """
 
     # (N, B / LANES) records `AWARE_HYPOTHESIS`; `log_likelihood` is the log weight of the branch.
-    filters: NDArray[Any]
+    filters: AnyArray
     # (N, B) present mode.
     modes: IntArray
     # (N, B) ticks of the present segment so far, 1 at its first measurement.
@@ -91,15 +95,15 @@ class BeamModel(NamedTuple):
     # Whether branches that switch to the same mode at the same tick become one.
     merged: bool
     # (2, ages, 2, L) of the laws among which a beam learns, see above; L is 0 if not.
-    tables: NDArray[np.float32]
+    tables: Float32Array
     # (3, L) of the laws, see `Habits`
     prior: FloatArray
     # Prior probability that the next modes are not equally likely, likewise.
     habitual: float
     # Model of the filters.
     filters: FilterModel
-    # (k,) records `records.SENSOR`
-    sensors: NDArray[Any]
+    # (k,) records `memory.SENSOR`
+    sensors: AnyArray
     # Whether branches of a full beam become one, see `beam_joining`, or the least probable are
     # omitted.
     joined: bool
@@ -185,8 +189,10 @@ def begin_branches(branches: Branches, track: int, start: FloatArray, model: Bea
 @internal
 def copy_filter(source: Any, source_lane: int, target: Any, target_lane: int) -> None:
     """Copy one lane of a record `AWARE_HYPOTHESIS` to a lane of another."""
-    target.x[target_lane], target.vx[target_lane] = source.x[source_lane], source.vx[source_lane]
-    target.y[target_lane], target.vy[target_lane] = source.y[source_lane], source.vy[source_lane]
+    target.x[target_lane] = source.x[source_lane]
+    target.vx[target_lane] = source.vx[source_lane]
+    target.y[target_lane] = source.y[source_lane]
+    target.vy[target_lane] = source.vy[source_lane]
     target.centre_x[target_lane] = source.centre_x[source_lane]
     target.centre_y[target_lane] = source.centre_y[source_lane]
     target.turn_rate[target_lane] = source.turn_rate[source_lane]
@@ -276,7 +282,8 @@ def _switch(
         mean[:] = 0.0
         covariance[:] = 0.0
         for b in range(parents[0], parents[1]):
-            if shares[b] > SMALLEST_SHARE * largest:
+            # Less probable parents are left out of the mixture.
+            if shares[b] > 1e-9 * largest:
                 total += shares[b]
                 for k, value in enumerate(
                     estimate_of(branches.filters[track], b // LANES, b % LANES)
@@ -390,8 +397,8 @@ def _extend(
 def step_branches(
     branches: Branches,
     children: Branches,
-    innovations: NDArray[Any],
-    measured: NDArray[Any],
+    innovations: AnyArray,
+    measured: AnyArray,
     measurements: FloatArray,
     log_probability: FloatArray,
     model: BeamModel,
@@ -471,7 +478,7 @@ def step_branches(
             log_probability[track, mode] = math.log(max(log_probability[track, mode], 1e-300))
 
 
-def step_memory(hypotheses: int, branches: Branches) -> tuple[Branches, NDArray[Any], NDArray[Any]]:
+def step_memory(hypotheses: int, branches: Branches) -> tuple[Branches, AnyArray, AnyArray]:
     """Return the `children`, `innovations` and `measured` of `step_branches`."""
     children = branch_arrays(1, hypotheses * branches.modes.shape[1])
     return children, aligned_zeros((1,), INNOVATION), aligned_zeros((1,), MEASURED)

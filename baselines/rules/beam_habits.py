@@ -12,22 +12,17 @@ posterior follows from counts. Branches that merge average their habits.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hybrid_env.checks import FloatArray, IntArray
-from hybrid_env.core.compilation import internal, summing
+from hybrid_env.checks import Float32Array, FloatArray, IntArray
+from hybrid_env.compiled import internal, summing
 
 # (2, ages, 2, L), see `beam_filters.BeamModel`
-Tables = NDArray[np.float32]
+Tables = Float32Array
 
 # Row of the beliefs in one law for all modes; rows 1 and 2 are straight motion and turns.
 SAME = 0
-# Probability of a parent whose habits are left out of a mixture.
-NEGLIGIBLE = 1e-3
 # Beliefs below become 0: denormal numbers are slow.
 SMALLEST = np.float32(1e-30)
-# Of each next mode, if they are not equally likely.
-PSEUDO_COUNT = 0.5
 
 
 class Habits(NamedTuple):
@@ -38,15 +33,15 @@ class Habits(NamedTuple):
     """
 
     # (N, S, 3, L) joint probabilities of law and kind when the present segment began.
-    laws: NDArray[np.float32]
+    laws: Float32Array
     # (N, S, L) sum of the rows of `laws` that concern the present segment.
-    beliefs: NDArray[np.float32]
+    beliefs: Float32Array
     # (N, S, M, M) expected number of switches from a mode (row) to another.
-    orders: NDArray[np.float32]
+    orders: Float32Array
     # (N, S, M) probability that each mode follows the present segment.
     following: FloatArray
     # (N, S) probability that the next modes are not equally likely.
-    habitual: NDArray[np.float32]
+    habitual: Float32Array
 
 
 @internal
@@ -72,18 +67,22 @@ def _begin_segment(habits: Habits, track: int, slot: int, mode: int) -> None:
     """Write what concerns a segment of a mode: the beliefs, and the probabilities of the next
     modes.
     """
-    laws, own = habits.laws, 2 if mode > 0 else 1
+    laws = habits.laws
+    kind = 2 if mode > 0 else 1
     for law in range(laws.shape[3]):
         habits.beliefs[track, slot, law] = (
-            laws[track, slot, SAME, law] + laws[track, slot, own, law]
+            laws[track, slot, SAME, law] + laws[track, slot, kind, law]
         )
-    counts, habitual = habits.orders[track, slot, mode], habits.habitual[track, slot]
+    counts = habits.orders[track, slot, mode]
+    habitual = habits.habitual[track, slot]
+    # Of each next mode, if they are not equally likely.
+    pseudo_count = 0.5
     total = 0.0
     modes = counts.size
     for k in range(modes):
         total += counts[k]
     for k in range(modes):
-        counted = (counts[k] + PSEUDO_COUNT) / (total + PSEUDO_COUNT * (modes - 1))
+        counted = (counts[k] + pseudo_count) / (total + pseudo_count * (modes - 1))
         probability = habitual * counted + (1.0 - habitual) / (modes - 1)
         habits.following[track, slot, k] = 0.0 if k == mode else probability
 
@@ -112,30 +111,30 @@ def expected_hazard(
 
 @summing
 def _sums(
-    laws: NDArray[np.float32],
+    laws: Float32Array,
     track: int,
     slot: int,
-    own: int,
+    kind: int,
     tables: Tables,
     row: int,
     column: int,
 ) -> tuple[np.float32, np.float32, np.float32]:
-    """Return sums over the laws: of `SAME` times the probability of the end, of row `own` times
-    it, of `own` alone.
+    """Return sums over the laws: of `SAME` times the probability of the end, of row `kind` times
+    it, of `kind` alone.
     """
     total = np.float32(0.0)
     part = np.float32(0.0)
     before = np.float32(0.0)
     for law in range(laws.shape[3]):
         total += laws[track, slot, SAME, law] * tables[row, column, 1, law]
-        part += laws[track, slot, own, law] * tables[row, column, 1, law]
-        before += laws[track, slot, own, law]
+        part += laws[track, slot, kind, law] * tables[row, column, 1, law]
+        before += laws[track, slot, kind, law]
     return total, part, before
 
 
 @internal
 def _add_posterior(
-    laws: NDArray[np.float32],
+    laws: Float32Array,
     track: int,
     slot: int,
     parent: int,
@@ -151,9 +150,9 @@ def _add_posterior(
     turns: 1 if the segment was a turn. Arrays are indexed and not sliced: numba counts references
     to slices.
     """
-    own = 1 + turns
+    kind = 1 + turns
     other = 2 - turns
-    joint, apart, before = _sums(laws, track, parent, own, tables, row, column)
+    joint, apart, before = _sums(laws, track, parent, kind, tables, row, column)
     if joint + apart <= 0.0:
         laws[track, slot] += np.float32(weight) * laws[track, parent]
         return
@@ -162,7 +161,7 @@ def _add_posterior(
     for law in range(laws.shape[3]):
         ended = scale * tables[row, column, 1, law]
         laws[track, slot, SAME, law] += ended * laws[track, parent, SAME, law]
-        laws[track, slot, own, law] += ended * laws[track, parent, own, law]
+        laws[track, slot, kind, law] += ended * laws[track, parent, kind, law]
         laws[track, slot, other, law] += share * laws[track, parent, other, law]
 
 
@@ -191,10 +190,12 @@ def merge_habits(
     """Write the habits of a branch that begins with a switch to a mode: the mixture of its
     parents.
     """
-    laws, orders = habits.laws[track, slot], habits.orders[track, slot]
+    laws = habits.laws[track, slot]
+    orders = habits.orders[track, slot]
     laws[:] = np.float32(0.0)
     orders[:] = np.float32(0.0)
-    least = NEGLIGIBLE * weights.max()
+    # Habits of less probable parents are left out of the mixture.
+    least = 1e-3 * weights.max()
     total = 0.0
     habitual = 0.0
     for b in range(weights.size):

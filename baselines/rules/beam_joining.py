@@ -11,10 +11,7 @@ import math
 import numpy as np
 
 from hybrid_env.checks import FloatArray, IntArray
-from hybrid_env.core.compilation import internal
-
-# Ticks that are added to ages whose ratio is taken: the youngest are nearly the same.
-YOUNG = 3.0
+from hybrid_env.compiled import internal
 
 
 @internal
@@ -38,7 +35,8 @@ def join_branches(
     """
     smallest = weights.min()
     shares = np.exp(smallest - weights)
-    reach = np.log(ages[: weights.size] + YOUNG)
+    # Of ages and three ticks more: the youngest are nearly the same.
+    reach = np.log(ages[: weights.size] + 3.0)
     kept = np.arange(weights.size)
     left = weights.size
     # Place of the last branch of each mode and row.

@@ -4,14 +4,15 @@ ln p(z | mode) - ln p(z | stated mode), of the running bank. When a statistic re
 the statement changes to its mode and all statistics of the track begin anew.
 """
 
+import math
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from baselines.rules.decider import UNKNOWN, Actions, Decider, Observations
 from baselines.rules.threshold import read_statement
-from hybrid_env.checks import FloatArray, check_positive
+from hybrid_env.checks import FloatArray
 from hybrid_env.observation import QuickestLayout
 
 
@@ -21,13 +22,8 @@ class ChangeDecider(Decider, ABC):
     """
 
     task = UNKNOWN
-    start: ClassVar[float]
-
-    def __init__(self, threshold: float | None = None):
-        self.threshold = check_positive(
-            "threshold",
-            self.default if threshold is None else threshold,
-        )
+    bounds = 1e-12, math.inf
+    start: float
 
     @abstractmethod
     def update(self, statistics: FloatArray, ratio: FloatArray) -> FloatArray:
@@ -73,8 +69,6 @@ class CusumDecider(ChangeDecider):
     symbol = "G"
     default = 4.0
     thresholds = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 15.0)
-    colour = "#a0a0a0"
-    marker = "s"
     start = 0.0
 
     def update(self, statistics: FloatArray, ratio: FloatArray) -> FloatArray:
@@ -97,8 +91,6 @@ class ShiryaevRobertsDecider(ChangeDecider):
     symbol = "ln R"
     default = 6.0
     thresholds = (2.0, 3.0, 4.0, 4.5, 5.0, 5.5, 6.0, 6.5, 7.0, 7.5, 8.0, 9.0, 10.0, 12.0, 15.0)
-    colour = "#ff87f0"
-    marker = "d"
     start = -np.inf
 
     def update(self, statistics: FloatArray, ratio: FloatArray) -> FloatArray:

@@ -8,20 +8,25 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from baselines.rules.decider import Observations
 from baselines.rules.measurements import in_heading_frame, in_rows, in_world, sensors_of
-from hybrid_env.checks import BoolArray, FloatArray, OwnState
-from hybrid_env.core.arrays import aligned_zeros
-from hybrid_env.core.banks import operations
-from hybrid_env.core.banks.anchor_aware import AnchorAwareBank
-from hybrid_env.core.banks.bank import FilterModel, bank_arrays
-from hybrid_env.core.banks.sensing import write_measured
-from hybrid_env.core.compilation import compiled, internal, prepare
-from hybrid_env.core.records import LANES, MEASURED
-from hybrid_env.core.state import BANKS
+from hybrid_env.checks import AnyArray, BoolArray, FloatArray, OwnState
+from hybrid_env.compiled import (
+    BANKS,
+    LANES,
+    MEASURED,
+    AnchorAwareBank,
+    FilterModel,
+    aligned_zeros,
+    bank_arrays,
+    compiled,
+    internal,
+    operations,
+    prepare,
+    write_measured,
+)
 from hybrid_env.live import TRIANGLE
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
@@ -65,7 +70,7 @@ def _step_lane(
     bank: Any,
     lane: int,
     measured: Any,
-    sensors: NDArray[Any],
+    sensors: AnyArray,
     model: FilterModel,
 ) -> None:
     """Advance the filters of one lane; a measurement NaN only predicts."""
@@ -81,7 +86,7 @@ def _step_lane(
 @internal
 def _any_outlier(bank: Any, lanes: int, distance: float, outlier: BoolArray) -> bool:
     """Mark the lanes whose measurement no hypothesis explains; return whether there are any."""
-    found = False
+    any_outlier = False
     for lane in range(lanes):
         smallest = distance
         for h in range(bank.hypotheses.size):
@@ -90,33 +95,33 @@ def _any_outlier(bank: Any, lanes: int, distance: float, outlier: BoolArray) -> 
             y = innovation.white_y[lane]
             smallest = min(smallest, x * x + y * y)
         outlier[lane] = smallest >= distance
-        found = found or outlier[lane]
-    return found
+        any_outlier = any_outlier or outlier[lane]
+    return any_outlier
 
 
 @compiled
 def _filter_tick(
-    own: _Assumption,
+    assumption: _Assumption,
     log_likelihood: FloatArray,
     innovations: FloatArray,
     begins: BoolArray,
     anchors: FloatArray,
     measurements: FloatArray,
     radii: FloatArray,
-    sensors: NDArray[Any],
-    saved: NDArray[Any],
-    measured: NDArray[Any],
+    sensors: AnyArray,
+    saved: AnyArray,
+    measured: AnyArray,
     outlier: BoolArray,
 ) -> None:
     """Start the filters of some tracks, (N,), at anchors (C, N, 14), then advance all by one tick.
     Likelihoods (C, N, M) and innovations (C, N, M, 3) are written. Measurements, see
     `sensing.write_measured`, are NaN if a tick has none. The others are memory; `saved`, (M,)
-    hypotheses, is (0,) if outliers do not have a model of their own.
+    hypotheses, is (0,) if outliers do not have a model of their assumption.
     """
     tracks = begins.size
     lanes_total = log_likelihood.shape[0] * tracks
-    for b in range(own.banks.hypotheses.shape[0]):
-        bank = operations.bank_of_block(own.banks, b)
+    for b in range(assumption.banks.hypotheses.shape[0]):
+        bank = operations.bank_of_block(assumption.banks, b)
         lanes = min(LANES, lanes_total - b * LANES)
         separate = sensors.size > 0
         for lane in range(lanes):
@@ -125,17 +130,17 @@ def _filter_tick(
                 a = anchors[c, i]
                 anchor = (a[0], a[1], a[2], a[3])
                 covariance = (a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13])
-                operations.begin(bank, lane, anchor, covariance, radii, own.model)
+                operations.begin(bank, lane, anchor, covariance, radii, assumption.model)
             write_measured(measured[0], lane, measurements[i])
             separate = separate or math.isnan(measurements[i, 0])
         for h in range(saved.size):
             saved[h] = bank.hypotheses[h]
         if separate:
             for lane in range(lanes):
-                _step_lane(bank, lane, measured[0], sensors, own.model)
+                _step_lane(bank, lane, measured[0], sensors, assumption.model)
         else:
-            operations.step(bank, 0, lanes, measured[0].measurement, own.model)
-        if saved.size > 0 and _any_outlier(bank, lanes, own.distance, outlier):
+            operations.step(bank, 0, lanes, measured[0].measurement, assumption.model)
+        if saved.size > 0 and _any_outlier(bank, lanes, assumption.distance, outlier):
             for h in range(saved.size):
                 bank.hypotheses[h] = saved[h]
             for lane in range(lanes):
@@ -144,17 +149,18 @@ def _filter_tick(
                     lane,
                     measured[0],
                     sensors,
-                    own.outlier_model if outlier[lane] else own.model,
+                    assumption.outlier_model if outlier[lane] else assumption.model,
                 )
                 for h in range(saved.size if outlier[lane] else 0):
-                    bank.hypotheses[h].log_likelihood[lane] += own.log_outlier_odds
+                    bank.hypotheses[h].log_likelihood[lane] += assumption.log_outlier_odds
         for lane in range(lanes):
             c, i = divmod(b * LANES + lane, tracks)
             for h in range(bank.hypotheses.size):
                 innovation = bank.innovations[h]
                 target = innovations[c, i, h]
                 log_likelihood[c, i, h] = bank.hypotheses[h].log_likelihood[lane]
-                target[0], target[1] = innovation.white_x[lane], innovation.white_y[lane]
+                target[0] = innovation.white_x[lane]
+                target[1] = innovation.white_y[lane]
                 target[2] = innovation.log_variance[lane]
 
 
@@ -181,7 +187,9 @@ class ComponentFilters(OwnState):
         world: WorldOptions,
         robust: bool = False,
     ):
-        self.bank, self.world, self.robust = bank, world, robust
+        self.bank = bank
+        self.world = world
+        self.robust = robust
         self.radii = np.array(world.radii)
         self.layout = Layout(world.hypotheses)
         x, y = np.broadcast_to(world.variances, 2).tolist()
@@ -224,7 +232,8 @@ class ComponentFilters(OwnState):
         )
         self.memory = saved, aligned_zeros((1,), MEASURED), np.zeros(LANES, np.bool_)
         self.sensors = sensors_of(world)
-        self.log_likelihood, self.innovations = np.zeros(shape), np.zeros((*shape, 3))
+        self.log_likelihood = np.zeros(shape)
+        self.innovations = np.zeros((*shape, 3))
         none = np.zeros(0, np.bool_), np.zeros((components, 0, ANCHOR_COLUMNS)), np.zeros((0, 2))
         written = self._joint[0, 0], self._innovations[0, 0]
         prepare(
@@ -263,9 +272,9 @@ class ComponentFilters(OwnState):
             self._innovations.reshape(*shape, 3),
             strict=True,
         )
-        for one in written:
+        for arrays in written:
             _filter_tick(
-                *one,
+                *arrays,
                 begins,
                 anchors,
                 measurements,
@@ -297,18 +306,18 @@ class ComponentFilters(OwnState):
         laws = np.where(first[begins], self.prior, laws - laws.max(0))
         self.log_laws[:, begins] = laws - logsumexp(laws, axis=0)
 
-    def state_arrays(self) -> dict[str, NDArray[Any]]:
+    def state_arrays(self) -> dict[str, AnyArray]:
         """Return all arrays that determine the next ticks; writing into them changes the
         filters.
         """
         banks = {
             f"{k}.{name}.{field}": records[field]
-            for k, one in enumerate(self.assumptions)
-            for name, records in one.banks._asdict().items()
+            for k, assumption in enumerate(self.assumptions)
+            for name, records in assumption.banks._asdict().items()
             for field in records.dtype.names
         }
         each = self._joint.reshape(len(self.assumptions), *self.log_likelihood.shape)
-        likelihoods = {f"{k}.log_likelihood": one for k, one in enumerate(each)}
+        likelihoods = {f"{k}.log_likelihood": values for k, values in enumerate(each)}
         return banks | likelihoods | {"log_laws": self.log_laws}
 
     def select_tracks(self, tracks: BoolArray) -> "ComponentFilters":
@@ -323,10 +332,8 @@ class ComponentFilters(OwnState):
         )
         lanes = np.flatnonzero(np.tile(tracks, components))
         blocks, lane = np.divmod(np.arange(lanes.size), LANES)
-        selected.log_laws[:], selected._joint[:] = (
-            self.log_laws[:, tracks],
-            self._joint[:, :, :, tracks],
-        )
+        selected.log_laws[:] = self.log_laws[:, tracks]
+        selected._joint[:] = self._joint[:, :, :, tracks]
         for mine, others in zip(self.assumptions, selected.assumptions, strict=True):
             for old, new in zip(mine.banks, others.banks, strict=True):
                 # The others are temporary memory.
@@ -369,8 +376,5 @@ def stated_covariance(layout: Layout, rows: Observations) -> FloatArray:
     xx, xv, vv = (
         noise * layout.read(rows, name) for name in ("anchor_xx", "anchor_xv", "anchor_vv")
     )
-    covariance = np.zeros((len(rows), 4, 4))
-    for k in (0, 2):
-        covariance[:, k, k], covariance[:, k + 1, k + 1] = xx, vv
-        covariance[:, k, k + 1] = covariance[:, k + 1, k] = xv
-    return covariance
+    of_axis = np.moveaxis(np.array([[xx, xv], [xv, vv]]), -1, 0)
+    return np.kron(np.eye(2), of_axis)

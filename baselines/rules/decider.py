@@ -1,22 +1,27 @@
-"""The base class of every decider, classical or learned, and how one is found by its name."""
+"""The base class of every decider, classical or learned, and the rules by their names."""
 
+import copy
 import importlib
+import math
 import pkgutil
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
-from hybrid_env.checks import BoolArray, FloatArray
+from hybrid_env.checks import AnyArray, BoolArray, Float32Array, FloatArray, IntArray, check_number
 from hybrid_env.observation import Layout, QuickestLayout
 from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel, probability_panel
 
-Observations = NDArray[np.float32]
-Actions = NDArray[np.int64]
+Observations = Float32Array
+Actions = IntArray
+# Actions, and the state for the next call.
+Answer = tuple[Actions, Any]
+# Attributes that differ by the further names of a class, see `Decider`.
+Variants = Mapping[str, Mapping[str, Any]]
 
 # Tasks: announced switches, unknown switches.
 ANNOUNCED, UNKNOWN = "announced", "unknown"
@@ -27,47 +32,88 @@ DEFINED: list[type["Decider"]] = []
 class Decider:
     """A decision rule with the `predict` signature of Stable-Baselines3, vectorised over tracks.
 
-    A subclass with a `name` is found by that name in commands, tables and figures; nothing else
-    lists it.
+    It decides at one threshold; `at` returns it at another one. A subclass with a `name` is found
+    by that name in commands, tables and figures; nothing else lists it.
 
     Attributes:
         name, title: on the command line, empty for a decider that is not found by a name; in tables
             and figures.
         task: what it decides, `ANNOUNCED` or `UNKNOWN`.
+        threshold: the number that trades decision time for errors. With `sweeps` it may also be
+            an array (K,); then the actions are (K, N), and their filters are computed once.
         symbol, thresholds, default: of its threshold: those to sweep, in order of increasing
             decision time, and the one used when none is given.
-        second_threshold: name of a further argument of the class, the number after the comma in
-            "ate:0.001,0.01".
+        bounds: smallest and largest threshold that is allowed.
+        second_threshold: name of a further attribute and argument of the class, the number after
+            the comma in "ate:0.001,0.01".
         options: of the environment that it needs, if they differ: another bank that follows the
             same object.
-        colour, marker: in figures, "#rrggbb" and a Matplotlib marker; empty for any.
+        variants: further names, each with the attributes that differ, and as "arguments" a function
+            from the options of an environment to arguments of the class.
+        hypotheses: number M that it requires; None applies to any.
         observes: "rows" of the environment; "tracks" calls `observe` with the arrays of the
             environment.
         every_tick: it has filters of its own that predict, so it is also asked in ticks without a
             measurement.
         reads_options: its first argument are the options of the environment.
-        informed: it is told what a user does not know, as a bound: the true anchor, the law of the
+        oracle: it knows what a user does not know, as a bound: the true anchor, the law of the
             durations.
+        create_at: makes it at a threshold; None copies it.
     """
 
-    name: ClassVar[str] = ""
-    task: ClassVar[str] = ANNOUNCED
-    title: ClassVar[str] = ""
-    symbol: ClassVar[str] = "threshold"
-    thresholds: ClassVar[tuple[float, ...]] = ()
-    default: ClassVar[float] = 0.0
-    second_threshold: ClassVar[str] = ""
-    options: ClassVar[Mapping[str, Any]] = {}
-    colour: ClassVar[str] = ""
-    marker: ClassVar[str] = ""
+    name: str = ""
+    task: str = ANNOUNCED
+    title: str = ""
+    threshold: Any = 0.0
+    symbol: str = "threshold"
+    thresholds: tuple[float, ...] = ()
+    default: float = 0.0
+    bounds: tuple[float, float] = (-math.inf, math.inf)
+    sweeps: bool = False
+    second_threshold: str = ""
+    options: Mapping[str, Any] = {}
+    variants: ClassVar[Variants] = {}
+    hypotheses: int | None = None
     observes: Literal["rows", "tracks"] = "rows"
-    every_tick: ClassVar[bool] = False
-    reads_options: ClassVar[bool] = False
-    informed: ClassVar[bool] = False
+    every_tick: bool = False
+    reads_options: bool = False
+    oracle: bool = False
+    create_at: Callable[[float], Any] | None = None
+
+    def __init__(self, threshold: float | None = None):
+        self.threshold = self.check_threshold(self.default if threshold is None else threshold)
 
     def __init_subclass__(cls, **keywords: Any):
         super().__init_subclass__(**keywords)
         DEFINED.append(cls)
+
+    @classmethod
+    def create(cls, options: Any, **arguments: Any) -> Self:
+        """Return the decider for the options of an environment, at its default threshold."""
+        return cls(*([options] if cls.reads_options else []), **arguments)
+
+    def at(self, threshold: ArrayLike) -> Self:
+        """Return the decider at another threshold, or at several ones (K,), see `sweeps`.
+
+        Raises:
+            ArgumentError: the threshold is not allowed.
+        """
+        if self.create_at is not None:
+            return self.create_at(float(np.asarray(threshold)))
+        checked = [self.check_threshold(each) for each in np.atleast_1d(threshold).tolist()]
+        return self.changed(threshold=np.array(checked) if np.ndim(threshold) else checked[0])
+
+    def check_threshold(self, threshold: Any) -> float:
+        """Return a threshold; raise `ArgumentError` for one that is not allowed."""
+        bounded = np.isfinite(self.bounds).any()
+        allowed = "a number from {:g} to {:g}" if bounded else "a finite number"
+        return check_number(self.symbol, threshold, allowed.format(*self.bounds), *self.bounds)
+
+    def changed(self, **attributes: Any) -> Self:
+        """Return a copy with other attributes."""
+        other = copy.copy(self)
+        vars(other).update(attributes)
+        return other
 
     def predict(
         self,
@@ -75,7 +121,7 @@ class Decider:
         state: Any = None,
         episode_start: BoolArray | None = None,
         deterministic: bool = True,
-    ) -> tuple[Actions, Any]:
+    ) -> Answer:
         """Return the actions of N tracks for one step. A rule whose actions are never random has
         `decide` instead.
 
@@ -92,13 +138,13 @@ class Decider:
         """
         return self.decide(observation, state, episode_start)
 
-    def decide(self, observation: Any, state: Any, episode_start: Any) -> tuple[Actions, Any]:
+    def decide(self, observation: Any, state: Any, episode_start: Any) -> Answer:
         """Return the actions (N,) and the new state; arguments as in `predict`."""
         raise NotImplementedError
 
-    def observe(self, tracks: Any) -> NDArray[Any]:
+    def observe(self, tracks: Any) -> AnyArray:
         """Return what `predict` reads, (N, width), from the arrays of the environment."""
-        return np.asarray(tracks.take_rows())
+        return tracks.take_rows()
 
     def panel(self) -> EvidencePanel:
         """Return the panel in which `evidence` is drawn."""
@@ -119,7 +165,7 @@ class Decider:
         """
         if self.task == ANNOUNCED:
             values = np.exp(Layout.of_rows(observation).read(observation, "log_ratio"))
-            return np.asarray(values / values.sum(-1, keepdims=True))
+            return values / values.sum(-1, keepdims=True)
         return np.exp(QuickestLayout.of_rows(observation).read(observation, "log_probability"))
 
     def select_tracks(self, state: Any, tracks: BoolArray) -> Any:
@@ -127,31 +173,6 @@ class Decider:
         can be dropped.
         """
         return NotImplemented
-
-    @classmethod
-    def together(cls, deciders: Sequence[Self]) -> "SeveralThresholds | None":
-        """Return one decider that computes for several thresholds what they share; None if
-        nothing is.
-        """
-        return None
-
-    @classmethod
-    def maker(cls, options: Any) -> Callable[[float], "Decider"]:
-        """Return a function from a threshold to the decider, for the options of an environment."""
-        make: Any = cls
-        return partial(make, options) if cls.reads_options else make
-
-    @classmethod
-    def family(cls, options: Any) -> "DeciderFamily":
-        """Return the decider at any threshold, for the options of an environment."""
-        return DeciderFamily(
-            cls.title,
-            cls.symbol,
-            cls.thresholds,
-            cls.default,
-            cls.maker(options),
-            options=dict(cls.options),
-        )
 
 
 class RowRule(Decider, ABC):
@@ -166,33 +187,38 @@ class RowRule(Decider, ABC):
         return self.act(observation), None
 
 
-class SeveralThresholds(Decider):
-    """Deciders of one rule that are computed together; its actions are those of the first."""
-
-    chosen: list[Actions]
-
-
 @dataclass(frozen=True)
-class DeciderFamily:
-    """A decider with one threshold that trades decision time against errors; see `Decider`."""
+class Rule:
+    """A classical rule with a name: its class, and what differs from it, see
+    `Decider.variants`.
+    """
 
-    # Shown in tables.
-    name: str
-    symbol: str
-    thresholds: tuple[float, ...]
-    default: float
-    # Creates the decider at a threshold.
-    make: Callable[[float], Any]
-    # Number M that the decider requires; None applies to any.
-    hypotheses: int | None = None
-    options: dict[str, Any] = field(default_factory=dict)
+    kind: type[Decider]
+    changes: Mapping[str, Any]
+
+    def attribute(self, name: str) -> Any:
+        """Return an attribute of the decider."""
+        return self.changes.get(name, getattr(self.kind, name))
+
+    def create(self, options: Any) -> Decider:
+        """Return the decider for the options of an environment, at its default threshold."""
+        attributes = dict(self.changes)
+        arguments = attributes.pop("arguments", lambda options: {})
+        return self.kind.create(options, **arguments(options)).changed(**attributes)
 
 
-def rules(task: str) -> dict[str, type[Decider]]:
+def rules(task: str) -> dict[str, Rule]:
     """Return the classical rules of a task by name, in the order of their files."""
     package = importlib.import_module("baselines.rules")
     for module in pkgutil.iter_modules(package.__path__):
         importlib.import_module(f"{package.__name__}.{module.name}")
-    found = [kind for kind in DEFINED if kind.task == task and "name" in vars(kind) and kind.name]
-    ours = [kind for kind in found if kind.__module__.startswith("baselines.")]
-    return {kind.name: kind for kind in sorted(ours, key=lambda kind: kind.__module__)}
+    named: dict[str, Rule] = {}
+    for kind in sorted(DEFINED, key=lambda kind: kind.__module__):
+        if kind.task == task and kind.__module__.startswith(f"{package.__name__}."):
+            variants = {vars(kind).get("name", ""): {}, **vars(kind).get("variants", {})}
+            named |= {
+                name: Rule(kind, {"name": name, **changes})
+                for name, changes in variants.items()
+                if name
+            }
+    return named

@@ -1,11 +1,10 @@
 """A decision after a fixed number of ticks: the maximum-likelihood hypothesis is declared."""
 
-from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
 
-from baselines.rules.decider import Actions, Decider, Observations, RowRule
+from baselines.rules.decider import Actions, Observations, RowRule, Variants
 from hybrid_env.checks import check_integer
 from hybrid_env.observation import Layout
 
@@ -16,13 +15,16 @@ NO_EARLY_DECISION = 10_000_000
 class FixedTimeDecider(RowRule):
     """Declares the maximum-likelihood hypothesis at a fixed tick of each segment, or at the end
     of a shorter one.
+
+    Args:
+        threshold: number of ticks.
     """
 
     name = "fixed"
     title = "fixed time"
     symbol = "ticks"
     default = 25
-    thresholds: ClassVar[tuple[float, ...]] = (
+    thresholds = (
         5,
         10,
         15,
@@ -44,31 +46,23 @@ class FixedTimeDecider(RowRule):
         80,
         100,
     )
-    colour = "#a0a0a0"
-    marker = "s"
+    variants: ClassVar[Variants] = {
+        "ml": {
+            "title": "ML at the end",
+            "thresholds": (NO_EARLY_DECISION,),
+            "default": NO_EARLY_DECISION,
+            "threshold": NO_EARLY_DECISION,
+        }
+    }
 
-    def __init__(self, ticks: int = 25):
-        self.ticks = check_integer("ticks", ticks)
-
-    @classmethod
-    def maker(cls, options: Any) -> Callable[[float], Decider]:
-        """See `Decider.maker`."""
-        return lambda ticks: cls(int(ticks))
+    def check_threshold(self, threshold: Any) -> float:
+        """See `Decider.check_threshold`."""
+        whole = isinstance(threshold, float) and threshold.is_integer()
+        return check_integer("ticks", int(threshold) if whole else threshold)
 
     def act(self, rows: Observations) -> Actions:
         """See `RowRule.act`."""
         layout = Layout.of_rows(rows)
         most_likely = layout.read(rows, "log_ratio").argmax(-1)
-        decides = np.rint(layout.read(rows, "ticks")) >= self.ticks
+        decides = np.rint(layout.read(rows, "ticks")) >= self.threshold
         return np.where(decides, most_likely + 1, 0)
-
-
-class LikeliestAtEndDecider(FixedTimeDecider):
-    """Declares the maximum-likelihood hypothesis at the end of the segment."""
-
-    name = "ml"
-    title = "ML at the end"
-    thresholds = (NO_EARLY_DECISION,)
-    default = NO_EARLY_DECISION
-    colour = "#2d0069"
-    marker = "X"

@@ -7,13 +7,10 @@ filters run in the frame of the world.
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.rules.decider import UNKNOWN, Actions, Decider
-from hybrid_env.checks import BoolArray, FloatArray, reject
-from hybrid_env.core.banks.bank import FilterModel
-from hybrid_env.core.compilation import prepare
-from hybrid_env.core.records import MOST_RATES
+from hybrid_env.checks import AnyArray, BoolArray, FloatArray, reject
+from hybrid_env.compiled import MOST_RATES, FilterModel, prepare
 from hybrid_env.live import SQUARE, TRIANGLE
 from hybrid_env.observation import Layout
 from hybrid_env.options import ModelOptions
@@ -42,7 +39,7 @@ def filter_model(options: QuickestOptions) -> FilterModel:
     )
 
 
-def sensors_of(options: ModelOptions) -> NDArray[Any]:
+def sensors_of(options: ModelOptions) -> AnyArray:
     """Return (k,) records `SENSOR` for a decider's own filters."""
     return sensor_table(options.sensors, float(options.variances[0]))
 
@@ -97,10 +94,10 @@ class MeasurementDecider(Decider, Generic[State]):
         if tracks.options.switches != self.task:
             raise reject("options", type(tracks.options).__name__, f"those of {self.task} switches")
         parts = [tracks.field(name) for name in ("measurement", "estimate", "covariance")]
-        sensed = (
-            [tracks.field(name) for name in ("noise", "rates")] if tracks.options.sensors else []
-        )
-        return np.hstack([*parts, tracks.hypothesis_values(), *sensed])
+        parts.append(tracks.hypothesis_values())
+        if tracks.options.sensors:
+            parts += tracks.field("noise"), tracks.field("rates")
+        return np.hstack(parts)
 
     def decide(
         self,
@@ -121,8 +118,8 @@ class MeasurementDecider(Decider, Generic[State]):
             )
         if state is None:
             state = self.begin(tracks)
-            episode_start = np.ones(tracks, np.bool_)
-        starts = np.zeros(tracks, np.bool_) if episode_start is None else episode_start
+            episode_start = np.ones(tracks, bool)
+        starts = np.zeros(tracks, bool) if episode_start is None else episode_start
         if not starts.all():
             self.step(state, np.hstack([observation[:, :2], observation[:, width:]]))
         for track in np.flatnonzero(starts).tolist():
@@ -136,7 +133,7 @@ class MeasurementDecider(Decider, Generic[State]):
         episode_start: Any = None,
     ) -> FloatArray:
         """Return the probabilities of the modes by the bank, (N, M)."""
-        return np.asarray(np.exp(observation[:, OBSERVED : OBSERVED + self.hypotheses]))
+        return np.exp(observation[:, OBSERVED : OBSERVED + self.hypotheses])
 
 
 def sensed_of(tracks: Any) -> FloatArray | None:
@@ -147,42 +144,35 @@ def sensed_of(tracks: Any) -> FloatArray | None:
     return np.hstack([tracks.field(name) for name in names]) if tracks.options.sensors else None
 
 
-def observe_sensed(tracks: Any) -> NDArray[Any]:
+def observe_sensed(tracks: Any) -> AnyArray:
     """Return the rows of a `World`, with sensors followed by `sensed_of`."""
     rows = tracks.take_rows()
     sensed = sensed_of(tracks)
-    return np.asarray(rows if sensed is None else np.hstack([rows, sensed]))
+    return rows if sensed is None else np.hstack([rows, sensed])
 
 
 def split_sensed(
     layout: Layout,
-    observation: NDArray[Any],
-) -> tuple[NDArray[Any], FloatArray | None]:
+    observation: AnyArray,
+) -> tuple[AnyArray, FloatArray | None]:
     """Return the rows of an observation, and `sensed_of` if it has it."""
-    longer = observation.ndim == 2 and observation.shape[1] == layout.width + sum(OF_SENSORS)
-    return (
-        (observation[:, : layout.width], observation[:, layout.width :])
-        if longer
-        else (observation, None)
-    )
+    if observation.ndim != 2 or observation.shape[1] != layout.width + sum(OF_SENSORS):
+        return observation, None
+    return observation[:, : layout.width], observation[:, layout.width :]
 
 
-def in_rows(layout: Layout, rows: NDArray[Any], missed: bool) -> FloatArray:
+def in_rows(layout: Layout, rows: AnyArray, missed: bool) -> FloatArray:
     """Return the measurements of rows in the heading frame, (N, 2), NaN where one is `missed`."""
     deviation = np.exp(0.5 * layout.read(rows, "log_noise"))[:, None]
-    axes = ("along", "across")
-    measurements = deviation * np.stack(
-        [layout.read(rows, f"displacement_{axis}") for axis in axes],
-        axis=-1,
+    displacement, innovations = (
+        np.stack([layout.read(rows, f"{name}_{axis}") for axis in ("along", "across")], axis=-1)
+        for name in ("displacement", "innovation")
     )
+    measurements = deviation * displacement
     # Then all innovations are exactly zero.
     if missed:
-        measured = np.any(
-            [layout.read(rows, f"innovation_{axis}").any(-1) for axis in axes],
-            axis=0,
-        )
-        measurements[~measured] = np.nan
-    return np.asarray(measurements)
+        measurements[~innovations.any((1, 2))] = np.nan
+    return measurements
 
 
 def in_world(
@@ -193,17 +183,15 @@ def in_world(
     2).
     """
     if sensed is None:
-        raise reject(
-            "observation",
-            "a row of the environment",
-            "what `observe` returns, with sensors",
-        )
+        allowed = "what `observe` returns, with sensors"
+        raise reject("observation", "a row of the environment", allowed)
     measurements, origin, heading = np.split(sensed, np.cumsum(OF_SENSORS[:2]), axis=1)
     c, s = heading.T
     turn = np.zeros((len(heading), 4, 4))
     turned = np.empty_like(anchors)
     turn[:, range(4), range(4)] = c[:, None]
-    turn[:, (0, 1), (2, 3)], turn[:, (2, 3), (0, 1)] = -s[:, None], s[:, None]
+    turn[:, (0, 1), (2, 3)] = -s[:, None]
+    turn[:, (2, 3), (0, 1)] = s[:, None]
     turned[..., :4] = (turn @ anchors[..., :4, None])[..., 0] + origin * [1.0, 0.0, 1.0, 0.0]
     P = turn @ anchors[..., 4:][..., SQUARE] @ turn.swapaxes(1, 2)
     turned[..., 4:] = P[..., TRIANGLE[0], TRIANGLE[1]]

@@ -6,26 +6,18 @@ that of the type, which neighbouring radii share.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from baselines.rules.decider import Actions, Decider, Observations, RowRule
-from hybrid_env.checks import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    check_array,
-    check_between,
-    check_choice,
-    check_number,
-)
-from hybrid_env.core.observation_row import LOG_FLOOR
+from baselines.rules.decider import Actions, Answer, Decider, Observations, RowRule, Variants
+from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray, checked
+from hybrid_env.compiled import LOG_FLOOR
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
-from hybrid_env.rendering.evidence import EvidencePanel, Threshold, posterior_panel, ratio_limits
+from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel, ratio_limits
 
 By = Literal["hypothesis", "type"]
 CLIPPED_RATIO = LOG_FLOOR + 1e-3
@@ -33,26 +25,32 @@ CLIPPED_RATIO = LOG_FLOOR + 1e-3
 clipped.
 """
 ALPHAS = (
-    *(
-        0.6,
-        0.5,
-        0.4,
-        0.3,
-        0.25,
-        0.2,
-        0.15,
-        0.12,
-        0.1,
-        0.08,
-        0.06,
-        0.05,
-        0.04,
-        0.03,
-        0.02,
-        0.015,
-        0.01,
-    ),
-    *(5e-3, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10),
+    0.6,
+    0.5,
+    0.4,
+    0.3,
+    0.25,
+    0.2,
+    0.15,
+    0.12,
+    0.1,
+    0.08,
+    0.06,
+    0.05,
+    0.04,
+    0.03,
+    0.02,
+    0.015,
+    0.01,
+    5e-3,
+    3e-3,
+    1e-3,
+    3e-4,
+    1e-4,
+    1e-5,
+    1e-6,
+    1e-8,
+    1e-10,
 )
 """Thresholds of the posterior error probability to sweep."""
 FEW_ALPHAS = (0.6, 0.4, 0.25, 0.15, 0.1, 0.08, 0.05, 0.03, 0.02, 0.01, 3e-3, 3e-4, 1e-5)
@@ -80,7 +78,7 @@ def mode_types(hypotheses: int) -> IntArray:
     return np.repeat([0, 1, 2], [1, n, n])
 
 
-def type_sums(values: NDArray[Any]) -> FloatArray:
+def type_sums(values: AnyArray) -> FloatArray:
     """Return sums of (..., M) values over the hypotheses of each type, (..., 3)."""
     n = values.shape[-1] // 2
     parts = (values[..., :1], values[..., 1 : n + 1], values[..., n + 1 :])
@@ -91,13 +89,11 @@ def posterior_of(values: NDArray[np.floating], by_type: bool = False) -> FloatAr
     """Return the posterior of each hypothesis or of its type, (N, M), from likelihoods or
     posteriors (N, M).
     """
-    sums = (
-        type_sums(values)[:, mode_types(values.shape[-1])] if by_type else values.astype(np.float64)
-    )
-    return np.asarray(sums / values.sum(-1, dtype=np.float64, keepdims=True))
+    sums = type_sums(values)[:, mode_types(values.shape[-1])] if by_type else values.astype(float)
+    return sums / values.sum(-1, dtype=float, keepdims=True)
 
 
-def _by_type(types: FloatArray, values: NDArray[Any]) -> tuple[FloatArray, IntArray]:
+def _by_type(types: FloatArray, values: AnyArray) -> tuple[FloatArray, IntArray]:
     """Return the sum of all types (N, 3) but the largest one, and the place of the largest value
     (N, M) within it.
     """
@@ -133,35 +129,55 @@ def read_error_probability(observation: Observations, by: By) -> tuple[FloatArra
     if by == "hypothesis":
         return layout.read(observation, "log_error_probability"), log_ratio.argmax(-1)
     types = type_sums(np.where(log_ratio <= CLIPPED_RATIO, 0.0, np.exp(log_ratio)))
-    error_probability, best = _by_type(np.asarray(types / types.sum(-1, keepdims=True)), log_ratio)
+    error_probability, best = _by_type(types / types.sum(-1, keepdims=True), log_ratio)
     return np.log(np.maximum(error_probability, np.exp(LOG_FLOOR))), best
 
 
-class PosteriorRule(RowRule):
-    """Declares the best hypothesis when its log posterior error probability falls to the limit
-    of the tick.
+class MSPRTDecider(RowRule):
+    """Declares the best hypothesis when its posterior error probability falls to alpha.
 
     Args:
-        limits: (T,) by tick; the last one holds for all later ticks.
+        alpha: threshold of the error probability, above 1e-13 (the resolution of the observation),
+            at most 1.
         by: "hypothesis" counts every other hypothesis as an error. "type" declares the most likely
             hypothesis of the most likely type and counts only other types as errors.
     """
 
-    def __init__(self, limits: ArrayLike, by: By = "hypothesis"):
-        self.limits = check_array("limits", limits, (None,))
-        check_choice("by", by, ("hypothesis", "type"))
-        self.by: By = by
+    name = "msprt"
+    title = "MSPRT"
+    symbol = "alpha"
+    thresholds = ALPHAS
+    default = 0.02
+    bounds = math.nextafter(math.exp(LOG_FLOOR), 1.0), 1.0
+    variants: ClassVar[Variants] = {
+        "msprt-type": {"title": "MSPRT of types", "by": "type"},
+        "msprt-published": {"title": "MSPRT, published bank", "options": PUBLISHED},
+        "msprt-aware": {
+            "title": "MSPRT, anchor-aware",
+            "options": {"bank": "anchor_aware"},
+            "arguments": lambda options: {"by": rewarded(options)},
+        },
+        "msprt-oracle": {
+            "title": "MSPRT, true anchor",
+            "options": {"bank": "oracle"},
+            "oracle": True,
+            "arguments": lambda options: {"by": rewarded(options)},
+        },
+        "msprt-robust": {"title": "MSPRT, robust", "options": ROBUST},
+    }
+
+    def __init__(self, alpha: float = 0.02, by: By = "hypothesis"):
+        super().__init__(alpha)
+        self.by = checked("by", by, By)
 
     def act(self, rows: Observations) -> Actions:
         """See `RowRule.act`."""
-        ticks = np.rint(Layout.of_rows(rows).read(rows, "ticks")).astype(np.int64)
         log_error_probability, best = read_error_probability(rows, self.by)
-        limit = self.limits[np.clip(ticks - 1, 0, self.limits.size - 1)]
-        return np.where(log_error_probability <= limit, best + 1, 0)
+        return np.where(log_error_probability <= np.log(self.threshold), best + 1, 0)
 
     def panel(self) -> EvidencePanel:
         """Return the panel of `evidence`."""
-        return posterior_panel("Kalman filters", self.by == "type", np.exp(self.limits))
+        return posterior_panel("Kalman filters", self.by == "type", self.threshold)
 
     def evidence(
         self,
@@ -174,120 +190,17 @@ class PosteriorRule(RowRule):
         return posterior_of(np.exp(log_ratio), self.by == "type")
 
 
-class MSPRTDecider(PosteriorRule):
-    """Declares the best hypothesis when its posterior error probability falls to alpha.
-
-    Args:
-        alpha: threshold of the error probability, above 1e-13 (the resolution of the observation),
-            at most 1.
-        by: see `PosteriorRule`.
+def declare_types(decider: Decider, hypotheses: int) -> Decider:
+    """Return a decider for an environment with `actions="types"`: where it declares a hypothesis it
+    declares its type. 0 waits, and 1, 2 and 3 declare straight, left and right.
     """
-
-    name = "msprt"
-    title = "MSPRT"
-    symbol = "alpha"
-    thresholds = ALPHAS
-    default = 0.02
-    colour = "#c80f82"
-    marker = "D"
-
-    def __init__(self, alpha: float = 0.02, by: By = "hypothesis"):
-        smallest = math.nextafter(math.exp(LOG_FLOOR), 1.0)
-        self.alpha = check_number("alpha", alpha, "a number from 1e-13 to 1", smallest, 1.0)
-        super().__init__([np.log(self.alpha)], by)
+    types = np.concatenate([[0], mode_types(hypotheses) + 1])
+    return decider.changed(predict=partial(_predict_types, decider, types))
 
 
-class TypeMSPRTDecider(MSPRTDecider):
-    """The MSPRT of types of motion: straight, left or right."""
-
-    name = "msprt-type"
-    title = "MSPRT of types"
-    colour = "#ff87f0"
-    marker = "d"
-
-    def __init__(self, alpha: float = 0.02):
-        super().__init__(alpha, by="type")
-
-
-class PublishedMSPRTDecider(MSPRTDecider):
-    """The MSPRT of the published bank, in any environment."""
-
-    name = "msprt-published"
-    title = "MSPRT, published bank"
-    options = PUBLISHED
-    colour = marker = ""
-
-
-class AnchorAwareMSPRTDecider(MSPRTDecider):
-    """The MSPRT of the anchor-aware bank, by what the environment rewards."""
-
-    name = "msprt-aware"
-    title = "MSPRT, anchor-aware"
-    options: ClassVar[Mapping[str, Any]] = {"bank": "anchor_aware"}
-    colour = "#3c000f"
-    marker = "*"
-
-    @classmethod
-    def maker(cls, options: WorldOptions) -> Callable[[float], Decider]:
-        """See `Decider.maker`."""
-        return lambda alpha: cls(alpha, rewarded(options))
-
-
-class OracleMSPRTDecider(AnchorAwareMSPRTDecider):
-    """The MSPRT of a bank that is told the true anchor: a bound for rules that are not."""
-
-    name = "msprt-oracle"
-    title = "MSPRT, true anchor"
-    informed = True
-    options: ClassVar[Mapping[str, Any]] = {"bank": "oracle"}
-    colour = marker = ""
-
-
-class RobustMSPRTDecider(MSPRTDecider):
-    """The MSPRT on a bank with a robust likelihood."""
-
-    name = "msprt-robust"
-    title = "MSPRT, robust"
-    options = ROBUST
-    colour = marker = ""
-
-
-class TypeDeclarations(Decider):
-    """A decider for an environment with `actions="types"`: what declares a hypothesis declares
-    its type.
-    """
-
-    def __init__(self, decider: Decider, hypotheses: int):
-        self.decider, self.observes, self.every_tick = decider, decider.observes, decider.every_tick  # type: ignore[misc]
-        self._types = np.concatenate([[0], mode_types(hypotheses) + 1])
-
-    def predict(
-        self,
-        observation: Any,
-        state: Any = None,
-        episode_start: BoolArray | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Actions, Any]:
-        """See `Decider.predict`: 0 waits, and 1, 2 and 3 declare straight, left and right."""
-        actions, state = self.decider.predict(observation, state, episode_start, deterministic)
-        return np.where(np.asarray(actions) < 0, actions, self._types[actions]), state
-
-    def observe(self, tracks: Any) -> NDArray[Any]:
-        """See `Decider.observe`."""
-        return self.decider.observe(tracks)
-
-    def panel(self) -> EvidencePanel:
-        """See `Decider.panel`."""
-        return self.decider.panel()
-
-    def evidence(
-        self,
-        observation: Any,
-        state: Any = None,
-        episode_start: Any = None,
-    ) -> FloatArray:
-        """See `Decider.evidence`."""
-        return self.decider.evidence(observation, state, episode_start)
+def _predict_types(decider: Decider, types: IntArray, *arguments: Any, **named: Any) -> Answer:
+    actions, state = decider.predict(*arguments, **named)
+    return np.where(np.asarray(actions) < 0, actions, types[actions]), state
 
 
 class GapDecider(RowRule):
@@ -295,7 +208,7 @@ class GapDecider(RowRule):
     threshold.
 
     Args:
-        gap: threshold ln A, above 0 and below 30, where the observation clips ratios.
+        threshold: ln A, above 0 and below 30, where the observation clips ratios.
     """
 
     name = "gap"
@@ -324,25 +237,21 @@ class GapDecider(RowRule):
         22.0,
         28.0,
     )
-    colour = "#695a00"
-    marker = "P"
-
-    def __init__(self, gap: float = 4.6):
-        self.gap = check_between("gap", gap, 0.0, -LOG_FLOOR)
+    bounds = 1e-12, math.nextafter(-LOG_FLOOR, 0.0)
 
     def act(self, rows: Observations) -> Actions:
         """See `RowRule.act`."""
         log_ratio = Layout.of_rows(rows).read(rows, "log_ratio")
         second = np.partition(log_ratio, -2, axis=-1)[:, -2]
-        return np.where(second <= -self.gap, log_ratio.argmax(-1) + 1, 0)
+        return np.where(second <= -self.threshold, log_ratio.argmax(-1) + 1, 0)
 
     def panel(self) -> EvidencePanel:
         """Return the panel of `evidence`."""
         return EvidencePanel(
             label="log-likelihood ratio to the best other mode",
-            limits=ratio_limits(self.gap),
-            thresholds=(Threshold(np.array([self.gap])),),
-            legend=f"gap {self.gap:g}",
+            limits=ratio_limits(self.threshold),
+            thresholds={"": self.threshold},
+            legend=f"gap {self.threshold:g}",
         )
 
     def evidence(

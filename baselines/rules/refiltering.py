@@ -1,33 +1,27 @@
-"""Deciders that run filters of their own on the measurements, see `component_filters`: one starts
-the filters of the published bank from the covariance of the estimate at the switch, not from the
-identity; the other extended Kalman filters (`hybrid_env.core.banks.anchor_aware`) from the
-distribution of the anchor error.
+"""A decider that filters the measurements again, see `component_filters`, from a better start: the
+covariance of the estimate at the switch, or the distribution of the anchor error.
 """
 
 import functools
-import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from baselines.rules import component_filters
 from baselines.rules.anchor_prior import AnchorPrior, anchor_errors, fit_anchor_prior
 from baselines.rules.component_filters import ComponentFilters, anchor_rows, stated_covariance
-from baselines.rules.decider import Actions, Decider, Observations
+from baselines.rules.decider import Answer, Decider, Observations, Variants
 from baselines.rules.measurements import observe_sensed, split_sensed
 from baselines.rules.msprt import ALPHAS, error_and_best, mode_types
 from baselines.rules.rollout import rollout
 from baselines.rules.seeds import FITTING
-from hybrid_env.checks import BoolArray, FloatArray, check_number
+from hybrid_env.checks import AnyArray, BoolArray, FloatArray
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
 CALIBRATION_EPISODES = 2000
-# Error probability at which the decider declares in these episodes.
-FITTED_ALPHA = 0.05
 
 
 @dataclass
@@ -41,30 +35,52 @@ class _State:
     posterior: FloatArray
 
 
-class KeptCovarianceDecider(Decider):
-    """MSPRT of the published bank started from the covariance of the estimate at the switch.
+class RefilteringDecider(Decider):
+    """MSPRT of filters that start from the distribution of the anchor error.
 
     Args:
         world: options of the world, whose model the filters use.
         alpha: threshold of the posterior error probability, above 0 and at most 1.
         robust: the filters reject outliers, learn whether tails are heavy and allow for axes of
             different variances.
+        bank: their kind, extended Kalman filters or those of the published bank.
+        prior: the distribution after correct and after wrong declarations; "fitted" fits it to
+            simulated episodes at the first use, None uses the covariance that the bank states.
     """
 
-    name = "msprt-kept"
-    title = "MSPRT, kept P"
+    name = "calibrated"
+    title = "calibrated anchor"
     symbol = "alpha"
     thresholds = ALPHAS
     default = 0.02
-    colour = "#0000b4"
-    marker = ">"
-    every_tick = reads_options = True
-    bank: ClassVar[str] = "published"
-    components: ClassVar[int] = 1
+    bounds = 1e-300, 1.0
+    every_tick = True
+    reads_options = True
+    variants: ClassVar[Variants] = {
+        "calibrated-robust": {
+            "title": "calibrated anchor, robust",
+            "arguments": lambda options: {"robust": True},
+        },
+        "msprt-kept": {
+            "title": "MSPRT, kept P",
+            "arguments": lambda options: {"bank": "published", "prior": None},
+        },
+    }
 
-    def __init__(self, world: WorldOptions, alpha: float = 0.02, robust: bool = False):
-        self.world, self.robust = world, robust
-        self.alpha = check_number("alpha", alpha, "a number > 0 and <= 1", math.ulp(0.0), 1.0)
+    def __init__(
+        self,
+        world: WorldOptions,
+        alpha: float = 0.02,
+        robust: bool = False,
+        bank: Literal["anchor_aware", "published"] = "anchor_aware",
+        prior: AnchorPrior | Literal["fitted"] | None = "fitted",
+    ):
+        super().__init__(alpha)
+        self.world = world
+        self.robust = robust
+        self.bank = bank
+        self.prior = prior
+        self.components = 1 if prior is None else 4
         self.by_type = world.correctness == "type"
         self.layout = Layout(world.hypotheses)
         self.observes = "tracks" if world.sensors else "rows"
@@ -83,31 +99,48 @@ class KeptCovarianceDecider(Decider):
         rows of a segment. first: (N,) True for the first segment of an episode; correct: (N,)
         probability of a correct last declaration.
         """
-        return anchor_rows(self.layout, rows, 0.0, stated_covariance(self.layout, rows))[
-            None
-        ], np.ones((len(rows), 1))
+        tracks = len(rows)
+        C = self.components
+        weight = np.zeros((tracks, C))
+        weight[:, 0] = 1.0
+        mean = np.zeros((tracks, C, 4))
+        covariance = np.repeat(stated_covariance(self.layout, rows)[:, None], C, axis=1)
+        later = np.flatnonzero(~first)
+        if self.prior is not None and later.size:
+            prior = self.prior
+            if prior == "fitted":
+                prior = fit_calibrated_anchor(
+                    self.world, CALIBRATION_EPISODES, FITTING, self.robust
+                )
+            decided = self.layout.read(rows[later], "previous").argmax(-1)
+            weights, means, covariances = prior.after(mode_types(self.world.hypotheses)[decided])
+            outcome = np.stack([correct[later], 1.0 - correct[later]], axis=1)
+            weight[later] = (weights * outcome[..., None]).reshape(-1, C)
+            mean[later] = means.reshape(-1, C, 4)
+            covariance[later] = covariances.reshape(-1, C, 4, 4)
+        anchors = [anchor_rows(self.layout, rows, mean[:, k], covariance[:, k]) for k in range(C)]
+        return np.stack(anchors), weight
 
     def decide(
         self,
         observation: Observations,
         state: Any,
         episode_start: Any,
-    ) -> tuple[Actions, Any]:
+    ) -> Answer:
         """See `Decider.decide`. The state holds the filters and is changed in place."""
         layout = self.layout
-        rows, sensed = split_sensed(layout, np.asarray(observation))
+        rows, sensed = split_sensed(layout, observation)
         tracks = len(rows)
         begins = np.rint(layout.read(rows, "ticks")) == 1
         if state is None:
-            filters = ComponentFilters(self.bank, self.components, tracks, self.world, self.robust)
             M = self.world.hypotheses
             state = _State(
-                filters,
+                ComponentFilters(self.bank, self.components, tracks, self.world, self.robust),
                 np.zeros((tracks, self.components)),
                 np.full((tracks, M), 1.0 / M),
             )
             begins[:] = True
-        first = np.zeros(tracks, np.bool_) if episode_start is None else np.asarray(episode_start)
+        first = np.zeros(tracks, bool) if episode_start is None else np.asarray(episode_start)
         anchors = np.zeros((self.components, tracks, component_filters.ANCHOR_COLUMNS))
         log_weights = state.log_weights.copy()
         if begins.any():
@@ -121,7 +154,7 @@ class KeptCovarianceDecider(Decider):
             state.log_weights,
         ).sum(0)
         error, best = error_and_best(state.posterior, self.by_type)
-        return np.where(error <= self.alpha, best + 1, 0), state
+        return np.where(error <= self.threshold, best + 1, 0), state
 
     def select_tracks(self, state: _State, tracks: BoolArray) -> _State:
         """Return the state of the tracks selected by a mask (N,); `evaluate` drops finished
@@ -134,84 +167,16 @@ class KeptCovarianceDecider(Decider):
         )
 
 
-class CalibratedAnchorDecider(KeptCovarianceDecider):
-    """MSPRT of extended Kalman filters, one bank per component of the distribution of the anchor
-    error.
-
-    Arguments as of `KeptCovarianceDecider`, and the distribution after correct and after wrong
-    declarations, `prior`; None uses the covariance that the bank states.
-    """
-
-    name = "calibrated"
-    title = "calibrated anchor"
-    colour = "#00e196"
-    marker = "p"
-    bank = "anchor_aware"
-    components = 4
-    rejects_outliers: ClassVar[bool] = False
-
-    def __init__(
-        self,
-        world: WorldOptions,
-        prior: AnchorPrior | None,
-        alpha: float = 0.02,
-        robust: bool = False,
-    ):
-        super().__init__(world, alpha, robust)
-        self.prior = prior
-
-    @classmethod
-    def maker(cls, options: WorldOptions) -> Callable[[float], Decider]:
-        """Return the rule with the distribution of the anchor fitted to simulated episodes."""
-        robust = cls.rejects_outliers
-        prior = functools.cache(
-            lambda: fit_calibrated_anchor(options, CALIBRATION_EPISODES, FITTING, robust)
-        )
-        return lambda alpha: CalibratedAnchorDecider(options, prior(), alpha, robust)
-
-    def anchors(
-        self,
-        rows: Observations,
-        first: BoolArray,
-        correct: FloatArray,
-    ) -> tuple[FloatArray, FloatArray]:
-        """See `KeptCovarianceDecider.anchors`."""
-        tracks = len(rows)
-        weight = np.tile([1.0, 0.0, 0.0, 0.0], (tracks, 1))
-        mean = np.zeros((tracks, 4, 4))
-        covariance = np.repeat(stated_covariance(self.layout, rows)[:, None], 4, axis=1)
-        later = np.flatnonzero(~first)
-        if self.prior is not None and later.size:
-            decided = self.layout.read(rows[later], "previous").argmax(-1)
-            weights, means, covariances = self.prior.after(
-                mode_types(self.world.hypotheses)[decided]
-            )
-            outcome = np.stack([correct[later], 1.0 - correct[later]], axis=1)
-            weight[later] = (weights * outcome[..., None]).reshape(-1, 4)
-            mean[later] = means.reshape(-1, 4, 4)
-            covariance[later] = covariances.reshape(-1, 4, 4, 4)
-        anchors = [anchor_rows(self.layout, rows, mean[:, k], covariance[:, k]) for k in range(4)]
-        return np.stack(anchors), weight
-
-
-class RobustCalibratedAnchorDecider(CalibratedAnchorDecider):
-    """The same with filters that reject outliers."""
-
-    name = "calibrated-robust"
-    title = "calibrated anchor, robust"
-    colour = "#0f961e"
-    marker = "8"
-    rejects_outliers = True
-
-
+@functools.lru_cache(8)
 def fit_calibrated_anchor(
     world: WorldOptions,
     episodes: int,
     seed: int,
     robust: bool = False,
+    alpha: float = 0.05,
 ) -> AnchorPrior:
     """Fit the distribution of the anchor error to simulated episodes, in which the decider
-    itself declares.
+    itself declares at an error probability alpha.
 
     The first of two rounds of episodes declares with the stated covariance, the second with the
     first fit.
@@ -223,11 +188,9 @@ def fit_calibrated_anchor(
         # The decider declares hypotheses.
         options = {**vars(world), "actions": "all"}
         env = HybridTrackVectorEnv(episodes, trace_rows=rows, **options)
-        decider = CalibratedAnchorDecider(world, prior, FITTED_ALPHA, robust)
-        running = np.ones(episodes, np.bool_)
-        errors = []
-        types = []
-        correct = []
+        decider = RefilteringDecider(world, alpha, robust, prior=prior)
+        running = np.ones(episodes, bool)
+        declared: list[tuple[AnyArray, ...]] = []
         truth = np.empty(0)
         for now in rollout(env, decider, first):
             if now.step:
@@ -235,12 +198,12 @@ def fit_calibrated_anchor(
                 decided = np.flatnonzero(running & now.info.get("_decided_mode", False))
                 if decided.size:
                     modes = now.info["decided_mode"][decided]
-                    errors.append(anchor_errors(env, decided, truth[decided]))
-                    types.append(mode_types(world.hypotheses)[modes])
-                    correct.append(modes == now.info["decided_true_mode"][decided])
+                    errors = anchor_errors(env, decided, truth[decided])
+                    correct = modes == now.info["decided_true_mode"][decided]
+                    declared.append((errors, mode_types(world.hypotheses)[modes], correct))
             if not running.any():
                 break
             truth = env.world.field("truth")
-        prior = fit_anchor_prior(*(np.concatenate(found) for found in (errors, types, correct)))
+        prior = fit_anchor_prior(*map(np.concatenate, zip(*declared, strict=True)))
     assert prior is not None
     return prior

@@ -13,34 +13,39 @@ import math
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.rules.beam_filters import copy_filter, triangle
 from baselines.rules.decider import Actions
 from baselines.rules.measurements import MeasurementDecider, filter_model, run_compiled, sensors_of
 from hybrid_env.checks import (
+    AnyArray,
     BoolArray,
     FloatArray,
     IntArray,
+    PositiveOrZero,
     check_choice,
     check_integer,
-    check_positive,
+    checked,
 )
-from hybrid_env.core.arrays import aligned_zeros
-from hybrid_env.core.banks.anchor_aware import (
+from hybrid_env.compiled import (
     AWARE_HYPOTHESIS,
+    INNOVATION,
+    LANES,
+    MEASURED,
+    SENSOR,
+    FilterModel,
+    State,
+    Triangle4,
+    aligned_zeros,
     begin_hypothesis,
+    compiled,
     covariance_of,
+    internal,
     sense_hypothesis,
+    signed_radius,
+    write_measured,
 )
-from hybrid_env.core.banks.bank import INNOVATION, FilterModel, signed_radius
-from hybrid_env.core.banks.sensing import write_measured
-from hybrid_env.core.compilation import compiled, internal
-from hybrid_env.core.records import LANES, MEASURED, SENSOR, State, Triangle4
 from hybrid_env.quickest_options import QuickestOptions
-
-# Ticks.
-LONGEST_WINDOW = 10_000
 
 
 class RestartedFilters(NamedTuple):
@@ -51,9 +56,9 @@ class RestartedFilters(NamedTuple):
     """
 
     # (N,) records `AWARE_HYPOTHESIS`, of which lane 0 is used: filter of the stated mode.
-    stated_filters: NDArray[Any]
+    stated_filters: AnyArray
     # (N, M, G) records `AWARE_HYPOTHESIS`, see above.
-    started: NDArray[Any]
+    started: AnyArray
     # (N,) ticks since the last change of the statement.
     counts: IntArray
     # (N,) stated modes.
@@ -61,9 +66,9 @@ class RestartedFilters(NamedTuple):
     # (N, M) statistics of the last tick; 0 for the stated mode.
     log_ratios: FloatArray
     # (1,) record `INNOVATION`, temporary memory.
-    innovations: NDArray[Any]
+    innovations: AnyArray
     # (1,) record `MEASURED`, temporary memory.
-    measured: NDArray[Any]
+    measured: AnyArray
 
 
 class RestartModel(NamedTuple):
@@ -83,17 +88,15 @@ class RestartModel(NamedTuple):
     margin: float
     # Model of the filters.
     filters: FilterModel
-    # (k,) records `records.SENSOR`
-    sensors: NDArray[Any] = np.zeros(0, SENSOR)
+    # (k,) records `memory.SENSOR`
+    sensors: AnyArray = np.zeros(0, SENSOR)
 
 
 def restart_arrays(tracks: int, modes: int, window: int) -> RestartedFilters:
     """Return filters of zeros."""
-    stated = (tracks,)
-    started = (tracks, modes, -(-window // LANES))
     return RestartedFilters(
-        aligned_zeros(stated, AWARE_HYPOTHESIS),
-        aligned_zeros(started, AWARE_HYPOTHESIS),
+        aligned_zeros((tracks,), AWARE_HYPOTHESIS),
+        aligned_zeros((tracks, modes, -(-window // LANES)), AWARE_HYPOTHESIS),
         np.zeros(tracks, np.int64),
         np.zeros(tracks, np.int64),
         np.zeros((tracks, modes)),
@@ -136,7 +139,7 @@ def begin_restarted(
 
 
 @internal
-def _likeliest_start(started: NDArray[Any], live: int) -> int:
+def _likeliest_start(started: AnyArray, live: int) -> int:
     """Return the number of the most likely one of the first `live` filters of a mode. started:
     (G,).
     """
@@ -149,7 +152,7 @@ def _likeliest_start(started: NDArray[Any], live: int) -> int:
 
 
 @internal
-def _log_ratio(started: NDArray[Any], live: int, reference: float, mean: bool) -> float:
+def _log_ratio(started: AnyArray, live: int, reference: float, mean: bool) -> float:
     """Return the logarithm of the largest or `mean` likelihood ratio of the first `live` filters
     to a reference.
     """
@@ -192,7 +195,8 @@ def step_restarted(
     model: RestartModel,
 ) -> None:
     """Advance all tracks by a tick, with measurements as in `sensing.write_measured`."""
-    innovation, measured = filters.innovations[0], filters.measured[0]
+    innovation = filters.innovations[0]
+    measured = filters.measured[0]
     for track in range(measurements.shape[0]):
         for lane in range(LANES):
             write_measured(measured, lane, measurements[track])
@@ -246,6 +250,7 @@ class RestartDecider(MeasurementDecider[RestartedFilters]):
     # Few: a filter for every start is slow.
     thresholds = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
     default = 5.0
+    bounds = 1e-12, math.inf
     mean: ClassVar[bool]
     # Window and bank.
     usual: ClassVar[tuple[int, str]]
@@ -261,24 +266,22 @@ class RestartDecider(MeasurementDecider[RestartedFilters]):
         window = check_integer(
             "window",
             self.usual[0] if window is None else window,
-            maximum=LONGEST_WINDOW,
+            maximum=10_000,
         )
         chosen = check_choice(
             "bank",
             self.usual[1] if bank is None else bank,
             ("published", "anchor_aware"),
         )
-        threshold, margin = (
-            check_positive("threshold", threshold),
-            check_positive("margin", margin, allow_zero=True),
-        )
+        super().__init__(threshold)
+        margin = checked("margin", margin, PositiveOrZero)
         self.hypotheses = options.hypotheses
         self.model = RestartModel(
             np.array(options.radii),
             window,
             chosen == "published",
             self.mean,
-            threshold,
+            self.threshold,
             margin,
             filter_model(options),
             sensors_of(options),
@@ -303,7 +306,8 @@ class RestartDecider(MeasurementDecider[RestartedFilters]):
 
     def step(self, state: RestartedFilters, measurements: FloatArray) -> None:
         """Advance filters and statements; see `MeasurementDecider.step`."""
-        run_compiled(step_restarted, state, measurements, self.model)
+        model = self.model._replace(threshold=self.threshold)
+        run_compiled(step_restarted, state, measurements, model)
 
     def statements(self, state: RestartedFilters, starts: BoolArray) -> Actions:
         """Return the statements; see `MeasurementDecider.statements`."""
@@ -328,8 +332,6 @@ class GLRDecider(RestartDecider):
     name = "glr"
     title = "GLR"
     symbol = "ln GLR"
-    colour = "#0000b4"
-    marker = ">"
     mean = False
     usual = (60, "anchor_aware")
 
@@ -355,7 +357,5 @@ class MeanRatioDecider(RestartDecider):
     name = "detector-2020"
     title = "detector 2020"
     symbol = "ln lambda"
-    colour = "#695a00"
-    marker = "P"
     mean = True
     usual = (40, "published")

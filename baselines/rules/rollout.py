@@ -8,20 +8,18 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.rules.decider import Actions, Observations
-from baselines.rules.own import Adapted, Asked, as_decider
+from baselines.rules.external import CheckedDecider, ModelDecider, as_decider
 from baselines.scoring.decisions import Decisions
 from baselines.scoring.statements import Statements
-from hybrid_env.checks import BoolArray, FloatArray, check_integer, reject
+from hybrid_env.checks import AnyArray, BoolArray, FloatArray, Info, check_integer, reject
 from hybrid_env.options import WorldOptions
+from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.registration import make_track_vector_env, make_vector_env
 from hybrid_env.vector_env import HybridTrackQuickestVectorEnv
 from hybrid_env.wrappers import NO_DECISION
 
-# Finished tracks are no longer passed to the decider once fewer than this fraction are unfinished.
-DROPPED_BELOW = 0.8
 # Bytes.
 LARGEST_BATCH = 700_000_000
 # Segments, which need half a gigabyte.
@@ -29,7 +27,7 @@ LARGEST_RESULT = 10_000_000
 
 
 @dataclass
-class Now:
+class Tick:
     """The present tick of a rollout, before the decider is asked."""
 
     # Number of steps so far.
@@ -37,22 +35,22 @@ class Now:
     # (N, width) rows of the present tick.
     observation: Observations
     # What the decider will read: the rows, or what it observes of the arrays.
-    seen: NDArray[Any]
+    seen: AnyArray
     # Of the decider.
     state: Any
     # (N,) True where an episode begins.
     starts: BoolArray
     # (N,) True where the last step ended an episode.
     terminated: BoolArray
-    # (N,) of the last step; zeros before the first.
+    # (N,) of the last step, at several thresholds (K, N); zeros before the first.
     actions: Actions
     # (N,) of the last step.
     rewards: FloatArray
     # Of the last step or the reset.
-    info: dict[str, Any]
+    info: Info
 
 
-def rollout(env: Any, model: Any, seed: int, unfinished: BoolArray | None = None) -> Iterator[Now]:
+def rollout(env: Any, model: Any, seed: int, unfinished: BoolArray | None = None) -> Iterator[Tick]:
     """Run a decider on an environment, without end: yield every tick before the decider is asked.
 
     The decider is asked and the environment stepped when the loop goes on.
@@ -68,34 +66,49 @@ def rollout(env: Any, model: Any, seed: int, unfinished: BoolArray | None = None
     decider = as_decider(model)
     tracks = env.num_envs
     # Tracks passed to the decider.
-    ask = Asked(decider, int(env.single_action_space.n))
+    ask = CheckedDecider(decider, int(env.single_action_space.n))
     running = np.arange(tracks)
     rows, info = env.reset(seed=seed)
-    drops = unfinished is not None
-    actions = np.zeros(tracks, np.int64)
-    starts = np.ones(tracks, np.bool_)
-    terminated = np.zeros(tracks, np.bool_)
-    now = Now(0, rows, rows, None, starts, terminated, actions, np.zeros(tracks), info)
+    actions = np.zeros(tracks, int)
+    starts = np.ones(tracks, bool)
+    terminated = np.zeros(tracks, bool)
+    now = Tick(0, rows, rows, None, starts, terminated, actions, np.zeros(tracks), info)
     while True:
         now.seen = now.observation if decider.observes == "rows" else ask.observe(env.world)
         yield now
-        if drops and unfinished is not None:
+        if unfinished is not None:
             left = unfinished[running]
-            if np.count_nonzero(left) < DROPPED_BELOW * running.size:
+            # Finished tracks are no longer passed to the decider once they are a fifth.
+            if np.count_nonzero(left) < 0.8 * running.size:
                 kept = decider.select_tracks(now.state, left)
-                drops = kept is not NotImplemented
-                if drops:
+                if kept is NotImplemented:
+                    unfinished = None
+                else:
                     now.state = kept
                     running = running[left]
                     actions[:] = 0
-        seen, starts = now.seen, now.starts
+        seen = now.seen
+        starts = now.starts
         if running.size < tracks:
-            seen, starts = seen[running], starts[running]
-        actions[running], now.state = ask(seen, now.state, starts)
-        now.actions = actions.copy()
+            seen = seen[running]
+            starts = starts[running]
+        answer, now.state = ask(seen, now.state, starts)
+        # With several thresholds the environment follows the first one.
+        actions[running] = answer[0] if answer.ndim == 2 else answer
+        now.actions = answer if answer.ndim == 2 else actions.copy()
         now.observation, now.rewards, now.terminated, _, now.info = env.step(actions)
         now.starts = now.terminated
         now.step += 1
+
+
+def statement_env(options: QuickestOptions, tracks: int) -> HybridTrackQuickestVectorEnv:
+    """Return N tracks of one episode each, in which modes are stated."""
+    return HybridTrackQuickestVectorEnv(
+        tracks,
+        autoreset_mode="Disabled",
+        tick_info=False,
+        **vars(options),
+    )
 
 
 def record_statements(decider: Any, tracks: int, seed: int, **options: Any) -> Statements:
@@ -105,42 +118,32 @@ def record_statements(decider: Any, tracks: int, seed: int, **options: Any) -> S
         decider, tracks, options: a rule or agent; N; see `hybrid_env.QuickestOptions`.
         seed: of the first track; track i has seed + i, so that deciders can be compared in pairs.
     """
-    return record_together([decider], tracks, seed, **options)[0]
+    make = partial(statement_env, QuickestOptions.of(**options), tracks)
+    return record_in(make, decider, check_integer("seed", seed, minimum=0))[0]
 
 
-def record_together(
-    deciders: Sequence[Any],
-    tracks: int,
+def record_in(
+    make: Callable[[], Any],
+    decider: Any,
     seed: int,
-    **options: Any,
+    thresholds: Sequence[float] | None = None,
 ) -> list[Statements]:
-    """Return `record_statements` of each of some deciders of one rule, computed together if they
-    can be.
-    """
-    make = partial(
-        HybridTrackQuickestVectorEnv,
-        tracks,
-        autoreset_mode="Disabled",
-        tick_info=False,
-        **options,
-    )
-    return record_in(make, deciders, check_integer("seed", seed, minimum=0))
+    """Return the statements of a decider at some thresholds, or at its own, as
+    `record_statements`.
 
-
-def record_in(make: Callable[[], Any], deciders: Sequence[Any], seed: int) -> list[Statements]:
-    """Return `record_together` in the environment that `make` returns, whose world has the field
-    `true_mode`.
+    The environment is what `make` returns; its world has the field `true_mode`.
     """
-    several = type(deciders[0]).together(deciders) if len(deciders) > 1 else None
-    if several is None and len(deciders) > 1:
-        return [one for decider in deciders for one in record_in(make, [decider], seed)]
-    decider = deciders[0] if several is None else several
+    if thresholds is not None:
+        at_once = decider.sweeps and len(thresholds) > 1
+        deciders = [decider.at(thresholds)] if at_once else map(decider.at, thresholds)
+        return [statements for each in deciders for statements in record_in(make, each, seed)]
     env = make()
-    true_modes = np.empty((env.options.ticks, env.num_envs), np.int64)
-    stated_modes = np.empty((len(deciders), *true_modes.shape), np.int64)
+    decider = as_decider(decider)
+    true_modes = np.empty((env.options.ticks, env.num_envs), int)
+    stated_modes = np.empty((np.size(decider.threshold), *true_modes.shape), int)
     for now in rollout(env, decider, seed):
         if now.step:
-            stated_modes[:, now.step - 1] = [now.actions] if several is None else several.chosen
+            stated_modes[:, now.step - 1] = now.actions
         if now.step == len(true_modes):
             break
         true_modes[now.step] = env.world.field("true_mode")
@@ -164,10 +167,10 @@ def evaluate(
         env_id, options: registered id, and environment options that override its own.
         episodes, seed: number E, and seed of the first one.
     """
-    get_env = getattr(decider, "get_env", None)
+    # Only models of learning libraries know their environment.
     with suppress(AttributeError, NotImplementedError):
-        trained = get_env().get_attr("spec")[0].id.rpartition(":")[2] if callable(get_env) else None
-        if trained not in (None, name := env_id.rpartition(":")[2]):
+        trained = decider.get_env().get_attr("spec")[0].id.rpartition(":")[2]
+        if trained != (name := env_id.rpartition(":")[2]):
             warnings.warn(
                 f"the model was trained in {trained} and is evaluated in {name}",
                 stacklevel=2,
@@ -203,7 +206,7 @@ def evaluate_batch(
     of decided segments.
     """
     given = make_vector_env(env_id, 1, **options)
-    model = decider.model if isinstance(decider, Adapted) else decider
+    model = decider.model if isinstance(decider, ModelDecider) else decider
     # A model of a learning library plays with the actions that it was trained with; all others
     # declare hypotheses.
     trained = getattr(model, "action_space", None) == given.single_action_space
@@ -219,10 +222,10 @@ def evaluate_batch(
         allowed = f"one for observations of shape {env.single_observation_space.shape}"
         raise reject("observation shape of the decider", width, allowed)
     segments = env.options.segments
-    recorded = {name: np.full((episodes, segments), one) for name, one in NO_DECISION.items()}
+    recorded = {name: np.full((episodes, segments), value) for name, value in NO_DECISION.items()}
     # Decisions of each track so far.
-    finished = np.zeros(episodes, np.int64)
-    unfinished = np.ones(episodes, np.bool_)
+    finished = np.zeros(episodes, int)
+    unfinished = np.ones(episodes, bool)
     for now in rollout(env, decider, seed, unfinished):
         decided = now.info.get("_decided_mode") if now.step else None
         if decided is None:
@@ -235,9 +238,10 @@ def evaluate_batch(
         on_progress(float(finished.sum()) / recorded["ticks"].size)
         if not unfinished.any():
             break
-    names = [name.removeprefix("decided_") if name != "decided_mode" else name for name in recorded]
+    decided_mode = recorded.pop("decided_mode")
     return Decisions(
-        **dict(zip(names, recorded.values(), strict=True)),
+        decided_mode=decided_mode,
+        **{name.removeprefix("decided_"): array for name, array in recorded.items()},
         delay_cost=env.options.delay_cost,
     )
 

@@ -6,14 +6,14 @@ all pairs lambda_ij; the algorithm of the paper only these.
 
 import math
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from baselines.rules.decider import Actions, Decider, Observations
+from baselines.rules.decider import Actions, Decider, Observations, Variants
 from baselines.rules.msprt import CLIPPED_RATIO, PUBLISHED, ROBUST
-from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_between, reject
-from hybrid_env.core.compilation import compiled
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, Probability, checked, reject
+from hybrid_env.compiled import compiled
 from hybrid_env.observation import Layout
 from hybrid_env.rendering.evidence import EvidencePanel, sprt_panel
 
@@ -27,10 +27,8 @@ def sprt_thresholds(alpha: float, beta: float | None = None) -> tuple[float, flo
         alpha: type I error probability, in (0, 1).
         beta: type II error probability, in (0, 1), with alpha + beta < 1; None uses alpha.
     """
-    alpha = check_between("alpha", alpha, 0.0, 1.0)
-    if beta is None:
-        beta = check_between("alpha", alpha, 0.0, 0.5)
-    beta = check_between("beta", beta, 0.0, 1.0)
+    alpha = checked("alpha", alpha, Probability)
+    beta = alpha if beta is None else checked("beta", beta, Probability)
     if alpha + beta >= 1.0:
         raise reject("alpha + beta", alpha + beta, "a sum below 1")
     return math.log((1.0 - beta) / alpha), math.log(beta / (1.0 - alpha))
@@ -89,6 +87,9 @@ def _test_tracks(
 class SPRTDecider(Decider):
     """The test of ATE on the rows of the environment, whatever its bank.
 
+    ATE itself, the algorithm of the paper, is the test on the published bank, where every
+    declaration counts.
+
     The ratios in an observation refer to the most likely hypothesis, which the test may have
     rejected, and they are clipped. Where a ratio is clipped, the decider accumulates the
     log-likelihood from the innovations and their variances. Its decisions differ from `ate.track`
@@ -104,15 +105,47 @@ class SPRTDecider(Decider):
     symbol = "alpha"
     default = 1e-3
     thresholds = (
-        *(0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02, 0.015, 0.01, 7e-3, 5e-3, 3e-3, 2e-3, 1e-3),
-        *(5e-4, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10),
+        0.3,
+        0.2,
+        0.15,
+        0.1,
+        0.07,
+        0.05,
+        0.03,
+        0.02,
+        0.015,
+        0.01,
+        7e-3,
+        5e-3,
+        3e-3,
+        2e-3,
+        1e-3,
+        5e-4,
+        3e-4,
+        1e-4,
+        3e-5,
+        1e-5,
+        3e-6,
+        1e-6,
+        1e-7,
+        1e-8,
+        1e-9,
+        1e-10,
     )
-    colour = marker = ""
-
     second_threshold = "beta"
+    variants: ClassVar[Variants] = {
+        "ate": {"title": "ATE (SPRT)", "options": PUBLISHED},
+        "ate-robust": {"title": "ATE (SPRT), robust", "options": ROBUST},
+    }
 
     def __init__(self, alpha: float = 1e-3, beta: float | None = None):
-        self.upper, self.lower = sprt_thresholds(alpha, beta)
+        self.beta = beta
+        super().__init__(alpha)
+
+    def check_threshold(self, threshold: Any) -> float:
+        """See `Decider.check_threshold`."""
+        sprt_thresholds(threshold, self.beta)
+        return float(threshold)
 
     def decide(
         self,
@@ -132,7 +165,7 @@ class SPRTDecider(Decider):
         ratios = read("log_ratio")
         increment = -read("log_variance") - 0.5 * (along**2 + across**2)
         log_likelihood = ratios
-        running = np.ones(ratios.shape, np.bool_)
+        running = np.ones(ratios.shape, bool)
         if state is not None:
             best = ratios.argmax(-1)[:, None]
             accumulated = state[0] + increment
@@ -144,12 +177,13 @@ class SPRTDecider(Decider):
         running[first] = True
         reference = read("previous").argmax(-1)
         actions = np.empty(len(observation), np.int64)
-        _test_tracks(log_likelihood, reference, running, self.upper, self.lower, actions)
+        upper, lower = sprt_thresholds(self.threshold, self.beta)
+        _test_tracks(log_likelihood, reference, running, upper, lower, actions)
         return actions, (log_likelihood, running)
 
     def panel(self) -> EvidencePanel:
         """Return the panel of `evidence`."""
-        lower, upper = math.exp(self.lower), math.exp(self.upper)
+        upper, lower = map(math.exp, sprt_thresholds(self.threshold, self.beta))
         # Wald's thresholds solved for alpha.
         return sprt_panel((1.0 - lower) / (upper - lower))
 
@@ -163,24 +197,3 @@ class SPRTDecider(Decider):
         log_likelihood = self.decide(observation, state, episode_start)[1][0]
         active = Layout.of_rows(observation).read(observation, "previous").argmax(-1)
         return log_likelihood - np.take_along_axis(log_likelihood, active[:, None], axis=-1)
-
-
-class ATEDecider(SPRTDecider):
-    """The algorithm of the paper: the test on the published bank, where every declaration
-    counts.
-    """
-
-    name = "ate"
-    title = "ATE (SPRT)"
-    options = PUBLISHED
-    colour = "#6900ff"
-    marker = "o"
-
-
-class RobustSPRTDecider(SPRTDecider):
-    """The test of ATE on a bank with a robust likelihood."""
-
-    name = "ate-robust"
-    title = "ATE (SPRT), robust"
-    options = ROBUST
-    colour = marker = ""

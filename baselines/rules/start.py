@@ -6,20 +6,12 @@ need not come back.
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hybrid_env.checks import FloatArray
-from hybrid_env.core.compilation import compiled, inlined
+from hybrid_env.checks import AnyArray, FloatArray, Moments
+from hybrid_env.compiled import compiled, inlined
 from hybrid_env.options import ModelOptions
-
-# Measurements for a bank that runs on: it knows how inaccurate its estimate is, and corrects it.
-FEW = 3
-# Measurements for a bank that starts at a switch: the centre of its turns follows from the
-# estimate.
-MANY = 10
 
 
 def unit_noise(options: ModelOptions) -> FloatArray:
@@ -28,12 +20,19 @@ def unit_noise(options: ModelOptions) -> FloatArray:
     return np.array([variances[0], 0.0, variances[-1]])
 
 
+def line_weights(times: FloatArray) -> FloatArray:
+    """Return the weights (2, m) of m measurements at times (m,) [s] in the position at time 0 and
+    the velocity of the straight line through them by least squares.
+    """
+    return np.linalg.pinv(np.stack([np.ones_like(times), times], axis=1))
+
+
 def line_estimate(
-    ticks: NDArray[Any],
+    ticks: AnyArray,
     points: FloatArray,
     noises: FloatArray,
     options: ModelOptions,
-) -> tuple[FloatArray, FloatArray]:
+) -> Moments:
     """Fit a straight line to m measurements (m, 2) [m]. Return estimate and covariance (4, 4) at
     the last one: of the noise of the measurements, xx, xy, yy [m^2] in `noises`, (m, 3), of the
     process noise, and of the turns of the bank, all equally probable. Of a single measurement the
@@ -47,8 +46,7 @@ def line_estimate(
         return np.array([x, 0.0, y, 0.0]), covariance
     ages = ticks[-1] - ticks
     times = options.tau * ages
-    # Of position and velocity.
-    weights = np.linalg.pinv(np.stack([np.ones_like(times), -times], axis=1))
+    weights = line_weights(-times)
     estimate = (weights @ points).T.ravel()
     # The noise that a velocity gets i ticks before the last measurement has moved the earlier
     # positions.
@@ -75,7 +73,9 @@ class FirstMeasurements:
     """
 
     def __init__(self, options: ModelOptions, most: int):
-        self.options, self.most, self.complete = options, most, False
+        self.options = options
+        self.most = most
+        self.complete = False
         self.estimate: FloatArray = np.full(4, np.nan)
         self.covariance: FloatArray = np.diag(np.full(4, np.inf))
         self._tick = 0
@@ -106,24 +106,13 @@ class FirstMeasurements:
         noises = rows[:, 3:]
         fits = [
             line_estimate(ticks[-m:], points[-m:], noises[-m:], self.options)
-            for m in range(2, len(rows) + 1)
+            for m in range(min(2, len(rows)), len(rows) + 1)
         ]
-        if not fits:
-            self.estimate, self.covariance = line_estimate(ticks, points, noises, self.options)
-            return
-        variances = [covariance[1, 1] + covariance[3, 3] for _, covariance in fits]
-        best = int(np.argmin(variances))
+        best = int(np.argmin([covariance[1, 1] + covariance[3, 3] for _, covariance in fits]))
         self.estimate, self.covariance = fits[best]
         self.complete = best + 1 < len(fits) or len(rows) >= self.most
 
 
-DEVIATIONS = 10.0
-"""Default distance from the nearest predicted position, in standard deviations, that is still
-accepted.
-"""
-
-# Measurements outside of the gate, after which the track begins again: the object is elsewhere.
-PATIENCE = 5
 # Angle in a tick [rad] above which a turn is no explanation of a measurement.
 LARGEST_TURN = 1.0
 

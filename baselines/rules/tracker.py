@@ -3,41 +3,35 @@ covariance.
 """
 
 import operator
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from annotated_types import Interval
 from numpy.typing import ArrayLike
 
 from baselines.rules.decider import Decider
-from baselines.rules.own import Asked, as_decider, name_of
-from baselines.rules.start import (
-    DEVIATIONS,
-    FEW,
-    MANY,
-    PATIENCE,
-    FirstMeasurements,
-    gate_distance,
-    unit_noise,
-)
-from hybrid_env import checks
+from baselines.rules.external import CheckedDecider, as_decider, name_of
+from baselines.rules.measurements import run_compiled
+from baselines.rules.start import FirstMeasurements, gate_distance, unit_noise
 from hybrid_env.checks import (
+    LARGEST_NUMBER,
     FloatArray,
+    Moments,
     OwnState,
+    Positive,
     check_array,
     check_covariance,
     check_integer,
     check_number,
+    checked,
     reject,
 )
-from hybrid_env.core.compilation import prepare
-from hybrid_env.limits import check_ticks
-from hybrid_env.live import OnlineTrack, live_track
+from hybrid_env.limits import Ticks
+from hybrid_env.live import LiveTracks
 from hybrid_env.options import ModelOptions, WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Fused, check_fused, fuse
-
-# Ticks between two measurements.
-LONGEST_GAP = 1000
+from hybrid_env.world import World
 
 
 class OnlineEstimate(NamedTuple):
@@ -67,7 +61,7 @@ class OnlineEstimate(NamedTuple):
     estimate: FloatArray
     covariance: FloatArray
     agrees: bool = True
-    recalculated: tuple[FloatArray, FloatArray] | None = None
+    recalculated: Moments | None = None
 
 
 class OnlineTracker(OwnState):
@@ -92,7 +86,7 @@ class OnlineTracker(OwnState):
     own, whose `every_tick` is True, are asked.
 
     A measurement far from every predicted position is not used (`gate`): it counts as missing, and
-    `OnlineEstimate.agrees` is False. After `start.PATIENCE` of them, without two used ones in a row
+    `OnlineEstimate.agrees` is False. After `patience` of them, without two used ones in a row
     between them, the track begins again with the next measurements. With announced switches the
     gate is wider, since the mode may be wrong or unknown. A new object begins a track, see `begin`.
     Copies and pickled objects go on independently.
@@ -115,29 +109,24 @@ class OnlineTracker(OwnState):
     (0, (4,), (4, 4))
     """
 
+    # Measurements outside of the gate, after which the track begins again: the object is elsewhere.
+    patience = 5
+
     def __init__(
         self,
         options: WorldOptions | QuickestOptions,
         decider: Decider,
         tolerance: float = 0.1,
-        gate: float | None = DEVIATIONS,
+        gate: float | None = 10.0,
     ):
-        self.world: OnlineTrack = live_track(options)
-        self.options, self.decider = options, as_decider(decider)
-        self.tolerance = checks.check_between("tolerance", tolerance, 0.0, 0.5)
-        self.gate = None if gate is None else checks.check_positive("gate", gate)
+        self.track = LiveTracks(options)
+        self.options = options
+        self.decider = as_decider(decider)
+        self.tolerance = checked("tolerance", tolerance, Annotated[float, Interval(gt=0.0, lt=0.5)])
+        self.gate = checked("gate", gate, Positive | None)
         self._model = np.array(options.radii), options.tau
         self._noise = unit_noise(options)
-        prepare(
-            gate_distance,
-            np.zeros(2),
-            np.zeros(4),
-            np.zeros((4, 4)),
-            *self._model,
-            self._noise,
-            1,
-        )
-        self._ask = Asked(self.decider, int(self.world.action_space().n))
+        self._ask = CheckedDecider(self.decider, self.options.action_count)
         self._longest = options.longest_segment
         self._try_decider()
         self.begin()
@@ -163,23 +152,27 @@ class OnlineTracker(OwnState):
         known = -1 if mode is None else check_integer("mode", mode, 0, self.options.hypotheses - 1)
         if estimate is None and covariance is not None:
             raise reject("covariance", covariance, "None without an estimate")
-        first = None if estimate is None else self._checked_estimate(estimate, covariance)
         self._mode = known
-        self._assumed = mode is None and not self.world.announced
-        self._collected = (
-            FirstMeasurements(self.options, MANY if self.world.announced else FEW)
-            if not first
-            else None
-        )
-        if first is not None:
-            self.world.begin_track(*first, known)
+        self._assumed = mode is None and not self.track.announced
+        self._collected: FirstMeasurements | None = None
+        if estimate is not None:
+            if covariance is None:
+                covariance = np.diag(self.options.start_variances)
+            matrix = check_array("covariance", covariance, (4, 4))
+            matrix = check_covariance("covariance", matrix, definite=False)
+            self.track.begin(check_array("estimate", estimate, (4,)), matrix, known)
+        else:
+            # A bank that runs on knows how inaccurate its estimate is, and corrects it. For one
+            # that starts at a switch the centre of its turns follows from the estimate.
+            most = 10 if self.track.announced else 3
+            self._collected = FirstMeasurements(self.options, most)
         self._last_time: float | None = None
         self._refused = self._agreed = 0
         self._measured = False
         # Of the segment that the next measurement begins.
         self._ticks: int | None = self._longest
         self._decider_state: Any = None
-        self._episode_start = np.ones(1, np.bool_)
+        self._episode_start = np.ones(1, bool)
 
     def switch(self, ticks: int | None = None) -> None:
         """Announce that the next update is the first one after a switch, also `update(None)`.
@@ -187,9 +180,9 @@ class OnlineTracker(OwnState):
         Some learned deciders read the number of ticks until the next switch; None assumes the
         longest segment.
         """
-        if not self.world.announced:
+        if not self.track.announced:
             raise reject("switch", "an announced switch", "none with QuickestOptions")
-        self._ticks = self._longest if ticks is None else check_ticks("ticks", ticks)
+        self._ticks = self._longest if ticks is None else checked("ticks", ticks, Ticks)
 
     def update(
         self,
@@ -221,8 +214,8 @@ class OnlineTracker(OwnState):
                 line = self._collected.estimate.copy(), self._collected.covariance.copy()
                 return OnlineEstimate(max(self._mode, 0), False, equal, *line)
             missing = 0
-        world = self.world
-        world.recalculated = None
+        track = self.track
+        track.recalculated = None
         for k in range(missing):
             if point is None and k == missing - 1:
                 # The tick of `update(None)` itself.
@@ -237,30 +230,35 @@ class OnlineTracker(OwnState):
             # A single one may agree only because its prediction is so uncertain.
             if agrees:
                 self._refused *= self._agreed < 2
-                world.measure(*point.position, point)
-                if world.asks:
-                    world.decide(self._ask_decider())
+                track.measure(point.position, point)
+                if track.asks:
+                    track.decide(self._ask_decider())
             else:
                 self._refused += 1
                 self._skip()
-        found = OnlineEstimate(
-            world.mode,
-            world.decided and not self._assumed,
-            world.probabilities(),
-            world.estimate(),
-            world.covariance(),
+        known = OnlineEstimate(
+            track.mode,
+            track.decided and not self._assumed,
+            track.probabilities(),
+            track.estimate(),
+            track.covariance(),
             agrees,
-            world.recalculated,
+            track.recalculated,
         )
         # The track begins anew; with announced switches in the same segment.
-        if self._refused >= PATIENCE:
-            kept = self._last_time, world.ticks_left, self._assumed
-            self.begin(mode=world.mode)
+        if self._refused >= self.patience:
+            kept = self._last_time, track.ticks_left, self._assumed
+            self.begin(mode=track.mode)
             self._last_time, self._ticks, self._assumed = kept
             assert self._collected is not None
             # Until the first of them.
-            self._collected.estimate = world.estimate()
-        return found
+            self._collected.estimate = track.estimate()
+        return known
+
+    @property
+    def world(self) -> World:
+        """The arrays of the bank, with the row that the decider has read."""
+        return self.track.world
 
     @property
     def collects(self) -> bool:
@@ -269,37 +267,37 @@ class OnlineTracker(OwnState):
 
     def _skip(self) -> None:
         """Advance by one tick without a measurement."""
-        self.world.skip()
-        if self.decider.every_tick and self.world.asks:
-            self.world.decide(self._ask_decider())
+        self.track.measure((np.nan, np.nan))
+        if self.decider.every_tick and self.track.asks:
+            self.track.decide(self._ask_decider())
 
     def _agrees(self, point: Fused) -> bool:
         """Return whether a motion of the track explains a measurement."""
         if self.gate is None:
             return True
-        world, noise = (
-            self.world,
-            self._noise if point.covariance is None else np.array(point.covariance),
-        )
-        seen = np.array(point.position), world.estimate(), world.covariance()
-        return gate_distance(*seen, *self._model, noise, world.uncertain_ticks) <= self.gate
+        noise = self._noise if point.covariance is None else np.array(point.covariance)
+        seen = np.array(point.position), self.track.estimate(), self.track.covariance()
+        ticks = self.track.uncertain_ticks
+        return run_compiled(gate_distance, *seen, *self._model, noise, ticks) <= self.gate
 
     def _begin_announced(self) -> None:
         """Begin the segment that `switch` has announced, if there is one."""
         if self._ticks is not None:
-            self.world.begin_segment(self._ticks)
+            self.track.begin_segment(self._ticks)
             self._ticks = None
 
     def _missing_ticks(self, time: float | None) -> int:
         """Return the number of ticks between the last measurement and a time, without both."""
+        # Ticks between two measurements.
+        longest_gap = 1000
         if time is None or self._last_time is None:
             return 0
         tau = self.options.tau
         passed = (time - self._last_time) / tau
         # It may be infinite.
-        ticks = round(passed) if abs(passed) < 2 * LONGEST_GAP else 0
-        if not (1 <= ticks <= LONGEST_GAP and abs(passed - ticks) <= self.tolerance):
-            moments = f"{self._last_time:.9g} and 1 to {LONGEST_GAP} ticks of {tau:g} s more"
+        ticks = round(passed) if abs(passed) < 2 * longest_gap else 0
+        if not (1 <= ticks <= longest_gap and abs(passed - ticks) <= self.tolerance):
+            moments = f"{self._last_time:.9g} and 1 to {longest_gap} ticks of {tau:g} s more"
             raise reject(
                 "time",
                 time,
@@ -321,7 +319,7 @@ class OnlineTracker(OwnState):
         if point is None:
             return False
         if collected.complete:
-            self.world.begin_track(collected.estimate, collected.covariance, self._mode)
+            self.track.begin(collected.estimate, collected.covariance, self._mode)
             self._collected = None
             return True
         collected.add(*point.position, point.covariance)
@@ -335,46 +333,32 @@ class OnlineTracker(OwnState):
         seen = self.decider.observe(self.world)
         first = self._episode_start
         evidence = None
-        levels = (
-            [one.levels[-1] for one in self.decider.panel().thresholds] if self._assumed else []
-        )
+        levels = self.decider.panel().thresholds.values() if self._assumed else ()
         if levels:
             evidence = self.decider.evidence(seen, self._decider_state, first)[0]
         actions, self._decider_state = self._ask(seen, self._decider_state, first)
         action = operator.index(actions[0])
         if self._assumed:
-            changed = not first[0] and action != self.world.mode
+            changed = not first[0] and action != self.track.mode
             self._assumed = not changed and evidence is not None and evidence[action] < min(levels)
-        self._episode_start = np.zeros(1, np.bool_)
+        self._episode_start = np.zeros(1, bool)
         return action
 
     def _try_decider(self) -> None:
         """Ask the decider about a row, so that its code is compiled and a wrong decider is found
         at once.
         """
-        options, world = self.options, self.world
+        options = self.options
+        track = self.track
         self.begin(np.array([0.0, options.speed, 0.0, 0.0]))
-        world.begin_segment(self._longest)
-        world.measure(options.speed * options.tau, 0.0)
+        track.begin_segment(self._longest)
+        track.measure((options.speed * options.tau, 0.0))
         try:
             self._ask_decider()
         except Exception as error:
-            allowed = (
-                f"one for rows of {world.environment} with {options.hypotheses} hypotheses: {error}"
-            )
+            environment = "HybridTrack-v0" if track.announced else "HybridTrackQuickest-v0"
+            allowed = f"one for rows of {environment} with {options.hypotheses} hypotheses: {error}"
             raise reject("decider", name_of(self.decider), allowed) from error
-
-    def _checked_estimate(
-        self,
-        estimate: ArrayLike,
-        covariance: ArrayLike | None,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return a checked first estimate, (4,), and its covariance, (4, 4)."""
-        mean = check_array("estimate", estimate, (4,))
-        if covariance is None:
-            return mean, np.diag(self.options.start_variances)
-        matrix = check_array("covariance", covariance, (4, 4))
-        return mean, check_covariance("covariance", matrix, definite=False)
 
 
 def _checked(measurement: Any, options: ModelOptions) -> Fused | None:
@@ -384,13 +368,11 @@ def _checked(measurement: Any, options: ModelOptions) -> Fused | None:
     if measurement is None:
         return None
     if isinstance(measurement, Fused):
-        return check_fused("measurement", measurement)
+        return check_fused(measurement)
     if isinstance(measurement, dict):
         return fuse(options.sensors, measurement)
     x, y = measurement if isinstance(measurement, tuple) and len(measurement) == 2 else (None, None)
     # A sum that is not too large is not NaN.
-    if not (
-        isinstance(x, float) and isinstance(y, float) and abs(x) + abs(y) <= checks.LARGEST_NUMBER
-    ):
+    if not (isinstance(x, float) and isinstance(y, float) and abs(x) + abs(y) <= LARGEST_NUMBER):
         x, y = check_array("measurement", measurement, (2,)).tolist()
     return Fused((x, y))

@@ -1,5 +1,6 @@
 """Decisions for announced switches, and figures of every episode."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -48,34 +49,27 @@ class Decisions:
 
     @property
     def figures(self) -> FloatArray:
-        """Figures of each episode, (E, 11), see `COLUMNS`."""
-        previous = self.correct[:, :-1]
-        wrong = ~self.correct[:, 1:]
-        shares = [
-            one.mean(1)
-            for one in (self.correct, self.type_correct, self.ticks, self.reward, self.forced)
-        ]
-        sums = [self.squared_error.sum(1), self.length.sum(1)]
-        after = [
-            (wrong & previous).sum(1),
-            previous.sum(1),
-            (wrong & ~previous).sum(1),
-            (~previous).sum(1),
-        ]
-        return np.stack([*shares, *sums, *after], axis=1)
+        """Figures of each episode, (E, F), see `FIGURES`."""
+        return np.stack([figure(self) for figure in FIGURES.values()], axis=1)
 
 
-COLUMNS = (
-    "accuracy",
-    "type_accuracy",
-    "ticks",
-    "reward",
-    "forced",
-    "squared_error",
-    "length",
-    "wrong_after_correct",
-    "after_correct",
-    "wrong_after_wrong",
-    "after_wrong",
-)
-"""Figures of an episode: means over its segments, then sums."""
+# Figures of each episode by name, (E,) each: means over its segments, then sums.
+FIGURES: dict[str, Callable[[Decisions], FloatArray]] = {
+    "accuracy": lambda decisions: decisions.correct.mean(1),
+    "type_accuracy": lambda decisions: decisions.type_correct.mean(1),
+    "ticks": lambda decisions: decisions.ticks.mean(1),
+    "reward": lambda decisions: decisions.reward.mean(1),
+    "forced": lambda decisions: decisions.forced.mean(1),
+    "squared_error": lambda decisions: decisions.squared_error.sum(1),
+    "length": lambda decisions: decisions.length.sum(1),
+    "wrong_after_correct": lambda decisions: (
+        ~decisions.correct[:, 1:] & decisions.correct[:, :-1]
+    ).sum(1),
+    "after_correct": lambda decisions: decisions.correct[:, :-1].sum(1),
+    "wrong_after_wrong": lambda decisions: (
+        ~decisions.correct[:, 1:] & ~decisions.correct[:, :-1]
+    ).sum(1),
+    "after_wrong": lambda decisions: (~decisions.correct[:, :-1]).sum(1),
+}
+COLUMNS = tuple(FIGURES)
+"""Names of the figures of an episode."""

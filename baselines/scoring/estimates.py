@@ -9,8 +9,8 @@ import numpy as np
 
 from hybrid_env.checks import FloatArray, IntArray
 
-# Of the bootstrap.
-RESAMPLES, CONFIDENCE = 2000, 0.95
+# Of all intervals.
+CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
@@ -52,17 +52,17 @@ def confidence_interval(
     with warnings.catch_warnings():
         # Of resamples that do not count.
         warnings.simplefilter("ignore", stats.DegenerateDataWarning)
-        found = stats.bootstrap(
+        distribution = stats.bootstrap(
             (np.arange(len(episodes)),),
             statistic,
-            n_resamples=RESAMPLES,
+            n_resamples=2000,
             batch=100,
             method="percentile",
             rng=0,
         ).bootstrap_distribution
-    if np.isnan(found).all():
+    if np.isnan(distribution).all():
         return float("nan"), float("nan")
-    low, high = np.nanquantile(found, (0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE))
+    low, high = np.nanquantile(distribution, (0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE))
     return float(low), float(high)
 
 

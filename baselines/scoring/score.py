@@ -6,11 +6,10 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import cached_property
-from typing import Any, NamedTuple
+from functools import cached_property, partial
+from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores
@@ -21,16 +20,15 @@ from baselines.scoring.timelines import (
     count_timeline,
     statistics,
 )
-from hybrid_env.checks import ArgumentError, check_array, check_positive, dimensions, reject
-
-HOUR = 3600.0
-# Of equal time, of a single track; with fewer there are no intervals.
-MOST_BLOCKS, FEWEST_BLOCKS = 20, 10
-SWITCHES_OF_A_BLOCK = 2
-# Types of a missing mode in pandas, which is not imported.
-MISSING = ("NAType", "NaTType")
-# Name of statements that are given without a name.
-ONE_SET = "statements"
+from hybrid_env.checks import (
+    AnyArray,
+    ArgumentError,
+    Positive,
+    check_array,
+    checked,
+    dimensions,
+    reject,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +79,11 @@ class TimelineScores:
     def as_json(self) -> dict[str, Any]:
         """Return figures and differences as plain values."""
         figures, less_first = (
-            {set_: {key: one.as_json() for key, one in found.items()} for set_, found in of.items()}
-            for of in (self.estimates, self.differences)
+            {
+                name: {key: estimate.as_json() for key, estimate in estimates.items()}
+                for name, estimates in sets.items()
+            }
+            for sets in (self.estimates, self.differences)
         )
         return {
             "tracks": self.tracks,
@@ -95,26 +96,15 @@ class TimelineScores:
         }
 
     def _estimates(self, scores: Scores, other: Scores | None = None) -> dict[str, Estimate]:
-        found = {}
-        for key, statistic in statistics(self.period).items():
-            one = (
-                scores.estimate(statistic) if other is None else scores.difference(other, statistic)
-            )
-            found[key] = one if self.unit else Estimate(one.value, math.nan, math.nan)
-        return found
+        estimate = scores.estimate if other is None else partial(scores.difference, other)
+        estimates = {key: estimate(statistic) for key, statistic in statistics(self.period).items()}
+        if self.unit:
+            return estimates
+        return {key: Estimate(each.value, math.nan, math.nan) for key, each in estimates.items()}
 
 
-class _Track(NamedTuple):
-    """Times (n,) and modes (n,) of the samples of one track; None where there is no mode."""
-
-    times: NDArray[Any]
-    modes: list[Any]
-
-    def coded(self, codes: dict[Any, int]) -> "_Track":
-        """Return the track with indices of its modes, for which `codes` grows; `NOTHING` for a
-        missing one.
-        """
-        return _Track(self.times, [_code(mode, codes) for mode in self.modes])
+Samples: TypeAlias = tuple[AnyArray, list[Any]]
+"""Times (n,) and modes (n,) of one track; None where there is no mode."""
 
 
 def score(
@@ -123,7 +113,7 @@ def score(
     statements: Any,
     *,
     statement_times: Any = None,
-    per: float = HOUR,
+    per: float = 3600.0,
     normal: Any = None,
 ) -> TimelineScores:
     """Score statements of any origin: agreement, delay, misses, false changes, with 95 % intervals.
@@ -148,13 +138,11 @@ def score(
         normal: true mode, away from which a false change is a false alarm, counted in the time in
             which it is true.
     """
-    period = check_positive("per", per)
+    period = checked("per", per, Positive)
     true = _tracks("times", times, "truth", truth)
-    sets = dict(statements) if isinstance(statements, Mapping) else {ONE_SET: statements}
-    if not sets:
-        raise reject("statements", statements, "at least one set")
+    sets = dict(statements) if isinstance(statements, Mapping) else {"statements": statements}
     codes: dict[Any, int] = {}
-    moments = [track.coded(codes) for track in true]
+    moments = [(clock, [_code(mode, codes) for mode in modes]) for clock, modes in true]
     known = len(codes)
     if not known:
         raise ArgumentError(
@@ -169,26 +157,23 @@ def score(
     timelines = {}
     for name, stated in sets.items():
         place = f"statements[{name!r}]" if isinstance(statements, Mapping) else "statements"
-        own = statement_times.get(name) if isinstance(statement_times, Mapping) else statement_times
-        found = _tracks(
-            "times" if own is None else "statement_times",
-            times if own is None else own,
-            place,
-            stated,
-            True,
+        clocks = (
+            statement_times.get(name) if isinstance(statement_times, Mapping) else statement_times
         )
-        if len(found) != len(true):
+        given = ("times", times) if clocks is None else ("statement_times", clocks)
+        of_set = _tracks(*given, place, stated, may_be_empty=True)
+        if len(of_set) != len(true):
             raise ArgumentError(
-                f"{place} has {len(found)} tracks: expected {len(true)}, as the truth"
+                f"{place} has {len(of_set)} tracks: expected {len(true)}, as the truth"
             )
-        found = [
-            track if track.modes else _Track(at.times[:1], [None])
-            for track, at in zip(found, true, strict=True)
+        of_set = [
+            track if track[1] else (clock[:1], [None])
+            for track, (clock, _) in zip(of_set, true, strict=True)
         ]
-        coded = [track.coded(codes) for track in found]
-        spoken = {mode for track in coded for mode in track.modes} - {NOTHING}
+        coded = [(clock, [_code(mode, codes) for mode in modes]) for clock, modes in of_set]
+        spoken = {mode for _, modes in coded for mode in modes} - {NOTHING}
         if spoken and min(spoken) >= known:
-            shown = sorted({str(mode) for track in found for mode in track.modes})[:5]
+            shown = sorted({str(mode) for _, modes in of_set for mode in modes})[:5]
             modes = ", ".join(str(mode) for mode in list(codes)[:known][:5])
             raise reject(place, shown, f"modes of the truth, such as {modes}")
         timelines[name] = [_merge(*pair, place) for pair in zip(moments, coded, strict=True)]
@@ -202,44 +187,32 @@ def _tracks(
     word: str,
     modes: Any,
     may_be_empty: bool = False,
-) -> list[_Track]:
+) -> list[Samples]:
     """Return the tracks of one or several arrays of times and modes; those of statements may be
     empty.
     """
     first = next(iter(times), 0.0) if dimensions(times) == 1 else times
     if dimensions(times) == 1 and (isinstance(first, str) or dimensions(first) != 1):
-        times, modes = [times], [modes]
-    if (
-        not dimensions(times)
-        or not isinstance(times, Sequence | np.ndarray)
-        or not dimensions(modes)
-    ):
-        raise reject(name, times, "an array of times, or a list of such arrays")
+        times = [times]
+        modes = [modes]
     if len(times) != len(modes) or not len(times):
         raise ArgumentError(
             f"{word} has {len(modes)} tracks: expected {len(times)}, as {name}, at least one"
         )
-    found = []
+    tracks = []
     for number, (clock, values) in enumerate(zip(times, modes, strict=True)):
         place = name if len(times) == 1 else f"{name}[{number}]"
-        if dimensions(clock) != 1:
-            raise reject(place, clock, "an array of times")
         if dimensions(values) != 1 or len(values) != len(clock):
             shape = np.shape(values)
             raise ArgumentError(
                 f"{word} has shape {shape} for {len(clock)} {place}: expected one mode for each"
             )
-        is_empty = may_be_empty and not len(clock)
-        found.append(
-            _Track(
-                np.zeros(0) if is_empty else _times(place, clock),
-                np.asarray(values, object).tolist(),
-            )
-        )
-    return found
+        moments = np.zeros(0) if may_be_empty and not len(clock) else _times(place, clock)
+        tracks.append((moments, np.asarray(values, object).tolist()))
+    return tracks
 
 
-def _times(name: str, values: Any) -> NDArray[Any]:
+def _times(name: str, values: Any) -> AnyArray:
     """Return checked increasing times, floats or datetime64[ns]."""
     array = np.asarray(values)
     if array.dtype.kind == "O" and all(isinstance(value, datetime) for value in array.flat):
@@ -250,8 +223,6 @@ def _times(name: str, values: Any) -> NDArray[Any]:
             array = array.astype("timedelta64[ns]" if array.dtype.kind == "m" else "datetime64[ns]")
         except ValueError:
             raise reject(name, values, "an array of numbers or datetimes") from None
-        if np.isnat(array).any():
-            raise reject(name, "NaT", "a time for every sample")
     else:
         array = check_array(name, values, (None,))
     wrong = np.flatnonzero(~(array[1:] > array[:-1]))
@@ -265,57 +236,64 @@ def _times(name: str, values: Any) -> NDArray[Any]:
 
 
 def _code(mode: Any, codes: dict[Any, int]) -> int:
+    """Return the index of a mode, for which `codes` grows; `NOTHING` for a missing one."""
     value = mode.item() if isinstance(mode, np.generic) else mode
-    if value is None or type(value).__name__ in MISSING or value == "" or value != value:
+    # Pandas, whose types of a missing mode these are, is not imported.
+    missing = type(value).__name__ in ("NAType", "NaTType")
+    if value is None or missing or value == "" or value != value:
         return NOTHING
-    if not isinstance(value, (int, float, str)):
-        raise reject("mode", mode, "a number or a string")
     return codes.setdefault(value, len(codes))
 
 
-def _merge(true: _Track, stated: _Track, name: str) -> Timeline:
+def _merge(true: Samples, stated: Samples, name: str) -> Timeline:
     """Return truth and statements at the moments at which either has a sample, until the end of
     the truth.
     """
-    if true.times.dtype.kind != stated.times.dtype.kind:
+    true_times = true[0]
+    stated_times = stated[0]
+    if true_times.dtype.kind != stated_times.dtype.kind:
         raise reject(
             name,
-            str(stated.times[0]),
-            f"times as those of the truth, such as {true.times[0]}",
+            str(stated_times[0]),
+            f"times as those of the truth, such as {true_times[0]}",
         )
-    if stated.times[0] > true.times[-1]:
+    if stated_times[0] > true_times[-1]:
         raise reject(
             name,
-            str(stated.times[0]),
-            f"a first time before the end of the truth, {true.times[-1]}",
+            str(stated_times[0]),
+            f"a first time before the end of the truth, {true_times[-1]}",
         )
-    clock = np.union1d(true.times, stated.times)
-    clock = clock[(clock >= true.times[0]) & (clock <= true.times[-1])]
-    rows = np.searchsorted(true.times, clock, "right") - 1
-    modes = np.array(true.modes)[rows]
-    at = np.searchsorted(stated.times, clock, "right") - 1
-    spoken = np.where(at >= 0, np.array(stated.modes)[at], NOTHING)
+    clock = np.union1d(true_times, stated_times)
+    clock = clock[(clock >= true_times[0]) & (clock <= true_times[-1])]
+    rows = np.searchsorted(true_times, clock, "right") - 1
+    modes = np.array(true[1])[rows]
+    at = np.searchsorted(stated_times, clock, "right") - 1
+    spoken = np.where(at >= 0, np.array(stated[1])[at], NOTHING)
     scored = modes != NOTHING
     # Where the truth is not known the mode before goes on, so that its return is no switch.
     known = np.maximum.accumulate(np.where(scored, np.arange(len(clock)), -1))
     modes = modes[np.where(known < 0, int(scored.argmax()), known)]
-    elapsed = clock - clock[0]
-    seconds = elapsed if elapsed.dtype.kind == "f" else elapsed / np.timedelta64(1, "s")
+    seconds = clock - clock[0]
+    if seconds.dtype.kind != "f":
+        seconds = seconds / np.timedelta64(1, "s")
     weights = np.where(scored, np.append(np.diff(seconds), 0.0), 0.0)
     # A list of switches has no samples.
-    denser = max(true.times, stated.times, key=len)
+    denser = max(true_times, stated_times, key=len)
     samples = np.isin(clock, denser) & scored
     # The end.
     samples[-1] = False
-    return Timeline(np.asarray(seconds), modes, spoken, scored, weights, samples)
+    return Timeline(seconds, modes, spoken, scored, weights, samples)
 
 
 def _scores(name: str, tracks: Sequence[Timeline], normal: int | None) -> Scores:
-    """Return the scores of one set, with a row for each track or each block of a single one."""
+    """Return the scores of one set, with a row for each track, or each block of equal time with two
+    switches of a single one.
+    """
     blocks = None
-    one = tracks[0]
-    count = min(MOST_BLOCKS, int((np.diff(one.modes) != 0).sum()) // SWITCHES_OF_A_BLOCK)
-    if len(tracks) == 1 and count >= FEWEST_BLOCKS:
-        blocks = np.minimum((count * (one.times / one.times[-1])).astype(np.int64), count - 1)
+    times = tracks[0].times
+    count = min(20, int((np.diff(tracks[0].modes) != 0).sum()) // 2)
+    # Fewer blocks give no intervals.
+    if len(tracks) == 1 and count >= 10:
+        blocks = np.minimum((count * (times / times[-1])).astype(int), count - 1)
     rows = np.concatenate([count_timeline(track, normal, blocks) for track in tracks])
     return Scores(name, "", (0.0,), TimelineCounts._fields, rows[..., None])

@@ -10,10 +10,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.scoring.estimates import Estimate, confidence_interval, wilson_interval
-from hybrid_env.checks import FloatArray
+from hybrid_env.checks import AnyArray, FloatArray
 
 # Finite, because a difference of infinities would be NaN.
 NOT_REACHED = 1e9
@@ -60,7 +59,7 @@ def at_level(measure: str, level: float, statistic: Statistic, falling: bool = F
         reached = curve >= sign * level
         right = reached.argmax(-1)[..., None]
         (x0, y0), (x1, y1) = (
-            [np.take_along_axis(one, index, -1)[..., 0] for one in (curve, values)]
+            [np.take_along_axis(line, index, -1)[..., 0] for line in (curve, values)]
             for index in (np.maximum(right - 1, 0), right)
         )
         step = x1 - x0
@@ -101,7 +100,7 @@ class Scores:
     # (E, F, K) figures.
     values: FloatArray
     # (K, ...) by name, what is no mean over episodes.
-    extra: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    extra: Mapping[str, AnyArray] = field(default_factory=dict)
     # That the decider reads, for tables; empty where all environments have the same.
     bank: str = ""
 
@@ -116,13 +115,11 @@ class Scores:
 
     def at(self, index: int) -> "Scores":
         """Return the scores of a single threshold."""
-        extra = {name: array[index : index + 1] for name, array in self.extra.items()}
-        chosen = self.thresholds[index : index + 1]
         return replace(
             self,
-            thresholds=chosen,
+            thresholds=(self.thresholds[index],),
             values=np.ascontiguousarray(self.values[..., index, None]),
-            extra=extra,
+            extra={name: array[index, None] for name, array in self.extra.items()},
         )
 
     def some(self, episodes: Sequence[int]) -> "Scores":
@@ -133,17 +130,17 @@ class Scores:
         """Return a statistic at every threshold, (K,), or a number if it depends on the whole
         curve.
         """
-        return np.asarray(statistic.function(*np.moveaxis(self._rows(statistic).mean(0), -2, 0)))
+        return statistic.function(*np.moveaxis(self._rows(statistic).mean(0), -2, 0))
 
     def estimate(self, statistic: Statistic, index: int | None = None) -> Estimate:
         """Return a statistic with its confidence interval at the threshold of an index, or of
         the whole curve.
         """
         rows = self._rows(statistic, index)
-        found = _estimate(rows, lambda means: _number(statistic, means))
-        if statistic.share and found.low == found.high and found.value in (0.0, 1.0):
-            return Estimate(found.value, *wilson_interval(found.value, len(rows)))
-        return found
+        estimate = _estimate(rows, lambda means: _number(statistic, means))
+        if statistic.share and estimate.low == estimate.high and estimate.value in (0.0, 1.0):
+            return Estimate(estimate.value, *wilson_interval(estimate.value, len(rows)))
+        return estimate
 
     def difference(
         self,
@@ -195,5 +192,8 @@ def _number(statistic: Statistic, means: FloatArray) -> FloatArray:
 def _estimate(episodes: FloatArray, of_means: Callable[[FloatArray], Any]) -> Estimate:
     numbers = float(of_means(episodes.mean(0))), *confidence_interval(episodes, of_means=of_means)
     return Estimate(
-        *(math.copysign(math.inf, one) if abs(one) > NOT_REACHED / 2 else one for one in numbers)
+        *(
+            math.copysign(math.inf, number) if abs(number) > NOT_REACHED / 2 else number
+            for number in numbers
+        )
     )

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from baselines.scoring.scores import Statistic, mean, quotient, ratio
-from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_positive, reject
+from baselines.scoring.timelines import find_switches
+from hybrid_env.checks import FloatArray, IntArray
 
 COLUMNS = (
     "right",
@@ -47,22 +48,17 @@ statement per switch.
 TYPE_COLUMNS = tuple(f"type_{name}" for name in COLUMNS)
 
 
-def _identified(prefix: str) -> dict[str, Statistic]:
-    """Return the share of switches whose new mode is named before the next one, and the mean
-    delay.
-    """
-    detected = f"{prefix}detected"
-    missed = f"{prefix}missed"
-    delay = f"{prefix}delay"
-    share = Statistic(
-        (detected, missed),
-        lambda detected, missed: quotient(detected, missed + detected),
-    )
-    return {"identified": share, "delay": ratio(delay, detected)}
-
-
-# Statistics "identified" and "delay" of each.
-IDENTIFICATION = {"type": _identified("type_"), "mode": _identified("")}
+IDENTIFICATION = {
+    name: {
+        "identified": Statistic(
+            (f"{prefix}detected", f"{prefix}missed"),
+            lambda detected, missed: quotient(detected, missed + detected),
+        ),
+        "delay": ratio(f"{prefix}delay", f"{prefix}detected"),
+    }
+    for name, prefix in (("type", "type_"), ("mode", ""))
+}
+"""Share of the switches whose new type or mode is named before the next one, and mean delay."""
 
 
 class Statements(NamedTuple):
@@ -74,9 +70,7 @@ class Statements(NamedTuple):
 
 @dataclass(frozen=True)
 class StatementMetrics:
-    """Metrics of N tracks of T ticks. A switch is detected if the new mode is stated before the
-    next switch, and missed if not; an undetected last switch of a track is neither.
-    """
+    """Metrics of N tracks of T ticks; for what is detected and missed see `timelines.Switches`."""
 
     # (N,) share of ticks with a right statement.
     right: FloatArray
@@ -130,60 +124,20 @@ def measure_statements(statements: Statements, change_cost: float = 5.0) -> Stat
         change_cost: cost of a change to a wrong mode, as in the environment.
     """
     true, stated = (np.asarray(modes) for modes in statements)
-    if true.ndim != 2 or true.shape != stated.shape or not true.size:
-        raise reject(
-            "statements",
-            (true.shape, stated.shape),
-            "two arrays of the same shape (T, N)",
-        )
-    change_cost = check_positive("change_cost", change_cost, allow_zero=True)
     right = true == stated
     tracks = true.shape[1]
     changed, switched = (np.diff(modes, axis=0, prepend=modes[:1]) != 0 for modes in (stated, true))
     wrong = changed & ~right
-    found = find_switches(switched, right)
-    detected = found.stated < found.end
-    waited = np.minimum(found.stated, found.end) - found.begin
-    missed = np.bincount(found.track[~detected & (found.end < len(true))], minlength=tracks)
+    switches = find_switches(true, stated, np.arange(len(true) + 1))
+    waited = switches.waited.astype(int)
     return StatementMetrics(
         right.mean(0),
         (right - change_cost * wrong).mean(0),
         1000.0 * wrong.mean(0),
         changed.sum(0),
         switched.sum(0),
-        waited[detected],
-        found.track[detected],
-        missed,
-        np.bincount(found.track, waited, tracks).astype(np.int64),
+        waited[switches.detected],
+        switches.track[switches.detected],
+        np.bincount(switches.track[switches.missed], minlength=tracks),
+        np.bincount(switches.track, waited, tracks).astype(int),
     )
-
-
-class Switches(NamedTuple):
-    """The switches of N tracks of T ticks, all of shape (S,)."""
-
-    # First tick of the new mode.
-    begin: IntArray
-    # Tick of the next switch, or T.
-    end: IntArray
-    # First tick from `begin` on with a right statement, T without one; detected if before `end`.
-    stated: IntArray
-    # Index of the track.
-    track: IntArray
-
-
-def find_switches(switched: BoolArray, right: BoolArray) -> Switches:
-    """Return the switches, and when each is detected, from flags (T, N): new mode begins,
-    statement is right.
-    """
-    ticks, tracks = switched.shape
-    times = np.arange(ticks)[:, None]
-    # For every tick the next one, itself included, with a right statement, and the next with a
-    # switch.
-    next_right, next_switch = (
-        np.minimum.accumulate(np.where(flags, times, ticks)[::-1], axis=0)[::-1]
-        for flags in (right, switched)
-    )
-    # Of the segment that begins at a switch.
-    end = np.vstack([next_switch[1:], np.full((1, tracks), ticks)])
-    begin, track = np.nonzero(switched)
-    return Switches(begin, end[begin, track], next_right[begin, track], track)

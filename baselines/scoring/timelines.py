@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.scoring.scores import Statistic, quotient, ratio
-from baselines.scoring.statements import find_switches
-from hybrid_env.checks import BoolArray, FloatArray, IntArray
+from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray
 
 # In place of a stated mode where nothing is stated.
 NOTHING = -1
@@ -30,6 +29,49 @@ class Timeline(NamedTuple):
     weights: FloatArray
     # True at moments that count as samples.
     samples: BoolArray
+
+
+class Switches(NamedTuple):
+    """The S switches of the true mode on N tracks of T moments, (S,) each."""
+
+    # Index of the track.
+    track: IntArray
+    # First moment of the new mode.
+    begin: IntArray
+    # Moment of the next switch, or T.
+    end: IntArray
+    # The new mode is stated before the next switch, or the end of the track.
+    detected: BoolArray
+    # It is not, and there is a next switch; an undetected last switch is neither.
+    missed: BoolArray
+    # Time until the first right statement, the next switch or the end of the track.
+    waited: FloatArray
+
+
+def find_switches(modes: IntArray, stated: IntArray, times: AnyArray) -> Switches:
+    """Return the switches of true modes (T, N), and when statements (T, N) follow them. times: (T +
+    1,) of the moments and of the end, in any unit; ticks are times, too.
+    """
+    moments = np.arange(len(modes))[:, None]
+    # For every moment the next one, itself included, with a right statement, and with a switch.
+    switched = np.diff(modes, axis=0, prepend=modes[:1]) != 0
+    next_right, next_switch = (
+        np.minimum.accumulate(np.where(flags, moments, len(modes))[::-1], axis=0)[::-1]
+        for flags in (stated == modes, switched)
+    )
+    begin, track = np.nonzero(switched)
+    # Of the segment that begins at a switch.
+    after = np.vstack([next_switch[1:], np.full_like(next_switch[:1], len(modes))])
+    end = after[begin, track]
+    first = next_right[begin, track]
+    return Switches(
+        track,
+        begin,
+        end,
+        first < end,
+        (first >= end) & (end < len(modes)),
+        times[np.minimum(first, end)] - times[begin],
+    )
 
 
 class TimelineCounts(NamedTuple):
@@ -107,31 +149,29 @@ def count_timeline(
     is a false alarm.
     """
     times, modes, stated, scored, weights, samples = timeline
-    places = np.zeros(len(times), np.int64) if blocks is None else blocks
+    places = np.zeros(len(times), int) if blocks is None else blocks
     known = np.append(0, np.cumsum(scored))
     right = stated == modes
 
     def summed(rows: NDArray[np.generic], values: NDArray[np.generic] | None = None) -> FloatArray:
-        return np.bincount(places[rows], values, int(places[-1]) + 1).astype(np.float64)
+        return np.bincount(places[rows], values, int(places[-1]) + 1).astype(float)
 
-    switched = np.diff(modes, prepend=modes[:1]) != 0
-    found = find_switches(switched[:, None], right[:, None])
-    counted = 2 * (known[found.end] - known[found.begin]) >= found.end - found.begin
-    begin, end, first = (one[counted] for one in (found.begin, found.end, found.stated))
-    detected = first < end
-    last = end == len(times)
+    switches = find_switches(modes[:, None], stated[:, None], np.append(times, times[-1]))
+    enough = 2 * (known[switches.end] - known[switches.begin]) >= switches.end - switches.begin
+    _, begin, _, detected, missed, waited = (values[enough] for values in switches)
+    counted = detected | missed
     back = modes[begin] == normal
-    waited = np.append(times, times[-1])[np.minimum(first, end)] - times[begin]
 
     changes = np.flatnonzero((np.diff(stated, prepend=stated[:1]) != 0) & (stated != NOTHING))
     ends = np.append(changes, len(times))[1:]
     certain = 2 * (known[ends] - known[changes]) > ends - changes
-    changes, ends = changes[certain], ends[certain]
+    changes = changes[certain]
+    ends = ends[certain]
 
     def within(flags: BoolArray) -> IntArray:
         """Return the number of flagged moments from each change to the next."""
         total = np.append(0, np.cumsum(flags))
-        return np.asarray(total[ends] - total[changes])
+        return total[ends] - total[changes]
 
     false = within(right) == 0
     quiet = within(modes == normal) == ends - changes
@@ -140,16 +180,16 @@ def count_timeline(
         "agreed": summed(right, weights[right]),
         "normal": summed(modes == normal, weights[modes == normal]),
         "samples": summed(samples),
-        "switches": summed(begin[detected | ~last]),
-        "missed": summed(begin[~detected & ~last]),
+        "switches": summed(begin[counted]),
+        "missed": summed(begin[missed]),
         "delay": summed(begin[detected], waited[detected]),
-        "pending": summed(begin[~detected & last]),
+        "pending": summed(begin[~counted]),
         "undetected": summed(begin, waited),
         "false": summed(changes[false]),
         "false_alarms": summed(changes[false & quiet & (stated[changes] != normal)]),
         "changes": summed(changes),
-        "ends": summed(begin[back & (detected | ~last)]),
-        "missed_ends": summed(begin[back & ~detected & ~last]),
+        "ends": summed(begin[back & counted]),
+        "missed_ends": summed(begin[back & missed]),
         "delay_of_ends": summed(begin[back & detected], waited[back & detected]),
     }
     return np.stack([counts[name] for name in TimelineCounts._fields], axis=1)

@@ -2,9 +2,9 @@
 A change detector for skchange
 ==============================
 
-``ModeDetector`` segments positions in the plane into straight motion and turns behind the interface of `skchange
-<https://skchange.readthedocs.io>`_ and scikit-learn: ``fit``, ``predict``, ``clone``, ``GridSearchCV``. Here it stands beside
-skchange's PELT on the same tracks. ``pip install 'hybrid-track[skchange]'``
+Thirty lines put ``track_recording``, which segments positions in the plane into straight motion and turns, behind the interface of
+`skchange <https://skchange.readthedocs.io>`_ and scikit-learn: ``fit``, ``predict``, ``clone``, ``GridSearchCV``. Here it stands
+beside skchange's PELT on the same tracks. ``pip install 'hybrid-track[all]' skchange``
 """
 
 # %%
@@ -13,16 +13,56 @@ skchange's PELT on the same tracks. ``pip install 'hybrid-track[skchange]'``
 
 import matplotlib.pyplot as plt
 import numpy as np
-from skchange.detectors import PELT
+from skchange.detectors import PELT, BaseChangeDetector
 from skchange.interval_scorers import L2Cost
 from skchange.metrics import changepoint_precision, changepoint_recall
+from skchange.utils.validation import check_is_fitted, validate_data
 
-from baselines.adapters import ModeDetector
+from agents import track_recording
 from hybrid_env.rendering.evidence import mode_colour, mode_name
 from hybrid_env.simulation import simulate
 
 switches, span = np.array([80, 160, 220]), 8
 tracks = simulate("S80 L80r5 S60 R80r5", runs=20, seed=0, measurement_variance=0.01).measurements
+
+
+class ModeDetector(BaseChangeDetector):
+    """Changes between straight motion, left and right turns in the positions of one object.
+
+    Parameters
+    ----------
+    decider : str
+        A decider for unknown switch moments, with an optional threshold.
+    radii : tuple of float
+        Turn radii in the unit of the positions; () finds one to three.
+    """
+
+    def __init__(self, decider="threshold:0.8", radii=()):
+        self.decider, self.radii = decider, radii
+
+    def fit(self, X, y=None):
+        """Find noise, radii and mean duration in the positions (T, 2), one at every tick."""
+        X = validate_data(self, X, dtype=float, ensure_min_samples=5)
+        self.model_ = track_recording(None, X, decider=self.decider, radii=self.radii).model
+        return self
+
+    def predict_modes(self, X):
+        """Return the mode at every row, (T,): 0 straight, then left and right turns."""
+        check_is_fitted(self)
+        found = self.model_
+        return track_recording(
+            None,
+            validate_data(self, X, reset=False, dtype=float, ensure_min_samples=5),
+            decider=self.decider,
+            radii=found.radii,
+            measurement_variance=found.measurement_variance,
+            process_variance=found.process_variance,
+            durations=f"geometric {max(found.duration, 2.0)}",
+        ).modes
+
+    def predict(self, X):
+        """Return the first rows of new modes, sorted."""
+        return np.flatnonzero(np.diff(self.predict_modes(X))) + 1
 
 
 def turn_rate(track):

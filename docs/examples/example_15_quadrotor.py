@@ -178,7 +178,7 @@ print(
 #         attempts = (fly_quadrotor(flight_route(seed, attempt)) for attempt in itertools.count())
 #         return list(itertools.islice((flight for flight in attempts if flight is not None), count))
 #
-#     studies.radar.reproduction.reproduce(folder=Path("quadrotor"), fly=quadrotor_flights)
+#     studies.radar.thesis.reproduce(folder=Path("quadrotor"), fly=quadrotor_flights)
 
 figure, (plane, distance) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
 for flight, name in ((mass, "point mass"), (quadrotor, "quadrotor")):

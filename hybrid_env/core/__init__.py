@@ -4,7 +4,7 @@ callable from Python.
 In a tick of `kernel`, `true_object` moves the object by `motion` and `noise` and measures it, for
 radars by `polar`; the bank in `banks` predicts and corrects every filter; `observation_row` writes
 the row. `quickest_kernel` runs the tick with unknown switch moments, `kernels` has the entry
-points. `state` declares arrays and parameters, with `records`; `arrays` allocates and finds them.
+points. `memory` declares, allocates and finds records, arrays and parameters.
 `compilation` has the compiler options and checks numba's cache; `elementary` has log, exp, sine and
 cosine. The folder imports numpy, numba and its own files.
 """

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_env.core.arrays import FloatArray
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.bank import estimate_of, filter_model
 from hybrid_env.core.compilation import internal
-from hybrid_env.core.records import BANK_COLUMNS, LANES
+from hybrid_env.core.memory import BANK_COLUMNS, LANES, FloatArray
 
 ESTIMATES = BANK_COLUMNS["innovations"] + BANK_COLUMNS["innovation_covariances"]
 COVARIANCES = ESTIMATES + BANK_COLUMNS["estimates"]

@@ -1,25 +1,19 @@
-"""Compilation: numba's `njit` with common options, and a cache that may be missing, outdated or
-damaged.
+"""Compilation: numba's `njit` with common options, and the folder of its cache.
 
 With NumPy's error model a division has no branch that raises, so that loops over lanes compile to
 SIMD code. Without the GIL threads step different tracks in parallel. With NUMBA_BOUNDSCHECK=1 every
-index is checked; the code is then only cached in the folder NUMBA_CACHE_DIR, because numba does not
-tell it from code without checks. numba compares a cached function with the file that defines it,
-but not with those of its callees, and has no checksums. Its public interface has no hook for
-either: this file stands before the method `compile` of every function, and knows the names of its
-cache files, `<file>.<function>-*.nbi` and `.nbc` in the folder `stats.cache_path` of a function. If
-these names change, nothing is found, and nothing is removed.
+index is checked. numba compares a cached function with the file that defines it, but not with those
+of its callees: the name of the folder is a hash of all sources.
 """
 
 import functools
 import gc
-import itertools
+import hashlib
 import os
 import sys
-import threading
-import zlib
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+import tempfile
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -29,12 +23,6 @@ from numba.extending import register_jitable
 
 # Filled at run time.
 config: Any = numba.config
-
-PATTERN = "*.nb[ic]"
-# Else one with the file of a callee could wait for one that compiles its caller.
-_one_thread = threading.RLock()
-# Of the functions that this process has compiled.
-_number = itertools.count(1)
 
 OPTIONS: Any = {
     "error_model": "numpy",
@@ -63,152 +51,61 @@ def compiled(function: Callable[..., Any]) -> Any:
     """
     if config.DISABLE_JIT:
         return function
-    cached = not config.BOUNDSCHECK or bool(config.CACHE_DIR)
+    given = config.CACHE_DIR
+    folder = cache_folder(function.__module__.partition(".")[0], given)
     try:
-        dispatcher = njit(**OPTIONS, cache=cached)(function)
-    except RuntimeError:
-        # Numba found no folder that it can write to.
-        dispatcher = njit(**OPTIONS)(function)
-    drop_stale_files(dispatcher.stats.cache_path, function.__module__.partition(".")[0])
-    # Numba calls it for each new types of arguments, also where compiled code calls the function.
-    dispatcher.compile = functools.partial(_compile, dispatcher, dispatcher.compile)
-    return dispatcher
+        config.CACHE_DIR = folder
+        return njit(**OPTIONS, cache=bool(folder))(function)
+    finally:
+        config.CACHE_DIR = given
 
 
 @functools.cache
-def drop_stale_files(cache: str | None, package: str) -> None:
-    """Remove the functions in a cache folder if a source of the package or the core is newer
-    than the oldest.
+def cache_folder(package: str, given: str) -> str:
+    """Return the folder for the machine code of a package, "" where none can be written: in
+    `given` (NUMBA_CACHE_DIR) or else in the user's cache folder, or in the temporary folder. Its
+    name is a hash of the sources of the package and the core, of numba's version and of what is
+    checked. It belongs to the user, because machine code is loaded from it.
     """
-    cached = [] if cache is None else list(Path(cache).glob(PATTERN))
-    folders = [*getattr(sys.modules.get(package), "__path__", []), Path(__file__).parent]
-    # Another process removes the same files, or the folder is read-only.
-    with suppress(OSError, ValueError):
-        newest = max(
-            path.stat().st_mtime for folder in folders for path in Path(folder).rglob("*.py")
-        )
-        if newest > min(path.stat().st_mtime for path in cached):
-            for path in cached:
-                path.unlink(missing_ok=True)
+    code = hashlib.sha256(f"{numba.__version__} {config.BOUNDSCHECK}".encode())
+    folders = [Path(__file__).parent, *getattr(sys.modules.get(package), "__path__", [])]
+    for path in sorted(path for folder in folders for path in Path(folder).rglob("*.py")):
+        code.update(path.read_bytes())
+    name = f"hybridtrack-{code.hexdigest()[:16]}"
+    user = os.getuid() if hasattr(os, "getuid") else 0
+    cache = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    for parent in (given or cache, tempfile.gettempdir()):
+        # Also without a home.
+        with suppress(OSError, RuntimeError):
+            folder = Path(parent, f"{name}-{user}").expanduser()
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=folder).close()
+            if folder.lstat().st_uid == user:
+                return str(folder)
+    return ""
 
 
 def prepare(dispatcher: Any, *arguments: Any) -> None:
-    """Compile a `compiled` function for the types of these arguments before it is called. Raises
-    `RuntimeError` with NUMBA_DISABLE_JIT.
+    """Compile a `compiled` function for the types of these arguments before it is called, or load
+    it. One line on stderr announces what takes seconds. Raises `RuntimeError` with
+    NUMBA_DISABLE_JIT.
     """
     if config.DISABLE_JIT:
         raise RuntimeError(
             "NUMBA_DISABLE_JIT is set: only the scalar formulas run without compilation"
         )
-    dispatcher.compile(tuple(map(typeof, arguments)))
-
-
-def _compile(dispatcher: Any, numba_compile: Callable[[Any], Any], types: Any) -> Any:
-    """Compile a function for types of its arguments, or load it from the cache; return its entry
-    point. One line on stderr announces each compilation. Of several processes one compiles, and the
-    others load its files. Damaged files are removed; `OSError` is raised if that is not allowed.
-    """
+    types = tuple(map(typeof, arguments))
     if types in dispatcher.signatures:
-        return numba_compile(types)
-    folder = dispatcher.stats.cache_path
-    code = dispatcher.py_func.__code__
-    # What the names of the files of the function begin with.
-    name = (
-        folder and Path(folder) / f"{Path(code.co_filename).stem}.{dispatcher.py_func.__qualname__}"
-    )
-    with _one_thread, _alone(name):
-        _remove_damaged(name)
-        for found in (_files(name) != [], False):
-            if not found:
-                _announce(dispatcher, name)
-            collects = gc.isenabled()
-            # It would take a fifth of the time of a compilation.
-            gc.disable()
-            try:
-                entry = numba_compile(types)
-                _save_checksums(name)
-                return entry
-            except Exception:
-                # Unpickling a damaged file can raise anything.
-                if types in dispatcher.signatures:
-                    # Compiled, but not saved: the disk is full or read-only.
-                    return numba_compile(types)
-                if not found:
-                    raise
-                _remove(name)
-            finally:
-                if collects:
-                    gc.enable()
-
-
-@contextmanager
-def _alone(name: Path | None) -> Iterator[None]:
-    """Wait until no other process prepares a function, where the system and the cache can tell."""
-    with ExitStack() as stack:
-        with suppress(ImportError, OSError):
-            import fcntl
-
-            if name is not None:
-                lock = stack.enter_context(name.with_name(f"{name.name}.lock").open("w"))
-                # Until the file is closed.
-                fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
-
-
-def _files(name: Path | None) -> list[Path]:
-    return [] if name is None else sorted(name.parent.glob(f"{name.name}-{PATTERN}"))
-
-
-def _checksum(path: Path) -> str:
-    """Return the line of a file in the file of checksums."""
-    return f"{zlib.crc32(path.read_bytes()):08x} {path.name}"
-
-
-def _remove_damaged(name: Path | None) -> None:
-    """Remove all files of a function if they are not those of its checksums."""
-    if name is None:
         return
+    folder, name = dispatcher.stats.cache_path, dispatcher.__name__
+    if not folder or not any(Path(folder).glob(f"*.{name}-*.nbi")):
+        kept = f"kept in {folder}" if folder else "not kept: set NUMBA_CACHE_DIR"
+        print(f"HybridTrack: compiling {name}, up to 15 s, {kept}", file=sys.stderr)
+    collects = gc.isenabled()
+    # It would take a fifth of the time of a compilation.
+    gc.disable()
     try:
-        known = name.with_name(f"{name.name}.checksums").read_text(errors="replace").splitlines()
-        damaged = known != [_checksum(path) for path in _files(name)]
-    except OSError:
-        # There are no checksums, or a file cannot be read.
-        damaged = True
-    if damaged:
-        _remove(name)
-
-
-def _save_checksums(name: Path | None) -> None:
-    """Write the checksums of the files of a function, unless the folder is not writable."""
-    text = "".join(f"{_checksum(path)}\n" for path in _files(name))
-    with suppress(OSError):
-        if name is not None and text:
-            part = name.with_name(f"{name.name}.{os.getpid()}")
-            part.write_text(text)
-            part.replace(name.with_name(f"{name.name}.checksums"))
-
-
-def _remove(name: Path | None) -> None:
-    """Remove the files of a function. Raises `OSError` if that is not allowed."""
-    try:
-        for path in _files(name):
-            path.unlink(missing_ok=True)
-    except OSError:
-        raise OSError(
-            f"the compilation cache {name} is damaged: remove it, or set NUMBA_CACHE_DIR"
-        ) from None
-
-
-def _announce(dispatcher: Any, name: Path | None) -> None:
-    """Say which function is compiled, how many are to be expected, and whether later processes
-    load it.
-    """
-    kept = name is not None and os.access(name.parent, os.W_OK)
-    until = (
-        "kept for the next runs"
-        if kept
-        else "not kept, as no cache can be written: set NUMBA_CACHE_DIR"
-    )
-    function = f"{dispatcher.__module__.rpartition('.')[2]}.{dispatcher.__name__}"
-    number = f"number {next(_number)}; most commands need 1 to 5"
-    print(f"HybridTrack: compiling {function} ({number}), up to 15 s, {until}", file=sys.stderr)
+        dispatcher.compile(types)
+    finally:
+        if collects:
+            gc.enable()

@@ -13,9 +13,6 @@ from hybrid_env.core.compilation import inlined
 LOG_TWO_HIGH, LOG_TWO_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 # Bits of 1.0.
 ONE = np.int64(0x3FF0000000000000)
-# Bits of sqrt(1/2).
-ROOT_HALF = np.int64(0x3FE6A09E667F3BCD)
-MANTISSA = np.int64(0x000FFFFFFFFFFFFF)
 # Adding 2^52 + 2^51 rounds a float to an integer in its low bits.
 SHIFTER = 6755399441055744.0
 SHIFTER_BITS = np.int64(0x4338000000000000)
@@ -38,10 +35,12 @@ def log(x: float) -> float:
     """Natural logarithm of a positive normal number; about -709 for zero, finite for negative
     numbers.
     """
-    bits = bits_of(x) + (ONE - ROOT_HALF)
+    # Bits of sqrt(1/2).
+    root_half = np.int64(0x3FE6A09E667F3BCD)
+    bits = bits_of(x) + (ONE - root_half)
     # Of x over a mantissa in [sqrt(1/2), sqrt(2)), plus 1023.
     exponent = bits >> 52
-    mantissa = float_of((bits & MANTISSA) + ROOT_HALF)
+    mantissa = float_of((bits & np.int64(0x000FFFFFFFFFFFFF)) + root_half)
     k = float_of(exponent + SHIFTER_BITS) - (SHIFTER + 1023.0)
     f = mantissa - 1.0
     s = f / (2.0 + f)

@@ -17,16 +17,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.core.arrays import FloatArray
 from hybrid_env.core.compilation import internal
 from hybrid_env.core.elementary import exp, log
+from hybrid_env.core.memory import FloatArray
 from hybrid_env.core.noise import integer_below, uniform
 
 NARROW, WIDE, GEOMETRIC, TWO_HUMPS, DIFFERENT = range(5)
 # Of a hump.
 OFFSET, SPAN, MEAN = range(3)
-# Ticks, least time from the first switch to a random moment.
-BURN_IN = 1000
 
 
 @internal
@@ -108,7 +106,8 @@ def draw_remaining(state: NDArray[np.uint64], lane: int, law: FloatArray, longes
     """Return the ticks left at a random moment of segments of one mode; arguments as in
     `draw_from_law`.
     """
-    left = -BURN_IN - integer_below(state, lane, BURN_IN)
+    # The random moment is at least 1,000 ticks after the first switch.
+    left = -1000 - integer_below(state, lane, 1000)
     while left <= 0:
         left += draw_from_law(state, lane, law, 1_000_000)
     return min(left, longest)

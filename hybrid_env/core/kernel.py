@@ -1,5 +1,5 @@
 """The kernel: object, measurement, bank, reward, fast-forward and autoreset of many tracks in one
-loop. The operations of every tick are loops over the lanes of a block (see `records`). Decisions
+loop. The operations of every tick are loops over the lanes of a block (see `memory`). Decisions
 and new segments occur in few tracks and are computed for single lanes. Threads step different
 blocks.
 """
@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_env.core.arrays import FloatArray, Records
 from hybrid_env.core.bank_ticks import write_corrected, write_innovations
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.bank import (
@@ -22,6 +21,17 @@ from hybrid_env.core.banks.bank import (
 )
 from hybrid_env.core.banks.mixture import merged_estimate, write_merged_covariance
 from hybrid_env.core.compilation import inlined, internal
+from hybrid_env.core.memory import (
+    DECISION,
+    DECISION_FLAGS,
+    LANES,
+    SEGMENT_COLUMNS,
+    FloatArray,
+    Records,
+    state_of,
+    triangle_of,
+    write_lane,
+)
 from hybrid_env.core.motion import heading_vector
 from hybrid_env.core.noise import draw_noise_ahead, integer_below
 from hybrid_env.core.observation_row import (
@@ -33,15 +43,6 @@ from hybrid_env.core.observation_row import (
     write_tick,
     write_twin,
 )
-from hybrid_env.core.records import (
-    DECISION,
-    DECISION_FLAGS,
-    LANES,
-    SEGMENT_COLUMNS,
-    state_of,
-    triangle_of,
-    write_lane,
-)
 from hybrid_env.core.true_object import (
     begin_motion,
     draw_first_estimate,
@@ -50,15 +51,11 @@ from hybrid_env.core.true_object import (
     sum_errors,
 )
 
-# Of the oracle bank, whose anchor is exact.
-NO_COVARIANCE = (0.0,) * 10
 MODE, LENGTH = SEGMENT_COLUMNS.index("mode"), SEGMENT_COLUMNS.index("length")
 DECIDED_MODE, DECIDED_TRUE_MODE, TICKS, DECIDED_LENGTH, SQUARED_ERROR = range(len(DECISION))
 HAS_DECISION, CORRECT, TYPE_CORRECT, FORCED = range(len(DECISION_FLAGS))
 # Events of a step, combined as bits.
 DECIDED, TERMINATED = 1, 2
-# The action that declares a right turn, where actions declare types.
-RIGHT = 3
 
 
 @inlined
@@ -104,7 +101,8 @@ def begin_bank(block: Any, lane: int, bank: Any, radii: FloatArray, setting: Any
     if setting.reset_covariance:
         covariance = IDENTITY
     if setting.oracle:
-        covariance = NO_COVARIANCE
+        # Its anchor is exact.
+        covariance = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     operations.begin(bank, lane, anchor, covariance, radii, setting)
     block.tick[lane] = 0
 
@@ -206,12 +204,10 @@ def chosen_mode(block: Any, lane: int, bank: Any, action: int, setting: Any) -> 
     if forced or setting.declare_best:
         return likeliest(bank.hypotheses, lane)
     if setting.declare_type:
+        # Actions 1 and 2 declare straight motion and a left turn, whose first hypotheses are 0 and
+        # 1; action 3 a right turn.
         first_right = bank.hypotheses.size // 2 + 1
-        return likeliest_of_type(
-            bank.hypotheses,
-            lane,
-            first_right if action == RIGHT else action - 1,
-        )
+        return likeliest_of_type(bank.hypotheses, lane, first_right if action == 3 else action - 1)
     return action - 1
 
 

@@ -9,18 +9,11 @@ from typing import Any
 import numpy as np
 
 from hybrid_env.core import kernel, quickest_kernel
-from hybrid_env.core.arrays import array_at
 from hybrid_env.core.banks import operations
-from hybrid_env.core.banks.anchor_aware import AnchorAwareBank, aware_banks
+from hybrid_env.core.banks.anchor_aware import aware_banks
 from hybrid_env.core.banks.bank import likeliest_of_type
-from hybrid_env.core.banks.imm import (
-    ImmBank,
-    begin_imm,
-    imm_banks,
-    imm_of_block,
-    step_imm_irregular,
-)
-from hybrid_env.core.banks.published import PublishedBank, published_banks
+from hybrid_env.core.banks.imm import begin_imm, imm_banks, imm_of_block, step_imm_irregular
+from hybrid_env.core.banks.published import published_banks
 from hybrid_env.core.compilation import compiled, internal
 from hybrid_env.core.kernel import (
     HAS_DECISION,
@@ -31,6 +24,17 @@ from hybrid_env.core.kernel import (
     set_anchor,
     step_irregular,
 )
+from hybrid_env.core.memory import (
+    LANES,
+    PARAMETERS,
+    AnchorAwareBank,
+    ImmBank,
+    PublishedBank,
+    array_at,
+    arrays_of,
+    state_of,
+    write_lane,
+)
 from hybrid_env.core.observation_row import (
     compare_hypotheses,
     compare_types,
@@ -40,8 +44,6 @@ from hybrid_env.core.observation_row import (
     write_tick,
 )
 from hybrid_env.core.quickest_kernel import record_statement
-from hybrid_env.core.records import LANES, state_of, write_lane
-from hybrid_env.core.state import PARAMETERS, arrays_of
 
 # Commands: of the environments the first two, on a live sensor the others.
 STEP, RESET, MEASURE, BEGIN = range(4)

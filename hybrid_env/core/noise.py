@@ -11,20 +11,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.core.arrays import FloatArray
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import ONE, exp, float_of, log, sine_cosine
+from hybrid_env.core.memory import FloatArray
 
 # Laws of the measurement noise.
 GAUSSIAN, OUTLIERS, LEVY, STUDENT_T = range(4)
-# Of the arrays that `draw_noise` writes.
-NOISE_ROWS = 7
 # The row with the uniform number that decides whether a tick has a measurement.
 LOST = 6
 # Of the elementary exponential.
 LARGEST_EXPONENT = 700.0
-# Of the largest angle below 90 degrees.
-SMALLEST_COSINE = 1e-17
 
 _Words = tuple[np.uint64, np.uint64, np.uint64, np.uint64]
 
@@ -111,7 +107,7 @@ def draw_noise(
     last: int,
     setting: Any,
 ) -> None:
-    """Draw the noise of one tick for lanes first .. last - 1, (NOISE_ROWS, LANES). Rows 0 and 1 are
+    """Draw the noise of one tick for lanes first .. last - 1, (7, LANES). Rows 0 and 1 are
     draws of N(0, 1), of magnitude below 8.5, for the velocities; 2 and 3 errors of the measured
     coordinates over sqrt(R); row `LOST` is uniform in [0, 1) if measurements may be missing.
     """
@@ -198,11 +194,13 @@ def _stable(number: float, other: float, index: float) -> float:
     _, cosine = sine_cosine(angle)
     _, other_cosine = sine_cosine((1.0 - index) * angle)
     waiting = -log(1.0 - other)
+    # That of the largest angle below 90 degrees.
+    smallest = 1e-17
     # In logarithms, so that no factor overflows.
     exponent = (
         log(abs(sine))
-        - log(max(cosine, SMALLEST_COSINE)) / index
-        + (1.0 - index) / index * (log(max(other_cosine, SMALLEST_COSINE)) - log(waiting))
+        - log(max(cosine, smallest)) / index
+        + (1.0 - index) / index * (log(max(other_cosine, smallest)) - log(waiting))
     )
     size = exp(max(min(exponent, LARGEST_EXPONENT), -LARGEST_EXPONENT))
     return size if sine > 0.0 else -size

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.core.arrays import FloatArray, Records
 from hybrid_env.core.banks.bank import estimate_of, likeliest, mode_type
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import exp, log
+from hybrid_env.core.memory import FloatArray, Records
 from hybrid_env.core.motion import heading_vector
 
 # Lower clip of log-likelihood ratios and log-probabilities.

@@ -16,9 +16,6 @@ Position = tuple[float, float, float, float, float]
 Information = tuple[float, float, float, float, float]
 """Inverse covariance xx, xy, yy, and its product with the error x, y."""
 
-# Variance of a converted measurement in one direction over that in the other.
-FLATTEST = 1e-10
-
 
 @inlined
 def range_rate(x: float, y: float, u: float, v: float) -> float:
@@ -45,7 +42,8 @@ def to_position(
         1.0 - turn
     )
     across = turn * (distance * distance + range_deviation * range_deviation)
-    along, across = max(along, FLATTEST * across), max(across, FLATTEST * along)
+    # One variance is at least 1e-10 times the other.
+    along, across = max(along, 1e-10 * across), max(across, 1e-10 * along)
     distance *= math.exp(-0.5 * square)
     return (
         distance * along_x,
@@ -68,8 +66,8 @@ def position_noise(
     """
     length = max(math.hypot(x, y), 1e-300)
     distance = length * math.exp(0.5 * bearing_deviation * bearing_deviation)
-    found = to_position(distance, x / length, y / length, range_deviation, bearing_deviation)
-    return found[2], found[3], found[4]
+    position = to_position(distance, x / length, y / length, range_deviation, bearing_deviation)
+    return position[2], position[3], position[4]
 
 
 @inlined

@@ -7,15 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_env.core.arrays import FloatArray
 from hybrid_env.core.banks.bank import filter_model
 from hybrid_env.core.banks.imm import begin_imm, imm_of_block, step_imm, step_imm_irregular
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.habits import draw_from_law, draw_law, draw_mode, draw_order, draw_remaining
 from hybrid_env.core.kernel import TERMINATED, invalid_action
+from hybrid_env.core.memory import LANES, FloatArray
 from hybrid_env.core.noise import integer_below, uniform
 from hybrid_env.core.observation_row import write_quickest_row
-from hybrid_env.core.records import LANES
 from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move
 
 # Rows of the table of durations; those of turns follow.

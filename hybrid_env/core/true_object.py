@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_env.core.arrays import FloatArray, Records
 from hybrid_env.core.banks.bank import estimate_of
 from hybrid_env.core.compilation import inlined, internal
+from hybrid_env.core.memory import SEGMENT_COLUMNS, FloatArray, Records, state_of, write_lane
 from hybrid_env.core.motion import heading_vector, motion_coefficients, propagate, turn_centre
 from hybrid_env.core.noise import LOST, draw_noise, draw_normals, uniform
 from hybrid_env.core.polar import add_information, fused_position, range_rate, to_position
-from hybrid_env.core.records import SEGMENT_COLUMNS, state_of, write_lane
 
 SIGNED_RADIUS = SEGMENT_COLUMNS.index("signed_radius")
 
@@ -22,7 +21,7 @@ SIGNED_RADIUS = SEGMENT_COLUMNS.index("signed_radius")
 @internal
 def draw_first_estimate(block: Any, noise: FloatArray, lane: int, setting: Any) -> None:
     """Set the initial state of the object of a lane, and draw the first estimate, whose error has
-    the normal distribution whose covariance the bank may use. noise: (NOISE_ROWS, LANES),
+    the normal distribution whose covariance the bank may use. noise: (7, LANES),
     overwritten.
     """
     heading = setting.heading
@@ -114,7 +113,7 @@ def _sense(block: Any, lane: int, noise: FloatArray, sensors: Records, setting: 
             turned = sensor.bearing_deviation * noise_y
             sine = math.sin(turned)
             cosine = math.cos(turned)
-            found = to_position(
+            position = to_position(
                 distance + sensor.deviation * noise_x,
                 cosine * along_x - sine * along_y,
                 sine * along_x + cosine * along_y,
@@ -125,9 +124,9 @@ def _sense(block: Any, lane: int, noise: FloatArray, sensors: Records, setting: 
             inverse = 1.0 / (sensor.precision * sensor.deviation * sensor.deviation)
             information = add_information(
                 information,
-                found[0] - x,
-                found[1] - y,
-                (inverse * found[2], inverse * found[3], inverse * found[4]),
+                position[0] - x,
+                position[1] - y,
+                (inverse * position[2], inverse * position[3], inverse * position[4]),
             )
         else:
             weight = sensor.precision * sensor.deviation
@@ -171,7 +170,7 @@ def move(
     setting: Any,
 ) -> None:
     """Move the objects of lanes first .. last - 1 by one tick and measure their positions, without
-    sensors with variance R everywhere. noise: (NOISE_ROWS, LANES), overwritten.
+    sensors with variance R everywhere. noise: (7, LANES), overwritten.
     """
     if sensors.size > 0:
         for lane in range(first, last):

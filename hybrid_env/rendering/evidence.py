@@ -1,26 +1,15 @@
 """What the evidence panel shows, and the names and colours of modes, without matplotlib."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Literal
 
-import numpy as np
-
-from hybrid_env.checks import FloatArray, reject
+from hybrid_env.checks import reject
 from hybrid_env.core.banks.bank import mode_type
 
 TYPE_COLOURS = ("#d55e00", "#0072b2", "#009e73")
 """Straight, left and right: the papers' red, blue and green in the palette of Okabe and Ito."""
-
-DEFAULT_ALPHA = 0.001
-SINGLE_COLOUR = "#404040"
-# Limit of the axis, unless a threshold needs more.
-RATIO_LIMIT = 15.0
-# Lower limit of the axis of posterior probabilities, unless a threshold needs more.
-POSTERIOR_LIMIT = 0.001
-# Limit of an axis, relative to the threshold.
-AXIS_MARGIN = 1.15
 
 
 def mode_name(mode: int, radii: Sequence[float]) -> str:
@@ -52,18 +41,7 @@ def shade(colour: str, amount: float) -> str:
 def _type_of(mode: int, radii: Sequence[float]) -> int:
     if not 0 <= mode <= 2 * len(radii):
         raise reject("mode", mode, f"an integer from 0 to {2 * len(radii)}")
-    kind: int = mode_type(mode, len(radii))
-    return kind
-
-
-@dataclass(frozen=True)
-class Threshold:
-    """A level of the evidence at which a decision is made, (T,) by ticks since the switch; the
-    last one holds on.
-    """
-
-    levels: FloatArray
-    name: str = ""
+    return mode_type(mode, len(radii))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,8 +54,8 @@ class EvidencePanel:
     # Of each hypothesis, of straight motion, left and right turns, or a single one; those that
     # share a curve must have the same evidence.
     curves: Literal["hypothesis", "type", "single"] = "hypothesis"
-    # Drawn as dashed lines.
-    thresholds: tuple[Threshold, ...] = ()
+    # Levels of the evidence at which a decision is made, drawn as dashed lines, by their names.
+    thresholds: Mapping[str, float] = field(default_factory=dict)
     # Of the thresholds.
     legend: str = ""
     # Whether true and stated modes are drawn below the curves, for unknown switch moments: there
@@ -87,7 +65,7 @@ class EvidencePanel:
     def colours(self, radii: Sequence[float]) -> dict[int, str]:
         """Return the colour of each curve by the index of the first hypothesis of the curve."""
         if self.curves == "single":
-            return {0: SINGLE_COLOUR}
+            return {0: "#404040"}
         if self.curves == "type":
             return dict(zip((0, 1, len(radii) + 1), TYPE_COLOURS, strict=True))
         return {mode: mode_colour(mode, radii) for mode in range(2 * len(radii) + 1)}
@@ -95,11 +73,11 @@ class EvidencePanel:
 
 def ratio_limits(threshold: float) -> tuple[float, float]:
     """Return symmetric limits for an axis of log-likelihood ratios that contain a threshold."""
-    limit = max(RATIO_LIMIT, AXIS_MARGIN * threshold)
+    limit = max(15.0, 1.15 * threshold)
     return -limit, limit
 
 
-def sprt_panel(alpha: float) -> EvidencePanel:
+def sprt_panel(alpha: float = 0.001) -> EvidencePanel:
     """Return the panel of log-likelihood ratios to the active mode, with the thresholds of the
     SPRT at an alpha.
     """
@@ -107,7 +85,7 @@ def sprt_panel(alpha: float) -> EvidencePanel:
     return EvidencePanel(
         label="log-likelihood ratio to the active mode",
         limits=ratio_limits(upper),
-        thresholds=(Threshold(np.array([upper]), "A"), Threshold(np.array([-upper]), "B")),
+        thresholds={"A": upper, "B": -upper},
         legend=f"A, B at alpha = {alpha:g}",
     )
 
@@ -115,26 +93,20 @@ def sprt_panel(alpha: float) -> EvidencePanel:
 def posterior_panel(
     source: str,
     by_type: bool = False,
-    alpha: FloatArray | None = None,
+    alpha: float | None = None,
 ) -> EvidencePanel:
-    """Return the panel of posterior probabilities with the threshold 1 - alpha. alpha: (T,)
-    threshold on the posterior error probability at each tick; None draws none.
+    """Return the panel of posterior probabilities with the threshold 1 - alpha on the posterior of
+    a declaration; None draws none.
     """
-    limit = 1.0 - POSTERIOR_LIMIT
-    thresholds: tuple[Threshold, ...] = ()
-    legend = ""
-    if alpha is not None:
-        thresholds = (Threshold(1.0 - alpha),)
-        legend = f"1 - alpha at alpha = {alpha[0]:g}" if len(alpha) == 1 else "stopping boundary"
-        odds = ((1.0 - alpha.max()) / alpha.max()) ** AXIS_MARGIN
-        limit = max(limit, odds / (1.0 + odds))
+    odds = 0.0 if alpha is None else ((1.0 - alpha) / alpha) ** 1.15
+    limit = max(0.999, odds / (1.0 + odds))
     return EvidencePanel(
         label=f"posterior probability ({source})",
         limits=(1.0 - limit, limit),
         scale="logit",
         curves="type" if by_type else "hypothesis",
-        thresholds=thresholds,
-        legend=legend,
+        thresholds={} if alpha is None else {"": 1.0 - alpha},
+        legend="" if alpha is None else f"1 - alpha at alpha = {alpha:g}",
     )
 
 
@@ -145,7 +117,7 @@ def probability_panel(source: str = "", threshold: float = 0.0) -> EvidencePanel
     return EvidencePanel(
         label=f"probability ({source})" if source else "probability",
         limits=(-0.36, 1.05),
-        thresholds=(Threshold(np.array([threshold])),) if threshold > 0.0 else (),
+        thresholds={"": threshold} if threshold > 0.0 else {},
         legend=f"threshold {threshold:g}" if threshold > 0.0 else "",
         ribbons=True,
     )

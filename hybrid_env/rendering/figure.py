@@ -5,16 +5,15 @@ decision has the same marker in both panels: a circle if correct, a cross if wro
 
 import math
 from collections.abc import Sequence
+from itertools import compress
 from typing import Any
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import Collection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
-from matplotlib.ticker import MaxNLocator, NullLocator
+from matplotlib.ticker import LogitFormatter, LogitLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
 from hybrid_env.model_options import ModelOptions
@@ -22,42 +21,10 @@ from hybrid_env.rendering import FRAME_SIZE
 from hybrid_env.rendering.evidence import TYPE_COLOURS, EvidencePanel, mode_colour, mode_name
 from hybrid_env.rendering.history import ACTIVE, TRACE_INDEX, Decision, History
 
-_DPI = 100
-CORRECT, WRONG = "o", "X"
-CURRENT_COLOUR = "#f0e442"
 RIBBONS = {"true": -0.12, "stated": -0.26}
 """Height of the ribbon of true modes and of that of stated modes, below the axis of
 probabilities.
 """
-
-THRESHOLD_STYLE: dict[str, Any] = {
-    "color": "#555555",
-    "linestyle": "--",
-    "linewidth": 1,
-}
-SKIPPED_STYLE: dict[str, Any] = {
-    "facecolor": "black",
-    "edgecolor": "none",
-    "alpha": 0.07,
-}
-_OUTLINED: dict[str, Any] = {"linestyle": "none", "markeredgecolor": "black"}
-_TRUTH_STYLE: dict[str, Any] = {"color": "#b4b4b4", "linewidth": 4}
-_MEASUREMENT_STYLE: dict[str, Any] = {
-    "color": "#8a8a8a",
-    "marker": ".",
-    "linestyle": "none",
-}
-_SWITCH_STYLE: dict[str, Any] = {
-    "color": "white",
-    "marker": "D",
-    "markersize": 5,
-    **_OUTLINED,
-}
-_CURRENT_STYLE: dict[str, Any] = {
-    "color": CURRENT_COLOUR,
-    "marker": "*",
-    **_OUTLINED,
-}
 
 
 class DecisionMarkers:
@@ -73,22 +40,22 @@ class DecisionMarkers:
                 [],
                 s=45,
                 marker=marker,
+                facecolors="white",
                 edgecolors="black",
                 zorder=3,
                 clip_on=False,
+                label=f"{name} decision",
             )
-            for marker in (CORRECT, WRONG)
+            for name, marker in (("correct", "o"), ("wrong", "X"))
         ]
 
     def update(self, decisions: Sequence[Decision], points: Sequence[tuple[float, float]]) -> None:
         """Draw each decision at its point, in the coordinates of the axes."""
         for markers, correct in zip(self.artists, (True, False), strict=True):
-            chosen = [
-                index for index, decision in enumerate(decisions) if decision.correct == correct
-            ]
-            markers.set_offsets(np.reshape([points[index] for index in chosen], (-1, 2)))
+            chosen = [decision.correct == correct for decision in decisions]
+            markers.set_offsets(np.reshape([*compress(points, chosen)], (-1, 2)))
             markers.set_facecolor(
-                [mode_colour(decisions[index].mode, self.radii) for index in chosen]
+                [mode_colour(decision.mode, self.radii) for decision in compress(decisions, chosen)]
             )
 
 
@@ -99,16 +66,41 @@ class TrackAxes:
         axes.set_xlabel("x [m]", fontsize=9)
         axes.set_ylabel("y [m]", fontsize=9)
         axes.set_aspect("equal", adjustable="datalim")
-        (self._truth,) = axes.plot([], [], **_TRUTH_STYLE, solid_capstyle="round")
-        (self._measurements,) = axes.plot([], [], **_MEASUREMENT_STYLE, markersize=2.5)
+        (self._truth,) = axes.plot([], [], color="#b4b4b4", linewidth=4, label="true path")
+        (self._measurements,) = axes.plot(
+            [],
+            [],
+            ".",
+            color="#8a8a8a",
+            markersize=2.5,
+            label="measurement",
+        )
         self._estimates = _mode_lines(axes, options, linewidth=1.6)
-        (self._switches,) = axes.plot([], [], **_SWITCH_STYLE)
+        (self._switches,) = axes.plot(
+            [],
+            [],
+            "D",
+            color="white",
+            markersize=5,
+            markeredgecolor="black",
+            label="switch",
+        )
         self._decisions = DecisionMarkers(axes, options.radii)
-        (self._current,) = axes.plot([], [], **_CURRENT_STYLE, markersize=12)
+        (self._current,) = axes.plot(
+            [],
+            [],
+            "*",
+            color="#f0e442",
+            markersize=12,
+            markeredgecolor="black",
+            label="current position",
+        )
+        self.named = [self._truth, self._measurements, self._switches, self._current]
 
     def update(self, history: History) -> None:
         """Show the episode so far."""
-        trace, switches = history.trace, history.switches
+        trace = history.trace
+        switches = history.switches
         column = {name: trace[:, index] for name, index in TRACE_INDEX.items()}
         self._truth.set_data(column["x"], column["y"])
         self._measurements.set_data(column["measured_x"], column["measured_y"])
@@ -133,10 +125,11 @@ class EvidenceAxes:
     """
 
     def __init__(self, axes: Any, options: ModelOptions, panel: EvidencePanel):
-        self.axes, self.panel = axes, panel
+        self.panel = panel
         if panel.scale == "logit":
             axes.set_yscale("logit", nonpositive="clip")
-            axes.set_yticks(*probability_ticks(panel.limits[0]))
+            axes.yaxis.set_major_locator(LogitLocator(nbins=7))
+            axes.yaxis.set_major_formatter(LogitFormatter(one_half="0.5"))
             axes.yaxis.set_minor_locator(NullLocator())
         if panel.ribbons:
             axes.set_yticks(
@@ -147,19 +140,29 @@ class EvidenceAxes:
         axes.set_ylim(panel.limits)
         axes.set_xlabel("time [ticks]", fontsize=9)
         axes.set_ylabel(panel.label, fontsize=9)
-        for threshold in panel.thresholds:
+        for name, level in panel.thresholds.items():
             axes.annotate(
-                threshold.name,
-                (1.0, threshold.levels[-1]),
+                name,
+                (1.0, level),
                 (4, 0),
                 xycoords=("axes fraction", "data"),
                 textcoords="offset points",
                 va="center",
                 fontsize=9,
             )
-        self._skipped = PolyCollection([], transform=axes.get_xaxis_transform(), **SKIPPED_STYLE)
+        self._skipped = PolyCollection(
+            [],
+            transform=axes.get_xaxis_transform(),
+            facecolor="black",
+            edgecolor="none",
+            alpha=0.07,
+            label="after the decision",
+        )
         axes.add_collection(self._skipped, autolim=False)
-        self._thresholds = [axes.plot([], [], **THRESHOLD_STYLE)[0] for _ in panel.thresholds]
+        thresholds = [
+            axes.axhline(level, linestyle="--", color="#555555", linewidth=1, label=panel.legend)
+            for level in panel.thresholds.values()
+        ]
         self._curves = {
             mode: axes.plot([], [], color=colour, linewidth=1.3)[0]
             for mode, colour in panel.colours(options.radii).items()
@@ -169,10 +172,13 @@ class EvidenceAxes:
             for name in (RIBBONS if panel.ribbons else ())
         }
         self._decisions = DecisionMarkers(axes, options.radii)
+        self.named = [] if panel.ribbons else [*self._decisions.artists, self._skipped]
+        self.levels = thresholds[:1] if panel.legend else []
 
     def update(self, history: History) -> None:
         """Show the episode so far."""
-        evidence, switches = history.evidence, history.switches
+        evidence = history.evidence
+        switches = history.switches
         # NaN separates the curves of successive segments, at whose switches the evidence begins
         # anew.
         gaps = switches[:0] if self.panel.ribbons else switches
@@ -182,25 +188,10 @@ class EvidenceAxes:
         ends = np.append(switches[1:], len(evidence)) + 0.5
         skipped = zip((decision.time + 0.5 for decision in history.decisions), ends, strict=False)
         self._skipped.set_verts(
-            [
-                [
-                    (start, 0),
-                    (start, 1),
-                    (end, 1),
-                    (end, 0),
-                ]
-                for start, end in skipped
-            ]
+            [list(zip(np.repeat(interval, 2), (0, 1, 1, 0), strict=True)) for interval in skipped]
         )
-        self._update_thresholds(history)
-        modes: dict[str, NDArray[Any]] = {
-            "true": history.true_modes,
-            "stated": history.trace[:, ACTIVE],
-        }
-        edges = np.repeat(np.arange(1.0, len(history.trace) + 1.0), 2) + np.tile(
-            [-0.5, 0.5],
-            len(history.trace),
-        )
+        modes = {"true": history.true_modes, "stated": history.trace[:, ACTIVE]}
+        edges = np.add.outer(np.arange(1.0, len(history.trace) + 1.0), [-0.5, 0.5]).ravel()
         for name, lines in self._ribbons.items():
             for mode, line in enumerate(lines):
                 line.set_data(
@@ -213,59 +204,32 @@ class EvidenceAxes:
         ]
         self._decisions.update(history.decisions, points)
 
-    def _update_thresholds(self, history: History) -> None:
-        """Draw the thresholds up to the end of the axis, including the levels of the next ticks."""
-        time = np.arange(self.axes.get_xlim()[1] + 1.0)
-        segment = np.searchsorted(history.switches, time - 1.0, side="right").clip(1) - 1
-        tick = (time - history.switches[segment]).astype(int)
-        for threshold, line in zip(self.panel.thresholds, self._thresholds, strict=True):
-            levels = threshold.levels[np.clip(tick - 1, 0, len(threshold.levels) - 1)]
-            # A level that varies has no meaning after the decision.
-            if len(threshold.levels) > 1:
-                skipped = np.isnan(history.evidence).all(axis=1)
-                levels[1 : len(history.evidence) + 1][skipped] = np.nan
-                levels[history.switches] = np.nan
-            line.set_data(time, levels)
-
 
 def _mode_lines(axes: Any, options: ModelOptions, **style: Any) -> list[Line2D]:
     """Return an empty line in the colour of each mode."""
-    colours = [mode_colour(mode, options.radii) for mode in range(options.hypotheses)]
-    return [axes.plot([], [], color=colour, **style)[0] for colour in colours]
-
-
-def probability_ticks(lowest: float) -> tuple[list[float], list[str]]:
-    """Return the ticks of a logit axis and their labels, for an axis from a probability to its
-    complement.
-    """
-    largest = math.floor(round(-math.log10(lowest), 6))
-    step = math.ceil(largest / 3)
-    powers = range(step, largest + 1, step)
-    labels = {0.5: "50 %"}
-    for power in powers:
-        percent = 10.0 ** (2 - power)
-        short = power <= 6
-        labels[10.0**-power] = f"{percent:g} %" if short else f"$10^{{-{power}}}$"
-        labels[1.0 - 10.0**-power] = f"{100.0 - percent:g} %" if short else f"$1 - 10^{{-{power}}}$"
-    return list(labels), list(labels.values())
+    return [
+        axes.plot([], [], color=mode_colour(mode, options.radii), **style)[0]
+        for mode in range(options.hypotheses)
+    ]
 
 
 class EpisodeFigure:
     """The matplotlib figure, `FRAME_SIZE` pixels large, with both panels and the legends."""
 
     def __init__(self, options: Any, panel: EvidencePanel):
-        self.options, self.panel = options, panel
+        self.options = options
+        self.panel = panel
         width, height = FRAME_SIZE
-        self.figure = figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI)
+        self.figure = figure = Figure(figsize=(width / 100, height / 100), dpi=100)
         self._canvas = FigureCanvasAgg(figure)
         self._background: Any = None
         self._view: tuple[float, ...] = ()
         self._track = figure.add_axes((0.07, 0.27, 0.39, 0.64))
         self._evidence = figure.add_axes((0.57, 0.27, 0.39, 0.64))
-        for axes in (self._track, self._evidence):
+        for axes in figure.axes:
             axes.tick_params(labelsize=8)
-            axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
-            axes.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
+            for axis in (axes.xaxis, axes.yaxis):
+                axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
             axes.ticklabel_format(scilimits=(-2, 4))
         self._panels = (
             TrackAxes(self._track, options),
@@ -287,57 +251,35 @@ class EpisodeFigure:
         """Add what is drawn, and below it the colours of the modes, by type if there are too
         many.
         """
-        drawn: dict[str, Artist] = {
-            "true path": Line2D([], [], **_TRUTH_STYLE),
-            "measurement": Line2D([], [], **_MEASUREMENT_STYLE),
-            "switch": Line2D([], [], **_SWITCH_STYLE),
-            "current position": Line2D([], [], **_CURRENT_STYLE, markersize=11),
-        }
-        if not self.panel.ribbons:
-            for name, marker in (
-                ("correct decision", CORRECT),
-                ("wrong decision", WRONG),
-            ):
-                drawn[name] = Line2D(
-                    [],
-                    [],
-                    color="white",
-                    marker=marker,
-                    markersize=7,
-                    **_OUTLINED,
-                )
-            drawn["after the decision"] = Patch(**SKIPPED_STYLE)
-        self._add_legend(drawn, 0.095)
-        threshold = (
-            {self.panel.legend: Line2D([], [], **THRESHOLD_STYLE)} if self.panel.legend else {}
-        )
-        radii, modes = self.options.radii, range(self.options.hypotheses)
+        track, evidence = self._panels
+        radii = self.options.radii
+        modes = range(self.options.hypotheses)
         colours = {mode_name(mode, radii): mode_colour(mode, radii) for mode in modes}
-        legend = self._add_legend(_colour_legend(colours) | threshold, 0.04)
-        if legend.get_window_extent().width > 0.97 * FRAME_SIZE[0]:
-            legend.remove()
+        if len(colours) > 9:
             names = (
                 "straight (S)",
                 "left turns (L), darker is tighter",
                 "right turns (R), darker is tighter",
             )
             colours = dict(zip(names, TYPE_COLOURS, strict=True))
-            self._add_legend(_colour_legend(colours) | threshold, 0.04)
-
-    def _add_legend(self, entries: dict[str, Any], height: float) -> Any:
-        return self.figure.legend(
-            list(entries.values()),
-            list(entries),
-            ncol=len(entries),
-            loc="center",
-            bbox_to_anchor=(0.5, height),
-            frameon=False,
-            fontsize=8,
-            borderpad=0.0,
-            handlelength=1.6,
-            handletextpad=0.5,
-            columnspacing=1.3,
-        )
+        lines = [
+            Line2D([], [], color=colour, linewidth=3, label=name)
+            for name, colour in colours.items()
+        ]
+        rows = {0.095: [*track.named, *evidence.named], 0.04: [*lines, *evidence.levels]}
+        for height, artists in rows.items():
+            self.figure.legend(
+                handles=artists,
+                ncol=len(artists),
+                loc="center",
+                bbox_to_anchor=(0.5, height),
+                frameon=False,
+                fontsize=8,
+                borderpad=0.0,
+                handlelength=1.6,
+                handletextpad=0.5,
+                columnspacing=1.3,
+            )
 
     def draw(self, history: History) -> NDArray[np.uint8]:
         """Draw a frame, (height, width, 4) RGBA. The array is valid until the next call."""
@@ -360,16 +302,14 @@ class EpisodeFigure:
         """Episode number and axis limits (x, x, y, y, time), kept while they contain all data: a
         steady picture.
         """
-        trace, ticks = history.trace, len(history.trace)
-        low = np.empty(2)
-        high = np.empty(2)
-        for axis, name in enumerate("xy"):
-            columns = [
-                TRACE_INDEX[column] for column in (name, f"measured_{name}", f"estimate_{name}")
-            ]
-            values = trace[:, columns]
-            finite = values[np.isfinite(values)]
-            low[axis], high[axis] = finite.min(), finite.max()
+        trace = history.trace
+        ticks = len(history.trace)
+        kinds = ("", "measured_", "estimate_")
+        columns = [[TRACE_INDEX[kind + axis] for axis in "xy"] for kind in kinds]
+        # (ticks, kinds, axes), NaN where there is no measurement.
+        values = trace[:, columns]
+        low = np.nanmin(values, axis=(0, 1))
+        high = np.nanmax(values, axis=(0, 1))
         if self._view and self._view[0] == history.episode and not history.finished:
             _, x_low, x_high, y_low, y_high, last = self._view
             inside = (low >= (x_low, y_low)) & (high <= (x_high, y_high))
@@ -389,7 +329,8 @@ class EpisodeFigure:
         return history.episode, x_low, x_high, y_low, y_high, last
 
     def _title_text(self, history: History) -> str:
-        radii, stated = self.options.radii, history.trace[:, ACTIVE]
+        radii = self.options.radii
+        stated = history.trace[:, ACTIVE]
         true_mode = f"true mode {mode_name(int(history.true_modes[-1]), radii)}"
         if self.panel.ribbons:
             parts = [f"tick {len(stated)}", true_mode]
@@ -403,14 +344,9 @@ class EpisodeFigure:
             true_mode,
         ]
         if history.decisions:
-            last_one = history.decisions[-1]
-            verdict = ("correct" if last_one.correct else "wrong") + (
-                ", forced" if last_one.forced else ""
-            )
-            name = mode_name(last_one.mode, radii)
-            parts.append(f"last decision {name}, {verdict}, at tick {last_one.ticks}")
+            decision = history.decisions[-1]
+            verdict = "correct" if decision.correct else "wrong"
+            verdict += ", forced" if decision.forced else ""
+            name = mode_name(decision.mode, radii)
+            parts.append(f"last decision {name}, {verdict}, at tick {decision.ticks}")
         return "  |  ".join(parts)
-
-
-def _colour_legend(colours: dict[str, str]) -> dict[str, Line2D]:
-    return {name: Line2D([], [], color=colour, linewidth=3) for name, colour in colours.items()}

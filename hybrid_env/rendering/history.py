@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_env.checks import FloatArray, IntArray
-from hybrid_env.core.records import TRACE_COLUMNS
+from hybrid_env.checks import FloatArray, Info, IntArray
+from hybrid_env.core.memory import TRACE_COLUMNS
 
 TRACE_INDEX = {name: index for index, name in enumerate(TRACE_COLUMNS)}
 ACTIVE, SEGMENT, TRUE_MODE = TRACE_INDEX["active_mode"], TRACE_INDEX["segment"], len(TRACE_COLUMNS)
@@ -49,11 +49,27 @@ class History:
         # Rows with the columns of the trace, the true mode and the evidence.
         self._parts: list[FloatArray] = []
 
-    def add(
+    def record(self, world: Any, track: int, info: Info, finished: bool) -> None:
+        """Store the last step or reset of a track of a `World` with its `info`."""
+        if world.options.switches == "announced":
+            trace = world.read_trace(track)
+            active = 0 if finished else int(trace[-1, ACTIVE])
+            self._add(
+                trace, info["log_likelihood"] - info["log_likelihood"][active], info, finished
+            )
+            return
+        # The statement of the last tick.
+        if self._parts:
+            self._parts[-1][-1, ACTIVE] = world.actions[track]
+        position = info["estimate"][[0, 2]]
+        row = [*info["truth"], *info["measurement"], *position, np.nan, info["segment"]]
+        self._add([] if finished else [row], np.exp(info["log_probability"]), info, finished)
+
+    def _add(
         self,
         trace: Sequence[ArrayLike] | FloatArray,
         evidence: FloatArray,
-        info: dict[str, Any],
+        info: Info,
         finished: bool,
     ) -> None:
         """Store the ticks of one step, (ticks, len(TRACE_COLUMNS)), with those skipped after a
@@ -71,8 +87,10 @@ class History:
                 "decided_length",
             )
             self.decisions.append(Decision(len(self.trace), value, *(info[name] for name in names)))
-        self.finished, self.segment, self.tick = finished, info["segment"], info["tick"]
-        rows = np.reshape(np.asarray(trace, np.float64), (-1, len(TRACE_COLUMNS)))
+        self.finished = finished
+        self.segment = info["segment"]
+        self.tick = info["tick"]
+        rows = np.reshape(np.asarray(trace, float), (-1, len(TRACE_COLUMNS)))
         current = rows[:, SEGMENT] == info["segment"]
         true = np.where(
             current,
@@ -86,23 +104,14 @@ class History:
         if not finished:
             self.set_evidence(evidence)
 
-    def state(self, mode: int) -> None:
-        """Store the mode that is stated at the current tick."""
-        self._parts[-1][-1, ACTIVE] = mode
-
     @property
     def stated(self) -> IntArray:
         """Declared or stated mode of each tick, (ticks,)."""
-        return np.asarray(self.trace[:, ACTIVE].astype(np.int64))
+        return self.trace[:, ACTIVE].astype(int)
 
     def set_evidence(self, evidence: FloatArray) -> None:
         """Replace the evidence at the current tick, (M,), one value for each hypothesis."""
         self._parts[-1][-1, TRUE_MODE + 1 :] = evidence
-
-    @property
-    def started(self) -> bool:
-        """Whether the episode has a tick."""
-        return bool(self._parts)
 
     @property
     def _rows(self) -> FloatArray:
@@ -121,7 +130,7 @@ class History:
     @property
     def true_modes(self) -> IntArray:
         """(T,) true modes."""
-        return self._rows[:, TRUE_MODE].astype(np.int64)
+        return self._rows[:, TRUE_MODE].astype(int)
 
     @property
     def evidence(self) -> FloatArray:
@@ -132,24 +141,3 @@ class History:
     def switches(self) -> IntArray:
         """(number of segments so far,) index of the first row of `trace` of each segment."""
         return np.flatnonzero(np.diff(self.trace[:, SEGMENT], prepend=-1.0))
-
-
-def record_declaration(
-    history: History,
-    trace: FloatArray,
-    info: dict[str, Any],
-    finished: bool,
-) -> None:
-    """Add a step with announced switches: its ticks (ticks, len(TRACE_COLUMNS)) and its `info`."""
-    active = 0 if finished else int(trace[-1, ACTIVE])
-    history.add(trace, info["log_likelihood"] - info["log_likelihood"][active], info, finished)
-
-
-def record_statement(history: History, action: int, info: dict[str, Any], finished: bool) -> None:
-    """Add a step with unknown switches: the statement of the last tick and the `info` of the
-    present one.
-    """
-    if history.started:
-        history.state(action)
-    row = [*info["truth"], *info["measurement"], *info["estimate"][[0, 2]], np.nan, info["segment"]]
-    history.add([] if finished else [row], np.exp(info["log_probability"]), info, finished)

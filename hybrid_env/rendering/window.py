@@ -2,7 +2,7 @@
 
 import os
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +10,8 @@ from numpy.typing import NDArray
 from hybrid_env.extras import explained
 from hybrid_env.model_options import ModelOptions
 from hybrid_env.rendering import FRAME_SIZE
-from hybrid_env.rendering.evidence import EvidencePanel
+from hybrid_env.rendering.evidence import EvidencePanel, probability_panel, sprt_panel
 from hybrid_env.rendering.history import History
-
-if TYPE_CHECKING:
-    from hybrid_env.rendering.figure import EpisodeFigure
 
 RENDER_FPS = 10
 
@@ -24,17 +21,16 @@ class NoDisplayError(RuntimeError):
 
 
 class Window:
-    """A pygame window of at most some frames per second. The first frame opens it; pygame is
-    imported only then.
+    """A pygame window of `RENDER_FPS` frames per second at most. The first frame opens it; pygame
+    is imported only then.
     """
 
-    def __init__(self, fps: int):
-        self.fps = fps
+    def __init__(self) -> None:
         self.closed_by_user = False
         self._surface: Any = None
         self._clock: Any = None
 
-    def wants_frame(self, size: tuple[int, int]) -> bool:
+    def wants_frame(self) -> bool:
         """Open the window if necessary and process its events. Returns False if the user has
         closed it.
         """
@@ -44,7 +40,7 @@ class Window:
         if self._surface is None:
             try:
                 pygame.display.init()
-                self._surface = pygame.display.set_mode(size)
+                self._surface = pygame.display.set_mode(FRAME_SIZE)
             except pygame.error as error:
                 pygame.display.quit()
                 raise NoDisplayError(
@@ -61,13 +57,10 @@ class Window:
     def show(self, frame: NDArray[np.uint8]) -> None:
         """Show a frame, (height, width, 4) uint8 RGBA, in the window opened by `wants_frame`."""
         pygame = _import_pygame()
-        height, width = frame.shape[:2]
-        self._surface.blit(
-            pygame.image.frombuffer(frame.tobytes(), (width, height), "RGBA"),
-            (0, 0),
-        )
+        image = pygame.image.frombuffer(frame.tobytes(), FRAME_SIZE, "RGBA")
+        self._surface.blit(image, (0, 0))
         pygame.display.flip()
-        self._clock.tick(self.fps)
+        self._clock.tick(RENDER_FPS)
 
     def close(self) -> None:
         """Close the window, if there is one. The next frame opens a new one."""
@@ -102,24 +95,28 @@ def _import_pygame() -> Any:
 
 
 class Renderer:
-    """Draws an episode, frame by frame; human: in a window instead of returning the frames."""
+    """Draws an episode, frame by frame; human: in a window instead of returning the frames. Without
+    a panel the evidence is that of the bank.
+    """
 
-    def __init__(self, options: ModelOptions, human: bool, panel: EvidencePanel):
-        self.options, self.panel = options, panel
-        self.window = Window(RENDER_FPS) if human else None
-        self._figure: EpisodeFigure | None = None
+    def __init__(self, options: ModelOptions, human: bool, panel: EvidencePanel | None = None):
+        self.options = options
+        self.panel = (
+            panel or (sprt_panel if options.switches == "announced" else probability_panel)()
+        )
+        self.window = Window() if human else None
+        self._figure: Any = None
 
     def __getstate__(self) -> dict[str, Any]:
-        window = None if self.window is None else Window(self.window.fps)
         # Neither can be copied or pickled.
-        return self.__dict__ | {"window": window, "_figure": None}
+        return vars(self) | {"window": self.window and Window(), "_figure": None}
 
     def draw(self, history: History) -> Any:
         """Draw one frame of the episode so far, (height, width, 3) uint8, a new array; None if
         frames are shown in a window, also after the user has closed it, so that the calling loop
         can continue.
         """
-        if self.window is not None and not self.window.wants_frame(FRAME_SIZE):
+        if self.window is not None and not self.window.wants_frame():
             return None
         if self._figure is None:
             with explained():

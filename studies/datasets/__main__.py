@@ -4,6 +4,7 @@ import os
 import re
 import sys
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -16,50 +17,55 @@ import tyro
 from minari.data_collector import EpisodeBuffer
 
 from agents import load, run_command
+from baselines import rollout
 
 # Seed of the first episode; no evaluation uses it or those that follow.
 SEED = 5_000_000_000
 
 
 def record(env_id: str, decider: Any, episodes: int) -> list[EpisodeBuffer]:
-    """Return episodes of a decider; without one, each action has the same probability."""
-    env: Any = gym.make_vec(
-        f"hybrid_env:{env_id}",
-        episodes,
-        vectorization_mode="vector_entry_point",
-        tick_info=True,
-    )
-    generator = np.random.default_rng(0)
-    observation, info = env.reset(seed=SEED)
-    ticks = [(observation, info["true_mode"])]
-    steps = []
-    state = None
-    starts = np.ones(episodes, np.bool_)
+    """Return episodes of a decider, or of a function of the observations."""
+    make: Any = gym.make_vec
+    vectorized = {
+        "vectorization_mode": "vector_entry_point",
+        "tick_info": True,
+    }
+    env = make(f"hybrid_env:{env_id}", episodes, **vectorized)
+    ticks = []
     lengths = np.zeros(episodes, np.int64)
-    while not lengths.all():
-        if decider is None:
-            actions = generator.integers(env.single_action_space.n, size=episodes)
-        else:
-            seen = observation if decider.observes == "rows" else decider.observe(env.world)
-            actions, state = decider.predict(seen, state, starts)
-        observation, rewards, starts, _, info = env.step(actions)
-        ticks.append((observation, info["true_mode"]))
-        steps.append((actions, rewards))
-        lengths[starts & (lengths == 0)] = len(steps)
-    rows, modes = map(np.array, zip(*ticks, strict=True))
-    taken, earned = map(np.array, zip(*steps, strict=True))
+    for now in rollout(env, decider, SEED):
+        ticks.append(
+            (
+                now.observation,
+                now.info["true_mode"],
+                now.actions,
+                now.rewards,
+            )
+        )
+        lengths[now.terminated & (lengths == 0)] = now.step
+        if lengths.all():
+            break
+    rows, modes, actions, rewards = map(np.array, zip(*ticks, strict=True))
     return [
         EpisodeBuffer(
             seed=SEED + track,
             observations=rows[: count + 1, track],
-            actions=taken[:count, track],
-            rewards=earned[:count, track],
+            # A tick has the action that led to it.
+            actions=actions[1 : count + 1, track],
+            rewards=rewards[1 : count + 1, track],
             terminations=np.arange(1, count + 1) == count,
             truncations=np.zeros(count, np.bool_),
             infos={"true_mode": modes[: count + 1, track]},
         )
         for track, count in enumerate(lengths.tolist())
     ]
+
+
+def random_actions(env_id: str) -> Callable[[Any], Any]:
+    """Return a function of the observations whose actions have the same probability."""
+    generator = np.random.default_rng(0)
+    space: Any = gym.make(f"hybrid_env:{env_id}").action_space
+    return lambda rows: generator.integers(space.n, size=len(rows))
 
 
 @dataclass(kw_only=True)
@@ -81,11 +87,9 @@ class Datasets:
         """Write the data sets and print a line for each."""
         if self.out is not None:
             os.environ["MINARI_DATASETS_PATH"] = str(self.out.resolve())
-        deciders = {
-            name: None if name == "random" else load(name, self.env) for name in self.policies
-        }
         count = 5 if self.quick else self.episodes
-        for name, decider in deciders.items():
+        for name in self.policies:
+            decider = random_actions(self.env) if name == "random" else load(name, self.env)
             identity = f"{self.env}/{re.sub(r'[^a-zA-Z0-9]+', '_', name)}-v0"
             episodes = record(self.env, decider, count)
             with warnings.catch_warnings():

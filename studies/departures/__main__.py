@@ -1,16 +1,14 @@
 """Command line of the study: `python -m studies.departures`."""
 
-import json
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import joblib
-from rich.progress import track
 
-from agents import find_family, run_command, task_of
-from baselines import Estimate
+from agents import find_decider, run_command, task_of
 from studies.departures import study
+from studies.results import in_parallel, save_results
 
 
 @dataclass(kw_only=True)
@@ -37,7 +35,7 @@ class Departures:
         roads = study.quick_roads() if self.quick else study.all_roads(self.deciders)
         for road in roads:
             for name in road.deciders:
-                find_family(name, task_of(road.env_id).options)
+                find_decider(name, task_of(road.env_id).options)
         episodes = 10 if self.quick else self.episodes
         calls = [
             joblib.delayed(study.respond)(
@@ -49,17 +47,8 @@ class Departures:
             for road in roads
             for level in road.levels
         ]
-        parallel = joblib.Parallel(n_jobs=self.jobs, return_as="generator")
-        rows = [row for part in track(parallel(calls), total=len(calls)) for row in part]
-        text = study.markdown(rows)
-        print(text)
-        self.out.mkdir(parents=True, exist_ok=True)
-        (self.out / "departures.md").write_text(text, encoding="utf-8")
-        (self.out / "departures.json").write_text(
-            json.dumps(rows, indent=2, default=Estimate.as_json),
-            encoding="utf-8",
-        )
-        study.figure(rows).savefig(self.out / "departures.png")
+        rows = [row for part in in_parallel(calls, self.jobs, "levels") for row in part]
+        save_results(self.out / "departures", study.markdown(rows), rows, study.figure(rows))
 
 
 if __name__ == "__main__":

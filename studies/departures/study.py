@@ -11,24 +11,18 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import matplotlib.pyplot as plt
-import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
 
-from agents import find_family, in_brackets, markdown_table, select_threshold, sweep, task_of
+from agents import find_decider, in_brackets, markdown_table, select_threshold, sweep, task_of
 from hybrid_env import RandomScheme
 
 Row = dict[str, Any]
 
 
-@dataclass(frozen=True)
-class Level:
-    """A world on a road."""
-
-    name: str
-    # Options of an environment in which nobody is told.
-    untold: dict[str, Any]
-    # Those of the same environment, in which rules are told.
-    told: dict[str, Any]
+# Options of an environment in which nobody is told, and those of the same world in which rules are
+# told.
+Level = tuple[dict[str, Any], dict[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -41,24 +35,21 @@ class Road:
     rules: tuple[str, ...]
     # Deciders that are not told.
     deciders: tuple[str, ...]
-    levels: tuple[Level, ...]
-
-
-def _alike(name: str, options: dict[str, Any]) -> Level:
-    return Level(name, options, options)
+    # By name.
+    levels: dict[str, Level]
 
 
 def _radius(factor: float) -> Level:
     """Return turns of a multiple of the listed radius of 5 m."""
     flown = (factor * 5.0,)
     untold = {"scheme": RandomScheme(radii=flown), "correctness": "type"}
-    return Level(f"{factor:g}", untold, {"radii": flown, "correctness": "type"})
+    return untold, {"radii": flown, "correctness": "type"}
 
 
 def _process(factor: float) -> Level:
     """Return process noise of a multiple of Q = 0.001 m^2/s^2."""
     variance = factor * 0.001
-    return Level(f"{factor}", {"object_variance": variance}, {"process_variance": variance})
+    return {"object_variance": variance}, {"process_variance": variance}
 
 
 ANNOUNCED: tuple[str, tuple[str, ...], tuple[str, ...]] = (
@@ -69,37 +60,45 @@ ANNOUNCED: tuple[str, tuple[str, ...], tuple[str, ...]] = (
 UNKNOWN: tuple[str, tuple[str, ...], tuple[str, ...]] = (
     "HybridTrackQuickest-v0",
     ("beam",),
-    ("shipped", "shipped-margin", "robust", "beam-adaptive", "beam-default", "threshold"),
+    (
+        "shipped",
+        "shipped-margin",
+        "robust",
+        "beam-adaptive",
+        "beam-default",
+        "threshold",
+    ),
 )
 ROADS = (
     Road(
         "tails of the noise: Student's t, degrees of freedom",
         *ANNOUNCED,
-        (
-            Level("normal", {}, {}),
-            *(_alike(f"{k:g}", {"noise": f"student_t {k:g}"}) for k in (10, 5, 3, 2, 1.5)),
-        ),
+        {"normal": ({}, {})}
+        | {f"{k:g}": ({"noise": f"student_t {k:g}"},) * 2 for k in (10, 5, 3, 2, 1.5)},
     ),
     Road(
         "process noise of the object over Q",
         *ANNOUNCED,
-        (Level("1", {}, {}), *map(_process, (3, 10, 30, 100))),
+        {"1": ({}, {})} | {f"{factor}": _process(factor) for factor in (3, 10, 30, 100)},
     ),
     Road(
         "radius of turns over the listed one",
         *ANNOUNCED,
-        tuple(map(_radius, (1.0, 1.25, 1.5, 2.0, 2.5))),
+        {f"{factor:g}": _radius(factor) for factor in (1.0, 1.25, 1.5, 2.0, 2.5)},
     ),
     Road(
         "rhythm: durations",
         *UNKNOWN,
-        (
-            Level("25 + geometric 50", {}, {}),
-            *(
-                _alike(law, {"durations": law})
-                for law in ("uniform 25-125", "uniform 50-100", "uniform 65-85", "uniform 72-78")
-            ),
-        ),
+        {"25 + geometric 50": ({}, {})}
+        | {
+            law: ({"durations": law},) * 2
+            for law in (
+                "uniform 25-125",
+                "uniform 50-100",
+                "uniform 65-85",
+                "uniform 72-78",
+            )
+        },
     ),
 )
 
@@ -119,77 +118,71 @@ def quick_roads() -> list[Road]:
             road,
             rules=road.deciders[-1:],
             deciders=road.deciders[-1:],
-            levels=road.levels[:: len(road.levels) - 1],
+            levels={name: road.levels[name] for name in [*road.levels][:: len(road.levels) - 1]},
         )
         for road in ROADS
     ]
 
 
-def respond(road: Road, level: Level, episodes: int, seed: int) -> list[Row]:
+def respond(road: Road, level: str, episodes: int, seed: int) -> list[Row]:
     """Return rows, as in JSON, of the best rule that is told and of the deciders at one level.
 
     The gap is the reward less that of this rule on the same episodes; None in its own row.
     """
     task = task_of(road.env_id)
     goal = task.statistic(task.goal)
-    told, world = task.changed(level.told), task.changed(level.untold)
+    world, told = (task.changed(options) for options in road.levels[level])
     rules = []
     for name in road.rules:
-        family = find_family(name, told.options)
-        threshold = select_threshold(told, family, episodes)
+        decider = find_decider(name, told.options)
+        threshold = select_threshold(told, decider, episodes)
         rules.append(
             sweep(
                 told,
-                family,
+                decider,
                 episodes,
                 seed,
                 thresholds=(threshold,),
             )
         )
     best = max(rules, key=lambda scores: scores.estimate(goal).value)
-    place: Row = {"road": road.title, "level": level.name}
-    rows: list[Row] = [
-        place
-        | {
-            "decider": best.name,
-            "reward": best.estimate(goal),
-            "gap": None,
-        }
-    ]
+    compared = [best]
     for name in road.deciders:
         # Made for the nominal model.
-        family = find_family(name, task.options)
-        scores = sweep(
-            world,
-            family,
-            episodes,
-            seed,
-            thresholds=(family.default,),
+        decider = find_decider(name, task.options)
+        compared.append(
+            sweep(
+                world,
+                decider,
+                episodes,
+                seed,
+                thresholds=(decider.default,),
+            )
         )
-        gap = scores.difference(best, goal)
-        rows.append(
-            place
-            | {
-                "decider": scores.name,
-                "reward": scores.estimate(goal),
-                "gap": gap,
-            }
-        )
-    return rows
+    return [
+        {
+            "road": road.title,
+            "level": level,
+            "decider": scores.name,
+            "reward": scores.estimate(goal),
+            "gap": None if scores is best else scores.difference(best, goal),
+        }
+        for scores in compared
+    ]
 
 
 def markdown(rows: Sequence[Row]) -> str:
     """Return a table for each road."""
     parts = []
-    for road in dict.fromkeys(row["road"] for row in rows):
-        here = [row for row in rows if row["road"] == road]
-        names = dict.fromkeys(row["decider"] for row in here if row["gap"] is not None)
+    for road, here in pd.DataFrame(rows).groupby("road", sort=False):
         lines = []
-        for level in dict.fromkeys(row["level"] for row in here):
-            told, *others = (row for row in here if row["level"] == level)
+        for level, at_level in here.groupby("level", sort=False):
+            reference, *others = at_level.to_dict("records")
+            best = f"{reference['reward'].value:.3f} ({reference['decider']})"
             gaps = [in_brackets(row["gap"], 3, sign="+") for row in others]
-            lines.append([level, f"{told['reward'].value:.3f} ({told['decider']})", *gaps])
-        head = ["level", "best rule that is told", *(f"{name} less it" for name in names)]
+            lines.append([level, best, *gaps])
+        names = (f"{row['decider']} less it" for row in others)
+        head = ["level", "best rule that is told", *names]
         parts.append(f"## {road[0].upper()}{road[1:]}\n\n{markdown_table(head, lines)}")
     return "\n\n".join(parts) + "\n"
 
@@ -202,22 +195,22 @@ def figure(rows: Sequence[Row]) -> Figure:
         figsize=(13.0, 9.0),
         layout="constrained",
     )
-    untold = [row for row in rows if row["gap"] is not None]
-    names = list(dict.fromkeys(row["decider"] for row in untold))
-    colours = dict(zip(names, plt.colormaps["tab20"](range(20)), strict=False))
-    for road, axes in zip(dict.fromkeys(row["road"] for row in rows), grid.flat, strict=False):
-        here = [row for row in untold if row["road"] == road]
-        levels = list(dict.fromkeys(row["level"] for row in here))
-        for name in dict.fromkeys(row["decider"] for row in here):
-            gaps = [row["gap"] for row in here if row["decider"] == name]
-            values = np.array([gap.value for gap in gaps])
-            bars = [values - [gap.low for gap in gaps], [gap.high for gap in gaps] - values]
+    frame = pd.DataFrame([row for row in rows if row["gap"] is not None])
+    frame = frame.assign(**pd.DataFrame([vars(gap) for gap in frame.gap]))
+    colours = plt.colormaps["tab20"]
+    numbers = {name: k for k, name in enumerate(frame.decider.unique())}
+    for (road, here), axes in zip(
+        frame.groupby("road", sort=False),
+        grid.flat,
+        strict=False,
+    ):
+        for name, curve in here.groupby("decider", sort=False):
             axes.errorbar(
-                levels,
-                values,
-                bars,
+                curve.level,
+                curve.value,
+                [curve.value - curve.low, curve.high - curve.value],
                 marker="o",
-                color=colours[name],
+                color=colours(numbers[name]),
                 label=name,
             )
         axes.axhline(

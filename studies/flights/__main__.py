@@ -1,15 +1,14 @@
 """Command line of the study: `python -m studies.flights`."""
 
-import json
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
-from rich.console import Console
 
 from agents import run_command
+from studies.flights.scores import write_results
 from studies.flights.study import (
     COMPARED,
     as_json,
@@ -50,20 +49,18 @@ class Flights:
 
     def run(self) -> None:
         """Compare, print the tables and write the files."""
-        console = Console()
         names = tuple(dict.fromkeys(self.deciders)) or COMPARED[self.form]
-        with console.status("reading") as status:
-            flights = (
-                quick_flights()
-                if self.quick
-                else read_flights(self.source, self.flights, self.tier)
-            )
-            result = compare_on_flights(flights, names, self.form, status.update)
-        for title, table in tables(result).items():
-            print(f"{title}\n{table.to_string(index=False)}\n")
-        self.out.mkdir(parents=True, exist_ok=True)
-        content = json.dumps(as_json(result), indent=2)
-        (self.out / "flights.json").write_text(content + "\n", encoding="utf-8")
+        flights = (
+            quick_flights() if self.quick else read_flights(self.source, self.flights, self.tier)
+        )
+        result = compare_on_flights(flights, names, self.form)
+        content = as_json(result)
+        write_results(
+            self.out,
+            "flights",
+            tables(result, content),
+            content,
+        )
         for k, flight in enumerate(flights):
             picture(result, k).savefig(self.out / f"{flight.identity.replace(':', '-')}.png")
         print(f"Files in {self.out}")

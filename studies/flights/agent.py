@@ -6,7 +6,7 @@ values mirrored to it. No input depends on the unit of length; times are in seco
 settings of the filter.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -19,65 +19,15 @@ from safetensors.torch import load_file
 from agents import UtilityDecider
 from hybrid_env import ArgumentError
 from studies.flights.tracks import FlightTracks
-from studies.flights.turns import STRAIGHT, Batch, TurnEstimates, TurnModel
+from studies.flights.turns import STRAIGHT, Batch, FloatArray, TurnEstimates, TurnModel
 
-INPUTS = 16
-LOWEST_LOG, LOWEST_RATIO, LARGEST_INNOVATION = -15.0, -10.0, 6.0
-# Of a left and of a right turn.
-SIDES = (1.0, -1.0)
-# Positions that the network processes at once.
-BLOCK = 500
+Inputs = NDArray[np.float32]
 
 
-def log_probabilities(estimates: TurnEstimates) -> NDArray[np.float32]:
+def log_probabilities(estimates: TurnEstimates) -> Inputs:
     """Return the logarithms (T, B, 3) of the probabilities of the modes, at least -15."""
-    return np.maximum(np.log(np.maximum(estimates.probabilities, 1e-30)), LOWEST_LOG).astype(
-        np.float32
-    )
-
-
-def flight_inputs(batch: Batch, estimates: TurnEstimates, unit: float = 2.0) -> NDArray[np.float32]:
-    """Return the inputs (T, B, 2, 16) from the side of a left and of a right turn; turn rates in
-    units [deg/s].
-    """
-    logs = log_probabilities(estimates)
-    likelihoods = estimates.log_likelihoods
-    ratios = np.maximum(
-        likelihoods - likelihoods.max(-1, keepdims=True),
-        LOWEST_RATIO,
-    )
-    innovations = np.clip(estimates.innovations, -LARGEST_INNOVATION, LARGEST_INNOVATION)
-    steps = np.where(batch.steps > 0.0, batch.steps, 1.0)
-    ages = _ages(logs.argmax(-1), batch.times)
-    sway = estimates.speeds * batch.timing / batch.across
-    each = []
-    for turn, (side, other) in enumerate(zip((1, 2), (2, 1), strict=True)):
-        order = [0, side, other]
-        columns = [
-            *(2.0 * np.exp(logs[..., mode]) - 1.0 for mode in order),
-            *(logs[..., mode] / 5.0 for mode in order),
-            *(ratios[..., mode] / 3.0 for mode in order),
-            SIDES[turn] * np.degrees(estimates.rates) / unit,
-            0.5 * innovations[..., 0],
-            0.5 * SIDES[turn] * innovations[..., 1],
-            np.log(np.clip(steps, 0.1, 100.0)),
-            0.5 * np.log(np.clip(sway, 0.01, 1000.0)),
-            np.minimum(ages / 100.0, 2.0),
-            np.log(1.0 + ages) / 5.0,
-        ]
-        each.append(np.stack(columns, axis=-1).astype(np.float32))
-    return np.stack(each, axis=-2)
-
-
-def _ages(best: NDArray[np.int64], times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the time for which the most probable mode has been the same, (T, B) [s]."""
-    rows = np.arange(len(best))[:, None]
-    changed = np.diff(best, axis=0, prepend=best[:1]) != 0
-    since = np.maximum.accumulate(
-        np.where(changed, rows, 0),
-        axis=0,
-    )
-    return times - np.take_along_axis(times, since, axis=0)
+    logs = np.log(np.maximum(estimates.probabilities, 1e-30))
+    return np.maximum(logs, -15.0).astype(np.float32)
 
 
 class FlightAgent(UtilityDecider):
@@ -91,9 +41,13 @@ class FlightAgent(UtilityDecider):
     """
 
     task = "flights"
-    inputs = INPUTS
+    inputs = 16
     model: ClassVar[TurnModel] = TurnModel()
     """Settings of the filter."""
+    shipped: ClassVar[Path] = Path(__file__).with_name("shipped")
+    """Folder of its weights."""
+    unit: ClassVar[float] = 2.0
+    """Turn rate of the input 1 [deg/s]."""
 
     def __init__(self, net: Any, *settings: tuple[float, float] | float):
         super().__init__(net)
@@ -102,58 +56,97 @@ class FlightAgent(UtilityDecider):
         self.straight, self.turn = np.array(pairs, np.float64).T
 
     @classmethod
-    def read(cls, folder: Path) -> Callable[..., "FlightAgent"]:
-        """Return the agent of a folder as a function of its settings.
+    def find(cls, name: str, rules: Iterable[str]) -> Callable[..., "FlightAgent"]:
+        """Return the shipped agent, or that of a folder, as a function of its settings.
 
         Raises:
-            ArgumentError: the folder has no weights of such an agent.
+            ArgumentError: it is no folder, where names of rules are possible too, or has no weights
+                of such an agent.
         """
+        folder = cls.shipped if name == "agent" else Path(name)
         try:
             weights = load_file(folder / "policy.safetensors")
             net = cls.network(weights["recurrent.weight_hh_l0"].shape[1])
             net.load_state_dict(weights)
         except (OSError, KeyError, RuntimeError, SafetensorError) as error:
+            expected = ", ".join((*rules, "agent"))
             raise ArgumentError(
-                f"decider={str(folder)!r}: expected the folder of an agent for these flights"
-                f" ({str(error).splitlines()[0]})"
+                f"deciders={name!r}: expected {expected}, or the folder of an agent for these"
+                f" flights ({str(error).splitlines()[0]})"
             ) from None
         return lambda *settings: cls(net, *settings)
 
     @classmethod
-    def inputs_of(cls, batch: Batch, estimates: TurnEstimates) -> NDArray[np.float32]:
-        """Return the inputs (T, B, 2, inputs) of the network."""
-        return flight_inputs(batch, estimates)
+    def inputs_of(cls, batch: Batch, estimates: TurnEstimates) -> Inputs:
+        """Return the inputs (T, B, 2, inputs) of the network, from the side of a left and of a
+        right turn.
+        """
+        logs = log_probabilities(estimates)
+        likelihoods = estimates.log_likelihoods
+        ratios = np.maximum(
+            likelihoods - likelihoods.max(-1, keepdims=True),
+            -10.0,
+        )
+        along, across = np.moveaxis(
+            np.clip(estimates.innovations, -6.0, 6.0),
+            -1,
+            0,
+        )
+        steps = np.where(
+            batch.steps > 0.0,
+            batch.steps,
+            1.0,
+        )
+        ages = _ages(logs.argmax(-1), batch.times)
+        sway = estimates.speeds * batch.timing / batch.across
+        each = []
+        for side, order in (
+            (1.0, [0, 1, 2]),
+            (-1.0, [0, 2, 1]),
+        ):
+            columns = [
+                *(2.0 * np.exp(logs[..., mode]) - 1.0 for mode in order),
+                *(logs[..., mode] / 5.0 for mode in order),
+                *(ratios[..., mode] / 3.0 for mode in order),
+                side * np.degrees(estimates.rates) / cls.unit,
+                0.5 * along,
+                0.5 * side * across,
+                np.log(np.clip(steps, 0.1, 100.0)),
+                0.5 * np.log(np.clip(sway, 0.01, 1000.0)),
+                np.minimum(ages / 100.0, 2.0),
+                np.log(1.0 + ages) / 5.0,
+            ]
+            each.append(np.stack(columns, axis=-1).astype(np.float32))
+        return np.stack(each, axis=-2)
 
     @torch.no_grad()
-    def utilities(
-        self,
-        inputs: NDArray[np.float32],
-        logs: NDArray[np.float32],
-    ) -> NDArray[np.float64]:
+    def utilities(self, inputs: Inputs, logs: Inputs, block: int = 500) -> FloatArray:
         """Return the utilities of the modes and that of keeping the statement, together (T, B, 4);
         the network reads positions up to each only.
 
         Args:
             inputs: (T, B, 2, inputs), see `inputs_of`.
             logs: (T, B, 3), see `log_probabilities`.
+            block: number of positions that the network processes at once.
         """
-        utilities = np.empty((*logs.shape[:2], 4))
+        parts = []
         memory = None
-        for first in range(0, len(utilities), BLOCK):
-            rows = slice(first, first + BLOCK)
-            outputs = self.net(
-                torch.from_numpy(inputs[rows]),
-                torch.from_numpy(logs[rows]),
-                memory,
-            )
+        for first in range(0, len(logs), block):
+            rows = slice(first, first + block)
+            tensors = torch.from_numpy(inputs[rows]), torch.from_numpy(logs[rows])
+            outputs = self.net(*tensors, memory)
             memory = outputs.memory
-            utilities[rows, :, :3] = outputs.utility.double()
-            utilities[rows, :, 3] = outputs.stay.double()
-        return utilities
+            parts.append(
+                torch.cat(
+                    [outputs.utility, outputs.stay[..., None]],
+                    -1,
+                ).double()
+            )
+        return np.asarray(torch.cat(parts))
 
-    def choose(self, utilities: NDArray[np.float64]) -> NDArray[np.int8]:
+    def choose(self, utilities: FloatArray) -> NDArray[np.int8]:
         """Return the statements (T, B, K) with the largest utilities (T, B, 4)."""
-        total, pieces = utilities.shape[:2]
+        total, pieces, _ = utilities.shape
         stated = np.full(
             (total + 1, pieces, len(self.turn)),
             STRAIGHT,
@@ -161,7 +154,11 @@ class FlightAgent(UtilityDecider):
         )
         for tick, values in enumerate(utilities):
             before = stated[tick]
-            keep = values[:, 3, None] + np.where(before == STRAIGHT, self.straight, self.turn)
+            keep = values[:, 3, None] + np.where(
+                before == STRAIGHT,
+                self.straight,
+                self.turn,
+            )
             kept = before[..., None] == np.arange(3)
             with_keep = values[:, None, :3] + np.where(kept, keep[..., None], 0.0)
             stated[tick + 1] = with_keep.argmax(-1)
@@ -171,3 +168,10 @@ class FlightAgent(UtilityDecider):
         """Return the statements (T, B, K) on tracks."""
         inputs = self.inputs_of(tracks.batch, tracks.estimates)
         return self.choose(self.utilities(inputs, log_probabilities(tracks.estimates)))
+
+
+def _ages(best: NDArray[np.int64], times: FloatArray) -> FloatArray:
+    """Return the time for which the most probable mode has been the same, (T, B) [s]."""
+    changed = np.diff(best, axis=0, prepend=best[:1]) != 0
+    began = np.maximum.accumulate(np.where(changed, times, times[:1]), axis=0)
+    return np.asarray(times - began)

@@ -8,7 +8,7 @@ rules say something else when they are applied to the track angle that the aircr
 own sensors.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,15 +18,6 @@ from studies.flights.flight import Flight, stack_flights
 from studies.flights.turns import LEFT, RIGHT, STRAIGHT, Batch, BoolArray, FloatArray, IntArray
 
 MODE_NAMES = ("straight", "left", "right")
-
-# Of velocity and acceleration at the start [m/s, m/s^2].
-START_DEVIATIONS = (200.0, 5.0)
-# Time over which the rate of the own track angle is taken [s].
-OWN_WINDOW = 10.0
-# Positions before and after that give the velocity of the noise model.
-NEIGHBOURS = 3
-# Steps; time in longer gaps is not scored.
-LONGEST_WEIGHT = 3.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +54,7 @@ class Labels:
         weights: (n,) time that a row stands for [s]; 0 where it is not scored.
         rates: (n,) smoothed turn rate [rad/s], anticlockwise.
         speeds: (n,) smoothed speed [m/s].
-        own: (n,) modes from the aircraft's own track angle; -1 without one.
+        second: (n,) modes by a second rule: from the aircraft's own track angle; -1 without one.
     """
 
     times: FloatArray
@@ -72,29 +63,51 @@ class Labels:
     weights: FloatArray
     rates: FloatArray
     speeds: FloatArray
-    own: IntArray
+    second: IntArray
 
-    @property
-    def pieces(self) -> list[tuple[int, int, int]]:
-        """First row, end and mode of each label."""
-        begins = np.flatnonzero(np.diff(self.modes, prepend=-1))
-        ends = np.append(begins[1:], len(self.modes))
-        return list(zip(begins.tolist(), ends.tolist(), self.modes[begins].tolist(), strict=True))
+    def scored_in(self, other: "Labels") -> "Labels":
+        """Return them scored only where those of another flight with the same times are, too."""
+        scored = self.scored & other.scored
+        return replace(
+            self,
+            scored=scored,
+            weights=np.where(scored, self.weights, 0.0),
+        )
+
+
+Pair = tuple[Flight, Labels]
+
+
+def spans(values: IntArray, pieces: Sequence[tuple[int, int]]) -> Iterator[tuple[int, int, int]]:
+    """Yield first index, index after the last, and value of each run of equal values in pieces."""
+    for first, end in pieces:
+        begins = first + np.flatnonzero(
+            np.diff(
+                values[first:end],
+                prepend=values[first] - 1,
+            )
+        )
+        ends = [*begins[1:].tolist(), end]
+        yield from zip(
+            begins.tolist(),
+            ends,
+            values[begins].tolist(),
+            strict=True,
+        )
 
 
 def label_flights(flights: Sequence[Flight]) -> list[Labels]:
     """Return the labels of flights."""
     rules = LabelRules()
     batch = stack_flights(flights)
-    rates, speeds = smoothed_rates(batch, rules.jerk)
-    lengths = [len(flight.times) for flight in flights]
-    arrays = zip(
-        flights,
-        batch.unstack(rates, lengths),
-        batch.unstack(speeds, lengths),
-        strict=True,
-    )
-    return [label_flight(*of_flight, rules) for of_flight in arrays]
+    states = smoothed_states(batch, rules.jerk)
+    vx, ax, vy, ay = (states[..., k] for k in (1, 2, 4, 5))
+    squares = vx**2 + vy**2
+    rates = batch.unstack((vx * ay - vy * ax) / np.maximum(squares, 1e-12))
+    speeds = batch.unstack(np.sqrt(squares))
+    return [
+        label_flight(*of_flight, rules) for of_flight in zip(flights, rates, speeds, strict=True)
+    ]
 
 
 def label_flight(
@@ -103,92 +116,83 @@ def label_flight(
     speeds: FloatArray,
     rules: LabelRules,
 ) -> Labels:
-    """Return the labels of one flight; rows outside of its pieces are not scored.
-
-    Args:
-        flight: the flight.
-        rates: (n,) turn rate [rad/s].
-        speeds: (n,) [m/s].
-        rules: settings.
+    """Return the labels of one flight with turn rates (n,) [rad/s] and speeds [m/s]; rows outside
+    of its pieces are not scored.
     """
     n = len(flight.times)
     modes = np.zeros(n, np.int64)
-    own = np.full(n, -1)
-    weights = np.zeros(n)
+    second = np.full(n, -1)
     scored, inside = np.zeros((2, n), np.bool_)
     for first, end in flight.pieces:
         rows = slice(first, end)
         inside[rows] = True
-        times = flight.times[rows]
-        edges = row_edges(times)
-        modes[rows], turning = find_turns(edges, rates[rows], rules)
+        modes[rows], turning = find_turns(
+            row_edges(flight.times[rows]),
+            rates[rows],
+            rules,
+        )
         known = first + np.flatnonzero(~np.isnan(flight.tracks[rows]))
         if known.size > 2:
-            own_rates = angle_rates(flight.times[known], flight.tracks[known])
-            own[known] = find_turns(row_edges(flight.times[known]), own_rates, rules)[0]
+            reported_rates = angle_rates(flight.times[known], flight.tracks[known])
+            second[known] = find_turns(row_edges(flight.times[known]), reported_rates, rules)[0]
         scored[rows] = (modes[rows] != STRAIGHT) | ~turning
-        weights[rows] = np.minimum(
-            np.diff(edges),
-            LONGEST_WEIGHT * float(np.median(np.diff(times))),
-        )
-    scored &= (speeds >= rules.speed) & ((own < 0) | (own == modes))
-    rates, speeds = (np.where(inside, values, 0.0) for values in (rates, speeds))
-    return Labels(flight.times, modes, scored, np.where(scored, weights, 0.0), rates, speeds, own)
-
-
-def scored_alike(labels: Labels, other: Labels) -> Labels:
-    """Return labels that are scored only where those of another flight with the same times are
-    scored too.
-    """
-    return replace(
-        labels,
-        scored=labels.scored & other.scored,
-        weights=np.where(other.scored, labels.weights, 0.0),
+    scored &= (speeds >= rules.speed) & ((second < 0) | (second == modes))
+    return Labels(
+        flight.times,
+        modes,
+        scored,
+        np.where(scored, row_weights(flight), 0.0),
+        np.where(inside, rates, 0.0),
+        np.where(inside, speeds, 0.0),
+        second,
     )
 
 
-def smoothed_rates(batch: Batch, jerk: float) -> tuple[FloatArray, FloatArray]:
-    """Return turn rates [rad/s] and speeds [m/s], (T, B), of the smoother that sees the whole
-    flight.
+def row_weights(flight: Flight, longest: float = 3.0) -> FloatArray:
+    """Return the time (n,) that each row stands for [s]: at most `longest` median steps of its
+    piece, and 0 outside of pieces.
     """
-    states = smoothed_states(batch, jerk)
-    vx, ax, vy, ay = (states[..., k] for k in (1, 2, 4, 5))
-    squares = vx**2 + vy**2
-    return (vx * ay - vy * ax) / np.maximum(squares, 1e-12), np.sqrt(squares)
+    weights = np.zeros(len(flight.times))
+    for piece in flight.pieces:
+        times = flight.times[slice(*piece)]
+        longest_time = longest * float(np.median(np.diff(times)))
+        weights[slice(*piece)] = np.minimum(np.diff(row_edges(times)), longest_time)
+    return weights
 
 
 def smoothed_states(batch: Batch, jerk: float) -> FloatArray:
-    """Return the states [x, vx, ax, y, vy, ay] of this smoother, (T, B, 6) [m, m/s, m/s^2]."""
-    noises = batch.noise(local_velocities(batch))
+    """Return the states [x, vx, ax, y, vy, ay], (T, B, 6) [m, m/s, m/s^2], of the smoother that
+    sees the whole flight.
+    """
     model = MotionModel("CA", 2, jerk)
     filtered = run_filter(
-        KalmanFilter(model, 1.0, START_DEVIATIONS),
+        # Standard deviations of velocity and acceleration at the start [m/s, m/s^2].
+        KalmanFilter(model, 1.0, (200.0, 5.0)),
         batch.positions,
         batch.times,
-        noises=noises,
+        noises=batch.noise(local_velocities(batch)),
     )
     return np.asarray(smooth(model, filtered, batch.times).states)
 
 
-def local_velocities(batch: Batch) -> FloatArray:
-    """Return the mean velocity (T, B, 2) [m/s] from three positions before to three after; 0
+def local_velocities(batch: Batch, neighbours: int = 3) -> FloatArray:
+    """Return the mean velocity (T, B, 2) [m/s] from some positions before to as many after; 0
     when padded.
     """
-    total, tracks = batch.times.shape
     last = batch.present.sum(0) - 1
-    rows = np.arange(total)[:, None]
-    before = np.clip(rows - NEIGHBOURS, 0, last)
-    after = np.clip(rows + NEIGHBOURS, 0, last)
-    which = np.arange(tracks)
-    moved = batch.positions[after, which] - batch.positions[before, which]
-    passed = batch.times[after, which] - batch.times[before, which]
+    rows = np.arange(len(batch.times))[:, None]
+    columns = np.arange(len(last))
+    before, after = (
+        (np.clip(rows + shift, 0, last), columns) for shift in (-neighbours, neighbours)
+    )
+    moved = batch.positions[after] - batch.positions[before]
+    passed = batch.times[after] - batch.times[before]
     return np.asarray(moved / np.where(passed > 0.0, passed, np.inf)[..., None])
 
 
 def row_edges(times: FloatArray) -> FloatArray:
     """Return the edges (n + 1,) of the time that each row stands for [s]."""
-    middle = 0.5 * (times[1:] + times[:-1])
-    return np.concatenate([times[:1], middle, times[-1:]])
+    return np.concatenate([times[:1], 0.5 * (times[1:] + times[:-1]), times[-1:]])
 
 
 def find_turns(
@@ -203,58 +207,59 @@ def find_turns(
         rates: (n,) [rad/s].
         rules: settings.
     """
-    bound, peak = np.radians([rules.bound, rules.peak])
+    bound, peak, change = np.radians([rules.bound, rules.peak, rules.change])
+    widths = np.diff(edges)
     shortest = max(
         rules.duration,
-        1.5 * float(np.median(np.diff(edges))),
+        1.5 * float(np.median(widths)),
     )
     modes = np.zeros(len(rates), np.int64)
-    turning = np.abs(rates) > bound
-    for mode, sign in (
-        (LEFT, 1.0),
-        (RIGHT, -1.0),
+    for mode, signed in (
+        (LEFT, rates),
+        (RIGHT, -rates),
     ):
-        flags = np.concatenate([[False], sign * rates > bound, [False]]).astype(np.int8)
-        firsts = np.flatnonzero(np.diff(flags) == 1)
-        ends = np.flatnonzero(np.diff(flags) == -1)
+        flags = np.diff(
+            signed > bound,
+            prepend=False,
+            append=False,
+        )
+        firsts, ends = np.flatnonzero(flags).reshape(-1, 2).T
+        apart = edges[firsts[1:]] - edges[ends[:-1]] >= rules.merge
         if not firsts.size:
             continue
-        apart = edges[firsts[1:]] - edges[ends[:-1]] >= rules.merge
-        for first, end in zip(
-            firsts[np.append(True, apart)],
-            ends[np.append(apart, True)],
-            strict=True,
-        ):
-            rows = slice(int(first), int(end))
-            widths = np.diff(edges[rows.start : rows.stop + 1])
-            turned = abs(float((rates[rows] * widths).sum()))
-            enough = turned >= np.radians(rules.change) and widths.sum() >= shortest
-            if enough and (sign * rates[rows]).max() > peak:
+        candidates = firsts[np.append(True, apart)], ends[np.append(apart, True)]
+        for rows in map(slice, *candidates):
+            turned = abs(float((rates[rows] * widths[rows]).sum()))
+            enough = turned >= change and widths[rows].sum() >= shortest
+            if enough and signed[rows].max() > peak:
                 modes[rows] = mode
-    return modes, turning
+    return modes, np.abs(rates) > bound
 
 
-def angle_rates(times: FloatArray, angles: FloatArray) -> FloatArray:
-    """Return the rate (n,) of angles [rad], the slope of a line over 10 s, or over three rows if
-    longer.
+def angle_rates(times: FloatArray, angles: FloatArray, window: float = 10.0) -> FloatArray:
+    """Return the rate (n,) of angles [rad], the slope of a line over a window [s], or over three
+    rows if longer.
     """
-    unwrapped = np.unwrap(angles)
     rows = np.arange(len(times))
+    first = np.searchsorted(times, times - 0.5 * window)
     first = np.minimum(
-        np.searchsorted(times, times - 0.5 * OWN_WINDOW),
+        first,
         np.maximum(rows - 1, 0),
     )
+    end = np.searchsorted(times, times + 0.5 * window, "right")
     end = np.maximum(
-        np.searchsorted(times, times + 0.5 * OWN_WINDOW, "right"),
+        end,
         np.minimum(rows + 2, len(times)),
     )
-    origin = times - times[0]
+    origin, unwrapped = times - times[0], np.unwrap(angles)
 
     def total(values: FloatArray) -> FloatArray:
-        sums = np.concatenate([[0.0], np.cumsum(values)])
+        sums = np.append(0.0, np.cumsum(values))
         return np.asarray(sums[end] - sums[first])
 
     count = (end - first).astype(np.float64)
-    t, a, tt, ta = (total(values) for values in (origin, unwrapped, origin**2, origin * unwrapped))
-    spread = tt - t * t / count
-    return np.asarray((ta - t * a / count) / np.maximum(spread, 1e-9))
+    t, a, tt, ta = map(
+        total,
+        (origin, unwrapped, origin**2, origin * unwrapped),
+    )
+    return np.asarray((ta - t * a / count) / np.maximum(tt - t * t / count, 1e-9))

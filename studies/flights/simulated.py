@@ -6,15 +6,15 @@ the tier. The default settings are those of the recorded flights as a whole, non
 score of a decider; agents are trained with settings of their own.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.random import Generator
 from scipy.signal import lfilter
 
 from studies.flights.flight import Flight, Tier
-from studies.flights.labels import LabelRules, Labels, label_flight
+from studies.flights.labels import LabelRules, Labels, Pair, label_flight, spans
 from studies.flights.turns import STRAIGHT, FloatArray
 
 # Step of the integration [s].
@@ -29,14 +29,9 @@ class FlightWorld:
     rates: tuple[float, float] = (0.012, 0.05)
     # Durations of turns, log-uniform [s].
     turns: tuple[float, float] = (16.0, 105.0)
-    # Median duration of straight motion in each tier [s], log-normal, and the deviation of its
-    # logarithm.
-    straight: tuple[tuple[str, float], ...] = (
-        ("A", 720.0),
-        ("B", 116.0),
-        ("C", 60.0),
-        ("D", 60.0),
-    )
+    # Median duration of straight motion [s], log-normal, by default that of the tier; and the
+    # deviation of its logarithm.
+    straight: float | None = None
     spread: float = 1.0
     # Probability that a turn is followed by one to the other side without straight motion.
     reversal: float = 0.1
@@ -75,93 +70,70 @@ WIDE = FlightWorld(
 )
 
 
-def draw_world(generator: np.random.Generator) -> FlightWorld:
+def draw_world(generator: Generator) -> FlightWorld:
     """Return settings of one flight: those of `DRAWN`, and the others of `WIDE`."""
     drawn: dict[str, Any] = {
         name: float(log_uniform(generator, *bounds)) for name, bounds in DRAWN.items()
     }
-    straight = drawn.pop("straight")
-    return replace(WIDE, straight=tuple((name, straight) for name in "ABCD"), **drawn)
+    return replace(WIDE, **drawn)
 
 
-def simulate_flights(
+def simulate_flight(
     tier: Tier,
-    count: int,
     duration: float,
-    generator: np.random.Generator,
-    world: FlightWorld | None = None,
-) -> tuple[list[Flight], list[Labels]]:
-    """Return `count` flights of a duration [s], and their labels, which follow from their true turn
-    rates. The tier gives noise and steps.
+    generator: Generator,
+    world: FlightWorld,
+    identity: str = "simulated",
+) -> Pair:
+    """Return a flight of a duration [s] with its labels, which follow from its true turn rates. The
+    tier gives noise and steps.
     """
-    settings = FlightWorld() if world is None else world
-    results = []
-    for k in range(count):
-        times = _draw_times(tier, duration, generator)
-        grid = np.arange(0.0, times[-1] + 4.0 * GRID, GRID)
-        wanted = _draw_rates(
-            grid,
-            dict(settings.straight)[tier.name],
-            generator,
-            settings,
-        )
-        speeds = np.full(len(grid), log_uniform(generator, *settings.speeds))
-        results.append(fly(f"simulated:{k}:0", tier, times, wanted, speeds, generator, settings))
-    return [one for one, _ in results], [one for _, one in results]
+    times = _draw_times(tier, duration, generator)
+    grid = np.arange(0.0, times[-1] + 4.0 * GRID, GRID)
+    straight = {"A": 720.0, "B": 116.0, "C": 60.0, "D": 60.0}[tier.name]
+    wanted = _draw_rates(grid, world.straight or straight, generator, world)
+    speeds = np.full(len(grid), log_uniform(generator, *world.speeds))
+    return fly(identity, tier, times, wanted, speeds, generator, world)
 
 
-def twins(
-    flights: Sequence[Flight],
-    labels: Sequence[Labels],
-    generator: np.random.Generator,
-) -> tuple[list[Flight], list[Labels]]:
-    """Return simulated flights with the steps, speeds and turns of recorded ones, and their true
-    modes. The turns have the times and mean rates of the labels of the recorded flights.
+def twin(flight: Flight, labels: Labels, generator: Generator) -> Pair:
+    """Return a simulated flight with the steps, speeds and turns of a recorded one, and its true
+    modes. The turns have the times and mean rates of the labels.
     """
-    settings = FlightWorld()
-    results = []
-    for flight, label in zip(flights, labels, strict=True):
-        grid = np.arange(
-            0.0,
-            flight.times[-1] + 4.0 * GRID,
-            GRID,
-        )
-        rates = np.zeros(len(flight.times))
-        for first, end, mode in label.pieces:
-            if mode != STRAIGHT:
-                rates[first:end] = np.clip(
-                    np.mean(label.rates[first:end]),
-                    -0.1,
-                    0.1,
-                )
-        row = np.clip(
-            np.searchsorted(flight.times, grid, "right") - 1,
-            0,
-            len(rates) - 1,
-        )
-        speeds = np.interp(
-            grid,
-            flight.times,
-            np.clip(label.speeds, 1.0, 400.0),
-        )
-        smooth = np.convolve(
-            np.pad(speeds, 30, mode="edge"),
-            np.ones(61) / 61.0,
-            "valid",
-        )
-        name = f"twin of {flight.identity}"
-        results.append(
-            fly(
-                name,
-                flight.tier,
-                flight.times,
-                rates[row],
-                smooth,
-                generator,
-                settings,
+    grid = np.arange(
+        0.0,
+        flight.times[-1] + 4.0 * GRID,
+        GRID,
+    )
+    rates = np.zeros(len(flight.times))
+    for first, end, mode in spans(labels.modes, [(0, len(rates))]):
+        if mode != STRAIGHT:
+            rates[first:end] = np.clip(
+                np.mean(labels.rates[first:end]),
+                -0.1,
+                0.1,
             )
-        )
-    return [one for one, _ in results], [one for _, one in results]
+    row = np.searchsorted(flight.times, grid, "right") - 1
+    speeds = np.interp(
+        grid,
+        flight.times,
+        np.clip(labels.speeds, 1.0, 400.0),
+    )
+    smooth = np.convolve(
+        np.pad(speeds, 30, mode="edge"),
+        np.ones(61) / 61.0,
+        "valid",
+    )
+    name = f"twin of {flight.identity}"
+    return fly(
+        name,
+        flight.tier,
+        flight.times,
+        rates[row],
+        smooth,
+        generator,
+        FlightWorld(),
+    )
 
 
 def fly(
@@ -170,32 +142,45 @@ def fly(
     times: FloatArray,
     wanted: FloatArray,
     speeds: FloatArray,
-    generator: np.random.Generator,
+    generator: Generator,
     world: FlightWorld,
-) -> tuple[Flight, Labels]:
+) -> Pair:
     """Simulate a flight with positions at times (n,), from 0 [s]. The turn rate that the pilot
     wants [rad/s] and the speeds [m/s], (g,), are those of every half second.
     """
     grid = GRID * np.arange(len(wanted))
     width = max(round(world.roll / GRID), 1)
+    padded = np.pad(
+        wanted,
+        (width - 1, 0),
+        mode="edge",
+    )
     rolled = np.convolve(
-        np.pad(wanted, (width - 1, 0), mode="edge"),
+        padded,
         np.ones(width) / width,
         "valid",
     )
-    jitter = coloured(len(grid), world.jitter, world.jitter_time, generator)
-    wander = coloured(len(grid), world.wander, world.wander_time, generator)
+    jitter = coloured(
+        len(grid),
+        world.jitter,
+        world.jitter_time,
+        generator,
+    )
+    wander = coloured(
+        len(grid),
+        world.wander,
+        world.wander_time,
+        generator,
+    )
     rates = rolled * (1.0 + jitter) + wander
     path, moved = flown_path(rates, speeds, generator)
     scale = np.sqrt((world.freedom - 2.0) / world.freedom)
-    late = scale * tier.timing * generator.standard_t(world.freedom, len(times))
+    when = times + scale * tier.timing * generator.standard_t(world.freedom, len(times))
     errors = scale * tier.across * generator.standard_t(world.freedom, (len(times), 2))
-    when = times + late
     positions = np.column_stack([np.interp(when, grid, axis) for axis in path.T]) + errors
     # Outside of the grid.
-    before = np.where(when < 0.0, when, 0.0)
-    after = np.maximum(when - grid[-1], 0.0)
-    positions += before[:, None] * moved[0] / GRID + after[:, None] * moved[-1] / GRID
+    before, after = np.minimum(when, 0.0)[:, None], np.maximum(when - grid[-1], 0.0)[:, None]
+    positions += before * moved[0] / GRID + after * moved[-1] / GRID
     flight = Flight(
         identity,
         tier,
@@ -203,33 +188,38 @@ def fly(
         positions,
         np.full(len(times), np.nan),
     )
-    true_rates = np.interp(times, grid, rates)
-    speed = np.interp(times, grid, speeds)
+    true_rates, speed = (np.interp(times, grid, values) for values in (rates, speeds))
     return flight, label_flight(flight, true_rates, speed, LabelRules())
 
 
 def log_uniform(
-    generator: np.random.Generator,
+    generator: Generator,
     low: float,
     high: float,
     count: int | None = None,
 ) -> Any:
     """Return a number, or (count,) numbers, that are uniform in their logarithm."""
-    return np.exp(generator.uniform(np.log(low), np.log(high), count))
+    return np.exp(
+        generator.uniform(
+            np.log(low),
+            np.log(high),
+            count,
+        )
+    )
 
 
 def flown_path(
     rates: FloatArray,
     speeds: FloatArray,
-    generator: np.random.Generator,
-    wind: FloatArray | None = None,
+    generator: Generator,
+    wind: FloatArray | float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the path (g, 2) and its moves until the next row [m], in any first direction. From
     turn rates (g,) [rad/s], speeds (g,) and wind (g, 2) [m/s], every half second.
     """
     middle = generator.uniform(-np.pi, np.pi) + GRID * (np.cumsum(rates) - 0.5 * rates)
     moved = GRID * speeds[:, None] * np.column_stack([np.cos(middle), np.sin(middle)])
-    moved += 0.0 if wind is None else GRID * wind
+    moved += GRID * wind
     return np.cumsum(moved, axis=0) - moved, moved
 
 
@@ -237,7 +227,7 @@ def coloured(
     count: int,
     deviation: float,
     time: float,
-    generator: np.random.Generator,
+    generator: Generator,
 ) -> FloatArray:
     """Return noise with an exponential autocorrelation (Ornstein-Uhlenbeck), (count,)."""
     kept = np.exp(-GRID / time)
@@ -246,17 +236,16 @@ def coloured(
     return np.asarray(lfilter([1.0], [1.0, -kept], white))
 
 
-def _draw_times(tier: Tier, duration: float, generator: np.random.Generator) -> FloatArray:
+def _draw_times(tier: Tier, duration: float, generator: Generator) -> FloatArray:
     """Return times with steps as in a tier: reports that repeat a position are missing."""
-    nominal = 1.0 if tier.name in "AB" else 5.0
-    missing = {
-        "A": 0.15,
-        "B": 0.15,
-        "C": 0.03,
-        "D": 0.4,
+    nominal, missing = {
+        "A": (1.0, 0.15),
+        "B": (1.0, 0.15),
+        "C": (5.0, 0.03),
+        "D": (5.0, 0.4),
     }[tier.name]
     steps = nominal * generator.geometric(1.0 - missing, int(duration / nominal))
-    times = np.concatenate([[0.0], np.cumsum(steps)])
+    times = np.append(0.0, np.cumsum(steps))
     if tier.name == "A":
         times += generator.uniform(-0.3, 0.3, len(times))
     return np.asarray(times[times < duration] - times[0])
@@ -265,7 +254,7 @@ def _draw_times(tier: Tier, duration: float, generator: np.random.Generator) -> 
 def _draw_rates(
     grid: FloatArray,
     median: float,
-    generator: np.random.Generator,
+    generator: Generator,
     world: FlightWorld,
 ) -> FloatArray:
     """Return the wanted turn rate at every time of the grid [rad/s]."""
@@ -275,11 +264,8 @@ def _draw_rates(
     while time < grid[-1]:
         lasting = log_uniform(generator, *world.turns)
         size = log_uniform(generator, *world.rates)
-        side = (
-            -side
-            if side and generator.uniform() < world.reversal
-            else generator.choice([-1.0, 1.0])
-        )
+        reversed_ = side and generator.uniform() < world.reversal
+        side = -side if reversed_ else generator.choice([-1.0, 1.0])
         rates[(grid >= time) & (grid < time + lasting)] = side * size
         time += lasting
         if generator.uniform() >= world.reversal:

@@ -2,9 +2,8 @@
 flight.
 """
 
-import functools
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,45 +12,32 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from agents import load
-from baselines import CusumDecider, Estimate, Scores, ThresholdDecider
+from baselines import CusumDecider, Scores, ThresholdDecider
 from hybrid_env import ArgumentError
 from studies.flights.agent import FlightAgent
 from studies.flights.figure import flight_figure
-from studies.flights.flight import SCORED, TIERS, TOGETHER, Flight, stack_flights
-from studies.flights.labels import (
-    MODE_NAMES,
-    Labels,
-    label_flights,
-    scored_alike,
-)
-from studies.flights.metrics import STATISTICS, score_flights
-from studies.flights.samples import Samples
-from studies.flights.semi_real import WORLD, semi_real_flights, state_semi_real
-from studies.flights.simulated import simulate_flights, twins
+from studies.flights.flight import SCORED, TIERS, Flight, stack_flights
+from studies.flights.labels import MODE_NAMES, Labels, Pair, label_flights
+from studies.flights.samples import sample_flight
+from studies.flights.scores import cell, figures, score_flights, value
+from studies.flights.semi_real import WORLD, semi_real_flight, state_semi_real
+from studies.flights.simulated import FlightWorld, simulate_flight, twin
 from studies.flights.tracks import FlightTracks
 from studies.flights.turn_beam import run_turn_beam
-from studies.flights.turns import IntArray, run_turn_imm
+from studies.flights.turns import IntArray, TurnModel, run_turn_imm
 
-NATIVE, SEMI_REAL = "native", "semi-real"
-AGENT = "agent"
 COMPARED = {
-    NATIVE: ("imm", "imm:0.8", "cusum", "beam", "agent:8", AGENT),
-    SEMI_REAL: ("threshold", "beam", "beam-geometric", "shipped"),
+    "native": ("imm", "imm:0.8", "cusum", "beam", "agent:8", "agent"),
+    "semi-real": ("threshold", "beam", "beam-geometric", "shipped"),
 }
-"""Deciders that are compared by default, the reference first."""
+"""Deciders that are compared by default in each form, the reference first."""
 RULES: dict[str, tuple[str, Callable[..., Any]]] = {
     "imm": ("IMM threshold", ThresholdDecider),
     "cusum": ("CUSUM", lambda threshold=3.5: CusumDecider(threshold)),
     "beam": ("beam", ThresholdDecider),
 }
 """Titles and classes of the rules of the native form."""
-SHIPPED = Path(__file__).with_name("shipped")
-ENVIRONMENT = "hybrid_env:HybridTrackQuickest-v0"
-
 TWIN_SEED = 20190601
-NOISE_SEED, TWIN_NOISE_SEED = 20190602, 20190603
-# Of the quick form [s].
-QUICK_DURATION = 600.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,44 +45,33 @@ class FlightComparison:
     """Results."""
 
     form: str
-    # Of the deciders, and in figures.
-    names: dict[str, str]
-    # The flights, as the deciders see them.
-    flights: list[Flight]
-    # Of each flight.
-    labels: list[Labels]
+    # Of the deciders by name, in figures.
+    titles: dict[str, str]
+    # The flights, as the deciders see them, with their labels.
+    flights: list[Pair]
     # Of each decider and flight, (n,)
     stated: dict[str, list[IntArray]]
     # Of each decider.
     scores: dict[str, Scores]
-    # The same on simulated twins.
+    # The same on simulated twins, none in the semi-real form.
     twins: dict[str, Scores]
-    # The semi-real form has none of these, since its labels are those of the native one.
-    # Scores of the true modes of the twins against their labels.
-    truth: Scores | None = None
-    # Of the labels, stated one position late.
-    late: Scores | None = None
+    # Scores of the labels themselves: `truth`, the true modes of the twins against their labels;
+    # `late`, the labels stated one position late. None in the semi-real form, whose labels are
+    # those of the native one.
+    of_labels: dict[str, Scores]
 
-    @functools.cached_property
+    @property
     def groups(self) -> dict[str, list[int]]:
         """Indices of the flights of each tier, and of the tiers A to C together."""
-        tiers = {
-            name: [k for k, flight in enumerate(self.flights) if flight.tier.name == name]
-            for name in TIERS
+        names = [flight.tier.name for flight, _ in self.flights]
+        groups = {
+            tier: [k for k, name in enumerate(names) if name == tier]
+            for tier in TIERS
+            if tier in names
         }
-        present = [name for name in TOGETHER if tiers[name]]
-        title = "A-C" if len(present) == len(TOGETHER) else "+".join(present)
-        together = {title: [k for name in present for k in tiers[name]]} if len(present) > 1 else {}
-        return {name: rows for name, rows in (tiers | together).items() if rows}
-
-
-def split_threshold(name: str) -> tuple[str, float | None]:
-    """Return the name of a decider, and the number after its colon."""
-    base, _, text = name.rpartition(":")
-    try:
-        return (base, float(text)) if base else (name, None)
-    except ValueError:
-        return name, None
+        if all(tier in groups for tier in "ABC"):
+            groups["A-C"] = [k for tier in "ABC" for k in groups[tier]]
+        return groups
 
 
 def find(name: str, form: str) -> tuple[str, Any]:
@@ -105,22 +80,19 @@ def find(name: str, form: str) -> tuple[str, Any]:
     Raises:
         ArgumentError: there is none of this name.
     """
-    if form == SEMI_REAL:
-        return name, load(name, ENVIRONMENT, start=WORLD.start)
-    base, threshold = split_threshold(name)
-    number = () if threshold is None else (threshold,)
+    if form == "semi-real":
+        return name, load(name, "hybrid_env:HybridTrackQuickest-v0", start=WORLD.start)
+    base, *texts = name.split(":")
+    try:
+        numbers = list(map(float, texts))
+    except ValueError:
+        raise ArgumentError(f"deciders={name!r}: expected a number after the colon") from None
     if base in RULES:
         title, make = RULES[base]
     else:
-        title = base if threshold is None else f"{base}, margin"
-        folder = SHIPPED if base == AGENT else Path(base)
-        if not folder.is_dir():
-            expected = ", ".join((*RULES, AGENT))
-            raise ArgumentError(
-                f"deciders={name!r}: expected {expected}, or the folder of an agent"
-            )
-        make = FlightAgent.read(folder)
-    return title if threshold is None else f"{title} {threshold:g}", make(*number)
+        title = f"{base}, margin" if numbers else base
+        make = FlightAgent.find(base, RULES)
+    return " ".join([title, *(f"{number:g}" for number in numbers)]), make(*numbers)
 
 
 def read_flights(
@@ -128,216 +100,140 @@ def read_flights(
     identities: Sequence[str],
     tiers: Sequence[str],
 ) -> list[Flight]:
-    """Return the flights of identities, or those of the tiers; see `Samples` for the source."""
-    samples = Samples(source)
-    wanted = identities or [identity for tier in tiers for identity in SCORED[tier]]
+    """Return the flights of identities, or those of the tiers; see `sample_flight` for the
+    source.
+    """
+    names = identities or [name for tier in tiers for name in SCORED[tier].split()]
     # Those of a file one after the other.
-    read = {identity: samples.flight(identity) for identity in sorted(set(wanted))}
-    flights = [read[identity] for identity in dict.fromkeys(wanted)]
-    flights = [flight for flight in flights if flight.tier.name in tiers]
-    if not flights:
-        raise ArgumentError(f"tier={tuple(tiers)}: expected tiers of the flights")
-    return flights
+    flights = {name: sample_flight(source, name) for name in sorted(set(names))}
+    return [flights[name] for name in dict.fromkeys(names)]
 
 
-def quick_flights() -> list[Flight]:
-    """Return short simulated flights in the place of recorded ones."""
+def quick_flights(duration: float = 600.0) -> list[Flight]:
+    """Return short simulated flights [s] in the place of recorded ones."""
     generator = np.random.default_rng(TWIN_SEED)
     return [
-        replace(flight, identity=f"simulated:{name}:0")
-        for name in TOGETHER
-        for flight in simulate_flights(TIERS[name], 1, QUICK_DURATION, generator)[0]
+        simulate_flight(TIERS[name], duration, generator, FlightWorld(), f"simulated:{name}:0")[0]
+        for name in "ABC"
     ]
 
 
-def compare_on_flights(
-    flights: list[Flight],
-    names: Sequence[str],
-    form: str,
-    note: Callable[[str], None],
-) -> FlightComparison:
-    """Compare deciders, the first being the reference; `note` is called with what is done next."""
-    titles = {name: find(name, form)[0] for name in names}
-    note("labels")
-    labels = label_flights(flights)
-    copies, truth = twins(flights, labels, np.random.default_rng(TWIN_SEED))
-    copied = [scored_alike(*pair) for pair in zip(label_flights(copies), labels, strict=True)]
-    seen = (flights, labels)
-    of_twins = (copies, copied)
-    if form == SEMI_REAL:
-        seen = semi_real_flights(*seen, np.random.default_rng(NOISE_SEED))
-        of_twins = semi_real_flights(*of_twins, np.random.default_rng(TWIN_NOISE_SEED))
-    stated = state_modes(seen[0], titles, form, note)
-    of_copies = state_modes(
-        of_twins[0],
-        titles,
-        form,
-        lambda title: note(f"twins, {title}"),
-    )
-    scores, twin_scores = (
-        {name: score_flights(titles[name], *where, told[name]) for name in names}
-        for where, told in (
-            (seen, stated),
-            (of_twins, of_copies),
-        )
-    )
-    result = FlightComparison(form, titles, *seen, stated, scores, twin_scores)
-    if form == SEMI_REAL:
-        return result
-    of_truth = score_flights(
-        "truth",
-        flights,
-        copied,
-        [label.modes for label in truth],
-    )
-    modes = [late_modes(*pair) for pair in zip(flights, labels, strict=True)]
-    late = score_flights("late", flights, labels, modes)
-    return replace(result, truth=of_truth, late=late)
+def compare_on_flights(flights: list[Flight], names: Sequence[str], form: str) -> FlightComparison:
+    """Compare deciders, the first being the reference."""
+    deciders = {name: find(name, form) for name in names}
+    titles = {name: title for name, (title, _) in deciders.items()}
+    pairs = list(zip(flights, label_flights(flights), strict=True))
+    twins: dict[str, Scores] = {}
+    of_labels: dict[str, Scores] = {}
+    if form == "semi-real":
+        generator = np.random.default_rng(20190602)
+        pairs = [semi_real_flight(*pair, generator) for pair in pairs]
+    else:
+        generator = np.random.default_rng(TWIN_SEED)
+        copies, true = zip(*(twin(*pair, generator) for pair in pairs), strict=True)
+        labels = [
+            of_copy.scored_in(other)
+            for of_copy, (_, other) in zip(label_flights(copies), pairs, strict=True)
+        ]
+        on_copies = list(zip(copies, labels, strict=True))
+        of_labels = {
+            "truth": score_flights("truth", on_copies, [labels.modes for labels in true]),
+            "late": score_flights("late", pairs, [late_modes(*pair) for pair in pairs]),
+        }
+        stated = state_modes(copies, deciders, form)
+        twins = {name: score_flights(titles[name], on_copies, stated[name]) for name in titles}
+    stated = state_modes([flight for flight, _ in pairs], deciders, form)
+    scores = {name: score_flights(titles[name], pairs, stated[name]) for name in titles}
+    return FlightComparison(form, titles, pairs, stated, scores, twins, of_labels)
 
 
 def state_modes(
     flights: Sequence[Flight],
-    titles: Mapping[str, str],
+    deciders: dict[str, tuple[str, Any]],
     form: str,
-    note: Callable[[str], None],
 ) -> dict[str, list[IntArray]]:
     """Return the statements of each decider on each flight, (n,); 0 outside of its pieces."""
-    stated = {}
+    if form == "semi-real":
+        return {name: state_semi_real(decider, flights) for name, (_, decider) in deciders.items()}
     batch = stack_flights(flights)
-    lengths = [len(flight.times) for flight in flights]
-    imm = None if form == SEMI_REAL else run_turn_imm(batch)
-    for name, title in titles.items():
-        note(title)
-        decider = find(name, form)[1]
-        if imm is None:
-            stated[name] = state_semi_real(decider, flights)
-            continue
-        beam = split_threshold(name)[0] == "beam"
-        tracks = FlightTracks(batch, imm, run_turn_beam(batch) if beam else None)
-        modes = (
-            decider.statements(tracks)[..., 0]
-            if isinstance(decider, FlightAgent)
-            else tracks.statements_of(decider)
-        )
-        stated[name] = batch.unstack(modes, lengths)
+    model = TurnModel()
+    imm = run_turn_imm(batch, model)
+    stated = {}
+    for name, (title, decider) in deciders.items():
+        beam = run_turn_beam(batch, model) if title.startswith("beam") else None
+        tracks = FlightTracks(batch, imm, beam)
+        is_agent = isinstance(decider, FlightAgent)
+        modes = decider.statements(tracks)[..., 0] if is_agent else tracks.statements_of(decider)
+        stated[name] = batch.unstack(modes)
     return stated
 
 
 def late_modes(flight: Flight, labels: Labels) -> IntArray:
     """Return the labels (n,), stated one position late in each piece of the flight."""
-    rows = np.arange(len(flight.times))
+    late = labels.modes.copy()
     for first, end in flight.pieces:
-        rows[first + 1 : end] -= 1
-    return labels.modes[rows]
-
-
-def value(scores: Scores, name: str = "agreement") -> float:
-    """Return a figure of some flights."""
-    return float(scores.curve(STATISTICS[name])[0])
-
-
-def cell(estimate: Estimate | None, digits: int, scale: float = 1.0) -> str:
-    """Return an estimate with its interval; "-" where nothing is counted."""
-    if estimate is None or not np.isfinite(estimate.value):
-        return "-"
-    numbers = (estimate.value, estimate.low, estimate.high)
-    middle, low, high = (f"{scale * number:.{digits}f}" for number in numbers)
-    return f"{middle} ({low} to {high})"
-
-
-def figure(scores: Scores, name: str, digits: int = 1, scale: float = 1.0) -> str:
-    """Return a figure of some flights with its interval."""
-    return cell(scores.estimate(STATISTICS[name]), digits, scale)
-
-
-def less_first(scores: Mapping[str, Scores], name: str, rows: Sequence[int]) -> Estimate | None:
-    """Return the agreement of a decider on some flights less that of the first decider; None for
-    that one.
-    """
-    first = next(iter(scores))
-    if name == first:
-        return None
-    mine = scores[name].some(rows)
-    reference = scores[first].some(rows)
-    return mine.difference(reference, STATISTICS["agreement"])
-
-
-def tables(result: FlightComparison) -> dict[str, pd.DataFrame]:
-    """Return the tables of a comparison by their titles."""
-    rows = []
-    of_labels = []
-    for tier, group in result.groups.items():
-        for name, label in result.names.items():
-            scores = result.scores[name].some(group)
-            rows.append(
-                {
-                    "tier": tier,
-                    "hours": f"{scores.of('scored', 0).sum() / 3600.0:.1f}",
-                    "decider": label,
-                    "agreement": figure(scores, "agreement", 3),
-                    "less first, points": cell(
-                        less_first(result.scores, name, group),
-                        1,
-                        100.0,
-                    ),
-                    "delay, s": figure(scores, "delay"),
-                    "misses, %": figure(scores, "misses", scale=100.0),
-                    "false/h": figure(scores, "false_per_hour"),
-                    "to turns": f"{value(scores, 'false_turns_per_hour'):.1f}",
-                    "changes/label": f"{value(scores, 'changes_per_label'):.2f}",
-                    "twins": f"{value(result.twins[name].some(group)):.3f}",
-                }
-            )
-        if result.truth is not None and result.late is not None:
-            late = result.late.some(group)
-            of_labels.append(
-                {
-                    "tier": tier,
-                    "true for twins": f"{value(result.truth.some(group)):.3f}",
-                    "stated one position late": f"{value(late):.3f}",
-                    "delay, s": f"{value(late, 'delay'):.1f}",
-                    "false/h": f"{value(late, 'false_per_hour'):.1f}",
-                }
-            )
-    found = {f"Recorded flights, {result.form}": pd.DataFrame(rows)}
-    return found | ({"The labels themselves": pd.DataFrame(of_labels)} if of_labels else {})
-
-
-def estimates(scores: Scores) -> dict[str, Any]:
-    """Return all figures with their intervals by name, as plain values."""
-    return {name: scores.estimate(statistic).as_json() for name, statistic in STATISTICS.items()}
+        late[first + 1 : end] = labels.modes[first : end - 1]
+    return late
 
 
 def as_json(result: FlightComparison) -> dict[str, Any]:
-    """Return the figures of every tier, and the agreement on every flight, as plain values."""
-    tiers: dict[str, Any] = {}
-    for tier, rows in result.groups.items():
-        tiers[tier] = {}
-        for name, scores in result.scores.items():
-            less = less_first(result.scores, name, rows)
-            tiers[tier][name] = estimates(scores.some(rows)) | {
-                "agreement_less_first": None if less is None else less.as_json(),
-                "twins": estimates(result.twins[name].some(rows)),
+    """Return the figures of every tier as plain values."""
+    tiers = {
+        tier: {
+            name: figures(result.scores, name, rows)
+            | ({"twins": value(result.twins[name].some(rows))} if result.twins else {})
+            for name in result.titles
+        }
+        for tier, rows in result.groups.items()
+    }
+    return {"form": result.form, "tiers": tiers}
+
+
+def tables(result: FlightComparison, content: dict[str, Any]) -> dict[str, pd.DataFrame]:
+    """Return the tables of a comparison by their titles; `content` is that of `as_json`."""
+    rows = [
+        {
+            "tier": tier,
+            "hours": f"{sum(result.flights[k][1].weights.sum() for k in group) / 3600.0:.1f}",
+            "decider": result.titles[name],
+            "agreement": cell(of_decider["agreement"], 3),
+            "less first, points": cell(of_decider["agreement_less_first"], 1, 100.0),
+            "delay, s": cell(of_decider["delay"]),
+            "misses, %": cell(of_decider["misses"], 1, 100.0),
+            "false/h": cell(of_decider["false_per_hour"]),
+            "twins": f"{of_decider['twins']:.3f}" if result.twins else "-",
+        }
+        for tier, group in result.groups.items()
+        for name, of_decider in content["tiers"][tier].items()
+    ]
+    frames = {f"Recorded flights, {result.form}": pd.DataFrame(rows)}
+    if result.of_labels:
+        truth, late = result.of_labels["truth"], result.of_labels["late"]
+        frames["The labels themselves"] = pd.DataFrame(
+            {
+                "tier": tier,
+                "true for twins": f"{value(truth.some(group)):.3f}",
+                "stated one position late": f"{value(late.some(group)):.3f}",
+                "delay, s": f"{value(late.some(group), 'delay'):.1f}",
+                "false/h": f"{value(late.some(group), 'false_per_hour'):.1f}",
             }
-    flights = {
-        flight.identity: {name: value(scores.some([k])) for name, scores in result.scores.items()}
-        for k, flight in enumerate(result.flights)
-    }
-    return {
-        "form": result.form,
-        "tiers": tiers,
-        "agreement": flights,
-    }
+            for tier, group in result.groups.items()
+        )
+    return frames
 
 
 def picture(result: FlightComparison, k: int) -> Figure:
     """Draw labels of a flight, and statements of the deciders, the last one first."""
-    flight, labels = result.flights[k], result.labels[k]
-    stated = {label: result.stated[name][k] for name, label in reversed(result.names.items())}
+    flight, labels = result.flights[k]
+    stated = {title: result.stated[name][k] for name, title in reversed(result.titles.items())}
     agrees = value([*result.scores.values()][-1].some([k]))
     return flight_figure(
         flight,
-        np.where(labels.scored, labels.modes, len(MODE_NAMES)),
+        np.where(
+            labels.scored,
+            labels.modes,
+            len(MODE_NAMES),
+        ),
         stated,
         f"{flight.identity}, tier {flight.tier.name}: {next(iter(stated))} agrees {agrees:.1%}",
     )

@@ -1,19 +1,12 @@
 """Recorded flights as what deciders read: rows as of the environment with unknown switches."""
 
-from functools import cached_property
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from hybrid_env import QuickestLayout
 from studies.flights.turns import Batch, FloatArray, IntArray, TurnEstimates
-
-# Straight, left, right.
-MODES = 3
-# Probability.
-SMALLEST = 1e-300
-# Logarithms of likelihood ratios in the rows of the environment are at least this.
-LOG_FLOOR = -30.0
 
 
 class FlightTracks:
@@ -34,44 +27,24 @@ class FlightTracks:
         self.batch, self.estimates = batch, estimates
         chosen = estimates.probabilities if probabilities is None else probabilities
         # (T, B, 3)
-        self.log_probability = np.log(np.maximum(chosen, SMALLEST))
+        self.log_probability = np.log(np.maximum(chosen, 1e-300))
 
-    @cached_property
+    @property
     def turned(self) -> FloatArray:
         """(T, B) angle by which the ground track turned at each position [rad], anticlockwise."""
-        moves = np.diff(self.batch.positions, axis=0)
-        # Not NaN.
-        moved = np.hypot(moves[..., 0], moves[..., 1]) > 0.0
-        rows = np.where(
-            moved,
-            np.arange(len(moves))[:, None],
-            0,
-        )
+        x, y = np.moveaxis(np.diff(self.batch.positions, axis=0), -1, 0)
         # The track of an object that rests is the last one.
-        last = np.maximum.accumulate(rows, axis=0)
-        angles = np.take_along_axis(
-            np.arctan2(moves[..., 1], moves[..., 0]),
-            last,
-            axis=0,
-        )
-        known = np.take_along_axis(moved, last, axis=0)
-        change = np.diff(
-            np.where(known, angles, 0.0),
-            axis=0,
-        )
-        found = np.zeros(self.batch.times.shape)
-        found[2:] = np.where(
-            known[:-1],
-            np.remainder(change + np.pi, 2.0 * np.pi) - np.pi,
-            0.0,
-        )
-        return found
+        angles = np.where(np.hypot(x, y) > 0.0, np.arctan2(y, x), np.nan)
+        changes = pd.DataFrame(angles).ffill().diff()[1:].to_numpy()
+        turned = np.zeros(self.batch.times.shape)
+        turned[2:] = np.nan_to_num(np.remainder(changes + np.pi, 2.0 * np.pi) - np.pi)
+        return turned
 
     def statements_of(self, decider: Any) -> IntArray:
         """Return the statements (T, B) of a decider of `HybridTrackQuickestEnv`. Its rows
         have the probabilities of the modes, the likelihood ratios and the last statement.
         """
-        layout = QuickestLayout(MODES)
+        layout = QuickestLayout(3)
         likelihoods = self.estimates.log_likelihoods
         rows = np.zeros(
             (*self.batch.times.shape, layout.width),
@@ -81,18 +54,20 @@ class FlightTracks:
             ("log_probability", self.log_probability),
             ("log_ratio", likelihoods - likelihoods.max(-1, keepdims=True)),
         ):
-            rows[..., layout.slices[name]] = layout.scales[name] * np.maximum(values, LOG_FLOOR)
-        total, pieces = self.batch.times.shape
-        stated = np.empty((total, pieces), np.int64)
+            # As in the rows of the environment.
+            rows[..., layout.slices[name]] = layout.scales[name] * np.maximum(values, -30.0)
+        stated = np.zeros(
+            self.batch.times.shape,
+            np.int64,
+        )
+        tracks = np.arange(len(self.batch.pieces))
         state = None
-        for tick in range(total):
+        for tick, row in enumerate(rows):
             if tick:
-                rows[tick, np.arange(pieces), layout.slices["stated"].start + stated[tick - 1]] = (
-                    1.0
-                )
+                row[tracks, layout.slices["stated"].start + stated[tick - 1]] = 1.0
             stated[tick], state = decider.predict(
-                rows[tick],
+                row,
                 state,
-                np.full(pieces, tick == 0),
+                np.full(len(tracks), tick == 0),
             )
         return stated

@@ -7,12 +7,13 @@ are counted as if all flights had the number of positions in the recipe.
 
 import functools
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
-from pathlib import Path
-from typing import Any, ClassVar
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import torch
+from annotated_types import Ge, Interval, MinLen
+from numpy.random import Generator
 from numpy.typing import NDArray
 
 from agents import ExpectedRewardAlgorithm, ExpectedRewardSettings, StatementBatch
@@ -21,24 +22,11 @@ from hybrid_env import ArgumentError
 from studies.flights.agent import FlightAgent, log_probabilities
 from studies.flights.flight import TIERS, Flight, stack_flights
 from studies.flights.labels import Labels, label_flights
-from studies.flights.simulated import DRAWN, WIDE, draw_world, simulate_flights
+from studies.flights.simulated import draw_world, simulate_flight
 from studies.flights.turns import run_turn_imm
 
-# Of the flights, plus the seed of the run.
-FIRST_SEED = 10**6
-# Of the flights of the learning curve.
-CURVE_SEED = 10**5
-# Time between two positions [s], about.
-ROWS = {
-    "A": 1.2,
-    "B": 1.2,
-    "C": 5.2,
-    "D": 8.3,
-}
-# Thresholds of the rule beside the learning curve.
-PROBABILITIES = (0.0, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)
-
 Simulated = tuple[list[Flight], list[Labels], list[float]]
+"""Flights, their labels, and usual steps [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,26 +36,14 @@ class FlightSettings(ExpectedRewardSettings):
     """
 
     # Of each group in a round; short ones are left out, about half of those of D.
-    flights: tuple[int, ...]
+    flights: Annotated[tuple[Annotated[int, Interval(ge=1, le=1000)], ...], MinLen(1)]
     # Approximate number of positions of a flight.
-    rows: int
+    rows: Annotated[int, Ge(1)]
     # Times that the flights of a round are used.
-    passes: int
+    passes: Annotated[int, Ge(1)]
     # Of a change to a wrong mode: as much as a wrong statement for this time [s], times the scored
     # time of the position over its mean.
     change_cost: float
-
-    largest = ExpectedRewardSettings.largest | {"rows": 10_000, "passes": 10_000}
-    groups: ClassVar[tuple[str, ...]] = ("A", "B", "C", "D")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        counts = tuple(self.flights)
-        if len(counts) != len(self.groups) or not all(0 < count <= 1000 for count in counts):
-            raise ArgumentError(
-                f"flights={self.flights}: expected numbers of flights of {', '.join(self.groups)}"
-            )
-        object.__setattr__(self, "flights", counts)
 
 
 class Flights(ExpectedRewardAlgorithm):
@@ -78,7 +54,6 @@ class Flights(ExpectedRewardAlgorithm):
     settings: FlightSettings
     next_command = "python -m studies.flights --deciders imm"
     smallest_factor: ClassVar[float] = 0.05
-    simulation: ClassVar[dict[str, Any]] = asdict(WIDE) | DRAWN
     early: ClassVar[float] = 0.0
     """Time before a change of the label in which a change of the statement costs nothing [s]."""
     curve_flights: ClassVar[tuple[int, ...]] = (12, 16, 20, 8)
@@ -94,7 +69,7 @@ class Flights(ExpectedRewardAlgorithm):
         if self.options or not self.env_id.endswith("HybridTrack-v0"):
             raise ArgumentError(f"env={self.env_id}: expected no environment and no option of one")
         self.round_steps = self.settings.passes * sum(self.settings.flights) * self.settings.rows
-        self._generator = np.random.default_rng(FIRST_SEED + self.seed)
+        self._generator = np.random.default_rng(1_000_000 + self.seed)
 
     def make_curve(self) -> Any:
         """See `Algorithm.make_curve`; the episodes are simulated flights, the rule is the threshold
@@ -103,33 +78,28 @@ class Flights(ExpectedRewardAlgorithm):
 
         @functools.cache
         def flights() -> StatementBatch:
-            return self.simulate(self.curve_flights, np.random.default_rng(CURVE_SEED))
+            return self.simulate(
+                self.curve_flights,
+                np.random.default_rng(100_000),
+            )
 
-        def measure(family: Any) -> dict[str, float]:
+        def measure(agent: Any) -> dict[str, float]:
             batch = flights()
-            agent = family.make(family.default)
-            utilities = agent.utilities(batch.inputs.numpy(), batch.log_probability.numpy())
+            utilities = agent.utilities(
+                batch.inputs.numpy(),
+                batch.log_probability.numpy(),
+            )
             return mean_reward(batch, agent.choose(utilities)[..., 0])
 
         def measure_rule() -> float:
-            batch = flights()
-            logs = batch.log_probability.numpy().astype(np.float64)
-            rules = map(ThresholdDecider, PROBABILITIES)
-            return max(mean_reward(batch, rule.statements(logs))["reward"] for rule in rules)
+            logs = flights().log_probability.numpy().astype(np.float64)
+            return mean_reward(flights(), ThresholdDecider(0.6).statements(logs))["reward"]
 
         curve = super().make_curve()
-        wording = replace(
-            curve.wording,
-            key="threshold",
-            rule="IMM threshold",
-            sentence="threshold rule",
-            unit="position",
-            measured=("right",),
-            text="right {right:.1%} of the time",
-        )
         return replace(
             curve,
-            wording=wording,
+            unit="position",
+            rule="IMM threshold",
             sample=f"{sum(self.curve_flights)} flights",
             measure=measure,
             measure_rule=measure_rule,
@@ -151,7 +121,8 @@ class Flights(ExpectedRewardAlgorithm):
 
     def values(self) -> dict[str, Any]:
         """See `Algorithm.values`."""
-        return {"updates": self.updates, "generator": self._generator.bit_generator.state}
+        generator = self._generator.bit_generator.state
+        return super().values() | {"updates": self.updates, "generator": generator}
 
     def restore_values(self, values: dict[str, Any]) -> None:
         """See `Algorithm.restore_values`."""
@@ -159,31 +130,20 @@ class Flights(ExpectedRewardAlgorithm):
         self.updates = int(values["updates"])
         self._generator.bit_generator.state = values["generator"]
 
-    def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
-        """See `Algorithm.save_agent`; the card also tells how flights were simulated, and the
-        filter.
-        """
-        simulation = {"world": self.simulation, "filter": asdict(self.decider.model)}
-        super().save_agent(
-            folder,
-            card | {"environment": self.decider.task} | simulation,
-        )
+    def draw(self, counts: tuple[int, ...], generator: Generator) -> Simulated:
+        """Return simulated flights of each tier, with settings of their own."""
+        # Time between two positions [s], about.
+        steps = np.repeat((1.2, 1.2, 5.2, 8.3), counts).tolist()
+        flights = [
+            simulate_flight(
+                TIERS[name], step * self.settings.rows, generator, draw_world(generator)
+            )
+            for name, step in zip(np.repeat(list("ABCD"), counts), steps, strict=True)
+        ]
+        labelled = [flight for flight, _ in flights]
+        return labelled, label_flights(labelled), steps
 
-    def draw(self, counts: tuple[int, ...], generator: np.random.Generator) -> Simulated:
-        """Return simulated flights of each tier, with settings of their own, their labels, and
-        usual steps [s].
-        """
-        flights = []
-        steps = []
-        for (name, step), count in zip(ROWS.items(), counts, strict=True):
-            for _ in range(count):
-                world = draw_world(generator)
-                duration = step * self.settings.rows
-                flights += simulate_flights(TIERS[name], 1, duration, generator, world)[0]
-                steps.append(step)
-        return flights, label_flights(flights), steps
-
-    def simulate(self, counts: tuple[int, ...], generator: np.random.Generator) -> StatementBatch:
+    def simulate(self, counts: tuple[int, ...], generator: Generator) -> StatementBatch:
         """Return what the network is trained on, from simulated flights of each group.
 
         Weights of the reward are the times that are scored, and costs those of a wrong change, both
@@ -193,17 +153,20 @@ class Flights(ExpectedRewardAlgorithm):
         batch = stack_flights(flights)
         estimates = run_turn_imm(batch, self.decider.model)
         modes = np.zeros(batch.times.shape, np.int64)
-        weights, costs = np.zeros((2, *batch.times.shape), np.float32)
+        weights, costs = np.zeros(
+            (2, *batch.times.shape),
+            np.float32,
+        )
         for column, (k, first, end) in enumerate(batch.pieces):
             rows = slice(end - first)
             modes[rows, column] = labels[k].modes[first:end]
             weights[rows, column] = labels[k].weights[first:end] / steps[k]
             costs[:, column] = self.settings.change_cost / steps[k]
-        for ahead in range(1, round(self.early / min(steps)) + 1):
+        for ahead in range(
+            1,
+            round(self.early / min(steps)) + 1,
+        ):
             costs[:-ahead][modes[:-ahead] != modes[ahead:]] = 0.0
-        # Of all flights together; D has some far shorter ones, which are left out.
-        shortest = int(np.quantile(batch.present.sum(0), 0.1))
-        kept = batch.present[shortest - 1]
         arrays = (
             self.decider.inputs_of(batch, estimates),
             log_probabilities(estimates),
@@ -211,6 +174,9 @@ class Flights(ExpectedRewardAlgorithm):
             costs,
             weights,
         )
+        # Of all flights together; D has some far shorter ones, which are left out.
+        shortest = int(np.quantile(batch.present.sum(0), 0.1))
+        kept = batch.present[shortest - 1]
         return StatementBatch(*(torch.from_numpy(array[:shortest, kept]) for array in arrays))
 
 
@@ -222,9 +188,15 @@ def mean_reward(batch: StatementBatch, stated: NDArray[Any]) -> dict[str, float]
         part.numpy() for part in (batch.true_modes, batch.change_cost, batch.weight)
     )
     right = stated == modes
-    wrong = np.diff(stated, axis=0, prepend=stated[:1]).astype(np.bool_) & ~right
-    total = weights.sum()
+    wrong = (
+        np.diff(
+            stated,
+            axis=0,
+            prepend=stated[:1],
+        )
+        != 0
+    ) & ~right
     return {
-        "reward": float((weights * (right - costs * wrong)).sum() / total),
-        "right": float((weights * right).sum() / total),
+        "reward": float((weights * (right - costs * wrong)).sum() / weights.sum()),
+        "right": float((weights * right).sum() / weights.sum()),
     }

@@ -4,40 +4,26 @@ position it goes on or changes by a law of the durations. Those that change to o
 position are merged, and the most probable ones kept.
 """
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from baselines import mixture
 from studies.flights.turns import (
     STRAIGHT,
     Batch,
     FloatArray,
     IntArray,
     TurnModel,
-    climb_evidence,
-    mixture,
     start_turns,
     step_turns,
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class TurnHistories:
-    """Settings of the beam; chosen on simulated flights. The duration of a mode is its shortest one
-    and an exponential time, with the mean of `TurnModel`.
-    """
-
-    # Duration of straight motion and of a turn [s].
-    shortest: tuple[float, float] = (0.0, 6.0)
-    # Largest number of histories.
-    branches: int = 40
-
-
 class Histories(NamedTuple):
     """K histories of each of B pieces of flights."""
 
-    # (B, K, n), see `turns.TurnStep`
+    # (B, K, n), see `turns.step_turns`
     state: FloatArray
     # (B, K, n, n)
     covariance: FloatArray
@@ -51,121 +37,132 @@ class Histories(NamedTuple):
 
 def run_turn_beam(
     batch: Batch,
-    model: TurnModel | None = None,
-    histories: TurnHistories | None = None,
+    model: TurnModel,
+    shortest: tuple[float, float] = (0.0, 6.0),
+    branches: int = 40,
 ) -> FloatArray:
     """Return the probabilities (T, B, 3) of straight motion, left and right turns at every
     position.
+
+    Args:
+        batch: pieces of flights.
+        model: settings of the filters.
+        shortest: shortest duration of straight motion and of a turn [s]; beyond it a duration is
+            exponential, with the mean of the model.
+        branches: largest number of histories.
     """
-    settings = TurnModel() if model is None else model
-    beam = TurnHistories() if histories is None else histories
-    omega, modes = np.radians(settings.rates), settings.modes
-    steps = batch.steps
-    now = _begin(batch, settings, beam)
+    omega, modes = np.radians(model.rates), model.modes
     output = np.empty((*batch.times.shape, 3))
-    for k in range(len(output)):
+    # One history of each turn rate, in the midst of its mode.
+    start = np.arange(len(omega)), np.where(modes == STRAIGHT, *shortest), np.log(model.start)
+    now = Histories(
+        *start_turns(batch, len(omega), model),
+        *(
+            np.tile(
+                values,
+                (batch.times.shape[1], 1),
+            )
+            for values in start
+        ),
+    )
+    for k, dt in enumerate(batch.steps):
         if k:
-            now = _branch(now, steps[k], settings, beam)
-            after = step_turns(
-                batch,
-                batch.positions[k],
-                steps[k],
-                now.state,
-                now.covariance,
-                omega[now.model],
-                np.exp(now.log_weight),
-                settings,
+            now = _branch(now, dt[:, None], model, shortest)
+            filters = now.state, now.covariance, omega[now.model], np.exp(now.log_weight)
+            state, covariance, log_likelihood, _ = step_turns(batch, k, dt, *filters, model)
+            log_weight = now.log_weight + log_likelihood
+            after = Histories(
+                state,
+                covariance,
+                now.model,
+                now.age,
+                log_weight,
             )
-            climb = climb_evidence(batch, settings, k)
-            if climb.size > 1:
-                climb = np.take_along_axis(climb, now.model, axis=1)
-            log_weight = now.log_weight + after.log_likelihood + climb
-            now = _keep(
-                now._replace(
-                    state=after.state,
-                    covariance=after.covariance,
-                    log_weight=log_weight,
-                ),
-                beam.branches,
-            )
+            now = _keep(after, branches)
         weights = np.exp(now.log_weight)
         for mode in range(3):
-            output[k, :, mode] = np.where(modes[now.model] == mode, weights, 0.0).sum(1)
+            output[k, :, mode] = np.where(
+                modes[now.model] == mode,
+                weights,
+                0.0,
+            ).sum(1)
     return output
 
 
-def _begin(batch: Batch, model: TurnModel, beam: TurnHistories) -> Histories:
-    """Return one history of each turn rate, in the midst of its mode."""
-    tracks = batch.times.shape[1]
-    count = len(model.rates)
-    age = np.where(model.modes == STRAIGHT, *beam.shortest)
-    return Histories(
-        *start_turns(batch, count, model),
-        np.tile(np.arange(count), (tracks, 1)),
-        np.tile(age, (tracks, 1)),
-        np.tile(np.log(model.start), (tracks, 1)),
-    )
-
-
-def _branch(now: Histories, steps: FloatArray, model: TurnModel, beam: TurnHistories) -> Histories:
-    """Return each history as it goes on, then changes to each turn rate in another and in the
-    same mode.
+def _branch(
+    now: Histories,
+    dt: FloatArray,
+    model: TurnModel,
+    shortest: tuple[float, float],
+) -> Histories:
+    """Return each history as it goes on, after steps (B, 1) [s], then changes to each turn rate in
+    another and in the same mode.
     """
-    modes, count, dt = model.modes, len(model.rates), steps[:, None]
-    shortest = np.where(modes == STRAIGHT, *beam.shortest)[now.model]
-    mean = np.where(modes == STRAIGHT, model.straight, model.turn)[now.model]
+    modes, count = model.modes, len(model.rates)
+    least = np.where(modes == STRAIGHT, *shortest)[now.model]
+    mean = np.where(
+        modes == STRAIGHT,
+        model.straight,
+        model.turn,
+    )[now.model]
     # Within its shortest duration a mode does not end.
-    exposed = np.maximum(now.age + dt - shortest, 0.0) - np.maximum(now.age - shortest, 0.0)
-    ends = -np.expm1(-exposed / (mean - shortest))
+    exposed = np.maximum(now.age + dt - least, 0.0) - np.maximum(now.age - least, 0.0)
+    ends = -np.expm1(-exposed / (mean - least))
     # Changes to another mode, and to another turn rate of the same mode.
     rates = np.maximum(model.generator, 0.0)
     inside = rates * (modes[:, None] == modes)
     changes = -np.expm1(-inside.sum(1)[now.model] * dt)
     weight = np.exp(now.log_weight)
-    shares = [
-        one / np.maximum(one.sum(1, keepdims=True), 1e-300) for one in (rates - inside, inside)
-    ]
-    joint = np.concatenate(
-        [
-            (part[..., None] * share[now.model]).swapaxes(1, 2)
-            for part, share in zip(
-                (weight * ends, weight * (1.0 - ends) * changes),
-                shares,
-                strict=True,
+    joint = []
+    for part, to in (
+        (weight * ends, rates - inside),
+        (weight * (1.0 - ends) * changes, inside),
+    ):
+        share = to / np.maximum(
+            to.sum(1, keepdims=True),
+            1e-300,
+        )
+        joint.append(
+            (part[..., None] * share[now.model]).swapaxes(
+                1,
+                2,
             )
-        ],
-        axis=1,
-        # (B, 2 M, K)
-    )
-    # Histories that change to one turn rate are merged.
-    total = joint.sum(2)
-    shared = joint / np.where(total > 0.0, total, 1.0)[..., None]
+        )
+    # Histories that change to one turn rate are merged, (B, 2 M, K).
+    shared = np.concatenate(joint, axis=1)
+    total = shared.sum(2)
+    shared = shared / np.where(total > 0.0, total, 1.0)[..., None]
     shared[..., 0] += total == 0.0
     ages = (shared[:, count:] * now.age[:, None]).sum(2)
-    state, covariance = mixture(now.state, now.covariance, shared)
     with np.errstate(divide="ignore"):
         goes_on = now.log_weight + np.log1p(-ends) + np.log1p(-changes)
-        log_weight = np.concatenate([goes_on, np.log(total)], axis=1)
-    return Histories(
-        np.concatenate([now.state, state], axis=1),
-        np.concatenate([now.covariance, covariance], axis=1),
-        np.concatenate([now.model, np.tile(np.arange(count), (len(steps), 2))], axis=1),
-        np.concatenate([now.age, np.zeros_like(ages), ages], axis=1) + dt,
-        log_weight,
+        changed = Histories(
+            *mixture(now.state, now.covariance, shared),
+            np.tile(
+                np.arange(count),
+                (len(dt), 2),
+            ),
+            np.concatenate(
+                [np.zeros_like(ages), ages],
+                axis=1,
+            ),
+            np.log(total),
+        )
+    merged = now._replace(log_weight=goes_on)
+    joined = Histories(
+        *(np.concatenate(pair, axis=1) for pair in zip(merged, changed, strict=True))
     )
+    return joined._replace(age=joined.age + dt)
 
 
 def _keep(now: Histories, count: int) -> Histories:
     """Return the most probable histories with normalised weights."""
-    order = np.argsort(-now.log_weight, axis=1, kind="stable")[:, :count]
-    rows = np.arange(len(order))[:, None]
-    log_weight = now.log_weight[rows, order]
-    log_weight = log_weight - log_weight[:, :1]
-    log_weight -= np.log(np.exp(log_weight).sum(1, keepdims=True))
-    return Histories(
-        now.state[rows, order],
-        now.covariance[rows, order],
-        now.model[rows, order],
-        now.age[rows, order],
-        log_weight,
-    )
+    order = np.argsort(
+        -now.log_weight,
+        axis=1,
+        kind="stable",
+    )[:, :count]
+    kept: list[Any] = [values[np.arange(len(order))[:, None], order] for values in now]
+    log_weight = kept[-1] - kept[-1][:, :1]
+    kept[-1] = log_weight - np.log(np.exp(log_weight).sum(1, keepdims=True))
+    return Histories(*kept)

@@ -5,27 +5,22 @@ I + timing^2 v v' with the predicted velocity v, and its distribution a Student 
 flights are columns of arrays.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from baselines import MotionModel, mixture
 
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
 
 STRAIGHT, LEFT, RIGHT = 0, 1, 2
-# Standard deviation of each component of the velocity at the start [m/s].
-START_SPEED = 100.0
-# Of the wind, if it is in the state [m/s].
-START_WIND = 5.0
-# Climb rates further from `TurnModel.climb_level` count as at this distance [m/s].
-CLIMB_RANGE = 3.0
 # Probability of a model.
 SMALLEST = 1e-12
-LOG_SMALLEST = float(np.log(SMALLEST))
 
 
 class Batch(NamedTuple):
@@ -33,18 +28,20 @@ class Batch(NamedTuple):
 
     # Flight, first row and end of each piece.
     pieces: tuple[tuple[int, int, int], ...]
+    # First row and end of the part of it that counts.
+    counted: tuple[tuple[int, int], ...]
+    # Number of positions of each flight.
+    lengths: tuple[int, ...]
     # (T, B) [s]; the last one of a piece is repeated.
     times: FloatArray
     # (T, B, 2) [m], NaN after its end.
     positions: FloatArray
+    # (T, B) climb rates until each position [m/s], 0 where they are not known.
+    climbs: FloatArray
     # (B,) standard deviation of a position across the velocity [m]
     across: FloatArray
     # (B,) standard deviation of its time [s]
     timing: FloatArray
-    # (T, B) climb rates until each position [m/s], where they are known.
-    climbs: FloatArray | None = None
-    # First row and end of the part that counts; None: all.
-    own: tuple[tuple[int, int], ...] | None = None
 
     @property
     def present(self) -> BoolArray:
@@ -54,32 +51,33 @@ class Batch(NamedTuple):
     @property
     def steps(self) -> FloatArray:
         """(T, B) time since the last position [s], 0 for the first one."""
-        return np.diff(self.times, axis=0, prepend=self.times[:1])
+        return np.diff(
+            self.times,
+            axis=0,
+            prepend=self.times[:1],
+        )
 
-    def unstack(self, values: NDArray[Any], lengths: Sequence[int]) -> list[NDArray[Any]]:
-        """Return values (T, B, ...) as those of each flight, (n, ...), 0 outside of the pieces;
-        lengths: numbers n.
-        """
+    def unstack(self, values: NDArray[Any]) -> list[NDArray[Any]]:
+        """Return values (T, B, ...) as those of each flight, (n, ...), 0 outside of the pieces."""
         flights = [
             np.zeros(
-                (length, *values.shape[2:]),
+                (n, *values.shape[2:]),
                 values.dtype,
             )
-            for length in lengths
+            for n in self.lengths
         ]
-        for column, (k, first, end) in enumerate(self.pieces):
-            begin, stop = (first, end) if self.own is None else self.own[column]
-            flights[k][begin:stop] = values[begin - first : stop - first, column]
+        for column, (k, first, _) in enumerate(self.pieces):
+            begin, end = self.counted[column]
+            flights[k][begin:end] = values[begin - first : end - first, column]
         return flights
 
     def noise(self, velocities: FloatArray) -> FloatArray:
         """Return the covariances across^2 I + timing^2 v v' of positions, (..., B, 2, 2) [m^2],
         at velocities v.
         """
-        along = (
-            (self.timing**2)[:, None, None] * velocities[..., :, None] * velocities[..., None, :]
-        )
-        return np.asarray((self.across**2)[:, None, None] * np.eye(2) + along)
+        across, timing = (part[:, None, None] ** 2 for part in (self.across, self.timing))
+        along = timing * velocities[..., :, None] * velocities[..., None, :]
+        return np.asarray(across * np.eye(2) + along)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,8 +112,7 @@ class TurnModel:
     @property
     def modes(self) -> IntArray:
         """(M,) straight, left or right, of each model."""
-        rates = np.array(self.rates)
-        return np.where(rates > 0.0, LEFT, np.where(rates < 0.0, RIGHT, STRAIGHT))
+        return np.array([STRAIGHT, LEFT, RIGHT])[np.sign(self.rates).astype(np.int64)]
 
     @property
     def start(self) -> FloatArray:
@@ -127,70 +124,66 @@ class TurnModel:
     def generator(self) -> FloatArray:
         """(M, M) rates of change between the models [1/s]; rows sum to 0."""
         modes = self.modes
-        matrix = np.zeros((len(modes), len(modes)))
-        for i, one in enumerate(modes):
-            for j, other in enumerate(modes):
-                if one == STRAIGHT:
-                    matrix[i, j] = 1.0 / self.straight / max((modes != STRAIGHT).sum(), 1)
-                elif other == one:
-                    matrix[i, j] = 1.0 / self.within / max((modes == one).sum() - 1, 1)
-                else:
-                    # Most turns end in straight motion.
-                    share = 0.9 if other == STRAIGHT else 0.1 / (modes == other).sum()
-                    matrix[i, j] = share / self.turn
+        alike = modes[:, None] == modes
+        count = alike.sum(0)
+        # Most turns end in straight motion.
+        ends = np.where(modes == STRAIGHT, 0.9, 0.1 / count) / self.turn
+        matrix = np.where(
+            alike,
+            1.0 / self.within / np.maximum(count - 1, 1),
+            ends,
+        )
+        matrix[modes == STRAIGHT] = 1.0 / self.straight / max((modes != STRAIGHT).sum(), 1)
         np.fill_diagonal(matrix, 0.0)
         return np.asarray(matrix - np.diag(matrix.sum(1)))
 
 
-class TurnStep(NamedTuple):
-    """K filters of each of B pieces after a position; where there is none, they are only
-    predicted.
-    """
-
-    # (B, K, n), n = 4 or with wind 6.
-    state: FloatArray
-    # (B, K, n, n)
-    covariance: FloatArray
-    # (B, K) of the position, 0 without one.
-    log_likelihood: FloatArray
-    # (B, n) of all filters before the position.
-    mean: FloatArray
-    # (B, 2, 2) covariance of the innovation of this mean, in each filter on average.
-    spread: FloatArray
-
-
-def start_turns(batch: Batch, count: int, model: TurnModel) -> tuple[FloatArray, FloatArray]:
+def start_turns(
+    batch: Batch,
+    count: int,
+    model: TurnModel,
+    speed: float = 100.0,
+    wind: float = 5.0,
+) -> tuple[FloatArray, FloatArray]:
     """Return states (B, K, n) and covariances (B, K, n, n) of K equal filters at the first
-    positions.
+    positions; `speed` and `wind` are standard deviations of the components of velocities [m/s].
     """
-    tracks = batch.times.shape[1]
     m = model.values
     velocity = (batch.positions[1] - batch.positions[0]) / (batch.times[1] - batch.times[0])[
         :, None
     ]
-    state = np.zeros((tracks, 1, 2 * m))
-    state[:, 0, ::m], state[:, 0, 1::m] = batch.positions[0], velocity
-    covariance = np.zeros((tracks, count, 2 * m, 2 * m))
+    state = np.zeros((len(velocity), count, 2 * m))
+    state[..., ::m], state[..., 1::m] = batch.positions[0, :, None], velocity[:, None]
+    variances = np.tile(
+        [0.0, speed**2, wind**2][:m],
+        2,
+    )
+    covariance = np.tile(
+        np.diag(variances),
+        (len(velocity), count, 1, 1),
+    )
     covariance[..., ::m, ::m] = batch.noise(velocity)[:, None]
-    covariance[..., 1, 1] = covariance[..., m + 1, m + 1] = START_SPEED**2
-    if model.wind:
-        covariance[..., 2, 2] = covariance[..., 5, 5] = START_WIND**2
-    return np.repeat(state, count, axis=1), covariance
+    return state, covariance
 
 
 def step_turns(
     batch: Batch,
-    position: FloatArray,
+    k: int,
     dt: FloatArray,
     state: FloatArray,
     covariance: FloatArray,
     rates: FloatArray,
     weights: FloatArray,
     model: TurnModel,
-) -> TurnStep:
-    """Predict the K filters of each piece by time steps (B,) and correct them by positions (B, 2),
-    NaN without one. The filters have turn rates (K,) or (B, K) [rad/s] and probabilities `weights`,
-    (B, K).
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Predict the K filters of each piece by time steps (B,) and correct them by positions k; where
+    there is none, they are only predicted. The filters have turn rates (K,) or (B, K) [rad/s] and
+    probabilities `weights`, (B, K).
+
+    Returns:
+        states (B, K, n), n = 4 or with wind 6, covariances (B, K, n, n), log-likelihoods (B, K) of
+        position and climb rate, and innovations (B, 2) of the mean of all filters along and across
+        its velocity, in standard deviations, 0 without a velocity.
     """
     m = model.values
     transition, process = turn_motion(rates, dt[:, None], model)
@@ -198,25 +191,47 @@ def step_turns(
     state = (transition @ state[..., None])[..., 0]
     covariance = symmetric(transition @ covariance @ transition.swapaxes(-1, -2) + process)
     mean = (weights[..., None] * state).sum(1)
-    noise = batch.noise(ground_velocity(mean))
+    velocity = ground_velocity(mean)
     # The error of a position depends on the velocity, which is that of the mean.
+    noise = batch.noise(velocity)
     predicted = covariance[..., ::m, ::m]
-    spread = (weights[..., None, None] * predicted).sum(1) + noise
     # Without a position the innovation does not matter.
-    used = ~np.isnan(position[:, :1])
-    innovation = np.where(used, position, 0.0)[:, None] - state[..., ::m]
+    used = batch.present[k, :, None]
+    position = np.where(used, batch.positions[k], 0.0)
+    innovation = position[:, None] - state[..., ::m]
     weight, log_likelihood = student_t(innovation, predicted + noise[:, None], model.freedom)
     # An outlier has a larger variance.
     cross = covariance[..., ::m]
     gain = cross @ np.linalg.inv(predicted + noise[:, None] / weight[..., None, None])
     corrected = state + (gain @ innovation[..., None])[..., 0]
     after = symmetric(covariance - gain @ cross.swapaxes(-1, -2))
-    return TurnStep(
+    # Gliders turn where the air rises; climb rates count within 3 m/s of the level.
+    metres = (
+        np.clip(
+            batch.climbs[k] - model.climb_level,
+            -3.0,
+            3.0,
+        )
+        * dt
+    )
+    evidence = model.climb * metres[:, None] * (rates != 0.0)
+    spread = (weights[..., None, None] * predicted).sum(1) + noise
+    along = velocity / np.maximum(np.hypot(*velocity.T), 1e-9)[:, None]
+    frame = np.stack(
+        [along, along[:, ::-1] * [-1.0, 1.0]],
+        -2,
+    )
+    variances = np.einsum("bij,bjk,bik->bi", frame, spread, frame)
+    turned = (frame @ (position - mean[:, ::m])[..., None])[..., 0]
+    return (
         np.where(used[..., None], corrected, state),
         np.where(used[..., None, None], after, covariance),
-        np.where(used, log_likelihood, 0.0),
-        mean,
-        spread,
+        np.where(used, log_likelihood, 0.0) + evidence,
+        np.where(
+            used,
+            turned / np.sqrt(np.maximum(variances, 1e-300)),
+            0.0,
+        ),
     )
 
 
@@ -254,55 +269,95 @@ def turn_motion(
     """Return transition matrices and covariances of the noise, (..., n, n), of turns with rates
     [rad/s] in steps [s], whose shapes broadcast.
     """
-    m = model.values
-    angle = rates * dt
-    safe = np.where(rates == 0.0, 1.0, rates)
-    sine = np.sin(angle)
-    cosine = np.cos(angle)
-    moved = np.zeros((*angle.shape, 2 * m, 2 * m))
-    noise = np.zeros((*dt.shape, 2 * m, 2 * m))
-    moved[..., 1, m + 1], moved[..., m + 1, 1] = -sine, sine
-    moved[..., m, 1] = np.where(
-        rates == 0.0,
-        0.0,
-        (1.0 - cosine) / safe,
-    )
-    moved[..., 0, m + 1] = -moved[..., m, 1]
-    for x in (0, m):
-        v = x + 1
-        wind = x + 2
-        moved[..., x, x], moved[..., v, v] = 1.0, cosine
-        moved[..., x, v] = np.where(rates == 0.0, dt, sine / safe)
-        noise[..., x, x] = model.acceleration * dt**3 / 3.0
-        noise[..., x, v] = noise[..., v, x] = model.acceleration * dt**2 / 2.0
-        noise[..., v, v] = model.acceleration * dt
-        if model.wind:
-            moved[..., x, wind], moved[..., wind, wind] = dt, 1.0
-            noise[..., wind, wind] = model.wind * dt
-    return moved, noise
-
-
-def mixture(
-    state: FloatArray,
-    covariance: FloatArray,
-    weights: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Return mean and covariance of C mixtures, (B, C, n) and (B, C, n, n), of the same K normal
-    distributions, (B, K, n) and (B, K, n, n), with weights (B, C, K).
-    """
-    mean = weights @ state
-    # Relative to one of them, because positions are large.
-    relative = state - state[:, :1]
-    centre = mean - state[:, :1]
-    squares = covariance + relative[..., :, None] * relative[..., None, :]
-    mixed = np.einsum("bck,bkij->bcij", weights, squares, optimize=True)
-    return mean, mixed - centre[..., :, None] * centre[..., None, :]
+    moved, noise = turn_transition(rates, dt), turn_noise(model.acceleration, dt)
+    if not model.wind:
+        return moved, noise
+    # The wind stands behind position and velocity of each axis, and moves the position.
+    places = np.array([0, 1, 3, 4])
+    carried = np.zeros((*moved.shape[:-2], 6, 6))
+    drifting = np.zeros((*noise.shape[:-2], 6, 6))
+    carried[..., places[:, None], places] = moved
+    drifting[..., places[:, None], places] = noise
+    for x in (0, 3):
+        carried[..., x, x + 2] = dt
+        carried[..., x + 2, x + 2] = 1.0
+        drifting[..., x + 2, x + 2] = model.wind * dt
+    return carried, drifting
 
 
 def ground_velocity(state: FloatArray) -> FloatArray:
     """Return the velocity over the ground (..., 2) of states (..., 4), or with wind (..., 6)."""
     m = state.shape[-1] // 2
     return np.asarray(state[..., 1::m] + (state[..., 2::m] if m == 3 else 0.0))
+
+
+class ModelChain:
+    """The Markov chain of models in continuous time, from rates of change (M, M) [1/s], whose
+    rows sum to 0.
+    """
+
+    def __init__(self, generator: FloatArray):
+        self._values, self._vectors = np.linalg.eig(generator)
+        self._inverse = np.linalg.inv(self._vectors)
+
+    def transition(self, dt: FloatArray) -> FloatArray:
+        """Return the transition matrices of the models, (B, M, M), in time steps (B,) [s]."""
+        powers = np.exp(self._values * np.asarray(dt)[..., None])
+        return np.clip(np.real((self._vectors * powers[..., None, :]) @ self._inverse), 0.0, 1.0)
+
+
+def mix_models(
+    log_probability: FloatArray,
+    transition: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return log probabilities (B, M) after a step of the chain, at least `SMALLEST`, and weights
+    (B, M, M), whose row j mixes the filters before the step for model j.
+    """
+    with np.errstate(divide="ignore"):
+        # Before, after.
+        joint = np.log(transition) + log_probability[:, :, None]
+    after = logsumexp(joint, axis=1)
+    weights = np.exp(joint - after[:, None, :])
+    return np.maximum(after, np.log(SMALLEST)), weights.swapaxes(1, 2)
+
+
+def weigh_models(
+    log_prior: FloatArray,
+    log_likelihood: FloatArray,
+) -> FloatArray:
+    """Return the log posterior of the models, (B, M), at least `SMALLEST`."""
+    joint = log_prior + log_likelihood
+    total = logsumexp(joint, axis=1, keepdims=True)
+    return np.asarray(np.maximum(joint - total, np.log(SMALLEST)))
+
+
+def turn_transition(rates: FloatArray, dt: FloatArray) -> FloatArray:
+    """Return the transition matrices (..., 4, 4) of coordinated turns, of a state [x, vx, y, vy].
+    Turn rates [rad/s], anticlockwise positive, 0 is straight motion, and time steps [s] have shapes
+    that broadcast.
+    """
+    angle = rates * dt
+    safe = np.where(rates == 0.0, 1.0, rates)
+    sine = np.sin(angle)
+    cosine = np.cos(angle)
+    matrix = np.zeros((*angle.shape, 4, 4))
+    matrix[..., 0, 0] = matrix[..., 2, 2] = 1.0
+    matrix[..., 0, 1] = matrix[..., 2, 3] = np.where(rates == 0.0, dt, sine / safe)
+    matrix[..., 2, 1] = np.where(rates == 0.0, 0.0, (1.0 - cosine) / safe)
+    matrix[..., 0, 3] = -matrix[..., 2, 1]
+    matrix[..., 1, 1] = matrix[..., 3, 3] = cosine
+    matrix[..., 3, 1], matrix[..., 1, 3] = sine, -sine
+    return matrix
+
+
+def turn_noise(density: float, dt: FloatArray) -> FloatArray:
+    """Return the covariances (..., 4, 4) of the noise of turns in steps (...) [s]: white
+    acceleration, as CV.
+    """
+    model = MotionModel("CV", 2, density)
+    matrix = np.zeros((*dt.shape, 4, 4))
+    matrix[..., :2, :2] = matrix[..., 2:, 2:] = density * model.step_noise(dt)
+    return matrix
 
 
 class TurnEstimates(NamedTuple):
@@ -320,122 +375,65 @@ class TurnEstimates(NamedTuple):
     innovations: FloatArray
 
 
-def run_turn_imm(batch: Batch, model: TurnModel | None = None) -> TurnEstimates:
+def run_turn_imm(batch: Batch, model: TurnModel) -> TurnEstimates:
     """Run the filter over pieces of flights; rows after the end of a piece repeat its last
     values.
     """
-    settings = TurnModel() if model is None else model
-    omega = np.radians(settings.rates)
-    # The chain of the models in continuous time.
-    values, vectors = np.linalg.eig(settings.generator)
-    inverse = np.linalg.inv(vectors)
+    omega = np.radians(model.rates)
+    chain = ModelChain(model.generator)
     # (3, M)
-    groups = settings.modes == np.arange(3)[:, None]
-    (total, tracks), steps, present = batch.times.shape, batch.steps, batch.present[..., None]
-    state, covariance = start_turns(batch, len(omega), settings)
+    groups = model.modes == np.arange(3)[:, None]
+    state, covariance = start_turns(batch, len(omega), model)
+    tracks = len(state)
     log_probability = np.tile(
-        np.log(settings.start),
+        np.log(model.start),
         (tracks, 1),
     )
-    output = TurnEstimates(
-        np.empty((total, tracks, 3)),
-        np.zeros((total, tracks, 3)),
-        np.zeros((total, tracks)),
-        np.empty((total, tracks)),
-        np.zeros((total, tracks, 2)),
-    )
-    for k in range(total):
+    of_modes = np.zeros((tracks, 3))
+    innovation = np.zeros((tracks, 2))
+    rows = []
+    for k, dt in enumerate(batch.steps):
         if k:
             # Mixing: every model begins with what the models before it leave.
-            powers = np.exp(values * steps[k][:, None])
-            transition = np.clip(
-                np.real((vectors * powers[:, None]) @ inverse),
-                0.0,
-                1.0,
-            )
-            with np.errstate(divide="ignore"):
-                # Before, after.
-                joint = np.log(transition) + log_probability[:, :, None]
-            prior = np.logaddexp.reduce(joint, axis=1)
-            weights = np.exp(joint - prior[:, None]).swapaxes(1, 2)
-            prior = np.maximum(prior, LOG_SMALLEST)
-            now = step_turns(
+            prior, weights = mix_models(log_probability, chain.transition(dt))
+            mixed = mixture(state, covariance, weights)
+            after = step_turns(
                 batch,
-                batch.positions[k],
-                steps[k],
-                *mixture(state, covariance, weights),
+                k,
+                dt,
+                *mixed,
                 omega,
                 np.exp(prior),
-                settings,
+                model,
             )
-            state, covariance = now.state, now.covariance
+            state, covariance, log_likelihood, innovation = after
             # Of the models, and of the three modes together.
-            posterior = prior + now.log_likelihood + climb_evidence(batch, settings, k)
-            of_mode = np.where(groups, posterior[:, None], -np.inf)
-            share = np.exp(prior) @ groups.T
-            before = np.log(np.maximum(share, SMALLEST))
-            output.log_likelihoods[k] = np.where(
-                present[k],
-                np.logaddexp.reduce(of_mode, axis=2) - before,
-                0.0,
+            log_probability = weigh_models(prior, log_likelihood)
+            joint = np.where(
+                groups,
+                (prior + log_likelihood)[:, None],
+                -np.inf,
             )
-            output.innovations[k] = np.where(
-                present[k],
-                _turned(
-                    now.mean,
-                    now.spread,
-                    batch.positions[k],
-                ),
-                0.0,
+            before = np.log(
+                np.maximum(
+                    np.exp(prior) @ groups.T,
+                    SMALLEST,
+                )
             )
-            total_likelihood = np.logaddexp.reduce(posterior, axis=1)[:, None]
-            log_probability = np.maximum(posterior - total_likelihood, LOG_SMALLEST)
+            of_modes = np.logaddexp.reduce(joint, axis=2) - before
         probability = np.exp(log_probability)
-        mean = (probability[..., None] * state).sum(1)
-        output.probabilities[k] = probability @ groups.T
-        output.rates[k] = probability @ omega
-        output.speeds[k] = np.hypot(*ground_velocity(mean).T)
-    return output
-
-
-def climb_evidence(batch: Batch, model: TurnModel, k: int) -> FloatArray:
-    """Return what the climb rates of row k add to the log-likelihoods of the models, (B, M) or
-    (1, 1).
-    """
-    if batch.climbs is None or not model.climb:
-        return np.zeros((1, 1))
-    metres = (
-        np.clip(
-            batch.climbs[k] - model.climb_level,
-            -CLIMB_RANGE,
-            CLIMB_RANGE,
+        velocity = ground_velocity((probability[..., None] * state).sum(1))
+        rows.append(
+            (
+                probability @ groups.T,
+                np.where(
+                    batch.present[k, :, None],
+                    of_modes,
+                    0.0,
+                ),
+                probability @ omega,
+                np.hypot(*velocity.T),
+                innovation,
+            )
         )
-        * batch.steps[k]
-    )
-    return np.asarray(model.climb * metres[:, None] * (model.modes != STRAIGHT))
-
-
-def _turned(mean: FloatArray, spread: FloatArray, z: FloatArray) -> FloatArray:
-    """Return the innovation of the mean along and across the velocity, (B, 2), in standard
-    deviations.
-    """
-    velocity = ground_velocity(mean)
-    along = (
-        velocity
-        / np.maximum(
-            np.hypot(velocity[:, 0], velocity[:, 1]),
-            1e-9,
-        )[:, None]
-    )
-    frame = np.stack(
-        [along, np.stack([-along[:, 1], along[:, 0]], -1)],
-        -2,
-    )
-    # 0 without a velocity.
-    variances = np.maximum(
-        np.einsum("bij,bjk,bik->bi", frame, spread, frame),
-        1e-300,
-    )
-    return np.asarray(
-        (frame @ (z - mean[:, :: mean.shape[1] // 2])[..., None])[..., 0] / np.sqrt(variances)
-    )
+    return TurnEstimates(*map(np.array, zip(*rows, strict=True)))

@@ -1,6 +1,5 @@
 """Command line of the study: `python -m studies.gliders`."""
 
-import json
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,23 +8,35 @@ from rich.console import Console
 
 from agents import run_command
 from hybrid_env import ArgumentError
+from studies.flights.scores import write_results
+from studies.gliders.agent import GliderAgent
 from studies.gliders.logs import EXPECTED
+from studies.gliders.report import as_json, picture, tables
 from studies.gliders.rules import RULES
 from studies.gliders.study import (
-    AGENT,
-    SIMULATED,
-    SIMULATED_SEED,
-    SIMULATED_TIME,
-    as_json,
-    candidate,
     compare_on_gliders,
-    picture,
+    find_rule,
     quick_halves,
     read_halves,
     simulated,
-    tables,
-    unbroken_seal,
 )
+from studies.seal import seal_of, unbroken_seal
+
+SEAL = Path(__file__).with_name("sealed.json")
+"""What was fixed before the sealed logs were opened: code, weights and settings."""
+
+
+def current_seal() -> dict[str, dict[str, str]]:
+    """Return the digests of labels, filters, rules and agent, and the version of the decoder of
+    rule b.
+    """
+    names = {
+        "gliders": ("circling", "logs", "rules", "agent"),
+        "flights": ("labels", "turns", "agent"),
+    }
+    folder = Path(__file__).parents[1]
+    code = [folder / study / f"{name}.py" for study, each in names.items() for name in each]
+    return seal_of(code, GliderAgent.shipped, ["libigc"])
 
 
 @dataclass(kw_only=True)
@@ -38,7 +49,7 @@ class Gliders:
 
     source: Path | None = None
     """The archive igc-xc-score-1.8.0.tgz or a folder with its logs."""
-    deciders: tuple[str, ...] = (*RULES, AGENT)
+    deciders: tuple[str, ...] = (*RULES, "agent")
     """Rules, 'agent', or the folder of an agent; the first is the reference."""
     sealed: bool = False
     """Open the sealed logs too. Refused if code, weights or settings are not those of the seal."""
@@ -51,27 +62,30 @@ class Gliders:
 
     def run(self) -> None:
         """Compare, print the tables and write the files."""
-        names = ("imm-climb", "xcsoar-default", AGENT) if self.quick else self.deciders
+        names = ("imm-climb", "xcsoar-default", "agent") if self.quick else self.deciders
         for name in names:
             # An unknown one is refused before any work.
-            candidate(name)
-        seal = unbroken_seal(names) if self.sealed else None
-        with Console().status("flights and labels") as status:
+            find_rule(name)
+        settings = None
+        if self.sealed:
+            settings = unbroken_seal(SEAL, current_seal())["settings"]
+            if unknown := set(names) - set(settings["5"]):
+                raise ArgumentError(f"deciders: the seal has no settings of {', '.join(unknown)}")
+        with Console().status("flights, labels and deciders"):
             if self.quick:
-                flights, labels = copies = quick_halves()
+                flights = copies = quick_halves()
             elif self.source is None:
                 raise ArgumentError(f"source: expected {EXPECTED}")
             else:
-                flights, labels = read_halves(self.source, self.sealed)
-                copies = simulated(SIMULATED, SIMULATED_TIME, SIMULATED_SEED)
-            status.update("deciders")
-            result = compare_on_gliders(flights, labels, names, copies, self.jobs, seal)
-        for title, table in tables(result).items():
-            print(f"{title}\n{table.to_string(index=False)}\n")
-        self.out.mkdir(parents=True, exist_ok=True)
-        content = as_json(result)
-        text = json.dumps(content, indent=2)
-        (self.out / "gliders.json").write_text(text + "\n", encoding="utf-8")
+                flights, copies = read_halves(self.source, self.sealed), simulated()
+            result = compare_on_gliders(flights, names, copies, self.jobs, settings)
+            content = as_json(result)
+        write_results(
+            self.out,
+            "gliders",
+            tables(result, content),
+            content,
+        )
         picture(result).savefig(self.out / "gliders.png")
         print(f"Files in {self.out}")
 

@@ -2,7 +2,6 @@
 climb, and when a live decider stated them.
 """
 
-import gzip
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,16 +15,13 @@ from matplotlib.figure import Figure
 from agents import run_command
 from baselines import IgcLog, parse_igc
 from hybrid_env import ArgumentError
-from studies.flights.figure import flight_figure, runs
+from studies.flights.figure import flight_figure
 from studies.flights.flight import LONGEST_STEP
-from studies.flights.labels import MODE_NAMES
+from studies.flights.labels import MODE_NAMES, spans
+from studies.flights.turns import STRAIGHT
 from studies.gliders.circling import air_motion, circles
 from studies.gliders.logs import glider_flight
-from studies.gliders.rules import GliderClimb
-from studies.gliders.study import Setting, glider_statements
-
-DAY = 86400.0
-LIVE = Setting(GliderClimb.name, 0, GliderClimb.usual)
+from studies.gliders.study import Setting, find_rule, glider_statements
 
 
 def find_circles(name: str, log: IgcLog) -> tuple[pd.DataFrame, list[str], Figure]:
@@ -39,49 +35,51 @@ def find_circles(name: str, log: IgcLog) -> tuple[pd.DataFrame, list[str], Figur
         raise ArgumentError(f"{name}: expected a flight of 20 positions without a gap of a minute")
     (motion,) = air_motion([flight])
     modes, _ = circles(flight, motion.rates)
-    stated = glider_statements([flight], [LIVE])[LIVE][0]
-    altitudes = np.zeros(len(flight.times)) if flight.altitudes is None else flight.altitudes
+    # With about five false changes an hour on the open logs.
+    live = Setting("imm-climb", 0, (0.95, 0.9))
+    (stated,) = glider_statements([flight], [live])[live]
+    assert flight.altitudes is not None
     rows = []
     # A gap ends a circle.
-    for begin, end in flight.pieces:
-        for first, last, mode in runs(modes[begin:end]):
-            if mode == 0:
-                continue
-            part = slice(begin + first, begin + last)
-            times = flight.times[part] - flight.times[part.start]
-            seconds, wind = float(times[-1]), motion.wind[part].mean(0)
-            turned = float((motion.rates[part][:-1] * np.diff(times)).sum())
-            gain = float(altitudes[part][-1] - altitudes[part][0])
-            known = np.flatnonzero(stated[part] == mode)
-            start = (log.times[0] + flight.times[part.start]) % DAY
-            rows.append(
-                {
-                    "begin_utc": str(pd.to_timedelta(start, "s").floor("s"))[-8:],
-                    "seconds": seconds,
-                    "side": MODE_NAMES[mode],
-                    "turns": round(abs(turned) / (2.0 * np.pi), 2),
-                    "wind": round(float(np.hypot(*wind)), 2),
-                    "wind_from": round(float(np.degrees(np.arctan2(*-wind))) % 360.0),
-                    "climb": round(gain / max(seconds, 1.0), 2),
-                    "gain": round(gain),
-                    "stated_after": float(times[known[0]]) if known.size else np.nan,
-                }
-            )
+    for first, end, mode in spans(modes, flight.pieces):
+        if mode == STRAIGHT:
+            continue
+        part = slice(first, end)
+        times = flight.times[part] - flight.times[first]
+        wind = motion.wind[part].mean(0)
+        turned = float((motion.rates[part][:-1] * np.diff(times)).sum())
+        gain = float(flight.altitudes[end - 1] - flight.altitudes[first])
+        known = np.flatnonzero(stated[part] == mode)
+        # Of a day.
+        start = (log.times[0] + flight.times[first]) % 86400.0
+        rows.append(
+            {
+                "begin_utc": str(pd.to_timedelta(start, "s").floor("s"))[-8:],
+                "seconds": times[-1],
+                "side": MODE_NAMES[mode],
+                "turns": round(abs(turned) / (2.0 * np.pi), 2),
+                "wind": round(float(np.hypot(*wind)), 2),
+                "wind_from": round(float(np.degrees(np.arctan2(*-wind))) % 360.0),
+                "climb": round(gain / max(times[-1], 1.0), 2),
+                "gain": round(gain),
+                "stated_after": times[known[0]] if known.size else np.nan,
+            }
+        )
     notes = list(log.notes)
-    gaps = int((np.diff(flight.times) > LONGEST_STEP).sum())
-    if gaps:
+    if gaps := int((np.diff(flight.times) > LONGEST_STEP).sum()):
         notes.append(
             f"gaps of more than a minute, or steps of the clock, which end a circle: {gaps}"
         )
-    title = f"{name}: circles"
-    figure = flight_figure(
-        flight,
-        modes,
-        {GliderClimb.title: stated},
-        title,
-        "hindsight",
+    deciders = {find_rule(live.name).title: stated}
+    figure = flight_figure(flight, modes, deciders, f"{name}: circles", "hindsight")
+    return (
+        pd.DataFrame(
+            rows,
+            index=range(1, len(rows) + 1),
+        ),
+        notes,
+        figure,
     )
-    return pd.DataFrame(rows, index=range(1, len(rows) + 1)), notes, figure
 
 
 @dataclass
@@ -91,21 +89,18 @@ class Circles:
     """
 
     log: tyro.conf.Positional[Path]
-    """Flight log in the IGC format, also compressed by gzip."""
+    """Flight log in the IGC format."""
     out: Annotated[Path | None, tyro.conf.arg(help_behavior_hint="")] = None
     """Folder for the files; by default <name>_circles beside the log."""
 
     def run(self) -> None:
         """Find the circles, print the table and write the files."""
-        content = self.log.read_bytes()
-        if self.log.suffix == ".gz":
-            content = gzip.decompress(content)
-        name = self.log.name.removesuffix(".gz")
-        rows, notes, figure = find_circles(name, parse_igc(name, content))
+        name = self.log.name
+        rows, notes, figure = find_circles(name, parse_igc(name, self.log.read_bytes()))
         print(rows.to_string(index=False))
         for note in notes:
             print(f"{name}: {note}")
-        folder = self.out or self.log.with_name(f"{Path(name).stem}_circles")
+        folder = self.out or self.log.with_name(f"{self.log.stem}_circles")
         folder.mkdir(parents=True, exist_ok=True)
         rows.to_csv(folder / "circles.csv", index_label="circle")
         figure.savefig(folder / "track.png")

@@ -16,14 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from studies.flights.flight import Flight, stack_flights
-from studies.flights.labels import (
-    LONGEST_WEIGHT,
-    LabelRules,
-    Labels,
-    find_turns,
-    row_edges,
-    smoothed_states,
-)
+from studies.flights.labels import LabelRules, Labels, find_turns, row_edges, smoothed_states
 from studies.flights.turns import BoolArray, FloatArray, IntArray
 
 CIRCLES = LabelRules(
@@ -34,23 +27,7 @@ CIRCLES = LabelRules(
     duration=0.0,
     merge=10.0,
 )
-"""Circles of rule a. Rule b knows when there are circles, and its rule here only how long they
-must be.
-"""
-DECODED = replace(CIRCLES, peak=1e-3, bound=1e-3)
-UNSCORED = 180.0
-"""Turns of 180 to 270 deg are neither circles nor straight flight."""
-
-# Time of the mean turn rate, and of a hodograph [s].
-MEAN, WINDOW = 4.0, 40.0
-# By the velocity in the window of a hodograph.
-TURNED = np.radians(300.0)
-# Largest wind, in radii of the hodograph.
-CALMEST = 1.5
-# Airspeed below which turn rates are as at this one [m/s].
-SLOWEST = 1.0
-# Positions that are smoothed at once.
-PART, MARGIN = 600, 60
+"""Circles of rule a."""
 NOT_FLYING = -1
 
 
@@ -70,14 +47,16 @@ class AirMotion(NamedTuple):
 
 def air_motion(flights: Sequence[Flight]) -> list[AirMotion]:
     """Return the motion of flights in the air, by the smoother; 0 outside of their pieces."""
-    batch = stack_flights(flights, PART, MARGIN)
-    states = batch.unstack(
-        smoothed_states(batch, CIRCLES.jerk),
-        [len(flight.times) for flight in flights],
-    )
-    found = []
+    batch = stack_flights(flights, 600, 60)
+    motions = []
+    states = batch.unstack(smoothed_states(batch, CIRCLES.jerk))
     for flight, state in zip(flights, states, strict=True):
-        motion = AirMotion(*(np.zeros(state.shape[:1] + shape) for shape in ((), (), (2,))))
+        n = len(flight.times)
+        motion = AirMotion(
+            np.zeros(n),
+            np.zeros(n),
+            np.zeros((n, 2)),
+        )
         for piece in flight.pieces:
             rows = slice(*piece)
             times, ground, acceleration = flight.times[rows], state[rows, 1::3], state[rows, 2::3]
@@ -85,51 +64,66 @@ def air_motion(flights: Sequence[Flight]) -> list[AirMotion]:
             air = ground - motion.wind[rows]
             motion.speeds[rows] = np.hypot(*air.T)
             across = air[:, 0] * acceleration[:, 1] - air[:, 1] * acceleration[:, 0]
-            rates = across / np.maximum(motion.speeds[rows], SLOWEST) ** 2
-            counts = window_sums(times, MEAN, np.ones(len(times)))
-            motion.rates[rows] = window_sums(times, MEAN, rates) / counts
-        found.append(motion)
-    return found
+            # Below 1 m/s as at this airspeed.
+            rates = across / np.maximum(motion.speeds[rows], 1.0) ** 2
+            sums = window_sums(
+                times,
+                4.0,
+                np.stack(
+                    [rates, np.ones(len(times))],
+                    axis=1,
+                ),
+            )
+            motion.rates[rows] = sums[:, 0] / sums[:, 1]
+        motions.append(motion)
+    return motions
 
 
-def hodograph_wind(times: FloatArray, velocities: FloatArray) -> FloatArray:
+def hodograph_wind(times: FloatArray, velocities: FloatArray, window: float = 40.0) -> FloatArray:
     """Return the wind (n, 2) [m/s], interpolated between circles; without any 0.
 
-    It is the centre of the circle through the ground velocities of 40 s, by the algebraic fit of
-    Kasa 1976, "A circle fitting procedure and its error analysis".
+    It is the centre of the circle through the ground velocities of a window in which they turn by
+    300 deg, by the algebraic fit of Kasa 1976, "A circle fitting procedure and its error analysis".
+    The wind is smaller than 1.5 of its radii.
 
     Args:
         times: (n,) [s].
         velocities: (n, 2) over the ground [m/s].
+        window: [s].
     """
     rows = np.column_stack([2.0 * velocities, np.ones(len(times))])
     squares = (velocities**2).sum(1)
     angles = np.unwrap(np.arctan2(velocities[:, 1], velocities[:, 0]))
     turned = window_sums(
         times,
-        WINDOW,
+        window,
         np.diff(angles, prepend=angles[0]),
     )
-    used = np.abs(turned) > TURNED
+    used = np.abs(turned) > np.radians(300.0)
     # The normal equations of each window; two velocities in one place have a solution too.
-    normal = window_sums(times, WINDOW, rows[:, :, None] * rows[:, None, :])[used]
-    right = window_sums(times, WINDOW, rows * squares[:, None])[used]
-    scale = np.trace(normal, axis1=1, axis2=2)[:, None, None] if used.any() else 1.0
-    centre = np.linalg.solve(
-        normal + 1e-12 * scale * np.eye(3),
-        right[..., None],
-    )[..., 0]
+    normal = window_sums(times, window, rows[:, :, None] * rows[:, None, :])[used]
+    right = window_sums(times, window, rows * squares[:, None])[used]
+    small = 1e-12 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    x, y, rest = np.linalg.solve(normal + small, right[..., None])[..., 0].T
     radius = np.sqrt(
         np.maximum(
-            centre[:, 2] + (centre[:, :2] ** 2).sum(1),
+            rest + (x**2 + y**2),
             0.0,
         )
     )
-    kept = np.hypot(*centre[:, :2].T) < CALMEST * radius
+    kept = np.hypot(x, y) < 1.5 * radius
     if not kept.any():
         return np.zeros_like(velocities)
-    known = times[used][kept]
-    return np.column_stack([np.interp(times, known, values) for values in centre[kept, :2].T])
+    return np.column_stack(
+        [
+            np.interp(
+                times,
+                times[used][kept],
+                axis[kept],
+            )
+            for axis in (x, y)
+        ]
+    )
 
 
 def window_sums(times: FloatArray, width: float, values: FloatArray) -> FloatArray:
@@ -148,22 +142,22 @@ def circles(
     rules: LabelRules = CIRCLES,
 ) -> tuple[IntArray, BoolArray]:
     """Return the modes (n,) of a flight with turn rates (n,) [rad/s], and where they are
-    doubtful.
+    doubtful: turns of 180 to 270 deg are neither circles nor straight flight.
     """
-    modes = np.zeros(len(rates), np.int64)
-    doubtful = np.zeros(len(rates), np.bool_)
-    for piece in flight.pieces:
-        rows = slice(*piece)
-        edges = row_edges(flight.times[slice(*piece)])
-        modes[rows] = find_turns(edges, rates[rows], rules)[0]
-        doubtful[rows] = (
-            find_turns(edges, rates[rows], replace(rules, change=UNSCORED))[0] != modes[rows]
+    modes, wider = np.zeros((2, len(rates)), np.int64)
+    for first, end in flight.pieces:
+        edges = row_edges(flight.times[first:end])
+        modes[first:end], _ = find_turns(edges, rates[first:end], rules)
+        wider[first:end], _ = find_turns(
+            edges,
+            rates[first:end],
+            replace(rules, change=180.0),
         )
-    return modes, doubtful
+    return modes, modes != wider
 
 
 def label_glider(flight: Flight, motion: AirMotion, decoded: IntArray) -> Labels:
-    """Return the labels of a flight; their `own` modes are those of rule b.
+    """Return the labels of a flight; their `second` modes are those of rule b.
 
     Args:
         flight: the flight.
@@ -171,31 +165,33 @@ def label_glider(flight: Flight, motion: AirMotion, decoded: IntArray) -> Labels
         decoded: (n,) what `decode` says of it.
     """
     modes, doubtful = circles(flight, motion.rates)
+    # Rule b knows when there are circles, and its rule here only how long they must be.
+    rules = replace(CIRCLES, peak=1e-3, bound=1e-3)
     other, unsure = circles(
         flight,
         np.where(decoded == 1, motion.rates, 0.0),
-        DECODED,
+        rules,
     )
-    scored = (decoded != NOT_FLYING) & (modes == other) & ~doubtful & ~unsure
     weights = np.zeros(len(modes))
-    for piece in flight.pieces:
-        widths = np.diff(row_edges(flight.times[slice(*piece)]))
-        weights[slice(*piece)] = np.minimum(widths, LONGEST_WEIGHT * float(np.median(widths)))
-    scored &= weights > 0.0
+    for first, end in flight.pieces:
+        widths = np.diff(row_edges(flight.times[first:end]))
+        # Time in longer gaps is not scored.
+        weights[first:end] = np.minimum(
+            widths,
+            3.0 * float(np.median(widths)),
+        )
+    scored = (decoded != NOT_FLYING) & (modes == other) & ~doubtful & ~unsure & (weights > 0.0)
     known = np.flatnonzero(scored)
     # Elsewhere the mode of the nearest row.
     if known.size:
-        modes = modes[known][
-            np.searchsorted(
-                0.5 * (known[1:] + known[:-1]),
-                np.arange(len(modes)),
-            )
-        ]
+        middle = 0.5 * (known[1:] + known[:-1])
+        modes = modes[known][np.searchsorted(middle, np.arange(len(modes)))]
+    weights = np.where(scored, weights, 0.0)
     return Labels(
         flight.times,
         modes,
         scored,
-        np.where(scored, weights, 0.0),
+        weights,
         motion.rates,
         motion.speeds,
         other,

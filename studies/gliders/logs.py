@@ -18,62 +18,40 @@ from hybrid_env import ArgumentError
 from studies.flights.flight import Flight, Tier, on_plane
 
 HALVES = {
-    "A": (
-        "cd09652f",
-        "4bb015b2",
-        "9eda24c9",
-        "0935cf0a",
-        "2db3bc4f",
-        "a507d60d",
-        "bdf970cc",
-        "f31276f9",
-    ),
-    "B": (
-        "c0ac3c64",
-        "37d715ef",
-        "a70f0b86",
-        "15ec1e84",
-        "e6737605",
-        "dc9160c7",
-        "efe900e9",
-        "d56e0aed",
-    ),
+    "A": "cd09652f 4bb015b2 9eda24c9 0935cf0a 2db3bc4f a507d60d bdf970cc f31276f9",
+    "B": "c0ac3c64 37d715ef a70f0b86 15ec1e84 e6737605 dc9160c7 efe900e9 d56e0aed",
 }
 """The logs that are open."""
 SEALED = "sealed"
+# Too short, or with 5 s between positions.
 LEFT_OUT = ("29cd4087", "787d5dad", "e483b3e5")
-"""Too short, or with 5 s between positions."""
-ACROSS, ROUNDING = 0.3, 0.15
-"""Standard deviation of a position across the velocity [m], and what each metre of rounding
-adds.
-"""
-
 EXPECTED = (
     "the archive igc-xc-score-1.8.0.tgz (npm pack igc-xc-score@1.8.0), or a folder with its logs"
 )
 
 
-def read_logs(source: Path | str) -> dict[str, bytes]:
-    """Return the contents of the `.igc` files of an archive or folder, by the digits of their
-    digest.
+def read_logs(source: Path, half: str) -> dict[str, bytes]:
+    """Return the logs of a half, or the sealed ones, of an archive or folder by the first eight
+    digits of their SHA-256.
 
     Raises:
         ArgumentError: there are none, or they cannot be read.
     """
-    place = Path(source)
-    suffix = ".igc"
     try:
-        if place.is_dir():
-            contents = [path.read_bytes() for path in place.rglob(f"*{suffix}")]
+        if source.is_dir():
+            contents = [path.read_bytes() for path in source.rglob("*.igc")]
         else:
-            with tarfile.open(place) as archive:
-                members = [one for one in archive if one.isfile() and one.name.endswith(suffix)]
-                contents = [archive.extractfile(one).read() for one in members]  # type: ignore[union-attr]
+            with tarfile.open(source) as archive:
+                members = [member for member in archive if member.name.endswith(".igc")]
+                files = map(archive.extractfile, members)
+                contents = [file.read() for file in files if file is not None]
     except (OSError, EOFError, tarfile.TarError):
         contents = []
-    if not contents:
-        raise ArgumentError(f"source={str(source)!r}: expected {EXPECTED}")
-    return {digits(content): content for content in contents}
+    logs = {digits(content): content for content in contents}
+    chosen = {name: content for name, content in logs.items() if half_of(name) == half}
+    if not chosen:
+        raise ArgumentError(f"source={str(source)!r}: expected {EXPECTED}: no log of half {half}")
+    return chosen
 
 
 def digits(content: bytes) -> str:
@@ -85,7 +63,10 @@ def half_of(identity: str) -> str:
     """Return the half of a log, or that it is sealed or left out."""
     if identity in LEFT_OUT:
         return ""
-    return next((half for half, logs in HALVES.items() if identity in logs), SEALED)
+    return next(
+        (half for half, logs in HALVES.items() if identity in logs.split()),
+        SEALED,
+    )
 
 
 def glider_flight(identity: str, group: str, log: IgcLog) -> Flight:
@@ -98,10 +79,12 @@ def glider_flight(identity: str, group: str, log: IgcLog) -> Flight:
         log.times - log.times[0],
         on_plane(log.latitudes, log.longitudes),
         np.full(len(log.times), np.nan),
-        altitudes=log.altitudes,
+        log.altitudes,
     )
 
 
 def error_tier(group: str, step: float) -> Tier:
-    """Return a tier with the error of positions that are rounded to steps [m]."""
-    return Tier(group, ACROSS + ROUNDING * step, 0.0)
+    """Return a tier with the error of positions that are rounded to steps [m]: a standard deviation
+    of 0.3 m across the velocity, and what the rounding adds.
+    """
+    return Tier(group, 0.3 + 0.15 * step, 0.0)

@@ -3,25 +3,22 @@
 A rule has several numbers, and a grid of settings from which a comparison selects on other flights.
 """
 
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from studies.flights.tracks import FlightTracks
-from studies.flights.turn_beam import TurnHistories
 from studies.flights.turns import LEFT, RIGHT, STRAIGHT, FloatArray, IntArray, TurnModel
 
-Grid = tuple[tuple[float, ...], ...]
-
-RATES = (0.0, 10.0, 16.0, 24.0, -10.0, -16.0, -24.0)
-"""Turn rates of the filters [deg/s]."""
+Settings = Sequence[tuple[float, ...]]
 
 MODELS = tuple(
     TurnModel(
-        rates=RATES,
+        # [deg/s]
+        rates=(0.0, 10.0, 16.0, 24.0, -10.0, -16.0, -24.0),
         acceleration=acceleration,
         straight=straight,
         turn=turn,
@@ -29,251 +26,175 @@ MODELS = tuple(
     )
     for acceleration, straight, turn in ((3, 60, 45), (2, 60, 45), (3, 200, 45), (6, 200, 100))
 )
+"""Settings of the filters."""
+CLIMBING = tuple(replace(model, climb=0.1, climb_level=0.3) for model in MODELS)
+"""The same with the climb rate."""
 
 
-class GliderRule:
-    """A rule on flights of gliders, at K settings.
-
-    Args:
-        settings: K tuples of the numbers of the rule; without any the usual one.
-
-    Attributes:
-        numbers: names of the numbers.
-        usual: for about five false changes an hour on the open logs.
-        grid: settings to select from.
-        models: settings of the filters to select from; the first is the usual one.
-        histories: settings of the beam; None for the IMM.
-    """
-
-    name: ClassVar[str]
-    title: ClassVar[str]
-    numbers: ClassVar[tuple[str, ...]]
-    usual: ClassVar[tuple[float, ...]]
-    grid: ClassVar[Grid]
-    models: ClassVar[tuple[TurnModel, ...]] = MODELS[:1]
-    histories: ClassVar[TurnHistories | None] = None
-
-    def __init__(self, *settings: tuple[float, ...]):
-        # (numbers, 1, K)
-        self.values = np.array(settings or (self.usual,)).T[:, None]
-
-    def statements(self, tracks: FlightTracks) -> NDArray[np.int8]:
-        """Return the statements (T, B, K) on tracks, at first straight motion."""
-        seen = self.observe(tracks)
-        stated = np.empty(
-            (*seen.shape[:2], self.values.shape[-1]),
-            np.int8,
+def by_probability(tracks: FlightTracks, settings: Settings) -> IntArray:
+    """State by thresholds on the probabilities of the modes: to a turn, and to straight flight."""
+    enter, leave = np.log(settings).T
+    stated = begun(tracks, settings)
+    for tick, logs in enumerate(tracks.log_probability):
+        best = logs.argmax(-1)[:, None]
+        threshold = np.where(best == STRAIGHT, leave, enter)
+        stated[tick] = np.where(
+            logs.max(-1)[:, None] >= threshold,
+            best,
+            stated[tick - 1],
         )
-        state = self.begin(stated.shape[1:])
-        for tick, values in enumerate(seen):
-            state = self.step(values, *state)
-            stated[tick] = state[0]
-        return stated
-
-    def observe(self, tracks: FlightTracks) -> FloatArray:
-        """Return what the rule reads: log-probabilities of the modes, (T, B, 3)."""
-        return tracks.log_probability
-
-    def begin(self, shape: tuple[int, int]) -> tuple[Any, ...]:
-        """Return statements (N, K) before the first position, and what else the rule remembers."""
-        return (np.full(shape, STRAIGHT),)
-
-    def step(self, seen: FloatArray, stated: IntArray, *memory: Any) -> tuple[Any, ...]:
-        """Return the state after one more position."""
-        raise NotImplementedError
+    return stated
 
 
-class GliderImm(GliderRule):
-    """Thresholds on the probabilities of an IMM filter of turn rates: to a turn, and to straight
-    flight.
+def by_rate(tracks: FlightTracks, settings: Settings) -> IntArray:
+    """State by the rule of the glide computer XCSoar, by its facts: a turn rate that lasts.
+
+    The turn rate of the ground track is limited to 50 deg/s and smoothed by a low-pass filter of
+    factor 0.3. When it is at least the rate [deg/s] for longer than the time to enter [s], the
+    glider circles; when it is below for longer than the time to leave [s], it does not.
     """
+    bound, enter, leave = np.array(settings).T
+    fastest = np.radians(50.0)
+    stated = begun(tracks, settings)
+    smooth = np.zeros((stated.shape[1], 1))
+    # Time since the rate contradicts the statement, else -1.
+    waited = np.full(stated.shape[1:], -1.0)
+    for tick, (dt, turned) in enumerate(ground_turns(tracks)):
+        rate = np.clip(
+            turned / np.where(dt > 0.0, dt, 1.0),
+            -fastest,
+            fastest,
+        )
+        smooth = np.where(
+            dt > 0.0,
+            smooth + 0.3 * (rate - smooth),
+            smooth,
+        )
+        turning = np.abs(smooth) >= np.radians(bound)
+        circling = stated[tick - 1] != STRAIGHT
+        longer = np.where(waited < 0.0, 0.0, waited + dt)
+        waited = np.where(turning == circling, -1.0, longer)
+        changes = waited > np.where(circling, leave, enter)
+        side = np.where(smooth > 0.0, LEFT, RIGHT)
+        kept = np.where(changes, STRAIGHT, stated[tick - 1])
+        stated[tick] = np.where(turning & (circling | changes), side, kept)
+        waited = np.where(changes, -1.0, waited)
+    return stated
 
-    name = "imm"
-    title = "IMM"
-    numbers = ("enter", "leave")
-    usual = (0.95, 0.9)
-    grid = tuple(
+
+def by_angle(tracks: FlightTracks, settings: Settings) -> IntArray:
+    """State by the angle that the ground track has turned, forgotten in time, with hysteresis.
+
+    A glider circles when the angle with the longer memory [s] reaches a threshold [deg], until that
+    with a memory of 8 s falls below another.
+    """
+    memory, enter, leave = np.array(settings).T
+    enter, leave = np.radians([enter, leave])
+    stated = begun(tracks, settings)
+    angle = np.zeros(stated.shape[1:])
+    recent = np.zeros((stated.shape[1], 1))
+    for tick, (dt, turned) in enumerate(ground_turns(tracks)):
+        angle = angle * np.exp(-dt / memory) + turned
+        recent = recent * np.exp(-dt / 8.0) + turned
+        last = stated[tick - 1]
+        going = (last != STRAIGHT) & (np.where(last == LEFT, recent, -recent) > leave)
+        begins = (np.abs(angle) >= enter) & (np.abs(recent) > leave) & (angle * recent > 0.0)
+        side = np.where(angle > 0.0, LEFT, RIGHT)
+        stated[tick] = np.where(
+            begins,
+            side,
+            np.where(going, last, STRAIGHT),
+        )
+    return stated
+
+
+def begun(tracks: FlightTracks, settings: Settings) -> IntArray:
+    """Return statements (T, B, K) of straight flight; the last row is that before the first one."""
+    return np.full(
+        (*tracks.batch.times.shape, len(settings)),
+        STRAIGHT,
+    )
+
+
+def ground_turns(tracks: FlightTracks) -> FloatArray:
+    """Return times since the last position [s] and turned angles [rad], (T, 2, B, 1)."""
+    return np.stack(
+        [tracks.batch.steps, tracks.turned],
+        axis=1,
+    )[..., None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GliderRule:
+    """A rule on flights of gliders, of which settings are selected."""
+
+    title: str
+    # From tracks and K settings to statements (T, B, K), at first straight flight.
+    state: Callable[[FlightTracks, Settings], IntArray] = by_probability
+    # Settings to select from.
+    grid: Settings = tuple(
         product(
             (0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99),
             (0.5, 0.7, 0.8, 0.9, 0.95, 0.98),
         )
     )
-    models = MODELS
-
-    def step(self, seen: FloatArray, stated: IntArray, *memory: Any) -> tuple[Any, ...]:
-        """See `GliderRule.step`."""
-        best = seen.argmax(-1)[:, None]
-        enter, leave = np.log(self.values)
-        threshold = np.where(best == STRAIGHT, leave, enter)
-        return (np.where(seen.max(-1)[:, None] >= threshold, best, stated),)
+    # Settings of the filters to select from.
+    models: tuple[TurnModel, ...] = MODELS[:1]
+    # Settings of `run_turn_beam`; None for the IMM.
+    beam: Mapping[str, Any] | None = None
 
 
-class GliderWind(GliderImm):
-    """The same with the wind in the state of each filter: circles drift."""
-
-    name = "imm-wind"
-    title = "IMM with wind"
-    models = tuple(replace(model, wind=0.01) for model in MODELS)
-
-
-class GliderClimb(GliderImm):
-    """The IMM that also measures the climb rate: gliders circle where the air rises."""
-
-    name = "imm-climb"
-    title = "IMM with climb"
-    models = tuple(replace(model, climb=0.1, climb_level=0.3) for model in MODELS)
-
-
-class GliderWindClimb(GliderImm):
-    """The IMM with wind and climb rate."""
-
-    name = "imm-wind-climb"
-    title = "IMM, wind, climb"
-    models = tuple(replace(model, wind=0.01) for model in GliderClimb.models)
-
-
-class GliderBeam(GliderImm):
-    """The thresholds on the semi-Markov posterior, in which a circle lasts at least 15 s."""
-
-    name = "beam"
-    title = "beam"
-    models = tuple(
-        replace(
-            model,
-            rates=(0.0, 6.0, 12.0, 20.0, -6.0, -12.0, -20.0),
-        )
-        for model in MODELS[::2]
-    )
-    histories = TurnHistories(shortest=(0.0, 15.0), branches=30)
-
-
-class GroundTrackRule(GliderRule):
-    """A rule on the turn rate of the ground track between positions."""
-
-    def observe(self, tracks: FlightTracks) -> FloatArray:
-        """Return time since the last position [s] and turned angle [rad], (T, B, 2)."""
-        return np.stack([tracks.batch.steps, tracks.turned], axis=-1)
-
-
-class XcsoarRule(GroundTrackRule):
-    """The rule of the glide computer XCSoar, by its facts: a turn rate that lasts.
-
-    The turn rate is limited to 50 deg/s and smoothed by a low-pass filter of factor 0.3. When it is
-    at least the rate for longer than the time to enter, the glider circles; when it is below for
-    longer than the time to leave, it does not.
-    """
-
-    name = "xcsoar"
-    title = "XCSoar, tuned"
-    numbers = ("rate", "enter", "leave")
-    usual = (7.0, 10.0, 6.0)
-    grid = tuple(
-        product(
-            (4.0, 5.0, 6.0, 7.0, 8.0, 10.0),
-            (4.0, 6.0, 8.0, 10.0, 15.0),
-            (0.0, 2.0, 4.0, 6.0, 8.0),
-        )
-    )
-    fastest = np.radians(50.0)
-    factor = 0.3
-
-    def begin(self, shape: tuple[int, int]) -> tuple[Any, ...]:
-        """See `GliderRule.begin`: smoothed rate (N, 1), time since the rate contradicts (N, K),
-        else -1.
-        """
-        return (*super().begin(shape), np.zeros((shape[0], 1)), np.full(shape, -1.0))
-
-    def step(self, seen: FloatArray, stated: IntArray, *memory: Any) -> tuple[Any, ...]:
-        """See `GliderRule.step`."""
-        (smooth, waited), (dt, turned) = memory, seen.T[..., None]
-        rate = np.clip(
-            turned / np.where(dt > 0.0, dt, 1.0),
-            -self.fastest,
-            self.fastest,
-        )
-        smooth = np.where(
-            dt > 0.0,
-            smooth + self.factor * (rate - smooth),
-            smooth,
-        )
-        bound, enter, leave = self.values
-        turning = np.abs(smooth) >= np.radians(bound)
-        circling = stated != STRAIGHT
-        waited = np.where(
-            turning == circling,
-            -1.0,
-            np.where(waited < 0.0, 0.0, waited + dt),
-        )
-        changes = waited > np.where(circling, leave, enter)
-        side = np.where(smooth > 0.0, LEFT, RIGHT)
-        stated = np.where(
-            turning & (circling | changes),
-            side,
-            np.where(changes, STRAIGHT, stated),
-        )
-        return stated, smooth, np.where(changes, -1.0, waited)
-
-
-class XcsoarDefault(XcsoarRule):
-    """XCSoar's rule with its defaults: 4 deg/s, 15 s to enter, 10 s to leave."""
-
-    name = "xcsoar-default"
-    title = "XCSoar, default"
-    usual = (4.0, 15.0, 10.0)
-    grid = (usual,)
-
-
-class AngleRule(GroundTrackRule):
-    """The angle that the ground track has turned, forgotten in time, with hysteresis.
-
-    A glider circles when the angle with the longer memory reaches a threshold, until that with the
-    shorter memory falls below another.
-    """
-
-    name = "angle"
-    title = "angle turned"
-    numbers = ("memory", "enter", "leave")
-    usual = (16.0, 150.0, 30.0)
-    grid = tuple(
-        product(
-            (8.0, 12.0, 16.0),
-            (90.0, 120.0, 150.0, 180.0),
-            (20.0, 30.0, 45.0, 60.0),
-        )
-    )
-    # Memory [s].
-    shorter = 8.0
-
-    def begin(self, shape: tuple[int, int]) -> tuple[Any, ...]:
-        """See `GliderRule.begin`: angles with the longer memory (N, K) and the shorter one (N,
-        1) [rad].
-        """
-        return (*super().begin(shape), np.zeros(shape), np.zeros((shape[0], 1)))
-
-    def step(self, seen: FloatArray, stated: IntArray, *memory: Any) -> tuple[Any, ...]:
-        """See `GliderRule.step`."""
-        (dt, turned), kept = seen.T[..., None], self.values[0]
-        enter, leave = np.radians(self.values[1:])
-        angle = memory[0] * np.exp(-dt / kept) + turned
-        recent = memory[1] * np.exp(-dt / self.shorter) + turned
-        side = np.where(angle > 0.0, LEFT, RIGHT)
-        going = np.where(stated == LEFT, recent, -recent) > leave
-        stated = np.where((stated != STRAIGHT) & going, stated, STRAIGHT)
-        begins = (np.abs(angle) >= enter) & (np.abs(recent) > leave) & (angle * recent > 0.0)
-        return np.where(begins, side, stated), angle, recent
-
-
-RULES: dict[str, type[GliderRule]] = {
-    rule.name: rule
-    for rule in (
-        GliderImm,
-        GliderWind,
-        GliderClimb,
-        GliderWindClimb,
-        GliderBeam,
-        XcsoarRule,
-        XcsoarDefault,
-        AngleRule,
-    )
+RULES = {
+    "imm": GliderRule(title="IMM", models=MODELS),
+    # Circles drift.
+    "imm-wind": GliderRule(
+        title="IMM with wind",
+        models=tuple(replace(model, wind=0.01) for model in MODELS),
+    ),
+    # Gliders circle where the air rises.
+    "imm-climb": GliderRule(title="IMM with climb", models=CLIMBING),
+    "imm-wind-climb": GliderRule(
+        title="IMM, wind, climb",
+        models=tuple(replace(model, wind=0.01) for model in CLIMBING),
+    ),
+    # The semi-Markov posterior, in which a circle lasts at least 15 s.
+    "beam": GliderRule(
+        title="beam",
+        models=tuple(
+            replace(
+                model,
+                rates=(0.0, 6.0, 12.0, 20.0, -6.0, -12.0, -20.0),
+            )
+            for model in MODELS[::2]
+        ),
+        beam={"shortest": (0.0, 15.0), "branches": 30},
+    ),
+    "xcsoar": GliderRule(
+        title="XCSoar, tuned",
+        state=by_rate,
+        grid=tuple(
+            product(
+                (4.0, 5.0, 6.0, 7.0, 8.0, 10.0),
+                (4.0, 6.0, 8.0, 10.0, 15.0),
+                (0.0, 2.0, 4.0, 6.0, 8.0),
+            )
+        ),
+    ),
+    "xcsoar-default": GliderRule(
+        title="XCSoar, default",
+        state=by_rate,
+        grid=((4.0, 15.0, 10.0),),
+    ),
+    "angle": GliderRule(
+        title="angle turned",
+        state=by_angle,
+        grid=tuple(
+            product(
+                (8.0, 12.0, 16.0),
+                (90.0, 120.0, 150.0, 180.0),
+                (20.0, 30.0, 45.0, 60.0),
+            )
+        ),
+    ),
 }
 """Rules by name; the first is the reference."""

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.random import Generator
 
 from studies.flights.flight import Flight
 from studies.flights.labels import Labels
@@ -48,18 +49,8 @@ RANGES = {
     "noise": (0.03, 0.5),
     "altitude_noise": (0.1, 2.0),
 }
-# Between positions [s].
+# Time between positions [s].
 STEP = 1.0
-# Share of circles that follow circles to the other side.
-AT_ONCE = 0.2
-# Rounding of the latitude in logs [m].
-ROUNDED = (1.853, 0.185)
-# Those of rule b: probabilities of straight flight and circles after either, of slow and fast turns
-# in either, and at the start; a turn is measured over [s] and fast above [deg/s].
-STAYS = np.log([[0.982, 0.018], [0.030, 0.970]])
-SEEN = np.log([[0.942, 0.058], [0.093, 0.907]])
-START = np.log([0.8, 0.2])
-CHANGE_TIME, ENOUGH = 5.0, 6.0
 
 
 class Turns(NamedTuple):
@@ -75,11 +66,10 @@ class Turns(NamedTuple):
 
     def at(self, times: FloatArray) -> FloatArray:
         """Return the values at times (t,)."""
-        knots = np.column_stack(
-            [self.begins, self.begins + self.rises, self.ends, self.ends + self.falls]
-        )
-        heights = np.column_stack([0.0 * self.values, self.values, self.values, 0.0 * self.values])
-        return np.interp(times, np.maximum.accumulate(knots.ravel()), heights.ravel())
+        knots = [self.begins, self.begins + self.rises, self.ends, self.ends + self.falls]
+        heights = self.values[:, None] * [0.0, 1.0, 1.0, 0.0]
+        moments = np.maximum.accumulate(np.column_stack(knots).ravel())
+        return np.interp(times, moments, heights.ravel())
 
 
 def one_after_the_other(
@@ -90,14 +80,15 @@ def one_after_the_other(
     falls: FloatArray,
 ) -> Turns:
     """Return turns with gaps before them; the lengths are the times until they fall."""
-    ends = np.cumsum(gaps + np.maximum(lengths, rises) + falls) - falls
-    return Turns(ends - np.maximum(lengths, rises), ends, values, rises, falls)
+    lengths = np.maximum(lengths, rises)
+    ends = np.cumsum(gaps + lengths + falls) - falls
+    return Turns(ends - lengths, ends, values, rises, falls)
 
 
 World = dict[str, float]
 
 
-def simulate_glider(seconds: float, generator: np.random.Generator) -> Flight:
+def simulate_glider(seconds: float, generator: Generator) -> Flight:
     """Return a simulated flight of some seconds, with settings of its own."""
     world = {name: float(log_uniform(generator, *bounds)) for name, bounds in RANGES.items()}
     grid = np.arange(0.0, seconds + 2.0 * GRID, GRID)
@@ -109,27 +100,27 @@ def simulate_glider(seconds: float, generator: np.random.Generator) -> Flight:
     )
     times = np.arange(0.0, seconds, STEP)
     times = times[generator.uniform(size=len(times)) >= world["missing"]]
-    step = float(generator.choice(ROUNDED))
+    # Rounding of the latitude in logs [m].
+    step = float(generator.choice((1.853, 0.185)))
     rounding = step * np.array([np.cos(np.radians(generator.uniform(30.0, 55.0))), 1.0])
     positions = np.column_stack([np.interp(times, grid, axis) for axis in path.T])
     positions += world["noise"] * generator.standard_normal(positions.shape)
-    heights = np.interp(times, grid, altitudes) + world[
-        "altitude_noise"
-    ] * generator.standard_normal(len(times))
+    heights = np.interp(times, grid, altitudes)
+    heights += world["altitude_noise"] * generator.standard_normal(len(times))
     return Flight(
         "simulated",
         error_tier("simulated", step),
         times - times[0],
         rounding * np.round(positions / rounding),
         np.full(len(times), np.nan),
-        altitudes=np.round(heights),
+        np.round(heights),
     )
 
 
 def _plan(
     world: World,
     seconds: float,
-    generator: np.random.Generator,
+    generator: Generator,
 ) -> tuple[Turns, Turns, Turns]:
     """Return circles and wiggles with their turn rates [deg/s], and the shares by which circles
     straighten.
@@ -141,7 +132,8 @@ def _plan(
 
     gaps = world["straight"] * np.exp(1.2 * generator.standard_normal(n))
     gaps[0] *= generator.uniform()
-    at_once = generator.uniform(size=n) < AT_ONCE
+    # Circles that follow circles to the other side.
+    at_once = generator.uniform(size=n) < 0.2
     sides = np.cumprod(
         np.where(
             at_once,
@@ -189,7 +181,7 @@ def _fly(
     wiggles: Turns,
     dips: Turns,
     grid: FloatArray,
-    generator: np.random.Generator,
+    generator: Generator,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the path (g, 2) and the altitude (g,) at times (g,) [m]."""
 
@@ -213,16 +205,10 @@ def _fly(
     rates = wanted * shape * (1.0 - dips.at(grid)) + (1.0 - circling) * wiggles.at(grid)
     # The hand is busier in some minutes than in others.
     rates += busy * noise(world["wander"], world["wander_time"])
-    speeds = (
-        1.0
-        + noise(world["speed_jitter"], 15.0)
-        + rough * noise(world["surge"], world["surge_time"])
-    )
-    speeds = (
-        world["speed"]
-        * (1.0 + (world["faster"] - 1.0) * (1.0 - circling))
-        * np.maximum(speeds, 0.3)
-    )
+    speeds = 1.0 + noise(world["speed_jitter"], 15.0)
+    speeds += rough * noise(world["surge"], world["surge_time"])
+    straight_speed = world["speed"] * (1.0 + (world["faster"] - 1.0) * (1.0 - circling))
+    speeds = straight_speed * np.maximum(speeds, 0.3)
     # A wind that changes slowly, and gusts.
     angle = phase() - np.pi
     wind = [
@@ -258,49 +244,60 @@ def label_gliders(flights: Sequence[Flight]) -> list[Labels]:
     """Return the labels of simulated flights by both rules; rule b as libigc has it, but all of
     it is in flight.
     """
-    fast = [_turns_fast(flight) for flight in flights]
+    fast = [turns_fast(flight) for flight in flights]
     total = max(map(len, fast))
-    # (T, B)
-    seen = np.array([np.pad(one, (0, total - len(one))) for one in fast]).T
-    score = START + SEEN[:, seen[0]].T
-    back = np.empty((*seen.shape, 2), np.int64)
-    for k in range(1, total):
-        ways = score[:, :, None] + STAYS
-        back[k], score = ways.argmax(1), ways.max(1) + SEEN[:, seen[k]].T
-    decoded = np.empty(seen.shape, np.int64)
-    each = np.arange(len(flights))
-    decoded[-1] = score.argmax(1)
-    for k in range(total - 1, 0, -1):
-        decoded[k - 1] = back[k, each, decoded[k]]
-    motions = zip(
-        flights,
-        air_motion(flights),
-        decoded.T,
-        strict=True,
-    )
+    decoded = decode_fast(np.array([np.pad(flags, (0, total - len(flags))) for flags in fast]).T)
     return [
-        label_glider(flight, motion, one[: len(flight.times)]) for flight, motion, one in motions
+        label_glider(flight, motion, states[: len(flight.times)])
+        for flight, motion, states in zip(
+            flights,
+            air_motion(flights),
+            decoded.T,
+            strict=True,
+        )
     ]
 
 
-def _turns_fast(flight: Flight) -> IntArray:
-    """Return 1 where the ground track (n,) turned fast since the last position at least 5 s
-    before.
+def decode_fast(fast: IntArray) -> IntArray:
+    """Return the most probable states (T, B), 1 in circles, given where ground tracks turned
+    fast: the decoder of rule b, by Viterbi's algorithm.
     """
-    moves = np.diff(
-        flight.positions,
-        axis=0,
-        append=2.0 * flight.positions[-1:] - flight.positions[-2:-1],
+    # Probabilities of straight flight and circles at the start and after either, and of slow and
+    # fast turns in either.
+    start = np.log([0.8, 0.2])
+    stays = np.log([[0.982, 0.018], [0.030, 0.970]])
+    seen = np.log([[0.942, 0.058], [0.093, 0.907]])[:, fast].transpose(
+        1,
+        2,
+        0,
     )
-    bearings = np.arctan2(moves[:, 1], moves[:, 0])
+    score = start + seen[0]
+    back = []
+    for likelihoods in seen[1:]:
+        ways = score[:, :, None] + stays
+        back.append(ways.argmax(1))
+        score = ways.max(1) + likelihoods
+    states = [score.argmax(1)]
+    for before in reversed(back):
+        states.append(before[np.arange(len(before)), states[-1]])
+    return np.array(states[::-1])
+
+
+def turns_fast(flight: Flight, time: float = 5.0, fast: float = 6.0) -> IntArray:
+    """Return 1 where the ground track (n,) turned fast [deg/s] since the last position at least
+    a time [s] before.
+    """
+    moves = np.diff(flight.positions, axis=0)
+    bearings = np.arctan2(*np.concatenate([moves, moves[-1:]]).T[::-1])
     before = (
         np.searchsorted(
             flight.times,
-            flight.times - CHANGE_TIME + 1e-7,
+            flight.times - time + 1e-7,
             "right",
         )
         - 1
     )
-    passed = flight.times - flight.times[np.maximum(before, 0)]
-    turned = np.degrees(np.abs(np.angle(np.exp(1j * (bearings - bearings[np.maximum(before, 0)])))))
-    return ((before >= 0) & (turned > ENOUGH * np.maximum(passed, 1e-9))).astype(np.int64)
+    last = np.maximum(before, 0)
+    passed = flight.times - flight.times[last]
+    turned = np.degrees(np.abs(np.angle(np.exp(1j * (bearings - bearings[last])))))
+    return ((before >= 0) & (turned > fast * np.maximum(passed, 1e-9))).astype(np.int64)

@@ -1,134 +1,124 @@
-"""Flights of gliders: wind and circles by hindsight, the other decoder, and filters of a flight
-in parts.
+"""Flights of gliders: wind and circles by hindsight, the other decoder, filters of a flight in
+parts, a rule against a literal loop, and a short training.
 """
 
 import numpy as np
 import pytest
-from made_up_glider import LEFT, RIGHT, fly, made_up_log, write_log
+from made_up_glider import LEFT, fly, write_log
 from scipy.linalg import expm
 
+from agents import train
 from baselines import parse_igc
 from studies.flights.flight import stack_flights
+from studies.flights.tracks import FlightTracks
 from studies.flights.turns import TurnModel, run_turn_imm, turn_motion
 from studies.gliders.circling import air_motion, circles, decode, label_glider
-from studies.gliders.logs import (
-    HALVES,
-    LEFT_OUT,
-    SEALED,
-    digits,
-    glider_flight,
-    half_of,
-    read_logs,
-)
+from studies.gliders.logs import glider_flight
+from studies.gliders.rules import MODELS, RULES
+from studies.gliders.simulated import label_gliders, simulate_glider
+from studies.gliders.study import Setting, glider_statements
+from studies.gliders.training import Gliders
 
 
-@pytest.fixture(scope="module")
-def flown():
-    modes, positions, altitudes = fly(5)
+def read(positions, altitudes):
     log = parse_igc("log", write_log(positions, altitudes))
-    return modes, log, glider_flight("log", "A", log)
+    return log, glider_flight("log", "A", log)
 
 
-def test_wind_and_circles_are_found_by_hindsight(flown):
-    modes, _, flight = flown
+def test_wind_and_circles_are_found_by_hindsight():
+    modes, *track = fly(5)
+    _, flight = read(*track)
     (motion,) = air_motion([flight])
-    circling = modes > 0
+    hindsight, doubtful = circles(flight, motion.rates)
 
-    np.testing.assert_allclose(
-        np.median(motion.wind[circling], axis=0),
-        [3.0, -1.0],
-        atol=0.3,
-    )
+    wind = np.median(motion.wind[modes > 0], axis=0)
+    np.testing.assert_allclose(wind, [3.0, -1.0], atol=0.3)
     assert np.median(motion.speeds) == pytest.approx(10.0, abs=0.4)
     assert np.degrees(np.median(motion.rates[modes == LEFT])) == pytest.approx(18.0, abs=1.0)
-    found, doubtful = circles(flight, motion.rates)
-    assert (found == modes).mean() > 0.98
+    assert (hindsight == modes).mean() > 0.98
     assert not doubtful.any()
 
 
-def test_a_turn_of_240_degrees_is_neither_a_circle_nor_straight():
-    _, positions, altitudes = fly(
-        6,
-        plan=(
-            (0, 60),
-            (RIGHT, 13),
-            (0, 60),
-        ),
+def test_parts_with_a_margin_are_filtered_as_the_whole():
+    _, flight = read(*fly(5)[1:])
+    model = TurnModel(climb=0.1, climb_level=0.3)
+    whole, parts = (
+        batch.unstack(run_turn_imm(batch, model).probabilities)[0]
+        for batch in (stack_flights([flight]), stack_flights([flight], 100, 90))
     )
-    flight = glider_flight(
-        "log",
-        "A",
-        parse_igc("log", write_log(positions, altitudes)),
-    )
-    (motion,) = air_motion([flight])
-    modes, doubtful = circles(flight, motion.rates)
-
-    assert not modes.any()
-    assert 10 < doubtful.sum() < 20
+    np.testing.assert_allclose(whole, parts, atol=1e-3)
 
 
-def test_labels_are_scored_where_both_rules_agree(flown):
-    pytest.importorskip("libigc")
-    modes, log, flight = flown
-    (motion,) = air_motion([flight])
-    decoded = decode(log.records)
-    labels = label_glider(flight, motion, decoded)
-
-    assert len(decoded) == len(modes)
-    assert labels.scored.mean() > 0.8
-    np.testing.assert_array_equal(
-        labels.modes[labels.scored],
-        labels.own[labels.scored],
-    )
-    assert (labels.modes == modes)[labels.scored].mean() > 0.98
-    assert [mode for *_, mode in labels.pieces] == [0, 1, 0, 2, 0, 2, 1, 0]
-    assert not label_glider(flight, motion, np.full(len(modes), -1)).scored.any()
-
-
-@pytest.mark.parametrize(
-    "model",
-    [TurnModel(), TurnModel(climb=0.1, climb_level=0.3)],
-)
-def test_parts_with_a_margin_are_filtered_as_the_whole(flown, model):
-    _, _, flight = flown
-    whole = stack_flights([flight])
-    parts = stack_flights([flight], 100, 90)
-
-    assert parts.times.shape == (280, 6)
-    one, other = (
-        batch.unstack(run_turn_imm(batch, model).probabilities, [600])[0]
-        for batch in (whole, parts)
-    )
-    np.testing.assert_allclose(one, other, atol=1e-3)
-
-
-@pytest.mark.parametrize("rate", [0.0, 0.3, -0.2])
+@pytest.mark.parametrize("rate", [0.0, -0.2])
 def test_a_turn_in_a_wind_is_the_exponential_of_its_equations(rate):
-    dt = 1.7
-    matrix = np.zeros((6, 6))
     # Positions move with air velocity and wind.
-    matrix[0, 1] = matrix[3, 4] = matrix[0, 2] = matrix[3, 5] = 1.0
+    matrix = np.kron(np.eye(2), [[0.0, 1.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     matrix[1, 4], matrix[4, 1] = -rate, rate
-    model = TurnModel(wind=0.1)
-    moved, noise = turn_motion(
-        np.array(rate),
-        np.array(dt),
-        model,
-    )
+    moved, noise = turn_motion(np.array(rate), np.array(1.7), TurnModel(wind=0.1))
 
-    np.testing.assert_allclose(
-        moved,
-        expm(matrix * dt),
-        atol=1e-12,
-    )
+    np.testing.assert_allclose(moved, expm(1.7 * matrix), atol=1e-12)
     assert noise[2, 2] == noise[5, 5] == pytest.approx(0.17)
 
 
-def test_logs_are_known_by_their_digests(tmp_path):
-    (tmp_path / "inner").mkdir()
-    (tmp_path / "inner" / "name.igc").write_bytes(made_up_log(1))
-    (found,) = read_logs(tmp_path).items()
+def test_rule_b_is_that_of_libigc():
+    """Its decoder reads the positions as a log."""
+    pytest.importorskip("libigc")
+    flight = simulate_glider(1500.0, np.random.default_rng(3))
+    times = np.arange(flight.times[-1])
+    east, north, height = (
+        np.interp(times, flight.times, values)
+        for values in (*flight.positions.T, flight.altitudes + 1500.0)
+    )
+    log, copy = read(np.column_stack([east, north]), height)
+    decoded = decode(log.records)
+    (ours,), theirs = label_gliders([copy]), label_glider(copy, air_motion([copy])[0], decoded)
 
-    assert found == (digits(made_up_log(1)), made_up_log(1))
-    assert [half_of(one) for one in (found[0], HALVES["B"][0], LEFT_OUT[0])] == [SEALED, "B", ""]
-    assert [len(set(logs)) for logs in HALVES.values()] == [8, 8]
+    assert (ours.second == theirs.second)[decoded >= 0].mean() > 0.98
+
+
+def literal_xcsoar(turns, rate, enter, leave):
+    smooth = 0.0
+    since = None
+    mode = 0
+    for k, turned in enumerate(turns):
+        if k:
+            smooth = 0.7 * smooth + 0.3 * max(min(np.degrees(turned), 50.0), -50.0)
+        turning = abs(smooth) >= rate
+        if turning == (mode > 0):
+            since = None
+        else:
+            since = k if since is None else since
+            if k - since > (leave if mode else enter):
+                mode, since = (0 if mode else 1), None
+        if mode and turning:
+            mode = 1 if smooth > 0.0 else 2
+        yield mode
+
+
+def test_the_rule_of_xcsoar_at_several_settings_is_a_literal_loop():
+    batch = stack_flights([read(*fly(1, noise=1.5)[1:])[1]])
+    tracks = FlightTracks(batch, run_turn_imm(batch, MODELS[0]))
+    settings = [(4.0, 15.0, 10.0), (8.0, 4.0, 0.0), (6.0, 10.0, 3.0)]
+    moves = np.diff(batch.positions[:, 0], axis=0)
+    change = np.diff(np.arctan2(moves[:, 1], moves[:, 0]))
+    turns = np.append([0.0, 0.0], (change + np.pi) % (2.0 * np.pi) - np.pi)
+
+    stated = RULES["xcsoar"].state(tracks, settings)[:, 0].T
+    np.testing.assert_array_equal(
+        stated, [list(literal_xcsoar(turns, *setting)) for setting in settings]
+    )
+
+
+def test_a_short_training_gives_an_agent_with_several_settings(tmp_path, monkeypatch):
+    monkeypatch.setattr(Gliders, "curve_flights", (2,))
+    small = ("flights=[4]", "rows=300", "n_steps=100", "hidden=6", "learning_rate=0.02")
+    folder = tmp_path / "mine"
+    train("studies/gliders/gliders.yml", out=folder, steps=10_000, changes=small)
+    flights = [simulate_glider(1500.0, np.random.default_rng(3))]
+    settings = [Setting(str(folder), 0, (margin, margin)) for margin in (0.0, 3.0)]
+    together = glider_statements(flights, settings)
+    alone = glider_statements(flights, settings[1:])
+
+    np.testing.assert_array_equal(alone[settings[1]][0], together[settings[1]][0])
+    few, many = (np.count_nonzero(np.diff(together[setting][0])) for setting in reversed(settings))
+    assert few < many

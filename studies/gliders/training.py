@@ -2,21 +2,11 @@
 studies/gliders/gliders.yml`.
 """
 
-from dataclasses import dataclass
-from typing import Any, ClassVar
-
 import numpy as np
 
-from studies.flights.training import Flights, FlightSettings, Simulated
+from studies.flights.training import Flights, Simulated
 from studies.gliders.agent import GliderAgent
-from studies.gliders.simulated import RANGES, STEP, label_gliders, simulate_glider
-
-
-@dataclass(frozen=True, kw_only=True)
-class GliderSettings(FlightSettings):
-    """Those of the agent for gliders, with one number of flights of a round."""
-
-    groups = ("gliders",)
+from studies.gliders.simulated import STEP, label_gliders, simulate_glider
 
 
 class Gliders(Flights):
@@ -24,11 +14,9 @@ class Gliders(Flights):
     `label_gliders`.
     """
 
-    Settings = GliderSettings
     decider = GliderAgent
     next_command = "python -m studies.gliders --source igc-xc-score-1.8.0.tgz --deciders imm-climb"
     early = 4.0
-    simulation: ClassVar[dict[str, Any]] = dict(RANGES)
     curve_flights = (40,)
 
     def draw(self, counts: tuple[int, ...], generator: np.random.Generator) -> Simulated:

@@ -4,38 +4,30 @@ As in DAgger (Ross et al. 2011) the student drives, so that it meets the anchors
 declarations, and the teacher is asked on every row.
 """
 
-from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.evaluation.registry import find_family
-from agents.learned.posterior_decider import PosteriorDecider
-from agents.learned.statement_net import GAIN, zero_layer
-from agents.training.algorithm import Round
-from baselines.rules.decider import Observations
-from hybrid_env.checks import FloatArray, IntArray, reject
-from hybrid_env.registration import make_vector_env
-from studies.league.reward import (
+from agents import PosteriorDecider, find_decider
+from studies.league.segments import (
+    GAIN,
     INPUTS,
-    RewardDecider,
+    Rows,
     SegmentAlgorithm,
+    SegmentDecider,
     Segments,
-    SegmentSettings,
     hidden_layers,
-    reward_inputs,
+    row_inputs,
     with_straight,
+    zero_layer,
 )
-
-FACTORS = 1.0, 0.1, 10.0
-"""Of the measurement variance of the environment, in turn, one for each round."""
 
 
 class DistilledNet(nn.Module):
-    """As `RewardNet`, from the present row alone; it imitates the shipped agent."""
+    """Corrects the posterior of the bank, from the present row alone; `hidden` units a layer."""
 
     def __init__(self, hidden: int):
         super().__init__()
@@ -44,70 +36,65 @@ class DistilledNet(nn.Module):
         self.scale = nn.Parameter(torch.ones(1))
 
     def forward(self, inputs: Tensor, logs: Tensor) -> Tensor:
-        """Return the logarithms of the posterior (N, M) of rows, see `reward_inputs`."""
+        """Return the logarithms of the posterior (N, M) of rows, see `row_inputs`."""
+        outputs = GAIN * self.output(self.layers(inputs))
         return torch.log_softmax(
-            self.scale * logs + with_straight(GAIN * self.output(self.layers(inputs))),
+            self.scale * logs + with_straight(outputs),
             -1,
         )
 
 
-class DistilledDecider(RewardDecider):
-    """Declares the likeliest hypothesis once the error probability is at most alpha. It has no
-    state.
-    """
+class DistilledDecider(SegmentDecider):
+    """Declares once the error probability is at most alpha. It has no state."""
 
     network = DistilledNet
     label = "distilled agent"
 
-    def advance(self, rows: Observations, ticks: Tensor, state: Any) -> tuple[Tensor, None]:
-        return self.net(
-            *map(torch.from_numpy, reward_inputs(rows, self.world.tau))
-        ).double().exp(), None
+    def advance(self, rows: Rows, ticks: Tensor, state: Any) -> tuple[Tensor, None]:
+        inputs = map(torch.from_numpy, row_inputs(rows, self.world.tau))
+        return self.net(*inputs).double().exp(), None
 
 
 class Distilled(SegmentAlgorithm):
-    """A training run on the posterior of the shipped agent; it refuses sensors, which are not in
-    the rows.
+    """A training run on the posterior of the shipped agent, at three measurement variances in
+    turn, one for each round.
     """
 
-    Settings = SegmentSettings
     decider = DistilledDecider
 
     def build(self) -> None:
-        """See `SegmentAlgorithm.build`; creates an environment for every measurement variance."""
         super().build()
-        if self.world.sensors:
-            raise reject("sensors", self.world.sensors, "none, for an agent that reads rows alone")
         variance = np.asarray(self.world.measurement_variance)
-        self.envs = [self.env]
-        for factor in FACTORS[1:]:
-            changed = self.options | {"measurement_variance": (factor * variance).tolist()}
-            self.envs.append(
-                make_vector_env(self.env_id, self.settings.n_envs, tick_info=False, **changed)
-            )
+        changed = [self.make_env(measurement_variance=(k * variance).tolist()) for k in (0.1, 10.0)]
+        self.envs = [self.env, *changed]
 
-    def train_round(self) -> Round:
-        home = self.env
+    def train_round(self) -> tuple[int, float, float, dict[str, float]]:
         self.env = self.envs[self.rounds % len(self.envs)]
-        self.world = self.env.options
-        try:
-            return super().train_round()
-        finally:
-            self.env = home
-            self.world = home.options
+        return super().train_round()
 
-    def labels(self, found: Segments) -> Sequence[NDArray[Any]]:
+    def labels(self, found: Segments) -> tuple[NDArray[Any], ...]:
         """See `SegmentAlgorithm.labels`: the posterior of the teacher on each row."""
-        family = find_family("shipped-threshold", self.world)
-        rows = found.lengths.reshape(-1, self.world.segments).sum(1)
-        return (taught(family.make(family.default), found.rows, rows).astype(np.float32),)
+        world = self.env.options
+        decider = cast("PosteriorDecider", find_decider("shipped-threshold", world))
+        counts = found.lengths.reshape(-1, world.segments).sum(1)
+        return (
+            taught(
+                decider,
+                found.rows,
+                counts,
+            ).astype(np.float32),
+        )
 
-    def loss(self, inputs: Tensor, logs: Tensor, lengths: Tensor, *labels: Tensor) -> Tensor:
-        """Return the mean cross-entropy of the posterior of the teacher, labels: (n, M)."""
-        return -(labels[0] * self.net(inputs, logs)).sum(-1).mean()
+    def loss(self, inputs: list[Tensor], lengths: Tensor, *labels: Tensor) -> Tensor:
+        """Return the mean cross-entropy of the posterior of the teacher, (n, M)."""
+        return -(labels[0] * self.net(*inputs)).sum(-1).mean()
 
 
-def taught(teacher: PosteriorDecider, rows: Observations, counts: IntArray) -> FloatArray:
+def taught(
+    teacher: PosteriorDecider,
+    rows: Rows,
+    counts: NDArray[np.int64],
+) -> NDArray[np.float64]:
     """Return the posterior (n, M) of a decider on rows (n, width) of whole episodes, each of
     `counts` (E,) rows.
     """
@@ -120,5 +107,9 @@ def taught(teacher: PosteriorDecider, rows: Observations, counts: IntArray) -> F
         if not goes_on.all():
             left, state = left[goes_on], teacher.select_tracks(state, goes_on)
         now = begins[left] + tick
-        out[now], state = teacher.posterior(rows[now], state, np.full(len(left), tick == 0))
+        out[now], state = teacher.posterior(
+            rows[now],
+            state,
+            np.full(len(left), tick == 0),
+        )
     return out

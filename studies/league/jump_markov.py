@@ -10,106 +10,61 @@ are known; gains, covariances and the rate of switches are learned. Without trai
 with a fixed gain.
 """
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.algorithms.statements import StatementSettings, TrackAlgorithm, make_tracks
-from agents.learned.statement_decider import UtilityDecider
-from agents.learned.statement_net import StatementNet, StatementOutputs, noise_of, sides, turn_views
-from agents.training.expected_reward import StatementBatch
-from baselines.rules.decider import Actions, SeveralThresholds
-from baselines.rules.measurements import OBSERVED, MeasurementDecider
-from hybrid_env.checks import BoolArray, FloatArray, check_number, reject
-from hybrid_env.quickest_options import QuickestOptions
-from studies.league.kalman import SENSOR, KalmanNet, KalmanState, evidence, turning
+from agents import (
+    StatementBatch,
+    StatementNet,
+    StatementOutputs,
+    StatementSettings,
+    TrackAlgorithm,
+    UtilityDecider,
+    turn_views,
+)
+from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions
+from studies.league.kalman import (
+    SENSOR,
+    KalmanNet,
+    KalmanState,
+    evidence,
+    filter_sides,
+    turning,
+    two_by_two,
+)
+from studies.league.segments import each_tensor, where
 
-MEASUREMENT, POSITION, VELOCITY, RADII = slice(0, 2), slice(2, 4), slice(4, 6), slice(6, None)
-"""Inputs of a track at a tick: what is measured, the first estimate, and the radii of the turns."""
-
-HYPOTHESIS_INPUTS = 6
-# Of the inputs of a hypothesis, the lateral innovation.
-ACROSS = 5
-INPUTS = 3 * HYPOTHESIS_INPUTS + 2
-CONTEXT = 4
-# Without training, the second one per tick.
-POSITION_GAIN, VELOCITY_GAIN = 0.2, 0.02
-# Log-odds of a switch at a tick, without training.
-HAZARD = -4.3
+# Of the logarithm of a probability or a likelihood.
 LOWEST_LOG = -15.0
 SMALLEST = 1e-6
-
-
-def track_inputs(world: QuickestOptions, observed: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return the inputs of N tracks at a tick (N, 6 + M - 1), in deviations of the noise and ticks.
-
-    `observed` (N, width) is what `MeasurementDecider.observe` returns; a missing measurement is
-    NaN.
-    """
-    x, vx, y, vy = observed[:, 2:6].T
-    radii = np.broadcast_to(np.tile(world.radii, 2), (len(observed), world.hypotheses - 1))
-    tau = world.tau
-    metres = np.column_stack([observed[:, :2], x, y, vx * tau, vy * tau, radii])
-    return np.asarray(metres / noise_of(world), np.float32)
 
 
 class JumpMarkovState(NamedTuple):
     """State of N tracks, with M + 1 filters each, two of them for straight motion."""
 
-    # The differences are in the frame of the last tick.
+    # (N, M + 1); the differences are in the frame of the last tick.
     filters: KalmanState
     # (N, M) logarithms of the probabilities of the modes.
     logs: Tensor
-    # (1, N (M - 1), hidden) of the recurrent network of the mode.
+    # (N, M - 1, hidden) of the recurrent network of the mode.
     memory: Tensor
 
-    def detach(self) -> "JumpMarkovState":
+    def detach(self) -> Any:
         """Return the state without its gradients."""
-        return JumpMarkovState(
-            KalmanState(*(part.detach() for part in self.filters)),
-            self.logs.detach(),
-            self.memory.detach(),
-        )
+        return each_tensor(Tensor.detach, self)
 
-    def replaced(self, tracks: Tensor, other: "JumpMarkovState") -> "JumpMarkovState":
-        """Return it with the state of another one for the tracks of a mask (N,)."""
-        each = tracks.repeat_interleave(self.logs.shape[1] + 1)[:, None]
-        turns = tracks.repeat_interleave(self.logs.shape[1] - 1)[:, None]
-        filters = (
-            torch.where(
-                each,
-                new,
-                old,
-            )
-            for new, old in zip(
-                other.filters,
-                self.filters,
-                strict=True,
-            )
-        )
-        logs = torch.where(
-            tracks[:, None],
-            other.logs,
-            self.logs,
-        )
-        return JumpMarkovState(
-            KalmanState(*filters),
-            logs,
-            torch.where(
-                turns,
-                other.memory,
-                self.memory,
-            ),
-        )
+
+Tick = tuple[StatementOutputs, JumpMarkovState]
+"""Outputs of one tick, without the axis of ticks, and the state after it."""
 
 
 class JumpMarkovNet(nn.Module):
     """Filters of all hypotheses and the network of the mode; `hidden` units in each of the two
-    recurrent parts.
+    recurrent parts. The inputs of a track at a tick are those of `JumpMarkovDecider.observe`.
     """
 
     def __init__(self, hidden: int):
@@ -118,12 +73,15 @@ class JumpMarkovNet(nn.Module):
             4,
             2,
             hidden,
-            CONTEXT,
+            4,
         )
-        self.modes = StatementNet(hidden, INPUTS)
-        self.hazard = nn.Parameter(torch.tensor([HAZARD]))
+        # Of straight motion, a turn and the other turns six numbers each, and two of the track.
+        self.modes = StatementNet(hidden, 3 * 6 + 2)
+        # Log-odds of a switch at a tick.
+        self.hazard = nn.Parameter(torch.tensor([-4.3]))
         with torch.no_grad():
-            gain = torch.cat([POSITION_GAIN * torch.eye(2), VELOCITY_GAIN * torch.eye(2)])
+            # Of position and velocity.
+            gain = torch.cat([0.2 * torch.eye(2), 0.02 * torch.eye(2)])
             self.filter.gain[2].get_parameter("bias").copy_(gain.flatten())
 
     def forward(
@@ -132,132 +90,114 @@ class JumpMarkovNet(nn.Module):
         log_probability: Tensor,
         memory: JumpMarkovState | None = None,
     ) -> StatementOutputs:
-        """Process T ticks of N tracks: inputs (T, N, 6 + M - 1) of `track_inputs`.
+        """Process T ticks of N tracks, (T, N, 6 + M - 1).
 
         The probabilities of the bank (T, N, M) are used at the first tick of an episode only,
         without a memory.
         """
-        found = []
+        ticks = []
         for now, logs in zip(
             inputs,
             log_probability,
             strict=True,
         ):
             outputs, memory = self.begin(now, logs) if memory is None else self.step(now, memory)
-            found.append(outputs)
-        utility, stay, belief, logs = (
-            torch.cat([getattr(one, name) for one in found])
-            for name in ("utility", "stay", "belief", "logs")
-        )
-        return StatementOutputs(
-            utility,
-            stay,
-            belief,
-            memory,
-            logs,
-        )
+            ticks.append(outputs)
+        return each_tensor(lambda *parts: torch.stack(parts), *ticks)._replace(memory=memory)
 
-    def begin(self, inputs: Tensor, logs: Tensor) -> tuple[StatementOutputs, JumpMarkovState]:
+    def begin(self, inputs: Tensor, logs: Tensor) -> Tick:
         """Start from the first estimate, to which the first measurement has contributed."""
         filters = logs.shape[1] + 1
-        state = inputs[:, POSITION.start : VELOCITY.stop]
-        measured = inputs[:, MEASUREMENT].nan_to_num()
-        each = (part.repeat_interleave(filters, 0) for part in (state, measured))
-        nothing = logs.new_zeros(*logs.shape, 2)
-        return self._state(
+        measured, state, _ = (
+            inputs[:, None]
+            .expand(
+                -1,
+                filters,
+                -1,
+            )
+            .tensor_split(
+                (2, 6),
+                -1,
+            )
+        )
+        start = self.filter.start(state, measured.nan_to_num())
+        nothing = torch.zeros_like(logs)
+        return self._tick(
             inputs,
-            self.filter.start(*each),
+            start,
             logs,
-            torch.zeros_like(logs),
             nothing,
+            nothing[..., None].expand(
+                -1,
+                -1,
+                2,
+            ),
             None,
         )
 
-    def step(
-        self,
-        inputs: Tensor,
-        last: JumpMarkovState,
-    ) -> tuple[StatementOutputs, JumpMarkovState]:
+    def step(self, inputs: Tensor, last: JumpMarkovState) -> Tick:
         """Process one tick of N tracks, (N, 6 + M - 1)."""
         M = last.logs.shape[1]
         predicted, mixed, kept = self._mix(last)
-        probability = predicted.exp()[..., None]
-        origin, velocity = (probability * mixed).sum(1).split(2, -1)
+        origin, velocity = (predicted.exp()[..., None] * mixed).sum(1).split(2, -1)
         speed = velocity.norm(dim=-1, keepdim=True).clamp(min=SMALLEST)
         # Frames of the filters: along the merged velocity, and across it to the side of the turn.
-        side = torch.from_numpy(np.append(sides(M)[1:], [1.0, -1.0])).roll(2).float()
-        cosine, sine = (velocity / speed).split(1, -1)
-        along = torch.stack([cosine, sine], -1).expand(
-            -1,
-            M + 1,
-            -1,
-        )
-        across = side[:, None] * torch.stack([-sine, cosine], -1)
-        frame = torch.stack([along, across], -2).flatten(0, 1)
+        side = torch.from_numpy(filter_sides(M)).float()
+        signs = torch.stack([torch.ones_like(side), side], -1)
+        frame = signs[..., None] * two_by_two(*(velocity / speed).split(1, -1))
 
         def local(vectors: Tensor) -> Tensor:
-            return (
-                frame
-                @ vectors.expand(
-                    -1,
-                    M + 1,
-                    2,
-                ).reshape(
-                    -1,
-                    2,
-                    1,
-                )
-            )[..., 0]
+            return (frame @ vectors[..., None])[..., 0]
 
         def twice(of_modes: Tensor) -> Tensor:
             return torch.cat([of_modes[:, :1], of_modes], 1)
 
         is_known = ~inputs[:, :1].isnan()
-        # The filters then hardly change.
+        # Without a measurement the filters hardly change.
         measured = torch.where(
             is_known,
-            inputs[:, MEASUREMENT],
+            inputs[:, :2],
             origin,
         )
-        before = last.filters
-        start = twice(mixed) - nn.functional.pad(origin, (0, 2))[:, None]
-        turn = nn.functional.pad(speed / inputs[:, RADII], (2, 0))
-        filters = before._replace(
-            state=torch.cat([local(start[..., :2]), local(start[..., 2:])], -1),
-            measurement=local(
-                before.measurement.view(
-                    -1,
-                    M + 1,
-                    2,
-                )
-                - origin[:, None]
+        position, moving = twice(mixed).split(2, -1)
+        filters = last.filters._replace(
+            state=torch.cat(
+                [local(position - origin[:, None]), local(moving)],
+                -1,
             ),
+            measurement=local(last.filters.measurement - origin[:, None]),
         )
+        turn = nn.functional.pad(speed / inputs[:, 6:], (2, 0))
         logs = twice(predicted) / 5.0, twice(kept) / 5.0
-        context = torch.stack([*logs, 0.5 * speed.log().expand_as(turn), 10.0 * turn], -1)
-        motion = coordinated_turn(turn.flatten())
+        context = torch.stack(
+            [
+                *logs,
+                0.5 * speed.log().expand_as(turn),
+                10.0 * turn,
+            ],
+            -1,
+        )
+        motion = coordinated_turn(turn)
         z = local((measured - origin)[:, None])
-        after, found = self.filter.step(
+        scale = torch.ones_like(z[..., :1])
+        after, likelihoods = self.filter.step(
             filters,
             motion,
             SENSOR,
             z,
-            torch.ones_like(z[:, :1]),
-            context.flatten(0, 1),
+            scale,
+            context,
         )
-        innovation = (z - (motion @ filters.state[..., None])[:, :2, 0]).view(
-            -1,
-            M + 1,
-            2,
-        )
-        innovation = innovation * torch.stack([torch.ones(M + 1), side], -1)
-        innovation = torch.cat([innovation[:, :2].mean(1, keepdim=True), innovation[:, 2:]], 1)
+        innovation = z - (motion @ filters.state[..., None])[..., :2, 0]
+        innovation = of_modes(innovation * signs)
         # Columns: position, velocity.
         back = frame.mT @ after.state.unflatten(-1, (2, 2)).mT
-        state = back.mT.flatten(1) + nn.functional.pad(origin, (0, 2)).repeat_interleave(M + 1, 0)
-        after = after._replace(state=state, measurement=measured.repeat_interleave(M + 1, 0))
-        likelihood = is_known * evidence(found.view(-1, M + 1))
-        return self._state(
+        after = after._replace(
+            state=back.mT.flatten(-2) + nn.functional.pad(origin, (0, 2))[:, None],
+            measurement=measured[:, None].expand_as(z),
+        )
+        likelihood = is_known * evidence(likelihoods)
+        return self._tick(
             inputs,
             after,
             predicted,
@@ -280,15 +220,10 @@ class JumpMarkovNet(nn.Module):
         joint = last.logs[:, :, None] + change
         predicted = joint.logsumexp(1)
         share = joint - predicted[:, None]
-        states = last.filters.state.view(
-            -1,
-            M + 1,
-            4,
-        )
-        states = torch.cat([states[:, :2].mean(1, keepdim=True), states[:, 2:]], 1)
-        return predicted, share.exp().mT @ states, share.diagonal(dim1=1, dim2=2)
+        mixed = share.exp().mT @ of_modes(last.filters.state)
+        return predicted, mixed, share.diagonal(dim1=1, dim2=2)
 
-    def _state(
+    def _tick(
         self,
         inputs: Tensor,
         filters: KalmanState,
@@ -296,146 +231,172 @@ class JumpMarkovNet(nn.Module):
         likelihood: Tensor,
         innovation: Tensor,
         memory: Tensor | None,
-    ) -> tuple[StatementOutputs, JumpMarkovState]:
+    ) -> Tick:
         """Return outputs and state of a tick, from what the filters say of it."""
         posterior = torch.log_softmax(predicted + likelihood, -1).clamp(min=LOWEST_LOG)
         ratio = (likelihood - likelihood.max(-1, keepdim=True).values).clamp(min=LOWEST_LOG)
-        parts = [2.0 * posterior.exp() - 1.0, posterior / 5.0, predicted / 5.0, ratio / 3.0]
-        each = torch.cat([torch.stack(parts, -1), 0.5 * innovation.clamp(-6.0, 6.0)], -1)
-        seen = turn_views(
+        parts = [
+            2.0 * posterior.exp() - 1.0,
+            posterior / 5.0,
+            predicted / 5.0,
+            ratio / 3.0,
+        ]
+        each = torch.cat(
+            [torch.stack(parts, -1), 0.5 * innovation.clamp(-6.0, 6.0)],
+            -1,
+        )
+        # The lateral innovation, in column 5, changes its sign in a mirrored trajectory.
+        views = turn_views(
             each.detach().numpy(),
             posterior.detach().numpy(),
-            (ACROSS,),
+            (5,),
             2,
         )
-        M = posterior.shape[1]
-        speed = (
-            filters.state[:, 2:]
-            .view(-1, M + 1, 2)
-            .mean(1)
-            .norm(dim=-1, keepdim=True)
-            .clamp(min=SMALLEST)
-            .detach()
-        )
-        seen[..., -2] = 0.5 * speed.log().numpy()
-        seen[..., -1] = 0.5 * (speed / inputs[:, RADII]).log().numpy() + 1.5
+        velocity = filters.state[..., 2:].mean(1).detach()
+        speed = velocity.norm(dim=-1, keepdim=True).clamp(min=SMALLEST)
+        views[..., -2] = 0.5 * speed.log().numpy()
+        views[..., -1] = 0.5 * (speed / inputs[:, 6:]).log().numpy() + 1.5
         outputs = self.modes(
-            torch.from_numpy(seen)[None],
+            torch.from_numpy(views)[None],
             posterior[None],
-            memory,
+            None if memory is None else memory.flatten(0, 1)[None],
         )
-        logs = torch.log_softmax(outputs.belief[0], -1).clamp(min=LOWEST_LOG)
-        return outputs._replace(logs=likelihood[None]), JumpMarkovState(
+        memory = outputs.memory[0].view(*views.shape[:2], -1)
+        utility, stay, belief = (part[0] for part in outputs[:3])
+        logs = torch.log_softmax(belief, -1).clamp(min=LOWEST_LOG)
+        state = JumpMarkovState(
             filters,
             logs,
-            outputs.memory,
+            memory,
         )
+        return StatementOutputs(
+            utility,
+            stay,
+            belief,
+            None,
+            likelihood,
+        ), state
+
+
+def of_modes(filters: Tensor) -> Tensor:
+    """Return values of the hypotheses (N, M, k) from those of the filters (N, M + 1, k)."""
+    return torch.cat(
+        [filters[:, :2].mean(1, keepdim=True), filters[:, 2:]],
+        1,
+    )
 
 
 def coordinated_turn(turn: Tensor) -> Tensor:
-    """Return the matrices (n, 4, 4) of position and velocity [1/tick] that turn left by an angle
-    (n,) per tick.
+    """Return the matrices (..., 4, 4) of position and velocity [1/tick] that turn left by an angle
+    (...) per tick.
     """
-    cosine = turn.cos()
-    sine = turn.sin()
-    rotation = torch.stack([cosine, -sine, sine, cosine], -1).unflatten(-1, (2, 2))
+    rotation = two_by_two(turn.cos(), -turn.sin())
     # In a frame that turns with the object.
-    deviation = turning(turn)
-    above = torch.cat([torch.eye(2).expand_as(rotation), rotation @ deviation[:, :2, 2:]], -1)
+    deviation = turning(turn)[..., :2, 2:]
+    above = torch.cat(
+        [torch.eye(2).expand_as(rotation), rotation @ deviation],
+        -1,
+    )
     return torch.cat([above, nn.functional.pad(rotation, (2, 0))], -2)
 
 
-class JumpMarkovMemory(NamedTuple):
-    """State of N tracks."""
-
-    net: JumpMarkovState
-    # Last statements (N,) at each of K margins.
-    stated: list[Actions]
-
-
-class JumpMarkovDecider(UtilityDecider, MeasurementDecider[JumpMarkovMemory], SeveralThresholds):
+class JumpMarkovDecider(UtilityDecider):
     """States the mode with the largest utility, from the measurements; the bank gives the first
-    estimate only.
-
-    What the network computes does not depend on statements: it is computed once for K margins, see
-    `UtilityDecider`.
+    estimate only. The state is that of the network, and the last statements (N,).
     """
 
-    def __init__(self, net: JumpMarkovNet, world: QuickestOptions, *margins: float):
-        super().__init__(net)
-        self.world, self.hypotheses = world, world.hypotheses
-        self.margins = [check_number("margin", margin) for margin in margins or (0.0,)]
-        self.chosen = []
+    task = "unknown"
+    observes = "tracks"
+    every_tick = True
+
+    def __init__(self, net: JumpMarkovNet, world: QuickestOptions, margin: float = 0.0):
+        super().__init__(net, margin)
+        self.world = world
 
     @classmethod
     def network(cls, hidden: int) -> JumpMarkovNet:
         return JumpMarkovNet(hidden)
 
-    @classmethod
-    def together(cls, deciders: Sequence[Self]) -> Self:
-        first = deciders[0]
-        return cls(
-            first.net,
-            first.world,
-            *(margin for one in deciders for margin in one.margins),
+    def observe(self, tracks: Any) -> NDArray[np.float32]:
+        """Return the inputs of a tick, (N, 6 + M - 1), and the logarithms of the probabilities of
+        the modes in the bank, (N, M).
+
+        The inputs are what is measured (NaN where it is missing), position and velocity of the
+        first estimate, and the radii of the turns, in deviations of the noise and ticks.
+        """
+        measurement = tracks.field("measurement")
+        x, vx, y, vy = tracks.field("estimate").T
+        radii = np.broadcast_to(
+            np.tile(self.world.radii, 2),
+            (len(x), self.world.hypotheses - 1),
         )
+        tau = self.world.tau
+        variances = self.world.variances
+        # The geometric mean of those of the axes.
+        noise = np.sqrt(np.prod(variances) ** (1.0 / variances.size))
+        inputs = (
+            np.column_stack(
+                [
+                    measurement,
+                    x,
+                    y,
+                    vx * tau,
+                    vy * tau,
+                    radii,
+                ]
+            )
+            / noise
+        )
+        return np.hstack([inputs, tracks.hypothesis_values()]).astype(np.float32)
+
+    def evidence(
+        self,
+        observation: NDArray[np.float32],
+        state: Any = None,
+        episode_start: Any = None,
+    ) -> NDArray[np.float64]:
+        """Return the probabilities of the modes by the bank, (N, M)."""
+        return np.exp(observation[:, -self.world.hypotheses :].astype(np.float64))
 
     @torch.no_grad()
     def decide(
         self,
-        observation: FloatArray,
-        state: JumpMarkovMemory | None,
-        episode_start: BoolArray | None,
-    ) -> tuple[Actions, JumpMarkovMemory]:
-        """See `MeasurementDecider.decide`; the statements at all margins are `chosen`."""
-        tracks = len(observation)
-        M = self.hypotheses
-        if observation.ndim != 2 or observation.shape[1] < OBSERVED + M:
-            raise reject(
-                "observation shape",
-                observation.shape,
-                f"(N, {OBSERVED + M})",
-            )
-        starts = (
-            np.full(tracks, state is None)
-            if state is None or episode_start is None
-            else episode_start
-        )
-        inputs = torch.from_numpy(track_inputs(self.world, observation))
-        logs = torch.from_numpy(observation[:, OBSERVED : OBSERVED + M]).float()
-        if state is None or starts.any():
-            outputs, net = self.net.begin(inputs, logs)
-        if state is not None:
-            now, after = self.net.step(inputs, state.net)
+        observation: NDArray[np.float32],
+        state: tuple[JumpMarkovState, Tensor] | None,
+        episode_start: NDArray[np.bool_] | None,
+    ) -> tuple[NDArray[np.int64], tuple[JumpMarkovState, Tensor]]:
+        """See `Decider.decide`; action i states mode i."""
+        seen = self.divide(observation)
+        starts = np.zeros(len(observation), np.bool_) if episode_start is None else episode_start
+        stated = np.zeros(len(observation), np.int64)
+        if state is None:
+            starts = np.ones_like(starts)
+            outputs, net = self.net.begin(*seen)
+        else:
+            tick = self.net.step(seen[0], state[0])
             if starts.any():
-                anew = torch.from_numpy(starts)
-                after = after.replaced(anew, net)
-                now = now._replace(
-                    utility=torch.where(
-                        anew[:, None],
-                        outputs.utility,
-                        now.utility,
-                    )
+                tick = where(
+                    torch.from_numpy(starts),
+                    self.net.begin(*seen),
+                    tick,
                 )
-            outputs = now
-            net = after
-        utility, stay = outputs.utility[0].double().numpy(), outputs.stay[0].double().numpy()
-        last = [np.zeros(tracks, np.int64)] * len(self.margins) if state is None else state.stated
-        pairs = zip(
-            self.margins,
-            last,
-            strict=True,
+            outputs, net = tick
+            stated = state[1].numpy()
+        utility, stay = (part.double().numpy() for part in (outputs.utility, outputs.stay))
+        stated = self.largest(
+            utility,
+            stay,
+            stated,
+            ~starts,
         )
-        self.chosen = [
-            self.largest(
-                utility.copy(),
-                stay + margin,
-                stated,
-                ~starts,
-            )
-            for margin, stated in pairs
-        ]
-        return self.chosen[0], JumpMarkovMemory(net, self.chosen)
+        return stated, (net, torch.from_numpy(stated))
+
+    def divide(self, observation: NDArray[np.float32]) -> tuple[Tensor, ...]:
+        """Return inputs and log-probabilities, the parts of what `observe` returns (..., width)."""
+        return torch.from_numpy(observation).tensor_split(
+            (-self.world.hypotheses,),
+            -1,
+        )
 
 
 class JumpMarkov(TrackAlgorithm):
@@ -453,24 +414,23 @@ class JumpMarkov(TrackAlgorithm):
         seed: int,
         inexact: bool,
     ) -> tuple[NDArray[Any], ...]:
-        """See `TrackAlgorithm.simulate`; the inputs are (T, N, 6 + M - 1), see `track_inputs`."""
-        env = make_tracks(
-            world,
+        """See `TrackAlgorithm.simulate`; tracks that read measurements are never inexact."""
+        env = HybridTrackQuickestVectorEnv(
             tracks,
-            inexact,
+            "Disabled",
+            **vars(world),
         )
         env.reset(seed=seed)
         decider = JumpMarkovDecider(self.net, world)
-        seen = []
-        modes = []
+        seen, modes = [], []
         for _ in range(world.ticks):
             seen.append(decider.observe(env.world))
             modes.append(env.world.field("true_mode").astype(np.int64))
             env.step(np.zeros(tracks, np.int64))
-        logs = np.array(seen, np.float32)[..., OBSERVED : OBSERVED + world.hypotheses]
-        return np.array([track_inputs(world, one) for one in seen]), logs, np.array(modes)
+        inputs, logs = (part.numpy() for part in decider.divide(np.array(seen)))
+        return inputs, logs, np.array(modes)
 
-    def further_loss(self, outputs: StatementOutputs, batch: StatementBatch) -> Tensor | float:
+    def further_loss(self, outputs: StatementOutputs, batch: StatementBatch) -> Tensor:
         """Return the mean negative log-likelihood of a measurement by the filter of the true
         mode.
         """

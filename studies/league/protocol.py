@@ -5,7 +5,7 @@ contents.
 import base64
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -15,7 +15,7 @@ import joblib
 import numpy as np
 from numpy.typing import NDArray
 
-from agents import Task, find_family, select_threshold, sweep, task_of
+from agents import Task, find_decider, select_threshold, sweep, task_of
 from baselines import Decider, Scores
 from hybrid_env import ArgumentError, Layout, QuickestLayout
 from studies.league.distilled import Distilled
@@ -29,16 +29,12 @@ from studies.league.transformer import Transformer
 RIVALS = (Distilled, JumpMarkov, Kalman, Reward, Tandem, Transformer)
 # Number of the protocol; it rises when worlds, episodes or metrics change.
 PROTOCOL = 1
-# Little-endian float32.
-REWARD = "<f4"
-KINDS = ("informed", "recurrent", "memoryless", "classical")
 # Three hypotheses, 21 hypotheses, and three with unknown switch moments.
 THREE = "hybrid_env:HybridTrackPublished-v0"
 BANK = "hybrid_env:HybridTrackPublishedBank-v0"
 QUICKEST = "hybrid_env:HybridTrackQuickest-v0"
 # Of the first reported episode; no other study reports these episodes.
 SEED = 600_000_000
-PACKAGES = ("hybrid-track", "stable-baselines3", "torch", "numpy", "numba")
 WORLDS: dict[str, tuple[str, dict[str, Any]]] = {
     "R = 0.01": (THREE, {"measurement_variance": 0.01}),
     "R = 0.1": (THREE, {}),
@@ -54,7 +50,6 @@ WORLDS: dict[str, tuple[str, dict[str, Any]]] = {
     "unknown, 5 % outliers": (QUICKEST, {"noise": "outliers 0.05"}),
 }
 """Environment and changed options of each world."""
-QUICK_WORLDS = ("R = 0.1", "R = 1", "unknown, R = 0.1")
 
 
 @dataclass(frozen=True)
@@ -65,19 +60,27 @@ class Protocol:
     worlds: Sequence[str] = tuple(WORLDS)
     # Reported episodes of each world by environment; as many others select the threshold.
     episodes: Mapping[str, int] = field(
-        default_factory=lambda: {THREE: 600, BANK: 600, QUICKEST: 150}
+        default_factory=lambda: {
+            THREE: 600,
+            BANK: 600,
+            QUICKEST: 150,
+        }
     )
     # Number of processes; -1 for one on each core. The results do not depend on it.
     jobs: int = 1
 
-    def some(self, env_id: str) -> list[str]:
-        """Return the worlds of an environment."""
-        return [world for world in self.worlds if WORLDS[world][0] == env_id]
+    def parallel(self, calls: Iterable[Any]) -> list[Any]:
+        """Return the results of calls that `joblib.delayed` made, in their order."""
+        return list(joblib.Parallel(n_jobs=self.jobs)(calls))
 
-    def parallel(self, calls: Sequence[Callable[[], Any]]) -> Iterator[Any]:
-        """Yield the results of calls, in their order."""
-        parallel = joblib.Parallel(n_jobs=self.jobs, return_as="generator")
-        yield from parallel(joblib.delayed(call)() for call in calls)
+    def play(self, name: str, env_ids: Sequence[str] = (THREE, BANK, QUICKEST)) -> dict[str, Any]:
+        """Return the entry of a decider, from the worlds of some environments."""
+        worlds = [world for world in self.worlds if WORLDS[world][0] in env_ids]
+        results = self.parallel(
+            joblib.delayed(play_world)(name, world, self.episodes[WORLDS[world][0]])
+            for world in worlds
+        )
+        return collect(name, dict(zip(worlds, results, strict=True)))
 
 
 def world_task(world: str) -> Task:
@@ -94,17 +97,27 @@ def play_world(name: str, world: str, episodes: int) -> dict[str, Any]:
     """
     task = world_task(world)
     try:
-        family = find_family(name, task.options)
-        threshold = select_threshold(task, family, episodes)
-        scores = sweep(task, family, episodes, SEED, thresholds=(threshold,))
+        decider = find_decider(name, task.options)
+        threshold = select_threshold(
+            task,
+            decider,
+            episodes,
+        )
+        scores = sweep(
+            task,
+            decider,
+            episodes,
+            SEED,
+            thresholds=(threshold,),
+        )
     except ArgumentError as error:
         return {"refused": str(error)}
     estimates = {
         metric.name: scores.estimate(metric.statistic).as_json() for metric in task.metrics
     }
     return {
-        "title": family.name,
-        "kind": kind_of(family.make(threshold), task),
+        "title": decider.title,
+        "kind": kind_of(decider.at(threshold), task),
         "threshold": threshold,
         "metrics": estimates,
         "rewards": pack(scores.of(task.goal, 0)),
@@ -115,15 +128,22 @@ def kind_of(decider: Decider, task: Task) -> str:
     """Return "informed" of what a user does not know, "classical" rule, "recurrent" with memory,
     or "memoryless".
     """
-    if decider.informed:
+    if decider.oracle:
         return "informed"
     if type(decider).__module__.startswith("baselines.rules.") and type(decider).name:
         return "classical"
     if decider.observes == "tracks":
         return "recurrent"
     layout = Layout if task.waits else QuickestLayout
-    rows = np.zeros((1, layout(task.options.hypotheses).width), np.float32)
-    _, state = decider.predict(rows, None, np.ones(1, np.bool_))
+    rows = np.zeros(
+        (1, layout(task.options.hypotheses).width),
+        np.float32,
+    )
+    _, state = decider.predict(
+        rows,
+        None,
+        np.ones(1, np.bool_),
+    )
     return "memoryless" if state is None else "recurrent"
 
 
@@ -138,7 +158,12 @@ def collect(name: str, results: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
         world: {key: value for key, value in result.items() if key not in ("title", "kind")}
         for world, result in results.items()
     }
-    return make_entry(name, played[0]["title"], played[0]["kind"], worlds)
+    return make_entry(
+        name,
+        played[0]["title"],
+        played[0]["kind"],
+        worlds,
+    )
 
 
 def make_entry(
@@ -148,10 +173,13 @@ def make_entry(
     worlds: dict[str, Any],
     cost: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Return the contents of a file, with a digest of them; `cost` is that of a trained family."""
+    """Return the contents of a file, with a digest of them; `cost` is that of a trained decider."""
     entry = {
         "protocol": PROTOCOL,
-        "versions": {package: version(package) for package in PACKAGES},
+        "versions": {
+            package: version(package)
+            for package in ("hybrid-track", "stable-baselines3", "torch", "numpy", "numba")
+        },
         "decider": decider,
         "title": title,
         "kind": kind,
@@ -183,8 +211,8 @@ def read_entry(path: Path) -> dict[str, Any]:
 
 
 def pack(rewards: NDArray[np.float64]) -> str:
-    """Return the rewards of episodes (E,) as text: float32 in base 64."""
-    return base64.b64encode(rewards.astype(REWARD).tobytes()).decode()
+    """Return the rewards of episodes (E,) as text: little-endian float32 in base 64."""
+    return base64.b64encode(rewards.astype("<f4").tobytes()).decode()
 
 
 def scores_of(entry: Mapping[str, Any], world: str) -> Scores | None:
@@ -192,9 +220,15 @@ def scores_of(entry: Mapping[str, Any], world: str) -> Scores | None:
     content = entry["worlds"].get(world, {})
     if "rewards" not in content:
         return None
-    rewards = np.frombuffer(base64.b64decode(content["rewards"]), REWARD).astype(np.float64)
+    rewards = np.frombuffer(base64.b64decode(content["rewards"]), "<f4").astype(np.float64)
     thresholds = (content["threshold"],)
-    return Scores(entry["title"], "", thresholds, ("reward",), rewards[:, None, None])
+    return Scores(
+        entry["title"],
+        "",
+        thresholds,
+        ("reward",),
+        rewards[:, None, None],
+    )
 
 
 def digest(entry: Mapping[str, Any]) -> str:

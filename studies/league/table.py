@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from baselines import Estimate, Statistic
-from studies.league.protocol import BANK, KINDS, QUICKEST, THREE, WORLDS, read_entry, scores_of
+from studies.league.protocol import BANK, QUICKEST, THREE, WORLDS, read_entry, scores_of
 
 ENTRIES = Path(__file__).parent / "entries"
 REWARD = Statistic(("reward",), lambda means: means)
@@ -30,18 +30,18 @@ def reward(entry: Entry, world: str) -> Estimate | None:
     return None if scores is None else scores.estimate(REWARD, 0)
 
 
-def ordered(entries: Sequence[Entry]) -> list[Entry]:
-    """Return entries by kind and title."""
-    return sorted(entries, key=lambda entry: (KINDS.index(entry["kind"]), entry["title"]))
-
-
 def rewards_table(entries: Sequence[Entry], env_ids: Sequence[str]) -> pd.DataFrame:
-    """Return a table of the mean rewards: deciders in rows, worlds of some environments in
-    columns.
+    """Return a table of the mean rewards: deciders in rows, by kind and title, and the worlds of
+    some environments in columns.
     """
+    kinds = ("informed", "recurrent", "memoryless", "classical")
+    ordered = sorted(
+        entries,
+        key=lambda entry: (kinds.index(entry["kind"]), entry["title"]),
+    )
     worlds = [world for world, (env_id, _) in WORLDS.items() if env_id in env_ids]
     rows = []
-    for entry in ordered(entries):
+    for entry in ordered:
         values = [reward(entry, world) for world in worlds]
         if any(values):
             cells = ["-" if value is None else f"{value.value:.3f}" for value in values]
@@ -54,41 +54,28 @@ def league_tables(entries: Sequence[Entry]) -> list[pd.DataFrame]:
     return [rewards_table(entries, env_ids) for env_ids in ((THREE, BANK), (QUICKEST,))]
 
 
-def best_of_rest(entries: Sequence[Entry], mine: Entry, world: str) -> Entry | None:
-    """Return the entry with the largest reward in a world among the others that are not
-    informed.
-    """
-    rewards = [
-        (value.value, entry["title"], entry)
-        for entry in entries
-        if entry is not mine
-        and entry["kind"] != "informed"
-        and (value := reward(entry, world)) is not None
-    ]
-    return max(rewards, key=lambda row: row[:2])[2] if rewards else None
-
-
 def world_table(entry: Entry, entries: Sequence[Entry]) -> pd.DataFrame:
-    """Return a table of a decider in every world, with the paired difference to the best of the
-    others that is not informed, and half widths of 95 % intervals.
+    """Return a table of a decider in the worlds in which it played, with the paired difference to
+    the best of the others that is not informed, and half widths of 95 % intervals.
     """
+    others = [other for other in entries if other is not entry and other["kind"] != "informed"]
     rows = []
     for world in entry["worlds"]:
         mine = scores_of(entry, world)
-        cells = ["-", "-", "", ""]
-        if mine is not None:
-            cells[:2] = f"{mine.thresholds[0]:g}", bounds(mine.estimate(REWARD, 0))
-            best = best_of_rest(
-                entries,
-                entry,
-                world,
-            )
-            theirs = None if best is None else scores_of(best, world)
-            if theirs is not None:
-                cells[2:] = theirs.name, bounds(mine.difference(theirs, REWARD), "+")
-        rows.append((world, *cells))
-    heads = ["world", "threshold", "reward", "best other", "difference"]
-    return pd.DataFrame(rows, columns=heads)
+        if mine is None:
+            continue
+        rivals = [scores for other in others if (scores := scores_of(other, world)) is not None]
+        best = max(rivals, key=lambda scores: scores.curve(REWARD)[0], default=None)
+        rows.append(
+            {
+                "world": world,
+                "threshold": f"{mine.thresholds[0]:g}",
+                "reward": bounds(mine.estimate(REWARD, 0)),
+                "best other": "" if best is None else best.name,
+                "difference": "" if best is None else bounds(mine.difference(best, REWARD), "+"),
+            }
+        )
+    return pd.DataFrame(rows)
 
 
 def bounds(estimate: Estimate, sign: str = "") -> str:
@@ -102,17 +89,12 @@ def league_figure(entries: Sequence[Entry]) -> Figure:
     axes = figure.subplots()
     shift = 0.7 / max(1, len(entries) - 1)
     for index, entry in enumerate(entries):
-        values = {
-            place: value
-            for place, world in enumerate(WORLDS)
-            if (value := reward(entry, world)) is not None
-        }
-        middle = np.array([value.value for value in values.values()])
-        ends = np.array([(value.low, value.high) for value in values.values()]).T
+        values = [reward(entry, world) or Estimate(*[np.nan] * 3) for world in WORLDS]
+        middle, low, high = np.array([(value.value, value.low, value.high) for value in values]).T
         axes.errorbar(
-            [place + index * shift - 0.35 for place in values],
+            np.arange(len(WORLDS)) + index * shift - 0.35,
             middle,
-            np.abs(ends - middle),
+            (middle - low, high - middle),
             linestyle="none",
             color=f"C{index % 10}",
             marker="osD^v"[index // 10 % 5],

@@ -1,16 +1,12 @@
 """Command line of the study: `python -m studies.limits`."""
 
-import json
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-import joblib
-from rich.progress import track
-
-from agents import find_family, run_command, task_of
-from baselines import Estimate
+from agents import run_command
 from studies.limits import report, study
+from studies.results import in_parallel, save_results
 
 
 @dataclass(kw_only=True)
@@ -23,10 +19,6 @@ class Limits:
 
     unknown: bool = False
     """Evaluate rules for unknown switch moments, in HybridTrackQuickest-v0."""
-    deciders: tuple[str, ...] = ()
-    """Further deciders to evaluate on every filter bank with known switch moments, as
-    'mine.py:MyRule'.
-    """
     episodes: int = 3000
     """Number of episodes per rule; a third as many others serve to select thresholds."""
     seed: int = 0
@@ -36,32 +28,17 @@ class Limits:
     quick: bool = False
     """Evaluate one noise level, with three hypotheses or one law of durations, on 10 episodes."""
     out: Path = Path("results")
-    """Folder for limits.md, limits.json and limits.png."""
+    """Folder for limits.md and limits.json, and with known switch moments limits.png."""
 
     def run(self) -> None:
         """Evaluate the rules, print the tables and write the files."""
-        for name in self.deciders:
-            for env_id in study.RULES:
-                find_family(name, task_of(env_id).options)
         episodes = 10 if self.quick else self.episodes
-        parts = study.calls(
-            self.unknown,
-            episodes,
-            self.seed,
-            self.deciders,
-            self.quick,
-        )
-        parallel = joblib.Parallel(n_jobs=self.jobs, return_as="generator")
         rows = {}
-        for part, calls in parts.items():
-            results = track(parallel(joblib.delayed(call)() for call in calls), part, len(calls))
+        for part, calls in study.calls(self.unknown, episodes, self.seed, self.quick).items():
+            results = in_parallel(calls, self.jobs, part)
             rows[part] = [row for result in results for row in result]
-        text = report.markdown(rows)
-        print(text)
-        self.out.mkdir(parents=True, exist_ok=True)
-        (self.out / "limits.md").write_text(text, encoding="utf-8")
-        (self.out / "limits.json").write_text(json.dumps(rows, indent=2, default=Estimate.as_json))
-        report.figure(rows).savefig(self.out / "limits.png")
+        picture = report.figure(rows["rules"]) if "rules" in rows else None
+        save_results(self.out / "limits", report.markdown(rows), rows, picture)
 
 
 if __name__ == "__main__":

@@ -1,23 +1,22 @@
 """Rules with more and more information, on every filter bank and noise level."""
 
-import functools
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import product
 from typing import Any
 
 import numpy as np
+from joblib import delayed
 
-from agents import Task, find_family, sweep, task_of
+from agents import Task, find_decider, sweep, task_of
 from baselines import (
-    BeamSmoother,
-    GapDecider,
+    BeamDecider,
     Scores,
     Statements,
     ThresholdDecider,
     measure_statements,
     record_statements,
 )
+from studies.limits.smoother import BeamSmoother
 
 # Three hypotheses and 21 of the published bank, and three with unknown switches.
 THREE, BANK, QUICKEST = (
@@ -28,135 +27,91 @@ SELECTION = 1_000_000_000
 # R [m^2].
 NOISE_LEVELS = (0.01, 0.1, 1.0)
 BANKS = ("published", "anchor_aware", "oracle")
-RULES = {THREE: ("ate", "msprt", "bayes"), BANK: ("ate", "msprt-type", "msprt", "bayes")}
-AWARE: dict[str, Any] = {"bank": "anchor_aware"}
+RULES = {
+    THREE: ("ate", "msprt"),
+    BANK: ("ate", "msprt-type", "msprt"),
+}
+# Decider and changed options of each step for announced switches, with more and more information.
 STEPS: dict[str, tuple[str, dict[str, Any]]] = {
     "ATE on the published bank": ("ate", {}),
     "MSPRT: every hypothesis is compared with every other": ("msprt", {}),
     "the filters start from the covariance of the estimate": ("msprt-kept", {}),
     "the distribution of the anchor error is fitted in simulation": ("calibrated", {}),
-    "MSPRT on the anchor-aware bank, which reads the full covariance": ("msprt-aware", AWARE),
+    "MSPRT on the anchor-aware bank, which reads the full covariance": (
+        "msprt-aware",
+        {"bank": "anchor_aware"},
+    ),
     "all filters run on, and the next anchor is merged": (
         "msprt-aware",
-        AWARE | {"follow": "bank"},
+        {"bank": "anchor_aware", "follow": "bank"},
     ),
     "the anchor is exact (oracle, not available in practice)": ("msprt", {"bank": "oracle"}),
 }
-"""Decider and changed options of each step for announced switches, in the order of their
-information.
-"""
-
+# Of the durations of segments.
 LAWS = ("25 + geometric 50", "uniform 50-100")
 # Ticks.
 LAGS = (5, 10, 20, 40)
-# In a batch, which needs about 100 MB.
-SMOOTHED_TRACKS = 500
 IMM, THRESHOLD = "IMM, the most probable mode", "IMM, tuned threshold"
 GEOMETRIC, BEAM = "beam, geometric law of durations", "beam, true law of durations"
 LATER = {lag: f"with the measurements of {lag} later ticks (off line)" for lag in LAGS}
-
 CALIBRATION_BANKS: dict[str, dict[str, Any]] = {
     "anchor-aware": {"bank": "anchor_aware"},
     "published, P kept": {"bank": "published", "reset_covariance": False},
     "published": {"bank": "published"},
     "oracle": {"bank": "oracle"},
 }
-CALIBRATION_EPISODES = 10_000
-GAP_THRESHOLD = math.log(99.0)
 # Of the figures of whole operating curves, by their keys in JSON.
 TIMES = {f"time_{100 * level:.0f}": ("ticks_at_accuracy", f"{level:g}") for level in (0.95, 0.98)}
 
-Call = Callable[[], "list[Row]"]
+# A row of a table, as in JSON: place, noise level R [m^2], step or rule, threshold, and figures as
+# `Estimate`.
 Row = dict[str, Any]
-"""A row of a table, as in JSON: place, noise level R [m^2], step or rule, threshold, and figures
-as `Estimate`.
-"""
 
 
-def calls(
-    unknown: bool,
-    episodes: int,
-    seed: int,
-    further: Sequence[str] = (),
-    quick: bool = False,
-) -> dict[str, list[Call]]:
-    """Return the calls of the study by its parts; every call returns a list of rows.
+def calls(unknown: bool, episodes: int, seed: int, quick: bool = False) -> dict[str, list[Any]]:
+    """Return the `joblib.delayed` calls of the study by its parts; every call returns a list of
+    rows.
 
     A third as many other episodes, at least 50, serve to select thresholds, those with the largest
     mean reward.
 
     Args:
         unknown: whether switch moments are unknown; else both environments with known ones are
-            evaluated, with `further` deciders on every bank.
+            evaluated.
         episodes, seed: number of episodes, and seed of the first one.
-        further: names of deciders.
         quick: whether only one noise level is evaluated, with three hypotheses or one law.
     """
-    call = functools.partial
     noises = NOISE_LEVELS[1:2] if quick else NOISE_LEVELS
+    run = episodes, seed
     if unknown:
         laws = product(LAWS[1:] if quick else LAWS, noises)
-        return {
-            "steps": [
-                call(
-                    unknown_steps,
-                    law,
-                    noise,
-                    episodes,
-                    seed,
-                )
-                for law, noise in laws
-            ]
-        }
+        return {"steps": [delayed(unknown_steps)(*place, *run) for place in laws]}
     places = list(product([THREE] if quick else RULES, noises))
-    rules: list[Call] = [
-        call(
-            rule_on_bank,
-            env_id,
-            noise,
-            bank,
-            rule,
-            episodes,
-            seed,
-        )
-        for env_id, noise in places
-        for bank, rule in product(BANKS, (*RULES[env_id], *further))
-    ]
     return {
-        "steps": [
-            call(
-                announced_steps,
-                env_id,
-                noise,
-                episodes,
-                seed,
-            )
-            for env_id, noise in places
-        ],
-        "rules": rules,
-        "calibration": [
-            call(bank_calibration, bank, noise, seed)
-            for bank, noise in product(CALIBRATION_BANKS, noises)
-        ],
-        "golubkov2018": [
-            call(
-                type_accuracy_golubkov2018,
+        "steps": [delayed(announced_steps)(*place, *run) for place in places],
+        "rules": [
+            delayed(rule_on_bank)(
+                *place,
                 bank,
-                noise,
-                episodes,
-                seed,
+                rule,
+                *run,
             )
-            for bank, noise in product(BANKS[:2], noises)
+            for place in places
+            for bank, rule in product(BANKS, RULES[place[0]])
+        ],
+        "calibration": [
+            delayed(bank_calibration)(bank, noise, seed, 1000 if quick else 10_000)
+            for bank, noise in product(CALIBRATION_BANKS, noises)
         ],
     }
 
 
-def best_threshold(task: Task, family: Any, episodes: int) -> int:
+def best_threshold(task: Task, decider: Any, episodes: int) -> int:
     """Return the index of the threshold with the best reward on a third as many other episodes."""
     return task.best(
         sweep(
             task,
-            family,
+            decider,
             max(episodes // 3, 50),
             SELECTION,
         )
@@ -182,21 +137,17 @@ def announced_steps(env_id: str, noise: float, episodes: int, seed: int) -> list
     for step, (name, changes) in STEPS.items():
         task = task_of(env_id, {"measurement_variance": noise, **changes})
         by_type = name == "msprt" and task.options.correctness == "type"
-        family = find_family("msprt-type" if by_type else name, task.options)
-        threshold = family.thresholds[best_threshold(task, family, episodes)]
+        decider = find_decider("msprt-type" if by_type else name, task.options)
+        threshold = decider.thresholds[best_threshold(task, decider, episodes)]
         scores = sweep(
             task,
-            family,
+            decider,
             episodes,
             seed,
             thresholds=(threshold,),
         )
-        place = {
-            "env_id": env_id,
-            "noise": noise,
-            "step": step,
-        }
-        rows.append(place | _reward(scores, task, before))
+        row = {"place": env_id, "noise": noise, "step": step}
+        rows.append(row | _reward(scores, task, before))
         before = scores
     return rows
 
@@ -211,62 +162,37 @@ def rule_on_bank(
 ) -> list[Row]:
     """Evaluate a rule on a bank at a noise level, at all thresholds."""
     task = task_of(env_id, {"measurement_variance": noise, "bank": bank})
-    family = find_family(rule, task.options)
-    best = best_threshold(task, family, episodes)
-    curve = sweep(task, family, episodes, seed)
+    # ATE itself brings the published bank.
+    named = "sprt" if rule == "ate" and bank != "published" else rule
+    decider = find_decider(named, task.options)
+    best = best_threshold(task, decider, episodes)
+    curve = sweep(task, decider, episodes, seed)
     row: Row = {
         "env_id": env_id,
         "noise": noise,
         "bank": bank,
-        "rule": family.name,
+        "rule": decider.title,
     }
-    levels = task.levels(curve, family.thresholds[best])
+    levels = task.levels(curve, decider.thresholds[best])
     row |= {name: curve.estimate(levels[key].statistic) for name, key in TIMES.items()}
     reward = curve.at(best).estimate(task.statistic("reward"))
-    return [row | {"reward": reward, "threshold": family.thresholds[best]}]
+    return [
+        row
+        | {
+            "reward": reward,
+            "threshold": decider.thresholds[best],
+        }
+    ]
 
 
-def bank_calibration(bank: str, noise: float, seed: int) -> list[Row]:
+def bank_calibration(bank: str, noise: float, seed: int, episodes: int) -> list[Row]:
     """Return the calibration of a bank at a noise level on HybridTrackPublished-v0."""
-    options = {"measurement_variance": noise, **CALIBRATION_BANKS[bank]}
-    rows = task_of(THREE, options).remarks(CALIBRATION_EPISODES, seed)["bank"]
-    return [
-        {
-            "bank": bank,
-            "noise": noise,
-            **row,
-        }
-        for row in rows
-    ]
-
-
-def type_accuracy_golubkov2018(bank: str, noise: float, episodes: int, seed: int) -> list[Row]:
-    """Return the gap rule at ln 99 on the scheme of Golubkov 2018, where ATE is right in 72-80
-    %.
-    """
     options = {
-        "scheme": "golubkov2018",
-        "heading": math.pi / 2,
-        "initial_error": 0,
+        "measurement_variance": noise,
+        **CALIBRATION_BANKS[bank],
     }
-    task = task_of(BANK, options | {"measurement_variance": noise, "bank": bank})
-    scores = sweep(
-        task,
-        GapDecider.family(task.options),
-        episodes,
-        seed,
-        thresholds=(GAP_THRESHOLD,),
-    )
-    accuracy = scores.estimate(task.statistic("type_accuracy"))
-    ticks = float(scores.curve(task.statistic("ticks"))[0])
-    return [
-        {
-            "bank": bank,
-            "noise": noise,
-            "accuracy": accuracy,
-            "ticks": ticks,
-        }
-    ]
+    rows = task_of(THREE, options).remarks(episodes, seed)["bank"]
+    return [{"bank": bank, "noise": noise, **row} for row in rows]
 
 
 def unknown_steps(law: str, noise: float, tracks: int, seed: int) -> list[Row]:
@@ -277,18 +203,8 @@ def unknown_steps(law: str, noise: float, tracks: int, seed: int) -> list[Row]:
     before = None
     for step, curve in _curves(task, tracks, seed).items():
         scores = curve.at(task.best(selection[step]))
-        row = {
-            "law": law,
-            "noise": noise,
-            "step": step,
-        } | _reward(scores, task, before)
-        for key, name in (
-            ("delay", "full_delay"),
-            ("wrong_changes", "wrong_changes"),
-        ):
-            row[key] = scores.estimate(task.statistic(name))
-        row["most_probable_right"] = curve.at(0).estimate(task.statistic("right"))
-        rows.append(row)
+        row = {"place": f"durations {law}", "noise": noise, "step": step}
+        rows.append(row | _reward(scores, task, before))
         before = scores
     return rows
 
@@ -298,13 +214,13 @@ def _curves(task: Task, tracks: int, seed: int) -> dict[str, Scores]:
     imm, geometric = (
         sweep(
             task,
-            find_family(name, task.options),
+            find_decider(name, task.options),
             tracks,
             seed,
         )
         for name in ("threshold", "beam-geometric")
     )
-    smoothed = smoothed_scores(
+    beam, *later = smoothed_scores(
         task,
         tracks,
         seed,
@@ -314,9 +230,9 @@ def _curves(task: Task, tracks: int, seed: int) -> dict[str, Scores]:
         IMM: imm.at(0),
         THRESHOLD: imm,
         GEOMETRIC: geometric,
-        BEAM: smoothed[0],
+        BEAM: beam,
     }
-    return curves | {LATER[lag]: smoothed[lag] for lag in LAGS}
+    return curves | dict(zip(LATER.values(), later, strict=True))
 
 
 def smoothed_scores(
@@ -324,41 +240,38 @@ def smoothed_scores(
     tracks: int,
     seed: int,
     lags: Sequence[int],
-) -> dict[int, Scores]:
-    """Return the scores of the threshold rule on the posterior at later ticks, by lag; 0 is the
-    beam itself.
+    at_once: int = 500,
+) -> list[Scores]:
+    """Return the scores of the threshold rule on the posterior at each number of later ticks; 0 is
+    the beam itself. A batch of 500 tracks needs about 100 MB.
     """
-    family = find_family("beam", task.options)
+    decider = BeamDecider.create(task.options)
     figures: dict[int, list[Any]] = {lag: [] for lag in lags}
-    for first in range(0, tracks, SMOOTHED_TRACKS):
-        smoother = BeamSmoother(family.make(family.default), lags)
-        count = min(SMOOTHED_TRACKS, tracks - first)
+    for first in range(0, tracks, at_once):
+        smoother = BeamSmoother(decider, lags)
+        count = min(at_once, tracks - first)
+        options = vars(task.options)
         true_modes, _ = record_statements(
             smoother,
             count,
             seed + first,
-            **vars(task.options),
+            **options,
         )
         for lag in lags:
             with np.errstate(divide="ignore"):
                 log_probability = np.log(smoother.posterior(lag))
             stated = (
                 ThresholdDecider(threshold).statements(log_probability)
-                for threshold in family.thresholds
+                for threshold in decider.thresholds
             )
             cost = task.options.change_cost
-            metrics = [measure_statements(Statements(true_modes, modes), cost) for modes in stated]
-            figures[lag].append(np.stack([each.figures for each in metrics], axis=-1))
-    scores = {}
+            rewards = [
+                measure_statements(Statements(true_modes, modes), cost).reward for modes in stated
+            ]
+            figures[lag].append(np.stack(rewards, axis=-1))
+    scores = []
     for lag, parts in figures.items():
-        name = f"{family.name}, {lag} ticks later" if lag else family.name
-        values = np.concatenate(parts)
-        columns = task.columns[: values.shape[1]]
-        scores[lag] = Scores(
-            name,
-            family.symbol,
-            family.thresholds,
-            columns,
-            values,
-        )
+        name = f"{decider.title}, {lag} ticks later" if lag else decider.title
+        values = np.concatenate(parts)[:, None]
+        scores.append(Scores(name, decider.symbol, decider.thresholds, ("reward",), values))
     return scores

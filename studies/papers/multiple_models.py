@@ -10,70 +10,40 @@ probable type. The recalculated estimates of ATE use measurements up to the deci
 only those up to their tick.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from itertools import product
-from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from baselines import MeanRatioDecider, Scores, Statistic, sprt_thresholds, track_ate
-from hybrid_env import QuickestOptions, Simulation, simulate
-from studies.papers import golubkov2018, tsyganov2019
-from studies.papers.figures import new_figure
-from studies.papers.golubkov2020 import BOOTSTRAP_INTERVAL, start_row
+from baselines import Scores, Statistic, sprt_thresholds
+from hybrid_env import Simulation
+from studies.papers.golubkov2020 import BOOTSTRAP_INTERVAL, run_detector
 from studies.papers.multiple_model_filter import MultipleModels
-from studies.papers.reproduction import Cell, Finding, Reproduction
+from studies.papers.published import FloatArray, IntArray, Reproduction, table_row
+from studies.papers.setting import GOLUBKOV_2018, TSYGANOV_2019, Setting
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-# s.
-TAU = 0.1
-# R [m^2].
-VARIANCES = (1.0, 0.1, 0.01)
-# Of all tracks in one call; they fit into the cache of a processor.
-FILTERS_AT_ONCE = 10_000
-MULTIPLE_MODELS = {
-    "static": "static",
-    "GPB1": "gpb1",
-    "IMM": "imm",
-    "GPB2": "gpb2",
+# Options of `track_ate` in each setting, the published ones first.
+ATE: dict[str, dict[str, dict[str, Any]]] = {
+    GOLUBKOV_2018.paper: {
+        "ATE": {},
+        "ATE, radius refined": {"refine_radius": True},
+    },
+    TSYGANOV_2019.paper: {
+        "ATE": {},
+        "ATE, rewound": {
+            "recalculation": "rewind",
+            "reference": "straight",
+        },
+    },
 }
-
-
-class Setting(NamedTuple):
-    """Scheme of a paper: module of the paper, radii of the bank [m], Q [m^2/s^2], options of
-    `track_ate`.
-    """
-
-    paper: ModuleType
-    radii: tuple[float, ...]
-    process_variance: float
-    ate: dict[str, dict[str, Any]]
-
-    @property
-    def sides(self) -> IntArray:
-        """(M,) type of each mode: 0 straight, 1 left, -1 right."""
-        return np.repeat([0, 1, -1], [1, len(self.radii), len(self.radii)])
-
-
-REFINED = {"ATE": {}, "ATE, radius refined": {"refine_radius": True}}
-REWOUND = {
-    "ATE": tsyganov2019.VARIANTS[tsyganov2019.AS_PUBLISHED],
-    "ATE, rewound": {"recalculation": "rewind", "reference": "straight"},
-}
-SETTINGS = (
-    Setting(golubkov2018, golubkov2018.RADII, 0.001, REFINED),
-    Setting(tsyganov2019, (tsyganov2019.RADIUS,), 0.0, REWOUND),
-)
-
 # Statistic and decimals. nRMSE: root of the sum of the mean squared errors of the state. Delay:
 # until the statement is right to the end of the segment, or the whole segment. Wrong: segments that
 # end with a wrong statement. Wrong changes: of the statement to a wrong type. Kalman steps:
-# predictions with corrections.
+# predictions with corrections. The first three are compared.
 METRICS = {
     "nRMSE": (Statistic(("squares",), np.sqrt), 3),
     "delay, ticks": (Statistic(("delay",), np.positive), 1),
@@ -81,16 +51,17 @@ METRICS = {
     "wrong changes in 1,000 ticks": (Statistic(("wrong_changes",), np.positive), 1),
     "Kalman steps a tick": (Statistic(("steps",), np.positive), 1),
 }
-COMPARED = ("nRMSE", "delay, ticks", "wrong, %")
+COMPARED = tuple(METRICS)[:3]
 
 
 class Tracked(NamedTuple):
-    """Output of one estimator: estimates (n, T, 4), stated types (n, T), and Kalman steps a tick
-    (n,).
-    """
+    """Output of one estimator for n runs of T ticks."""
 
+    # (n, T, 4) [m, m/s]
     estimates: FloatArray
+    # (n, T) stated types: 0 straight, 1 left, -1 right.
     sides: IntArray
+    # (n,) Kalman steps a tick.
     steps: FloatArray
 
 
@@ -100,35 +71,18 @@ def _run_ate(
     variance: float,
     options: dict[str, Any],
 ) -> Tracked:
-    tracks = track_ate(
-        recording.measurements,
-        recording.lengths,
-        setting.paper.START,
-        radii=setting.radii,
-        process_variance=setting.process_variance,
-        measurement_variance=variance,
-        alpha=setting.paper.ALPHA,
-        **options,
-    )
-    lengths, modes = recording.lengths, len(setting.sides)
+    tracks = setting.track(recording, variance, **options)
+    lengths, modes = recording.lengths, len(setting.signed_radii)
     decided = setting.sides[tracks.decided]
-    before = np.insert(
-        decided[:, :-1],
-        0,
-        0,
-        axis=1,
-    )
+    before = np.insert(decided[:, :-1], 0, 0, axis=1)
     ticks, now, last = (
         np.repeat(values, lengths, axis=1) for values in (tracks.ticks, decided, before)
     )
-    again = {"as_published": 1, "rewind": modes}.get(options.get("recalculation", "none"), 0)
+    recalculation = (setting.ate | options).get("recalculation", "none")
+    again = {"none": 0, "as_published": 1, "rewind": modes}[recalculation]
     after = modes if options.get("refine_radius") else 1
     steps = (modes + again * ~tracks.undecided) * tracks.ticks + after * (lengths - tracks.ticks)
-    stated = np.where(
-        _ticks_since(lengths) >= ticks,
-        now,
-        last,
-    )
+    stated = np.where(_ticks_since(lengths) >= ticks, now, last)
     return Tracked(
         tracks.estimates,
         stated,
@@ -136,37 +90,26 @@ def _run_ate(
     )
 
 
-def _run_detector(
-    recording: Simulation,
-    setting: Setting,
-    variance: float,
-) -> Tracked:
+def _run_detector(recording: Simulation, setting: Setting, variance: float) -> Tracked:
     """A switch since the last change is tested, at most as long ago as the longest segment."""
-    output = _no_output(recording)
-    options = QuickestOptions(
-        radii=setting.radii,
-        process_variance=setting.process_variance,
-        measurement_variance=variance,
-    )
     window = int(recording.lengths.max())
-    rule = MeanRatioDecider(
-        options,
-        sprt_thresholds(setting.paper.ALPHA)[0],
-        0.0,
+    threshold, _ = sprt_thresholds(setting.alpha)
+    counts: Any = 0
+    output = []
+    ticks = run_detector(
+        recording.measurements,
+        setting,
+        variance,
+        threshold,
         window,
     )
-    modes = options.hypotheses
-    rows = np.tile(start_row(setting.paper.START, modes), (len(output.steps), 1))
-    _, filters = rule.predict(rows)
-    for k, measured in enumerate(recording.measurements.swapaxes(0, 1)):
-        tested = np.minimum(filters.counts + 1, window)
-        output.steps[:] += (1 + (modes - 1) * tested) / output.sides.shape[1]
-        rows[:, :2] = measured
-        stated, filters = rule.predict(rows, filters)
-        for axis, name in enumerate(("x", "vx", "y", "vy")):
-            output.estimates[:, k, axis] = filters.stated_filters[name][:, 0]
-        output.sides[:, k] = setting.sides[stated]
-    return output
+    for stated, filters in ticks:
+        state = [filters.stated_filters[name][:, 0] for name in ("x", "vx", "y", "vy")]
+        steps = 1 + 2 * len(setting.radii) * np.minimum(counts + 1, window)
+        output.append((np.stack(state, -1), stated, np.broadcast_to(steps, len(stated))))
+        counts = filters.counts.copy()
+    estimates, modes, steps = (np.stack(values, axis=1) for values in zip(*output, strict=True))
+    return Tracked(estimates, setting.sides[modes], steps.mean(1))
 
 
 def _run_models(
@@ -176,46 +119,46 @@ def _run_models(
     method: Any,
     known: bool,
 ) -> Tracked:
-    output, lengths, modes = _no_output(recording), recording.lengths, len(setting.sides)
+    lengths, radii = recording.lengths, setting.signed_radii
+    runs = len(recording.measurements)
+    # Straight, left, right.
     groups = setting.sides[:, None] == (0, 1, -1)
     prior = (groups / groups.sum(0)).sum(1) / 3.0
-    others = prior * ~np.eye(modes, dtype=np.bool_)
-    at_any_tick = (
-        np.eye(modes) + (others / others.sum(1, keepdims=True) - np.eye(modes)) / lengths.mean()
+    stay = np.eye(len(radii))
+    others = prior * (1.0 - stay)
+    at_any_tick = stay + (others / others.sum(1, keepdims=True) - stay) / lengths.mean()
+    at_switch = np.tile(prior, (len(radii), 1))
+    start = np.tile(setting.start, (runs, 1))
+    noises = setting.process_variance, variance
+    models = MultipleModels(
+        method,
+        radii,
+        *noises,
+        start,
+        np.eye(4),
     )
-    begins = _ticks_since(lengths) == 1
-    at_once = max(FILTERS_AT_ONCE // modes**2, 1)
-    for first in range(0, len(output.steps), at_once):
-        part = slice(first, first + at_once)
-        measured = recording.measurements[part]
-        start = np.tile(setting.paper.START, (len(measured), 1))
-        noises = setting.process_variance, variance
-        models = MultipleModels(
-            method,
-            setting.radii,
-            *noises,
-            start,
-            np.eye(4),
+    output = []
+    for k, since in enumerate(_ticks_since(lengths)):
+        at_known_moment = at_switch if since == 1 else None
+        transition = at_known_moment if known or k == 0 else at_any_tick
+        models.step(
+            recording.measurements[:, k],
+            setting.tau,
+            transition,
         )
-        for k, begin in enumerate(begins):
-            at_switch = np.tile(prior, (modes, 1)) if begin else None
-            models.step(
-                measured[:, k],
-                TAU,
-                at_switch if known or k == 0 else at_any_tick,
+        likeliest = (models.probabilities @ groups).argmax(1)
+        output.append(
+            (
+                models.merged()[0][:, 0],
+                likeliest,
+                np.full(runs, models.filters),
             )
-            output.estimates[part, k] = models.merged()[0]
-            output.sides[part, k] = np.array([0, 1, -1])[(models.probabilities @ groups).argmax(1)]
-            output.steps[part] += models.filters / len(begins)
-    return output
-
-
-def _no_output(recording: Simulation) -> Tracked:
-    shape = recording.measurements.shape[:2]
+        )
+    estimates, types, steps = (np.stack(values, axis=1) for values in zip(*output, strict=True))
     return Tracked(
-        np.empty((*shape, 4)),
-        np.empty(shape, np.int64),
-        np.zeros(shape[0]),
+        estimates,
+        np.array([0, 1, -1])[types],
+        steps.mean(1),
     )
 
 
@@ -226,153 +169,145 @@ def _ticks_since(lengths: IntArray) -> IntArray:
 
 def estimators(setting: Setting, known: bool) -> dict[str, Callable[..., Tracked]]:
     """Return functions of recording, setting and R by name, ATE or the detector first."""
-    found: dict[str, Callable[..., Tracked]] = {"detector 2020": _run_detector}
-    if known:
-        found = {name: partial(_run_ate, options=options) for name, options in setting.ate.items()}
-    for name, method in MULTIPLE_MODELS.items():
-        # Which is then the same as the IMM.
-        if not known or method != "static":
-            found[name] = partial(_run_models, method=method, known=known)
-    return found
+    ate: dict[str, Callable[..., Tracked]] = {
+        name: partial(_run_ate, options=given) for name, given in ATE[setting.paper].items()
+    }
+    models = {
+        name: partial(_run_models, method=name.lower(), known=known)
+        for name in ("static", "GPB1", "IMM", "GPB2")
+        # At known moments, static is the same as the IMM.
+        if not known or name != "static"
+    }
+    detector: dict[str, Callable[..., Tracked]] = {"detector 2020": _run_detector}
+    return (ate if known else detector) | models
 
 
-def score(
-    name: str,
-    recording: Simulation,
-    tracked: Tracked,
-) -> Scores:
+def score(name: str, recording: Simulation, tracked: Tracked) -> Scores:
     """Return the figures of every run, see `METRICS`."""
     lengths, sides = recording.lengths, tracked.sides
     wrong = sides != np.repeat(np.sign(recording.signed_radii), lengths)
     begins = np.cumsum(lengths) - lengths
     figures = {
         "squares": ((tracked.estimates - recording.truth) ** 2).mean(1).sum(1),
-        "delay": np.maximum.reduceat(_ticks_since(lengths) * wrong, begins, axis=1).mean(1),
+        "delay": np.maximum.reduceat(
+            _ticks_since(lengths) * wrong,
+            begins,
+            axis=1,
+        ).mean(1),
         "wrong": 100.0 * wrong[:, begins + lengths - 1].mean(1),
         "wrong_changes": 1000.0 * ((np.diff(sides, prepend=sides[:, :1]) != 0) & wrong).mean(1),
         "steps": tracked.steps,
     }
+    values = np.stack([*figures.values()], axis=1)[..., None]
     return Scores(
         name,
         "",
         (0.0,),
         tuple(figures),
-        np.stack([*figures.values()], axis=1)[..., None],
+        values,
     )
 
 
-def reproduce(runs: int = 100, seed: int = 0) -> Reproduction:
-    """Compare all estimators on the same recordings; see `golubkov2018.reproduce`."""
-    cells: list[Cell] = []
-    findings: list[Finding] = []
-    curves: dict[str, Any] = {}
-    for setting, known, (index, variance) in product(SETTINGS, (True, False), enumerate(VARIANCES)):
-        recording = simulate(
-            setting.paper.SCHEME,
-            runs,
-            seed + index,
-            start=setting.paper.START,
-            process_variance=setting.process_variance,
-            measurement_variance=variance,
-        )
-        title = f"{setting.paper.PAPER}, {'known' if known else 'unknown'} moments"
+def reproduce(
+    runs: int = 100,
+    seed: int = 0,
+    settings: Sequence[Setting] = (GOLUBKOV_2018, TSYGANOV_2019),
+    variances: Sequence[float] = (1.0, 0.1, 0.01),
+) -> Reproduction:
+    """Compare all estimators on the same recordings, at each R [m^2]; see
+    `golubkov2018.reproduce`.
+    """
+    rows: list[pd.DataFrame] = []
+    curves = []
+    numbered = enumerate(variances)
+    for setting, known, (index, variance) in product(settings, (True, False), numbered):
+        recording = setting.simulate(runs, seed + index, variance)
+        title = f"{setting.paper}, {'known' if known else 'unknown'} moments"
         table = f"{title}, R = {variance:g}"
-        found = [
+        compared = [
             score(name, recording, run(recording, setting, variance))
             for name, run in estimators(setting, known).items()
         ]
-        for scores in found:
-            estimates = {
-                metric: scores.estimate(statistic) for metric, (statistic, _) in METRICS.items()
-            }
-            cells += _cells(table, scores.name, estimates)
-            curves.setdefault(title, {}).setdefault(scores.name, []).append(estimates)
-        lower: dict[str, list[str]] = {metric: [] for metric in COMPARED}
-        pairs = [(scores, found[0]) for scores in found[1:]] + [
-            (found[-2], found[1]),
-            (found[-1], found[-2]),
-        ]
-        for scores, other in pairs:
-            differences = {
-                metric: scores.difference(other, METRICS[metric][0]) for metric in COMPARED
-            }
-            cells += _cells(
-                f"{table}, paired differences",
-                f"{scores.name} less {other.name}",
-                differences,
+        for scores in compared:
+            row = _row(
+                table,
+                scores.name,
+                METRICS,
+                scores.estimate,
             )
-            for metric, difference in differences.items():
-                if difference.high < 0.0 or difference.low > 0.0:
-                    names = scores.name, other.name
-                    lower[metric].append(
-                        "{} < {}".format(*(names if difference.high < 0.0 else names[::-1]))
-                    )
-        texts = (
-            f"{metric}: {', '.join(names) or 'no difference'}" for metric, names in lower.items()
-        )
-        findings.append(Finding(f"{table}: paired intervals without 0", "; ".join(texts)))
+            rows.append(row)
+            curves.append(row.assign(title=title, variance=variance))
+        pairs = [(scores, compared[0]) for scores in compared[1:]]
+        for scores, other in [
+            *pairs,
+            (compared[-2], compared[1]),
+            (compared[-1], compared[-2]),
+        ]:
+            names = f"{scores.name} less {other.name}"
+            difference = partial(scores.difference, other)
+            rows.append(
+                _row(
+                    f"{table}, paired differences",
+                    names,
+                    COMPARED,
+                    difference,
+                )
+            )
+    figure = _figure(pd.concat(curves))
+    name = "ATE against multiple models"
     return Reproduction(
-        "ATE against multiple models",
+        name,
         runs,
         seed,
-        tuple(cells),
-        tuple(findings),
-        curves,
-        100,
+        rows,
+        (),
+        figure=figure,
     )
 
 
-def _cells(
+def _row(
     table: str,
-    row: str,
-    estimates: dict[str, Any],
-) -> list[Cell]:
-    return [
-        Cell(
-            table,
-            row,
-            key,
-            float("nan"),
-            estimate.value,
-            estimate.low,
-            estimate.high,
-            METRICS[key][1],
-            BOOTSTRAP_INTERVAL,
-        )
-        for key, estimate in estimates.items()
-    ]
-
-
-def draw(result: Reproduction) -> dict[str, Figure]:
-    """Return the figure by its file name: error, delay and wrong statements over R."""
-    figure, rows = new_figure(
-        "",
-        (18.0, 12.0),
-        (1.0,) * len(result.examples),
-        len(COMPARED),
+    name: str,
+    metrics: Iterable[str],
+    estimate: Callable[[Statistic], Any],
+) -> pd.DataFrame:
+    estimates = [estimate(METRICS[metric][0]) for metric in metrics]
+    results = [[getattr(each, part) for each in estimates] for part in ("value", "low", "high")]
+    digits = [METRICS[metric][1] for metric in metrics]
+    return table_row(
+        table,
+        name,
+        metrics,
+        np.nan,
+        results,
+        digits,
+        BOOTSTRAP_INTERVAL,
     )
-    for axes_of_metric, metric in zip(rows, COMPARED, strict=True):
-        for axes, (title, found) in zip(axes_of_metric, result.examples.items(), strict=True):
-            for name, by_variance in found.items():
-                estimates = [of_metric[metric] for of_metric in by_variance]
-                values = np.array([estimate.value for estimate in estimates])
-                low = values - [estimate.low for estimate in estimates]
-                high = [estimate.high for estimate in estimates] - values
-                axes.errorbar(
-                    VARIANCES,
-                    values,
-                    [low, high],
-                    marker="o",
-                    label=name,
-                )
-            axes.set(
-                title=title,
-                xlabel="R, m²",
-                ylabel=metric,
-                xscale="log",
+
+
+def _figure(cells: pd.DataFrame) -> Figure:
+    """Return error, delay and wrong statements over R."""
+    titles = list(dict.fromkeys(cells.title))
+    figure = Figure(figsize=(18.0, 12.0), layout="constrained", dpi=110)
+    panels = figure.subplots(len(COMPARED), len(titles), squeeze=False)
+    for (metric, title), axes in zip(product(COMPARED, titles), panels.flat, strict=True):
+        here = cells[(cells.title == title) & (cells.column == metric)]
+        for name, curve in here.groupby("row", sort=False):
+            bars = [curve.ours - curve.low, curve.high - curve.ours]
+            axes.errorbar(
+                curve.variance,
+                curve.ours,
+                bars,
+                marker="o",
+                label=name,
             )
-            axes.set_xticks(VARIANCES, [f"{variance:g}" for variance in VARIANCES])
-            if metric == "nRMSE":
-                axes.set_yscale("log")
-                axes.legend()
-    return {"multiple_models.png": figure}
+        axes.set(
+            title=title,
+            xlabel="R, m²",
+            ylabel=metric,
+            xscale="log",
+        )
+        if metric == "nRMSE":
+            axes.set_yscale("log")
+            axes.legend()
+    return figure

@@ -7,40 +7,26 @@ acceleration, and the forecasts with their deviations.
 """
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
-from safetensors import SafetensorError
+from rich.progress import track
 from safetensors.torch import load_file, save_file
 from scipy.stats import chi2
 from torch import Tensor, nn
 
-from hybrid_env import ArgumentError
-from studies.radar.dataset import HORIZONS, REGION, RadarData, truth_ahead
+from studies.radar.dataset import HORIZONS, REGION, RadarData, squared_distances, truth_ahead
 from studies.radar.filters import Estimated
+from studies.radar.flights import FloatArray
 from studies.radar.radars import NOISES, SIGMA, draw_noise
 
-FloatArray = NDArray[np.float64]
-
 UPDATES = 600
-LEARNING_RATE = 6e-3
+# Last training flights, on which the deviations of the forecasts are scaled.
 HELD_OUT = 8
-"""Last training flights, on which the deviations of the forecasts are scaled."""
-
-# [m/s], of the errors of the loss.
-VELOCITY_SCALE = 4.0
-# [m]
-POSITION_SCALE = 6.0
 HIDDEN = 48
-INPUTS = 10
 # The largest of the state [m/s^2].
 ACCELERATION = 25.0
-# Time for which the acceleration is assumed to last [s].
-LONGEST = 1.0
-OUTPUTS = 9 + 6 * len(HORIZONS)
 
 
 class RadarNet(nn.Module):
@@ -50,15 +36,11 @@ class RadarNet(nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        self.cell = nn.GRUCell(INPUTS, HIDDEN)
-        self.output = nn.Linear(HIDDEN, OUTPUTS)
+        self.cell = nn.GRUCell(10, HIDDEN)
+        self.output = nn.Linear(HIDDEN, 9 + 6 * len(HORIZONS))
         self.register_buffer("log_scale", torch.zeros(len(HORIZONS)))
 
-    def forward(
-        self,
-        measurements: Tensor,
-        times: Tensor,
-    ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    def forward(self, measurements: Tensor, times: Tensor) -> tuple[Tensor, ...]:
         """Return the estimates after every measurement, (T, B, 3) [m], NaN where a track has
         ended, at times [s].
 
@@ -71,12 +53,17 @@ class RadarNet(nn.Module):
         acceleration = torch.zeros(tracks, 3)
         memory = torch.zeros(tracks, HIDDEN)
         before = times[0]
-        found = []
+        estimates = []
         for k, (measured, now) in enumerate(
-            zip(torch.nan_to_num(measurements), times, strict=True)
+            zip(
+                torch.nan_to_num(measurements),
+                times,
+                strict=True,
+            )
         ):
             step = (now - before)[:, None]
-            lasting = step.clamp(max=LONGEST)
+            # Time for which the acceleration is assumed to last [s].
+            lasting = step.clamp(max=1.0)
             position = position + velocity * step + 0.5 * acceleration * lasting**2
             velocity = velocity + acceleration * lasting
             frame = _frame(velocity, measured - position)
@@ -109,10 +96,12 @@ class RadarNet(nn.Module):
                 ahead,
                 deviation,
             )
-            found.append((position, velocity, *forecast))
+            estimates.append((position, velocity, *forecast))
             before = now
-        first, second, third, fourth = map(torch.stack, zip(*found, strict=True))
-        return first, second, third, fourth
+        positions, velocities, forecasts, covariances = map(
+            torch.stack, zip(*estimates, strict=True)
+        )
+        return positions, velocities, forecasts, covariances
 
     def _forecast(
         self,
@@ -143,11 +132,10 @@ def _frame(velocity: Tensor, innovation: Tensor) -> Tensor:
     """
     moving = torch.hypot(velocity[:, 0], velocity[:, 1]) > 1.0
     x, y = torch.where(moving[:, None], velocity, innovation)[:, :2].unbind(1)
+    # Without a direction, that of x.
+    x = torch.where((x == 0.0) & (y == 0.0), 1.0, x)
     length = torch.hypot(x, y)
-    zero_length = length == 0.0
-    safe = torch.where(zero_length, 1.0, length)
-    cosine = torch.where(zero_length, 1.0, x / safe)
-    sine = y / safe
+    cosine, sine = x / length, y / length
     zero = torch.zeros_like(x)
     unit = torch.ones_like(x)
     rows = [
@@ -165,11 +153,7 @@ def _frame(velocity: Tensor, innovation: Tensor) -> Tensor:
 
 
 @torch.no_grad()
-def filter_with(
-    net: RadarNet,
-    measurements: FloatArray,
-    times: FloatArray,
-) -> Estimated:
+def filter_with(net: RadarNet, measurements: FloatArray, times: FloatArray) -> Estimated:
     """Return the estimates of tracks with forecasts at `HORIZONS`; measurements (K, N, 3) [m],
     times (K, N) [s].
     """
@@ -184,41 +168,40 @@ def filter_with(
 def radar_net(
     data: RadarData,
     file: Path,
-    on_progress: Callable[[int], None],
     updates: int = UPDATES,
+    learning_rate: float = 6e-3,
 ) -> RadarNet:
     """Return the network of a file, or train it with a number of updates and write the file.
 
     It is trained on the training flights, turned about the vertical at random, half of them
     mirrored, with noise drawn anew in every update; training begins anew if it is interrupted.
-    `on_progress` gets the number of finished updates.
     """
     torch.set_num_threads(1)
     torch.manual_seed(data.seed)
     net = RadarNet()
     if file.exists():
-        try:
-            net.load_state_dict(load_file(file))
-        except (SafetensorError, RuntimeError) as error:
-            raise ArgumentError(f"{file} cannot be loaded: {error}"[:200]) from None
+        net.load_state_dict(load_file(file))
         return net
-    tracks, flights = data.tracks["training"]["gaussian"], data.flights_of("training")
+    tracks, flights = data.tracks["training"]["gaussian"], data.flights["training"]
     ahead = np.stack([truth_ahead(flights, tracks, h) for h in HORIZONS], axis=2)
     states = np.stack([tracks.positions, tracks.velocities], axis=2)
-    truth = np.concatenate([states, ahead], axis=2)
-    used = slice(len(flights) - HELD_OUT)
+    truth = np.concatenate([states, ahead], axis=2).swapaxes(0, 1)[:-HELD_OUT]
+    times = tracks.times[:, :-HELD_OUT]
     generator = np.random.default_rng((data.seed, 4))
-    optimizer = torch.optim.Adam(net.parameters(), LEARNING_RATE)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, LEARNING_RATE, total_steps=updates)
-    for update in range(updates):
-        loss = _loss(net, *_augmented(truth[used], tracks.times[used], generator))
+    optimizer = torch.optim.Adam(net.parameters(), learning_rate)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimizer,
+        learning_rate,
+        total_steps=updates,
+    )
+    for _ in track(range(updates), "recurrent network"):
+        loss = _loss(net, *_augmented(truth, times, generator))
         optimizer.zero_grad()
         loss.backward()
         nn.utils.clip_grad_norm_(net.parameters(), 1.0)
         optimizer.step()
         schedule.step()
-        on_progress(update + 1)
-    _scale(net, data, ahead)
+    _scale(net, data, ahead[:, -HELD_OUT:])
     part = file.with_suffix(".part")
     save_file(net.state_dict(), part)
     part.replace(file)
@@ -229,59 +212,44 @@ def _augmented(
     truth: FloatArray,
     times: FloatArray,
     generator: np.random.Generator,
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Return true values (K, n, 2 + H, 3), measurements (K, n, 3) and times (K, n), n = 2 N:
-    both noises.
+) -> list[Tensor]:
+    """Return true values (K, 2 N, 2 + H, 3), measurements (K, 2 N, 3) with both noises and times
+    (K, 2 N), of true values (N, K, 2 + H, 3) at times (K, N).
     """
     both = np.concatenate([truth, truth])
-    angle = generator.uniform(
-        0.0,
-        2.0 * math.pi,
-        len(both),
-    )
-    cosine = np.cos(angle)
-    sine = np.sin(angle)
+    angle = generator.uniform(0.0, 2.0 * math.pi, len(both))
+    cosine, sine = np.cos(angle), np.sin(angle)
     mirror = generator.choice([-1.0, 1.0], len(both))
     turn = np.zeros((len(both), 1, 3, 3))
-    turn[:, 0, 0, 0] = cosine
-    turn[:, 0, 0, 1] = -sine * mirror
-    turn[:, 0, 1, 0] = sine
-    turn[:, 0, 1, 1] = cosine * mirror
+    rows = [[cosine, -sine * mirror], [sine, cosine * mirror]]
+    turn[:, 0, :2, :2] = np.moveaxis(np.array(rows), -1, 0)
     turn[:, 0, 2, 2] = 1.0
     # Positions relative to the first one are small.
     origin = both[:, :1, :1].copy()
     both[:, :, [0, *range(2, both.shape[2])]] -= origin
-    both = both @ turn.swapaxes(-1, -2)
+    both = both @ turn.mT
     count = len(truth) * truth.shape[1]
     errors = [draw_noise(noise, count, generator) for noise in NOISES]
     measured = both[:, :, 0] + np.concatenate(errors).reshape(*both.shape[:2], 3)
-    return (
-        _by_tick(both),
-        _by_tick(measured),
-        _by_tick(np.concatenate([times, times])),
+    by_tick = (
+        both.swapaxes(0, 1),
+        measured.swapaxes(0, 1),
+        np.concatenate(
+            [times, times],
+            axis=1,
+        ),
     )
+    return [torch.from_numpy(values).float() for values in by_tick]
 
 
-def _by_tick(values: FloatArray) -> Tensor:
-    return torch.from_numpy(np.swapaxes(values, 0, 1)).float()
-
-
-def _loss(
-    net: RadarNet,
-    truth: Tensor,
-    measured: Tensor,
-    times: Tensor,
-) -> Tensor:
-    """Return the mean robust error of positions and velocities, and the negative log-density of
-    forecasts.
+def _loss(net: RadarNet, truth: Tensor, measured: Tensor, times: Tensor) -> Tensor:
+    """Return the mean robust error of positions and velocities, in units of 6 m and 4 m/s, and the
+    negative log-density of forecasts.
     """
     positions, velocities, forecasts, covariances = net(measured, times)
     total = torch.zeros(())
-    for found, scale, k in (
-        (positions, POSITION_SCALE, 0),
-        (velocities, VELOCITY_SCALE, 1),
-    ):
-        error = (found - truth[:, :, k]) / scale
+    for estimated, scale, k in ((positions, 6.0, 0), (velocities, 4.0, 1)):
+        error = (estimated - truth[:, :, k]) / scale
         total = total + error[error.isfinite()].square().add(1.0).sqrt().mean()
     error = truth[:, :, 2:] - forecasts
     counts = error.isfinite().all(-1)
@@ -295,27 +263,19 @@ def _loss(
     return total + 0.2 * (0.5 * white.square().sum(-1) + log_determinant).mean()
 
 
-def _scale(
-    net: RadarNet,
-    data: RadarData,
-    ahead: FloatArray,
-) -> None:
-    """Scale the deviations so that the regions hold the true positions of the held-out flights."""
+def _scale(net: RadarNet, data: RadarData, ahead: FloatArray) -> None:
+    """Scale the deviations so that the regions hold the true positions (K, n, H, 3) of the held-out
+    flights.
+    """
+    filtered = [
+        filter_with(net, tracks.measurements[:, -HELD_OUT:], tracks.times[:, -HELD_OUT:])
+        for tracks in data.tracks["training"].values()
+    ]
     for h in range(len(HORIZONS)):
         squares = []
-        for noise in NOISES:
-            tracks = data.tracks["training"][noise]
-            found = filter_with(
-                net,
-                tracks.measurements[-HELD_OUT:].swapaxes(0, 1),
-                tracks.times[-HELD_OUT:].T,
-            )
-            positions, covariances = found.forecasts[h]
+        for estimated in filtered:
+            positions, covariances = estimated.forecasts[h]
             assert covariances is not None
-            error = ahead[-HELD_OUT:, :, h].swapaxes(0, 1) - positions
-            counts = ~np.isnan(error[..., 0])
-            error = error[counts]
-            white = np.linalg.solve(covariances[counts], error[..., None])[..., 0]
-            squares.append((error * white).sum(-1))
-        ratio = np.quantile(np.concatenate(squares), REGION) / chi2.ppf(REGION, 3)
-        net.log_scale[h] = 0.5 * math.log(ratio)
+            squares.append(squared_distances(ahead[:, :, h] - positions, covariances))
+        ratio = np.nanquantile(squares, REGION) / chi2.ppf(REGION, 3)
+        net.log_scale[h] = 0.5 * np.log(ratio)

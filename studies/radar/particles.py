@@ -2,18 +2,18 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaln, logsumexp
+from scipy.special import logsumexp
+from scipy.stats import t
 
 from baselines import MotionModel, TrackFilter
-
-FloatArray = NDArray[np.float64]
+from studies.radar.flights import FloatArray
 
 
 class ParticleFilter(TrackFilter):
     """Particles that move as the model does, weighted by the likelihood of the measurements: P for
     each axis, (B, d, P, m), resampled systematically (Kitagawa 1996) where their effective number
-    falls below half of them. Errors have a scale `deviation` [m] and Student's t, or without
-    degrees of freedom the normal distribution. `begin` starts the random numbers anew.
+    falls below half of them. Errors have a scale `deviation` [m] and Student's t. `begin` starts
+    the random numbers anew.
     """
 
     covariance: FloatArray
@@ -23,36 +23,25 @@ class ParticleFilter(TrackFilter):
         model: MotionModel,
         deviation: float,
         start_deviations: tuple[float, ...],
-        degrees_of_freedom: float | None = None,
+        degrees_of_freedom: float,
         particles: int = 1000,
-        seed: int = 0,
     ):
         self.model, self.axes, self.order = model, model.axes, model.order
         self.deviation = deviation
         self.start_deviations = start_deviations
         self.degrees_of_freedom = degrees_of_freedom
         self.particles = particles
-        self.seed = seed
 
     def _begin(self, tracks: int) -> None:
-        self.generator = np.random.default_rng(self.seed)
+        self.generator = np.random.default_rng(0)
         shape = tracks, self.axes, self.particles
         self.particle_states = np.full((*shape, self.order), np.nan)
         self.log_weights = np.full(shape, -np.log(self.particles))
         self._summarise()
         self._no_measurement()
 
-    def _set(
-        self,
-        state: FloatArray,
-        covariance: FloatArray | None,
-    ) -> None:
-        assert covariance is not None
-        d = self.axes
-        m = self.order
-        blocks = np.einsum("bdidj->bdij", covariance.reshape(-1, d, m, d, m))
-        self.particle_states = state.reshape(-1, d, 1, m) + self._normal(blocks)
-        self._summarise()
+    def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
+        raise NotImplementedError
 
     def _normal(self, covariance: FloatArray) -> FloatArray:
         """Return normal random numbers of covariances (..., m, m), (B, d, P, m)."""
@@ -70,11 +59,7 @@ class ParticleFilter(TrackFilter):
         self.particle_states = moved + self._normal(spread)
         self._summarise()
 
-    def _update(
-        self,
-        measurement: FloatArray,
-        noise: FloatArray | None,
-    ) -> None:
+    def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
         self._no_measurement()
         measured = ~np.isnan(measurement[:, 0])
         begun = ~np.isnan(self.state[:, 0])
@@ -89,15 +74,11 @@ class ParticleFilter(TrackFilter):
             self._weigh(used, measurement[used])
         self._summarise()
 
-    def _weigh(
-        self,
-        used: NDArray[np.int64],
-        measured: FloatArray,
-    ) -> None:
+    def _weigh(self, used: NDArray[np.int64], measured: FloatArray) -> None:
         """Weigh the particles of tracks (n,) by their measurements (n, d), and resample."""
         positions = self.particle_states[used, ..., 0]
         white = (measured[..., None] - positions) / self.deviation
-        density = log_density(white, self.degrees_of_freedom)
+        density = t.logpdf(white, self.degrees_of_freedom)
         logs = self.log_weights[used] + density - np.log(self.deviation)
         total = logsumexp(logs, axis=-1)
         self.log_likelihood[used] = total.sum(-1)
@@ -126,20 +107,4 @@ class ParticleFilter(TrackFilter):
         full = np.zeros((tracks, d, m, d, m))
         for axis in range(d):
             full[:, axis, :, axis] = blocks[:, axis]
-        self.covariance = full.reshape(
-            tracks,
-            d * m,
-            d * m,
-        )
-
-
-def log_density(white: FloatArray, degrees_of_freedom: float | None) -> FloatArray:
-    """Return the log-density of Student's t, or with None of the normal distribution, of scale
-    1.
-    """
-    if degrees_of_freedom is None:
-        return np.asarray(-0.5 * (white**2 + np.log(2.0 * np.pi)))
-    nu = degrees_of_freedom
-    half = 0.5 * (nu + 1.0)
-    constant = gammaln(half) - gammaln(0.5 * nu) - 0.5 * np.log(nu * np.pi)
-    return np.asarray(constant - half * np.log1p(white**2 / nu))
+        self.covariance = full.reshape(tracks, d * m, d * m)

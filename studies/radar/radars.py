@@ -14,27 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import levy_stable
 
-from studies.radar.flights import Flight
+from studies.radar.flights import Flight, FloatArray
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 Noise = Literal["gaussian", "levy"]
 NOISES: tuple[Noise, ...] = ("gaussian", "levy")
-
-RADARS = 2
+NOISE_NAMES: dict[Noise, str] = {
+    "gaussian": "Gaussian noise",
+    "levy": "Levy noise",
+}
 # Largest distance of a measured object [m].
 RANGE = 1000.0
 # Time between the scans of a radar [s].
 PERIOD = 1.0
-# Smallest and largest horizontal distance between a radar and its point of the flight [m].
-OFFSETS = (100.0, 800.0)
-# Lowest and highest radar [m].
-HEIGHTS = (0.0, 50.0)
-# Smallest distance between two radars [m].
-SEPARATION = 500.0
-# Measurements of a flight; with fewer, its radars are placed again.
-FEWEST = 10
 # Standard deviation of the Gaussian noise on each axis, and scale of the Levy noise [m].
 SIGMA = 12.5
 # Index alpha of the symmetric alpha-stable (Levy) noise.
@@ -43,19 +36,13 @@ STABILITY = 1.5
 # thesis does not state it. The published unfiltered MAE (20.4 m) gives about 1600 m, and with it
 # the unfiltered RMSE comes out as well.
 CLIP = 1600.0
-# Possible phases of a pair of radars in a period.
-PHASES = 1024
-# Of the flights, the first ones.
-TRAINING_SHARE = 0.3
-# Streams of random numbers of a seed; 0 draws the paths and 1 the radars.
-TRAINING_NOISE, TEST_NOISE = 2, 3
 
 
 @dataclass(frozen=True)
 class Scan:
     """What the radars of one flight see, without noise; K measurements in the order of time."""
 
-    # (`RADARS`, 3) their positions [m]
+    # (2, 3) their positions [m]
     radars: FloatArray
     # (K,) [s]
     times: FloatArray
@@ -67,71 +54,78 @@ class Scan:
     velocities: FloatArray
 
 
-def place_radars(flight: Flight, generator: np.random.Generator) -> FloatArray:
-    """Positions of the radars of a flight, (`RADARS`, 3) [m]."""
+def place_radars(
+    flight: Flight,
+    generator: np.random.Generator,
+    distances: tuple[float, float] = (100.0, 800.0),
+    highest: float = 50.0,
+    separation: float = 500.0,
+) -> FloatArray:
+    """Positions of the two radars of a flight, (2, 3) [m]: at horizontal distances from a point of
+    the flight, up to a height, and at least so far from each other [m].
+    """
     placed: list[FloatArray] = []
-    while len(placed) < RADARS:
-        point = flight.positions[generator.integers(len(flight.positions))]
-        distance = generator.uniform(*OFFSETS)
+    while len(placed) < 2:
+        x, y, _ = flight.positions[generator.integers(len(flight.positions))]
+        distance = generator.uniform(*distances)
         azimuth = generator.uniform(0.0, 2.0 * math.pi)
-        height = generator.uniform(*HEIGHTS)
-        radar = np.array(
-            [
-                point[0] + distance * math.cos(azimuth),
-                point[1] + distance * math.sin(azimuth),
-                height,
-            ]
-        )
-        if all(np.linalg.norm(radar - other) >= SEPARATION for other in placed):
+        height = generator.uniform(0.0, highest)
+        place = x + distance * math.cos(azimuth), y + distance * math.sin(azimuth), height
+        radar = np.array(place)
+        if all(np.linalg.norm(radar - other) >= separation for other in placed):
             placed.append(radar)
     return np.stack(placed)
 
 
-def scan_flight(flight: Flight, generator: np.random.Generator) -> Scan:
-    """Place radars around a flight of at least some seconds, and find the moments and states
-    that they measure.
+def scan_flight(
+    flight: Flight,
+    generator: np.random.Generator,
+    fewest: int = 10,
+    phases: int = 1024,
+) -> Scan:
+    """Place radars around a flight of at least some seconds, and find the moments and states that
+    they measure. With fewer measurements the radars are placed again. The phase of a pair is a
+    binary fraction of the period: equal steps are then equal numbers, whose matrices are shared.
     """
     while True:
         radars = place_radars(flight, generator)
         seen: list[tuple[FloatArray, IntArray]] = []
-        # A binary fraction of the period: equal steps are then equal numbers, whose matrices are
-        # shared.
-        phase = generator.integers(PHASES) / PHASES * PERIOD
+        phase = generator.integers(phases) / phases * PERIOD
         for index, radar in enumerate(radars):
-            first = (phase + index * PERIOD / RADARS) % PERIOD
-            times = np.arange(
-                first,
-                flight.times[-1],
-                PERIOD,
-            )
+            first = (phase + index * PERIOD / 2) % PERIOD
+            times = np.arange(first, flight.times[-1], PERIOD)
             near = np.linalg.norm(flight.states_at(times)[0] - radar, axis=1) <= RANGE
             seen.append((times[near], np.full(near.sum(), index)))
-        times = np.concatenate([times for times, _ in seen])
-        if len(times) >= FEWEST:
+        times, numbers = (np.concatenate(values) for values in zip(*seen, strict=True))
+        if len(times) >= fewest:
             break
     order = np.argsort(times, kind="stable")
     times = times[order]
     return Scan(
         radars,
         times,
-        np.concatenate([index for _, index in seen])[order],
+        numbers[order],
         *flight.states_at(times),
     )
 
 
-def draw_noise(
-    noise: Noise,
-    count: int,
-    generator: np.random.Generator,
-) -> FloatArray:
+def scan_flights(flights: Sequence[Flight], seed: int) -> tuple[list[Scan], int]:
+    """Return the scans of flights, and how many of the first ones are for training: 30 %."""
+    generators = (np.random.default_rng((seed, 1, k)) for k in range(len(flights)))
+    scans = [scan_flight(*pair) for pair in zip(flights, generators, strict=True)]
+    return scans, round(0.3 * len(flights))
+
+
+def draw_noise(noise: Noise, count: int, generator: np.random.Generator) -> FloatArray:
     """Errors of measurements, (count, 3) [m]: Gaussian, or symmetric alpha-stable and clipped."""
     if noise == "gaussian":
         return generator.normal(0.0, SIGMA, (count, 3))
+    shape = count, 3
     errors = levy_stable.rvs(
         STABILITY,
         0.0,
         scale=SIGMA,
-        size=(count, 3),
+        size=shape,
         random_state=generator,
     )
     return np.clip(errors, -CLIP, CLIP)
@@ -141,63 +135,59 @@ def draw_noise(
 class Tracks:
     """Measurements of N flights, padded to the longest with NaN, and times with the last one."""
 
-    # (N, K) [s]
+    # (K, N) [s]
     times: FloatArray
-    # (N, K, 3) [m]
+    # (K, N, 3) [m]
     measurements: FloatArray
-    # (N, K, 3) true [m]
+    # (K, N, 3) true [m]
     positions: FloatArray
-    # (N, K, 3) true [m/s]
+    # (K, N, 3) true [m/s]
     velocities: FloatArray
 
-    def errors(
-        self,
-        positions: FloatArray,
-        velocities: FloatArray,
-    ) -> FloatArray:
-        """Position RMSE and MAE [m], velocity RMSE and MAE [m/s] of estimates (N, K, 3), (N, 4)."""
-        found = flight_errors(positions, self.positions) + flight_errors(
-            velocities,
-            self.velocities,
-        )
-        return np.stack(found, axis=-1)
+    def errors(self, positions: FloatArray, velocities: FloatArray) -> FloatArray:
+        """Position RMSE and MAE [m], velocity RMSE and MAE [m/s] of estimates (K, N, 3), (N, 4)."""
+        pairs = (positions, self.positions), (velocities, self.velocities)
+        return np.concatenate([flight_errors(*pair) for pair in pairs], axis=-1)
 
 
 def padded_tracks(parts: Sequence[tuple[FloatArray, ...]]) -> Tracks:
-    """Tracks of flights that each have the arrays of `Tracks` without the first axis."""
+    """Tracks of flights that each have the arrays of `Tracks` without the second axis."""
     longest = max(len(times) for times, *_ in parts)
     times = np.stack([np.pad(times, (0, longest - len(times)), mode="edge") for times, *_ in parts])
-    arrays = np.full((3, len(parts), longest, 3), np.nan)
-    for k, (own, *values) in enumerate(parts):
-        arrays[:, k, : len(own)] = values
-    return Tracks(times, *arrays)
+    arrays = np.full((3, longest, len(parts), 3), np.nan)
+    for k, (of_flight, *values) in enumerate(parts):
+        arrays[:, : len(of_flight), k] = values
+    return Tracks(times.T, *arrays)
 
 
-def measure(
-    scans: Sequence[Scan],
-    noise: Noise,
-    seed: tuple[int, ...],
-) -> Tracks:
-    """Add noise to the true positions of every scan; flight i has its own stream, whatever the
-    others are.
+def measure(scans: Sequence[Scan], noise: Noise, stream: tuple[int, ...]) -> Tracks:
+    """Add noise to the true positions of every scan; flight i has its own stream of random numbers,
+    whatever the others are: (seed, 2, i) for training, (seed, 3, run, i) for tests.
     """
     parts = []
     for index, scan in enumerate(scans):
         errors = draw_noise(
             noise,
             len(scan.times),
-            np.random.default_rng((*seed, index)),
+            np.random.default_rng((*stream, index)),
         )
-        parts.append((scan.times, scan.positions + errors, scan.positions, scan.velocities))
+        parts.append(
+            (
+                scan.times,
+                scan.positions + errors,
+                scan.positions,
+                scan.velocities,
+            )
+        )
     return padded_tracks(parts)
 
 
-def flight_errors(estimates: FloatArray, truth: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """RMSE and MAE (...) of estimates (..., K, 3) of each flight, means over the axes; a missing
+def flight_errors(estimates: FloatArray, truth: FloatArray) -> FloatArray:
+    """RMSE and MAE, (N, 2), of estimates (K, N, 3) of each flight, means over the axes; a missing
     truth is NaN. Novospaskyi 2025, eq. (1.25) and (1.26), sum over the axes, but its tables do not:
     all eight unfiltered values come out as means over flights and axes of the error within a
     flight, and not the 21.7 and 29.9 m of a sum.
     """
     error = estimates - truth
-    rmse = np.sqrt(np.nanmean(error**2, axis=-2)).mean(-1)
-    return rmse, np.nanmean(np.abs(error), axis=-2).mean(-1)
+    rmse = np.sqrt(np.nanmean(error**2, axis=0)).mean(-1)
+    return np.stack([rmse, np.nanmean(np.abs(error), axis=0).mean(-1)], axis=-1)

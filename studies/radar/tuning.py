@@ -1,169 +1,143 @@
 """Tuning of the filters with Optuna, which can be killed and resumed: trial n depends on nothing
-but the seed and the trials before it, which are read back from a file. So a resumed tuning ends
-with the same parameters, bit for bit, and two processes may work on the same file.
+but the seed and the trials before it, which are kept in a file.
 """
 
-import hashlib
-import json
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from itertools import count, takewhile
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import joblib
 import numpy as np
 import optuna
-from numpy.typing import NDArray
+from optuna.storages import JournalStorage
+from optuna.storages.journal import JournalFileBackend
 
-from studies.radar.filters import CONTENDERS, Contender, Parameters, run_contender
-from studies.radar.radars import Noise, Tracks
+from studies.radar.filters import (
+    COMBINED,
+    CONTENDERS,
+    ROBUST,
+    SOUND,
+    THESIS,
+    Parameters,
+    filter_tracks,
+)
+from studies.radar.flights import FloatArray
+from studies.radar.radars import NOISES, Noise, Tracks
+from studies.results import in_parallel
 
-FloatArray = NDArray[np.float64]
-
-# Loss of the robust filters with Gaussian noise, as a share of the error of CV, that is not
-# penalised.
-LARGEST_LOSS = 0.0075
-# Relative growth of the cost per loss above `LARGEST_LOSS`.
-PENALTY = 100.0
+# Trials of each tuning.
+TRIALS = 60
 
 
-def errors(
-    name: str | None,
-    parameters: Parameters,
-    tracks: Tracks,
-) -> FloatArray:
+def errors(name: str | None, parameters: Parameters, tracks: Tracks) -> FloatArray:
     """`Tracks.errors` of a contender; None takes the measurements as positions, and 0 as
     velocity.
     """
     if name is None:
         return tracks.errors(tracks.measurements, np.zeros_like(tracks.velocities))
-    return tracks.errors(*run_contender(CONTENDERS[name], parameters, tracks))
+    filtered = filter_tracks(CONTENDERS[name], parameters, tracks)
+    return tracks.errors(filtered.positions, filtered.velocities)
 
 
-@dataclass(frozen=True)
-class Tuning:
-    """One filter to tune, with its files in an existing folder."""
-
-    name: str
-    # Of the flights; a robust filter gets one set of parameters for both noises.
-    noise: Noise | None
-    training: dict[Noise, Tracks]
-    trials: int
-    seed: int
-    folder: Path
-    # Of the plain CV filter with Gaussian noise, for robust filters.
-    plain: Parameters = field(default_factory=dict)
-    # Its training error [m].
-    reference: float = np.nan
-
-    @property
-    def fingerprint(self) -> str:
-        """Digest of everything that the cost depends on, also of the source code here."""
-        contender = CONTENDERS[self.name]
-        settings = (
-            self.name,
-            contender.space,
-            contender.start,
-            self.seed,
-            self.plain,
-            self.reference,
-        )
-        digest = hashlib.sha256(repr(settings).encode())
-        for tracks in self._flights.values():
-            for array in (tracks.times, tracks.measurements, tracks.positions):
-                digest.update(array.tobytes())
-        for source in sorted(Path(__file__).parent.glob("*.py")):
-            digest.update(source.read_bytes())
-        return digest.hexdigest()[:16]
-
-    def cost(self, parameters: Parameters) -> float:
-        """Mean position RMSE of the training flights [m] (section 2.3.3); for a robust filter that
-        with Levy noise, raised if the loss with Gaussian noise exceeds `LARGEST_LOSS`.
-        """
-        chosen = {**self.plain, **parameters}
-        error = {
-            noise: float(errors(self.name, chosen, of)[:, 0].mean())
-            for noise, of in self._flights.items()
-        }
-        if self.noise is not None:
-            return error[self.noise]
-        loss = error["gaussian"] / self.reference - 1.0
-        return error["levy"] * (1.0 + PENALTY * max(loss - LARGEST_LOSS, 0.0))
-
-    @property
-    def _flights(self) -> dict[Noise, Tracks]:
-        return self.training if self.noise is None else {self.noise: self.training[self.noise]}
-
-    def run(self) -> dict[str, Any]:
-        """The best parameters; finished trials are read from the file."""
-        contender = CONTENDERS[self.name]
-        trials = min(self.trials, contender.trials or self.trials)
-        file = self.folder / f"{self.name.replace(' ', '_')}-{self.noise or 'both'}.jsonl"
-        return {
-            **self.plain,
-            **tune(contender, self.cost, trials, self.seed, file, self.fingerprint),
-        }
+def training_error(name: str, parameters: Parameters, tracks: Tracks) -> float:
+    """Mean position RMSE of flights [m], section 2.3.3."""
+    return float(errors(name, parameters, tracks)[:, 0].mean())
 
 
 def tune(
-    contender: Contender,
-    cost: Callable[[Parameters], float],
+    name: str,
+    noise: Noise | None,
+    training: dict[Noise, Tracks],
     trials: int,
     seed: int,
-    file: Path,
-    fingerprint: str,
+    folder: Path,
+    plain: Parameters | None = None,
+    reference: float = np.nan,
 ) -> dict[str, Any]:
     """Best parameters by the tree-structured Parzen estimator of Bergstra et al. 2011, from a first
-    trial at the start. Finished trials are appended to the file; its lines with another
-    fingerprint, see `Tuning.fingerprint`, are ignored.
+    trial at the start of the contender.
+
+    The cost of a robust filter is its error with Levy noise, raised by its loss with Gaussian noise
+    above 0.75 % of the error of the plain CV filter.
+
+    Args:
+        name: of the contender.
+        noise: of the flights; None for a robust filter, which gets one set of parameters for both.
+        training: the flights.
+        trials, seed: number of trials, and seed of the tuning.
+        folder: for the finished trials, which are continued if code and data are the same; it is
+            created.
+        plain: of the plain CV filter with Gaussian noise, for robust filters.
+        reference: its training error [m].
     """
-    verbosity = optuna.logging.get_verbosity()
+    contender = CONTENDERS[name]
+    known = dict(plain or {})
+    flights = training if noise is None else {noise: training[noise]}
+
+    def cost(parameters: Parameters) -> float:
+        chosen = {**known, **parameters}
+        error = {law: training_error(name, chosen, tracks) for law, tracks in flights.items()}
+        if noise is not None:
+            return error[noise]
+        loss = error["gaussian"] / reference - 1.0
+        return error["levy"] * (1.0 + 100.0 * max(loss - 0.0075, 0.0))
+
+    sources = [path.read_text() for path in sorted(Path(__file__).parent.glob("*.py"))]
+    tracks = {law: vars(of_law) for law, of_law in flights.items()}
+    settings = repr(
+        (
+            name,
+            contender.space,
+            contender.start,
+            seed,
+            known,
+            reference,
+        )
+    )
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    try:
-        study = optuna.create_study()
-        finished = finished_trials(file, fingerprint)[:trials]
-        for number in range(trials):
-            known = finished[number] if number < len(finished) else None
-            if known is not None or number == 0:
-                study.enqueue_trial(dict(contender.start) if known is None else known[0])
-            study.sampler = optuna.samplers.TPESampler(seed=(seed * 100_003 + number) % 2**32)
-            trial = study.ask(dict(contender.space))
-            value = float(cost(trial.params)) if known is None else known[1]
-            if known is None:
-                entry = {
-                    "fingerprint": fingerprint,
-                    "trial": number,
-                    "parameters": trial.params,
-                    "value": value,
-                }
-                _append(file, entry)
-            study.tell(trial, value)
-        return dict(study.best_params)
-    finally:
-        optuna.logging.set_verbosity(verbosity)
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / f"{name.replace(' ', '_')}-{noise or 'both'}.journal"
+    study = optuna.create_study(
+        storage=JournalStorage(JournalFileBackend(str(file))),
+        study_name=joblib.hash((settings, tracks, sources)),
+        load_if_exists=True,
+    )
+    finished = len(study.get_trials(states=(optuna.trial.TrialState.COMPLETE,)))
+    if not finished:
+        study.enqueue_trial(dict(contender.start))
+    for number in range(finished, min(trials, contender.trials or trials)):
+        study.sampler = optuna.samplers.TPESampler(seed=(seed * 100_003 + number) % 2**32)
+        trial = study.ask(dict(contender.space))
+        study.tell(trial, cost(trial.params))
+    return known | study.best_params
 
 
-def finished_trials(file: Path, fingerprint: str) -> list[tuple[dict[str, Any], float]]:
-    """Parameters and values of the finished trials 0, 1, 2 ... of a file with this fingerprint."""
-    text = file.read_text(encoding="utf-8", errors="replace") if file.exists() else ""
-    found: dict[int, tuple[dict[str, Any], float]] = {}
-    for line in text.splitlines():
-        try:
-            entry = json.loads(line)
-            if entry["fingerprint"] == fingerprint:
-                found.setdefault(
-                    int(entry["trial"]),
-                    (dict(entry["parameters"]), float(entry["value"])),
-                )
-        except (ValueError, KeyError, TypeError):
-            # The line that a killed process was writing.
-            continue
-    return [found[number] for number in takewhile(found.__contains__, count())]
-
-
-def _append(file: Path, entry: dict[str, Any]) -> None:
-    """Append a trial as one line, in one write."""
-    # Begins with a line break, as the last line may be cut off.
-    line = f"\n{json.dumps(entry)}\n".encode()
-    with file.open("ab", buffering=0) as stored:
-        stored.write(line)
+def tune_filters(
+    training: dict[Noise, Tracks],
+    seed: int,
+    folder: Path,
+    trials: int = TRIALS,
+    jobs: int = 1,
+    robust: Sequence[str] = tuple(ROBUST),
+) -> dict[Noise, dict[str, dict[str, Any]]]:
+    """Parameters of all filters by noise and name, tuned on the training flights, the robust ones
+    after the plain CV filter, with which they are compared; arguments as of `thesis.reproduce`.
+    """
+    names = (*SOUND, *THESIS)
+    tuned = partial(
+        joblib.delayed(tune), training=training, trials=trials, seed=seed, folder=folder
+    )
+    calls: dict[Any, Any] = {
+        (noise, name): tuned(name, noise) for name in names for noise in NOISES
+    }
+    by_filter = dict(zip(calls, in_parallel([*calls.values()], jobs, "tuning"), strict=True))
+    plain = by_filter["gaussian", "CV"]
+    reference = training_error("CV", plain, training["gaussian"])
+    robustly = [tuned(name, None, plain=plain, reference=reference) for name in robust]
+    results = in_parallel(robustly, jobs, "tuning of robust filters")
+    both = dict(zip(robust, results, strict=True))
+    imm = by_filter["gaussian", "IMM (CV, CA)"]
+    student = both["CV, Student-t"]
+    both[COMBINED] = imm | {key: student[key] for key in ("degrees of freedom", "scale")}
+    return {noise: {name: by_filter[noise, name] for name in names} | both for noise in NOISES}

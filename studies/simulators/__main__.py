@@ -1,20 +1,35 @@
 """Command line of the study: `python -m studies.simulators`."""
 
 import importlib.util
-import json
 import sys
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 from typing import Literal
 
 import joblib
-from rich.progress import track
 
-from agents import find_family, run_command
-from baselines import Estimate
+from agents import find_decider, run_command
 from hybrid_env import ArgumentError
-from studies.simulators import seal, study
+from studies.results import in_parallel, save_results
+from studies.seal import seal_of, unbroken_seal
+from studies.simulators import study
 from studies.simulators.worlds import worlds
+
+SEAL = Path(__file__).with_name("sealed.json")
+"""What was fixed before the closed paths were opened."""
+
+
+def current_seal() -> dict[str, dict[str, str]]:
+    """Return the digests of the study and of the weights of `robust`, and the versions of the
+    simulators.
+    """
+    modules = ("aircraft", "airliners", "cars", "vehicles", "study", "worlds")
+    return seal_of(
+        [SEAL.with_name(f"{module}.py") for module in modules],
+        Path(str(files("agents") / "learned" / "weights" / "unknown" / "robust")),
+        ("jsbsim", "bluesky-simulator", "openap", "eclipse-sumo"),
+    )
 
 
 @dataclass(kw_only=True)
@@ -50,40 +65,23 @@ class Simulators:
             if importlib.util.find_spec(module) is None:
                 advice = "pip install -r studies/simulators/requirements.txt"
                 raise ArgumentError(f"{module} is missing: {advice}")
-        if len(self.deciders) < 2:
-            raise ArgumentError(f"deciders={self.deciders} is not allowed: expected two or more")
         if not 0 <= self.seed <= study.SELECTION - self.episodes:
             raise ArgumentError(f"seed={self.seed} is not allowed: expected a number below 10^9")
-        seed = seal.first_closed_path() if self.sealed else self.seed
+        seed = self.seed
+        if self.sealed:
+            unbroken_seal(SEAL, current_seal())
+            # Of the first closed path.
+            seed = 7_000_000_000
         episodes = 2 if self.quick else self.episodes
         places = worlds(self.simulators, self.quick)
         for name in self.deciders:
-            find_family(name, places[0].options())
+            find_decider(name, places[0].options())
         calls = [
-            joblib.delayed(study.compare)(
-                place,
-                self.deciders,
-                episodes,
-                seed,
-            )
-            for place in places
+            joblib.delayed(study.compare)(place, self.deciders, episodes, seed) for place in places
         ]
-        parallel = joblib.Parallel(n_jobs=self.jobs, return_as="generator")
-        rows = list(track(parallel(calls), total=len(calls)))
-        text = study.markdown(rows)
-        print(text)
-        self.out.mkdir(parents=True, exist_ok=True)
-        (self.out / "simulators.md").write_text(text, encoding="utf-8")
-        content = {
-            "worlds": rows,
-            "counts": study.counts(rows),
-            "seal": seal.current_seal(),
-        }
-        (self.out / "simulators.json").write_text(
-            json.dumps(content, indent=2, default=Estimate.as_json),
-            encoding="utf-8",
-        )
-        study.figure(rows).savefig(self.out / "simulators.png")
+        rows = in_parallel(calls, self.jobs, "worlds")
+        content = {"worlds": rows, "counts": study.counts(rows), "seal": current_seal()}
+        save_results(self.out / "simulators", study.markdown(rows), content, study.figure(rows))
 
 
 if __name__ == "__main__":

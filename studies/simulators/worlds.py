@@ -1,40 +1,98 @@
 """What moves in simulators of others, with noise on its positions, and what deciders are told."""
 
-import functools
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from agents import find_family, task_of
+from agents import find_decider, task_of
 from baselines import GivenTracks, Scores, measure_statements, record_in
 from hybrid_env import QuickestLayout, QuickestOptions
-from studies.simulators.aircraft import AIRCRAFT, Aircraft
-from studies.simulators.airliners import AIRLINERS
-from studies.simulators.cars import CARS, RoadNet
-from studies.simulators.paths import CONTROL, Path
+from studies.simulators.aircraft import Aircraft
+from studies.simulators.airliners import Airliner
+from studies.simulators.cars import RoadNet
+from studies.simulators.vehicles import CONTROL, FloatArray, IntArray, Vehicle
 
-# What moves in the worlds, by name.
-VEHICLES: dict[str, Aircraft | RoadNet] = {
-    **AIRCRAFT,
-    **AIRLINERS,
-    **CARS,
+VEHICLES: dict[str, Vehicle] = {
+    "light": Aircraft(
+        name="c172x",
+        height=3e3,
+        airspeed=95.0,
+        speed=51.0,
+        bank=20.0,
+        ticks=(0.3, 0.6, 1.2),
+        noises=(5.0, 20.0, 80.0),
+    ),
+    "airliner": Aircraft(
+        name="737",
+        height=2e4,
+        airspeed=280.0,
+        speed=192.5,
+        bank=25.0,
+        turning=0.95,
+        ticks=(0.8, 1.6, 3.2),
+        noises=(20.0, 100.0, 500.0),
+    ),
+    "fighter": Aircraft(
+        name="f16",
+        height=1.5e4,
+        airspeed=350.0,
+        speed=221.6,
+        bank=45.0,
+        turning=0.73,
+        ticks=(0.5, 1.0, 2.0),
+        noises=(20.0, 80.0, 320.0),
+    ),
+    "regional jet": Airliner(
+        name="E190",
+        height=1e4,
+        airspeed=250.0,
+        speed=148.5,
+        bank=25.0,
+        ticks=(0.8, 1.6, 3.2),
+        noises=(20.0, 80.0, 320.0),
+    ),
+    "narrow-body": Airliner(
+        name="A320",
+        height=2e4,
+        airspeed=270.0,
+        speed=186.1,
+        bank=25.0,
+        ticks=(0.8, 1.6, 3.2),
+        noises=(20.0, 100.0, 500.0),
+    ),
+    "wide-body": Airliner(
+        name="B744",
+        height=3e4,
+        airspeed=270.0,
+        speed=217.0,
+        bank=20.0,
+        ticks=(1.6, 3.2, 6.4),
+        noises=(20.0, 100.0, 500.0),
+    ),
+    "grid": RoadNet(
+        flags="--grid --grid.number 6 --grid.length 150 --default.junctions.radius 12"
+        " --default.speed 13.9",
+        speed=12.5,
+        radius=17.9,
+        lasting=(1.0, 8.1),
+    ),
+    "ring roads": RoadNet(
+        flags="--spider --spider.arm-number 9 --spider.circle-number 5 --spider.space-radius 150"
+        " --spider.omit-center --default.junctions.radius 25 --default.speed 16.7",
+        speed=16.0,
+        radius=39.0,
+        lasting=(1.0, 6.7),
+    ),
+    "country": RoadNet(
+        flags="--rand --rand.iterations 100 --rand.min-distance 200 --rand.max-distance 400"
+        " --rand.min-angle 45 --default.junctions.radius 40 --default.speed 22.2",
+        speed=16.8,
+        radius=51.0,
+        lasting=(1.0, 6.6),
+    ),
 }
-# Deviation of the velocity by the process noise of a tick over the speed, as in the environment.
-PROCESS = 0.0158
-# Random numbers of the noise are none of the path.
-NOISE_STREAM = 1
-# Of the mismatch.
-MISMATCH_PATHS = 8
-
-
-# A simulator takes a second for a path, which the nine worlds of a kind share.
-@functools.lru_cache(256)
-def _path(kind: str, seed: int, duration: float) -> Path:
-    return VEHICLES[kind].travel(seed, duration)
+"""What moves in the worlds, by name."""
 
 
 @dataclass(frozen=True)
@@ -55,49 +113,63 @@ class World:
         """Name in tables."""
         return f"{self.kind}, {self.tick:g} s, {self.noise:g} m"
 
+    @property
+    def vehicle(self) -> Vehicle:
+        """What moves."""
+        return VEHICLES[self.kind]
+
     def options(self, factor: float = 1.0) -> QuickestOptions:
         """Return what deciders are told, with the process noise times a factor."""
-        vehicle = VEHICLES[self.kind]
-        shortest, further = (max(1, round(time / self.tick)) for time in vehicle.lasting)
-        options: dict[str, Any] = {
-            "radii": (vehicle.radius,),
-            "speed": vehicle.speed,
-            "tau": self.tick,
-            "measurement_variance": self.noise**2,
-            "process_variance": factor * (PROCESS * vehicle.speed) ** 2,
-            "durations": f"{shortest} + geometric {further}",
-            "ticks": int(60.0 * self.minutes / self.tick),
-            "initial_error": (0.3, (0.07 * vehicle.speed) ** 2),
-        }
-        told: QuickestOptions = task_of("HybridTrackQuickest-v0", options).options
-        return told
+        speed = self.vehicle.speed
+        shortest, further = (max(1, round(time / self.tick)) for time in self.vehicle.lasting)
+        options: QuickestOptions = task_of(
+            "HybridTrackQuickest-v0",
+            {
+                "radii": (self.vehicle.radius,),
+                "speed": speed,
+                "tau": self.tick,
+                "measurement_variance": self.noise**2,
+                # The deviation of the velocity is a share of the speed, as in the environment.
+                "process_variance": factor * (0.0158 * speed) ** 2,
+                "durations": f"{shortest} + geometric {further}",
+                "ticks": int(60.0 * self.minutes / self.tick),
+                "initial_error": (0.3, (0.07 * speed) ** 2),
+            },
+        ).options
+        return options
 
     def travel(
         self,
         options: QuickestOptions,
         tracks: int,
         seed: int,
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    ) -> tuple[FloatArray, IntArray, FloatArray]:
         """Return the paths of consecutive seeds, as `GivenTracks` takes them. Track i has that of
         `seed` + i, whatever noise and tick are.
         """
         duration = 60.0 * self.minutes
         ends = self.tick * np.arange(options.ticks + 1)
         moments = CONTROL * np.arange(round(duration / CONTROL))
-        rows = np.minimum(np.searchsorted(moments, ends - 0.5 * CONTROL), len(moments) - 1)
-        points = []
-        starts = []
-        modes = np.empty((options.ticks, tracks), np.int64)
+        rows = np.minimum(
+            np.searchsorted(moments, ends - 0.5 * CONTROL),
+            len(moments) - 1,
+        )
         errors = np.sqrt(options.start_variances)
-        for track in range(tracks):
-            path = _path(self.kind, seed + track, duration)
-            generator = np.random.default_rng([seed + track, NOISE_STREAM])
-            exact = np.stack([np.interp(ends, moments, state) for state in path.states.T], axis=1)
-            starts.append(exact[0] + errors * generator.standard_normal(4))
-            scatter = math.sqrt(options.variances[0])
-            points.append(exact[1:, ::2] + scatter * generator.standard_normal((options.ticks, 2)))
-            modes[:, track] = path.modes[rows[1:]]
-        return np.stack(points, axis=1), modes, np.array(starts)
+        scatter = np.sqrt(options.variances[0])
+        tracked = []
+        for track in range(seed, seed + tracks):
+            path = self.vehicle.travel(track, duration)
+            # Random numbers of the noise are none of the path.
+            generator = np.random.default_rng([track, 1])
+            exact = np.stack(
+                [np.interp(ends, moments, state) for state in path.states.T],
+                axis=1,
+            )
+            start = exact[0] + errors * generator.standard_normal(4)
+            points = exact[1:, ::2] + scatter * generator.standard_normal((options.ticks, 2))
+            tracked.append((points, path.modes[rows[1:]], start))
+        points, modes, starts = zip(*tracked, strict=True)
+        return np.stack(points, axis=1), np.stack(modes, axis=1), np.array(starts)
 
     def rewards(
         self,
@@ -118,29 +190,25 @@ class World:
             thresholds: of the decider; without any its default.
         """
         options = self.options(factor)
-        family = find_family(name, options)
-        thresholds = tuple(thresholds) or (family.default,)
+        decider = find_decider(name, options)
+        thresholds = tuple(thresholds) or (decider.default,)
         statements = record_in(
-            lambda: GivenTracks(
-                self.travel,
-                options,
-                episodes,
-                likeliest,
-            ),
-            [family.make(threshold) for threshold in thresholds],
+            lambda: GivenTracks(self.travel, options, episodes, likeliest),
+            decider,
             seed,
+            thresholds,
         )
         rewards = [measure_statements(each, options.change_cost).reward for each in statements]
         values = np.stack(rewards, axis=-1)[:, None]
         return Scores(
-            family.name,
-            family.symbol,
+            decider.title,
+            decider.symbol,
             thresholds,
             ("reward",),
             values,
         )
 
-    def mismatch(self, seed: int) -> float:
+    def mismatch(self, seed: int, tracks: int = 8) -> float:
         """Return the mean squared whitened innovation of a coordinate, 1 where the model of the
         bank is true.
 
@@ -148,12 +216,12 @@ class World:
         process noise.
         """
         options = self.options()
-        env = GivenTracks(self.travel, options, MISMATCH_PATHS)
+        env = GivenTracks(self.travel, options, tracks)
         layout = QuickestLayout(options.hypotheses)
         rows, _ = env.reset(seed=seed)
         squares = []
         for _ in range(options.ticks - 1):
-            rows, *_ = env.step(np.zeros(MISMATCH_PATHS, np.int64))
+            rows, *_ = env.step(np.zeros(tracks, np.int64))
             each = sum(layout.read(rows, f"innovation_{axis}") ** 2 for axis in ("along", "across"))
             squares.append(0.5 * (np.exp(layout.read(rows, "log_probability")) * each).sum(-1))
         return float(np.mean(squares))
@@ -166,11 +234,11 @@ def worlds(modules: Sequence[str], quick: bool = False) -> list[World]:
     every = [
         World(kind, tick, noise)
         for kind, vehicle in VEHICLES.items()
-        if vehicle.module in modules
+        if vehicle.simulator.lower() in modules
         for tick in vehicle.ticks
         for noise in vehicle.noises
     ]
     if quick:
-        last = {VEHICLES[world.kind].module: replace(world, minutes=3.0) for world in every}
+        last = {world.vehicle.simulator: replace(world, minutes=3.0) for world in every}
         return list(last.values())
     return every

@@ -4,17 +4,9 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-import pandas as pd
-import yaml
-from rich.progress import Progress
-
 from agents import load_recipe, run_command
 from hybrid_env import ArgumentError
 from studies.tuning import search
-
-# Trials in the table.
-SHOWN = 5
-QUICK = ("n_envs=8", "n_steps=32", "batch_size=64")
 
 
 @dataclass(kw_only=True)
@@ -31,8 +23,6 @@ class Tune:
     """Recipe to begin with, or a YAML file."""
     env: str = "hybrid_env:HybridTrack-v0"
     """Registered id of the environment."""
-    options: str = "{}"
-    """Options of the environment as YAML, such as '{measurement_variance: 1}'."""
     search: tuple[str, ...] = ()
     """What to search: n_epochs=1..10 (integers), gae_lambda=0.8..1.0, batch_size=512|1024|2048. A
     positive range of a factor of ten or more is searched on a logarithmic scale. By default that of
@@ -54,15 +44,14 @@ class Tune:
     """Folder of the search: trials.log and best.yml."""
 
     def run(self) -> None:
-        """Search with a progress display, print the best trials and write best.yml."""
+        """Search, print the best trials and write best.yml."""
         changes, trials, steps = self.set, self.trials, self.steps
         if self.quick:
-            changes, trials, steps = QUICK, 3, 512
+            changes, trials, steps = ("n_envs=8", "n_steps=32", "batch_size=64"), 3, 512
         algorithm = load_recipe(self.recipe, self.env, changes).algo
         ranges = search.parse_ranges(self.search, algorithm)
         wanted = search.Search(
             self.env,
-            dict(yaml.safe_load(self.options)),
             self.recipe,
             changes,
             ranges,
@@ -71,23 +60,14 @@ class Tune:
         )
         self.out.mkdir(parents=True, exist_ok=True)
         study = search.open_study(wanted, self.out)
-        with Progress(disable=not sys.stdout.isatty()) as progress:
-            bar = progress.add_task("Tuning", total=trials, completed=len(search.ended(study)))
-            search.run_trials(
-                wanted,
-                study,
-                trials,
-                self.jobs,
-                lambda number: progress.update(bar, advance=1),
-            )
-        rows = search.best_rows(study, SHOWN)
-        if not rows:
+        search.run_trials(wanted, study, trials, self.jobs)
+        table = study.trials_dataframe(attrs=("number", "value", "params", "state"))
+        table = table[table.pop("state") == "COMPLETE"]
+        if table.empty:
             raise ArgumentError(f"trials={trials}: none was trained to its end")
-        table = pd.DataFrame(
-            [{"trial": row.number, "reward": row.value} | row.params for row in rows]
-        )
+        best = table.sort_values("value", ascending=False, kind="stable").head(5)
         print(f"Best of {len(search.ended(study))} trials")
-        print(table.to_string(index=False, float_format="{:.3g}".format))
+        print(best.to_string(index=False, float_format="{:.3g}".format))
         path = search.write_best(wanted, study, self.out)
         print(f"Next: hybridtrack train --recipe {path}")
 

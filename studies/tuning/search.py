@@ -4,10 +4,9 @@ folder keeps them.
 
 import json
 import math
-import re
-import statistics
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,6 +14,7 @@ from typing import Any, NamedTuple
 import joblib
 import numpy as np
 import optuna
+import pandas as pd
 import yaml
 from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
 from optuna.storages import JournalStorage
@@ -24,19 +24,18 @@ from optuna.trial import FrozenTrial, TrialState
 from agents import evaluate, load_recipe, train
 from hybrid_env import ArgumentError
 
-# Of the reward during a training.
+# Points of a training at which its reward is compared.
 POINTS = 20
-# Points before a training may end.
-FIRST_POINT = 5
-# That Optuna proposes; independent of the number of jobs, so that results are, too.
-TRIALS_AT_A_TIME = 4
-# That are all trained to their end, before others may end early.
-FIRST_TRIALS = 5
-
-
-RATE = "learning_rate=0.0003..0.03"
+# A learning rate that decays linearly keeps this prefix.
+LINEAR_DECAY = "lin_"
+# Ranges by algorithm; recurrent PPO has those of PPO. Others need ranges of their own.
 DEFAULT_RANGES = {
-    "ppo": (RATE, "n_epochs=1..10", "gae_lambda=0.8..0.99", "ent_coef=0.0..0.02"),
+    "ppo": (
+        "learning_rate=0.0003..0.03",
+        "n_epochs=1..10",
+        "gae_lambda=0.8..0.99",
+        "ent_coef=0.0..0.02",
+    ),
     "a2c": (
         "learning_rate=0.0001..0.01",
         "n_steps=8..128",
@@ -55,52 +54,27 @@ DEFAULT_RANGES = {
         "gradient_steps=1..8",
         "exploration_final_eps=0.0..0.05",
     ),
-    "anchor": (RATE, "hidden=16..128", "smallest_alpha=0.0001..0.03"),
-    "stopping": (RATE, "passes=2..12"),
-    **dict.fromkeys(
-        ("statements", "rhythm", "flights", "gliders"),
-        (RATE, "hidden=8..64"),
-    ),
 }
-"""Ranges by algorithm; recurrent PPO has those of PPO. Others need ranges of their own."""
-
-# A learning rate that is found keeps this prefix.
-LINEAR_DECAY = "lin_"
-# Significant, of a number that is found.
-DIGITS = 3
-# Ratio of the bounds of a positive range from which it is searched on a logarithmic scale.
-WIDE = 10.0
-
-
 # Distributions of Optuna by hyper-parameter, as in `--set`.
 Ranges = dict[str, Any]
 
 
 def parse_range(text: str) -> tuple[str, Any]:
     """Read "n_epochs=1..10", "gae_lambda=0.8..1.0" or "batch_size=512|1024", whose choices are
-    values as YAML.
+    values as YAML. A positive range of a factor of ten or more is logarithmic.
     """
-    error = ArgumentError(
-        f"search={text}: expected name=low..high, low < high, or name=value|value"
-    )
     name, _, values = text.partition("=")
-    if not name or not values:
-        raise error
-    if "|" in values:
-        choices = tuple(values.split("|"))
-        if not all(choices) or len(set(choices)) != len(choices):
-            raise error
-        return name, CategoricalDistribution(choices)
-    bounds = values.split("..")
-    whole = all(re.fullmatch(r"[+-]?\d+", bound) for bound in bounds)
     try:
-        low, high = map(int if whole else float, bounds)
-    except ValueError:
-        raise error from None
-    if not -math.inf < low < high < math.inf:
-        raise error
-    kind: Any = IntDistribution if whole else FloatDistribution
-    return name, kind(low, high, log=low > 0 and high / low >= WIDE)
+        if "|" in values:
+            return name, CategoricalDistribution(values.split("|"))
+        low, high = map(json.loads, values.split(".."))
+        is_whole = isinstance(low, int) and isinstance(high, int)
+        kind: Any = IntDistribution if is_whole else FloatDistribution
+        return name, kind(low, high, log=low > 0 and high >= 10 * low)
+    except (TypeError, ValueError):
+        raise ArgumentError(
+            f"search={text}: expected name=low..high, low < high, or name=value|value"
+        ) from None
 
 
 def parse_ranges(texts: Sequence[str], algorithm: str) -> Ranges:
@@ -114,19 +88,15 @@ def parse_ranges(texts: Sequence[str], algorithm: str) -> Ranges:
 
 def values_of(entry: Mapping[str, Any], ranges: Ranges) -> dict[str, Any]:
     """Return the values of a recipe that are in the ranges, for a trial of what it is now."""
-    values = {}
-    for name, one in ranges.items():
-        value = entry.get(name)
-        if isinstance(value, str) and value.startswith(LINEAR_DECAY):
-            value = float(value.removeprefix(LINEAR_DECAY))
-        if isinstance(one, FloatDistribution) and isinstance(value, int):
-            value = float(value)
-        if isinstance(one, CategoricalDistribution):
-            known = value in one.choices
-        else:
-            known = isinstance(value, type(one.low)) and one.low <= value <= one.high
-        if known:
-            values[name] = value
+    values: dict[str, Any] = {}
+    for name, distribution in ranges.items():
+        text = str(entry.get(name)).removeprefix(LINEAR_DECAY)
+        if isinstance(distribution, CategoricalDistribution):
+            values |= {name: text} if text in distribution.choices else {}
+            continue
+        with suppress(ValueError):
+            if distribution.low <= float(text) <= distribution.high:
+                values[name] = type(distribution.low)(float(text))
     return values
 
 
@@ -137,17 +107,13 @@ def changes_of(values: Mapping[str, Any], entry: Mapping[str, Any]) -> tuple[str
     for name, value in values.items():
         text = str(value)
         if isinstance(value, float):
-            rounded = float(f"{value:.{DIGITS}g}")
+            rounded = float(f"{value:.3g}")
             # YAML reads 1e-05 as a text.
             text = np.format_float_positional(rounded, trim="0")
             if name == "learning_rate" and str(rate).startswith(LINEAR_DECAY):
                 text = LINEAR_DECAY + text
         changes.append(f"{name}={text}")
     return tuple(changes)
-
-
-# The agent of a trial is evaluated on the episodes of the learning curve.
-EPISODES, FIRST_EPISODE = 200, 3_000_000_000
 
 
 class Outcome(NamedTuple):
@@ -161,12 +127,8 @@ class Outcome(NamedTuple):
     error: str = ""
 
 
-class _EndedEarlyError(Exception):
-    """The training is worse than half of the trials before it."""
-
-
-def train_trial(search: "Search", changes: Sequence[str], medians: Sequence[float]) -> Outcome:
-    """Train an agent with the changes of a trial, without a folder, and evaluate it.
+def train_trial(search: "Search", values: Mapping[str, Any], medians: Sequence[float]) -> Outcome:
+    """Train an agent with the values of a trial, without a folder, and evaluate it.
 
     The training ends at a point at which its best reward so far is smaller than the median of
     earlier trials, if there are enough of them.
@@ -178,12 +140,8 @@ def train_trial(search: "Search", changes: Sequence[str], medians: Sequence[floa
         while len(rewards) < reached:
             rewards.append(now.reward)
             best = max((reward for reward in rewards if not math.isnan(reward)), default=math.inf)
-            if (
-                medians
-                and FIRST_POINT <= len(rewards) < POINTS
-                and best < medians[len(rewards) - 1]
-            ):
-                raise _EndedEarlyError
+            if medians and 5 <= len(rewards) < POINTS and best < medians[len(rewards) - 1]:
+                raise optuna.TrialPruned
 
     try:
         agent = train(
@@ -191,26 +149,22 @@ def train_trial(search: "Search", changes: Sequence[str], medians: Sequence[floa
             search.env_id,
             seed=search.seed,
             steps=search.steps,
-            changes=changes,
+            changes=search.changed(values),
             on_progress=check,
-            **search.options,
         )
-    except _EndedEarlyError:
+    except optuna.TrialPruned:
         return Outcome(tuple(rewards), None)
     except ArgumentError as error:
         # Values that do not go together, or a training that has diverged.
         return Outcome(tuple(rewards), None, str(error))
+    # On the episodes of the learning curve.
     metrics = evaluate(
         agent,
         search.env_id,
-        episodes=EPISODES,
-        seed=FIRST_EPISODE,
-        **search.options,
+        episodes=200,
+        seed=3_000_000_000,
     )
     return Outcome(tuple(rewards), metrics["reward"].value)
-
-
-JOURNAL, BEST = "trials.log", "best.yml"
 
 
 @dataclass(frozen=True)
@@ -218,8 +172,6 @@ class Search:
     """Settings of a search."""
 
     env_id: str
-    # Which override those of the id.
-    options: dict[str, Any]
     # Or path of a YAML file.
     recipe_name: str
     # Hyper-parameters of the recipe to override.
@@ -232,44 +184,31 @@ class Search:
     steps: int | None
 
     def changed(self, values: Mapping[str, Any]) -> tuple[str, ...]:
-        """Return all changes of the recipe with the values of a trial; refuse them if they do not
-        go together.
-        """
-        changes = self.changes + changes_of(values, self.entry())
-        self.entry(changes)
-        return changes
+        """Return all changes of the recipe with the values of a trial."""
+        return self.changes + changes_of(values, self.entry(self.changes))
 
-    def entry(self, changes: Sequence[str] | None = None) -> dict[str, Any]:
-        """Return the plain values of the recipe, with some changes in place of those of the
-        search.
-        """
-        used = self.changes if changes is None else changes
-        values: dict[str, Any] = load_recipe(self.recipe_name, self.env_id, used).as_json()["entry"]
-        return values
-
-    def as_text(self) -> str:
-        """Return all settings; equal texts mean equal searches."""
-        ranges = {name: str(one) for name, one in self.ranges.items()}
-        return json.dumps(vars(self) | {"recipe": self.entry(), "ranges": ranges}, sort_keys=True)
+    def entry(self, changes: Sequence[str]) -> dict[str, Any]:
+        """Return the plain values of the recipe with some changes."""
+        recipe = load_recipe(self.recipe_name, self.env_id, changes)
+        return dict(recipe.as_json()["entry"])
 
 
 def open_study(search: Search, folder: Path) -> optuna.Study:
     """Create the study of a search in a folder, or open it to go on."""
     optuna.logging.set_verbosity(optuna.logging.ERROR)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
-        study = optuna.create_study(
-            storage=JournalStorage(JournalFileBackend(str(folder / JOURNAL))),
-            study_name="tune",
-            direction="maximize",
-            load_if_exists=True,
-        )
+    warnings.filterwarnings("ignore", category=optuna.exceptions.ExperimentalWarning)
+    study = optuna.create_study(
+        storage=JournalStorage(JournalFileBackend(str(folder / "trials.log"))),
+        study_name="tune",
+        direction="maximize",
+        load_if_exists=True,
+    )
     settings = study.user_attrs.get("search")
     if settings is None:
-        study.set_user_attr("search", search.as_text())
+        study.set_user_attr("search", repr(search))
         # What the recipe has now.
-        study.enqueue_trial(values_of(search.entry(), search.ranges))
-    elif settings != search.as_text():
+        study.enqueue_trial(values_of(search.entry(search.changes), search.ranges))
+    elif settings != repr(search):
         raise ArgumentError(f"out={folder}: expected the flags with which its search began")
     # Of a killed search.
     for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
@@ -283,45 +222,25 @@ def ended(study: optuna.Study) -> list[FrozenTrial]:
     return study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.PRUNED))
 
 
-def run_trials(
-    search: Search,
-    study: optuna.Study,
-    trials: int,
-    jobs: int,
-    on_done: Callable[[int], None],
-) -> None:
+def run_trials(search: Search, study: optuna.Study, trials: int, jobs: int) -> None:
     """Train until the study of a search has a number of trials; refuse values that cannot be."""
     while (left := trials - len(ended(study))) > 0:
         number = len(study.get_trials(deepcopy=False))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
-            study.sampler = optuna.samplers.TPESampler(
-                seed=search.seed + number,
-                constant_liar=True,
-            )
-        batch = [study.ask(search.ranges) for _ in range(min(left, TRIALS_AT_A_TIME))]
-        outcomes = {}
-        calls = {}
+        study.sampler = optuna.samplers.TPESampler(seed=search.seed + number, constant_liar=True)
+        # Independent of the number of jobs, so that results are, too.
+        batch = [study.ask(search.ranges) for _ in range(min(left, 4))]
         medians = median_rewards(study)
-        for trial in batch:
-            try:
-                changes = search.changed(trial.params)
-                calls[trial.number] = joblib.delayed(train_trial)(search, changes, medians)
-            except ArgumentError as error:
-                outcomes[trial.number] = Outcome((), None, str(error))
-        parallel = joblib.Parallel(n_jobs=jobs, return_as="generator")
-        for trained, outcome in zip(calls, parallel(calls.values()), strict=True):
-            outcomes[trained] = outcome
-            on_done(trained)
-        for trial in batch:
-            outcome = outcomes[trial.number]
+        outcomes = joblib.Parallel(n_jobs=jobs)(
+            joblib.delayed(train_trial)(search, trial.params, medians) for trial in batch
+        )
+        for trial, outcome in zip(batch, outcomes, strict=True):
             for point, reward in enumerate(outcome.rewards):
                 trial.report(reward, point)
             state = None
             if outcome.reward is None:
                 state = TrialState.FAIL if outcome.error else TrialState.PRUNED
             study.tell(trial, outcome.reward, state)
-        errors = [outcome.error for outcome in outcomes.values() if outcome.error]
+        errors = [outcome.error for outcome in outcomes if outcome.error]
         if len(errors) == len(batch):
             raise ArgumentError(f"no trial could be trained: {errors[-1]}")
 
@@ -331,13 +250,11 @@ def median_rewards(study: optuna.Study) -> tuple[float, ...]:
     training.
     """
     trials = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
-    if len(trials) < FIRST_TRIALS:
+    # So many are all trained to their end, before others may end early.
+    if len(trials) < 5:
         return ()
-    curves = [trial.intermediate_values for trial in trials]
-    return tuple(
-        statistics.median(curve.get(point, float("-inf")) for curve in curves)
-        for point in range(POINTS)
-    )
+    curves = pd.DataFrame([trial.intermediate_values for trial in trials])
+    return tuple(curves.reindex(columns=range(POINTS)).fillna(-np.inf).median())
 
 
 def write_best(search: Search, study: optuna.Study, folder: Path) -> Path:
@@ -347,11 +264,6 @@ def write_best(search: Search, study: optuna.Study, folder: Path) -> Path:
     short = search.env_id.rpartition(":")[2]
     text = f"# Trial {best.number} of {len(ended(study))}: reward {best.value:.3f} in the search.\n"
     text += yaml.safe_dump({short: json.loads(json.dumps(entry))}, sort_keys=False)
-    (folder / BEST).write_text(text, encoding="utf-8")
-    return folder / BEST
-
-
-def best_rows(study: optuna.Study, count: int) -> Sequence[FrozenTrial]:
-    """Return the trials with the largest rewards, the best first."""
-    trials = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
-    return sorted(trials, key=lambda trial: (-(trial.value or 0.0), trial.number))[:count]
+    path = folder / "best.yml"
+    path.write_text(text, encoding="utf-8")
+    return path

@@ -8,7 +8,7 @@ import pytest
 
 import agents
 
-MODULES = [one.name for one in pkgutil.walk_packages(agents.__path__, "agents.")]
+MODULES = [module.name for module in pkgutil.walk_packages(agents.__path__, "agents.")]
 
 
 @pytest.mark.parametrize("name", MODULES)
@@ -20,9 +20,9 @@ def test_what_is_public_is_described(name):
     for kind in kinds:
         assert kind.__doc__ or kind.__name__.startswith("_"), kind
         for member in (
-            one
-            for one in vars(kind)
-            if not one.startswith("_") and not kind.__name__.startswith("_")
+            attribute
+            for attribute in vars(kind)
+            if not attribute.startswith("_") and not kind.__name__.startswith("_")
         ):
             described = inspect.isroutine(getattr(kind, member)) or isinstance(
                 vars(kind)[member],

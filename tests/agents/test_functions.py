@@ -20,19 +20,19 @@ def first(rows):
 
 
 def test_evaluate_returns_the_figures_of_the_command(tmp_path):
-    found = agents.evaluate("msprt:0.02", "HybridTrack-v0", episodes=10, seed=3, **WORLD)
+    metrics = agents.evaluate("msprt:0.02", "HybridTrack-v0", episodes=10, seed=3, **WORLD)
     out = tmp_path / "out.json"
     flags = f"--episodes 10 --seed 3 --out {out} --scheme"
 
     assert main(["evaluate", "msprt:0.02", *flags.split(), WORLD["scheme"]]) == 0
     (figures,) = json.loads(out.read_text())
-    assert figures["reward"] == found["reward"].as_json()
+    assert figures["reward"] == metrics["reward"].as_json()
     assert (
         figures["accuracy"]
         == agents.evaluate(MSPRTDecider(0.02), episodes=10, seed=3, **WORLD)["accuracy"].as_json()
     )
     assert (
-        agents.evaluate(agents.load("msprt:0.02", **WORLD), episodes=10, seed=3, **WORLD) == found
+        agents.evaluate(agents.load("msprt:0.02", **WORLD), episodes=10, seed=3, **WORLD) == metrics
     )
 
 
@@ -44,9 +44,9 @@ def test_an_agent_is_trained_and_evaluated(tmp_path):
         out=tmp_path / "run",
         **WORLD,
     )
-    found = agents.evaluate(agent, episodes=4, **WORLD)
+    metrics = agents.evaluate(agent, episodes=4, **WORLD)
 
-    assert found == agents.evaluate(str(tmp_path / "run"), episodes=4, **WORLD)
+    assert metrics == agents.evaluate(str(tmp_path / "run"), episodes=4, **WORLD)
     with pytest.raises(ArgumentError, match="is not allowed"):
         agents.train("ppo", out=tmp_path / "run")
 

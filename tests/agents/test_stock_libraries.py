@@ -91,11 +91,6 @@ def test_the_vector_loop_of_clean_rl():
     assert min(lengths) >= 6
 
 
-def test_a_limit_that_would_cut_episodes_off_is_refused_for_all_tracks_in_one_array():
-    with pytest.raises(ValueError, match="max_episode_steps=50 is not allowed"):
-        gym.make_vec(EASY, 2, max_episode_steps=50)
-
-
 def test_wrappers_of_single_tracks_work_with_tracks_one_by_one():
     wrapped = gym.make_vec(
         EASY,

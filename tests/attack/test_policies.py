@@ -20,7 +20,7 @@ from hostile_policies import (
 )
 from hypothesis import strategies as st
 
-from agents.evaluation.registry import find_family
+from agents.evaluation.registry import find_decider
 from agents.interface.input_files import parse_yaml
 from hybrid_env.checks import ArgumentError, reject
 
@@ -105,7 +105,6 @@ OPERATORS += [
     "Flatten",
     "Neg",
     "SequenceConstruct",
-    "RandomNormalLike",
     "Dropout",
     "ConstantOfShape",
 ]
@@ -142,9 +141,9 @@ def networks(draw):
 
 def decide(path):
     """Let the policy of a file decide, or check its refusal."""
-    family = accepted(lambda: find_family(str(path), OPTIONS))
-    if family is not None:
-        actions, _ = family.make(family.default).predict(SEEN)
+    decider = accepted(lambda: find_decider(str(path), OPTIONS))
+    if decider is not None:
+        actions, _ = decider.predict(SEEN)
         assert np.shape(actions) == (len(SEEN),)
 
 
@@ -231,5 +230,5 @@ def test_a_random_policy_is_refused_in_one_line_or_decides(kind, examples, tmp_p
         pytest.importorskip("onnx")
     use, values = KINDS[kind]
     write_zip(tmp_path / "model.zip", actor_weights())
-    find_family(str(tmp_path / "model.zip"), OPTIONS)
+    find_decider(str(tmp_path / "model.zip"), OPTIONS)
     attack(examples, values(), use)

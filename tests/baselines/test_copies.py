@@ -13,7 +13,7 @@ from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
 from baselines.rules.component_filters import ComponentFilters
 from hybrid_env import KalmanBank, QuickestOptions, WorldOptions
-from hybrid_env.live import MeasuredTracks, live_track
+from hybrid_env.live import LiveTracks
 from hybrid_env.registration import ENVIRONMENTS
 from hybrid_env.world import World, random_states
 from hybrid_env.wrappers import CompleteInfo
@@ -29,53 +29,45 @@ def environment(env):
 
 
 def world(options):
-    found = World(options, 9)
-    found.seed(np.arange(9), random_states(range(9)))
-    found.reset(np.ones(9, np.bool_))
+    world = World(options, 9)
+    world.seed(np.arange(9), random_states(range(9)))
+    world.reset(np.ones(9, np.bool_))
 
     def step(world, k):
         world.actions[:] = k % 2
         world.step()
         return world.observations.copy()
 
-    return found, step
+    return world, step
 
 
 def live(options):
-    track = live_track(options)
-    track.begin_track(
-        np.array([0.0, 2.0, 0.0, 0.0]),
-        np.eye(4),
-        -1,
-    )
+    track = LiveTracks(options)
+    track.begin(np.array([0.0, 2.0, 0.0, 0.0]), np.eye(4))
     track.begin_segment(40)
 
     def step(track, k):
-        track.measure(*POINTS[k])
+        track.measure(POINTS[k])
         return track.estimate(), track.probabilities()
 
     return track, step
 
 
 def measured():
-    tracks = MeasuredTracks(QuickestOptions(), 3)
-    tracks.begin_all(
-        np.zeros((3, 4)),
-        np.eye(4),
-        np.zeros(3, np.int64),
-    )
+    tracks = LiveTracks(QuickestOptions(), 3)
+    tracks.begin(np.zeros((3, 4)), np.eye(4), 0)
 
     def step(tracks, k):
         tracks.measure_all(POINTS[[k] * 3])
-        return tracks.observations.copy()
+        return tracks.world.observations.copy()
 
     return tracks, step
 
 
 def bank():
-    found = KalmanBank()
-    found.anchor([0.0, 2.0, 0.0, 0.0])
-    return found, lambda bank, k: bank.step(POINTS[k])
+    bank_of_points = KalmanBank()
+    bank_of_points.anchor([0.0, 2.0, 0.0, 0.0])
+    return bank_of_points, lambda bank, k: bank.step(POINTS[k])
 
 
 def tracker(options, decider):
@@ -157,7 +149,7 @@ KINDS = {
 COPIES = {
     "copy": copy.copy,
     "deepcopy": copy.deepcopy,
-    "pickle": lambda one: pickle.loads(pickle.dumps(one)),
+    "pickle": lambda original: pickle.loads(pickle.dumps(original)),
 }
 
 
@@ -171,6 +163,6 @@ def test_a_step_of_a_copy_does_not_move_the_original(make, how):
     other = how(original)
     ahead = [step(other, k) for k in range(1, len(POINTS))]
     behind = [step(original, k) for k in range(1, len(POINTS))]
-    for found in (ahead, behind):
-        for values, right in zip([begun, *found], expected, strict=True):
+    for steps in (ahead, behind):
+        for values, right in zip([begun, *steps], expected, strict=True):
             np.testing.assert_equal(values, right)

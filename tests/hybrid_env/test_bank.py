@@ -8,7 +8,6 @@ import pickle
 
 import numpy as np
 import pytest
-from hostile_input import refused
 
 from hybrid_env import KalmanBank
 
@@ -35,7 +34,7 @@ def test_log_likelihood_equals_that_of_the_joint_normal_distribution_of_all_meas
     bank = KalmanBank([5.0], tau, Q, R)
     bank.anchor(start)
     for row in z:
-        found = bank.step(row)
+        log_likelihood = bank.step(row)
     expected = 0.0
     for axis in (0, 1):
         error = z[:, axis] - means[:, 0] @ start[2 * axis : 2 * axis + 2]
@@ -45,7 +44,7 @@ def test_log_likelihood_equals_that_of_the_joint_normal_distribution_of_all_meas
             + n * math.log(2 * math.pi)
         )
 
-    assert found[0] == pytest.approx(expected, rel=1e-12)
+    assert log_likelihood[0] == pytest.approx(expected, rel=1e-12)
 
 
 def test_an_anchor_at_rest_gives_finite_log_likelihoods():
@@ -74,7 +73,11 @@ def test_a_measurement_with_nan_only_predicts(bank, missing):
     )
     assert (bank.covariances[:, [0, 2], [0, 2]] > covariances[:, [0, 2], [0, 2]]).all()
     expected = bank.covariances[:, ::2, ::2] + 0.1 * np.eye(2)
-    np.testing.assert_allclose(bank.innovation_covariances, expected, rtol=1e-14)
+    np.testing.assert_allclose(
+        bank.innovation_covariances,
+        expected,
+        rtol=1e-14,
+    )
 
 
 @pytest.mark.parametrize("bank", ["published", "anchor_aware"])
@@ -119,78 +122,3 @@ def test_a_copy_of_a_bank_continues_alike_in_memory_of_its_own(bank, copied):
 def test_step_before_anchor_raises():
     with pytest.raises(RuntimeError, match="anchor"):
         KalmanBank().step([0.0, 0.0])
-
-
-INVALID = [
-    ({"radii": []}, "radii=[]"),
-    ({"radii": [1.0, 1.0]}, "radii=[1.0, 1.0]"),
-    ({"radii": "five"}, "radii='five'"),
-    ({"radii": [float("nan")]}, "radii=[nan]"),
-    ({"tau": 0}, "tau=0"),
-    ({"tau": True}, "tau=True"),
-    ({"process_variance": -1e-9}, "process_variance=-1e-09"),
-    ({"measurement_variance": 0.0}, "measurement_variance=0.0"),
-    ({"measurement_variance": (0.1, -0.1)}, "measurement_variance=-0.1"),
-    ({"measurement_variance": "loud"}, "measurement_variance='loud'"),
-    ({"bank": "oracle"}, "bank='oracle'"),
-    ({"bank": None}, "bank=None"),
-]
-
-
-@pytest.mark.parametrize(("arguments", "message"), INVALID)
-def test_an_invalid_argument_raises_a_one_line_error_with_its_name(arguments, message):
-    assert message in refused(KalmanBank, **arguments)
-
-
-STATES = [[[0.0, 1.0], [2.0]], [1.0] * 3, "1234", [0.0, np.inf, 0.0, 0.0], 1.0, [1j] * 4]
-
-
-@pytest.mark.parametrize("state", STATES, ids=str)
-def test_other_states_are_refused_in_one_line(state):
-    assert refused(KalmanBank().anchor, state).startswith("state")
-
-
-COVARIANCES = [
-    1.0,
-    [1.0, 2.0],
-    "abc",
-    [1.0, np.nan, 1.0],
-    [-1.0, 0.0, 1.0],
-    [1.0, 2.0, 1.0],
-    np.eye(3),
-    -np.eye(4),
-    np.eye(4) + np.eye(4, k=1),
-    np.full((4, 4), 2.0) - np.eye(4),
-    np.diag([1e-320, 1, 1, 1]) + 1e30 * np.eye(4)[::-1],
-    np.ma.masked_array(
-        np.eye(4),
-        np.eye(4) > 0,
-    ),
-    [[1.0], [2.0, 3.0]],
-]
-
-
-@pytest.mark.parametrize("covariance", COVARIANCES, ids=range(len(COVARIANCES)))
-def test_other_covariances_are_refused_in_one_line(covariance):
-    assert refused(KalmanBank().anchor, [0.0, 1.0, 0.0, 1.0], covariance).startswith("covariance")
-
-
-MEASUREMENTS = [
-    1.0,
-    [1.0],
-    [1.0, 2.0, 3.0],
-    [np.inf, np.nan],
-    [1.0, -np.inf],
-    [None, 1.0],
-    "ab",
-    [1e31, 0.0],
-    [1j, 0.0],
-]
-
-
-@pytest.mark.parametrize("measurement", MEASUREMENTS, ids=str)
-def test_other_measurements_are_refused_in_one_line(measurement):
-    bank = KalmanBank()
-    bank.anchor([0.0, 1.0, 0.0, 1.0])
-
-    assert refused(bank.step, measurement).startswith("measurement")

@@ -113,7 +113,14 @@ def inside(sum_of_squares, degrees):
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize(
     "tracks",
-    [pytest.param(1000, id="quick"), pytest.param(200_000, id="study", marks=pytest.mark.study)],
+    [
+        pytest.param(1000, id="quick"),
+        pytest.param(
+            200_000,
+            id="study",
+            marks=pytest.mark.study,
+        ),
+    ],
 )
 def test_the_filter_of_the_true_mode_is_consistent_where_its_model_is_exact(name, tracks):
     white, error_squared = run(tracks, 2018, **CASES[name])

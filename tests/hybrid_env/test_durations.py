@@ -1,11 +1,19 @@
 """Laws of the durations of segments, and the segments that the environment draws from them."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from hostile_input import refused
 
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions
-from hybrid_env.durations import duration_probabilities, parse_durations, remaining_probabilities
+from hybrid_env.durations import (
+    DurationLaw,
+    duration_probabilities,
+    parse_durations,
+    remaining_probabilities,
+)
+from hybrid_env.limits import Ticks
 
 LAWS = ["25 + geometric 50", "geometric 75", "uniform 50-100", "uniform 7-7", "geometric 1"]
 
@@ -18,7 +26,11 @@ def test_a_law_is_its_text_and_its_probabilities_sum_to_1(text):
     ticks = np.arange(1, 3001)
     probabilities = duration_probabilities(law, 3000)
     np.testing.assert_allclose(probabilities.sum(), 1, rtol=1e-12)
-    np.testing.assert_allclose(probabilities @ ticks, law.mean_duration, rtol=1e-12)
+    np.testing.assert_allclose(
+        probabilities @ ticks,
+        law.mean_duration,
+        rtol=1e-12,
+    )
     # The law of the remaining ticks is stationary: one tick later the same, after switches
     # included.
     remaining = remaining_probabilities(law, 3000)
@@ -27,23 +39,35 @@ def test_a_law_is_its_text_and_its_probabilities_sum_to_1(text):
     np.testing.assert_allclose(later, remaining, atol=1e-15)
 
 
-BAD = [
-    "",
-    "geometric",
-    "geometric 0.5",
-    "geometric 1e3",
-    "uniform 100-50",
-    "uniform 0-5",
-    "-1 + geometric 5",
-    "uniform 5-" + "9" * 19,
-    75,
-    None,
-    ("geometric", 75),
-    "geometric " + "9" * 19,
-]
+@dataclass(frozen=True)
+class RegularDurations(DurationLaw):
+    """A law that only this file has: all segments have the same duration."""
+
+    form = r"every (?P<each>[0-9]+)"
+
+    each: Ticks
+
+    @property
+    def mean_duration(self):
+        """The duration of every segment [ticks]."""
+        return float(self.each)
+
+    def survival(self, ticks):
+        """Return 1 up to the duration, and 0 from it on, (ticks + 1,)."""
+        return (np.arange(ticks + 1) < self.each).astype(float)
+
+    def __str__(self):
+        return f"every {self.each}"
 
 
-@pytest.mark.parametrize("value", BAD)
+def test_a_subclass_is_a_law_that_a_text_can_name():
+    probabilities = QuickestOptions(durations="every 9").duration_laws
+    np.testing.assert_array_equal(probabilities, np.eye(600)[[8] * 4])
+    text = "straight every 9 or geometric 3, turns every 7"
+    assert str(parse_durations(text)) == text
+
+
+@pytest.mark.parametrize("value", ["", "geometric 0.5", "uniform 100-50", "uniform 5-" + "9" * 19])
 def test_other_values_are_refused_in_one_line(value):
     refused(QuickestOptions, durations=value)
 

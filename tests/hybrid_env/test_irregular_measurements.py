@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from hybrid_env import ArgumentError, HybridTrackVectorEnv, Sensor
-from hybrid_env.sensors import parse_sensors
+from hybrid_env import HybridTrackVectorEnv, Sensor
 
 
 def test_fused_errors_have_the_stated_variance():
@@ -55,16 +54,3 @@ def test_one_sensor_of_variance_r_is_the_plain_world():
         )
         rows = plain.step(actions)[0]
         others = sensed.step(actions)[0]
-
-
-def test_a_text_stands_for_a_sensor():
-    full = Sensor(
-        variance=0.4,
-        position=(10.0, 20.0),
-        period=5,
-        range=30.0,
-    )
-    assert parse_sensors(["0.4 period 5 range 30 at 10 20", "0.1"]) == (full, Sensor(variance=0.1))
-    for text in ("", "near", "0.1 at 1", "0.1 period 1.5", "0.1 speed 3", "-1", "0.1 range"):
-        with pytest.raises(ArgumentError, match=r"sensors=.*texts such as"):
-            parse_sensors([text])

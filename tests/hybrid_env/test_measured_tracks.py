@@ -1,6 +1,6 @@
 import numpy as np
 
-from hybrid_env.live import MeasuredTracks, OnlineTrack
+from hybrid_env.live import LiveTracks
 from hybrid_env.quickest_options import QuickestOptions
 
 TRACKS, TICKS = 11, 30
@@ -15,23 +15,23 @@ def test_many_tracks_give_the_rows_of_each_alone():
     covariance = np.diag([0.1, 0.2, 0.1, 0.3])
     modes = generator.integers(-1, 3, TRACKS)
     stated = generator.integers(0, 3, (TICKS, TRACKS))
-    together = MeasuredTracks(options, TRACKS)
-    together.begin_all(starts, covariance, modes)
-    alone = [OnlineTrack(options) for _ in range(TRACKS)]
-    for track, one in enumerate(alone):
-        one.begin_track(starts[track], covariance, int(modes[track]))
+    together = LiveTracks(options, TRACKS)
+    together.begin(starts, covariance, modes)
+    alone = [LiveTracks(options) for _ in range(TRACKS)]
+    for track, single in enumerate(alone):
+        single.begin(starts[track], covariance, int(modes[track]))
     for tick in range(TICKS):
         together.measure_all(points[tick])
-        for track, one in enumerate(alone):
-            one.measure(*points[tick, track])
+        for track, single in enumerate(alone):
+            single.measure(points[tick, track])
         np.testing.assert_array_equal(
-            together.take_rows(),
-            np.vstack([one.take_rows() for one in alone]),
+            together.world.take_rows(),
+            np.vstack([single.world.take_rows() for single in alone]),
         )
         np.testing.assert_array_equal(
-            together.field("estimate"),
-            [one.estimate() for one in alone],
+            together.world.field("estimate"),
+            [single.estimate() for single in alone],
         )
-        together.actions[:] = stated[tick]
-        for track, one in enumerate(alone):
-            one.decide(int(stated[tick, track]))
+        together.world.actions[:] = stated[tick]
+        for track, single in enumerate(alone):
+            single.decide(int(stated[tick, track]))

@@ -11,17 +11,31 @@ SHORT = {"ticks": 40, "durations": "uniform 5-12"}
 
 def test_statements_change_nothing_but_rewards_and_their_own_features():
     envs = [
-        HybridTrackQuickestVectorEnv(20, tick_info=True, measurement_variance=0.3) for _ in range(2)
+        HybridTrackQuickestVectorEnv(
+            20,
+            tick_info=True,
+            measurement_variance=0.3,
+        )
+        for _ in range(2)
     ]
     layout = QuickestLayout(3)
-    own = np.zeros(layout.width, bool)
+    of_statement = np.zeros(layout.width, bool)
     for name in ("stated", "stated_ticks"):
-        own[layout.slices[name]] = True
+        of_statement[layout.slices[name]] = True
     results = [env.reset(seed=5)[0] for env in envs]
     generator = np.random.default_rng(0)
     for _ in range(1300):
-        np.testing.assert_array_equal(results[0][:, ~own], results[1][:, ~own])
-        results = [env.step(generator.integers(0, 3, 20))[0] for env in envs]
+        np.testing.assert_array_equal(results[0][:, ~of_statement], results[1][:, ~of_statement])
+        results = [
+            env.step(
+                generator.integers(
+                    0,
+                    3,
+                    20,
+                )
+            )[0]
+            for env in envs
+        ]
     truths = [env.world.field("truth") for env in envs]
 
     np.testing.assert_array_equal(*truths)
@@ -60,7 +74,11 @@ def test_rewards_follow_the_statement_and_its_changes():
 
 @pytest.mark.parametrize("text", ["25 + geometric 50", "uniform 50-100"])
 def test_a_known_start_is_a_switch_to_a_mode_that_the_bank_knows(text):
-    env = HybridTrackQuickestVectorEnv(1000, tick_info=True, durations=text)
+    env = HybridTrackQuickestVectorEnv(
+        1000,
+        tick_info=True,
+        durations=text,
+    )
     _, info = env.reset(seed=2)
     modes = info["true_mode"]
 
@@ -73,10 +91,3 @@ def test_a_known_start_is_a_switch_to_a_mode_that_the_bank_knows(text):
         assert not info["segment"].any()
     *_, info = env.step(modes)
     assert info["segment"].any()
-
-
-def test_unknown_options_and_options_of_the_other_environment_are_refused():
-    with pytest.raises(TypeError, match="did you mean 'durations'"):
-        HybridTrackQuickestEnv(duration="geometric 75")
-    with pytest.raises(TypeError, match="got an unexpected keyword argument 'scheme'"):
-        HybridTrackQuickestVectorEnv(2, scheme="random")

@@ -15,7 +15,7 @@ from hybrid_env import (
 )
 from hybrid_env.core.polar import position_noise, to_position
 from hybrid_env.live import SQUARE
-from hybrid_env.sensors import fuse, parse_sensors
+from hybrid_env.sensors import fuse
 
 # Elements of the first four states in the triangle of seven.
 OF_SEVEN = [0, 1, 2, 3, 7, 8, 9, 13, 14, 18]
@@ -56,7 +56,11 @@ def inside(values, freedom, tracks):
     assert low < values < high, (low, values, high)
 
 
-@pytest.mark.parametrize("doppler", [False, True], ids=["range and bearing", "range rate"])
+@pytest.mark.parametrize(
+    "doppler",
+    [False, True],
+    ids=["range and bearing", "range rate"],
+)
 @pytest.mark.parametrize("name", OBJECTS)
 def test_the_filters_are_consistent_where_the_model_is_exact(name, doppler):
     radius, options = world(name, doppler)
@@ -77,11 +81,11 @@ def test_the_filters_are_consistent_where_the_model_is_exact(name, doppler):
         for tick in range(40):
             filters = env.world.bank.hypotheses[:, kind]
             white = np.array(
-                [env.world.layout.read(rows, f"innovation_{one}") for one in ("along", "across")]
+                [env.world.layout.read(rows, f"innovation_{axis}") for axis in ("along", "across")]
             )
             if tick % 13 == 12:
                 states = np.stack(
-                    [filters[one] for one in ("x", "vx", "y", "vy")],
+                    [filters[field] for field in ("x", "vx", "y", "vy")],
                     -1,
                 ).reshape(
                     -1,
@@ -134,15 +138,15 @@ def test_the_covariance_is_that_of_the_true_position_given_the_measurement():
     x, y, *noise = to_position(distance, 0.6, 0.8, of_range, of_bearing)
     bearing = math.atan2(0.8, 0.6) + of_bearing * generator.normal(size=10**6)
     length = distance + of_range * generator.normal(size=10**6)
-    found = np.array([length * np.cos(bearing), length * np.sin(bearing)])
+    converted = np.array([length * np.cos(bearing), length * np.sin(bearing)])
 
     np.testing.assert_allclose(
-        found.mean(1),
+        converted.mean(1),
         [x, y],
         atol=0.15,
     )
     np.testing.assert_allclose(
-        np.cov(found)[np.triu_indices(2)],
+        np.cov(converted)[np.triu_indices(2)],
         noise,
         rtol=0.01,
     )
@@ -162,15 +166,22 @@ def test_measurements_of_a_tick_are_fused_by_their_information():
     )
     sensors = [Sensor(variance=3.0), radar, Radar(range_deviation=1.0, bearing_deviation=0.1)]
     values = {0: (60.0, 30.0), 1: (61.0, 0.7, -3.0)}
-    found = fuse(sensors, values)
-    parts = [sensors[k].located(np.array(one)) for k, one in values.items()]
+    fused = fuse(sensors, values)
+    parts = [sensors[k].located(np.array(measured)) for k, measured in values.items()]
     weights = [np.linalg.inv(np.array([[xx, xy], [xy, yy]])) for *_, xx, xy, yy in parts]
     covariance = np.linalg.inv(sum(weights))
-    mean = covariance @ sum(w @ part[:2] for w, part in zip(weights, parts, strict=True))
+    mean = covariance @ sum(
+        w @ part[:2]
+        for w, part in zip(
+            weights,
+            parts,
+            strict=True,
+        )
+    )
 
-    np.testing.assert_allclose(found.position, mean)
-    np.testing.assert_allclose(found.covariance, covariance[np.triu_indices(2)])
-    assert found.rates == (-3.0,)
+    np.testing.assert_allclose(fused.position, mean)
+    np.testing.assert_allclose(fused.covariance, covariance[np.triu_indices(2)])
+    assert fused.rates == (-3.0,)
     assert math.isnan(fuse(sensors, {0: (60.0, 30.0)}).rates[0])
     for wrong in (
         {},
@@ -181,34 +192,3 @@ def test_measurements_of_a_tick_are_fused_by_their_information():
     ):
         with pytest.raises(ArgumentError, match="measurement"):
             fuse(sensors, wrong)
-
-
-def test_a_text_stands_for_a_radar():
-    full = Radar(
-        range_deviation=5.0,
-        bearing_deviation=0.01,
-        rate_deviation=0.3,
-        position=(100.0, 0.0),
-        period=2,
-        range=900.0,
-    )
-    found = parse_sensors(
-        ["radar 5 0.01 rate 0.3 period 2 range 900 at 100 0", "radar 1 0.1", "0.4"]
-    )
-
-    assert found == (full, Radar(range_deviation=1.0, bearing_deviation=0.1), Sensor(variance=0.4))
-    assert parse_sensors([vars(full)]) == (full,)
-    wrong = (
-        "radar",
-        "radar 5",
-        "radar 5 x",
-        "radar 5 2",
-        "radar 0 0.1",
-        "radar 5 0.01 rate 0",
-        "0.4 rate 1",
-    )
-    for text in wrong:
-        with pytest.raises(ArgumentError, match=r"sensors=.*texts such as"):
-            parse_sensors([text])
-    with pytest.raises(ArgumentError, match="at most 4 radars that measure the range rate"):
-        parse_sensors(["radar 5 0.01 rate 0.3"] * 5)

@@ -12,7 +12,7 @@ from drawn_noise import drawn_noise
 from scipy import special, stats
 
 from hybrid_env import HybridTrackVectorEnv
-from hybrid_env.core.records import LANES
+from hybrid_env.core.memory import LANES
 
 FIVE_SIGMA = 2.0 * stats.norm.sf(5.0)
 
@@ -36,7 +36,11 @@ def test_draws_are_standard_normal_in_moments_histogram_and_tails(count):
     beyond = np.zeros(3)
     total = 0
     for seed in itertools.count(5, 1024):
-        sample = drawn_noise(min(count // 4096 + 1, 1000), 1024, seed).ravel()
+        sample = drawn_noise(
+            min(count // 4096 + 1, 1000),
+            1024,
+            seed,
+        ).ravel()
         moments += [(sample**power).sum() for power in powers]
         histogram += np.bincount(
             (special.ndtr(sample) * bins).astype(int),
@@ -52,8 +56,15 @@ def test_draws_are_standard_normal_in_moments_histogram_and_tails(count):
     chi_square = ((histogram - total / bins) ** 2).sum() / (total / bins)
 
     assert abs(chi_square - (bins - 1)) < 5.0 * math.sqrt(2 * (bins - 1))
-    for limit, found in zip((3.0, 4.0, 5.0), beyond, strict=True):
-        assert stats.binomtest(int(found), total, 2 * stats.norm.sf(limit)).pvalue > FIVE_SIGMA
+    for limit, far in zip((3.0, 4.0, 5.0), beyond, strict=True):
+        assert (
+            stats.binomtest(
+                int(far),
+                total,
+                2 * stats.norm.sf(limit),
+            ).pvalue
+            > FIVE_SIGMA
+        )
 
 
 @pytest.mark.parametrize(
@@ -89,8 +100,13 @@ def test_streams_of_neighbouring_seeds_and_lanes_are_uncorrelated(seeds, ticks):
 
 
 def test_the_first_draws_of_successive_seeds_are_independent():
-    tracks = 100_000
-    env = HybridTrackVectorEnv(tracks, tick_info=True, process_variance=0.0, initial_error=0)
+    tracks = 20_000
+    env = HybridTrackVectorEnv(
+        tracks,
+        tick_info=True,
+        process_variance=0.0,
+        initial_error=0,
+    )
     _, info = env.reset(seed=0)
     heading = np.arctan2(info["anchor"][:, 3], info["anchor"][:, 1])
     uniform = (heading / (2.0 * math.pi)) % 1.0

@@ -3,6 +3,7 @@ memory.
 """
 
 import copy
+import functools
 import pickle
 
 import numpy as np
@@ -17,8 +18,7 @@ from hybrid_env import (
     QuickestOptions,
     WorldOptions,
 )
-from hybrid_env.core.records import LANES
-from hybrid_env.live import AnnouncedTrack, OnlineTrack
+from hybrid_env.core.memory import LANES
 from hybrid_env.world import World
 
 ENVIRONMENTS = [
@@ -41,7 +41,7 @@ def test_options_and_arrays_of_an_environment_cannot_be_replaced(make):
                 setattr(owner, name, None)
 
 
-@pytest.mark.parametrize("tracks", [1, LANES, LANES + 3])
+@pytest.mark.parametrize("tracks", [1, LANES + 3])
 @pytest.mark.parametrize(
     ("make", "options"),
     [
@@ -87,8 +87,8 @@ ANNOUNCED, UNKNOWN = WorldOptions(), QuickestOptions()
 INDICES = [
     (World, ANNOUNCED, ("segment", "true_mode", "active_mode", "trace_length", "length")),
     (World, UNKNOWN, ("segment", "true_mode", "stated_mode", "time", "length")),
-    (AnnouncedTrack, ANNOUNCED, ("active_mode",)),
-    (OnlineTrack, UNKNOWN, ("stated_mode",)),
+    (functools.partial(World, live=True), ANNOUNCED, ("active_mode",)),
+    (functools.partial(World, live=True), UNKNOWN, ("stated_mode",)),
 ]
 
 

@@ -1,18 +1,16 @@
 """The registered ids with the checkers, vectorization modes and subprocesses of other libraries."""
 
 import functools
-import warnings
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env as gymnasium_check
 from gymnasium.vector import AsyncVectorEnv
-from gymnasium.wrappers import TimeAwareObservation
 from hostile_input import refused
 
 import hybrid_env
-from hybrid_env import HybridTrackEnv, HybridTrackVectorEnv, Sensor
+from hybrid_env import HybridTrackEnv, Sensor
 from hybrid_env.registration import make_track_vector_env
 
 IDS = tuple(hybrid_env.ENVIRONMENTS)
@@ -78,27 +76,6 @@ def test_forkserver_processes_create_the_environment_by_module_and_id():
         env.close()
 
 
-@pytest.mark.parametrize("env_id", IDS)
-def test_the_specs_have_a_largest_number_of_steps_that_no_episode_reaches(env_id):
-    assert gym.spec(env_id).max_episode_steps == 10_000
-    env = gym.make(env_id)
-    assert env.spec.max_episode_steps == 10_000
-    assert gym.make_vec(env_id, 2).spec.max_episode_steps == 10_000
-    assert env.unwrapped.options.longest_episode <= 10_000
-
-
-@pytest.mark.parametrize("env_id", IDS)
-@pytest.mark.parametrize("normalized", [True, False])
-def test_the_time_can_be_added_to_the_rows(env_id, normalized):
-    env = TimeAwareObservation(gym.make(env_id), normalize_time=normalized)
-    row, _ = env.reset(seed=0)
-    size = env.unwrapped.observation_space.shape[0]
-    for step in range(4):
-        assert env.observation_space.contains(row)
-        assert row[size:] == pytest.approx(step / 10_000 if normalized else step)
-        row = env.step(0)[0]
-
-
 LONGER = {
     "HybridTrack-v0": {"scheme": "random 101x50-100"},
     "HybridTrackPublished-v0": {"scheme": "S10001"},
@@ -125,39 +102,6 @@ def test_longer_episodes_need_a_larger_limit_or_none(env_id):
 
     assert make_track_vector_env(env_id, 2, **options).reset(seed=0)
     assert type(gym.make(env_id).unwrapped)(**options).reset(seed=0)
-
-
-@pytest.mark.parametrize(
-    "limit",
-    ["many", 1.5, True, -2, 0, 599],
-)
-def test_other_limits_are_refused_in_one_line(limit):
-    assert refused(HybridTrackVectorEnv, max_episode_steps=limit).startswith("max_episode_steps=")
-
-
-@pytest.mark.parametrize("env_id", IDS)
-def test_the_environments_can_be_played_with_the_keys_of_gymnasium(env_id, monkeypatch):
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    pytest.importorskip("matplotlib")
-    pygame = pytest.importorskip("pygame")
-    with warnings.catch_warnings():
-        # It asks matplotlib for a window, which it does not need for a game.
-        warnings.simplefilter("ignore")
-        from gymnasium.utils.play import PlayableGame
-
-    env = gym.make(env_id, render_mode="rgb_array")
-    env.reset(seed=0)
-    game = PlayableGame(env)
-    keys = env.unwrapped.get_keys_to_action()
-
-    assert game.relevant_keys == {key for (key,) in keys} == set(map(ord, "wad"))
-    for key in game.relevant_keys:
-        game.process_event(pygame.event.Event(pygame.KEYDOWN, key=key))
-        assert game.pressed_keys == {key}
-        assert env.action_space.contains(keys[(key,)])
-        env.step(keys[(key,)])
-        game.process_event(pygame.event.Event(pygame.KEYUP, key=key))
-    pygame.display.quit()
 
 
 @pytest.mark.parametrize("actions", ["all", "types"])

@@ -9,7 +9,6 @@ import pytest
 from random_worlds import BANKS, random_options, soak
 
 from hybrid_env import Sensor
-from hybrid_env.limits import LARGEST_TURN
 
 
 def soak_or_report(options, tracks, ticks, seed, **arguments):
@@ -24,7 +23,7 @@ def soak_or_report(options, tracks, ticks, seed, **arguments):
 @pytest.mark.parametrize(
     ("worlds", "ticks"),
     [
-        pytest.param(80, 20_000, id="quick"),
+        pytest.param(40, 10_000, id="quick"),
         # 10^9 ticks.
         pytest.param(
             3300,
@@ -51,7 +50,7 @@ EDGES = {
     "one long segment": {"scheme": "S100000 L100000r5 R100000r5"},
     "many radii": {"radii": np.geomspace(0.01, 1e6, 300), "speed": 0.1},
     "fast turn": {
-        "speed": LARGEST_TURN * 5.0,
+        "speed": 500.0,
         "tau": 1.0,
         "scheme": "random 1000x1-50",
     },
@@ -86,11 +85,10 @@ EDGES = {
 
 @pytest.mark.parametrize("name", EDGES)
 @pytest.mark.parametrize("bank", ["published", "anchor_aware"])
-@pytest.mark.parametrize("follow", ["declared", "bank"])
-def test_rows_rewards_and_ends_of_extreme_worlds(name, bank, follow):
+def test_rows_rewards_and_ends_of_extreme_worlds(name, bank):
     soak_or_report(
-        {"bank": bank, "follow": follow} | EDGES[name],
+        {"bank": bank, "follow": "bank"} | EDGES[name],
         64,
-        20_000,
+        5_000,
         1,
     )

@@ -2,13 +2,10 @@
 episodes.
 """
 
-import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
-from hostile_input import refused
 
-from hybrid_env import HybridTrackVectorEnv, Layout, QuickestLayout, RawLayout, Sensor, StateLayout
+from hybrid_env import HybridTrackVectorEnv, Layout, RawLayout, Sensor, StateLayout
 from hybrid_env.registration import BANK_RADII
 
 TWINS = {
@@ -66,7 +63,11 @@ def test_twins_have_the_same_episodes_and_every_row_is_in_its_space(options):
         for info in infos[1:]:
             assert info.keys() == infos[0].keys()
             for name, values in info.items():
-                np.testing.assert_array_equal(values, infos[0][name], err_msg=name)
+                np.testing.assert_array_equal(
+                    values,
+                    infos[0][name],
+                    err_msg=name,
+                )
         wait = generator.random(tracks) < 0.8
         actions = np.where(
             wait,
@@ -150,36 +151,3 @@ def test_the_layouts_read_the_true_state_and_the_measurement_relative_to_the_anc
         (raw_rows, *_, info), (state_rows, *_) = raw.step(wait), state.step(wait)
 
     assert (info["segment"] == 1).all()
-
-
-@pytest.mark.parametrize(
-    "env_id",
-    ["HybridTrack-v0", "HybridTrackBank-v0", "HybridTrackPublished-v0"],
-)
-@pytest.mark.parametrize("observation", TWINS)
-def test_the_checker_of_gymnasium_passes_for_each_twin(env_id, observation):
-    env = gym.make(env_id, observation=observation).unwrapped
-    layout = TWINS[observation](env.options.hypotheses)
-
-    assert env.observation_space.shape == (layout.width,)
-    check_env(env, skip_render_check=True)
-
-
-@pytest.mark.parametrize("kind", [Layout, QuickestLayout, RawLayout, StateLayout])
-def test_a_layout_shows_its_names_and_places(kind):
-    layout = kind(3)
-    shown = repr(layout)
-
-    assert shown.startswith(f"{kind.__name__}(3): ")
-    for name, place in layout.slices.items():
-        assert f"{name} {place.start}:{place.stop}" in shown
-
-
-@pytest.mark.parametrize("kind", [Layout, QuickestLayout, RawLayout, StateLayout])
-def test_a_layout_is_found_by_its_width_and_no_other(kind):
-    widths = {kind(hypotheses).width for hypotheses in (3, 5, 21)}
-    for width in widths:
-        found = kind.of_width(width)
-        assert (found.width, found.slices.keys()) == (width, kind(3).slices.keys())
-    for width in {0, 1, 6, 8, 9, 11} - widths:
-        assert refused(kind.of_width, width).startswith("width=")

@@ -16,11 +16,18 @@ from hybrid_env import (
     HybridTrackVectorEnv,
     Sensor,
 )
-from hybrid_env.core.records import LANES
+from hybrid_env.core.memory import LANES
 
 SHORT = {"ticks": 40, "durations": "uniform 5-12"}
 UNEQUAL = {"radii": (3.0, 8.0), "measurement_variance": (0.05, 0.2)}
-SENSORS = (Sensor(variance=0.4, period=2), Sensor(variance=0.05, position=(3.0, 4.0), range=4.0))
+SENSORS = (
+    Sensor(variance=0.4, period=2),
+    Sensor(
+        variance=0.05,
+        position=(3.0, 4.0),
+        range=4.0,
+    ),
+)
 MADE = [
     ("HybridTrackPublished-v0", {}),
     ("HybridTrackPublishedBank-v0", {}),
@@ -44,11 +51,10 @@ MADE = [
         )
         for options in (
             {"missed": 0.4},
-            {"sensors": SENSORS},
             {"sensors": SENSORS, "missed": 0.4},
         )
     ),
-    ("HybridTrackPublished-v0", {"noise": "levy 1.5 1 44"}),
+    ("HybridTrackPublished-v0", {"noise": "levy 1.5 1 44", "bank_info": True}),
     ("HybridTrackPublished-v0", {"bank": "anchor_aware", "noise": "outliers 0.1"}),
     ("HybridTrackPublished-v0", {"bank": "anchor_aware", "follow": "bank"}),
     (
@@ -111,7 +117,11 @@ def test_vector_tracks_equal_single_environments_bit_for_bit_across_autoresets(e
     generator = np.random.default_rng(0)
     episodes = waited = 0
     for _ in range(steps):
-        actions = random_actions(generator, tracks, vector.single_action_space.n)
+        actions = random_actions(
+            generator,
+            tracks,
+            vector.single_action_space.n,
+        )
         rows, rewards, terminated, truncated, vector_info = vector.step(actions)
         assert not truncated.any()
         for i, single in enumerate(singles):
@@ -187,8 +197,35 @@ def compare_infos(mine, other):
             )
 
 
+@pytest.mark.parametrize("view", VIEWS)
+def test_without_tick_info_the_mask_and_the_decisions_are_left(view):
+    vector, _, options = VIEWS[view]
+    short, described = (
+        vector(
+            3,
+            tick_info=tick_info,
+            **options,
+        )
+        for tick_info in (False, True)
+    )
+    generator = np.random.default_rng(2)
+    info, full = short.reset(seed=7)[1], described.reset(seed=7)[1]
+    for _ in range(60):
+        assert {"action_mask", "_action_mask"} <= info.keys() <= full.keys() - {"tick"}
+        assert ("decided_mode" in info) == full.get("_decided_mode", np.zeros(3)).any()
+        for name, values in info.items():
+            np.testing.assert_array_equal(values, full[name], err_msg=name)
+        actions = random_actions(generator, 3, short.single_action_space.n)
+        info, full = short.step(actions)[4], described.step(actions)[4]
+
+
 def test_disabled_autoreset_resets_only_the_masked_tracks():
-    env = HybridTrackVectorEnv(3, autoreset_mode="Disabled", tick_info=True, scheme="S4 S4")
+    env = HybridTrackVectorEnv(
+        3,
+        autoreset_mode="Disabled",
+        tick_info=True,
+        scheme="S4 S4",
+    )
     env.reset(seed=0)
     for _ in range(7):
         env.step(np.zeros(3, int))
@@ -224,7 +261,7 @@ def test_an_environment_unpickled_from_read_only_buffers_steps_in_its_own_memory
     before = [bytes(buffer) for buffer in frozen]
     again = pickle.loads(data, buffers=frozen)
     for _ in range(20):
-        rows = [one.step(np.zeros(3, np.int64))[0] for one in (env, again)]
+        rows = [each.step(np.zeros(3, np.int64))[0] for each in (env, again)]
         np.testing.assert_array_equal(*rows)
 
     assert frozen == before
@@ -244,7 +281,13 @@ def test_results_do_not_depend_on_threads(make, options, mode):
     generator = np.random.default_rng(4)
     options = options | {"measurement_variance": (0.1, 0.2), "autoreset_mode": mode}
     alone, together = (
-        make(tracks, threads=threads, tick_info=True, **options) for threads in (1, 3)
+        make(
+            tracks,
+            threads=threads,
+            tick_info=True,
+            **options,
+        )
+        for threads in (1, 3)
     )
 
     np.testing.assert_array_equal(
@@ -252,11 +295,15 @@ def test_results_do_not_depend_on_threads(make, options, mode):
         together.reset(seed=1)[0],
     )
     for _ in range(150):
-        actions = random_actions(generator, tracks, alone.single_action_space.n)
+        actions = random_actions(
+            generator,
+            tracks,
+            alone.single_action_space.n,
+        )
         *arrays, info = alone.step(actions)
         *others, other_info = together.step(actions)
-        for one, other in zip(arrays, others, strict=True):
-            np.testing.assert_array_equal(one, other)
+        for array, other in zip(arrays, others, strict=True):
+            np.testing.assert_array_equal(array, other)
         compare_infos(info, other_info)
 
 

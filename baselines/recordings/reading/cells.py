@@ -26,20 +26,12 @@ MISSING = [
     "<NA>",
     "-nan",
 ]
-# [s]
-MAX_TIME = 1e21
-# [s] since 1970: the years 1990 to 2103.
-EPOCH = (6.3e8, 4.2e9)
 EPOCH_UNITS = {
     "s": "seconds",
     "ms": "milliseconds",
     "us": "microseconds",
     "ns": "nanoseconds",
 }
-# Time scales that stand where a unit may stand.
-SCALES = ("utc", "gmt", "unix", "epoch", "posix", "gps")
-DECIMAL_COMMA = r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?"
-GERMAN = r"(\d{2})\.(\d{2})\.(\d{4})(.*)"
 FORMAT = "a format such as '%d/%m/%Y %H:%M:%S'"
 
 
@@ -108,6 +100,7 @@ def counted(number: int, word: str) -> str:
 
 def parse_numbers(cells: "pd.Series[object]") -> Numbers:
     """Parse cells as numbers with a decimal point, or all with a decimal comma."""
+    decimal_comma = r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?"
     if pd.api.types.is_bool_dtype(cells) or pd.api.types.is_datetime64_any_dtype(cells):
         return Numbers(np.full(len(cells), np.nan), np.arange(len(cells)))
     if pd.api.types.is_numeric_dtype(cells):
@@ -116,7 +109,7 @@ def parse_numbers(cells: "pd.Series[object]") -> Numbers:
     empty = (cells.isna() | texts.isin(MISSING)).to_numpy()
     values = np.array(pd.to_numeric(texts, errors="coerce"), np.float64)
     wrong = np.isnan(values) & ~empty
-    commas = texts[wrong].str.fullmatch(DECIMAL_COMMA)
+    commas = texts[wrong].str.fullmatch(decimal_comma)
     if (
         wrong.any()
         and commas.all()
@@ -157,8 +150,10 @@ def parse_times(table: Table, column: int, unit: str | None) -> Times:
 
 def epoch_unit(values: FloatArray) -> str | None:
     """Return the unit of times since 1970, None if the times are not of the years 1990 to 2103."""
+    # [s] since 1970: the years 1990 to 2103.
+    epoch = (6.3e8, 4.2e9)
     for unit in EPOCH_UNITS:
-        low, high = (bound / SECONDS[unit] for bound in EPOCH)
+        low, high = (bound / SECONDS[unit] for bound in epoch)
         if values.min() >= low and values.max() <= high:
             return unit
     return None
@@ -168,7 +163,9 @@ def _from_numbers(table: Table, column: int, values: FloatArray, unit: str | Non
     """Seconds of numbers; a unit of None is that of the header."""
     if unit is None:
         unit = split_unit(table.names[column])[1]
-        unit = None if unit is not None and unit.lower() in SCALES else unit
+        # Time scales stand where a unit may stand.
+        if unit is not None and unit.lower() in ("utc", "gmt", "unix", "epoch", "posix", "gps"):
+            unit = None
     if unit is not None and unit.lower() not in SECONDS:
         name = f"{table.file}: unit of {table.label(column)}"
         raise reject(name, unit, f"one of {', '.join(SECONDS)}: see --time-unit")
@@ -219,6 +216,7 @@ def _from_dates(cells: "pd.Series[object]", form: str | None) -> "tuple[pd.Serie
     """Dates, durations or times of day of cells, NaT where they are none, and how they were
     understood.
     """
+    german = r"(\d{2})\.(\d{2})\.(\d{4})(.*)"
     if pd.api.types.is_timedelta64_dtype(cells):
         return cells, "durations"
     if pd.api.types.is_datetime64_any_dtype(cells):
@@ -234,14 +232,15 @@ def _from_dates(cells: "pd.Series[object]", form: str | None) -> "tuple[pd.Serie
     first, texts = str(texts.iloc[0]), texts.str.replace(",", ".")
     if first.count(":") == 2 and first.find(":") <= 2:
         return pd.to_timedelta(texts, errors="coerce"), "times of day"
-    if first.count(".") >= 2 and texts.str.fullmatch(GERMAN).all():
-        texts, kind = texts.str.replace(GERMAN, r"\3-\2-\1\4", regex=True), "dates (day.month.year)"
+    if first.count(".") >= 2 and texts.str.fullmatch(german).all():
+        texts, kind = texts.str.replace(german, r"\3-\2-\1\4", regex=True), "dates (day.month.year)"
     return pd.to_datetime(texts, format="ISO8601", utc=True, errors="coerce"), kind
 
 
 def _check_times(table: Table, column: int, seconds: FloatArray) -> None:
     """Check that every cell is a time: none is NaN, infinite or of an absurd size."""
-    wrong = np.flatnonzero(~(np.abs(seconds) <= MAX_TIME))
+    # [s]
+    wrong = np.flatnonzero(~(np.abs(seconds) <= 1e21))
     if not wrong.size:
         return
     row = int(wrong[0])

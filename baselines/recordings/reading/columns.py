@@ -13,9 +13,6 @@ from hybrid_env.checks import ArgumentError, reject
 # Value of --object for a file with one object.
 ONE_OBJECT = "none"
 PLANE, DEGREES, POLAR = {"x", "y"}, {"lat", "lon"}, {"range", "bearing"}
-HINT = "name them by --columns, for example --columns time=1 x=2 y=3"
-# So many columns are listed in a message.
-LISTED = 8
 
 
 @dataclass
@@ -94,10 +91,11 @@ def numbered_column(table: Table, option: str, name: str) -> int:
 
 def _roles(table: Table, given: dict[str, int], polar: bool) -> dict[str, int]:
     """Return the columns of time and positions: those that are given, and others by their names."""
+    hint = "name them by --columns, for example --columns time=1 x=2 y=3"
     if not table.headed and not given:
         count = len(table.names)
         if count not in (2, 3):
-            raise ArgumentError(f"{table.file}: {count} columns without names: {HINT}")
+            raise ArgumentError(f"{table.file}: {count} columns without names: {hint}")
         return dict(zip(("time", "x", "y")[-count:], range(count), strict=True))
     roles = dict(given)
     used = ("time", *(("range", "bearing", "rate") if polar else ("x", "y", "lat", "lon")))
@@ -116,7 +114,7 @@ def _roles(table: Table, given: dict[str, int], polar: bool) -> dict[str, int]:
     found = [axes for axes in ((POLAR,) if polar else (PLANE, DEGREES)) if set(roles) >= axes]
     if not found:
         wanted = "range and bearing" if polar else "x, y or lat, lon"
-        raise ArgumentError(f"{table.file}: no columns {wanted} ({listed_columns(table)}): {HINT}")
+        raise ArgumentError(f"{table.file}: no columns {wanted} ({listed_columns(table)}): {hint}")
     if len(found) > 1:
         lat = table.label(roles["lat"])
         lon = table.label(roles["lon"])
@@ -165,7 +163,9 @@ def _is_time(cells: "pd.Series[object]") -> bool:
 
 def listed_columns(table: Table) -> str:
     """Return the names of the columns for a message."""
+    # So many columns are listed in a message.
+    listed = 8
     names = [name for name in table.names if name]
     if not names:
         return f"it has {len(table.names)} columns without names"
-    return "its columns are " + ", ".join(names[:LISTED]) + (" ..." if len(names) > LISTED else "")
+    return "its columns are " + ", ".join(names[:listed]) + (" ..." if len(names) > listed else "")

@@ -30,8 +30,6 @@ MAX_LINE = 50_000
 MAX_COMMENTS = 10_000
 # Number of rows from which the delimiter is found.
 HEAD_ROWS = 50
-# Characters of the path in a message.
-LONGEST_NAME = 80
 ALLOWED = "a CSV, TSV, Parquet, GPX or IGC file"
 # Delimiters and their names in messages.
 DELIMITERS = {
@@ -41,8 +39,6 @@ DELIMITERS = {
     ",": "','",
     " ": "space",
 }
-# Bytes that a text may have.
-TEXT_BYTES = bytes({9, 10, 12, 13, *range(32, 256)})
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:
@@ -72,7 +68,9 @@ def _log(name: str, content: bytes) -> IgcLog | None:
 
 def _content(path: Path) -> tuple[str, bytes]:
     """Return the name of a file for messages, and its bytes, decompressed."""
-    name = str(path) if len(str(path)) <= LONGEST_NAME else f"...{str(path)[-LONGEST_NAME:]}"
+    # Characters of the path in a message.
+    longest_name = 80
+    name = str(path) if len(str(path)) <= longest_name else f"...{str(path)[-longest_name:]}"
     try:
         if path.is_dir():
             raise reject("file", name, f"{ALLOWED}, not a folder")
@@ -202,7 +200,8 @@ def _decoded(content: bytes, name: str, notes: list[str]) -> str:
         except UnicodeDecodeError:
             raise ArgumentError(f"{name}: not a text file: the UTF-16 text is damaged") from None
     content = content.removeprefix(codecs.BOM_UTF8).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    control = content.translate(None, TEXT_BYTES)
+    # Bytes that a text may have.
+    control = content.translate(None, bytes({9, 10, 12, 13, *range(32, 256)}))
     allowed = "a text file (CSV or TSV)"
     at = 0
     try:

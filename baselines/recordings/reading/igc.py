@@ -17,14 +17,10 @@ from hybrid_env.checks import ArgumentError, BoolArray, FloatArray
 DAY = 86400.0
 # After a longer step from one record to the next [s] the clock was set, or there is a gap.
 LONGEST_STEP = 60.0
-# Records between two of these steps that the clock was wrong for, if the others fit without them.
-FEW = 10
 RECORD = re.compile(
     rb"^(B(\d\d)(\d\d)(\d\d)(\d\d)(\d{5})([NS])(\d{3})(\d{5})([EW])[AV]([-\d]\d{4})([-\d]\d{4}))([^\r\n]*)",
     re.MULTILINE,
 )
-# Of a degree of latitude.
-METRES = 111_200.0
 
 
 class IgcLog(NamedTuple):
@@ -99,7 +95,8 @@ def parse_igc(name: str, content: bytes) -> IgcLog:
         more, digits = _more_digits(head, word, columns[12])
         degrees = parts[k] + (parts[k + 1] + more) / 60_000.0
         angles.append(np.where(np.array(columns[signs]) == negative, -degrees, degrees))
-        step = METRES / 60_000.0 / 10.0**digits
+        # Of a degree of latitude.
+        step = 111_200.0 / 60_000.0 / 10.0**digits
     latitudes, longitudes = angles
     known = (np.abs(latitudes) <= 90.0) & (np.abs(longitudes) <= 180.0)
     places = np.flatnonzero(known & ((latitudes != 0.0) | (longitudes != 0.0)))
@@ -140,7 +137,8 @@ def _fits(clock: FloatArray) -> BoolArray:
     begins = np.append(0, jumps)
     ends = np.append(jumps, len(clock))
     counts = ends - begins
-    many = counts > min(FEW, int(counts.max()) - 1)
+    # For up to ten records between two of these steps the clock was wrong, if the others fit.
+    many = counts > min(10, int(counts.max()) - 1)
     last_many = clock[ends[many][-1] - 1]
     # With none of many after it, a time is right in the half day that follows.
     bounds = np.append(clock[begins[many]], last_many + 0.5 * DAY)[np.cumsum(many) - many]

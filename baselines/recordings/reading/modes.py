@@ -45,8 +45,6 @@ MODES = (
     "maneuver",
     "phase",
 )
-# Names of columns that tell tracks apart, beside those of objects.
-TRACKS = ("track", "episode")
 
 
 class ModeFile(NamedTuple):
@@ -110,8 +108,11 @@ def read_modes(
     used = {time, *given.values()}
     tracks = None
     if object_column is None:
+        # Names of columns that tell tracks apart, beside those of objects.
         of_tracks = [
-            k for k, one in enumerate(table.names) if plain_name(one) in TRACKS and k not in used
+            k
+            for k, one in enumerate(table.names)
+            if plain_name(one) in ("track", "episode") and k not in used
         ]
         tracks = of_tracks[0] if of_tracks else object_column_of(table, used)
     elif object_column != ONE_OBJECT:

@@ -2,6 +2,9 @@
 
 import functools
 import re
+from collections.abc import Sequence
+
+from hybrid_env.checks import reject
 
 # Names of the columns of times and positions, in lower case and joined by underscores.
 ROLES = {
@@ -205,3 +208,16 @@ def split_unit(name: str) -> tuple[str, str | None]:
 def role_of(name: str) -> str | None:
     """Return the role of a column by its name: one of `ROLES`, `object`, or None if it has none."""
     return ROLE_OF.get(split_unit(name)[0])
+
+
+def columns_by_role(texts: Sequence[str], roles: Sequence[str]) -> dict[str, str]:
+    """Return the columns that texts such as `time=3` name, by role."""
+    columns: dict[str, str] = {}
+    for text in texts:
+        role, sign, column = text.partition("=")
+        if not sign or role not in roles or not column:
+            raise reject("columns", text, f"role=column with a role of {', '.join(roles)}")
+        if role in columns:
+            raise reject("columns", text, f"one column for {role}")
+        columns[role] = column
+    return columns

@@ -9,12 +9,10 @@ from baselines.recordings.reading.names import role_of
 from baselines.recordings.reading.sizes import check_bytes, check_size
 from hybrid_env.checks import ArgumentError, reject
 
-INDEX = "__index_level_0__"
-BYTES = pa.types.is_binary, pa.types.is_large_binary, pa.types.is_fixed_size_binary
-
 
 def read_parquet(content: bytes, name: str) -> Table:
     """Read the columns of numbers, texts and times. name: of the file, for messages."""
+    unnamed = "__index_level_0__"
     notes: list[str] = []
     try:
         file = pyarrow.parquet.ParquetFile(pa.BufferReader(content))
@@ -35,12 +33,12 @@ def read_parquet(content: bytes, name: str) -> Table:
     if not rows:
         raise reject("file", name, "a file with rows, not an empty table")
     # Pandas writes an index without a name as the last column.
-    order = sorted(range(len(names)), key=lambda k: names[k] != INDEX)
+    order = sorted(range(len(names)), key=lambda k: names[k] != unnamed)
     frame = frame.iloc[:, order].set_axis(range(len(names)), axis=1)
     return Table(
         name,
         frame,
-        tuple("" if names[k] == INDEX else names[k] for k in order),
+        tuple("" if names[k] == unnamed else names[k] for k in order),
         notes=notes,
     )
 
@@ -53,7 +51,7 @@ def _flat_columns(file: pyarrow.parquet.ParquetFile, name: str, notes: list[str]
     others = []
     for field in file.schema_arrow:
         kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
-        if not pa.types.is_nested(kind) and not any(test(kind) for test in BYTES):
+        if not pa.types.is_nested(kind) and not _is_bytes(kind):
             kept.append(field.name)
         elif role_of(field.name):
             raise reject(
@@ -95,6 +93,12 @@ def _without_dictionaries(schema: pa.Schema) -> pa.Schema:
 def _repeats(kind: pa.DataType) -> bool:
     """Return whether texts are stored once and repeated."""
     return pa.types.is_dictionary(kind) and _is_text(kind.value_type)
+
+
+def _is_bytes(kind: pa.DataType) -> bool:
+    types = pa.types
+    of_any_length = types.is_binary(kind) or types.is_large_binary(kind)
+    return of_any_length or types.is_fixed_size_binary(kind)
 
 
 def _is_text(kind: pa.DataType) -> bool:

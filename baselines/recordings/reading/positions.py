@@ -16,22 +16,6 @@ from hybrid_env.sensors import Radar
 MAX_VALUE = 1e12
 # [deg]
 MAX_LATITUDE, MAX_LONGITUDE = 90.0, 360.0
-# Objects move by less than this number of degrees in a second, and most of them by more metres than
-# it.
-SLOW = 0.01
-# Degrees are this far from 0, compared with their extent, and at least one degree.
-OFFSET = 2.0
-MIN_ROWS = 8
-# Rows among which the previous row of the same object is looked for.
-WINDOW = 4
-# A row is far from the previous one if another of the rows before it is this many times nearer.
-FAR = 10.0
-FAR_SHARE = 0.25
-# A jump is this many times faster than any other step.
-JUMP = 50.0
-# A jump this close to an end of the recording is an error of measurement rather than another
-# object.
-END_SHARE = 0.2
 
 
 class Places(NamedTuple):
@@ -164,7 +148,9 @@ def _look_like_degrees(seconds: FloatArray, positions: FloatArray) -> bool:
         return False
     speeds = np.abs(np.diff(positions, axis=0)).max(axis=1) / np.diff(seconds)
     offset = np.abs(np.median(positions, axis=0)).max()
-    return bool(np.median(speeds) < SLOW and offset > max(OFFSET * extent.max(), 1.0))
+    # Objects move by less than 0.01 degrees in a second, and most of them by more metres. Degrees
+    # are twice their extent from 0, and at least one degree.
+    return bool(np.median(speeds) < 0.01 and offset > max(2.0 * extent.max(), 1.0))
 
 
 def _unmarked_objects(times: FloatArray, positions: FloatArray) -> str | None:
@@ -172,20 +158,27 @@ def _unmarked_objects(times: FloatArray, positions: FloatArray) -> str | None:
     before, but near to one of the three before that, or a single step is far longer than all
     others.
     """
+    # A jump this close to an end of the recording is an error of measurement rather than another
+    # object.
+    end_share = 0.2
+    # Rows among which the previous row of the same object is looked for.
+    window = 4
     count = len(positions)
-    if count < MIN_ROWS:
+    if count < 8:
         return None
-    before = np.full((WINDOW, count), np.inf)
+    before = np.full((window, count), np.inf)
     for lag, row in enumerate(before, start=1):
         row[lag:] = np.hypot(*(positions[lag:] - positions[:-lag]).T)
-    nearest = before.min(axis=0)[WINDOW:]
-    far = before[0, WINDOW:] > FAR * nearest
-    if np.median(nearest) > 0.0 and far.mean() >= FAR_SHARE:
+    nearest = before.min(axis=0)[window:]
+    # A row is far from the previous one if another of the rows before it is this many times nearer.
+    far = before[0, window:] > 10.0 * nearest
+    if np.median(nearest) > 0.0 and far.mean() >= 0.25:
         return "rows alternate between places that are far apart"
     speeds = before[0, 1:] / np.diff(times)
     at = int(np.argmax(speeds))
     others = np.delete(speeds, at).max()
-    if speeds[at] > JUMP * others > 0.0 and END_SHARE <= (at + 1) / count <= 1.0 - END_SHARE:
+    # A jump is this many times faster than any other step.
+    if speeds[at] > 50.0 * others > 0.0 and end_share <= (at + 1) / count <= 1.0 - end_share:
         return (
             f"a jump of {before[0, at + 1]:.6g}, {speeds[at] / others:.0f} times faster than any"
             " other step"

@@ -16,17 +16,8 @@ from baselines.recordings.reading.columns import Columns, find_columns
 from baselines.recordings.reading.files import read_table
 from baselines.recordings.reading.positions import check_positions, read_polar, read_positions
 from baselines.recordings.recording import UNKNOWN_UNIT, Recording, make_recording
-from hybrid_env.checks import ArgumentError, FloatArray, IntArray, check_positive, reject
+from hybrid_env.checks import ArgumentError, FloatArray, IntArray, Positive, checked, reject
 from hybrid_env.sensors import Radar
-
-# Largest relative difference between a given tick and the one of the times.
-TAU_TOLERANCE = 1e-3
-# Characters of an object's name.
-MAX_NAME = 60
-# So many columns that are not used are listed in the summary.
-LISTED = 6
-# Steps that differ by more than this share of the tick are listed.
-JITTER = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +70,7 @@ def read_recordings(
         ("gap", gap),
     ):
         if value is not None:
-            check_positive(name, value)
+            checked(name, value, Positive)
     table = read_table(path)
     found = find_columns(table, columns, object_column, radar is not None)
     groups = object_rows(table, found.object, Path(path))
@@ -131,7 +122,8 @@ def read_recordings(
         few = counted(len(groups) - len(recordings), "object")
         table.notes.append(f"{few} with fewer than two measurements left out")
     tick = recordings[0].tick
-    if tau is not None and "time" in found.roles and abs(tau - tick) > TAU_TOLERANCE * tick:
+    # Largest relative difference between a given tick and the one of the times.
+    if tau is not None and "time" in found.roles and abs(tau - tick) > 1e-3 * tick:
         raise reject("tau", tau, f"no value, or the median step of the times, {tick:.6g}")
     return RecordingFile(tuple(recordings), _summary(table, found, times, recordings))
 
@@ -157,7 +149,8 @@ def object_rows(table: Table, column: int | None, path: Path) -> list[tuple[str,
 def cell_text(value: Any) -> str:
     """Return a cell as short text; whole numbers have no decimal point."""
     whole = isinstance(value, float) and value.is_integer()
-    return " ".join(str(int(value) if whole else value).split())[:MAX_NAME]
+    # Characters of an object's name.
+    return " ".join(str(int(value) if whole else value).split())[:60]
 
 
 def _times(table: Table, found: Columns, unit: str | None, tau: float | None, one: bool) -> Times:
@@ -218,6 +211,8 @@ def check_order(
 
 def _summary(table: Table, found: Columns, times: Times, recordings: Sequence[Recording]) -> str:
     """Return file, rows, objects, tick, unit and extent, and what was left out or assumed."""
+    # So many columns that are not used are listed in the summary.
+    listed = 6
     one, unit = recordings[0], recordings[0].unit
     objects = counted(len(recordings), "object")
     if found.object is not None and len(recordings) > 1:
@@ -225,7 +220,8 @@ def _summary(table: Table, found: Columns, times: Times, recordings: Sequence[Re
     tick = np.median([one.tick for one in recordings])
     steps = np.concatenate([np.diff(one.times) for one in recordings])
     ticks = f"tick {tick:.6g} s" if one.time_unit == "s" else "no times: a row is a tick (--tau)"
-    if np.abs(steps - tick).max() > JITTER * tick:
+    # Steps that differ by more than this share of the tick are listed.
+    if np.abs(steps - tick).max() > 1e-3 * tick:
         ticks += f" (steps {steps.min():.4g} to {steps.max():.4g})"
     positions = np.concatenate([one.positions for one in recordings])
     low = np.nanmin(positions, axis=0)
@@ -253,7 +249,7 @@ def _summary(table: Table, found: Columns, times: Times, recordings: Sequence[Re
             "index column " + ("not used" if "time" in found.roles else "taken as ticks")
         )
     if found.left_out:
-        more = len(found.left_out) - LISTED
-        names = ", ".join(found.left_out[:LISTED]) + (f" and {more} more" if more > 0 else "")
+        more = len(found.left_out) - listed
+        names = ", ".join(found.left_out[:listed]) + (f" and {more} more" if more > 0 else "")
         sentences.append(f"columns not used: {names}")
     return "; ".join(sentences)

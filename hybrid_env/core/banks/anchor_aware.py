@@ -8,46 +8,30 @@ log-likelihood decreases, so that no NaN occurs.
 """
 
 import math
-from typing import Annotated, Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from hybrid_env.core.arrays import Array, FloatArray, Records, block_reader, reader
 from hybrid_env.core.banks import extended_kalman as ekf
-from hybrid_env.core.banks.bank import INNOVATION, set_estimate, signed_radius
+from hybrid_env.core.banks.bank import set_estimate, signed_radius
 from hybrid_env.core.banks.kalman import log_likelihood
 from hybrid_env.core.banks.sensing import LARGEST, ROUNDING, correct_by_sensors
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import log
-from hybrid_env.core.motion import bank_turn_rate, heading_vector, turn_centre
-from hybrid_env.core.records import State, Triangle4, lanes_of, write_lane
-
-AWARE_HYPOTHESIS = lanes_of(
-    # Estimate [m, m/s].
-    *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),
-    # Of the turn [m].
-    *((name, np.float64, ()) for name in ("centre_x", "centre_y")),
-    # [rad/s]
-    ("turn_rate", np.float64, ()),
-    # Of the seven states, upper triangle row by row.
-    ("covariance", np.float64, (28,)),
-    # Cumulative since the switch.
-    ("log_likelihood", np.float64, ()),
+from hybrid_env.core.memory import (
+    AnchorAwareBank,
+    FloatArray,
+    Records,
+    State,
+    Triangle4,
+    block_reader,
+    reader,
+    write_lane,
 )
-"""State of one filter."""
-
-ANCHOR_ENTRIES = tuple(k for k, column in enumerate(np.triu_indices(7)[1].tolist()) if column > 3)
-"""Entries of the covariance of the seven states that belong to the centre and the turn rate."""
+from hybrid_env.core.motion import bank_turn_rate, heading_vector, turn_centre
 
 # Decrease of the log-likelihood per tick of a diverged filter.
 DIVERGED = 1e3
-
-
-class AnchorAwareBank(NamedTuple):
-    """The bank of a block of tracks, M hypotheses. The blocks of a thread share the innovations."""
-
-    hypotheses: Annotated[Records, Array(AWARE_HYPOTHESIS, ("blocks_count", "modes"))]
-    innovations: Annotated[Records, Array(INNOVATION, ("modes",), "thread")]
 
 
 aware_banks = reader(AnchorAwareBank)
@@ -94,7 +78,8 @@ def begin_hypothesis(
     spread = ekf.anchor_covariance(covariance, heading_x, heading_y, inverse_speed, radius)
     write_lane(kalman.covariance, lane, spread)
     if exact:
-        for k in ANCHOR_ENTRIES:
+        # The entries of the centre and the turn rate.
+        for k in (4, 5, 6, 10, 11, 12, 15, 16, 17, 19, 20, 21, 22, 23, 24, 25, 26, 27):
             kalman.covariance[k, lane] = 0.0
 
 
@@ -358,12 +343,14 @@ def _correct(
         kalman.turn_rate[lane],
     )
     predicted = _covariance7(kalman.covariance, lane)
-    found, p, measured, valid = correct_by_sensors(state, predicted, block, lane, sensors, model)
-    set_estimate(kalman, lane, (found[0], found[1], found[2], found[3]))
+    corrected, p, measured, valid = correct_by_sensors(
+        state, predicted, block, lane, sensors, model
+    )
+    set_estimate(kalman, lane, (corrected[0], corrected[1], corrected[2], corrected[3]))
     kalman.centre_x[lane], kalman.centre_y[lane], kalman.turn_rate[lane] = (
-        found[4],
-        found[5],
-        found[6],
+        corrected[4],
+        corrected[5],
+        corrected[6],
     )
     write_lane(kalman.covariance, lane, p)
     innovation.white_x[lane], innovation.white_y[lane] = measured[0], measured[1]
@@ -382,7 +369,7 @@ def sense_hypothesis(
     model: Any,
 ) -> None:
     """Advance one filter by one tick of any kind: without a measurement, or with those of sensors.
-    block: with the fields of `records.MEASURED`; without sensors all lanes or none are NaN.
+    block: with the fields of `memory.MEASURED`; without sensors all lanes or none are NaN.
     """
     if sensors.size == 0 and not math.isnan(block.measurement[0, first]):
         step_hypothesis(kalman, innovation, first, last, block.measurement, model)

@@ -4,23 +4,19 @@ straight, 1 .. n are left turns, n + 1 .. 2n are right turns.
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from hybrid_env.core.arrays import FloatArray, Records, allocate, declared
 from hybrid_env.core.compilation import inlined, internal
-from hybrid_env.core.records import State, Triangle4, lanes_of
-
-INNOVATION = lanes_of(
-    # Innovation / standard deviation.
-    *((name, np.float64, ()) for name in ("white_x", "white_y")),
-    # Ln of the innovation variance [m^2], mean of the axes.
-    ("log_variance", np.float64, ()),
+from hybrid_env.core.memory import (
+    FloatArray,
+    Records,
+    State,
+    Triangle4,
+    allocate,
+    declared,
 )
-"""Innovation of one filter at the current tick."""
 
 
 class FilterModel(NamedTuple):
-    """The model assumed by the filters. `state.PARAMETERS` has the same fields."""
+    """The model assumed by the filters. `memory.PARAMETERS` has the same fields."""
 
     tau: float
     process_variance: float
@@ -62,7 +58,7 @@ def bank_arrays(bank: Any, radii_count: int, axes: int = 1, blocks: int | None =
         "axes": axes,
     }
     sizes["blocks_count"] = 1 if blocks is None else blocks
-    arrays = {name: allocate(one, sizes) for name, one in declared(bank).items()}
+    arrays = {name: allocate(array, sizes) for name, array in declared(bank).items()}
     if blocks is None:
         arrays |= {name: arrays[name][0] for name in declared(bank, "tracks")}
     return bank(**arrays)

@@ -6,10 +6,7 @@ below. The motion is that of Golubkov 2018, eq. (1). A covariance is its upper t
 
 from hybrid_env.core.compilation import inlined
 from hybrid_env.core.elementary import sine_cosine
-from hybrid_env.core.records import Triangle4
-
-# [rad]; below this angle quotients of small numbers are computed by series.
-SERIES = 0.02
+from hybrid_env.core.memory import Triangle4
 
 Vector7 = tuple[float, float, float, float, float, float, float]
 # Covariance of the seven states, upper triangle row by row: 28 numbers.
@@ -92,7 +89,8 @@ def turn_coefficients(rate: float, tau: float) -> Vector7:
     sine, C = sine_cosine(angle)
     square = angle * angle
     product = angle * sine
-    small = abs(angle) < SERIES
+    # [rad]; then quotients of small numbers are computed by series.
+    small = abs(angle) < 0.02
     safe = 1.0 if small else angle
     # sin(a) / a and its derivative.
     quotient = (
@@ -120,39 +118,38 @@ def predict_covariance(
     """Return the predicted covariance F P F' + G Q G', where F is the Jacobian of the motion. turn:
     from `turn_coefficients`; by_rate: derivatives of x, vx, y and vy by the turn rate.
     """
-    C = turn[0]
-    S = turn[1]
-    W = turn[2]
-    D = turn[3]
+    C, S, W, D, _, _, _ = turn
     g_x, h_x, g_y, h_y = by_rate
-    p0 = p[0]
-    p1 = p[1]
-    p2 = p[2]
-    p3 = p[3]
-    p4 = p[4]
-    p5 = p[5]
-    p6 = p[6]
-    p7 = p[7]
-    p8 = p[8]
-    p9 = p[9]
-    p10 = p[10]
-    p11 = p[11]
-    p12 = p[12]
-    p13 = p[13]
-    p14 = p[14]
-    p15 = p[15]
-    p16 = p[16]
-    p17 = p[17]
-    p18 = p[18]
-    p19 = p[19]
-    p20 = p[20]
-    p21 = p[21]
-    p22 = p[22]
-    p23 = p[23]
-    p24 = p[24]
-    p25 = p[25]
-    p26 = p[26]
-    p27 = p[27]
+    (
+        p0,
+        p1,
+        p2,
+        p3,
+        p4,
+        p5,
+        p6,
+        p7,
+        p8,
+        p9,
+        p10,
+        p11,
+        p12,
+        p13,
+        p14,
+        p15,
+        p16,
+        p17,
+        p18,
+        p19,
+        p20,
+        p21,
+        p22,
+        p23,
+        p24,
+        p25,
+        p26,
+        p27,
+    ) = p
     # Rows x, u, y, v of F P; columns x, u, y, v, cx, cy, r.
     x_x = C * p0 + S * p1 + D * p4 + g_x * p6
     u_x = C * p1 - W * p0 + W * p4 + h_x * p6

@@ -23,43 +23,32 @@ becomes unlikely, so that no NaN occurs.
 """
 
 import math
-from typing import Annotated, Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from hybrid_env.core.arrays import Array, FloatArray, Records, block_reader, reader
-from hybrid_env.core.banks.bank import INNOVATION, filter_model, set_estimate, signed_radius
+from hybrid_env.core.banks.bank import filter_model, set_estimate, signed_radius
 from hybrid_env.core.banks.kalman import weigh
-from hybrid_env.core.banks.mixture import NEGLIGIBLE, SUMS, merge, mixture_of_two, normalize
+from hybrid_env.core.banks.mixture import NEGLIGIBLE, merge, mixture_of_two, normalize
 from hybrid_env.core.banks.sensing import LARGEST, correct_by_sensors
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import exp, log, sine_cosine
-from hybrid_env.core.motion import LARGEST_ANGLE
-from hybrid_env.core.records import State, Triangle4, lanes_of, state_of, triangle_of, write_lane
-
-IMM_HYPOTHESIS = lanes_of(
-    # Estimate [m, m/s].
-    *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),
-    # Upper triangle row by row.
-    ("covariance", np.float64, (10,)),
-    ("log_probability", np.float64, ()),
-    # Of the current tick.
-    ("log_likelihood", np.float64, ()),
+from hybrid_env.core.memory import (
+    FloatArray,
+    ImmBank,
+    Records,
+    State,
+    Triangle4,
+    block_reader,
+    reader,
+    state_of,
+    triangle_of,
+    write_lane,
 )
-"""State of one filter."""
+from hybrid_env.core.motion import LARGEST_ANGLE
 
 # Log-likelihood of a tick in which a filter diverges.
 DIVERGED = -1e3
-
-
-class ImmBank(NamedTuple):
-    """The bank of a block of tracks, M hypotheses. The blocks of a thread share innovations and
-    sums.
-    """
-
-    hypotheses: Annotated[Records, Array(IMM_HYPOTHESIS, ("blocks_count", "modes"))]
-    innovations: Annotated[Records, Array(INNOVATION, ("modes",), "thread")]
-    sums: Annotated[Records, Array(SUMS, (1,), "thread")]
 
 
 imm_banks = reader(ImmBank)
@@ -172,7 +161,7 @@ def mix(kalman: Any, block: Any, lane: int, model: Any) -> tuple[float, State, T
     probability = exp(max(kalman.log_probability[lane], NEGLIGIBLE))
     from_itself = (model.stay_probability - model.switch_probability) * probability
     prior = from_itself + model.switch_probability
-    own = from_itself / prior
+    weight = from_itself / prior
     difference = (
         kalman.x[lane] - merged_x,
         kalman.vx[lane] - merged_u,
@@ -180,14 +169,14 @@ def mix(kalman: Any, block: Any, lane: int, model: Any) -> tuple[float, State, T
         kalman.vy[lane] - merged_v,
     )
     mean = (
-        merged_x + own * difference[0],
-        merged_u + own * difference[1],
-        merged_y + own * difference[2],
-        merged_v + own * difference[3],
+        merged_x + weight * difference[0],
+        merged_u + weight * difference[1],
+        merged_y + weight * difference[2],
+        merged_v + weight * difference[3],
     )
     mine = triangle_of(kalman.covariance, lane)
     merged = triangle_of(block.covariance, lane)
-    return prior, mean, mixture_of_two(own, mine, merged, difference)
+    return prior, mean, mixture_of_two(weight, mine, merged, difference)
 
 
 @inlined
@@ -372,8 +361,8 @@ def correct_imm(bank: ImmBank, block: Any, lane: int, sensors: Records, model: A
             0.0,
             0.0,
         )
-        found, q, measured, valid = correct_by_sensors(state, p, block, lane, sensors, model)
-        set_estimate(kalman, lane, (found[0], found[1], found[2], found[3]))
+        corrected, q, measured, valid = correct_by_sensors(state, p, block, lane, sensors, model)
+        set_estimate(kalman, lane, (corrected[0], corrected[1], corrected[2], corrected[3]))
         write_lane(
             kalman.covariance,
             lane,

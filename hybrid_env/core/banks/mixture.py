@@ -6,17 +6,11 @@ bank with unknown ones. Blom & Bar-Shalom 1988, output step.
 import math
 from typing import Any
 
-import numpy as np
-
-from hybrid_env.core.arrays import FloatArray, Records
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.bank import estimate_of, likeliest
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import exp, log
-from hybrid_env.core.records import State, Triangle4, lanes_of
-
-SUMS = lanes_of(("largest", np.float64, ()), ("total", np.float64, ()))
-"""Maximum log probability of the hypotheses before normalization, and the sum relative to it."""
+from hybrid_env.core.memory import FloatArray, Records, State, Triangle4
 
 # Smaller log probabilities count as this one.
 NEGLIGIBLE = -700.0
@@ -81,22 +75,24 @@ def merge(bank: Any, block: Any, first: int, last: int) -> None:
 
 
 @inlined
-def mixture_of_two(own: float, mine: Triangle4, merged: Triangle4, difference: State) -> Triangle4:
-    """Return the covariance of a mixture of two normal distributions. own: weight of the first."""
-    rest = 1.0 - own
+def mixture_of_two(
+    weight: float, mine: Triangle4, merged: Triangle4, difference: State
+) -> Triangle4:
+    """Return the covariance of a mixture of two normal distributions. weight: of the first."""
+    rest = 1.0 - weight
     a, b, c, d = difference
-    spread = own * rest
+    spread = weight * rest
     return (
-        own * mine[0] + rest * merged[0] + spread * a * a,
-        own * mine[1] + rest * merged[1] + spread * a * b,
-        own * mine[2] + rest * merged[2] + spread * a * c,
-        own * mine[3] + rest * merged[3] + spread * a * d,
-        own * mine[4] + rest * merged[4] + spread * b * b,
-        own * mine[5] + rest * merged[5] + spread * b * c,
-        own * mine[6] + rest * merged[6] + spread * b * d,
-        own * mine[7] + rest * merged[7] + spread * c * c,
-        own * mine[8] + rest * merged[8] + spread * c * d,
-        own * mine[9] + rest * merged[9] + spread * d * d,
+        weight * mine[0] + rest * merged[0] + spread * a * a,
+        weight * mine[1] + rest * merged[1] + spread * a * b,
+        weight * mine[2] + rest * merged[2] + spread * a * c,
+        weight * mine[3] + rest * merged[3] + spread * a * d,
+        weight * mine[4] + rest * merged[4] + spread * b * b,
+        weight * mine[5] + rest * merged[5] + spread * b * c,
+        weight * mine[6] + rest * merged[6] + spread * b * d,
+        weight * mine[7] + rest * merged[7] + spread * c * c,
+        weight * mine[8] + rest * merged[8] + spread * c * d,
+        weight * mine[9] + rest * merged[9] + spread * d * d,
     )
 
 

@@ -5,12 +5,9 @@ radius share them, and so do both axes if their measurement variances are equal.
 """
 
 import math
-from typing import Annotated, Any, NamedTuple
+from typing import Any
 
-import numpy as np
-
-from hybrid_env.core.arrays import Array, FloatArray, Records, block_reader, reader
-from hybrid_env.core.banks.bank import INNOVATION, radius_column, set_estimate, signed_radius
+from hybrid_env.core.banks.bank import radius_column, set_estimate, signed_radius
 from hybrid_env.core.banks.kalman import (
     correct_covariance,
     kalman_gain,
@@ -20,6 +17,15 @@ from hybrid_env.core.banks.kalman import (
 )
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import log
+from hybrid_env.core.memory import (
+    FloatArray,
+    PublishedBank,
+    Records,
+    State,
+    Triangle4,
+    block_reader,
+    reader,
+)
 from hybrid_env.core.motion import (
     bank_turn_rate,
     heading_vector,
@@ -27,50 +33,6 @@ from hybrid_env.core.motion import (
     propagate,
     turn_centre,
 )
-from hybrid_env.core.records import State, Triangle4, lanes_of
-
-HYPOTHESIS = lanes_of(
-    # Estimate [m, m/s].
-    *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),
-    # Of the turn [m].
-    *((name, np.float64, ()) for name in ("centre_x", "centre_y")),
-    # Cumulative since the switch.
-    ("log_likelihood", np.float64, ()),
-)
-"""State of one filter."""
-
-COVARIANCE = lanes_of(
-    # Of the transition.
-    *((name, np.float64, ()) for name in ("cosine", "sine_velocity", "sine_position")),
-    # Of (position, velocity) [m^2, m^2/s, m^2/s^2].
-    *((name, np.float64, ()) for name in ("xx", "xv", "vv")),
-)
-"""Transition and covariance on one axis, shared by the filters of one radius."""
-
-GAIN = lanes_of(
-    # Of position and velocity.
-    *((name, np.float64, ()) for name in ("gain_x", "gain_v")),
-    # 1 / standard deviation of the innovation [1/m].
-    ("whitener", np.float64, ()),
-    # Ln of the innovation variance [m^2].
-    ("log_variance", np.float64, ()),
-)
-"""Gain and innovation variance on one axis at the current tick, shared by the filters of one
-radius.
-"""
-
-
-class PublishedBank(NamedTuple):
-    """The bank of a block of tracks, for n radii, M = 2n + 1 hypotheses and A = 1 or 2 distinct
-    axes. Column 0 of covariances and gains is straight, column c uses radius c - 1. The blocks of a
-    thread share innovations and gains.
-    """
-
-    hypotheses: Annotated[Records, Array(HYPOTHESIS, ("blocks_count", "modes"))]
-    covariances: Annotated[Records, Array(COVARIANCE, ("blocks_count", "axes", "columns"))]
-    innovations: Annotated[Records, Array(INNOVATION, ("modes",), "thread")]
-    gains: Annotated[Records, Array(GAIN, ("axes", "columns"), "thread")]
-
 
 published_banks = reader(PublishedBank)
 published_of_block = block_reader(PublishedBank)

@@ -10,13 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_env.core.arrays import FloatArray, Records
 from hybrid_env.core.banks.extended_kalman import Triangle7, Vector7, condition
 from hybrid_env.core.banks.kalman import LOG_TWO_PI
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import log
+from hybrid_env.core.memory import MOST_RATES, FloatArray, Records, State
 from hybrid_env.core.polar import range_rate
-from hybrid_env.core.records import MOST_RATES, State
 
 Scalar = tuple[float, float, bool]
 """Whitened innovation, logarithm of its variance, and False if the filter has diverged."""
@@ -29,7 +28,7 @@ ROUNDING = 1e-6
 
 @internal
 def write_measured(block: Any, lane: int, measured: FloatArray) -> None:
-    """Write what is measured to a lane of a record with the fields of `records.MEASURED`. measured:
+    """Write what is measured to a lane of a record with the fields of `memory.MEASURED`. measured:
     (2,) position of variance R, or (9,) with covariance xx, xy, yy over R and range rates.
     """
     block.measurement[0, lane], block.measurement[1, lane] = measured[0], measured[1]

@@ -9,7 +9,7 @@ import pytest
 import agents
 from agents.cli import main
 from agents.evaluation.registry import for_actions
-from baselines.rules.own import as_decider
+from baselines.rules.external import as_decider
 from hybrid_env import ArgumentError, WorldOptions
 from hybrid_env.registration import make_track_vector_env
 

@@ -33,12 +33,12 @@ def test_compare_prints_tables_and_writes_figures_and_data(tmp_path, capsys):
     data = json.loads((out / "compare.json").read_text())
     assert data["plan"]["options"] == {"ticks": 80, "durations": "uniform 15-30"}
     assert data["plan"]["episodes"] == 8
-    assert [one["name"] for one in data["deciders"]] == [
+    assert [decider["name"] for decider in data["deciders"]] == [
         "IMM threshold",
         "CUSUM",
         "beam",
         "shipped",
     ]
-    for one in data["deciders"]:
-        chosen = one["curve"]["thresholds"].index(one["threshold"]["chosen"])
-        assert one["reward"]["value"] == pytest.approx(one["curve"]["reward"][chosen])
+    for decider in data["deciders"]:
+        chosen = decider["curve"]["thresholds"].index(decider["threshold"]["chosen"])
+        assert decider["reward"]["value"] == pytest.approx(decider["curve"]["reward"][chosen])

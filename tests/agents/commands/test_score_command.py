@@ -74,28 +74,3 @@ def test_it_prints_and_writes_what_the_function_finds(files, capsys):
     assert data["figures"]["mine"]["false_changes"]["value"] == pytest.approx(60.0 / 36)
     assert data["less_first"]["mine"]["delay"]["value"] == pytest.approx(0.0)
     assert picture.read_bytes().startswith(b"\x89PNG")
-
-
-def test_a_track_that_is_missing_is_one_line(files, capsys):
-    write(files / "some.csv", {"a": "AAB", "b": "AAB"})
-    assert main(["score", str(files / "truth.csv"), str(files / "some.csv")]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "also c" in line
-
-
-@pytest.mark.parametrize("some", [True, False])
-def test_a_silent_detector_is_scored_and_not_refused(files, capsys, some):
-    truth = {
-        "a": "AAAABBBBCCDDD",
-        "b": "AAAABBBBBBBBB",
-        "c": "BBBAAAAAAAAAA",
-    }
-    write(
-        files / "silent.csv",
-        {name: [""] * (len(modes) if some else 1) for name, modes in truth.items()},
-    )
-
-    assert main(["score", str(files / "truth.csv"), str(files / "silent.csv")]) == 0
-    printed = capsys.readouterr().out
-    assert "silent" in printed
-    assert "100.0" in printed

@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
-from agents.evaluation.registry import find_decider, find_family
+from agents.evaluation.registry import find_decider
 from agents.evaluation.task import sweep
 from agents.evaluation.tasks import task_of
 from baselines import MSPRTDecider
@@ -30,21 +30,21 @@ def few_episodes():
 )
 def test_other_endings_are_refused(name):
     with pytest.raises(ArgumentError, match="decider"):
-        find_family(name, task_of(HOME, {}).options)
+        find_decider(name, task_of(HOME, {}).options)
 
 
 def alpha_of(name, **options):
-    family, threshold = find_decider(name, task_of(HOME, options).options)
-    decider = family.make(threshold)
+    decider = find_decider(name, task_of(HOME, options).options)
+    decider = decider.at(decider.threshold)
     assert isinstance(decider, MSPRTDecider)
-    return decider.alpha
+    return decider.threshold
 
 
 def test_the_threshold_for_the_reward_depends_on_the_delay_cost():
-    told = alpha_of("msprt:auto")
-    assert told in find_family("msprt", task_of(HOME, {}).options).thresholds
+    chosen = alpha_of("msprt:auto")
+    assert chosen in find_decider("msprt", task_of(HOME, {}).options).thresholds
     # Waiting costs more.
-    assert told < alpha_of("msprt:auto", delay_cost=0.1)
+    assert chosen < alpha_of("msprt:auto", delay_cost=0.1)
 
 
 def test_a_promised_error_rate_is_held_on_other_episodes():
@@ -54,7 +54,7 @@ def test_a_promised_error_rate_is_held_on_other_episodes():
         (0.2, "student_t 3"),
     ):
         task = task_of(HOME, {"noise": noise})
-        scores = sweep(task, find_family(f"msprt:{100 * rate:g}%", task.options), 300, 0)
+        scores = sweep(task, find_decider(f"msprt:{100 * rate:g}%", task.options), 300, 0)
         error = 1.0 - float(scores.curve(task.statistic("accuracy"))[0])
         # Episodes near the rate.
         counting = 2.0 * np.sqrt(rate / 300 / 6) + 2.0 * np.sqrt(rate / 450 / 6)
@@ -73,11 +73,11 @@ def test_a_rate_that_cannot_be_held_is_told():
 def test_unknown_switches_have_a_reward_and_a_rate_of_wrong_changes():
     task = task_of("HybridTrackQuickest-v0", {"ticks": 200})
     few, many = (
-        find_family(f"threshold:{rate}/1000", task.options).make(0.0).threshold for rate in (2, 8)
+        find_decider(f"threshold:{rate}/1000", task.options).at(0.0).threshold for rate in (2, 8)
     )
 
     assert 0.5 < many < few < 1.0
-    family = find_family("threshold:auto", task.options)
-    assert family.make(0.0).threshold in find_family("threshold", task.options).thresholds
+    decider = find_decider("threshold:auto", task.options)
+    assert decider.at(0.0).threshold in find_decider("threshold", task.options).thresholds
     with pytest.raises(ArgumentError, match="2/1000"):
-        find_family("threshold:2%", task.options)
+        find_decider("threshold:2%", task.options)

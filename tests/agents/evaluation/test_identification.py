@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from agents.evaluation.curves import Selected
-from agents.evaluation.task import gather
+from agents.evaluation.curves import panels
+from agents.evaluation.task import Selected, gather
 from agents.evaluation.tasks import task_of
-from baselines.rules.decider import DeciderFamily
+from baselines.rules.threshold import ThresholdDecider
 from baselines.scoring.statements import IDENTIFICATION, Statements
 
 
@@ -16,11 +16,11 @@ def test_a_wrong_radius_names_the_type_only():
     stated = np.repeat([0, 2, 3, 0], 10)[:, None]
     late = np.roll(stated, 4, axis=0)
     late[:4] = 0
-    families = DeciderFamily("x", "p", (0.1, 0.2), 0.1, lambda threshold: None)
-    found = [[task.measured(Statements(true, one))] for one in (stated, late)]
-    scores = gather(task, families, families.thresholds, found)
+    decider = ThresholdDecider().changed(title="x", thresholds=(0.1, 0.2))
+    recorded = [[task.measured(Statements(true, statements))] for statements in (stated, late)]
+    scores = gather(task, decider, decider.thresholds, recorded)
     figures = {
-        word: {name: scores.curve(one) for name, one in of.items()}
+        word: {name: scores.curve(statistic) for name, statistic in of.items()}
         for word, of in IDENTIFICATION.items()
     }
 
@@ -31,16 +31,10 @@ def test_a_wrong_radius_names_the_type_only():
         scores.extra["named_within"][1, :, 3:5],
         [[0.0, 1.0], [0.0, 2 / 3]],
     )
-    panels = task.panels({"x": [Selected(scores, 1)]})
+    shown = panels(task, {"x": [Selected(scores, 1)]})
     np.testing.assert_allclose(
-        panels[3].curves[0].y[3:5],
+        shown[3].curves[0].y[3:5],
         [0.0, 200 / 3],
     )
-    (table,) = task.further_tables([scores.at(1)], {})
-    assert [column._cells[0].split("\n")[0] for column in table.columns] == [
-        "x",
-        "100.0",
-        "4.0",
-        "66.7",
-        "4.0",
-    ]
+    values = [scores.estimate(metric.statistic, 1).value for metric in task.further]
+    np.testing.assert_allclose(values, [1.0, 4.0, 2 / 3, 4.0])

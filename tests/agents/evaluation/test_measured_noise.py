@@ -13,13 +13,6 @@ WALKER = {
     "process_variance": 0.01,
     "tau": 1.0,
 }
-AIRCRAFT = {
-    "speed": 200.0,
-    "radii": (5000.0,),
-    "measurement_variance": 100.0,
-    "process_variance": 0.1,
-    "tau": 4.0,
-}
 SHIP = {
     "speed": 8.0,
     "radii": (400.0, 900.0),
@@ -37,12 +30,9 @@ def law_of(env_id=THREE, **options):
     ("env_id", "options"),
     [
         (THREE, {}),
-        (THREE, {"missed": 0.2}),
         (THREE, WALKER),
-        (BANK, {}),
-        (QUICKEST, {}),
+        (BANK, {"missed": 0.2}),
         (QUICKEST, SHIP),
-        (QUICKEST, AIRCRAFT),
     ],
 )
 def test_normal_noise_is_found_to_be_normal_at_any_scale(env_id, options):
@@ -50,37 +40,22 @@ def test_normal_noise_is_found_to_be_normal_at_any_scale(env_id, options):
 
 
 def test_the_laws_are_told_apart_and_their_numbers_found():
-    found = law_of(noise="outliers 0.05 8")
-    assert isinstance(found, OutlierNoise)
+    law = law_of(noise="outliers 0.05 8")
+    assert isinstance(law, OutlierNoise)
     # 25,000 measurements, more than 1,000 outliers.
-    assert found.share == pytest.approx(0.05, rel=0.3)
-    assert found.ratio == pytest.approx(8.0, rel=0.2)
-    found = law_of(QUICKEST, noise="student_t 3", **SHIP)
-    assert isinstance(found, StudentNoise)
-    assert found.freedom == pytest.approx(3.0, rel=0.15)
-    found = law_of(noise="levy 1.5 0.7 100")
-    assert isinstance(found, LevyNoise)
-    assert found.index == pytest.approx(1.5, rel=0.1)
-    assert found.scale == pytest.approx(0.7, rel=0.1)
-
-
-def test_rare_and_large_outliers_are_found():
-    found = law_of(noise="outliers 0.01 200")
-    assert isinstance(found, OutlierNoise)
-    assert found.share == pytest.approx(0.01, rel=0.3)
-    assert found.ratio == pytest.approx(200.0, rel=0.3)
+    assert law.share == pytest.approx(0.05, rel=0.3)
+    assert law.ratio == pytest.approx(8.0, rel=0.2)
+    law = law_of(QUICKEST, noise="student_t 3", **SHIP)
+    assert isinstance(law, StudentNoise)
+    assert law.freedom == pytest.approx(3.0, rel=0.15)
+    law = law_of(noise="levy 1.5 0.7 100")
+    assert isinstance(law, LevyNoise)
+    assert law.index == pytest.approx(1.5, rel=0.1)
+    assert law.scale == pytest.approx(0.7, rel=0.1)
 
 
 def test_too_few_measurements_count_as_normal():
     assert isinstance(law_of(noise="levy 1.2", missed=0.95), GaussianNoise)
-
-
-def test_differences_are_those_within_an_episode():
-    assert not measured_noise._histogram(
-        task_of(QUICKEST, {"ticks": 2}).options,
-        "gaussian",
-        0,
-    ).any()
 
 
 def test_the_true_law_is_not_read(monkeypatch):

@@ -1,61 +1,92 @@
-"""Deciders by name, for both kinds of switches."""
+"""The contract of every decider that is found by its name, for both kinds of switches."""
+
+import pickle
 
 import numpy as np
 import pytest
 
 from agents.evaluation.registry import (
-    SHIPPED,
     find_decider,
-    find_family,
     load_decider,
     policy_folder,
     shipped_names,
 )
-from baselines import record_statements
 from baselines.rules import refiltering
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
-from hybrid_env import ArgumentError, HybridTrackVectorEnv, WorldOptions
+from baselines.rules.rollout import rollout
+from hybrid_env import (
+    ArgumentError,
+    HybridTrackQuickestVectorEnv,
+    HybridTrackVectorEnv,
+    WorldOptions,
+)
 from hybrid_env.quickest_options import QuickestOptions
 
 OPTIONS = {
     ANNOUNCED: WorldOptions(scheme="random 2x20-25"),
     UNKNOWN: QuickestOptions(ticks=40, durations="uniform 10-20"),
 }
+KINDS = {ANNOUNCED: HybridTrackVectorEnv, UNKNOWN: HybridTrackQuickestVectorEnv}
+EVERY = [
+    (task, name) for task in OPTIONS for name in dict.fromkeys((*rules(task), *shipped_names(task)))
+]
+TRACKS, STEPS = 4, 60
 
 
-AGENTS = [(task, name) for task in OPTIONS for name in shipped_names(task)]
-
-
-@pytest.mark.parametrize(
-    ("task", "name"),
-    [*((task, name) for task in OPTIONS for name in rules(task)), *AGENTS],
-)
-def test_every_decider_decides_at_its_default_and_can_be_made_at_every_threshold(
-    task,
-    name,
-    monkeypatch,
-):
+@pytest.fixture(autouse=True)
+def _fast_fits(monkeypatch):
     monkeypatch.setattr(refiltering, "CALIBRATION_EPISODES", 100)
-    options = OPTIONS[task]
-    family, threshold = find_decider(name, options)
 
-    assert threshold == family.default
-    assert family.default in family.thresholds
-    assert len(set(family.thresholds)) == len(family.thresholds)
-    for each in family.thresholds[:: max(1, len(family.thresholds) // 3)]:
-        family.make(each)
-    decider = family.make(threshold)
-    if task == UNKNOWN:
-        statements = record_statements(decider, 2, 5, **vars(options))
-        assert (statements.stated_modes < options.hypotheses).all()
-    elif not family.options:
-        env = HybridTrackVectorEnv(2, **vars(options))
-        rows, _ = env.reset(seed=5)
-        seen = (
-            rows if getattr(decider, "observes", "rows") == "rows" else decider.observe(env.world)
-        )
-        actions, _ = decider.predict(seen, None, np.ones(2, np.bool_))
-        assert (actions <= options.hypotheses).all()
+
+def environment(task, decider, tracks):
+    options = vars(OPTIONS[task]) | dict(decider.options)
+    return KINDS[task](tracks, autoreset_mode="SameStep", tick_info=False, **options)
+
+
+def played(task, decider, tracks=TRACKS, seed=5):
+    """Return the actions (STEPS, N), which begin a second episode."""
+    actions = []
+    for now in rollout(environment(task, decider, tracks), decider, seed):
+        if now.step:
+            actions.append(now.actions)
+        if now.step == STEPS:
+            return np.array(actions)
+
+
+@pytest.mark.parametrize(("task", "name"), EVERY)
+def test_every_decider_decides_the_same_in_a_copy_and_for_each_track_alone(task, name):
+    decider = find_decider(name, OPTIONS[task])
+    actions = played(task, decider)
+
+    largest = OPTIONS[task].hypotheses - (task == UNKNOWN)
+    assert ((actions >= 0) & (actions <= largest)).all()
+    np.testing.assert_array_equal(played(task, pickle.loads(pickle.dumps(decider))), actions)
+    for track in range(TRACKS):
+        alone = played(task, decider, 1, 5 + track)
+        np.testing.assert_array_equal(alone[:, 0], actions[:, track])
+
+
+@pytest.mark.parametrize(("task", "name"), EVERY)
+def test_every_decider_is_found_at_its_thresholds_and_can_drop_tracks(task, name):
+    decider = find_decider(name, OPTIONS[task])
+    assert decider.threshold == decider.default in decider.thresholds
+    assert len(set(decider.thresholds)) == len(decider.thresholds)
+    first, last = decider.thresholds[0], decider.thresholds[-1]
+    if first != last:
+        assert find_decider(f"{name}:{last:.17g}", OPTIONS[task]).threshold == last
+        assert (played(task, decider.at(first)) != played(task, decider.at(last))).any()
+        with pytest.raises(ArgumentError):
+            decider.at(float("nan"))
+    env = environment(task, decider, TRACKS)
+    kept = np.arange(TRACKS) % 2 == 0
+    for now in rollout(env, decider, 5):
+        if now.step == 10:
+            state = decider.select_tracks(pickle.loads(pickle.dumps(now.state)), kept)
+            if state is not NotImplemented:
+                every = decider.predict(now.seen, now.state, now.starts)[0]
+                some = decider.predict(now.seen[kept], state, now.starts[kept])[0]
+                np.testing.assert_array_equal(some, every[kept])
+            break
 
 
 @pytest.mark.parametrize(
@@ -63,23 +94,23 @@ def test_every_decider_decides_at_its_default_and_can_be_made_at_every_threshold
     [
         *(
             (UNKNOWN, name)
-            for name in ("oracle", "", "ate", "cusum:0", "threshold:much", "threshold:nan")
+            for name in ("oracle", "", "ate", "cusum:0", "glr:0", "threshold:nan", "threshold:2")
         ),
         *(
             (ANNOUNCED, name)
             for name in ("oracle", "", "cusum", "ate:much", "ate:nan", "ate:2", "ml:0.5")
         ),
-        (UNKNOWN, "threshold:2"),
+        *((ANNOUNCED, name) for name in ("msprt:1e-14", "gap:30", "calibrated:0", "fixed:2.5")),
     ],
 )
 def test_other_names_and_thresholds_are_refused_in_one_line(task, name):
-    with pytest.raises(ArgumentError) as found:
+    with pytest.raises(ArgumentError) as refusal:
         load_decider(name, OPTIONS[task])
-    assert "\n" not in str(found.value)
+    assert "\n" not in str(refusal.value)
 
 
 @pytest.mark.parametrize("task", OPTIONS)
 def test_a_policy_for_the_other_kind_of_switches_is_refused(task):
     (other,) = set(OPTIONS) - {task}
     with pytest.raises(ArgumentError, match=r"a policy for (un)?known switch moments"):
-        find_family(str(policy_folder(SHIPPED, other)), OPTIONS[task])
+        find_decider(str(policy_folder("shipped", other)), OPTIONS[task])

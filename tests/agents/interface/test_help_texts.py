@@ -25,10 +25,6 @@ def test_an_example_is_a_command_that_parses(name, line):
     assert replace(command) == command
 
 
-def test_every_command_has_examples():
-    assert set(EXAMPLES) == {"", *COMMANDS}
-
-
 @pytest.mark.parametrize("name", COMMANDS)
 def test_help_shows_examples_and_no_none(name, capsys):
     assert main([name, "--help"]) == 0
@@ -37,11 +33,3 @@ def test_help_shows_examples_and_no_none(name, capsys):
         assert words not in printed
     assert printed.index("examples:") > printed.index("options")
     assert all(line in printed for line in EXAMPLES[name])
-
-
-def test_the_list_of_commands_shows_the_first_paragraph_of_each(capsys):
-    assert main(["--help"]) == 0
-    printed = capsys.readouterr().out
-    assert all(f"• {name} " in printed or f" {name} " in printed for name in COMMANDS)
-    assert "minutes" not in printed
-    assert EXAMPLES[""][0] in printed

@@ -39,10 +39,10 @@ def test_a_killed_node_changes_no_byte(nodes):
     cluster, second = nodes
     workers = Workers(2, "ray")
     calls = {number: functools.partial(node_after, 0.5, number) for number in range(4)}
-    found = [result for _, result in workers.results(calls)]
+    results = [result for _, result in workers.results(calls)]
 
-    assert [number for number, _ in found] == list(range(4))
-    assert len({node for _, node in found}) == 2
+    assert [number for number, _ in results] == list(range(4))
+    assert len({node for _, node in results}) == 2
 
     study = {
         R: functools.partial(evaluate, "msprt", episodes=200, measurement_variance=R)

@@ -33,9 +33,9 @@ def test_a_run_folder_brings_the_options_of_its_environment(tmp_path):
         "options": {"durations": "geometric 9", "ticks": 50},
     }
     (tmp_path / "policy.json").write_text(json.dumps(card))
-    found = WorldArguments(ticks=60, tau=0.2).world_of(str(tmp_path))
+    world = WorldArguments(ticks=60, tau=0.2).world_of(str(tmp_path))
 
-    assert found == (
+    assert world == (
         card["environment"],
         {
             "durations": "geometric 9",

@@ -25,7 +25,7 @@ def stated_and_right(decider, env, segments, ticks=(2, 5, 10, 20, 40)):
     while decided < segments:
         posterior, state = decider.posterior(rows, state, start)
         best = posterior.argmax(1)
-        declare = 1.0 - posterior.max(1) <= decider.alpha
+        declare = 1.0 - posterior.max(1) <= decider.threshold
         tick = np.rint(Layout.of_rows(rows).read(rows, "ticks"))
         recorded = declare | np.isin(tick, ticks)
         stated.append(posterior.max(1)[recorded])

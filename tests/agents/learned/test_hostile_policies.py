@@ -31,7 +31,7 @@ from hostile_policies import (
 from stable_baselines3 import DQN, PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
-from agents.evaluation.registry import find_family
+from agents.evaluation.registry import find_decider
 from agents.interface.world_arguments import TRUST
 
 
@@ -39,9 +39,9 @@ from agents.interface.world_arguments import TRUST
 def test_a_hostile_zip_is_refused_in_one_line(kind, tmp_path):
     content, data = HOSTILE_ZIPS[kind]()
     path = write_zip(tmp_path / "model.zip", content, data, zipfile.ZIP_DEFLATED)
-    find_family(str(write_zip(tmp_path / "sound.zip", actor_weights())), OPTIONS)
+    find_decider(str(write_zip(tmp_path / "sound.zip", actor_weights())), OPTIONS)
 
-    assert accepted(lambda: refused(find_family, str(path), OPTIONS)).startswith(
+    assert accepted(lambda: refused(find_decider, str(path), OPTIONS)).startswith(
         ("decider=", "model.zip: ")
     )
 
@@ -49,8 +49,8 @@ def test_a_hostile_zip_is_refused_in_one_line(kind, tmp_path):
 @pytest.mark.parametrize("kind", SOUND_ZIPS)
 def test_weights_of_other_types_are_converted(kind, tmp_path):
     content, data = SOUND_ZIPS[kind]()
-    decider = find_family(str(write_zip(tmp_path / "model.zip", content, data)), OPTIONS).make(0.0)
-    plain = find_family(str(write_zip(tmp_path / "plain.zip", actor_weights())), OPTIONS).make(0.0)
+    decider = find_decider(str(write_zip(tmp_path / "model.zip", content, data)), OPTIONS).at(0.0)
+    plain = find_decider(str(write_zip(tmp_path / "plain.zip", actor_weights())), OPTIONS).at(0.0)
     for seen in rows(3):
         np.testing.assert_allclose(
             decider.evidence(seen),
@@ -65,7 +65,7 @@ def test_a_hostile_onnx_file_is_refused_in_one_line(kind, tmp_path):
     pytest.importorskip("onnx")
     path = write_onnx(tmp_path / "policy.onnx", **HOSTILE_ONNX[kind]())
 
-    assert accepted(lambda: refused(find_family, str(path), OPTIONS)).startswith(
+    assert accepted(lambda: refused(find_decider, str(path), OPTIONS)).startswith(
         ("decider=", "policy.onnx: ")
     )
 
@@ -77,7 +77,7 @@ def test_an_onnx_file_larger_than_the_bound_is_refused_before_it_is_parsed(tmp_p
     # A graph of empty nodes, two bytes each.
     path.write_bytes(b"\x3a\x80\x80\x80\x08" + b"\x0a\x00" * 2**23)
 
-    assert "external data" in accepted(lambda: refused(find_family, str(path), OPTIONS))
+    assert "external data" in accepted(lambda: refused(find_decider, str(path), OPTIONS))
 
 
 def test_weights_of_an_onnx_file_may_lie_beside_it_but_not_elsewhere(tmp_path):
@@ -88,7 +88,7 @@ def test_weights_of_an_onnx_file_may_lie_beside_it_but_not_elsewhere(tmp_path):
         [node("MatMul", "x w", "y")],
         {"w": network()["w"]},
     )
-    inside = find_family(str(path), OPTIONS).make(0.0)
+    inside = find_decider(str(path), OPTIONS).at(0.0)
     onnx.save(
         onnx.load(path),
         path,
@@ -96,7 +96,7 @@ def test_weights_of_an_onnx_file_may_lie_beside_it_but_not_elsewhere(tmp_path):
         location="weights.data",
         size_threshold=0,
     )
-    outside = find_family(str(path), OPTIONS).make(0.0)
+    outside = find_decider(str(path), OPTIONS).at(0.0)
     for seen in rows(2):
         np.testing.assert_array_equal(inside.evidence(seen), outside.evidence(seen))
     (tmp_path / "inner").mkdir()
@@ -104,7 +104,7 @@ def test_weights_of_an_onnx_file_may_lie_beside_it_but_not_elsewhere(tmp_path):
     model.graph.initializer[0].external_data[0].value = "../weights.data"
     other = tmp_path / "inner" / "policy.onnx"
     other.write_bytes(model.SerializeToString())
-    accepted(lambda: refused(find_family, str(other), OPTIONS))
+    accepted(lambda: refused(find_decider, str(other), OPTIONS))
 
 
 @pytest.mark.parametrize(
@@ -144,7 +144,7 @@ def test_exports_of_pytorch_are_accepted(layers, tmp_path):
             input_names=["rows"],
             dynamic_axes={"rows": {0: "N"}},
         )
-    decider = find_family(str(path), OPTIONS).make(0.0)
+    decider = find_decider(str(path), OPTIONS).at(0.0)
     for seen in rows(2):
         expected = net(torch.from_numpy(seen)).detach().numpy()
         np.testing.assert_allclose(
@@ -198,7 +198,7 @@ def test_statistics_beside_a_trusted_model_normalise_its_rows(
     (tmp_path / statistics).parent.mkdir(exist_ok=True)
     env.save(str(tmp_path / statistics))
     monkeypatch.setenv(TRUST, "1")
-    decider = find_family(str(tmp_path / name), OPTIONS).make(0.0)
+    decider = find_decider(str(tmp_path / name), OPTIONS).at(0.0)
     for seen in rows(4):
         expected, _ = model.predict(env.normalize_obs(seen), deterministic=True)
         np.testing.assert_array_equal(decider.predict(seen)[0], expected)
@@ -216,7 +216,7 @@ def test_a_model_without_its_statistics_is_warned_of(kind, trust, tmp_path, monk
         UserWarning,
         match="was trained on normalised observations.*vecnormalize.pkl",
     ):
-        find_family(str(tmp_path / "model.zip"), OPTIONS)
+        find_decider(str(tmp_path / "model.zip"), OPTIONS)
 
 
 def test_other_statistics_and_weights_that_are_not_finite_are_refused_with_trust(
@@ -229,12 +229,12 @@ def test_other_statistics_and_weights_that_are_not_finite_are_refused_with_trust
     (tmp_path / "vecnormalize.pkl").write_bytes(pickle.dumps({"mean": 0.0}))
     monkeypatch.setenv(TRUST, "1")
 
-    assert "VecNormalize" in refused(find_family, str(tmp_path / "model.zip"), OPTIONS)
+    assert "VecNormalize" in refused(find_decider, str(tmp_path / "model.zip"), OPTIONS)
     sound = copy.deepcopy(model.policy.state_dict())
     model.policy.action_net.bias.data[0] = torch.nan
     model.save(tmp_path / "model.zip")
     model.policy.load_state_dict(sound)
-    assert "finite" in refused(find_family, str(tmp_path / "model.zip"), OPTIONS)
+    assert "finite" in refused(find_decider, str(tmp_path / "model.zip"), OPTIONS)
 
 
 def test_nothing_is_unpickled_without_trust(tmp_path, trained):
@@ -245,4 +245,4 @@ def test_nothing_is_unpickled_without_trust(tmp_path, trained):
     trained("ppo")[0].save(tmp_path / "model.zip")
     (tmp_path / "vecnormalize.pkl").write_bytes(pickle.dumps(Evil()))
     with pytest.warns(UserWarning, match="--trust"):
-        find_family(str(tmp_path / "model.zip"), OPTIONS)
+        find_decider(str(tmp_path / "model.zip"), OPTIONS)

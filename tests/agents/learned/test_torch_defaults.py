@@ -9,16 +9,15 @@ import sys
 import numpy as np
 import pytest
 import torch
-from small_training import KINDS, small_run
+from small_training import small_run
 
-from agents.evaluation.registry import SHIPPED, load_decider, shipped_names
+from agents.evaluation.registry import load_decider, shipped_names
 from baselines.rules.decider import ANNOUNCED, UNKNOWN
 from baselines.rules.rollout import evaluate, record_statements
 from hybrid_env import QuickestOptions, WorldOptions
 
 DEFAULTS = {
     "float64": torch.float64,
-    "bfloat16": torch.bfloat16,
     "meta": torch.device("meta"),
 }
 AGENTS = [(name, task) for task in (ANNOUNCED, UNKNOWN) for name in shipped_names(task)]
@@ -63,7 +62,7 @@ def test_shipped_agents_decide_the_same(agent, set_default):
     np.testing.assert_array_equal(results(*agent), expected)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ["ppo", "anchor", "stopping", "statements"])
 @pytest.mark.usefixtures("restored")
 def test_a_step_of_training_gives_the_same_weights(kind):
     weights = []
@@ -79,14 +78,6 @@ def test_a_step_of_training_gives_the_same_weights(kind):
     for name, expected in weights[0].items():
         assert weights[1][name].device.type == "cpu"
         assert torch.equal(weights[1][name], expected)
-
-
-def test_the_defaults_of_the_program_stay_as_they_are(set_default):
-    set_default()
-    before = torch.get_default_dtype(), torch.get_default_device()
-    results(SHIPPED, ANNOUNCED)
-
-    assert (torch.get_default_dtype(), torch.get_default_device()) == before
 
 
 def test_modules_can_be_imported_after_the_defaults_have_changed():

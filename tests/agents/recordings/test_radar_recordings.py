@@ -8,8 +8,7 @@ import pytest
 from agents import track_recording
 from agents.commands.track import Track
 from baselines import read_recordings
-from hybrid_env import ArgumentError, Radar
-from hybrid_env.sensors import parse_sensors
+from hybrid_env import Radar
 
 RADAR = Radar(
     range_deviation=30.0,
@@ -56,10 +55,10 @@ def write(path, rows, names):
 
 @pytest.mark.parametrize("decider", ["threshold", "beam"])
 def test_modes_and_radius_are_found_from_a_radar_alone(polar, decider):
-    found = track_recording(TIMES, polar, radar=RADAR, decider=decider)
-    assert (found.modes == TRUE).mean() > 0.9
-    assert found.model.radii[0] == pytest.approx(RADIUS, rel=0.05)
-    assert found.warnings == []
+    tracked = track_recording(TIMES, polar, radar=RADAR, decider=decider)
+    assert (tracked.modes == TRUE).mean() > 0.9
+    assert tracked.model.radii[0] == pytest.approx(RADIUS, rel=0.05)
+    assert tracked.warnings == []
     known = track_recording(TIMES, polar, radar=RADAR, lengths=(40,), radii=(RADIUS,))
     assert known.pieces[:, 2].tolist() == [0, 1, 0, 2, 0]
     # Range and bearing alone tell less.
@@ -99,73 +98,3 @@ def test_degrees_from_north_and_radians_from_the_x_axis_are_the_same(polar, tmp_
         )
         < 500.0
     )
-
-
-def test_what_does_not_fit_a_radar_is_refused(polar, tmp_path):
-    plain = write(tmp_path / "a.csv", polar[:, :2], "time,x,y")
-    with pytest.raises(ArgumentError, match="no columns range and bearing"):
-        read_recordings(plain, radar=RADAR)
-    without = write(tmp_path / "b.csv", polar[:, :2], "time,range,bearing")
-    with pytest.raises(ArgumentError, match="no column range_rate"):
-        read_recordings(without, radar=RADAR)
-    wrong = write(tmp_path / "c.csv", polar, "time,range,bearing,range_rate")
-    wrong.write_text(wrong.read_text().replace("\n10.0,", "\n10.0,far", 1))
-    with pytest.raises(ArgumentError, match=r"far.*a finite number .* or an empty cell"):
-        read_recordings(wrong, radar=RADAR)
-    with pytest.raises(ArgumentError, match=r"measurement_variance=1.0.*none with radar"):
-        track_recording(TIMES, polar, radar=RADAR, measurement_variance=1.0)
-    negative = polar.copy()
-    negative[5, 0] = -3.0
-    with pytest.raises(ArgumentError, match=r"positions=-3\.0"):
-        track_recording(TIMES, negative, radar=RADAR)
-    below = write(tmp_path / "d.csv", negative, "time,range,bearing,range_rate")
-    with pytest.raises(ArgumentError, match=r"line 7: range=-3.0.*from 0 to"):
-        read_recordings(below, radar=RADAR)
-    with pytest.raises(ArgumentError, match=r"positions shape=.*\(n, 3\)"):
-        track_recording(TIMES, polar[:, :2], radar=RADAR)
-
-
-@pytest.mark.parametrize("further", ["period 5", "range 2", "range 2 period 5 at 1 1"])
-def test_a_radar_of_a_recording_has_neither_period_nor_range(further, polar, tmp_path):
-    path = write(tmp_path / "a.csv", polar[:, :2], "time,range,bearing [rad]")
-    with pytest.raises(ArgumentError, match=r"radar='30 0.01 .*without period and range"):
-        Track(files=(path,), radar=f"30 0.01 {further}").run()
-    radar = parse_sensors([f"radar 30 0.01 {further}"])[0]
-    with pytest.raises(ArgumentError, match=r"radar=.*no period and no range"):
-        track_recording(TIMES, polar[:, :2], radar=radar)
-
-
-@pytest.mark.parametrize(
-    ("names", "message"),
-    [
-        ("time,range,bearing [mrad],range_rate", r"unit of bearing \[mrad\]='mrad'.*deg or rad"),
-        ("time,range,bearing_mrad,range_rate", "unit of bearing_mrad='mrad'.*deg or rad"),
-        ("time,range,bearing (mil),range_rate", "'mil'.*deg or rad"),
-        ("time,range,azimuth/gon,range_rate", "'gon'.*deg or rad"),
-        (
-            "time,range [m],bearing,range_rate [km/h]",
-            r"range_rate \[km/h\]='km/h'.*m/s, as of the range",
-        ),
-    ],
-)
-def test_other_units_of_a_radar_are_refused(names, message, polar, tmp_path):
-    with pytest.raises(ArgumentError, match=message):
-        read_recordings(write(tmp_path / "a.csv", polar, names), radar=RADAR)
-
-
-def test_a_bearing_error_that_bends_too_much_is_said(polar):
-    plain = track_recording(
-        TIMES,
-        polar[:, :2],
-        radar=Radar(range_deviation=30.0, bearing_deviation=0.015, position=RADAR.position),
-        radii=(RADIUS,),
-    )
-    bent = track_recording(
-        TIMES,
-        polar[:, :2],
-        radar=Radar(range_deviation=30.0, bearing_deviation=0.06, position=RADAR.position),
-        radii=(RADIUS,),
-    )
-
-    assert not any("bearing error" in text for text in plain.warnings)
-    assert any("bearing error is too large" in text for text in bent.warnings)

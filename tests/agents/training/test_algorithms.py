@@ -9,7 +9,7 @@ import pytest
 from small_training import SCHEME
 
 from agents.algorithms import algorithm_names, find_algorithm
-from agents.evaluation.registry import find_family
+from agents.evaluation.registry import find_decider
 from agents.training.recipe import load_recipe
 from agents.training.runs import make_run, resume_run
 from hybrid_env import ArgumentError, WorldOptions
@@ -53,13 +53,13 @@ def test_weights_name_an_algorithm_of_a_user_which_they_do_not_import(tmp_path, 
     options = WorldOptions(**SCHEME)
 
     assert type(run).__name__ == "Mine"
-    assert find_family(str(tmp_path / "run"), options).hypotheses is None
+    assert find_decider(str(tmp_path / "run"), options).hypotheses is None
     assert resume_run(tmp_path / "run").num_timesteps == run.num_timesteps
 
     monkeypatch.delitem(sys.modules, "own_algorithm")
     monkeypatch.delitem(find_algorithm.__globals__["REGISTERED"], "own_algorithm:Mine")
     for refused in (
-        lambda: find_family(str(tmp_path / "run"), options),
+        lambda: find_decider(str(tmp_path / "run"), options),
         lambda: resume_run(run.folder),
     ):
         with pytest.raises(ArgumentError, match="a2c, anchor, dqn"):

@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from agents.algorithms.statements import simulate
 from agents.learned.statement_net import StatementOutputs
 from agents.training.expected_reward import StatementBatch, change_probabilities, expected_reward
 from baselines import Statements, measure_statements
-from hybrid_env import QuickestOptions
-
-OPTIONS = {"ticks": 40, "durations": "uniform 5-20"}
 
 
 def random_outputs(ticks=4, tracks=2, M=3, seed=0):
@@ -31,7 +27,7 @@ def random_outputs(ticks=4, tracks=2, M=3, seed=0):
 def reward_of(utility, stay, true_modes, cost, last=None, weight=1.0):
     """The expected reward of outputs, with a cost and a weight for all ticks or (T, N)."""
     outputs = StatementOutputs(utility, stay, utility, torch.empty(0))
-    costs, weights = (torch.as_tensor(one).expand(true_modes.shape) for one in (cost, weight))
+    costs, weights = (torch.as_tensor(factor).expand(true_modes.shape) for factor in (cost, weight))
     return expected_reward(
         outputs,
         StatementBatch(torch.empty(0), utility, true_modes, costs, weights),
@@ -83,27 +79,3 @@ def test_the_reward_of_a_tick_has_its_weight_and_its_cost():
         whole,
         (2.0 * each[1] + each[2]) / 3.0,
     )
-
-
-def test_simulated_inputs_count_the_ticks_of_the_most_probable_mode():
-    inputs, log_probability, true_modes = simulate(QuickestOptions(**OPTIONS), 5, 0)
-    assert inputs.shape == (40, 5, 2, 26)
-    assert true_modes.shape == (40, 5)
-    assert np.isfinite(inputs).all()
-    ages = (
-        np.stack(
-            [inputs[..., 0, 6], inputs[..., 0, 14], inputs[..., 1, 14]],
-            -1,
-        )
-        * 100.0
-    )
-    for track in range(5):
-        ends = [
-            (mode, tick)
-            for mode, run in itertools.groupby(log_probability[:, track].argmax(-1))
-            for tick, _ in enumerate(run, start=1)
-        ]
-        expected = np.zeros((40, 3))
-        for row, (mode, tick) in zip(expected, ends, strict=True):
-            row[mode] = tick
-        np.testing.assert_allclose(ages[:, track], expected, rtol=1e-5)

@@ -29,8 +29,8 @@ def test_the_stable_baselines3_view_has_the_same_rows_and_rewards():
         np.testing.assert_array_equal(done, terminated)
         total += expected_rewards
         if done.all():
-            assert [one["episode"]["l"] for one in infos] == [40] * 4
-            np.testing.assert_allclose([one["episode"]["r"] for one in infos], total)
+            assert [info["episode"]["l"] for info in infos] == [40] * 4
+            np.testing.assert_allclose([info["episode"]["r"] for info in infos], total)
             np.testing.assert_array_equal(infos[2]["terminal_observation"], info["final_obs"][2])
             total[:] = 0.0
     assert set(view.state_arrays()) >= {

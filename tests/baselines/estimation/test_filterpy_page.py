@@ -16,19 +16,26 @@ def test_the_program_of_the_page_prints_its_table(capsys):
     names = {}
     exec(re.search(r"```python\n(.*?)```", text, re.DOTALL)[1], names)
 
-    assert capsys.readouterr().out == re.search(r"```text\n(.*?)```", text, re.DOTALL)[1]
+    assert (
+        capsys.readouterr().out
+        == re.search(
+            r"```text\n(.*?)```",
+            text,
+            re.DOTALL,
+        )[1]
+    )
     ours, peer = names["both"]()
     ours.predict(1.0)
     prior = ours.probabilities[0]
-    spreads = [np.sqrt(one.covariance[0, 0, 0] + 1.0) for one in ours.filters]
+    spreads = [np.sqrt(kalman.covariance[0, 0, 0] + 1.0) for kalman in ours.filters]
     measured = ours.state[0, 0] + 60.0 * spreads[1]
     expected = [
-        norm.logpdf(measured, one.state[0, 0], s)
-        for one, s in zip(ours.filters, spreads, strict=True)
+        norm.logpdf(measured, kalman.state[0, 0], s)
+        for kalman, s in zip(ours.filters, spreads, strict=True)
     ]
     ours.update([[measured]])
-    found = np.diff(np.log(ours.probabilities[0]) - np.log(prior))
-    np.testing.assert_allclose(found, np.diff(expected), rtol=1e-9)
+    ratios = np.diff(np.log(ours.probabilities[0]) - np.log(prior))
+    np.testing.assert_allclose(ratios, np.diff(expected), rtol=1e-9)
     peer.predict()
     peer.update(np.array([[measured]]))
     # Filterpy has lost the measurement.

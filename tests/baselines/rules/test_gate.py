@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from baselines import MSPRTDecider, OnlineTracker, ThresholdDecider
-from baselines.rules.start import PATIENCE
 from hybrid_env import HybridTrackQuickestEnv, QuickestOptions, WorldOptions
 
 SCALES = {
@@ -50,12 +49,12 @@ def measured(options, seed):
     """Measurements of an episode, (T, 2)."""
     env = HybridTrackQuickestEnv(**vars(options))
     _, info = env.reset(seed=seed)
-    found = []
+    points = []
     done = False
     while not done:
-        found.append(info["measurement"])
+        points.append(info["measurement"])
         _, _, done, _, info = env.step(0)
-    return np.array(found)
+    return np.array(points)
 
 
 def disturbed(points, kind, size, seed):
@@ -72,24 +71,30 @@ def disturbed(points, kind, size, seed):
 
 @pytest.mark.parametrize("scale", SCALES)
 @pytest.mark.parametrize("kind", ERRORS)
-@pytest.mark.parametrize("size", [30.0, 1e4, 2e7])
+@pytest.mark.parametrize("size", [30.0, 2e7])
 def test_a_track_is_found_again_within_50_ticks(scale, kind, size):
     options = QuickestOptions(ticks=200, **SCALES[scale])
     deviation = np.sqrt(options.variances[0])
     points = measured(options, 3)
     errors = disturbed(points, kind, size * deviation, 4)
     trackers = [OnlineTracker(options, ThresholdDecider(0.6)) for _ in range(2)]
-    found, expected = (
-        [one.update(z) for z in rows]
-        for one, rows in zip(trackers, (points + errors, points), strict=True)
+    with_errors, expected = (
+        [tracker.update(z) for z in rows]
+        for tracker, rows in zip(
+            trackers,
+            (points + errors, points),
+            strict=True,
+        )
     )
 
-    assert not found[DISTURBED].agrees
+    assert not with_errors[DISTURBED].agrees
     assert all(
-        now.agrees for now in found[:DISTURBED] + found[DISTURBED + ERRORS[kind] + PATIENCE + 1 :]
+        now.agrees
+        for now in with_errors[:DISTURBED]
+        + with_errors[DISTURBED + ERRORS[kind] + OnlineTracker.patience + 1 :]
     )
-    pairs = zip(found, expected, strict=True)
-    moved = np.array([one.estimate[::2] - other.estimate[::2] for one, other in pairs])
+    pairs = zip(with_errors, expected, strict=True)
+    moved = np.array([estimate.estimate[::2] - other.estimate[::2] for estimate, other in pairs])
     if kind == "jump":
         moved -= errors
     distances = np.hypot(*moved.T)[DISTURBED + ERRORS[kind] % 500 + 50 :]
@@ -102,7 +107,15 @@ def test_a_track_with_announced_switches_is_found_again(kind):
     truth = np.column_stack([0.2 * np.arange(300.0), np.zeros(300)])
     errors = disturbed(truth, kind, 1e5, 4)
     tracker = OnlineTracker(WorldOptions(), MSPRTDecider(0.02))
-    for k, point in enumerate(truth + errors + generator.normal(0.0, np.sqrt(0.1), truth.shape)):
+    for k, point in enumerate(
+        truth
+        + errors
+        + generator.normal(
+            0.0,
+            np.sqrt(0.1),
+            truth.shape,
+        )
+    ):
         if k in (50, 150):
             tracker.switch(100)
         now = tracker.update(point)

@@ -20,7 +20,12 @@ RADII = (3.0, 5.0, 9.0)
 
 @pytest.mark.parametrize("rule", ["posterior", "type", "gap"])
 def test_rules_decide_as_posteriors_from_log_likelihoods(rule):
-    env = HybridTrackVectorEnv(64, tick_info=True, radii=RADII, correctness="type")
+    env = HybridTrackVectorEnv(
+        64,
+        tick_info=True,
+        radii=RADII,
+        correctness="type",
+    )
     rows, info = env.reset(seed=3)
     kind = np.array([0, 1, 1, 1, 2, 2, 2])
     declared = 0
@@ -46,7 +51,14 @@ def test_rules_decide_as_posteriors_from_log_likelihoods(rule):
             expected = np.where(of_type, posterior, -1.0).argmax(-1) + 1
         actions, _ = decider.predict(rows)
         # Rows are float32, so that a value exactly at the threshold could differ; none does.
-        np.testing.assert_array_equal(actions, np.where(decides, expected, 0))
+        np.testing.assert_array_equal(
+            actions,
+            np.where(
+                decides,
+                expected,
+                0,
+            ),
+        )
         declared += np.count_nonzero(actions)
         rows, _, _, _, info = env.step(actions)
 

@@ -21,7 +21,11 @@ TRACKS = 12
 
 def run(decider, episodes=1):
     """Return rows (T, N, width) and statements (T, N) of a decider that keeps its state."""
-    env = HybridTrackQuickestVectorEnv(TRACKS, autoreset_mode="SameStep", **OPTIONS)
+    env = HybridTrackQuickestVectorEnv(
+        TRACKS,
+        autoreset_mode="SameStep",
+        **OPTIONS,
+    )
     rows, _ = env.reset(seed=3)
     state = None
     seen = []

@@ -15,7 +15,7 @@ from baselines import (
     SPRTDecider,
     ThresholdDecider,
 )
-from baselines.rules.refiltering import CalibratedAnchorDecider, KeptCovarianceDecider
+from baselines.rules.refiltering import RefilteringDecider
 from hybrid_env import QuickestOptions, WorldOptions
 
 NEVER = FixedTimeDecider(1000)
@@ -85,8 +85,8 @@ def test_recalculated_and_refined_estimates(name, bank, refined):
 DECIDERS = {
     "sprt": lambda world: SPRTDecider(),
     "gap": lambda world: GapDecider(),
-    "kept": KeptCovarianceDecider,
-    "calibrated": lambda world: CalibratedAnchorDecider(world, None),
+    "kept": lambda world: RefilteringDecider(world, bank="published", prior=None),
+    "calibrated": lambda world: RefilteringDecider(world, prior=None),
 }
 
 

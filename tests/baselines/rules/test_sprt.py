@@ -21,7 +21,13 @@ def test_thresholds_are_those_of_wald():
 
 def decide(ratios, reference=0, running=None):
     running = np.ones(len(ratios), bool) if running is None else running
-    return sprt_test(np.array(ratios, float), running, reference, A, B), running.tolist()
+    return sprt_test(
+        np.array(ratios, float),
+        running,
+        reference,
+        A,
+        B,
+    ), running.tolist()
 
 
 @pytest.mark.parametrize(

@@ -47,13 +47,30 @@ def test_the_covariance_is_that_of_the_errors_on_straight_tracks(ticks):
         tau=0.4,
     )
     ticks = np.array(ticks)
-    points, truth = straight_measurements(options, ticks, np.random.default_rng(len(ticks)))
+    points, truth = straight_measurements(
+        options,
+        ticks,
+        np.random.default_rng(len(ticks)),
+    )
     noises = np.tile(unit_noise(options), (len(ticks), 1))
-    found = [line_estimate(ticks, one, noises, options) for one in points]
-    errors = np.array([estimate for estimate, _ in found]) - truth
-    covariance = found[0][1]
+    estimates = [
+        line_estimate(
+            ticks,
+            drawn,
+            noises,
+            options,
+        )
+        for drawn in points
+    ]
+    errors = np.array([estimate for estimate, _ in estimates]) - truth
+    covariance = estimates[0][1]
     # The quadratic form of normal errors with 4 components has mean 4 and variance 8.
-    quadratic = np.einsum("ni,ij,nj->n", errors, np.linalg.inv(covariance), errors)
+    quadratic = np.einsum(
+        "ni,ij,nj->n",
+        errors,
+        np.linalg.inv(covariance),
+        errors,
+    )
 
     assert abs(quadratic.mean() - 4.0) < 4.0 * np.sqrt(8.0 / SIZE)
     # The elements of the sample covariance deviate by sqrt((1 + r^2) / n) of the standard
@@ -87,7 +104,11 @@ def test_a_track_soon_is_as_good_as_one_that_begins_with_the_estimate_of_the_env
     options = QuickestOptions(start="random", ticks=120, **COMMON[name])
     agree = []
     for seed in range(12):
-        env = HybridTrackQuickestVectorEnv(1, tick_info=True, **vars(options))
+        env = HybridTrackQuickestVectorEnv(
+            1,
+            tick_info=True,
+            **vars(options),
+        )
         rows, info = env.reset(seed=seed)
         tracker = OnlineTracker(options, ThresholdDecider())
         decider = ThresholdDecider()

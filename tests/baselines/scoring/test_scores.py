@@ -5,10 +5,17 @@ import pytest
 from scipy import stats
 
 from baselines.scoring.estimates import confidence_interval
-from baselines.scoring.scores import NOT_REACHED, Scores, at_level, interpolated, mean, ratio
+from baselines.scoring.scores import NOT_REACHED, Scores, at_level, interpolated, mean
 
 SHARE = mean("right", share=True)
-TIME_AT = {level: at_level("right", level, mean("ticks")) for level in (0.4, 0.95, 0.99)}
+TIME_AT = {
+    level: at_level(
+        "right",
+        level,
+        mean("ticks"),
+    )
+    for level in (0.4, 0.95, 0.99)
+}
 
 
 def scores(right, ticks, episodes=50):
@@ -30,7 +37,16 @@ def test_levels_are_interpolated_linearly():
     line = scores([0.5, 0.9, 1.0], [10, 20, 40])
     assert line.estimate(TIME_AT[0.95]).value == pytest.approx(30.0)
     assert line.estimate(TIME_AT[0.4]).value == pytest.approx(10.0)
-    at_time = [line.estimate(interpolated("ticks", ticks, "right")).value for ticks in (15.0, 99.0)]
+    at_time = [
+        line.estimate(
+            interpolated(
+                "ticks",
+                ticks,
+                "right",
+            )
+        ).value
+        for ticks in (15.0, 99.0)
+    ]
     assert at_time == pytest.approx([0.7, 1.0])
     falling = at_level("right", 0.8, mean("ticks"), falling=True)
     assert scores([1.0, 0.9, 0.5], [10, 20, 40]).estimate(falling).value == pytest.approx(25.0)
@@ -54,26 +70,15 @@ def test_a_level_that_is_not_reached_is_infinite_and_null_in_json():
         assert np.isinf(pair[0].ratio(pair[1], TIME_AT[0.99]).value)
 
 
-def test_a_quotient_of_nothing_is_undefined():
-    never = Scores(
-        "x",
-        "k",
-        (0.0,),
-        ("delay", "switches"),
-        np.zeros((5, 2, 1)),
-    )
-    assert np.isnan(never.estimate(ratio("delay", "switches")).value)
-
-
 def test_ratios_and_differences_are_those_of_the_figures():
     line = scores([0.5, 0.9, 1.0], [10, 20, 40])
     other = scores([0.9, 1.0], [8, 10])
 
     assert other.ratio(line, TIME_AT[0.95]).value == pytest.approx(9.0 / 30.0)
     assert other.difference(line, SHARE, 0, 2).value == pytest.approx(-0.1)
-    one = line.at(1)
-    assert one.thresholds == (1.0,)
-    assert one.estimate(SHARE) == line.estimate(SHARE, 1)
+    single = line.at(1)
+    assert single.thresholds == (1.0,)
+    assert single.estimate(SHARE) == line.estimate(SHARE, 1)
     assert line.some([0, 3]).episodes == 2
 
 
@@ -96,8 +101,8 @@ def test_the_interval_of_equal_shares_is_wilsons(share):
     # Wilson's interval of 0 of n is (0, z^2 / (n + z^2))
     width = z**2 / (episodes + z**2)
     expected = (0.0, width) if share == 0.0 else (1.0 - width, 1.0)
-    found = scores([share], [1.0], episodes).estimate(SHARE)
+    estimate = scores([share], [1.0], episodes).estimate(SHARE)
 
-    assert (found.value, found.low, found.high) == pytest.approx((share, *expected))
+    assert (estimate.value, estimate.low, estimate.high) == pytest.approx((share, *expected))
     ticks = scores([share], [1.0], episodes).estimate(mean("ticks"))
     assert (ticks.low, ticks.high) == (1.0, 1.0)

@@ -141,10 +141,10 @@ def test_rows_and_rewards_with_unknown_switch_moments_have_the_recorded_digest(o
     env = HybridTrackQuickestVectorEnv(9, **options)
     generator = np.random.default_rng(7)
     rows, _ = env.reset(seed=11)
-    found = hashlib.sha256(rows.tobytes())
+    sums = hashlib.sha256(rows.tobytes())
     for _ in range(1300):
         rows, rewards, *_ = env.step(generator.integers(0, env.single_action_space.n, 9))
-        found.update(rows.tobytes())
-        found.update(rewards.tobytes())
+        sums.update(rows.tobytes())
+        sums.update(rewards.tobytes())
 
-    assert found.hexdigest() == digest
+    assert sums.hexdigest() == digest

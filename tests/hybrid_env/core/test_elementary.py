@@ -8,9 +8,9 @@ from hybrid_env.core.compilation import compiled
 from hybrid_env.core.elementary import exp, log, sine_cosine
 
 
-def units(found, expected):
+def units(values, expected):
     """Return the maximum error in units in the last place."""
-    return np.max(np.abs(found - expected) / np.spacing(np.abs(expected)))
+    return np.max(np.abs(values - expected) / np.spacing(np.abs(expected)))
 
 
 def test_the_logarithm_is_accurate_to_two_units_in_the_last_place():
@@ -31,18 +31,32 @@ def test_the_logarithm_is_accurate_to_two_units_in_the_last_place():
 
 def test_the_exponential_is_accurate_to_two_units_in_the_last_place():
     x = np.concatenate(
-        [np.random.default_rng(2).uniform(-700, 700, 50_000), np.linspace(-1, 1, 25_001)]
+        [
+            np.random.default_rng(2).uniform(
+                -700,
+                700,
+                50_000,
+            ),
+            np.linspace(-1, 1, 25_001),
+        ]
     )
     assert units(compiled(lambda x: np.array([exp(v) for v in x]))(x), np.exp(x)) <= 2
 
 
 def test_sine_and_cosine_are_accurate_for_large_angles():
     x = np.concatenate(
-        [np.random.default_rng(3).uniform(-1000, 1000, 50_000), np.linspace(-7, 7, 25_001)]
+        [
+            np.random.default_rng(3).uniform(
+                -1000,
+                1000,
+                50_000,
+            ),
+            np.linspace(-7, 7, 25_001),
+        ]
     )
-    found = np.array(compiled(lambda x: [sine_cosine(v) for v in x])(x))
+    pairs = np.array(compiled(lambda x: [sine_cosine(v) for v in x])(x))
     for k, function in enumerate((np.sin, np.cos)):
-        assert np.all(np.abs(found[:, k] - function(x)) < 3e-16 * (1 + np.abs(x)))
+        assert np.all(np.abs(pairs[:, k] - function(x)) < 3e-16 * (1 + np.abs(x)))
 
     assert sine_cosine(0.0) == (0.0, 1.0)
     assert math.isclose(sine_cosine(math.pi / 6)[0], 0.5, rel_tol=1e-15)

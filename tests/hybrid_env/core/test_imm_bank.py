@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from hybrid_env import HybridTrackQuickestEnv, HybridTrackQuickestVectorEnv, QuickestOptions
-from hybrid_env.core.records import LANES
-from hybrid_env.live import OnlineTrack
+from hybrid_env.core.memory import LANES
+from hybrid_env.live import LiveTracks
 
 
 def test_probabilities_equal_enumeration_where_mixing_is_exact():
@@ -43,20 +43,16 @@ def test_probabilities_equal_enumeration_where_mixing_is_exact():
 
 @pytest.mark.parametrize("sigmas", [100.0, 1e5])
 def test_probabilities_and_estimates_are_finite_after_outliers(sigmas):
-    world = OnlineTrack(QuickestOptions())
-    world.begin_track(
-        np.array([0.0, 2.0, 0.0, 0.0]),
-        0.02 * np.eye(4),
-        -1,
-    )
+    track = LiveTracks(QuickestOptions())
+    track.begin(np.array([0.0, 2.0, 0.0, 0.0]), 0.02 * np.eye(4))
     generator = np.random.default_rng(0)
     for k in range(200):
         scale = sigmas if k % 10 == 5 else 1.0
-        world.measure(*generator.normal(0, scale * math.sqrt(0.1), 2))
-        assert np.isfinite(world.bank.hypotheses["log_probability"]).all()
-        np.testing.assert_allclose(world.probabilities().sum(), 1, rtol=1e-12)
-        assert np.isfinite(world.estimate()).all()
-        assert (np.diag(world.covariance()) > 0).all()
+        track.measure(generator.normal(0, scale * math.sqrt(0.1), 2))
+        assert np.isfinite(track.world.bank.hypotheses["log_probability"]).all()
+        np.testing.assert_allclose(track.probabilities().sum(), 1, rtol=1e-12)
+        assert np.isfinite(track.estimate()).all()
+        assert (np.diag(track.covariance()) > 0).all()
 
 
 EXTREME = [

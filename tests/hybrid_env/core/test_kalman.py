@@ -17,6 +17,10 @@ def test_a_covariance_much_larger_than_the_noise_stays_positive_semidefinite(tau
             predicted = predict_covariance(covariance, *coefficients, 0.0)
             Sigma = predicted[0] + R
             assert Sigma >= R * (1 - 1e-9)
-            covariance = correct_covariance(predicted, *kalman_gain(predicted, Sigma), R)
+            covariance = correct_covariance(
+                predicted,
+                *kalman_gain(predicted, Sigma),
+                R,
+            )
             assert covariance[0] >= 0.0
             assert covariance[2] >= 0.0

@@ -4,8 +4,8 @@ import numpy as np
 from scipy import stats
 
 from hybrid_env.core.compilation import compiled
+from hybrid_env.core.memory import LANES
 from hybrid_env.core.noise import integer_below, next_uint64, uniform
-from hybrid_env.core.records import LANES
 
 
 @compiled

@@ -29,58 +29,32 @@ PARQUET, ZIPPED = FRAME.to_parquet(), gzip.compress(ROWS.encode(), mtime=0)
 
 
 @pytest.mark.parametrize(
-    ("content", "parts"),
+    ("content", "message"),
     [
-        ("", ["not an empty file"]),
-        ("\n \n,,\n", ["not an empty file"]),
-        ("# only a comment\n", ["not an empty file"]),
-        ("x,y\n", ["line 1", "'x,y'", "rows of numbers"]),
-        ("x,y\n1,2\n1\n", ["line 3", "'1'", "2 cells between ',', not 1"]),
-        ("x\ty\n1\t2\n1\t2\t3\n", ["line 3", "2 cells between tab, not 3"]),
-        ("1,2\n1,2,3\n", ["line 2", "'1,2,3'", "2 cells between ',', not 3"]),
-        ("x,y\n1,2\n\n1,2\n", ["line 3", "blank"]),
-        ("x,y\n1,2\n1,two\n", ["line 3: y='two'", "finite number"]),
-        ("1,two\n1,2\n", ["line 1: column 2='two'", "finite number"]),
-        ("x,y\n1,2\n3,-inf\n", ["line 3: y=-inf", "finite number"]),
-        ("x,y\n1,1e300\n2,3\n", ["line 2: y=1e+300", "1e+12"]),
-        ("x,y\n1_0,1\n2,3\n", ["line 2: x='1_0'", "finite number"]),
-        ("x,y\ntrue,1\nfalse,3\n", ["line 2: x='True'", "finite number"]),
-        ("x;y\n1,5;2\n1.5;2\n", ["line 2: x='1,5'"]),
-        ("x,y\n1.500,2\n2,500,3\n", ["line 3", "2 cells between"]),
-        ("x;y\n1.234,5;2\n", ["line 2: x='1.234,5'"]),
-        ("t,x,z\n1,2,3\n", ["its columns are t, x, z", "--columns"]),
-        ("1,2,3,4\n2,3,4,5\n", ["4 columns without names", "--columns"]),
-        ("5\n6\n", ["1 columns without names", "--columns"]),
-        ("t,x,y\n3,1,2\n", ["1 measured position: expected at least two"]),
-        ("t,x,y\n3,1,2\n4,,2\n", ["1 measured position: expected at least two"]),
-        ('x,y\n1,2\n"1,2\n', ["line 3", "2 cells"]),
-        ('t,x,y,note\n1,2,3,"a\n2,3,4,b"\n3,4,5,c\n', ["a quoted cell goes over several lines"]),
-        (b"x,y\n1,2\n1,\xff\n", ["line 3: y='\xff'"]),
-        (b"x,y\n1,2\n1,\x81\n", ["line 3", "0x81", "UTF-8"]),
-        (b"\xff\xfex,y\n1", ["UTF-16"]),
-        (b"\x89PNG\r\n\x1a\n\x00\x00", ["0x1a", "text file"]),
-        (b"x,y\n1,\x002\n", ["line 2", "0x00", "text file"]),
-        (b"PK\x03\x04" + bytes(100), ["workbook", "CSV"]),
-        ("<html><body/></html>", ["GPX"]),
-        ("<gpx><trk>", ["begins as XML but is not GPX"]),
-        (ZIPPED[:-9], ["gzip", "cut off"]),
-        (ZIPPED[:40], ["gzip", "cut off"]),
-        (gzip.compress(b"", mtime=0), ["not an empty file"]),
-        (b"PAR1" + bytes(200) + b"PAR1", ["Parquet file is damaged"]),
-        (PARQUET[:-100], ["Parquet file is damaged"]),
-        ("x" * (MAX_LINE + 5), ["line 1: a line of more than"]),
-        ("x,y\n" + "," * (MAX_LINE + 5), ["line 2: a line of more than"]),
-        ("x,y\n" + "1" * 9000 + ",2\n", ["line 2: x="]),
-        ("x,y," + "n" * 9000 + "\n1,2\n", ["3 cells"]),
-        (",".join(["x"] * 4000) + "\n" + ",".join(["1"] * 4000) + "\n", ["4,000 columns"]),
-        ("\n".join(["x,y", *(["1,2"] * 20), "1,2,3" * 1000]), ["line 22"]),
+        ("", "not an empty file"),
+        ("x,y\n1,2\n1\n", "line 3.* 2 cells between ',', not 1"),
+        ("x,y\n1,2\n\n1,2\n", "line 3.* blank"),
+        ("x,y\n1,2\n1,two\n", "line 3: y='two'.* finite number"),
+        ("x,y\n1,1e300\n2,3\n", r"line 2: y=1e\+300"),
+        ("t,x,z\n1,2,3\n", "its columns are t, x, z.*--columns"),
+        ("t,x,y\n3,1,2\n", "1 measured position"),
+        ("id,t,x,y\n" + "a,1,1,1\n" * 2, "a time after"),
+        (b"x,y\n1,2\n1,\x81\n", "line 3.*UTF-8"),
+        (b"\xff\xfex,y\n1", "UTF-16"),
+        (b"x,y\n1,\x002\n", "line 2.*0x00.*text file"),
+        (b"PK\x03\x04" + bytes(100), "workbook"),
+        ("<gpx><trk>", "begins as XML but is not GPX"),
+        (b"AXXX\nHFDTE010100\n", "B records|finite|columns"),
+        (ZIPPED[:-9], "gzip.*cut off"),
+        (PARQUET[:-100], "Parquet file is damaged"),
+        ("x" * (MAX_LINE + 5), "line 1: a line of more than"),
+        (",".join(["x"] * 4000) + "\n" + ",".join(["1"] * 4000) + "\n", "4,000 columns"),
     ],
-    ids=range(43),
+    ids=range(18),
 )
-def test_a_broken_file_is_refused_in_one_short_line(read, content, parts):
-    with pytest.raises(ArgumentError, match=r"walk\.csv") as caught:
+def test_a_broken_file_is_refused_in_one_short_line(read, content, message):
+    with pytest.raises(ArgumentError, match=rf"walk\.csv.*({message})"):
         read(content)
-    assert all(part in str(caught.value) for part in parts), caught.value
     assert accepted(lambda: read(content)) is None
 
 
@@ -150,8 +124,6 @@ POINT = b'<trkpt lat="5" lon="3"/>'
 BOMBS = {
     "ratio": (gzip.compress(b"t,x,y\n" + b"1,2,3\n" * 4_000_000), "MB when decompressed"),
     "rows": (b"t,x,y\n" + b"1,2,3\n" * 3_000_000, "more than 2,500,000 rows"),
-    "rows of a Mac": (b"t,x,y\r" + b"1,2,3\r" * 3_000_000, "more than 2,500,000 rows"),
-    "blank rows": (b"t,x,y\n" + b"\n" * 3_000_000, "more than 2,500,000 rows"),
     "comments": (b"#\n" * 2_000_000, "more than 10,000 lines before the header"),
     "cells": (
         b"x,y" + b",a" * 1990 + b"\n" + (b"1,2" + b"," * 1990 + b"\n") * 26_000,
@@ -190,10 +162,9 @@ def parquet(**columns):
     return stream.getvalue().to_pybytes()
 
 
-@pytest.mark.parametrize("kind", [pa.string(), pa.large_string()])
-def test_texts_and_cells_that_a_parquet_file_repeats_are_bounded(read, kind):
+def test_texts_and_cells_that_a_parquet_file_repeats_are_bounded(read):
     rows = np.arange(13_000.0)
-    texts = pa.array(["a" * 20_000] * len(rows), kind).dictionary_encode()
+    texts = pa.array(["a" * 20_000] * len(rows), pa.string()).dictionary_encode()
     content = parquet(
         t=rows,
         x=rows,
@@ -210,23 +181,6 @@ def test_texts_and_cells_that_a_parquet_file_repeats_are_bounded(read, kind):
         match="600,000 rows of 100 columns, more than 50,000,000 cells",
     ):
         read(parquet(**{f"c{k}": zeros for k in range(100)}))
-
-
-@pytest.mark.parametrize("cell", [b"\xff", [1, 2], {"a": 1}])
-@pytest.mark.parametrize("name", ["t", "x", "id"])
-def test_columns_of_other_types_are_refused_where_they_are_needed(read, name, cell):
-    columns = {
-        "t": np.arange(9.0),
-        "x": np.arange(9.0),
-        "y": np.arange(9.0) ** 2,
-        "id": ["a"] * 9,
-    }
-    with pytest.raises(ArgumentError, match=f"type of {name}=.*expected numbers, texts or times"):
-        read(parquet(**columns | {name: pa.array([cell] * 9)}))
-    file = read(parquet(**columns, geometry=pa.array([cell] * 9)))
-
-    assert "columns of other types left out: geometry" in file.summary
-    assert len(file.recordings[0].times) == 9
 
 
 def test_what_is_not_a_regular_file_is_refused_without_waiting(tmp_path):

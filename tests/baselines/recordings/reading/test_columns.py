@@ -78,59 +78,6 @@ def test_columns_of_the_caller(read_one, frame, columns, expected):
     read_one(SAME_NAME, columns={"x": "3", "y": "4"})
 
 
-@pytest.mark.parametrize(
-    ("frame", "options", "message"),
-    [
-        (OTHER, {}, r"its columns are Zeit, Ost, Nord\): name them by --columns"),
-        (
-            FRAME,
-            {"columns": {"x": "Ost", "y": "y"}},
-            "columns='Ost'.*walk.csv, by name or number.* t, x",
-        ),
-        (FRAME, {"columns": {"x": "0", "y": "4"}}, "columns='0'"),
-        (FRAME, {"columns": {"x": "x"}}, "columns={'x': 'x'}.*x and y, or lat and lon"),
-        (FRAME, {"columns": {"z": "x"}}, "columns='z'.*time, x, y, lat, lon"),
-        (
-            FRAME.assign(timestamp=1e9),
-            {},
-            "both 't' and 'timestamp' may be time: choose by --columns",
-        ),
-        (
-            FRAME.assign(lat=T / 1e5, lon=T / 1e5),
-            {},
-            "x, y and lat, lon: choose by --col.*lat=lat lon=lon",
-        ),
-        (
-            SAME_NAME,
-            {"columns": {"x": "x", "y": "y"}},
-            r"columns='x'.*several columns have this name",
-        ),
-        (MIXED, {}, r"'x_ft' and 'y_m' have different units.*--unit"),
-        (TWO, {}, r"line 32: t='0.0'.*after 29.0.*--object"),
-        (TWO, {"object_column": "whom"}, r"object='whom'.*its columns are t, x, y, who"),
-        (
-            "t,x,y,who\n0,1,2,a\n1,2,3,\n",
-            {"object_column": "who"},
-            r"line 3: who: the cell is empty: expected an object.*--object",
-        ),
-        (
-            "t,x,y,who\n0,1,2,a\n1,2,3,a\n1,2,3,a\n",
-            {"object_column": "who"},
-            "line 4: t='1'.*after 1 of object a",
-        ),
-        (TWO_NAMED, {}, "'icao24' and 'callsign' tell objects apart.*--object"),
-        (
-            TWO.groupby("who").head(1),
-            {"object_column": "who"},
-            "no object has two measured positions",
-        ),
-    ],
-)
-def test_what_is_not_clear_is_refused_with_the_option(read, frame, options, message):
-    with pytest.raises(ArgumentError, match=message):
-        read(frame, **options)
-
-
 def test_units(read_one):
     assert read_one(FRAME).unit == "units"
     assert read_one(FRAME, unit="furlong").unit == "furlong"

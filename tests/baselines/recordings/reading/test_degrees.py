@@ -136,19 +136,3 @@ def test_metres_and_kilometres_of_what_moves_are_not_taken_for_degrees(read_one,
     )
 
     np.testing.assert_allclose(read_one(frame).positions, track)
-
-
-@pytest.mark.parametrize(
-    ("column", "value", "options", "message"),
-    [
-        ("lat", 90.5, {}, r"line 12: lat=90.5"),
-        ("lon", -361.0, {}, r"line 12: lon=-361.0"),
-        ("lat", "N 55", {}, "lat='N 55'"),
-        ("lat", 55.0, {"unit": "km"}, r"unit='km'.*latitudes and longitudes"),
-    ],
-)
-def test_degrees_out_of_range_are_refused(read, column, value, options, message):
-    frame = degrees(55.75, 37.6, 1.4)[0].astype(object)
-    frame.loc[10, column] = value
-    with pytest.raises(ArgumentError, match=message):
-        read(frame, **options)

@@ -57,15 +57,13 @@ def parquet(frame):
     return frame.to_parquet()
 
 
-@pytest.mark.parametrize("compressed", ["", ".gz"])
-@pytest.mark.parametrize("index", [False, True])
 @pytest.mark.parametrize(
-    ("ending", "separator"),
+    ("ending", "separator", "index", "compressed"),
     [
-        ("csv", ","),
-        ("tsv", "\t"),
-        ("csv", ";"),
-        ("txt", "|"),
+        ("csv", ",", True, ".gz"),
+        ("tsv", "\t", False, ""),
+        ("csv", ";", True, ""),
+        ("txt", "|", False, ".gz"),
     ],
 )
 def test_what_pandas_writes(check, ending, separator, index, compressed):
@@ -145,24 +143,8 @@ def test_times_header_and_index(check, content, options, said):
 
 
 @pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (
-            PLANE.set_index(pd.Index(TIMES)).to_csv(),
-            "column 1 is no number of the row.*--columns.* time=1 x",
-        ),
-        (FRAME.to_csv(header=False), r"4 columns without names.*--columns time=1 x=2 y=3"),
-        (parquet(FRAME.head(0)), "not an empty table"),
-    ],
-    ids=range(3),
+    ("encoding", "end"), [("utf-8-sig", "\r\n"), ("utf-16", "\n"), ("cp1252", "\r")]
 )
-def test_a_file_that_is_not_clear_or_empty_is_refused(read, content, message):
-    with pytest.raises(ArgumentError, match=message):
-        read(content)
-
-
-@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "cp1252"])
-@pytest.mark.parametrize("end", ["\r\n", "\n", "\r"])
 def test_export_of_a_spreadsheet(check, encoding, end):
     frame = FRAME.rename(
         columns={

@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 
 from baselines.recordings.recording import make_recording
-from hybrid_env.checks import ArgumentError
 
 ROWS = 40
 SECONDS = 0.25 * np.arange(ROWS)
@@ -83,58 +82,6 @@ def test_the_format_or_unit_of_the_caller(read_times):
     assert read_times(SECONDS, tau=0.2502)[0].tick == 0.25
 
 
-@pytest.mark.parametrize(
-    ("cells", "options", "message"),
-    [
-        (AMERICAN, {}, r"line 2: t='05/01/2024 .*ISO date, or --time-unit"),
-        (SECONDS, {"time_unit": "weeks"}, r"time_unit='weeks'.*one of s, "),
-        (SECONDS, {"name": "t [weeks]"}, r"walk.csv: unit of t \[weeks\]='weeks'.*--time-unit"),
-        (SECONDS, {"name": "speed", "time_unit": "s"}, r"time_unit='s'.*no times"),
-        (SECONDS, {"tau": 0.3}, r"tau=0.3.*the median step of the times, 0.25"),
-        (SECONDS, {"gap": 0}, "gap=0"),
-    ],
-)
-def test_options_that_do_not_fit_the_times(read_times, cells, options, message):
-    with pytest.raises(ArgumentError, match=message):
-        read_times(cells, **options)
-
-
-@pytest.mark.parametrize(
-    ("times", "row", "cell", "message"),
-    [
-        (SECONDS, 5, "soon", r"line 7: t='soon'.*--time-unit"),
-        (SECONDS, 5, "", r"line 7: t: the cell is empty: expected a time in every row"),
-        (SECONDS, 5, "inf", r"line 7: t='inf'"),
-        (SECONDS, 0, "-", r"line 2: t='-'"),
-        (
-            SECONDS,
-            5,
-            "0.5",
-            r"line 7: t='0.5' is not allowed: expected a time after 1.0 .*--object",
-        ),
-        (
-            SECONDS,
-            5,
-            "1.0",
-            r"line 7: t='1.0' is not allowed: expected a time after 1.0 .*--object",
-        ),
-        (DATES, 7, "2024-13-01 00:00:00", "line 9: t='2024-13-01 00:00:00'"),
-        (DATES, 7, "later", "line 9: t='later'"),
-        (DATES, 7, "NaT", "line 9: t='NaT'"),
-        (
-            FORMS["day.month.year"][0],
-            0,
-            "",
-            "line 2: t: the cell is empty: expected a time in every row",
-        ),
-    ],
-)
-def test_broken_times(read_times, times, row, cell, message):
-    cells = times.strftime("%Y-%m-%d %H:%M:%S.%f") if times is DATES else times
-    with pytest.raises(ArgumentError, match=message):
-        read_times([*map(str, cells[:row]), cell, *map(str, cells[row + 1 :])])
-
-
 def test_missing_rows_and_gaps(read, read_one):
     times = np.delete(SECONDS, [3, 4])
     times[20:] += 6.0
@@ -169,31 +116,6 @@ def test_recording_of_arrays():
     assert make_recording([3, 4, 6], np.ones((3, 2)), gap=1.5).pieces == ((0, 2), (2, 3))
 
 
-@pytest.mark.parametrize(
-    ("times", "positions", "message"),
-    [
-        ([0, 1], np.ones((2, 3)), r"positions has shape \(2, 3\)"),
-        ([0, 1], [[0, 1], [np.inf, 1]], "positions=inf"),
-        ([0, 1], [[0, 1], [np.nan, 1]], "1 measured positions"),
-        ([0, 0], np.ones((2, 2)), r"times\[1\]=0.0.*after 0"),
-        ([0, 1, 2], np.ones((2, 2)), r"times has shape \(3,\)"),
-    ],
-)
-def test_arrays_that_are_no_recording(times, positions, message):
-    with pytest.raises(ArgumentError, match=message):
-        make_recording(times, positions)
-
-
-@pytest.mark.parametrize(
-    "form",
-    ["%Y%Y", "%H %H", "%", "%Q", "%Y%", "(%Y", "%Y [", "%*", "%\\", "%G", "%Y-%V-%G-%V"],
-)
-def test_a_format_that_is_none_is_refused_in_one_line(read_times, form):
-    with pytest.raises(ArgumentError) as caught:
-        read_times(AMERICAN, time_unit=form)
-    assert "\n" not in str(caught.value)
-
-
 def clock_cells(seconds, prefix=""):
     """Times of day as numbers, 101500 for a quarter past ten."""
     start = START + pd.Timedelta("15min")
@@ -216,63 +138,3 @@ def test_times_of_day_as_numbers_are_not_taken_for_seconds(read_times, step, pre
         atol=0.01,
     )
     assert "hours, minutes and seconds (HHMMSS)" in summary
-
-
-def test_times_of_day_over_several_dates_need_a_format(read_times):
-    dates = START + pd.to_timedelta(3600.0 * np.arange(ROWS), unit="s")
-    with pytest.raises(ArgumentError, match="--time-unit with a format"):
-        read_times(dates.strftime("%Y%m%d%H%M%S"), "TIME")
-    recording, _ = read_times(dates.strftime("%Y%m%d%H%M%S"), "TIME", time_unit="%Y%m%d%H%M%S")
-
-    np.testing.assert_allclose(np.diff(recording.times), 3600.0)
-
-
-@pytest.mark.parametrize(
-    "seconds",
-    [
-        np.arange(ROWS),
-        100.0 * np.arange(ROWS),
-        7.0 + 3.0 * np.arange(ROWS),
-        np.arange(ROWS) ** 1.5,
-        59.0 * np.arange(ROWS),
-    ],
-)
-def test_seconds_stay_seconds(read_times, seconds):
-    np.testing.assert_allclose(read_times(seconds)[0].times, seconds)
-    clock = clock_cells(3.0 * np.arange(ROWS))
-    np.testing.assert_allclose(
-        read_times(clock, time_unit="s")[0].times,
-        np.array(clock, float),
-    )
-
-
-@pytest.mark.parametrize(
-    "time",
-    [
-        "01.05.2024 10:00:0{}",
-        "171455760{}",
-        "10:00:0{}",
-        "2024/05/01 10:00:0{}",
-        "May 1 2024 10:00:0{}",
-        "2024-05-01",
-        "soon",
-    ],
-)
-@pytest.mark.parametrize("wrong", [range(9), [4]])
-def test_times_of_a_gpx_file_that_cannot_be_read_are_refused(read, time, wrong):
-    times = [time.format(k) if k in wrong else f"2024-05-01T10:00:0{k}Z" for k in range(9)]
-    points = "".join(
-        f'<trkpt lat="55.00{k}" lon="3"><time>{one}</time></trkpt>' for k, one in enumerate(times)
-    )
-    with pytest.raises(ArgumentError, match=r"walk.csv: time='.*an ISO date and time"):
-        read(f'<gpx version="1.1"><trk><trkseg>{points}</trkseg></trk></gpx>')
-
-
-def test_a_gpx_file_without_times_has_ticks(read):
-    points = "".join(f'<trkpt lat="55.00{k}" lon="3"/>' for k in range(9))
-    metadata = "<metadata><time>yesterday</time></metadata>"
-
-    assert (
-        "no times: a row is a tick"
-        in read(f"<gpx>{metadata}<trk><trkseg>{points}</trkseg></trk></gpx>").summary
-    )

@@ -1,0 +1,48 @@
+"""What compiled functions outside this package are made of: decorators, memory, filter banks and
+their formulas. The only way to the compiled core from outside `hybrid_env`.
+"""
+
+from hybrid_env.core.banks import operations as operations
+from hybrid_env.core.banks.anchor_aware import begin_hypothesis as begin_hypothesis
+from hybrid_env.core.banks.anchor_aware import covariance_of as covariance_of
+from hybrid_env.core.banks.anchor_aware import sense_hypothesis as sense_hypothesis
+from hybrid_env.core.banks.bank import IDENTITY as IDENTITY
+from hybrid_env.core.banks.bank import FilterModel as FilterModel
+from hybrid_env.core.banks.bank import bank_arrays as bank_arrays
+from hybrid_env.core.banks.bank import estimate_of as estimate_of
+from hybrid_env.core.banks.bank import likeliest as likeliest
+from hybrid_env.core.banks.bank import likeliest_of_type as likeliest_of_type
+from hybrid_env.core.banks.bank import set_estimate as set_estimate
+from hybrid_env.core.banks.bank import signed_radius as signed_radius
+from hybrid_env.core.banks.imm import begin_imm as begin_imm
+from hybrid_env.core.banks.imm import correct_imm as correct_imm
+from hybrid_env.core.banks.imm import predict_imm as predict_imm
+from hybrid_env.core.banks.imm import step_imm as step_imm
+from hybrid_env.core.banks.published import begin_published as begin_published
+from hybrid_env.core.banks.published import covariance_published as covariance_published
+from hybrid_env.core.banks.published import follow_published as follow_published
+from hybrid_env.core.banks.published import step_published as step_published
+from hybrid_env.core.banks.sensing import write_measured as write_measured
+from hybrid_env.core.compilation import compiled as compiled
+from hybrid_env.core.compilation import inlined as inlined
+from hybrid_env.core.compilation import internal as internal
+from hybrid_env.core.compilation import prepare as prepare
+from hybrid_env.core.compilation import summing as summing
+from hybrid_env.core.memory import AWARE_HYPOTHESIS as AWARE_HYPOTHESIS
+from hybrid_env.core.memory import BANKS as BANKS
+from hybrid_env.core.memory import INNOVATION as INNOVATION
+from hybrid_env.core.memory import LANES as LANES
+from hybrid_env.core.memory import MEASURED as MEASURED
+from hybrid_env.core.memory import MEASURED_FIELDS as MEASURED_FIELDS
+from hybrid_env.core.memory import MOST_RATES as MOST_RATES
+from hybrid_env.core.memory import SENSOR as SENSOR
+from hybrid_env.core.memory import TRACE_COLUMNS as TRACE_COLUMNS
+from hybrid_env.core.memory import AnchorAwareBank as AnchorAwareBank
+from hybrid_env.core.memory import ImmBank as ImmBank
+from hybrid_env.core.memory import PublishedBank as PublishedBank
+from hybrid_env.core.memory import State as State
+from hybrid_env.core.memory import Triangle4 as Triangle4
+from hybrid_env.core.memory import aligned_zeros as aligned_zeros
+from hybrid_env.core.memory import lanes_of as lanes_of
+from hybrid_env.core.observation_row import LOG_FLOOR as LOG_FLOOR
+from hybrid_env.core.polar import position_noise as position_noise

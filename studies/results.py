@@ -1,0 +1,31 @@
+"""What several studies do with their calls and results: many at once, then files."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import joblib
+from matplotlib.figure import Figure
+from rich.progress import track
+
+from baselines import Estimate
+
+
+def in_parallel(calls: Sequence[Any], jobs: int, stage: str) -> list[Any]:
+    """Return the results of `joblib.delayed` calls in their order; -1 jobs are one on each core."""
+    with joblib.parallel_config(backend="loky", n_jobs=jobs, inner_max_num_threads=1):
+        results = joblib.Parallel(return_as="generator")(calls)
+        return list(track(results, stage, len(calls)))
+
+
+def save_results(path: Path, text: str, content: Any, figure: Figure | None = None) -> None:
+    """Print a text, and write it, its values and a figure, a file each: path.md, .json, .png."""
+    print(text)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.with_suffix(".md").write_text(text, encoding="utf-8")
+    values = json.dumps(content, indent=2, default=Estimate.as_json)
+    path.with_suffix(".json").write_text(values + "\n", encoding="utf-8")
+    if figure is not None:
+        figure.savefig(path.with_suffix(".png"))
+    print(f"Files: {path}.md, .json{', .png' if figure else ''}")

@@ -1,0 +1,305 @@
+"""What every registered algorithm promises: a run is reproducible, is resumed with equal results,
+and its folder holds the agent that it has trained.
+"""
+
+import functools
+import json
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import small_training
+import torch
+from small_training import KINDS, STEPS, contents, interrupted, log_often, outcome, small_run
+
+from agents.algorithms import algorithm_names
+from agents.cli import main
+from agents.evaluation.registry import learned_decider
+from agents.training.checkpoint import CHECKPOINT, read_checkpoint, write_checkpoint
+from agents.training.library import LibraryAlgorithm
+from agents.training.recipe import load_recipe
+from agents.training.run_folder import CONFIG, LOCK, METRICS, read_metrics
+from agents.training.runs import make_run, resume_run
+from baselines.rules import seeds
+from baselines.rules.rollout import evaluate, record_statements
+from hybrid_env import QuickestOptions, WorldOptions
+from hybrid_env.checks import ArgumentError
+
+ENV = "hybrid_env:HybridTrackPublished-v0"
+QUICKEST = "hybrid_env:HybridTrackQuickest-v0"
+KILLS = 20
+
+
+@pytest.fixture(autouse=True)
+def _small_evaluations(monkeypatch):
+    log_often(monkeypatch.setattr)
+    torch.set_num_threads(1)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The folder and the run of an uninterrupted training of a kind, made once."""
+
+    @functools.cache
+    def run_of(kind):
+        run = small_run(kind, tmp_path_factory.mktemp("whole") / kind)
+        run.notes = []
+        run.train(lambda now: run.notes.append(now.note))
+        return run
+
+    return run_of
+
+
+def start(kind, folder, steps, save_every=0.05):
+    """Start a training in another process; return when it begins."""
+    # -P, because the folder of the script has a subfolder named as the package `agents`.
+    line = [sys.executable, "-P", small_training.__file__, kind, folder, steps, save_every]
+    process = subprocess.Popen([*map(str, line)], stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "training\n"
+    return process
+
+
+def kill(process):
+    process.kill()
+    process.wait()
+    process.stdout.close()
+
+
+def test_every_algorithm_of_the_package_is_tested():
+    assert {load_recipe(KINDS[kind][0], ENV).algo for kind in KINDS} == set(algorithm_names())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_resumed_run_equals_an_uninterrupted_one(kind, whole, tmp_path):
+    folder = interrupted(kind, tmp_path / "run", STEPS // 2 + 1)
+    torch.manual_seed(0)
+    np.random.seed(0)  # noqa: NPY002
+    resume_run(folder).train(save_every=1000.0)
+
+    assert outcome(folder) == outcome(whole(kind).folder)
+    steps = [row["step"] for row in read_metrics(folder) if "evaluation/reward" in row]
+    assert len(steps) == len(set(steps)) >= 2
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_run_folder_has_card_metrics_and_an_equivalent_decider(kind, whole):
+    run = whole(kind)
+    folder = run.folder
+    card = json.loads((folder / "policy.json").read_text())
+    recipe, env, options, _ = KINDS[kind]
+
+    assert card["environment"] == f"hybrid_env:{env}"
+    assert (card["options"], card["recipe"]["name"], card["seed"]) == (options, recipe, 3)
+    assert ("per tick" in run.notes[-1]) == ("Quickest" in env)
+    rows = read_metrics(folder)
+    assert [row["step"] for row in rows if "evaluation/reward" in row][-1] == run.num_timesteps
+    assert any("events.out.tfevents" in path.name for path in folder.iterdir()) == (
+        isinstance(run, LibraryAlgorithm)
+    )
+    world = (QuickestOptions if "Quickest" in env else WorldOptions)(**options)
+    decider = learned_decider(folder, world)
+    loaded, trained = decider, run.agent("")
+    if "Quickest" in env:
+        recorded = [record_statements(each, 3, 3, **options) for each in (loaded, trained)]
+        np.testing.assert_array_equal(*(each.stated_modes for each in recorded))
+    else:
+        np.testing.assert_array_equal(
+            *(evaluate(each, ENV, 3, 1, **options).ticks for each in (loaded, trained))
+        )
+    other = QuickestOptions() if world.switches == WorldOptions().switches else WorldOptions()
+    with pytest.raises(ArgumentError, match="a policy for"):
+        learned_decider(folder, other)
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_run_killed_at_random_moments_equals_an_uninterrupted_one(kind, tmp_path):
+    steps = 5 * STEPS
+    output, _ = start(kind, tmp_path / "whole", steps).communicate()
+    rollouts = len(output.splitlines())
+    generator = np.random.default_rng(17)
+    resumed = 0
+    for k, rollout in enumerate([0, *generator.integers(rollouts, size=KILLS - 1)]):
+        folder = tmp_path / str(k)
+        process = start(kind, folder, steps)
+        for _ in range(rollout):
+            process.stdout.readline()
+        # About one rollout, update and checkpoint.
+        time.sleep(0.1 * generator.random() * (k > 0))
+        kill(process)
+        resumed += start(kind, folder, steps).communicate()[0] != ""
+        assert not list(folder.glob(".*.part*"))
+        assert outcome(folder) == outcome(tmp_path / "whole")
+
+    # The others were killed after their last checkpoint.
+    assert resumed > 0.8 * KILLS
+
+
+def test_a_run_killed_before_its_first_checkpoint_starts_anew(whole, tmp_path):
+    folder = interrupted("ppo", tmp_path / "run", 640)
+    for path in folder.iterdir():
+        if path.name not in (CONFIG, LOCK) and not path.name.startswith("events"):
+            path.unlink()
+    (folder / ".hybridtrack-0.part.pt").write_bytes(b"incomplete")
+    resume_run(folder).train()
+
+    assert outcome(folder) == outcome(whole("ppo").folder)
+    assert not list(folder.glob(".*.part*"))
+
+
+def test_a_folder_with_results_is_not_overwritten(tmp_path):
+    folder = interrupted("ppo", tmp_path / "run", 640)
+    (folder / CHECKPOINT).unlink()
+    before = contents(folder)
+    for again in (resume_run, lambda folder: small_run("ppo", folder)):
+        with pytest.raises(ArgumentError, match="resume"):
+            again(folder)
+
+    assert contents(folder) == before
+
+
+def test_a_second_training_in_a_folder_is_refused_until_the_first_is_killed(
+    whole, tmp_path, capsys
+):
+    pytest.importorskip("fcntl")
+    folder = tmp_path / "run"
+    process = start("ppo", folder, STEPS, save_every=0.0)
+    process.stdout.readline()
+    # It still has the lock.
+    os.kill(process.pid, signal.SIGSTOP)
+
+    assert main(["train", "--resume", str(folder)]) == 2
+    assert "other training" in capsys.readouterr().err
+    kill(process)
+    resume_run(folder).train()
+    assert outcome(folder) == outcome(whole("ppo").folder)
+
+
+@pytest.mark.parametrize("file", [CHECKPOINT, METRICS])
+def test_a_full_disk_is_one_line_and_loses_nothing(file, whole, tmp_path):
+    """A limit of the size of files has the effect of a full disk."""
+    resource = pytest.importorskip("resource")
+    folder = tmp_path / "run"
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def fill(progress):
+        if progress.steps >= STEPS // 2:
+            resource.setrlimit(resource.RLIMIT_FSIZE, ((folder / file).stat().st_size // 2, hard))
+
+    try:
+        with pytest.raises(ArgumentError, match=r"can be written \(File too large\)$"):
+            small_run("ppo", folder).train(fill, save_every=0.0 if file == CHECKPOINT else 1000.0)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+    assert (folder / METRICS).read_text().endswith("}\n")
+    resume_run(folder).train()
+    assert outcome(folder) == outcome(whole("ppo").folder)
+
+
+def test_the_metrics_of_a_resumed_run_are_not_repeated(tmp_path):
+    folder = interrupted("anchor", tmp_path / "run", STEPS // 2)
+    with (folder / METRICS).open("a") as file:
+        file.write('{"step": 999999, "loss": 1.0}\n{"step": 1e')
+    resume_run(folder).train()
+    steps = [row["step"] for row in read_metrics(folder) if "anchor_loss" in row]
+
+    assert steps == sorted(set(steps))
+    assert steps[-1] <= STEPS + 384
+
+
+def test_a_damaged_checkpoint_or_one_with_code_is_refused_in_one_line(tmp_path):
+    folder = interrupted("anchor", tmp_path / "run", 1280)
+    content = (folder / CHECKPOINT).read_bytes()
+    middle = len(content) // 2
+    changed = content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]
+    state = read_checkpoint(folder)
+    state["tracks"]["0.0.blocks.true_mode"][:] = 99
+    write_checkpoint(folder, state)
+    outside = (folder / CHECKPOINT).read_bytes()
+    for damaged in (content[:middle], changed, outside, b"", pickle.dumps(os.getcwd)):
+        (folder / CHECKPOINT).write_bytes(damaged)
+        with pytest.raises(ArgumentError, match=r"resume=.*checkpoint") as caught:
+            resume_run(folder)
+        assert "\n" not in str(caught.value)
+    # Sparse: it needs no space.
+    os.truncate(folder / CHECKPOINT, 2**40)
+    with pytest.raises(ArgumentError, match="larger than 536,870,912 bytes"):
+        resume_run(folder)
+
+
+@pytest.mark.parametrize("kind", ["ppo", "anchor"])
+def test_weights_that_diverge_are_not_saved(kind, tmp_path):
+    folder = interrupted(kind, tmp_path / "run", 1280)
+    state = read_checkpoint(folder)
+    state["optimizer"]["state"][1]["exp_avg"][:] = 3e38
+    write_checkpoint(folder, state)
+    before = (folder / "policy.safetensors").read_bytes()
+    with pytest.raises(ArgumentError, match="diverged"):
+        resume_run(folder).train(save_every=1000.0)
+
+    assert (folder / "policy.safetensors").read_bytes() == before
+
+
+@pytest.mark.study
+def test_ppo_learns_to_wait_and_beats_immediate_declarations():
+    run = make_run(ENV, {}, load_recipe("ppo", ENV), seed=1, steps=300_000)
+    run.train()
+    decisions = evaluate(run.agent("").at(0.0), ENV, episodes=150, seed=5)
+    # Immediate declarations earn -.35, no declarations -.50; the standard error of 900 segments is
+    # about .03.
+    assert decisions.reward.mean() > 0.2
+
+
+@pytest.mark.study
+def test_ppo_learns_to_state_the_mode():
+    options = {"ticks": 60, "durations": "uniform 20-40"}
+    run = make_run(QUICKEST, options, load_recipe("ppo", QUICKEST), seed=1, steps=100_000)
+    run.train()
+    statements = record_statements(run.agent("").at(0.0), 200, 5, **options)
+    # A third of the statements is right by chance; the standard error of 200 tracks is below .02.
+    assert (statements.stated_modes == statements.true_modes).mean() > 0.55
+
+
+def test_training_increases_the_expected_reward():
+    rewards = []
+    run = small_run("statements", steps=1)
+    run.steps = 40 * run.round_steps
+    run.train(lambda progress: rewards.append(progress.reward))
+
+    assert np.mean(rewards[-10:]) > np.mean(rewards[:10])
+
+
+@pytest.mark.parametrize("kind", ["ppo-quickest", "ppo"])
+def test_the_learning_curve_measures_fixed_episodes_of_the_environment(kind, whole):
+    run = whole(kind)
+    options = KINDS[kind][2]
+    point = [row for row in read_metrics(run.folder) if "evaluation/reward" in row][-1]
+    decider = run.agent("").at(0.0)
+    if kind == "ppo":
+        decisions = evaluate(decider, ENV, 5, seeds.LEARNING_CURVE, **options)
+        name, expected = "accuracy", decisions.correct
+    else:
+        statements = record_statements(decider, 5, seeds.LEARNING_CURVE, **options)
+        name, expected = "right", statements.stated_modes == statements.true_modes
+
+    assert point[f"evaluation/{name}"] == pytest.approx(expected.mean(), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("env", "options", "recipe", "changes", "message"),
+    [
+        (QUICKEST, {}, "ppo", ["wait_bias=5"], "wait_bias=5"),
+        (QUICKEST, {}, "anchor", [], "env="),
+        (ENV, {}, "statements", [], "env="),
+        (ENV, {}, "anchor", ["worlds=[{n_envs: 8, options: {actions: best}}]"], "actions='best'"),
+    ],
+)
+def test_a_recipe_for_another_environment_is_refused(env, options, recipe, changes, message):
+    with pytest.raises(ArgumentError, match=message):
+        make_run(env, options, load_recipe(recipe, env, changes), 0)
