@@ -5,13 +5,12 @@ one line.
 import contextlib
 import functools
 import io
-import operator
 import os
 import re
 import sys
 import warnings
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any
+from typing import Any
 
 import gymnasium as gym
 import tyro
@@ -23,78 +22,50 @@ from agents.commands.score import Score
 from agents.commands.track import Track
 from agents.commands.train import Train
 from agents.interface.help_texts import as_command
-from agents.interface.world_arguments import trusted, trusting
+from agents.interface.world_arguments import trusting
 from hybrid_env.checks import ArgumentError, check_fields
 
-COMMANDS = {
-    "train": Train,
-    "evaluate": Evaluate,
-    "compare": Compare,
-    "play": Play,
-    "track": Track,
-    "score": Score,
-}
+COMMANDS = {kind.__name__.lower(): kind for kind in (Train, Evaluate, Compare, Play, Track, Score)}
 EXAMPLES = {
-    "": (
-        "hybridtrack play --decider ate --out episode.gif   # watch the classical rule",
-        "hybridtrack train --out runs/ppo                   # train an agent, half a minute",
-        "hybridtrack evaluate ate shipped runs/ppo          # on the same episodes",
-        "hybridtrack compare --help                         # flags and examples of a command",
-        "hybridtrack --version",
-    ),
-    "train": (
-        "hybridtrack train --out runs/ppo --seed 1",
-        "hybridtrack train --recipe anchor --out runs/anchor --measurement-variance 0.5",
-        "hybridtrack train --resume runs/ppo --steps 3000000",
-        "hybridtrack train --set n_envs=128 policy_kwargs.net_arch=[32]",
-        "hybridtrack train --env HybridTrackQuickest-v0 --recipe statements",
-    ),
-    "evaluate": (
-        "hybridtrack evaluate ate:1e-6 msprt:0.02 fixed:30 shipped",
-        "hybridtrack evaluate runs/ppo:-1 --episodes 3000 --out ppo.json",
-        "hybridtrack evaluate shipped calibrated --shifted",
-        "hybridtrack evaluate shipped beam threshold:0.7 --env HybridTrackQuickest-v0",
-    ),
-    "compare": (
-        (
-            "hybridtrack compare                                # trains PPO, draws the operating"
-            " curves"
-        ),
-        "hybridtrack compare --agents shipped runs/anchor --measurement-variance 1",
-        "hybridtrack compare --agents ppo --training-seeds 5 --jobs 2 --out results/seeds",
-        "hybridtrack compare --deciders ate mine.py:MyRule --agents model.zip",
-        "hybridtrack compare --no-curves --episodes 300     # a first look",
-        (
-            "hybridtrack compare --env HybridTrackBank-v0 --deciders ate msprt-type msprt"
-            " --accuracy 0.9"
-        ),
-    ),
-    "play": (
-        "hybridtrack play --decider shipped                 # in a window",
-        "hybridtrack play --decider msprt:0.02 --out episode.gif",
-        "hybridtrack play --env HybridTrackQuickest-v0 --decider beam --out episode.png",
-        (
-            "hybridtrack play --scheme 'L60r3 R75r5 S50' --radii 3 5 --out flight.gif --record"
-            " flight.csv"
-        ),
-    ),
-    "track": (
-        "hybridtrack track flight.csv --lengths 50 --radii 3 5 10",
-        "hybridtrack track flight.csv --lengths 60 75 50 --radii 3 5 --measurement-variance 0.1",
-    ),
-    "score": (
-        "hybridtrack score truth.csv imm.csv mine.csv --out score.json",
-        (
-            "hybridtrack score truth.csv mine.csv --columns time=1 mode=4 --per min --picture"
-            " score.png"
-        ),
-    ),
+    "": """
+hybridtrack play --decider ate --out episode.gif   # watch the classical rule
+hybridtrack train --out runs/ppo                   # train an agent, half a minute
+hybridtrack evaluate ate shipped runs/ppo          # on the same episodes
+hybridtrack compare --help                         # flags and examples of a command
+hybridtrack --version""",
+    "train": """
+hybridtrack train --out runs/ppo --seed 1
+hybridtrack train --recipe anchor --out runs/anchor --measurement-variance 0.5
+hybridtrack train --resume runs/ppo --steps 3000000
+hybridtrack train --set n_envs=128 policy_kwargs.net_arch=[32]
+hybridtrack train --env HybridTrackQuickest-v0 --recipe rhythm""",
+    "evaluate": """
+hybridtrack evaluate ate:1e-6 msprt:0.02 fixed:30 shipped
+hybridtrack evaluate runs/ppo:-1 --episodes 3000 --out ppo.json
+hybridtrack evaluate shipped calibrated --noise 'outliers 0.05'
+hybridtrack evaluate shipped beam threshold:0.7 --env HybridTrackQuickest-v0""",
+    "compare": """
+hybridtrack compare                                # trains PPO, draws the operating curves
+hybridtrack compare --agents shipped runs/anchor --measurement-variance 1
+hybridtrack compare --agents ppo --training-seeds 5 --jobs 2 --out results/seeds
+hybridtrack compare --deciders ate mine.py:MyRule --agents model.zip
+hybridtrack compare --no-curves --episodes 300     # a first look
+hybridtrack compare --env HybridTrackBank-v0 --deciders ate msprt-type msprt --accuracy 0.9""",
+    "play": """
+hybridtrack play --decider shipped                 # in a window
+hybridtrack play --decider msprt:0.02 --out episode.gif
+hybridtrack play --env HybridTrackQuickest-v0 --decider beam --out episode.png
+hybridtrack play --scheme 'L60r3 R75r5 S50' --radii 3 5 --out flight.gif --record flight.csv""",
+    "track": """
+hybridtrack track flight.csv --lengths 50 --radii 3 5 10
+hybridtrack track flight.csv --lengths 60 75 50 --radii 3 5 --measurement-variance 0.1""",
+    "score": """
+hybridtrack score truth.csv imm.csv mine.csv --out score.json
+hybridtrack score truth.csv mine.csv --columns time=1 mode=4 --per min --picture score.png""",
 }
 """Lines below the help of each command; a test parses them."""
 
 PROGRAM = "hybridtrack"
-# A flag is left out, not given as "None".
-CONFIG = (tyro.conf.DisallowNone,)
 
 
 def one_line(message: str) -> str:
@@ -113,24 +84,19 @@ def parse(arguments: Sequence[str]) -> Any:
     # The flags of one command are parsed much sooner than those of all.
     if name in COMMANDS:
         return _parse_flags(COMMANDS[name], f"{PROGRAM} {name}", arguments[1:])
-    kinds: list[Any] = []
-    for name, (kind, description) in zip(COMMANDS, map(as_command, COMMANDS.values()), strict=True):
-        first = tyro.conf.subcommand(name, description=description.partition("\n")[0])
-        kinds.append(Annotated[kind, first])
-    every: Any = functools.reduce(operator.or_, kinds)
-    return tyro.cli(
-        every,
-        prog=PROGRAM,
-        args=arguments,
-        config=CONFIG,
-        description="Quickest decisions on motion modes with classical rules and learned agents.",
+    words = "Quickest decisions on motion modes with classical rules and learned agents."
+    kinds: dict[str, Any] = {name: as_command(kind)[0] for name, kind in COMMANDS.items()}
+    return tyro.extras.subcommand_cli_from_dict(
+        kinds, prog=PROGRAM, args=arguments, description=words
     )
 
 
 def _parse_flags(command: type, program: str, arguments: Sequence[str]) -> Any:
     """Return a command with the flags of its command line."""
     kind, description = as_command(command)
-    return tyro.cli(kind, prog=program, args=arguments, description=description, config=CONFIG)
+    # A flag is left out, not given as "None".
+    config = (tyro.conf.DisallowNone,)
+    return tyro.cli(kind, prog=program, args=arguments, description=description, config=config)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -199,11 +165,11 @@ def _run(
         if stop.code:
             report(errors.getvalue())
         elif parser is parse:
-            print("examples:", *EXAMPLES.get(arguments[0], EXAMPLES[""]), sep="\n  ")
+            examples = EXAMPLES.get(arguments[0], EXAMPLES[""])
+            print("examples:" + examples.replace("\n", "\n  "))
         return int(stop.code or 0)
     check_fields(command)
-    trust = trusted() or getattr(command, "trust", False)
-    with warnings.catch_warnings(), trusting(trust):
+    with warnings.catch_warnings(), trusting(getattr(command, "trust", False)):
         warnings.showwarning = lambda message, *_: report(f"warning: {message}")
         try:
             command.run()

@@ -11,11 +11,10 @@ from typing import Any
 
 from rich.progress import Progress
 
-from agents.commands import comparison
 from agents.commands.compare import Compare
+from agents.commands.comparison import Comparison
 from agents.evaluation.registry import find_decider, load_decider
-from agents.evaluation.task import sweep
-from agents.evaluation.tasks import task_of
+from agents.evaluation.task import sweep, task_of
 from agents.interface.world_arguments import DEFAULT_ENV
 from agents.training.algorithm import TrainingProgress
 from agents.training.checkpoint import has_checkpoint
@@ -23,7 +22,7 @@ from agents.training.recipe import load_recipe
 from agents.training.runs import make_run
 from baselines.rules.decider import Decider
 from baselines.scoring.estimates import Estimate
-from hybrid_env.checks import check_integer, reject
+from hybrid_env.checks import check_integer
 
 
 def load(decider: Any, env_id: str = DEFAULT_ENV, **options: Any) -> Decider:
@@ -61,7 +60,7 @@ def evaluate(
     thresholds = (named.threshold,)
     check_integer("seed", seed, minimum=0)
     scores = sweep(task, named, check_integer("episodes", episodes), seed, thresholds=thresholds)
-    return task.figures(scores)
+    return task.estimates(scores)
 
 
 def compare(
@@ -71,7 +70,7 @@ def compare(
     *,
     out: str | os.PathLike[str] | None = None,
     **options: Any,
-) -> comparison.Comparison:
+) -> Comparison:
     """Train agents and score all deciders on the same episodes, as `hybridtrack compare`.
 
     Args:
@@ -89,14 +88,8 @@ def compare(
     """
     names = [None if given is None else tuple(given) for given in (deciders, agents)]
     command = Compare(deciders=names[0], agents=names[1], env=env_id, **options)
-    if out is not None and not all(isinstance(name, str) for some in names for name in some or ()):
-        raise reject(
-            "out",
-            out,
-            "None with deciders that are no names: a folder cannot tell them apart",
-        )
     folder = None if out is None else Path(out)
-    return comparison.compare(command.plan(), command.workers(), Progress(disable=True), folder)
+    return command.plan().compare(folder, Progress(disable=True))
 
 
 def train(

@@ -1,9 +1,5 @@
-from baselines.estimation.correction import Correntropy as Correntropy
 from baselines.estimation.correction import Huber as Huber
 from baselines.estimation.correction import StudentT as StudentT
-from baselines.estimation.gain_filters import AdaptiveFilter as AdaptiveFilter
-from baselines.estimation.gain_filters import CorrectedAdaptiveFilter as CorrectedAdaptiveFilter
-from baselines.estimation.gain_filters import GHFilter as GHFilter
 from baselines.estimation.imm import IMMFilter as IMMFilter
 from baselines.estimation.imm import mixture as mixture
 from baselines.estimation.kalman import KalmanFilter as KalmanFilter
@@ -23,8 +19,7 @@ from baselines.rules.decider import Decider as Decider
 from baselines.rules.fixed_time import FixedTimeDecider as FixedTimeDecider
 from baselines.rules.msprt import GapDecider as GapDecider
 from baselines.rules.msprt import MSPRTDecider as MSPRTDecider
-from baselines.rules.restarted import GLRDecider as GLRDecider
-from baselines.rules.restarted import MeanRatioDecider as MeanRatioDecider
+from baselines.rules.restarted import RestartDecider as RestartDecider
 from baselines.rules.rollout import record_in as record_in
 from baselines.rules.rollout import record_statements as record_statements
 from baselines.rules.rollout import rollout as rollout

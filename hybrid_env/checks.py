@@ -16,8 +16,9 @@ import reprlib
 import types
 import typing
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from numbers import Integral, Real
-from typing import Annotated, Any, Self, TypeVar
+from typing import Annotated, Any, Self
 
 import numpy as np
 from annotated_types import BaseMetadata, Ge, GroupedMetadata, Gt, Interval
@@ -28,7 +29,6 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 Float32Array = NDArray[np.float32]
 AnyArray = NDArray[Any]
-SameArray = TypeVar("SameArray", bound=AnyArray)
 # Means and covariances.
 Moments = tuple[FloatArray, FloatArray]
 # Options of `reset`, and what it and `step` tell beside the observation.
@@ -63,20 +63,6 @@ class OwnState:
         return copy.deepcopy(self)
 
 
-class ReadOnlyAttributes(OwnState):
-    """A class whose attributes named in `read_only` are set once, because compiled code relies
-    on them.
-    """
-
-    read_only: frozenset[str] = frozenset()
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        # Reading __dict__ would slow down all attributes.
-        if name in self.read_only and hasattr(self, name):
-            raise AttributeError(f"{type(self).__name__}.{name} is read-only")
-        super().__setattr__(name, value)
-
-
 class Checked:
     """A dataclass whose fields are checked by their declared types when it is made, and stored as
     plain values.
@@ -100,12 +86,8 @@ def reject(name: str, value: Any, allowed: str) -> ArgumentError:
     short = reprlib.Repr()
     short.maxstring = short.maxother = short.maxlong = 120
     short.maxlevel = 3
-    try:
-        shown = short.repr(value.item() if isinstance(value, np.generic) else value)
-    except Exception:
-        # Of the value's own __repr__, or an integer with too many digits.
-        shown = f"<{type(value).__name__}>"
-    return ArgumentError(f"{name}={_shorten(shown, 120)} is not allowed: expected {allowed}")
+    shown = _shorten(short.repr(value), 120)
+    return ArgumentError(f"{name}={shown} is not allowed: expected {allowed}")
 
 
 def declaration(hint: Any) -> tuple[Any, dict[str, Any]]:
@@ -143,7 +125,7 @@ def checked(name: str, value: Any, hint: Any) -> Any:
     `ArgumentError` for others.
     """
     kind, limits = declaration(hint)
-    origin = typing.get_origin(kind)
+    origin = typing.get_origin(kind) or kind
     inner = typing.get_args(kind)
     if "parse" in limits:
         return limits["parse"](value, name)
@@ -153,42 +135,50 @@ def checked(name: str, value: Any, hint: Any) -> Any:
             return value
         return checked(name, value, others[0])
     if origin is typing.Literal:
-        return check_choice(name, value, inner)
-    if kind is bool:
-        return check_flag(name, value)
-    if kind in (int, float):
+        if isinstance(value, str) and value in inner:
+            return str(value)
+    elif kind is bool:
+        if isinstance(value, (bool, np.bool_)):
+            return bool(value)
+    elif kind in (int, float):
         number = _number(value, kind)
         bounds = limits.keys() & {"ge", "gt", "le", "lt"}
-        if number is None or not all(
-            getattr(operator, name)(number, limits[name]) for name in bounds
+        if number is not None and all(
+            getattr(operator, bound)(number, limits[bound]) for bound in bounds
         ):
-            raise reject(name, value, described(hint))
-        return number
-    if origin is tuple:
+            return number
+    elif origin is tuple:
         return _checked_elements(name, value, hint)
-    if hasattr(kind, "__dataclass_fields__") and isinstance(value, Mapping):
-        try:
-            return kind(**value)
-        except TypeError:
-            raise reject(name, value, described(hint)) from None
-    if isinstance(origin or kind, type) and not isinstance(value, origin or kind):
-        raise reject(name, value, described(hint))
-    return value
+    elif dataclasses.is_dataclass(kind) and isinstance(value, Mapping):
+        with suppress(TypeError):
+            return kind(**value)  # type: ignore[operator]
+    elif not isinstance(origin, type) or isinstance(value, origin):
+        return value
+    raise reject(name, value, described(hint))
 
 
 def described(hint: Any) -> str:
     """Return what a declared type allows, in words."""
     kind, limits = declaration(hint)
+    origin = typing.get_origin(kind) or kind
     inner = typing.get_args(kind)
-    if typing.get_origin(kind) is tuple:
+    if origin is typing.Literal:
+        return "one of " + ", ".join(map(repr, inner))
+    if origin is tuple:
         least = limits.get("min_length", 0)
         most = limits.get("max_length", "any number")
         count = f"{least} to {most}" if inner[-1] is Ellipsis else str(len(inner))
         return f"a list of {count} values, each {described(inner[0])}"
     if dataclasses.is_dataclass(kind):
         return f"a mapping with some of {', '.join(declared_fields(kind))}"  # type: ignore[arg-type]
-    words = {int: "an integer", float: "a finite number", str: "a text", Mapping: "a mapping"}
-    text = words.get(typing.get_origin(kind) or kind, f"an object {kind}")
+    words = {
+        bool: "True or False",
+        int: "an integer",
+        float: "a finite number",
+        str: "a text",
+        Mapping: "a mapping",
+    }
+    text = words.get(origin, f"an object {kind}")
     signs = {"ge": ">=", "gt": ">", "le": "<=", "lt": "<"}
     parts = [f"{sign} {limits[name]:.10g}" for name, sign in signs.items() if name in limits]
     unit = f" [{limits['unit']}]" if "unit" in limits else ""
@@ -259,34 +249,7 @@ def check_integer(name: str, value: Any, minimum: int = 1, maximum: int | None =
 
 def check_choice(name: str, value: Any, choices: Iterable[str]) -> str:
     """Return a string that is one of `choices`."""
-    choices = tuple(choices)
-    if not isinstance(value, str) or value not in choices:
-        raise reject(name, value, "one of " + ", ".join(map(repr, choices)))
-    return str(value)
-
-
-def check_flag(name: str, value: Any) -> bool:
-    """Return a bool. Raises `ArgumentError` for other truthy or falsy values."""
-    if not isinstance(value, (bool, np.bool_)):
-        raise reject(name, value, "True or False")
-    return bool(value)
-
-
-def _real_array(value: ArrayLike) -> FloatArray | None:
-    """Return a copy as a float64 array, None if not every element is a real number."""
-    # The mask would be lost.
-    if np.ma.is_masked(value):
-        return None
-    try:
-        array = np.asarray(value)
-        if array.dtype.kind == "O" and not all(
-            isinstance(item, Real) and not isinstance(item, (bool, np.bool_)) for item in array.flat
-        ):
-            return None
-        return np.array(array, dtype=np.float64) if array.dtype.kind in "fiuO" else None
-    except (TypeError, ValueError, OverflowError, MemoryError, RuntimeError):
-        # Also tensors with gradients.
-        return None
+    return checked(name, value, typing.Literal[*choices])
 
 
 def check_array(
@@ -298,26 +261,27 @@ def check_array(
     """Return a copy as a finite float64 array of a given shape; None in `shape` allows any length
     >= 1, and `missing` allows NaN.
     """
-    sizes = ", ".join("*" if size is None else str(size) for size in shape)
-    expected = f"({sizes},)" if len(shape) == 1 else f"({sizes})"
-    array = _real_array(value)
-    if array is None:
-        raise reject(name, value, f"an array of finite numbers of shape {expected}, none masked")
-    if array.ndim != len(shape) or any(
-        length == 0 or (size is not None and length != size)
+    try:
+        given = np.asarray(value)
+    except (TypeError, ValueError, RuntimeError):
+        # Rows of different lengths, or a tensor with a gradient.
+        given = np.array(None)
+    # The mask would be lost.
+    numeric = given.dtype.kind in "fiu" and not np.ma.is_masked(value)
+    array = np.array(given if numeric else np.nan, np.float64)
+    allowed = ", ".join("*" if size is None else str(size) for size in shape)
+    fits = array.ndim == len(shape) and all(
+        length > 0 and size in (None, length)
         for length, size in zip(array.shape, shape, strict=True)
-    ):
-        raise ArgumentError(
-            f"{name} has shape {array.shape}: expected {expected}, no dimension of length 0"
-        )
+    )
     # False for NaN.
     finite = np.abs(array) <= LARGEST_NUMBER
-    bad = np.argwhere(~(finite | np.isnan(array)) if missing else ~finite)
-    if bad.size:
-        index = tuple(int(i) for i in bad[0])
-        raise ArgumentError(
-            f"{name}[{', '.join(map(str, index))}]={array[index]} is not allowed: "
-            f"expected finite numbers up to {LARGEST_NUMBER:g}"
+    if not fits or not (finite | (missing & np.isnan(array))).all():
+        raise reject(
+            name,
+            value,
+            f"numbers up to {LARGEST_NUMBER:g}, none masked, of shape ({allowed}), not"
+            f" {given.shape}",
         )
     return array
 
@@ -332,10 +296,12 @@ def check_covariance(name: str, matrix: FloatArray, definite: bool = True) -> Fl
         # Units of the values do not matter.
         correlations = matrix / deviations[..., None] / deviations[..., None, :]
     transposed = np.swapaxes(correlations, -1, -2)
-    bounded = (np.abs(correlations) <= 1.0 + 1e-9).all()
-    symmetric = bounded and np.allclose(correlations, transposed, rtol=0.0, atol=1e-9)
-    smallest = np.linalg.eigvalsh(correlations).min() if symmetric else -np.inf
-    if smallest < -1e-9 or (definite and smallest <= 1e-15):
+    valid = (
+        (np.abs(correlations) <= 1.0 + 1e-9).all()
+        and np.allclose(correlations, transposed, rtol=0.0, atol=1e-9)
+        and np.linalg.eigvalsh(correlations).min() > (1e-15 if definite else -1e-9)
+    )
+    if not valid:
         kind = "positive definite" if definite else "without negative eigenvalues"
         raise reject(name, matrix.tolist(), f"symmetric matrices, {kind}")
     return 0.5 * (matrix + np.swapaxes(matrix, -1, -2))
@@ -350,7 +316,7 @@ def dimensions(value: ArrayLike) -> int:
         return -1
 
 
-def frozen(array: SameArray) -> SameArray:
+def frozen(array: AnyArray) -> AnyArray:
     """Return the array, which can no longer be changed in place."""
     array.setflags(write=False)
     return array

@@ -3,6 +3,7 @@ their formulas. The only way to the compiled core from outside `hybrid_env`.
 """
 
 from hybrid_env.core.banks import operations as operations
+from hybrid_env.core.banks import published
 from hybrid_env.core.banks.anchor_aware import begin_hypothesis as begin_hypothesis
 from hybrid_env.core.banks.anchor_aware import covariance_of as covariance_of
 from hybrid_env.core.banks.anchor_aware import sense_hypothesis as sense_hypothesis
@@ -18,10 +19,6 @@ from hybrid_env.core.banks.imm import begin_imm as begin_imm
 from hybrid_env.core.banks.imm import correct_imm as correct_imm
 from hybrid_env.core.banks.imm import predict_imm as predict_imm
 from hybrid_env.core.banks.imm import step_imm as step_imm
-from hybrid_env.core.banks.published import begin_published as begin_published
-from hybrid_env.core.banks.published import covariance_published as covariance_published
-from hybrid_env.core.banks.published import follow_published as follow_published
-from hybrid_env.core.banks.published import step_published as step_published
 from hybrid_env.core.banks.sensing import write_measured as write_measured
 from hybrid_env.core.compilation import compiled as compiled
 from hybrid_env.core.compilation import inlined as inlined
@@ -46,3 +43,6 @@ from hybrid_env.core.memory import aligned_zeros as aligned_zeros
 from hybrid_env.core.memory import lanes_of as lanes_of
 from hybrid_env.core.observation_row import LOG_FLOOR as LOG_FLOOR
 from hybrid_env.core.polar import position_noise as position_noise
+
+begin_published, step_published = published.begin, published.step
+follow_published, covariance_published = published.follow, published.covariance

@@ -19,9 +19,6 @@ from hybrid_env.limits import MAX_LENGTH, Ticks
 
 DRAWN = "drawn"
 
-_INTEGER = "[0-9]{1,20}"
-_BY_MODE = re.compile("straight ([^,]+), ?turns ([^,]+)")
-
 
 @dataclass(frozen=True)
 class DurationLaw(Checked):
@@ -54,7 +51,7 @@ class GeometricDurations(DurationLaw):
     """
 
     examples = ("geometric 75", "25 + geometric 50")
-    form = rf"(?:(?P<offset>{_INTEGER})\s*\+\s*)?geometric\s+(?P<mean>{_INTEGER}(?:\.{_INTEGER})?)"
+    form = r"(?:(?P<offset>\d{1,20})\s*\+\s*)?geometric\s+(?P<mean>\d{1,20}(?:\.\d{1,20})?)"
 
     mean: Annotated[float, Interval(ge=1.0, le=MAX_LENGTH)]
     offset: Annotated[int, Interval(ge=0, le=MAX_LENGTH)] = 0
@@ -94,7 +91,7 @@ class UniformDurations(DurationLaw):
 
     examples = ("uniform 50-100",)
     # A single number is both.
-    form = rf"uniform\s+(?=(?P<shortest>{_INTEGER}))(?:{_INTEGER}\s*-\s*)?(?P<longest>{_INTEGER})"
+    form = r"uniform\s+(?=(?P<shortest>\d{1,20}))(?:\d{1,20}\s*-\s*)?(?P<longest>\d{1,20})"
 
     shortest: Ticks
     longest: Ticks
@@ -125,15 +122,8 @@ class UniformDurations(DurationLaw):
 
 
 @dataclass(frozen=True)
-class _Pair:
-    """Two laws of some kinds, of which each holds for half of the segments."""
-
-    kinds: ClassVar[tuple[type, ...]] = (DurationLaw,)
-
-    def __post_init__(self) -> None:
-        for name, law in vars(self).items():
-            if not isinstance(law, self.kinds) or isinstance(law, DrawnDurations):
-                raise reject(name, law, " or ".join(kind.__name__ for kind in self.kinds))
+class _Pair(Checked):
+    """Two laws, of which each holds for half of the segments."""
 
     @property
     def mean_duration(self) -> float:
@@ -167,8 +157,6 @@ SimpleDurations: TypeAlias = DurationLaw | TwoDurations
 class ModeDurations(_Pair):
     """A law of straight segments and another one of turns."""
 
-    kinds = (DurationLaw, TwoDurations)
-
     straight: SimpleDurations
     turns: SimpleDurations
 
@@ -177,11 +165,6 @@ class ModeDurations(_Pair):
 
 
 Durations: TypeAlias = SimpleDurations | ModeDurations
-GRAMMAR = (
-    ", ".join(repr(text) for law in DurationLaw.__subclasses__() for text in law.examples)
-    + ", 'uniform 30-40 or uniform 80-90', 'straight uniform 90-100, turns geometric 30', "
-    + "'drawn', or a law of hybrid_env.durations"
-)
 
 
 def parse_durations(value: Any, name: str = "durations") -> Durations:
@@ -191,7 +174,7 @@ def parse_durations(value: Any, name: str = "durations") -> Durations:
     text = " ".join(value.split()) if isinstance(value, str) else ""
     if text == DRAWN:
         return DrawnDurations()
-    if by_mode := _BY_MODE.fullmatch(text):
+    if by_mode := re.fullmatch("straight ([^,]+), ?turns ([^,]+)", text):
         return ModeDurations(*(_parse_simple(part, value, name) for part in by_mode.groups()))
     return _parse_simple(text, value, name)
 
@@ -210,7 +193,11 @@ def _parse_simple(text: str, value: Any, name: str) -> SimpleDurations:
                 laws.append(kind(**numbers))
                 break
         else:
-            raise reject(name, value, GRAMMAR)
+            examples = ", ".join(
+                repr(text) for law in DurationLaw.__subclasses__() for text in law.examples
+            )
+            allowed = "'uniform 30-40 or uniform 80-90', 'straight ..., turns ...', or 'drawn'"
+            raise reject(name, value, f"{examples}, {allowed}")
     return TwoDurations(*laws) if len(laws) > 1 else laws[0]
 
 

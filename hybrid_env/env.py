@@ -12,53 +12,44 @@ from hybrid_env.checks import (
     BoolArray,
     Float32Array,
     Info,
-    ReadOnlyAttributes,
+    OwnState,
     check_choice,
-    check_flag,
     check_integer,
     checked,
 )
 from hybrid_env.core.kernel import DECIDED
 from hybrid_env.options import WorldOptions
+from hybrid_env.rendering import RENDER_FPS
 from hybrid_env.rendering.history import History
-from hybrid_env.rendering.window import RENDER_FPS, Renderer
 from hybrid_env.world import World, state_of
 
 
-class TrackEnv(ReadOnlyAttributes, gym.Env[Float32Array, np.int64]):
+class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
     """An environment of one track; each environment has a subclass that names its options."""
 
     metadata: ClassVar[Info] = {  # type: ignore[misc]
-        "render_modes": ["human", "rgb_array"],
+        "render_modes": ["rgb_array"],
         "render_fps": RENDER_FPS,
     }
 
-    read_only = frozenset(("options", "world"))
-
     options_class: Any
     # Ticks of the running episode; None without a render mode.
-    history: History | None
-    renderer: Renderer | None
+    history: History | None = None
 
     def __init__(self, render_mode: str | None = None, bank_info: bool = False, **options: Any):
+        self.render_mode = render_mode
+        self.options = self.options_class(**options)
+        rows = 0
         if render_mode is not None:
             check_choice("render_mode", render_mode, self.metadata["render_modes"])
-        self.render_mode = render_mode
-        self.options = self.options_class.of(**options)
-        self.history = self.renderer = None
-        rows = (
-            self.options.longest_segment + 1
-            if render_mode is not None and self.options.traced
-            else 0
-        )
-        self.world = World(self.options, 1, rows, bank_info=check_flag("bank_info", bank_info))
-        if render_mode is not None:
-            self.history = History()
-            self.renderer = Renderer(self.options, render_mode == "human")
+            self.history = History(self.options)
+            announced = self.options.switches == "announced"
+            rows = self.options.longest_segment + 1 if announced else 0
+        self._bank_info = checked("bank_info", bank_info, bool)
+        self.world = World(self.options, 1, rows, bank_info=self._bank_info)
         self.action_space = self.world.action_space()
         self.observation_space = self.world.observation_space()  # type: ignore[assignment]
 
-        self._bank_info = bank_info
         self._reset_mask = np.ones(1, bool)
         self._started = False
         self._bind_views()
@@ -71,7 +62,10 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[Float32Array, np.int64]):
         """Return actions by key for `gymnasium.utils.play`: w straight, a left, d right, both of
         the first radius.
         """
-        return {(ord(key),): action for key, action in self.options.actions_by_key.items()}
+        straight = int(self.options.switches == "announced")
+        modes = {"w": 0, "a": 1, "d": 1 + len(self.options.radii)}
+        last = self.options.action_count - 1
+        return {(ord(key),): min(straight + mode, last) for key, mode in modes.items()}
 
     def _bind_views(self) -> None:
         """Create views of the single track once, because creating them takes longer than a tick."""
@@ -128,8 +122,6 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[Float32Array, np.int64]):
         if self.history is not None:
             self.history.begin()
             self.history.record(self.world, 0, info, finished=False)
-            if self.render_mode == "human":
-                self.render()
         return self._observation.copy(), info
 
     def step(self, action: Any) -> tuple[Float32Array, float, bool, bool, Info]:
@@ -158,26 +150,19 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[Float32Array, np.int64]):
             }
         if self.history is not None:
             self.history.record(self.world, 0, info, self._terminated.item(0))
-            if self.render_mode == "human":
-                self.render()
         return self._observation.copy(), self._reward.item(0), self._terminated.item(0), False, info
 
     def render(self) -> Any:
-        """Render the episode so far: returns a (height, width, 3) uint8 frame in the mode
-        "rgb_array".
+        """Return a frame of the episode so far, (height, width, 3) uint8; None without a render
+        mode.
         """
-        if self.history is None or self.renderer is None:
-            advice = "create the environment with render_mode='rgb_array' or 'human'"
+        if self.history is None:
+            advice = "create the environment with render_mode='rgb_array'"
             gym.logger.warn(f"render() has no effect without a render_mode: {advice}")
             return None
         if not self._started:
             raise gym.error.ResetNeeded("render() requires a running episode: call reset() first")
-        return self.renderer.draw(self.history)
-
-    def close(self) -> None:
-        """Close the window if one is open."""
-        if self.renderer is not None:
-            self.renderer.close()
+        return self.history.draw()
 
 
 class HybridTrackEnv(TrackEnv):
@@ -301,8 +286,8 @@ class HybridTrackEnv(TrackEnv):
     estimates). Units are m, m/s and ticks.
 
     ## Arguments
-    `gym.make` takes `render_mode` ("human" or "rgb_array"), `bank_info` and every option of
-    `hybrid_env.WorldOptions`:
+    `gym.make` takes `render_mode` ("rgb_array", or "human" for Gymnasium's window), `bank_info` and
+    every option of `hybrid_env.WorldOptions`:
 
     ```python
     gym.make("hybrid_env:HybridTrack-v0", measurement_variance=0.01, scheme="L50r5 S50 R75r5")

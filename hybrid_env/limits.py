@@ -1,6 +1,6 @@
-"""Declared types of the quantities of the model. Inside their ranges every observation is finite
-and inside the observation space; `make study` tests this with 10^9 ticks of random options. They
-are so wide that neither the object nor the units matter.
+"""Declared types of the quantities of the model. They are so wide that neither the object nor the
+units matter; inside them every observation is finite and inside the observation space, which `make
+study` tests with 10^9 ticks of random options.
 """
 
 from typing import Annotated, Any, TypeAlias
@@ -14,23 +14,18 @@ from hybrid_env.checks import FloatArray, checked, elements, reject
 MAX_LENGTH = 1_000_000
 
 Ticks: TypeAlias = Annotated[int, Interval(ge=1, le=MAX_LENGTH)]
-Radius: TypeAlias = Annotated[float, Interval(ge=1e-12, le=1e12), Unit("m")]
-Speed: TypeAlias = Annotated[float, Interval(ge=1e-9, le=1e9), Unit("m/s")]
-TickLength: TypeAlias = Annotated[float, Interval(ge=1e-9, le=1e9), Unit("s")]
-VelocityVariance: TypeAlias = Annotated[float, Interval(ge=0.0, le=1e18), Unit("m^2/s^2")]
-Variance: TypeAlias = Annotated[float, Interval(ge=1e-18, le=1e18), Unit("m^2")]
-Cost: TypeAlias = Annotated[float, Interval(ge=0.0, le=1e6)]
+# Of any unit.
+Quantity: TypeAlias = Annotated[float, Interval(ge=1e-18, le=1e18)]
+QuantityOrZero: TypeAlias = Annotated[float, Interval(ge=0.0, le=1e18)]
 
 
 def distinct_radii(value: Any, name: str = "radii") -> tuple[float, ...]:
     """Return distinct turn radii [m] of a number, or of a tuple, list or (n,) array of numbers."""
-    radii = checked(name, elements(value), Annotated[tuple[Radius, ...], Len(1, 1000)])
+    radius = Annotated[Quantity, Unit("m")]
+    radii = checked(name, elements(value), Annotated[tuple[radius, ...], Len(1, 1000)])
     if len(set(radii)) < len(radii):
         raise reject(name, value, "distinct numbers")
     return tuple(radii)
-
-
-Radii: TypeAlias = Annotated[tuple[float, ...], distinct_radii]
 
 
 def check_variances(
@@ -42,8 +37,8 @@ def check_variances(
     """
     values = elements(value)
     if values is not value and len(values) == 1:
-        return float(checked(name, values[0], Variance))
-    x, y = checked(name, value, tuple[Variance, Variance])
+        return float(checked(name, values[0], Quantity))
+    x, y = checked(name, value, tuple[Quantity, Quantity])
     return x if x == y else (x, y)
 
 
@@ -59,8 +54,5 @@ def check_initial_error(value: Any, name: str = "initial_error") -> tuple[float,
     (0, 0).
     """
     values = elements(value)
-    if values is not value and len(values) == 1 and values[0] == 0 and values[0] is not False:
-        return 0.0, 0.0
-    position = Annotated[float, Interval(ge=0.0, le=1e12)]
-    x, y = checked(name, value, tuple[position, VelocityVariance])
+    x, y = checked(name, [0, 0] if values == [0] else values, tuple[QuantityOrZero, QuantityOrZero])
     return x, y

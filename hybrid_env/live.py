@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_env.checks import FloatArray, Moments, OwnState, reject
-from hybrid_env.core.kernel import HAS_DECISION
+from hybrid_env.checks import AnyArray, FloatArray, Moments, OwnState, reject
+from hybrid_env.core.announced import HAS_DECISION
 from hybrid_env.core.kernels import BEGIN, MEASURE
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
@@ -53,14 +53,11 @@ class LiveTracks(OwnState):
         self.world = World(options, tracks, live=True)
         # Positions have variance R.
         self.world.blocks["noise"][:, ::2] = 1.0
-        self._take_views()
 
-    def _take_views(self) -> None:
-        """Bind the fields of the first track to names."""
-        names = ("noise", "rates", "measurement", "estimate", "covariance")
-        views = [self.world.blocks[0][name][:, 0] for name in names]
-        self._noise, self._rates, self._measurement, self._estimate, self._triangle = views
-        self._values = self.world.bank.hypotheses[self.options.hypothesis_field][0, :, 0]
+    def _view(self, name: str) -> AnyArray:
+        """Return a view of a field of the first track, (k,)."""
+        view: AnyArray = self.world.blocks[name][0, :, 0]
+        return view
 
     def begin(self, estimates: FloatArray, covariance: FloatArray, modes: ArrayLike = -1) -> None:
         """Begin all tracks one tick before their first measurements with estimates, (N, 4) or (4,)
@@ -76,7 +73,7 @@ class LiveTracks(OwnState):
             world.blocks["active_mode"][0, 0] = np.maximum(modes, 0)
             world.decision_flags[HAS_DECISION, 0] = False
             world.actions[0] = 0
-            self._values[:] = 0.0
+            world.bank.hypotheses[self.options.hypothesis_field][0, :, 0] = 0.0
         else:
             world.actions[:] = modes
             world.run(BEGIN)
@@ -99,17 +96,17 @@ class LiveTracks(OwnState):
         """Advance by one tick with a position (2,) [m], NaN without one, and write the observation;
         fused: the same with the covariance and rates of the sensors of the options.
         """
-        self._measurement[:] = position
+        measurement, noise, rates = map(self._view, ("measurement", "noise", "rates"))
+        measurement[:] = position
         if self.options.sensors and fused is not None:
-            self._noise[:] = (1.0, 0.0, 1.0)
-            self._rates[:] = np.nan
+            noise[:] = (1.0, 0.0, 1.0)
+            rates[:] = np.nan
             if fused.covariance is not None:
-                self._noise[:] = np.array(fused.covariance) / self.options.variances[0]
-                self._rates[: len(fused.rates)] = fused.rates
+                noise[:] = np.array(fused.covariance) / self.options.variances[0]
+                rates[: len(fused.rates)] = fused.rates
         self.world.run(MEASURE)
         if self.announced and self.options.recalculation and self.asks:
-            measured = self._measurement, self._noise, self._rates
-            self._since.append([values.copy() for values in measured])
+            self._since.append([values.copy() for values in (measurement, noise, rates)])
 
     def measure_all(self, measurements: FloatArray) -> None:
         """Advance by one tick with measurements (N, 2) [m], NaN where there is none, after
@@ -142,7 +139,8 @@ class LiveTracks(OwnState):
         world.restore(self._at_switch)
         world.blocks["active_mode"][0, 0] = mode
         for k, measured in enumerate(self._since):
-            self._measurement[:], self._noise[:], self._rates[:] = measured
+            for name, values in zip(("measurement", "noise", "rates"), measured, strict=True):
+                self._view(name)[:] = values
             world.run(MEASURE)
             estimates[k] = self.estimate()
             covariances[k] = self.covariance()
@@ -192,25 +190,16 @@ class LiveTracks(OwnState):
 
     def probabilities(self) -> FloatArray:
         """Return the probabilities of the modes, (M,)."""
+        values = self.world.hypothesis_values()[0]
         if not self.announced:
-            return np.exp(self._values)
-        # Maximum and sum of a list: NumPy's take longer for a few numbers.
-        weights = np.exp(self._values - max(self._values.tolist()))
-        weights /= sum(weights.tolist())
-        return weights
+            return np.exp(values)
+        weights = np.exp(values - values.max())
+        return weights / weights.sum()
 
     def estimate(self) -> FloatArray:
         """Return the estimate [x, vx, y, vy], (4,) [m, m/s]."""
-        return self._estimate.copy()
+        return self._view("estimate").copy()
 
     def covariance(self) -> FloatArray:
         """Return the covariance of the estimate, (4, 4)."""
-        return self._triangle[SQUARE]
-
-    def __getstate__(self) -> dict[str, Any]:
-        views = ("_noise", "_rates", "_measurement", "_estimate", "_triangle", "_values")
-        return {name: value for name, value in vars(self).items() if name not in views}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        vars(self).update(state)
-        self._take_views()
+        return self._view("covariance")[SQUARE]

@@ -1,11 +1,9 @@
 """The options of the model that every environment has, checked on creation."""
 
-import dataclasses
-import difflib
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Ge, Interval, Unit
@@ -13,17 +11,15 @@ from annotated_types import Ge, Interval, Unit
 from hybrid_env.checks import AnyArray, Checked, FloatArray, Share, checked, reject
 from hybrid_env.core.memory import PARAMETERS
 from hybrid_env.limits import (
-    Radii,
-    Speed,
-    TickLength,
-    VelocityVariance,
+    Quantity,
+    QuantityOrZero,
     axis_variances,
     check_initial_error,
     check_variances,
+    distinct_radii,
 )
 from hybrid_env.noises import GaussianNoise, Noise, StudentNoise, parse_likelihood, parse_noise
-from hybrid_env.observation import Layout
-from hybrid_env.sensors import Radar, Sensor, check_sensors, has_radar, parse_sensors, sensor_table
+from hybrid_env.sensors import Radar, Sensor, has_radar, parse_sensors, sensor_table
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,9 +27,8 @@ class ModelOptions(Checked):
     """The options of the model that every environment has; each environment has a subclass.
 
     Values are converted to plain numbers, strings and tuples, so that arrays and lists that are
-    given may change later. Allowed are radii from 1e-12 to 1e12, speed and tau from 1e-9 to 1e9,
-    standard deviations from 1e-9 to 1e9, and 1,000 radii; the object may turn by 100 rad per tick
-    and move by 10^9 standard deviations of a measurement (`hybrid_env.limits`).
+    given may change later. Allowed are numbers from 1e-18 to 1e18 in any unit, and 1,000 radii; the
+    object may turn by 100 rad per tick and move by 10^9 standard deviations of a measurement.
 
     Attributes:
         radii: turn radii of the bank [m], each as a left and as a right turn: M = 2 n + 1
@@ -67,17 +62,13 @@ class ModelOptions(Checked):
     tick_names: ClassVar[tuple[str, ...]]
     # Of every hypothesis, in `info`.
     hypothesis_field: ClassVar[str]
-    # Meaning of action 0, for messages.
-    first_action: ClassVar[str]
-    # Whether the kernel can store the ticks of a step, which may be more than one.
-    traced: ClassVar[bool]
 
-    radii: Radii = (5.0,)
-    speed: Speed = 2.0
+    radii: Annotated[tuple[float, ...], distinct_radii] = (5.0,)
+    speed: Annotated[Quantity, Unit("m/s")] = 2.0
     heading: Annotated[float, Interval(ge=-1e6, le=1e6), Unit("rad")] | None = None
-    tau: TickLength = 0.1
-    process_variance: VelocityVariance = 0.001
-    object_variance: VelocityVariance | None = None
+    tau: Annotated[Quantity, Unit("s")] = 0.1
+    process_variance: Annotated[QuantityOrZero, Unit("m^2/s^2")] = 0.001
+    object_variance: Annotated[QuantityOrZero, Unit("m^2/s^2")] | None = None
     measurement_variance: Annotated[float | tuple[float, float], check_variances] = 0.1
     noise: Annotated[str | Noise, parse_noise] = "gaussian"
     missed: Share = 0.0
@@ -87,7 +78,9 @@ class ModelOptions(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_sensors(self.sensors, self.variances.tolist())
+        if self.sensors and self.variances.size > 1:
+            allowed = "one number with sensors, whose variances are the same for both axes"
+            raise reject("measurement_variance", self.measurement_variance, allowed)
 
     def _check_ratios(self, radii: Iterable[float]) -> None:
         """Check the ratios of the options, for radii of bank and object [m]."""
@@ -106,27 +99,9 @@ class ModelOptions(Checked):
             allowed = "the motion per tick and the radii are too many standard deviations"
             raise reject("measurement_variance", variance, f"at least {least:g}: {allowed}")
 
-    @classmethod
-    def of(cls, **options: Any) -> Self:
-        """Create options from keywords. An unknown name raises a `TypeError` in the words of
-        Python.
-        """
-        names = [field.name for field in dataclasses.fields(cls)]
-        for name in options:
-            if name not in names:
-                close = difflib.get_close_matches(name[:40], names, 1)
-                hint = (
-                    f"did you mean {close[0]!r}?"
-                    if close
-                    else f"the options are those of {cls.__name__}"
-                )
-                # Libraries that try keywords, such as TorchRL, read these words of Python.
-                raise TypeError(f"got an unexpected keyword argument {repr(name)[:40]}: {hint}")
-        return cls(**options)
-
     @property
-    def layout_class(self) -> type[Layout]:
-        """Layout of the rows."""
+    def action_count(self) -> int:
+        """Number of actions."""
         raise NotImplementedError
 
     @property
@@ -135,21 +110,14 @@ class ModelOptions(Checked):
         raise NotImplementedError
 
     @property
+    def table(self) -> FloatArray:
+        """Segments in order, or the modes to draw from, see `scheme.segment_table`."""
+        raise NotImplementedError
+
+    @property
     def hypotheses(self) -> int:
         """M, the number of hypotheses."""
         return 2 * len(self.radii) + 1
-
-    @property
-    def action_count(self) -> int:
-        """Number of actions."""
-        raise NotImplementedError
-
-    @property
-    def actions_by_key(self) -> dict[str, int]:
-        """Actions of the keys w (straight), a (left) and d (right), both turns of the first
-        radius.
-        """
-        raise NotImplementedError
 
     def check_longest(self, max_episode_steps: int | None) -> None:
         """Refuse a limit below the longest episode, which would end without a decision; None and
@@ -184,40 +152,43 @@ class ModelOptions(Checked):
             "durations": np.zeros((2, 0)),
         }
 
-    @property
-    def table(self) -> FloatArray:
-        """Segments in order, or the modes to draw from, see `scheme.segment_table`."""
-        raise NotImplementedError
-
-    def parameters(self) -> AnyArray:
-        """Return (1,) record `core.memory.PARAMETERS` with the options; the addresses are 0. A
-        number or a flag is written into the field of its name.
+    def parameters(self) -> dict[str, Any]:
+        """Return the options as fields of the record `core.memory.PARAMETERS`; a number or a flag
+        is the field of its name.
         """
         assert isinstance(self.initial_error, tuple)
         assert not isinstance(self.noise, str)
-        record = np.zeros(1, PARAMETERS)
-        for name, value in vars(self).items():
-            if isinstance(value, (float, int)) and name in (record.dtype.names or ()):
-                record[name] = value
-        record["action_count"] = self.action_count
-        record["heading"] = math.nan if self.heading is None else self.heading
-        record["initial_position"], record["initial_velocity"] = self.initial_error
+        names = PARAMETERS.names or ()
+        plain = {
+            name: value
+            for name, value in vars(self).items()
+            if name in names and isinstance(value, (float, int))
+        }
+        position, velocity = self.initial_error
         flown = self.process_variance if self.object_variance is None else self.object_variance
-        record["process_deviation"] = math.sqrt(flown)
-        record["deviation_x"], record["deviation_y"] = np.sqrt(self.variances[[0, -1]])
-        record["variance_x"], record["variance_y"] = self.variances[[0, -1]]
-        record["log_noise"] = np.log(self.variances).mean()
-        record["noise_whitener"] = np.exp(-0.5 * record["log_noise"])
-        record["radii_count"] = len(self.radii)
-        record["columns"] = len(self.radii) + 1
-        record["modes"] = self.hypotheses
-        record["axes"] = self.variances.size
-        record["table_rows"] = len(self.table)
-        record["sensor_count"] = len(self.sensors)
-        self.noise.write_parameters(record)
-        record["freedom"] = (
-            self.likelihood.freedom if isinstance(self.likelihood, StudentNoise) else 0.0
-        )
-        record["irregular"] = self.missed > 0.0 or bool(self.sensors)
-        record["radar"] = has_radar(self.sensors)
-        return record
+        log_noise = np.log(self.variances).mean()
+        freedom = self.likelihood.freedom if isinstance(self.likelihood, StudentNoise) else 0.0
+        return {
+            **plain,
+            **self.noise.parameters(),
+            "action_count": self.action_count,
+            "heading": math.nan if self.heading is None else self.heading,
+            "initial_position": position,
+            "initial_velocity": velocity,
+            "process_deviation": math.sqrt(flown),
+            "deviation_x": np.sqrt(self.variances[0]),
+            "deviation_y": np.sqrt(self.variances[-1]),
+            "variance_x": self.variances[0],
+            "variance_y": self.variances[-1],
+            "log_noise": log_noise,
+            "noise_whitener": np.exp(-0.5 * log_noise),
+            "radii_count": len(self.radii),
+            "columns": len(self.radii) + 1,
+            "modes": self.hypotheses,
+            "axes": self.variances.size,
+            "table_rows": len(self.table),
+            "sensor_count": len(self.sensors),
+            "freedom": freedom,
+            "irregular": self.missed > 0.0 or bool(self.sensors),
+            "radar": has_radar(self.sensors),
+        }

@@ -9,26 +9,19 @@ assumes normal noise of variance R, or with the option `likelihood` Student's t.
 
 import dataclasses
 import math
-import re
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
 from annotated_types import Interval
 
-from hybrid_env.checks import AnyArray, Checked, Share, reject
+from hybrid_env.checks import Checked, Share, reject
 from hybrid_env.core.noise import GAUSSIAN, LEVY, OUTLIERS, STUDENT_T
-
-# Magnitude of a measurement error over sqrt(R).
-LARGEST_ERROR = 1e6
-
-_NUMBER = r"[0-9]{0,20}\.?[0-9]{1,20}(?:[eE][-+]?[0-9]{1,3})?"
-_TEXT = re.compile(rf"([a-z_]+)((?:\s+{_NUMBER}){{0,3}})\s*")
 
 
 @dataclass(frozen=True)
 class Noise(Checked):
     """A law of the measurement noise: each subclass here is a law, whose fields are the numbers of
-    its text. Others, which the kernel cannot draw, are refused.
+    its text.
     """
 
     # Its text, which begins with its name.
@@ -38,15 +31,13 @@ class Noise(Checked):
     # Shape, scale and clip for the kernel: a number or the name of a field.
     numbers: ClassVar[tuple[str | float, ...]]
 
-    def write_parameters(self, record: AnyArray) -> None:
-        """Write the law into a (1,) record `core.memory.PARAMETERS`."""
-        record["noise_law"] = self.law
-        for name, number in zip(
-            ("noise_shape", "noise_scale", "noise_clip"),
-            self.numbers,
-            strict=True,
-        ):
-            record[name] = getattr(self, number) if isinstance(number, str) else number
+    def parameters(self) -> dict[str, float]:
+        """Return the law as fields of the record `core.memory.PARAMETERS`."""
+        numbers = [
+            getattr(self, number) if isinstance(number, str) else number for number in self.numbers
+        ]
+        names = ("noise_shape", "noise_scale", "noise_clip")
+        return dict(zip(names, numbers, strict=True), noise_law=self.law)
 
     def __str__(self) -> str:
         numbers = [f"{getattr(self, field.name):.15g}" for field in dataclasses.fields(self)]
@@ -101,13 +92,13 @@ class LevyNoise(Noise):
 
     index: Annotated[float, Interval(ge=0.5, le=2.0)]
     scale: Annotated[float, Interval(ge=1e-3, le=1e3)] = 1.0
-    clip: Annotated[float, Interval(ge=1e-3, le=LARGEST_ERROR)] = LARGEST_ERROR
+    clip: Annotated[float, Interval(ge=1e-3, le=1e6)] = 1e6
 
 
 @dataclass(frozen=True)
 class StudentNoise(Noise):
     """Errors with the bivariate Student t distribution of scale matrix R, clipped at
-    `LARGEST_ERROR`.
+    10^6.
 
     Large errors of both coordinates occur together. A coordinate has the variance R freedom /
     (freedom - 2), with degrees of freedom from 1 (Cauchy) to 10^6, where it equals the normal
@@ -116,37 +107,27 @@ class StudentNoise(Noise):
 
     example = "student_t 3"
     law = STUDENT_T
-    numbers = ("freedom", 1.0, LARGEST_ERROR)
+    numbers = ("freedom", 1.0, 1e6)
 
     freedom: Annotated[float, Interval(ge=1.0, le=1e6)]
 
 
-_LAWS: dict[str, type[Noise]] = {
-    law.example.partition(" ")[0]: law for law in Noise.__subclasses__()
-}
-GRAMMAR = ", ".join(repr(law.example) for law in _LAWS.values()) + ", or a law of hybrid_env.noises"
-
-
-def parse_noise(value: Any, name: str = "noise", grammar: str = GRAMMAR) -> Noise:
-    """Parse a text or check a law. name, grammar: the argument and what is allowed, for the
+def parse_noise(value: Any, name: str = "noise", allowed: str = "") -> Noise:
+    """Parse a text or check a law. name, allowed: the argument and what it may be, for the
     message.
-
-    The kernel draws the laws of this module only: other subclasses of `Noise` raise
-    `ArgumentError`.
     """
-    if type(value) in _LAWS.values():
-        # Checks the numbers again, as a copy may have others.
-        return dataclasses.replace(value)
-    match = _TEXT.fullmatch(value.strip()) if isinstance(value, str) else None
-    if match and match[1] in _LAWS:
+    laws = {law.example.partition(" ")[0]: law for law in Noise.__subclasses__()}
+    if isinstance(value, Noise):
+        return value
+    words = value.split() if isinstance(value, str) else []
+    examples = ", ".join(repr(law.example) for law in laws.values())
+    allowed = allowed or f"{examples}, or a law of hybrid_env.noises"
+    if words and words[0] in laws:
         try:
-            return _LAWS[match[1]](*map(float, match[2].split()))
-        except TypeError:
-            # Too few or too many numbers.
-            pass
-        except ValueError as error:
-            raise reject(name, value, f"{grammar} ({error})") from None
-    raise reject(name, value, grammar)
+            return laws[words[0]](*map(float, words[1:]))
+        except (TypeError, ValueError) as error:
+            raise reject(name, value, f"{allowed} ({error})") from None
+    raise reject(name, value, allowed)
 
 
 def parse_likelihood(value: Any, name: str = "likelihood") -> GaussianNoise | StudentNoise:

@@ -6,7 +6,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from hybrid_env.checks import AnyArray, FloatArray, check_integer, reject
-from hybrid_env.core import observation_row
+from hybrid_env.core.observation_row import LENGTH_SCALE, LOG_SCALE, TICK_SCALE
 
 
 class Layout:
@@ -25,8 +25,26 @@ class Layout:
     (5, 3)
     """
 
-    hypothesis_features: ClassVar[dict[str, float]] = observation_row.HYPOTHESIS_FEATURES
-    track_features: ClassVar[dict[str, float]] = observation_row.TRACK_FEATURES
+    hypothesis_features: ClassVar[dict[str, float]] = {
+        "log_ratio": LOG_SCALE,
+        "innovation_along": 1.0,
+        "innovation_across": 1.0,
+        "log_variance": 1.0,
+        "previous": 1.0,
+        "curvature": 1.0,
+    }
+    track_features: ClassVar[dict[str, float]] = {
+        "ticks": TICK_SCALE,
+        "ticks_left": TICK_SCALE,
+        "log_error_probability": LOG_SCALE,
+        "speed": 1.0,
+        "displacement_along": LENGTH_SCALE,
+        "displacement_across": LENGTH_SCALE,
+        "anchor_xx": 1.0,
+        "anchor_xv": 1.0,
+        "anchor_vv": 1.0,
+        "log_noise": 1.0,
+    }
 
     def __init__(self, hypotheses: int):
         self.hypotheses = check_integer("hypotheses", hypotheses, minimum=3)
@@ -95,8 +113,15 @@ class QuickestLayout(Layout):
     `Layout`.
     """
 
-    hypothesis_features = observation_row.QUICKEST_HYPOTHESIS_FEATURES
-    track_features = observation_row.QUICKEST_TRACK_FEATURES
+    hypothesis_features: ClassVar[dict[str, float]] = {
+        "log_probability": LOG_SCALE,
+        "log_ratio": 1.0,
+        "innovation_along": 1.0,
+        "innovation_across": 1.0,
+        "log_variance": 1.0,
+        "stated": 1.0,
+    }
+    track_features: ClassVar[dict[str, float]] = {"speed": 1.0, "stated_ticks": TICK_SCALE}
 
 
 class RawLayout(Layout):
@@ -105,7 +130,15 @@ class RawLayout(Layout):
     """
 
     hypothesis_features: ClassVar[dict[str, float]] = {}
-    track_features = observation_row.RAW_FEATURES
+    track_features: ClassVar[dict[str, float]] = {
+        "displacement_along": LENGTH_SCALE,
+        "displacement_across": LENGTH_SCALE,
+        "measured": 1.0,
+        "ticks": TICK_SCALE,
+        "ticks_left": TICK_SCALE,
+        "speed": 1.0,
+        "log_noise": 1.0,
+    }
 
 
 class StateLayout(Layout):
@@ -114,4 +147,12 @@ class StateLayout(Layout):
     """
 
     hypothesis_features: ClassVar[dict[str, float]] = {"true_mode": 1.0}
-    track_features = observation_row.STATE_FEATURES
+    track_features: ClassVar[dict[str, float]] = {
+        "position_along": LENGTH_SCALE,
+        "position_across": LENGTH_SCALE,
+        "velocity_along": 1.0,
+        "velocity_across": 1.0,
+        "ticks": TICK_SCALE,
+        "ticks_left": TICK_SCALE,
+        "log_noise": 1.0,
+    }

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from hybrid_env.checks import (
     FloatArray,
-    ReadOnlyAttributes,
+    OwnState,
     check_array,
     check_choice,
     check_covariance,
@@ -26,8 +26,8 @@ from hybrid_env.core.bank_ticks import (
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.bank import FilterModel, bank_arrays
 from hybrid_env.core.compilation import compiled, prepare
-from hybrid_env.core.memory import BANKS, LANES, state_of, triangle_of
-from hybrid_env.limits import TickLength, VelocityVariance, axis_variances, distinct_radii
+from hybrid_env.core.memory import BANKS, MEASURED, SENSOR, State, Triangle4
+from hybrid_env.limits import Quantity, QuantityOrZero, axis_variances, distinct_radii
 from hybrid_env.live import TRIANGLE
 
 
@@ -35,34 +35,33 @@ from hybrid_env.live import TRIANGLE
 def _begin_one(
     bank: Any,
     rows: FloatArray,
-    anchor: FloatArray,
-    covariance: FloatArray,
+    anchor: State,
+    covariance: Triangle4,
     radii: FloatArray,
     model: FilterModel,
 ) -> None:
-    """Start every filter from an anchor, (4, 1), with a covariance, (10, 1) upper triangle row
-    by row.
-    """
-    operations.begin(bank, 0, state_of(anchor, 0), triangle_of(covariance, 0), radii, model)
+    """Start every filter from an anchor with a covariance, upper triangle row by row."""
+    operations.begin(bank, 0, anchor, covariance, radii, model)
     for h in range(bank.hypotheses.size):
         write_estimate(rows[h], bank, h, 0)
 
 
 @compiled
-def _step_one(bank: Any, rows: FloatArray, measurement: FloatArray, model: FilterModel) -> None:
-    """Advance every filter by a measurement in lane 0, (2, LANES); NaN is none."""
+def _step_one(bank: Any, rows: FloatArray, measured: Any, sensors: Any, model: FilterModel) -> None:
+    """Advance every filter by what is measured in lane 0; NaN is none."""
     noise = model.variance_x, 0.0, model.variance_y
+    measurement = measured[0].measurement
     for h in range(bank.hypotheses.size):
         write_innovation(rows[h], bank, h, 0, measurement, noise, model)
     if math.isnan(measurement[0, 0]):
-        operations.predict(bank, 0, model)
+        operations.sense(bank, 0, 0, bank.hypotheses.size, measured[0], sensors, model)
     else:
         operations.step(bank, 0, 1, measurement, model)
     for h in range(bank.hypotheses.size):
         write_estimate(rows[h], bank, h, 0)
 
 
-class KalmanBank(ReadOnlyAttributes):
+class KalmanBank(OwnState):
     """The bank of Kalman filters for one track, as in the environments. Golubkov 2018, eq. (2)
     and (4).
 
@@ -84,8 +83,6 @@ class KalmanBank(ReadOnlyAttributes):
     (3, 2, 2)
     """
 
-    read_only = frozenset(("radii", "tau", "process_variance", "variances", "bank"))
-
     def __init__(
         self,
         radii: ArrayLike = (5.0,),
@@ -95,8 +92,8 @@ class KalmanBank(ReadOnlyAttributes):
         bank: str = "published",
     ):
         self.radii = frozen(np.array(distinct_radii(radii)))
-        self.tau = checked("tau", tau, TickLength)
-        self.process_variance = checked("process_variance", process_variance, VelocityVariance)
+        self.tau = checked("tau", tau, Quantity)
+        self.process_variance = checked("process_variance", process_variance, QuantityOrZero)
         self.variances = frozen(axis_variances(measurement_variance))
         self.bank = check_choice("bank", bank, [name for name in BANKS if name != "oracle"])
         # The axes of an anchor may have different covariances even if they have one measurement
@@ -108,10 +105,11 @@ class KalmanBank(ReadOnlyAttributes):
             float(self.variances[0]),
             float(self.variances[-1]),
         )
-        self._measurement = np.zeros((2, LANES))
+        self._measured = np.zeros(1, MEASURED)
+        self._sensors = np.zeros(0, SENSOR)
         self._rows = np.full((self.hypotheses, ROW_LENGTH), np.nan)
         self._anchored = False
-        prepare(_step_one, self._filters, self._rows, self._measurement, self._model)
+        prepare(_step_one, self._filters, self._rows, self._measured, self._sensors, self._model)
 
     @property
     def hypotheses(self) -> int:
@@ -132,8 +130,8 @@ class KalmanBank(ReadOnlyAttributes):
             covariance = np.kron(np.eye(2), [[xx, xv], [xv, vv]])
         matrix = check_array("covariance", covariance, (4, 4))
         triangle = check_covariance("covariance", matrix, definite=False)[TRIANGLE]
-        columns = anchor[:, None], triangle[:, None]
-        arguments = self._filters, self._rows, *columns, self.radii, self._model
+        start = tuple(anchor.tolist()), tuple(triangle.tolist())
+        arguments = self._filters, self._rows, *start, self.radii, self._model
         prepare(_begin_one, *arguments)
         _begin_one(*arguments)
         self._rows[:, :ESTIMATES] = np.nan
@@ -148,8 +146,8 @@ class KalmanBank(ReadOnlyAttributes):
         if not self._anchored:
             raise RuntimeError("step() called before anchor(): the bank has no initial estimate")
         position = check_array("measurement", measurement, (2,), missing=True)
-        self._measurement[:, 0] = np.nan if np.isnan(position).any() else position
-        _step_one(self._filters, self._rows, self._measurement, self._model)
+        self._measured["measurement"][0, :, 0] = np.nan if np.isnan(position).any() else position
+        _step_one(self._filters, self._rows, self._measured, self._sensors, self._model)
         return self.log_likelihood
 
     @property

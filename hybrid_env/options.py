@@ -2,19 +2,18 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-import numpy as np
 from annotated_types import Interval
 
-from hybrid_env.checks import AnyArray, FloatArray, reject
+from hybrid_env.checks import FloatArray, reject
 from hybrid_env.core.memory import BANKS, SEGMENT_COLUMNS, TICK_NAMES
-from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, OBSERVATIONS, TICK_SCALE
-from hybrid_env.limits import Cost
+from hybrid_env.core.observation_row import OBSERVATIONS
+from hybrid_env.limits import QuantityOrZero
 from hybrid_env.model_options import ModelOptions as ModelOptions
 from hybrid_env.noises import StudentNoise
 from hybrid_env.observation import Layout, RawLayout, StateLayout
-from hybrid_env.scheme import FixedScheme, Scheme, parse_scheme, segment_table
+from hybrid_env.scheme import FixedScheme, RandomScheme, Scheme, parse_scheme, segment_table
 from hybrid_env.sensors import has_radar
 
 
@@ -63,8 +62,6 @@ class WorldOptions(ModelOptions):
     switches = "announced"
     tick_names = TICK_NAMES
     hypothesis_field = "log_likelihood"
-    first_action = "wait"
-    traced = True
 
     scheme: Annotated[str | Scheme, parse_scheme] = "random"
     bank: Literal["published", "anchor_aware", "oracle"] = "published"
@@ -72,7 +69,7 @@ class WorldOptions(ModelOptions):
     follow: Literal["declared", "bank"] = "declared"
     recalculation: bool = False
     refine_radius: bool = False
-    delay_cost: Cost = 0.02
+    delay_cost: QuantityOrZero = 0.02
     correctness: Literal["exact", "type"] = "exact"
     evidence: Annotated[float, Interval(ge=0.0, le=1.0 - 1e-9)] = 0.0
     actions: Literal["all", "types", "best"] = "all"
@@ -114,52 +111,33 @@ class WorldOptions(ModelOptions):
     @property
     def action_count(self) -> int:
         """Number of actions."""
-        return {
-            "all": self.hypotheses + 1,
-            "types": 4,
-            "best": 2,
-        }[self.actions]
-
-    @property
-    def actions_by_key(self) -> dict[str, int]:
-        """See `ModelOptions.actions_by_key`; with `actions="best"` each key declares."""
-        right = {
-            "all": len(self.radii) + 2,
-            "types": 3,
-            "best": 1,
-        }[self.actions]
-        return {
-            "w": 1,
-            "a": min(2, right),
-            "d": right,
-        }
+        counts = {"all": self.hypotheses + 1, "types": 4, "best": 2}
+        return counts[self.actions]
 
     @property
     def layout_class(self) -> type[Layout]:
         """Layout of the rows, by the option `observation`."""
-        return {
-            "bank": Layout,
-            "raw": RawLayout,
-            "state": StateLayout,
-        }[self.observation]
-
-    @property
-    def _scheme(self) -> Scheme:
-        """The scheme, of whatever was given."""
-        assert not isinstance(self.scheme, str)
-        return self.scheme
+        layouts = {"bank": Layout, "raw": RawLayout, "state": StateLayout}
+        return layouts[self.observation]
 
     @property
     def table(self) -> FloatArray:
         """Segments in order, or the modes to draw from, see `scheme.segment_table`."""
-        return segment_table(self._scheme, self.radii)
+        assert not isinstance(self.scheme, str)
+        return segment_table(self.scheme, self.radii)
 
     @property
     def _lengths(self) -> list[int]:
         """Largest length of every segment of an episode [ticks]."""
-        if isinstance(self._scheme, FixedScheme):
-            return [piece.length for piece in self._scheme.pieces]
-        return [self._scheme.lengths[1]] * self._scheme.segments
+        if isinstance(self.scheme, FixedScheme):
+            return [piece.length for piece in self.scheme.pieces]
+        assert isinstance(self.scheme, RandomScheme)
+        return [self.scheme.lengths[1]] * self.scheme.segments
+
+    @property
+    def segments(self) -> int:
+        """Number of segments of an episode."""
+        return len(self._lengths)
 
     @property
     def longest_segment(self) -> int:
@@ -171,63 +149,27 @@ class WorldOptions(ModelOptions):
         """Largest number of steps of an episode: its ticks if every action waits."""
         return sum(self._lengths)
 
-    @property
-    def segments(self) -> int:
-        """Number of segments of an episode."""
-        return len(self._lengths)
-
-    def bounds(self) -> dict[str, tuple[float, float]]:
-        """Return the smallest and largest value of bounded quantities of the observation,
-        scaled.
-        """
-        longest = TICK_SCALE * self.longest_segment * (1 + 1e-6)
-        known = {
-            **dict.fromkeys(("log_ratio", "log_error_probability"), (LOG_SCALE * LOG_FLOOR, 0.0)),
-            **dict.fromkeys(("previous", "measured", "true_mode"), (0.0, 1.0)),
-            **dict.fromkeys(("ticks", "ticks_left"), (0.0, longest)),
-            **dict.fromkeys(("log_variance", "speed", "anchor_xx", "anchor_vv"), (0.0, np.inf)),
-        }
-        return {
-            name: both for name, both in known.items() if name in self.layout_class.scales_by_name()
-        }
-
-    def largest(self, trace_rows: int) -> dict[str, int]:
-        """Return the largest value of every field of the blocks that the kernel uses as index or
-        length.
-        """
-        modes = self.hypotheses
-        longest = self.longest_segment
-        return {
-            "segment": self.segments - 1,
-            "true_mode": modes - 1,
-            "active_mode": modes - 1,
-            "length": longest,
-            "tick": longest,
-            "trace_length": trace_rows,
-        }
-
-    def parameters(self) -> AnyArray:
+    def parameters(self) -> dict[str, Any]:
         """See `ModelOptions.parameters`."""
-        record = super().parameters()
-        record["segments"] = self.segments
         default = self.bank == "published" and self.follow == "declared"
-        record["reset_covariance"] = (
-            default if self.reset_covariance is None else self.reset_covariance
-        )
-        record["oracle"] = self.bank == "oracle"
-        record["exact_anchor"] = self.bank != "anchor_aware"
-        record["exact"] = self.correctness == "exact"
-        record["merged"] = self.follow == "bank"
-        record["declare_best"] = self.actions == "best"
-        record["declare_type"] = self.actions == "types"
-        record["log_error_allowed"] = math.log1p(-self.evidence)
-        record["observation"] = OBSERVATIONS.index(self.observation)
-        # 1 if those of both axes are equal.
-        record["axes"] = 2 if self.follow == "bank" else self.variances.size
-        record["recalculated"] = self.hypotheses * self.recalculation
-        record["refined"] = self.refine_radius
-        record["keep_undecided"] = self.undecided == "keep"
-        if not isinstance(self._scheme, FixedScheme):
-            record["random_scheme"] = True
-            record["shortest"], record["longest"] = self._scheme.lengths
-        return record
+        parameters = super().parameters() | {
+            "segments": self.segments,
+            "reset_covariance": default if self.reset_covariance is None else self.reset_covariance,
+            "oracle": self.bank == "oracle",
+            "exact_anchor": self.bank != "anchor_aware",
+            "exact": self.correctness == "exact",
+            "merged": self.follow == "bank",
+            "declare_best": self.actions == "best",
+            "declare_type": self.actions == "types",
+            "log_error_allowed": math.log1p(-self.evidence),
+            "observation": OBSERVATIONS.index(self.observation),
+            # 1 if those of both axes are equal.
+            "axes": 2 if self.follow == "bank" else self.variances.size,
+            "recalculated": self.hypotheses * self.recalculation,
+            "refined": self.refine_radius,
+            "keep_undecided": self.undecided == "keep",
+        }
+        if isinstance(self.scheme, RandomScheme):
+            parameters["random_scheme"] = True
+            parameters["shortest"], parameters["longest"] = self.scheme.lengths
+        return parameters

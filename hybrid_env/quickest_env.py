@@ -81,8 +81,8 @@ class HybridTrackQuickestEnv(TrackEnv):
     `order="drawn"` also `order` (M, M), the probabilities of the next mode.
 
     ## Arguments
-    `gym.make` takes `render_mode` ("human" or "rgb_array") and every option of
-    `hybrid_env.QuickestOptions`:
+    `gym.make` takes `render_mode` ("rgb_array", or "human" for Gymnasium's window) and every option
+    of `hybrid_env.QuickestOptions`:
 
     ```python
     gym.make("hybrid_env:HybridTrackQuickest-v0", tau=0.5, durations="uniform 50-100")

@@ -10,9 +10,8 @@ from annotated_types import Interval
 from hybrid_env import durations as laws
 from hybrid_env.checks import AnyArray, FloatArray, checked, reject
 from hybrid_env.core.memory import TICK_NAMES, ImmBank
-from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
 from hybrid_env.durations import DRAWN, Durations, parse_durations
-from hybrid_env.limits import Cost, Ticks
+from hybrid_env.limits import QuantityOrZero, Ticks
 from hybrid_env.model_options import ModelOptions
 from hybrid_env.observation import Layout, QuickestLayout
 from hybrid_env.scheme import RandomScheme, segment_table
@@ -62,17 +61,15 @@ class QuickestOptions(ModelOptions):
     """
 
     switches = "unknown"
-    traced = False
     tick_names = tuple(name for name in TICK_NAMES if name != "anchor")
     hypothesis_field = "log_probability"
-    first_action = "straight"
     bank_class = ImmBank
 
     ticks: Ticks = 600
     durations: Annotated[str | Durations, parse_durations] = "25 + geometric 50"
     order: str | tuple[tuple[float, ...], ...] = "equal"
     start: Literal["known", "random"] = "known"
-    change_cost: Cost = 5.0
+    change_cost: QuantityOrZero = 5.0
     hazard: float | None = None
 
     def __post_init__(self) -> None:
@@ -88,34 +85,30 @@ class QuickestOptions(ModelOptions):
         return QuickestLayout
 
     @property
-    def longest_episode(self) -> int:
-        """Number of steps of an episode."""
-        return self.ticks
-
-    @property
     def action_count(self) -> int:
         """Number of actions: one for each mode."""
         return self.hypotheses
 
     @property
-    def actions_by_key(self) -> dict[str, int]:
-        """See `ModelOptions.actions_by_key`."""
-        return {
-            "w": 0,
-            "a": 1,
-            "d": len(self.radii) + 1,
-        }
+    def segments(self) -> int:
+        """Largest number of segments of an episode."""
+        return self.ticks
+
+    @property
+    def longest_segment(self) -> int:
+        """Length of the longest possible segment inside an episode [ticks]."""
+        return self.ticks
+
+    @property
+    def longest_episode(self) -> int:
+        """Number of steps of an episode."""
+        return self.ticks
 
     @property
     def law(self) -> Durations:
         """Law of the duration of a segment."""
         assert not isinstance(self.durations, str)
         return self.durations
-
-    @property
-    def longest_segment(self) -> int:
-        """Length of the longest possible segment inside an episode [ticks]."""
-        return self.ticks
 
     @property
     def assumed_hazard(self) -> float:
@@ -167,35 +160,14 @@ class QuickestOptions(ModelOptions):
             arrays["order"] = self.order_matrix
         return arrays
 
-    def bounds(self) -> dict[str, tuple[float, float]]:
-        """See `WorldOptions.bounds`."""
-        return {
-            "log_probability": (LOG_SCALE * LOG_FLOOR, 0.0),
-            "log_ratio": (LOG_FLOOR, 0.0),
-            "stated": (0.0, 1.0),
-            "stated_ticks": (0.0, TICK_SCALE * self.ticks * (1 + 1e-6)),
-        } | dict.fromkeys(("log_variance", "speed"), (0.0, np.inf))
-
-    def largest(self, trace_rows: int) -> dict[str, int]:
-        """See `WorldOptions.largest`."""
-        modes = self.hypotheses
-        ticks = self.ticks
-        return {
-            "segment": ticks - 1,
-            "true_mode": modes - 1,
-            "stated_mode": modes - 1,
-            "tick": ticks,
-            "length": ticks + 1,
-            "time": ticks,
-            "stated_ticks": ticks,
-        }
-
-    def parameters(self) -> AnyArray:
+    def parameters(self) -> dict[str, Any]:
         """See `ModelOptions.parameters`."""
-        record = super().parameters()
-        record["start_known"] = self.start == "known"
-        record["order_rows"] = 0 if self.order in ("equal", DRAWN) else self.hypotheses
-        record["drawn_modes"] = self.hypotheses if self.order == DRAWN else 0
-        record["drawn_laws"] = 2 if str(self.durations) == DRAWN else 0
-        record["stay_probability"], record["switch_probability"] = self.transition_matrix[0, :2]
-        return record
+        stay, switch = self.transition_matrix[0, :2]
+        return super().parameters() | {
+            "start_known": self.start == "known",
+            "order_rows": 0 if self.order in ("equal", DRAWN) else self.hypotheses,
+            "drawn_modes": self.hypotheses if self.order == DRAWN else 0,
+            "drawn_laws": 2 if str(self.durations) == DRAWN else 0,
+            "stay_probability": stay,
+            "switch_probability": switch,
+        }

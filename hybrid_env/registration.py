@@ -13,22 +13,19 @@ if TYPE_CHECKING:
 
 # [m]
 BANK_RADII = tuple(float(radius) for radius in range(1, 11))
-_EVIDENT = {"bank": "anchor_aware", "evidence": 0.95}
-_TYPES = {
-    "radii": BANK_RADII,
-    "correctness": "type",
-    "delay_cost": 0.01,
-}
+# With 21 hypotheses the type is rewarded.
+TYPES = {"radii": BANK_RADII, "correctness": "type", "delay_cost": 0.01}
 ENVIRONMENTS: dict[str, dict[str, object]] = {
-    "HybridTrack-v0": _EVIDENT,
+    "HybridTrack-v0": {"bank": "anchor_aware", "evidence": 0.95},
     "HybridTrackBank-v0": {
-        **_EVIDENT,
-        **_TYPES,
+        "bank": "anchor_aware",
+        "evidence": 0.95,
+        **TYPES,
         "actions": "types",
         "follow": "bank",
     },
     "HybridTrackPublished-v0": {},
-    "HybridTrackPublishedBank-v0": _TYPES,
+    "HybridTrackPublishedBank-v0": TYPES,
     "HybridTrackQuickest-v0": {},
     "HybridTrackQuickestBank-v0": {"radii": BANK_RADII},
 }
@@ -85,13 +82,9 @@ def vector_class(env_id: str, kind: str = "TrackVectorEnv") -> Any:
     """
     from hybrid_env import vector_env
 
-    base = getattr(vector_env, kind)
-    kinds: dict[str, Any] = {
-        name: load_env_creator(str(spec.vector_entry_point))
-        for name, spec in registry.items()
-        if str(spec.vector_entry_point).startswith("hybrid_env.")
-    }
-    known = [name for name, environment in kinds.items() if issubclass(environment, base)]
-    if (name := env_id.removeprefix("hybrid_env:")) not in known:
-        raise reject("env", env_id, "one of " + ", ".join(known))
-    return kinds[name]
+    spec = registry.get(env_id.removeprefix("hybrid_env:"))
+    entry = str(spec and spec.vector_entry_point)
+    environment: Any = load_env_creator(entry) if entry.startswith("hybrid_env.") else None
+    if environment is None or not issubclass(environment, getattr(vector_env, kind)):
+        raise reject("env", env_id, "one of " + ", ".join(ENVIRONMENTS))
+    return environment

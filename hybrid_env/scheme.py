@@ -11,16 +11,8 @@ import numpy as np
 from annotated_types import Len
 from numpy.typing import ArrayLike
 
-from hybrid_env.checks import ArgumentError, Checked, FloatArray, checked, reject
-from hybrid_env.limits import Radii, Radius, Ticks
-
-GRAMMAR = (
-    "words such as 'S50' or 'L50r3' (mode, ticks, radius), 'random 6x50-100', or a key of SCHEMES"
-)
-
-_INTEGER = "[0-9]{1,20}"
-_SEGMENT = re.compile(rf"([SLR])({_INTEGER})(?:r((?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]+)?))?")
-_RANDOM = re.compile(rf"random(?:\s+({_INTEGER})x({_INTEGER})(?:-({_INTEGER}))?)?")
+from hybrid_env.checks import Checked, FloatArray, checked, reject
+from hybrid_env.limits import Quantity, Ticks, distinct_radii
 
 
 @dataclass(frozen=True)
@@ -35,7 +27,7 @@ class Segment(Checked):
 
     mode: Literal["S", "L", "R"]
     length: Ticks
-    radius: Radius | None = None
+    radius: Quantity | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -86,7 +78,7 @@ class RandomScheme(Checked):
 
     segments: Ticks = 6
     lengths: Annotated[tuple[int, int], check_lengths] = (50, 100)
-    radii: Radii | None = None
+    radii: Annotated[tuple[float, ...], distinct_radii] | None = None
 
     def __str__(self) -> str:
         return f"random {self.segments}x{self.lengths[0]}-{self.lengths[1]}"
@@ -108,29 +100,25 @@ def parse_scheme(value: "str | Scheme", name: str = "scheme") -> Scheme:
     """
     if isinstance(value, (FixedScheme, RandomScheme)):
         return value
-    if not isinstance(value, str) or not value.strip():
-        raise reject(name, value, GRAMMAR)
-    text = SCHEMES.get(value.strip(), value.strip())
-    random = _RANDOM.fullmatch(text)
-    if random:
+    text = value.strip() if isinstance(value, str) else ""
+    text = SCHEMES.get(text, text)
+    if random := re.fullmatch(r"random(?:\s+(\d{1,20})x(\d{1,20})(?:-(\d{1,20}))?)?", text):
         if random[1] is None:
             return RandomScheme()
-        shortest = int(random[2])
-        return RandomScheme(int(random[1]), (shortest, int(random[3] or shortest)))
-    return FixedScheme(tuple(_parse_word(value, word) for word in re.split(r"[\s,;]+", text)))
-
-
-def _parse_word(scheme: str, word: str) -> Segment:
-    """Parse the word of one segment."""
-    shown = word if len(word) <= 24 else word[:20] + "..."
-    match = _SEGMENT.fullmatch(word)
-    if not match or (match[1] == "S") != (match[3] is None):
-        raise reject("scheme", scheme, f"{GRAMMAR}; invalid word {shown!r}")
-    mode: Any = match[1]
-    try:
-        return Segment(mode, int(match[2]), float(match[3]) if match[3] else None)
-    except ArgumentError as error:
-        raise reject("scheme", scheme, f"allowed segments; {shown!r}: {error}") from None
+        return RandomScheme(int(random[1]), (int(random[2]), int(random[3] or random[2])))
+    pieces = []
+    for word in re.split(r"[\s,;]+", text):
+        match = re.fullmatch(r"([SLR])(\d{1,20})(?:r([\d.]+(?:e[+-]?\d+)?))?", word)
+        parts: tuple[Any, ...] = match.groups() if match else ("", "0", None)
+        mode, ticks, radius = parts
+        try:
+            pieces.append(Segment(mode, int(ticks), float(radius) if radius else None))
+        except ValueError:
+            allowed = "words such as 'S50' or 'L50r3' (mode, ticks, radius), 'random 6x50-100'"
+            raise reject(
+                name, value, f"{allowed}, or a key of SCHEMES; not {word[:24]!r}"
+            ) from None
+    return FixedScheme(tuple(pieces))
 
 
 def nearest_mode(signed_radius: float, radii: ArrayLike) -> int:

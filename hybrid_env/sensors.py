@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from annotated_types import Interval, Unit
@@ -29,23 +29,7 @@ from hybrid_env.core.polar import (
     position_noise,
     to_position,
 )
-from hybrid_env.limits import Speed, Ticks, Variance
-
-MOST_SENSORS = 100
-GRAMMAR = (
-    f"a list of at most {MOST_SENSORS}: hybrid_env.Sensor, Radar, mappings, or texts such as "
-    "'0.4 period 5 range 30 at 10 20', 'radar 5 0.01 rate 0.3'"
-)
-
-
-_TEXT = re.compile(
-    r"(?:(?P<variance>\S+)|radar (?P<range_deviation>\S+) (?P<bearing_deviation>\S+))"
-    r"(?: period (?P<period>\S+)| range (?P<range>\S+)| rate (?P<rate_deviation>\S+)| at (?P<x>\S+)"
-    r" (?P<y>\S+))*"
-)
-
-
-Coordinate: TypeAlias = Annotated[float, Interval(ge=-1e12, le=1e12), Unit("m")]
+from hybrid_env.limits import Quantity, Ticks
 
 
 def check_range(value: Any, name: str = "range") -> float:
@@ -58,7 +42,7 @@ def check_range(value: Any, name: str = "range") -> float:
 class _Placed(Checked):
     """Where and when a sensor measures."""
 
-    position: tuple[Coordinate, Coordinate] = (0.0, 0.0)
+    position: tuple[float, float] = (0.0, 0.0)
     period: Ticks = 1
     range: Annotated[float, check_range] = math.inf
 
@@ -80,7 +64,7 @@ class Sensor(_Placed):
         range: largest distance of the object at which it is measured [m].
     """
 
-    variance: Variance
+    variance: Annotated[Quantity, Unit("m^2")]
 
     def located(self, values: FloatArray) -> Position:
         """Return a measured (x, y) [m] and its covariance xx, xy, yy [m^2]."""
@@ -105,9 +89,9 @@ class Radar(_Placed):
         position, period, range: see `Sensor`.
     """
 
-    range_deviation: Annotated[float, Interval(ge=1e-9, le=1e9), Unit("m")]
+    range_deviation: Annotated[Quantity, Unit("m")]
     bearing_deviation: Annotated[float, Interval(ge=1e-6, le=1.0), Unit("rad")]
-    rate_deviation: Speed | None = None
+    rate_deviation: Annotated[Quantity, Unit("m/s")] | None = None
 
     @property
     def values(self) -> int:  # type: ignore[override]
@@ -180,87 +164,56 @@ def fuse(sensors: Sequence[Sensor | Radar], values: Mapping[int, ArrayLike]) -> 
     return Fused((origin[0] + x, origin[1] + y), tuple(covariance), tuple(rates))
 
 
-def check_fused(value: Fused) -> Fused:
-    """Return what sensors measured as plain floats; raise `ArgumentError` for values that no
-    sensor measures.
-    """
-    x, y = check_array("measurement.position", value.position, (2,)).tolist()
-    covariance = None
-    if value.covariance is not None:
-        xx, xy, yy = check_array("measurement.covariance", value.covariance, (3,)).tolist()
-        # Rounded, if nearly singular.
-        if not (xx > 0.0 and yy > 0.0 and xy * xy <= (1.0 + 1e-9) * xx * yy):
-            raise reject(
-                "measurement.covariance",
-                value.covariance,
-                "xx, xy, yy of a positive definite matrix",
-            )
-        covariance = xx, xy, yy
-    if not isinstance(value.rates, tuple) or len(value.rates) > MOST_RATES:
-        raise reject(
-            "measurement.rates", value.rates, f"a tuple of at most {MOST_RATES} range rates"
-        )
-    rates = check_array("measurement.rates", (*value.rates, 0.0), (None,), missing=True)
-    return Fused((x, y), covariance, tuple(rates[:-1].tolist()))
-
-
 def parse_sensors(value: Any, name: str = "sensors") -> tuple[Sensor | Radar, ...]:
     """Return the sensors of a list of sensors, mappings or texts. Raises `ArgumentError` for
     other values.
     """
-    listed = isinstance(value, Sequence) and not isinstance(value, (str, bytes))
+    most = 100
+    allowed = (
+        f"a list of at most {most}: hybrid_env.Sensor, Radar, mappings, or texts such as "
+        "'0.4 period 5 range 30 at 10 20', 'radar 5 0.01 rate 0.3'"
+    )
+    if not isinstance(value, Sequence) or isinstance(value, (str, bytes)) or len(value) > most:
+        raise reject(name, value, allowed)
     sensors = []
-    for sensor in value if listed else ():
-        if isinstance(sensor, (Mapping, str)):
-            try:
-                given = _attributes(sensor) if isinstance(sensor, str) else sensor
-                sensor = (Radar if "range_deviation" in given else Sensor)(**given)
-            except (TypeError, ValueError) as error:
-                raise reject(name, value, f"{GRAMMAR} ({error})") from None
-        sensors.append(sensor)
-    known = all(isinstance(sensor, (Sensor, Radar)) for sensor in sensors)
-    if not listed or not known or len(sensors) > MOST_SENSORS:
-        raise reject(name, value, GRAMMAR)
+    for sensor in value:
+        try:
+            given = _attributes(sensor) if isinstance(sensor, str) else sensor
+            if isinstance(given, Mapping):
+                given = (Radar if "range_deviation" in given else Sensor)(**given)
+        except (TypeError, ValueError) as error:
+            raise reject(name, value, f"{allowed} ({error})") from None
+        if not isinstance(given, (Sensor, Radar)):
+            raise reject(name, value, allowed)
+        sensors.append(given)
     if sum(sensor.values == 3 for sensor in sensors) > MOST_RATES:
         raise reject(name, value, f"at most {MOST_RATES} radars that measure the range rate")
     return tuple(sensors)
 
 
 def _attributes(text: str) -> dict[str, Any]:
-    """Return the attributes of a sensor from a text, see `_TEXT`."""
-    match = _TEXT.fullmatch(" ".join(text.split()))
+    """Return the attributes of a sensor from a text, see `parse_sensors`."""
+    match = re.fullmatch(
+        r"(?:(?P<variance>\S+)|radar (?P<range_deviation>\S+) (?P<bearing_deviation>\S+))"
+        r"(?: period (?P<period>\S+)| range (?P<range>\S+)| rate (?P<rate_deviation>\S+)"
+        r"| at (?P<x>\S+) (?P<y>\S+))*",
+        " ".join(text.split()),
+    )
     if match is None:
         raise ValueError(repr(text))
     values: dict[str, Any] = {
-        name: float(word) for name, word in match.groupdict().items() if word is not None
+        name: int(word) if name == "period" else float(word)
+        for name, word in match.groupdict().items()
+        if word is not None
     }
     if "x" in values:
         values["position"] = values.pop("x"), values.pop("y")
-    return values | ({"period": int(match["period"])} if match["period"] else {})
+    return values
 
 
 def has_radar(sensors: Sequence[Sensor | Radar]) -> bool:
     """Return whether a sensor is a radar."""
     return any(isinstance(sensor, Radar) for sensor in sensors)
-
-
-def check_sensors(sensors: Sequence[Sensor | Radar], variances: Sequence[float]) -> None:
-    """Check that R, the variances of the axes [m^2], is one number, and those of the sensors are
-    not too different.
-    """
-    if not sensors:
-        return
-    if len(variances) > 1:
-        allowed = "one number with sensors, whose variances are the same for both axes"
-        raise reject("measurement_variance", tuple(variances), allowed)
-    for variance in map(_variance, sensors):
-        if not 1e-12 <= variance / variances[0] <= 1e12:
-            allowed = "variances within a factor 1e+12 of measurement_variance"
-            raise reject("sensors", variance, allowed)
-
-
-def _variance(sensor: Sensor | Radar) -> float:
-    return sensor.variance if isinstance(sensor, Sensor) else sensor.range_deviation**2
 
 
 def sensor_table(sensors: Sequence[Sensor | Radar], variance: float) -> AnyArray:
@@ -270,11 +223,14 @@ def sensor_table(sensors: Sequence[Sensor | Radar], variance: float) -> AnyArray
     table["rate_row"] = -1
     for row, sensor in zip(table, sensors, strict=True):
         row["x"], row["y"] = sensor.position
-        row["deviation"] = math.sqrt(_variance(sensor))
-        row["precision"] = variance / _variance(sensor)
         row["period"] = sensor.period
         row["range"] = sensor.range
-        if isinstance(sensor, Radar):
+        if isinstance(sensor, Sensor):
+            row["deviation"] = math.sqrt(sensor.variance)
+            row["precision"] = variance / sensor.variance
+        else:
+            row["deviation"] = sensor.range_deviation
+            row["precision"] = variance / sensor.range_deviation**2
             row["bearing_deviation"] = sensor.bearing_deviation
             if sensor.rate_deviation is not None:
                 row["rate_deviation"] = sensor.rate_deviation

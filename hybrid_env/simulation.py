@@ -11,7 +11,7 @@ from hybrid_env.checks import FloatArray, IntArray, check_array, check_integer, 
 from hybrid_env.core.compilation import compiled, prepare
 from hybrid_env.core.memory import BLOCK, LANES, PARAMETERS, SENSOR, aligned_zeros
 from hybrid_env.core.true_object import begin_motion, move
-from hybrid_env.limits import TickLength, VelocityVariance, axis_variances
+from hybrid_env.limits import Quantity, QuantityOrZero, axis_variances
 from hybrid_env.noises import Noise, parse_noise
 from hybrid_env.scheme import FixedScheme, parse_scheme, segment_table
 
@@ -53,7 +53,7 @@ def _simulate(
             for lane in range(LANES):
                 begin_motion(block, lane, table[segment], setting.tau)
             for _ in range(lengths[segment]):
-                move(block, draws, np.uint64(0), np.uint64(LANES), sensors, setting)
+                move(block, draws, np.uint64(0), np.uint64(LANES), sensors, setting, True)
                 for lane in range(LANES):
                     for axis in range(4):
                         truth[b * LANES + lane, k, axis] = block.truth[axis, lane]
@@ -96,23 +96,20 @@ def simulate(
     streams = sequence.generate_state(4 * number * LANES, np.uint64)
     blocks["random_state"] = streams.reshape(number, LANES, 4).swapaxes(1, 2)
     blocks["truth"] = check_array("start", start, (4,))[:, None]
-    lengths = np.array([segment.length for segment in fixed.pieces])
-    radii = sorted({segment.radius for segment in fixed.pieces if segment.radius is not None}) or [
-        1.0
-    ]
-    table = segment_table(fixed, radii)
+    # The modes in the table, by some radius, are not used.
+    table = segment_table(fixed, [1.0])
+    lengths = np.array([piece.length for piece in fixed.pieces])
     truth = np.empty((number * LANES, lengths.sum(), 4))
     measurements = np.empty((number * LANES, lengths.sum(), 2))
     deviations = np.sqrt(axis_variances(measurement_variance))
     parameters = np.zeros(1, PARAMETERS)
-    parameters["tau"] = checked("tau", tau, TickLength)
-    parameters["process_deviation"] = math.sqrt(
-        checked("process_variance", process_variance, VelocityVariance)
-    )
+    parameters["tau"] = checked("tau", tau, Quantity)
+    variance = checked("process_variance", process_variance, QuantityOrZero)
+    parameters["process_deviation"] = math.sqrt(variance)
     parameters["deviation_x"], parameters["deviation_y"] = deviations[[0, -1]]
-    parse_noise(noise).write_parameters(parameters)
+    for name, value in parse_noise(noise).parameters().items():
+        parameters[name] = value
     arguments = blocks, lengths, table, parameters, np.zeros(0, SENSOR), truth, measurements
     prepare(_simulate, *arguments)
     _simulate(*arguments)
-    signed_radii = np.array([segment.signed_radius for segment in fixed.pieces])
-    return Simulation(truth[:runs], measurements[:runs], lengths, signed_radii)
+    return Simulation(truth[:runs], measurements[:runs], lengths, table[:, 0])

@@ -16,36 +16,30 @@ from hybrid_env.checks import (
     FloatArray,
     Info,
     IntArray,
-    NotNegative,
-    ReadOnlyAttributes,
+    OwnState,
     check_choice,
-    check_flag,
     check_integer,
     checked,
     elements,
-    frozen,
     reject,
 )
 from hybrid_env.core.kernel import TERMINATED
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.rendering import RENDER_FPS
 from hybrid_env.rendering.history import History
-from hybrid_env.rendering.window import RENDER_FPS, Renderer
 from hybrid_env.world import World, random_states
 
-# Tracks, and rows of a trace.
-LARGEST = 2**31 - 1
 Step = tuple[Float32Array, FloatArray, BoolArray, BoolArray, Info]
 """Observations (N, width), rewards, terminated and truncated (N,), and info."""
 
 
-class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[Float32Array, IntArray, AnyArray]):
+class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
     """A vector environment of N tracks, as `HybridTrackVectorEnv`; each environment has a
     subclass with its options.
     """
 
     options_class: Any
-    read_only = frozenset(("num_envs", "options", "world"))
 
     def __init__(
         self,
@@ -59,33 +53,32 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[Float32Array, IntArray, AnyAr
         max_episode_steps: int | None = None,
         **options: Any,
     ):
-        self.num_envs = check_integer("num_envs", num_envs, maximum=LARGEST)
-        try:
-            self.autoreset_mode = AutoresetMode(autoreset_mode)
-        except ValueError:
-            allowed = ", ".join(repr(mode.value) for mode in AutoresetMode)
-            raise reject("autoreset_mode", autoreset_mode, allowed) from None
+        # Tracks, and rows of a trace.
+        largest = 2**31 - 1
+        self.num_envs = check_integer("num_envs", num_envs, maximum=largest)
+        modes = {mode.value: mode for mode in AutoresetMode}
+        given = getattr(autoreset_mode, "value", autoreset_mode)
+        self.autoreset_mode = modes[check_choice("autoreset_mode", given, modes)]
         self.metadata = {
             "render_modes": ["rgb_array"],
             "render_fps": RENDER_FPS,
             "autoreset_mode": self.autoreset_mode,
         }
+        self.render_mode = render_mode
+        self.options = self.options_class(**options)
+        self.options.check_longest(max_episode_steps)
+        self.tick_info = checked("tick_info", tick_info, bool)
+        self.bank_info = checked("bank_info", bank_info, bool)
+        trace_rows = check_integer("trace_rows", trace_rows, 0, largest)
+        threads = check_integer("threads", threads, maximum=1024)
+        # Ticks of the running episode of each track, without a render mode of none.
+        self.histories: list[History] = []
         if render_mode is not None:
             check_choice("render_mode", render_mode, self.metadata["render_modes"])
-        self.render_mode = render_mode
-        self.options = self.options_class.of(**options)
-        self.options.check_longest(max_episode_steps)
-        self.tick_info = check_flag("tick_info", tick_info)
-        self.bank_info = check_flag("bank_info", bank_info)
-        trace_rows = check_integer("trace_rows", trace_rows, 0, LARGEST)
-        if render_mode is not None and self.options.traced:
-            trace_rows = max(trace_rows, self.options.longest_segment + 1)
-        threads = check_integer("threads", threads, maximum=1024)
+            self.histories = [History(self.options) for _ in range(self.num_envs)]
+            if self.options.switches == "announced":
+                trace_rows = max(trace_rows, self.options.longest_segment + 1)
         self.world = World(self.options, self.num_envs, trace_rows, threads, self.bank_info)
-        # A frame has two columns and at most two rows.
-        rendered = 0 if render_mode is None else min(4, self.num_envs)
-        # The ticks of its running episode, and what draws them.
-        self._scenes = [(History(), Renderer(self.options, human=False)) for _ in range(rendered)]
         self.single_observation_space = self.world.observation_space()
         self.single_action_space = self.world.action_space()
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
@@ -96,7 +89,8 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[Float32Array, IntArray, AnyAr
         self._shape = (self.num_envs,)
         self._truncated = np.zeros(self.num_envs, bool)
         # Shared by the info of all steps, and therefore read-only.
-        self._every_track = frozen(np.ones(self.num_envs, bool))
+        self._every_track = np.ones(self.num_envs, bool)
+        self._every_track.setflags(write=False)
 
     def reset(
         self,
@@ -112,18 +106,19 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[Float32Array, IntArray, AnyAr
             options: may contain "reset_mask". A track outside of it that was never reset raises
                 `ResetNeeded`.
         """
-        mask = np.ones(self.num_envs, bool)
         checked("options", options, Mapping | None)
-        if options is not None and "reset_mask" in options:
-            given = options["reset_mask"]
-            mask = np.array(given, order="C") if isinstance(given, np.ndarray) else np.zeros(1)
-            expected = mask.dtype == bool and mask.shape == self._shape and mask.any()
-            if not expected or np.ma.is_masked(given):
-                allowed = (
-                    f"a bool array of shape ({self.num_envs},), at least one True, none masked"
-                )
-                raise reject("reset_mask", given, allowed)
-        seeds = self._check_seeds(seed)
+        mask = np.array((options or {}).get("reset_mask", self._every_track))
+        if mask.dtype != bool or mask.shape != self._shape or not mask.any():
+            allowed = f"a bool array of shape ({self.num_envs},), at least one True"
+            raise reject("reset_mask", mask, allowed)
+        seeds: Any = [None] * self.num_envs if seed is None else seed
+        if isinstance(seeds, Integral):
+            first = check_integer("seed", seeds, minimum=0)
+            seeds = range(first, first + self.num_envs)
+        seeds = elements(seeds)
+        if len(seeds) != self.num_envs:
+            allowed = f"an integer, or a sequence of {self.num_envs} integers or None"
+            raise reject("seed", seed, allowed)
         if not (self.world.seeded | mask).all():
             raise gym.error.ResetNeeded(
                 "reset() with a reset_mask requires an earlier reset() of all tracks"
@@ -134,38 +129,11 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[Float32Array, IntArray, AnyAr
             self.world.seed(chosen, random_states([seeds[i] for i in chosen.tolist()]))
         self.world.reset(mask)
         self._started = True
-        self._record_scenes(mask, mask)
+        self._record(mask, mask)
         info = self._tick_info(mask)
         if self.tick_info:
             info |= self._decision_info(np.zeros(self.num_envs, bool))
         return self.world.take_rows(), info
-
-    def _check_seeds(self, seed: Any) -> Sequence[int | None]:
-        """Return one seed or None per track."""
-        if seed is None:
-            return [None] * self.num_envs
-        if isinstance(seed, Integral):
-            first = check_integer("seed", seed, minimum=0)
-            return range(first, first + self.num_envs)
-        seeds = elements(seed)
-        if len(seeds) != self.num_envs or (seeds is not seed and np.ndim(seed) == 0):
-            allowed = f"an integer, or a sequence of {self.num_envs} integers or None"
-            raise reject("seed", seed, allowed)
-        return [checked("seed", track_seed, NotNegative | None) for track_seed in seeds]
-
-    def action_array(self, actions: Any) -> IntArray:
-        """Return actions as an array of integers, (N,). Raises `InvalidAction` if shape or type
-        are wrong.
-        """
-        try:
-            array = np.asarray(actions)
-        except (TypeError, ValueError, RuntimeError):
-            # Ragged, or a tensor with a gradient.
-            array = np.array(None)
-        if array.shape != self._shape or array.dtype.kind not in "iu":
-            given = f"actions have shape {array.shape} and type {array.dtype}"
-            raise gym.error.InvalidAction(f"{given}: expected integers of shape ({self.num_envs},)")
-        return array
 
     def step(self, actions: IntArray) -> Step:
         """Step every track. Returns observations, rewards, terminated, truncated and info as
@@ -176,16 +144,18 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[Float32Array, IntArray, AnyAr
         """
         if not self._started:
             raise gym.error.ResetNeeded("step() requires a running episode: call reset() first")
-        actions = self.action_array(actions)
+        actions = np.asarray(actions)
+        if actions.shape != self._shape or actions.dtype.kind not in "iu":
+            given = f"actions have shape {actions.shape} and type {actions.dtype}"
+            raise gym.error.InvalidAction(f"{given}: expected integers of shape ({self.num_envs},)")
         world = self.world
         if self._disabled and world.terminated.any():
             advice = "reset() terminated tracks with a reset_mask first"
             raise gym.error.ResetNeeded(f"step() requires running episodes: {advice}")
         world.actions[:] = actions
-        before = world.terminated.copy() if self._scenes else self._truncated
+        begins = world.terminated.copy()
         events = world.step()
-        if self._scenes:
-            self._record_scenes(self._every_track, before)
+        self._record(self._every_track, begins)
 
         terminated = world.terminated.copy()
         rewards = world.rewards.copy()
@@ -198,7 +168,7 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[Float32Array, IntArray, AnyAr
             final = {"final_obs": final_obs, "final_info": final_info}
             final |= {f"_{key}": terminated.copy() for key in final}
             world.reset(terminated)
-            self._record_scenes(terminated, terminated)
+            self._record(terminated, terminated)
         if events or self.tick_info:
             final = self._decision_info() | final
         if self.tick_info or self.bank_info:
@@ -217,42 +187,32 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[Float32Array, IntArray, AnyAr
         """Return which actions count now, (N, actions)."""
         return self.world.action_mask > 0
 
-    def render(self) -> Any:
-        """Return a frame of the first tracks (at most four), (height, width, 3) uint8; None
-        without a render mode.
-        """
-        if not self._scenes:
-            gym.logger.warn(
-                "render() has no effect without a render_mode: create it with"
-                " render_mode='rgb_array'"
-            )
+    def render(self) -> tuple[Any, ...] | None:
+        """Return a frame of every track, (height, width, 3) uint8; None without a render mode."""
+        if not self.histories:
+            advice = "create it with render_mode='rgb_array'"
+            gym.logger.warn(f"render() has no effect without a render_mode: {advice}")
             return None
         if not self._started:
             raise gym.error.ResetNeeded("render() requires a running episode: call reset() first")
-        frames = [renderer.draw(history) for history, renderer in self._scenes]
-        frames += [np.full_like(frames[0], 255)] * (len(frames) % 2 if len(frames) > 1 else 0)
-        rows = [
-            np.concatenate(frames[first : first + 2], axis=1) for first in range(0, len(frames), 2)
-        ]
-        return np.concatenate(rows)
+        return tuple(history.draw() for history in self.histories)
 
-    def _record_scenes(self, stepped: BoolArray, begins: BoolArray) -> None:
-        """Add the last step of the tracks that are rendered. stepped, begins: (N,) which of them
-        were stepped or reset, and which of these begin an episode.
+    def _record(self, stepped: BoolArray, begins: BoolArray) -> None:
+        """Add the last step to the histories. stepped, begins: (N,) which tracks were stepped or
+        reset, and which of these begin an episode.
         """
-        if not self._scenes:
+        if not self.histories:
             return
         info = self.world.copy_tick()
         decisions = self.world.read_decisions()
-        decided = decisions.pop("has_decision")
-        for track, (history, _) in enumerate(self._scenes):
-            if not stepped[track]:
-                continue
-            described = info | decisions if decided[track] and not begins[track] else info
+        decided = decisions.pop("has_decision") & ~begins
+        for track in np.flatnonzero(stepped).tolist():
+            history = self.histories[track]
             if begins[track]:
                 history.begin()
-            described = {name: values[track] for name, values in described.items()}
-            history.record(self.world, track, described, self.world.terminated.item(track))
+            present = info | decisions if decided[track] else info
+            present = {name: values[track] for name, values in present.items()}
+            history.record(self.world, track, present, self.world.terminated.item(track))
 
     def _tick_info(self, mask: BoolArray | None = None) -> Info:
         """Return the info of the current tick, zero for tracks outside a mask, (N,); all tracks
@@ -308,7 +268,7 @@ class HybridTrackVectorEnv(TrackVectorEnv):
         threads: number of threads that step the tracks in parallel. Results do not depend on it.
             More than one is useful from about 4,000 tracks.
         bank_info: True adds what every filter did, see `HybridTrackEnv`.
-        render_mode: "rgb_array" for frames of the first four tracks.
+        render_mode: "rgb_array" for frames of all tracks.
         max_episode_steps: longer options are refused; None and -1 are no limit. `gym.make_vec`
             gives that of the id.
         options: see `WorldOptions`.

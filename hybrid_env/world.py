@@ -2,7 +2,6 @@
 
 import functools
 import operator
-import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -13,31 +12,29 @@ from gymnasium import spaces
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
-from hybrid_env.checks import (
-    AnyArray,
-    ArgumentError,
-    BoolArray,
-    Float32Array,
-    FloatArray,
-    IntArray,
-    ReadOnlyAttributes,
-    reject,
-)
+from hybrid_env.checks import AnyArray, BoolArray, Float32Array, FloatArray, IntArray, reject
 from hybrid_env.core.bank_ticks import read_bank_ticks
 from hybrid_env.core.compilation import prepare
-from hybrid_env.core.kernels import KERNELS, LIVE_KERNELS, RESET, STEP
-from hybrid_env.core.memory import DECISION, DECISION_FLAGS, LANES, Arrays, allocate, declared
+from hybrid_env.core.kernels import RESET, STEP, entry_point
+from hybrid_env.core.memory import (
+    DECISION,
+    DECISION_FLAGS,
+    LANES,
+    PARAMETERS,
+    Arrays,
+    allocate,
+    declared,
+)
+from hybrid_env.core.observation_row import LOG_FLOOR
 from hybrid_env.observation import Layout
 
 
-class World(ReadOnlyAttributes):
-    """State of N tracks under the options of an environment, stepped by some threads. The arrays
-    cannot be replaced, because the kernel has their addresses. A trace has `trace_rows` ticks of
-    the last step, with announced switches; 0 stores none. With `live` the kernels are those of a
-    live sensor, see `hybrid_env.live`, and `run` takes their commands.
+class World:
+    """State of N tracks under the options of an environment, stepped by some threads. The kernel
+    has the addresses of the arrays: they are changed in place, not replaced. A trace has
+    `trace_rows` ticks of the last step, with announced switches; 0 stores none. With `live` the
+    kernels are those of a live sensor, see `hybrid_env.live`, and `run` takes their commands.
     """
-
-    read_only = frozenset(("options", "layout", "threads", "bank", *declared(Arrays, "tracks")))
 
     layout: Layout
     # Named tuple of the arrays of all banks; `bank.hypotheses` is (B, M).
@@ -78,26 +75,26 @@ class World(ReadOnlyAttributes):
         bank_info: bool = False,
         live: bool = False,
     ):
-        if trace_rows and not options.traced:
-            raise reject("trace_rows", trace_rows, "0: info describes every tick")
-        if bank_info and options.switches == "unknown":
-            raise reject(
-                "bank_info",
-                bank_info,
-                "False with unknown switches, where the filters mix their estimates",
-            )
+        for name, value in (("trace_rows", trace_rows), ("bank_info", bank_info)):
+            if value and options.switches == "unknown":
+                raise reject(name, value, "0 or False with unknown switches")
         self.options = options
         self.live = live
         self.layout = options.layout_class(options.hypotheses)
         self.threads = min(threads, -(-tracks // LANES))
-        parameters = options.parameters()
-        parameters["tracks"] = tracks
-        parameters["blocks_count"] = -(-tracks // LANES)
-        # On a live sensor any measurement may be missing.
-        parameters["irregular"] |= live
-        parameters["width"] = self.layout.width
-        parameters["trace_rows"] = trace_rows
-        parameters["bank_rows"] = options.hypotheses if bank_info else 0
+        parameters = np.zeros(1, PARAMETERS)
+        fields = options.parameters()
+        fields |= {
+            "tracks": tracks,
+            "blocks_count": -(-tracks // LANES),
+            # On a live sensor any measurement may be missing.
+            "irregular": fields["irregular"] or live,
+            "width": self.layout.width,
+            "trace_rows": trace_rows,
+            "bank_rows": options.hypotheses if bank_info else 0,
+        }
+        for name, value in fields.items():
+            parameters[name] = value
         sizes = parameters[0]
         bank = options.bank_class
         try:
@@ -122,30 +119,20 @@ class World(ReadOnlyAttributes):
         """Return the arrays that hold the state, by name. They are views, not copies."""
         return dict(self._kept)
 
-    def largest(self) -> dict[str, int]:
-        """Return the largest value of every field of the blocks that the kernel uses as index or
-        length; those of a live sensor have its lengths and ticks.
-        """
-        if self.live:
-            return dict.fromkeys(("active_mode", "stated_mode"), self.options.hypotheses - 1)
-        return dict(self.options.largest(self.trace.shape[1]))
-
     def action_space(self) -> spaces.Discrete:
         """Return the action space of one track."""
         return spaces.Discrete(self.options.action_count)
 
     def invalid_action(self, action: Any) -> gym.error.InvalidAction:
         """Return the error for an action outside the space."""
-        allowed = (
-            f"an integer from 0 ({self.options.first_action}) to {self.options.action_count - 1}"
-        )
+        allowed = f"an integer from 0 to {self.options.action_count - 1}"
         return gym.error.InvalidAction(str(reject("action", action, allowed)))
 
     def _bind(self, parameters: AnyArray, arrays: dict[str, AnyArray]) -> None:
         """Write the array addresses into one parameter record per thread, with scratch memory
         for each.
         """
-        self._advance = (LIVE_KERNELS if self.live else KERNELS)[self.options.bank_class]
+        self._advance = entry_point(self.options.bank_class, parameters[0], self.live)
         prepare(self._advance, 0, 0)
         cuts = np.linspace(0, len(self.blocks), self.threads + 1).astype(int)
         temporary = declared(Arrays, "thread") | declared(self.options.bank_class, "thread")
@@ -160,47 +147,39 @@ class World(ReadOnlyAttributes):
             self._scratch.append(scratch)
         addresses = [parameters.ctypes.data for parameters in self._parameters]
         self._pool: ThreadPoolExecutor | None = None
-        self._pool_process = 0
         self.run: Callable[[int], int] = functools.partial(self._advance, addresses[0])
-        # Once after a step or reset: a new array (N, width).
-        self.take_rows: Callable[[], Float32Array] = self.observations.copy
         if self.threads > 1:
             ranges = [slice(*(LANES * cuts[k : k + 2]).tolist()) for k in range(self.threads)]
-            self.run = functools.partial(
-                self._run_threads,
-                list(zip(addresses, ranges, strict=True)),
-            )
-            self.take_rows = lambda: self._rows
+            shares = list(zip(addresses, ranges, strict=True))
+            self.run = functools.partial(self._run_threads, shares)
+
+    def take_rows(self) -> Float32Array:
+        """Return the observations as a new array, (N, width); once after a step or reset."""
+        return self.observations.copy() if self.threads == 1 else self._rows
 
     def restore(self, arrays: Mapping[str, AnyArray]) -> None:
-        """Copy the state of a world with the same options and number of tracks from its `arrays()`.
-        If an array is missing or has another type or shape, or an index is out of range, nothing is
-        copied.
+        """Copy the state of a world with the same options and number of tracks from its
+        `arrays()`.
         """
-        present = self.arrays()
-        for name, array in present.items():
-            other = arrays.get(name)
-            if not isinstance(other, np.ndarray) or (other.dtype, other.shape) != (
-                array.dtype,
-                array.shape,
-            ):
-                raise ArgumentError(
-                    f"the state of the tracks has no array {name} of {array.dtype.itemsize} bytes"
-                    f" an element and shape {array.shape}: it was saved by another version of"
-                    " hybrid_env or with other options"
-                )
-        self.check_blocks(arrays["blocks"], arrays["seeded"])
-        for name, array in present.items():
+        for name, array in self._kept.items():
             array[...] = arrays[name]
 
     def check_blocks(self, blocks: AnyArray, seeded: BoolArray) -> None:
         """Check the fields of blocks that the kernel uses as indices, lengths of loops and,
         where seeded, seeds.
         """
-        for name, last in self.largest().items():
+        last = dict.fromkeys(("active_mode", "stated_mode"), self.options.hypotheses - 1)
+        if not self.live:
+            # A segment may end after an episode whose switches are unknown.
+            longest = self.options.longest_segment + (self.options.switches == "unknown")
+            last |= dict.fromkeys(("tick", "length", "time", "stated_ticks"), longest)
+            last["true_mode"] = self.options.hypotheses - 1
+            last["segment"] = self.options.segments - 1
+            last["trace_length"] = self.trace.shape[1]
+        for name, largest in last.items():
             values = blocks[name]
-            if (values < 0).any() or (values > last).any():
-                raise reject(f"blocks.{name}", values, f"integers from 0 to {last}")
+            if (values < 0).any() or (values > largest).any():
+                raise reject(f"blocks.{name}", values, f"integers from 0 to {largest}")
         if (blocks["tick"] > blocks["length"]).any():
             raise reject("blocks.tick", blocks["tick"], "at most the length of the segment")
         if not self._flatten_blocks(blocks["random_state"])[seeded].any(1).all():
@@ -224,22 +203,18 @@ class World(ReadOnlyAttributes):
         self.restore(arrays)
 
     def _run_threads(self, shares: list[tuple[int, slice]], command: int) -> int:
-        """Step and copy every share of the tracks in a thread; the calling thread takes the
-        first share.
-        """
-        # A forked process has no threads.
-        if self._pool is None or self._pool_process != os.getpid():
-            self._pool = ThreadPoolExecutor(self.threads - 1)
-            self._pool_process = os.getpid()
-        pool = self._pool
+        """Step and copy every share of the tracks in a thread."""
+        if self._pool is None:
+            self._pool = ThreadPoolExecutor(self.threads)
         self._rows = np.empty_like(self.observations)
-        jobs = [pool.submit(self._run_share, *share, command) for share in shares[1:]]
-        events = [self._run_share(*shares[0], command), *(job.result() for job in jobs)]
+        run = functools.partial(self._run_share, command)
         # Every thread checks all actions, so that all report the same invalid one.
+        events = list(self._pool.map(run, shares))
         return events[0] if events[0] < 0 else functools.reduce(operator.or_, events)
 
-    def _run_share(self, address: int, tracks: slice, command: int) -> int:
-        events = self._advance(address, command)
+    def _run_share(self, command: int, share: tuple[int, slice]) -> int:
+        address, tracks = share
+        events: int = self._advance(address, command)
         self._rows[tracks] = self.observations[tracks]
         return events
 
@@ -328,25 +303,27 @@ class World(ReadOnlyAttributes):
     def observation_space(self) -> spaces.Box:
         """Return the observation space of one track, with the bounds of bounded quantities."""
         unbounded = float(np.finfo(np.float32).max)
-        low = np.full(self.layout.width, -unbounded, np.float32)
-        high = np.full(self.layout.width, unbounded, np.float32)
-        for name, (lowest, highest) in self.options.bounds().items():
-            low[self.layout.slices[name]] = lowest
-            high[self.layout.slices[name]] = min(highest, unbounded)
+        longest = self.options.longest_segment * (1 + 1e-6)
+        bounds = {
+            **dict.fromkeys(("log_ratio", "log_probability"), (LOG_FLOOR, 0.0)),
+            "log_error_probability": (LOG_FLOOR, 0.0),
+            **dict.fromkeys(("previous", "stated", "measured", "true_mode"), (0.0, 1.0)),
+            **dict.fromkeys(("ticks", "ticks_left", "stated_ticks"), (0.0, longest)),
+            **dict.fromkeys(("log_variance", "speed", "anchor_xx", "anchor_vv"), (0.0, unbounded)),
+        }
+        low, high = np.outer([-unbounded, unbounded], np.ones(self.layout.width)).astype(np.float32)
+        for name, place in self.layout.slices.items():
+            if name in bounds:
+                low[place], high[place] = np.multiply(self.layout.scales[name], bounds[name])
         return spaces.Box(low, high, dtype=np.float32)
 
 
 def random_states(seeds: Sequence[int | None]) -> NDArray[np.uint64]:
     """Return the initial states of random streams, (n, 4), of seeds >= 0; None is a random one."""
-    # Raw words are faster, and those of `state_of`, which rejects a word of zero, once in 2^62
-    # tracks.
-    states = np.array([np.random.PCG64(seed).random_raw(4) for seed in seeds], np.uint64).reshape(
-        -1,
-        4,
-    )
-    for i in np.flatnonzero((states == 0).any(1)).tolist():
-        states[i] = state_of(seeding.np_random(seeds[i])[0])
-    return states
+    return np.array(
+        [state_of(seeding.np_random(seed)[0]) for seed in seeds],
+        np.uint64,
+    ).reshape(-1, 4)
 
 
 def state_of(generator: np.random.Generator) -> NDArray[np.uint64]:

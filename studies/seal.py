@@ -1,7 +1,6 @@
 """The seal of data that stayed closed until all was fixed: digests of code, weights, programs."""
 
 import json
-from collections.abc import Iterable
 from hashlib import sha256
 from importlib.metadata import distributions
 from pathlib import Path
@@ -10,36 +9,28 @@ from typing import Any
 from hybrid_env import ArgumentError
 
 
-def seal_of(
-    code: Iterable[Path],
-    weights: Path,
-    programs: Iterable[str],
-) -> dict[str, dict[str, str]]:
-    """Return the SHA-256 of files of code and of the policy in a folder, and the versions of
-    installed programs.
+def current_seal(file: Path) -> dict[str, Any]:
+    """Return a seal with the present digests (SHA-256) of the code and the weights that it lists,
+    by their paths in this folder, and the installed versions of its programs.
     """
-    digests = {
-        part: {
-            f"{path.parent.name}/{path.name}": sha256(path.read_bytes()).hexdigest()
-            for path in paths
-        }
-        for part, paths in (("code", code), ("weights", sorted(weights.glob("policy.*"))))
-    }
-    versions = {
-        name: next((program.version for program in distributions(name=name)), "missing")
-        for name in programs
-    }
-    return digests | {"programs": versions}
+    seal: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+    for part in (seal["code"], seal["weights"]):
+        for name in part:
+            part[name] = sha256((Path(__file__).parent / name).read_bytes()).hexdigest()
+    for name in seal["programs"]:
+        versions = (program.version for program in distributions(name=name))
+        seal["programs"][name] = next(versions, "missing")
+    return seal
 
 
-def unbroken_seal(file: Path, present: dict[str, dict[str, str]]) -> dict[str, Any]:
+def unbroken_seal(file: Path) -> dict[str, Any]:
     """Return the content of a seal; refuse if anything differs from the present one."""
     kept: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
     differ = [
         name
-        for part, named in present.items()
+        for part, named in current_seal(file).items()
         for name, value in named.items()
-        if kept[part].get(name) != value
+        if kept[part][name] != value
     ]
     if differ:
         raise ArgumentError(f"{', '.join(differ)} differ from {file.name}: the data stay closed")

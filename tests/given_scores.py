@@ -1,20 +1,19 @@
 """Scores with given means, for tables, figures and curves of both tasks."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 
-from agents.commands.comparison import Comparison, Entry
-from agents.commands.continuation import Plan
-from agents.evaluation.announced import AnnouncedTask
-from agents.evaluation.unknown import UnknownTask
+from agents.commands.comparison import Comparison
+from agents.evaluation.report import Result
+from agents.evaluation.task import task_of
 from baselines.rules.decider import rules
 from baselines.scoring import decisions, statements
 from baselines.scoring.scores import Scores
 
-SEGMENTS = 1000
-ANNOUNCED = AnnouncedTask("hybrid_env:HybridTrackPublished-v0", {"scheme": f"random {SEGMENTS}x50"})
-UNKNOWN = UnknownTask(
+ANNOUNCED = task_of("hybrid_env:HybridTrackPublished-v0", {"scheme": "random 1000x50"})
+UNKNOWN = task_of(
     "hybrid_env:HybridTrackQuickest-v0",
     {"ticks": 150, "durations": "uniform 20-40"},
 )
@@ -26,24 +25,24 @@ def scores_of(name, columns, episodes=4, extra=None, **figures):
     values = np.zeros((episodes, len(columns), count))
     for column, row in figures.items():
         values[:, columns.index(column)] = row
+    thresholds = tuple(float(k) for k in range(count))
     return Scores(
         name,
         "p",
-        tuple(float(k) for k in range(count)),
+        thresholds,
         columns,
         values,
         extra or {},
     )
 
 
-def announced_scores(name, accuracy, ticks, episodes=4):
+def announced_scores(name, accuracy, ticks):
     """A decider for announced switches with a delay cost of .02."""
     accuracy, ticks = np.array(accuracy), np.array(ticks)
     return scores_of(
         name,
         decisions.COLUMNS,
-        episodes,
-        {"confusion": np.zeros((len(ticks), 3, 3), int)},
+        extra={"confusion": np.zeros((len(ticks), 3, 3), int)},
         accuracy=accuracy,
         type_accuracy=accuracy,
         ticks=ticks,
@@ -53,15 +52,14 @@ def announced_scores(name, accuracy, ticks, episodes=4):
     )
 
 
-def unknown_scores(name, rates, delays, rewards, tracks=6):
+def unknown_scores(name, rates, delays, rewards):
     """A decider for unknown switches that detects all of eight switches."""
     delays, switches = np.array(delays), np.full(len(rates), 8.0)
-    quantiles = np.stack([delays, delays], axis=1)
     return scores_of(
         name,
         statements.COLUMNS,
-        tracks,
-        {"delay_quantiles": quantiles},
+        6,
+        {"delay_quantiles": np.stack([delays, delays], axis=1)},
         reward=rewards,
         wrong_changes=rates,
         switches=switches,
@@ -71,36 +69,39 @@ def unknown_scores(name, rates, delays, rewards, tracks=6):
     )
 
 
-def comparison(task, *found, chosen=None, agents=0, accuracy=None, curves=True):
-    """A comparison of scores; the last `agents` of them are those of agents."""
+def comparison(task, *every, agents=0):
+    """A comparison of scores, of which the last `agents` are those of the seeds of one agent.
+
+    The second threshold of the first is its default.
+    """
     known = {rule.attribute("title"): name for name, rule in rules(task.switches).items()}
-    reference = rules(task.switches)[known[found[0].name]].create(task.options)
-    shifted = tuple(reference.default + (k - 1.0) for k in range(len(found[0].thresholds)))
-    # The second one is the default.
-    found = [replace(found[0], thresholds=shifted), *found[1:]]
-    names = tuple(known.get(one.name, one.name) for one in found)
-    count = len(names) - agents
-    plan = Plan(
-        task,
-        names[:count],
-        names[count:],
-        found[0].episodes,
-        0,
-        6,
-        None,
-        1,
-        accuracy,
-        curves,
-    )
+    names = [known.get(scores.name, scores.name) for scores in every]
+    default = rules(task.switches)[names[0]].create(task.options).default
+    thresholds = tuple(default + (k - 1.0) for k in range(len(every[0].thresholds)))
+    every = [replace(every[0], thresholds=thresholds), *every[1:]]
     entries = []
-    for name, one in zip(names, found, strict=True):
-        index = task.best(one) if chosen is None else min(chosen, len(one.thresholds) - 1)
+    for name, scores in zip(names, every, strict=True):
+        index = task.best(scores)
+        selected = float(scores.of("reward", index).mean())
+        is_agent = len(entries) >= len(every) - agents
         entries.append(
-            Entry(
-                one,
+            Result(
+                task,
+                scores,
                 index,
-                name,
-                float(one.of("reward", index).mean()),
+                "agent" if is_agent else name,
+                selected,
             )
         )
-    return Comparison(plan, tuple(entries))
+    plan = SimpleNamespace(
+        task=task,
+        deciders=tuple(names[: len(names) - agents]),
+        agents=("agent",),
+        titles={entry.decider: entry.name for entry in entries} | {"agent": "ppo"},
+        episodes=every[0].episodes,
+        selection_episodes=6,
+        settings={},
+        accuracy=None,
+        curves=True,
+    )
+    return Comparison(plan, entries)

@@ -22,52 +22,33 @@ MEMORY = 1_000_000_000
 VALUES = [
     None,
     True,
-    False,
     0,
-    1,
     -1,
-    2,
     7,
     1.5,
     1e-300,
     1e308,
-    2**31,
     10**9,
-    10**15,
     10**30,
-    10**400,
     float("nan"),
-    float("inf"),
     -float("inf"),
     "",
     "1",
-    "1e400",
     "lin_1",
     "ppo",
-    "anchor",
     "x" * 20_000,
     "\ud800",
     "a\nb[/b]",
-    "../..",
     "/dev/zero",
     [],
     {},
-    [None],
     [[]],
     [1] * 3000,
-    [10**9],
     {"a": 1},
-    {"trace_rows": 10**9},
     {"n_envs": 10**9},
     "random 1000000x1000000",
-    "S1000000",
-    [5.0, 5.0],
     [10**9] * 9,
 ]
-NESTED: list = []
-for _ in range(200):
-    NESTED = [NESTED]
-VALUES.append(NESTED)
 
 
 def profile(examples):
@@ -119,34 +100,14 @@ def mutated(draw, document):
 
 @st.composite
 def damaged(draw, content):
-    """The bytes, some replaced, inserted, removed, cut off or flipped; more often near the
-    start.
-    """
+    """The bytes, some replaced, inserted or removed; more often near the start."""
     content = bytearray(content)
     last = draw(st.sampled_from([16, 200, len(content)]))
     for _ in range(draw(st.integers(1, 4))):
-        at = draw(
-            st.integers(
-                0,
-                max(0, min(last, len(content)) - 1),
-            )
-        )
-        change = draw(st.sampled_from(["replace", "insert", "remove", "cut", "repeat", "flip"]))
-        some = draw(
-            st.binary(min_size=1, max_size=8) | st.sampled_from([b"\0", b"\n", b'"', b"[" * 3000])
-        )
-        if change == "replace":
-            content[at : at + len(some)] = some
-        elif change == "insert":
-            content[at:at] = some
-        elif change == "remove":
-            del content[at : at + draw(st.integers(1, 64))]
-        elif change == "cut":
-            del content[at:]
-        elif change == "flip" and content:
-            content[at] ^= 1 << draw(st.integers(0, 7))
-        else:
-            content[at:at] = content[at : at + 64] * draw(st.integers(1, 50))
+        at = draw(st.integers(0, max(0, min(last, len(content)) - 1)))
+        removed = draw(st.sampled_from([0, 1, 64, len(content)]))
+        added = draw(st.binary(max_size=8) | st.sampled_from([b"\0", b"\n", b'"', b"[" * 3000]))
+        content[at : at + removed] = added
     return bytes(content)
 
 

@@ -9,10 +9,10 @@ def matrices(model, dt):
     """F and Q of the whole state, from filterpy's Q and the exponential of the generator."""
     m = model.order
     transition = expm(np.eye(m, k=1) * dt)
-    one = (
+    white_noise = (
         Q_continuous_white_noise if model.discretization == "continuous" else Q_discrete_white_noise
     )
-    noise = [intensity * one(m, dt) for intensity in model.noise]
+    noise = [intensity * white_noise(m, dt) for intensity in model.noise]
     return block_diag(*[transition] * model.axes), block_diag(*noise)
 
 

@@ -5,53 +5,27 @@ tick.
 import copy
 
 import numpy as np
+from scipy import special
 
 from baselines import OnlineTracker
 from hybrid_env import HybridTrackQuickestVectorEnv, HybridTrackVectorEnv
 from hybrid_env.core.compilation import compiled
-from hybrid_env.core.memory import LANES
+from hybrid_env.core.memory import LANES, PARAMETERS
 from hybrid_env.core.true_object import draw_first_estimate
+from hybrid_env.live import SQUARE
 from hybrid_env.world import World, random_states
 
-SQUARE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
-COMMON = {
-    "R 0.01": {"measurement_variance": 0.01},
-    "R 0.1": {"measurement_variance": 0.1},
-    "R 1": {"measurement_variance": 1.0},
-    "axes": {"measurement_variance": (0.05, 0.2), "radii": (2.0, 5.0)},
-    "walker": {
-        "speed": 1.4,
-        "radii": (1.0, 3.0),
-        "tau": 0.5,
-        "process_variance": 4e-4,
-        "measurement_variance": 0.04,
-        "initial_error": (1.0, 0.01),
-    },
-    "car": {
-        "speed": 15.0,
-        "radii": (20.0, 60.0),
-        "tau": 0.1,
-        "process_variance": 0.01,
-        "measurement_variance": 1.0,
-        "initial_error": (1.0, 1.0),
-    },
-    "ship": {
-        "speed": 8.0,
-        "radii": (300.0,),
-        "tau": 5.0,
-        "process_variance": 1e-3,
-        "measurement_variance": 100.0,
-        "initial_error": (1.0, 0.1),
-    },
-    "aircraft": {
-        "speed": 250.0,
-        "radii": (5e3, 1.5e4),
-        "tau": 1.0,
-        "process_variance": 0.5,
-        "measurement_variance": 2500.0,
-        "initial_error": (1.0, 100.0),
-    },
+SIZES = {
+    # R and radii; speed, tick, Q and the error of the first estimate.
+    "R 0.1": (0.1,),
+    "axes": ((0.05, 0.2), (2.0, 5.0)),
+    "walker": (0.04, (1.0, 3.0), 1.4, 0.5, 4e-4, (1.0, 0.01)),
+    "car": (1.0, (20.0, 60.0), 15.0, 0.1, 0.01, (1.0, 1.0)),
+    "ship": (100.0, (300.0,), 8.0, 5.0, 1e-3, (1.0, 0.1)),
+    "aircraft": (2500.0, (5e3, 1.5e4), 250.0, 1.0, 0.5, (1.0, 100.0)),
 }
+NAMES = ("measurement_variance", "radii", "speed", "tau", "process_variance", "initial_error")
+COMMON = {name: dict(zip(NAMES, values, strict=False)) for name, values in SIZES.items()}
 """Options of objects of very different size, and of the environment at several noises."""
 
 # Ticks of a step: a segment of 100 and the first tick of the next.
@@ -63,18 +37,16 @@ _draw = compiled(draw_first_estimate)
 def first_estimate(options, seed):
     """Return the estimate (4,) before the first tick of an episode, and its covariance (4, 4)."""
     world = World(options, 1)
+    parameters = np.zeros(1, PARAMETERS)
+    for name, value in options.parameters().items():
+        parameters[name] = value
     world.seed(0, random_states([seed])[0])
     block = world.blocks[0]
-    _draw(
-        block,
-        np.zeros((5, LANES)),
-        0,
-        options.parameters()[0],
-    )
+    _draw(block, np.zeros((5, LANES)), 0, parameters[0])
     return block["estimate"][:, 0].copy(), block["covariance"][:, 0][SQUARE]
 
 
-def same_as_quickest(decider, seed, ticks=150, **options):
+def same_as_quickest(decider, seed, ticks=100, **options):
     """Check that the tracker equals `HybridTrackQuickestEnv` in every tick; return the
     statements.
     """
@@ -150,12 +122,10 @@ def same_as_announced(decider, seed, **options):
         actions, state = decider.predict(rows, state, start)
         start = np.zeros(1, np.bool_)
         assert tracker.world.observations.tobytes() == rows.tobytes()
-        likelihood = info["log_likelihood"][0]
-        posterior = np.exp(likelihood - likelihood.max())
         np.testing.assert_allclose(
             now.probabilities,
-            posterior / posterior.sum(),
-            rtol=1e-14,
+            special.softmax(info["log_likelihood"][0]),
+            rtol=1e-12,
         )
         assert now.decided == bool(actions[0])
         if not now.decided or env.options.follow == "bank":

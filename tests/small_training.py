@@ -11,9 +11,8 @@ from pathlib import Path
 import pytest
 import torch
 
-from agents.algorithms import anchor
 from agents.learned.policy_file import load_policy
-from agents.training import learning_curve
+from agents.training.learning_curve import LearningCurve
 from agents.training.recipe import load_recipe
 from agents.training.run_folder import CONFIG, read_metrics
 from agents.training.runs import make_run, resume_run
@@ -27,12 +26,10 @@ SMALL_PPO = (
     "policy_kwargs.net_arch=[16]",
 )
 SMALL_ANCHOR = (
-    "n_steps=16",
     "hidden=8",
     "buffer_size=200",
     "batches=2",
     "batch_size=32",
-    "updates_per_world=2",
     "worlds=[{n_envs: 16}, {n_envs: 4, env: HybridTrackPublishedBank-v0}]",
     "drawn_worlds=[{radii: 1, worlds: 1, n_envs: 4}]",
 )
@@ -48,6 +45,8 @@ SMALL_STATEMENTS = (
     "n_steps=25",
     "hidden=6",
     "durations=[uniform 5-20, geometric 30]",
+    "habits=false",
+    "ticks=50",
 )
 SMALL_RHYTHM = (
     "n_envs=8",
@@ -83,7 +82,7 @@ KINDS = {
     "dqn": ("dqn", PUBLISHED, SCHEME, SMALL_Q),
     "qrdqn": ("qrdqn", PUBLISHED, SCHEME, (*SMALL_Q, "policy_kwargs.n_quantiles=5")),
     "ppo-quickest": ("ppo", "HybridTrackQuickest-v0", QUICK, SMALL_PPO),
-    "statements": ("statements", "HybridTrackQuickest-v0", QUICK, SMALL_STATEMENTS),
+    "statements": ("rhythm", "HybridTrackQuickest-v0", QUICK, SMALL_STATEMENTS),
     "rhythm": ("rhythm", "HybridTrackQuickest-v0", QUICK, SMALL_RHYTHM),
 }
 """Recipe, environment, its options and changed hyper-parameters."""
@@ -92,10 +91,9 @@ WALL_CLOCK = ("seconds", "time/fps", "time/time_elapsed")
 
 def log_often(set_value=setattr):
     """Evaluate often and briefly, so that a small training writes several lines of metrics."""
-    set_value(learning_curve, "FIRST_EVALUATION", 600)
-    set_value(learning_curve, "EPISODES", 5)
-    set_value(learning_curve.LearningCurve, "reference_reward", 0.5)
-    set_value(anchor.Anchor, "log_every", 2)
+    set_value(LearningCurve, "first", 600.0)
+    set_value(LearningCurve, "episodes", 5)
+    set_value(LearningCurve, "reference_reward", 0.5)
 
 
 def small_run(kind, folder=None, steps=STEPS, seed=3, more=()):

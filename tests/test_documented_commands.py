@@ -19,7 +19,11 @@ PAGES = [
 LINES = {
     match[1]: page
     for page in PAGES
-    for match in re.finditer(r"^ *hybridtrack (\w+ .*)$", page.read_text("utf-8"), re.MULTILINE)
+    for match in re.finditer(
+        r"^ *hybridtrack (\w+ .*)$",
+        page.read_text("utf-8"),
+        re.MULTILINE,
+    )
     if not match[1].startswith("has ")
 }
 

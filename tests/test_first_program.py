@@ -9,12 +9,20 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-PROGRAM = re.search(r"```python\n(.*?)```", README, re.DOTALL)[1]
+PROGRAM = re.search(
+    r"```python\n(.*?)```",
+    README,
+    re.DOTALL,
+)[1]
 
 
 def rewards(text):
     """Return the reward by name of the decider, of lines such as "ATE 0.382"."""
-    rows = re.findall(r"^\s*([A-Z]+) (-?\d\.\d{3})$", text, re.MULTILINE)
+    rows = re.findall(
+        r"^\s*([A-Z]+) (-?\d\.\d{3})$",
+        text,
+        re.MULTILINE,
+    )
     return {name: float(value) for name, value in rows}
 
 

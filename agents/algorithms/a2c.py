@@ -28,4 +28,3 @@ class A2C(LibraryAlgorithm):
 
     name = "a2c"
     Settings = A2CSettings
-    library_name = "A2C"

@@ -54,4 +54,3 @@ class DQN(LibraryAlgorithm):
 
     name = "dqn"
     Settings = QSettings
-    library_name = "DQN"

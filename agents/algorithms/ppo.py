@@ -35,4 +35,3 @@ class PPO(LibraryAlgorithm):
 
     name = "ppo"
     Settings = PPOSettings
-    library_name = "PPO"

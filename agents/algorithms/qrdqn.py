@@ -21,4 +21,3 @@ class QRDQN(LibraryAlgorithm):
 
     name = "qrdqn"
     Settings = QuantileSettings
-    library_name = "QRDQN"

@@ -29,7 +29,6 @@ class RecurrentPPO(LibraryAlgorithm):
 
     name = "recurrent_ppo"
     Settings = RecurrentPPOSettings
-    library_name = "RecurrentPPO"
 
     def track_tensors(self) -> dict[str, Tensor]:
         """See `Algorithm.track_tensors`; with the states of the LSTM."""

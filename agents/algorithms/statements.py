@@ -4,15 +4,16 @@ A round is determined by its number, so that a checkpoint between two rounds nee
 than the network and its optimizer.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import nn
 
-from agents.evaluation.tasks import task_of
+from agents.evaluation.task import task_of
 from agents.learned.statement_decider import StatementDecider, UtilityDecider
 from agents.learned.statement_net import statement_inputs
 from agents.training.expected_reward import (
@@ -20,13 +21,13 @@ from agents.training.expected_reward import (
     ExpectedRewardSettings,
     StatementBatch,
 )
-from agents.training.inexact import draw_told, inexact_travel
+from agents.training.inexact import draw_options, inexact_travel
 from agents.training.settings import Factors
 from baselines.recordings.given_tracks import GivenTracks
 from baselines.recordings.log_uniform import log_uniform
 from baselines.rules import seeds
 from baselines.rules.rollout import statement_env
-from hybrid_env.checks import Count, Float32Array, IntArray, NotNegative, reject
+from hybrid_env.checks import Count, NotNegative, reject
 from hybrid_env.durations import DRAWN, parse_durations
 from hybrid_env.limits import Ticks
 from hybrid_env.quickest_options import QuickestOptions
@@ -55,6 +56,8 @@ class StatementSettings(ExpectedRewardSettings):
     radii: Factors = (1.0, 1.0)
     # Length of the tracks; None is that of the environment.
     ticks: Ticks | None = None
+    # Whether the agent has a beam that learns the habits of an object within the episode.
+    habits: bool = False
     # Further environments of every round, in which objects move otherwise than told.
     inexact: NotNegative = 0
 
@@ -64,14 +67,23 @@ class StatementSettings(ExpectedRewardSettings):
             raise reject("durations", self.durations, "at least one law, or inexact environments")
 
 
-class TrackAlgorithm(ExpectedRewardAlgorithm):
-    """Base class of the algorithms that train on simulated tracks; it refuses an environment in
-    which modes are not stated.
+class Statements(ExpectedRewardAlgorithm):
+    """A training run of an agent that states a mode at every tick, on simulated tracks; it refuses
+    an environment in which modes are not stated.
     """
 
-    decider: ClassVar[type[UtilityDecider]]
+    name = "statements"
+    Settings = StatementSettings
+    decider: ClassVar[type[UtilityDecider]] = StatementDecider
     smallest_factor: ClassVar[float] = 0.01
     settings: StatementSettings
+
+    @classmethod
+    def network_of(cls, entry: Mapping[str, Any]) -> nn.Module:
+        """See `NetworkAlgorithm.network_of`."""
+        if not issubclass(cls.decider, StatementDecider):
+            return super().network_of(entry)
+        return cls.decider.network(entry["hidden"], entry.get("habits") is True)
 
     def simulate(
         self,
@@ -80,29 +92,42 @@ class TrackAlgorithm(ExpectedRewardAlgorithm):
         seed: int,
         inexact: bool,
     ) -> tuple[NDArray[Any], ...]:
-        """Return inputs, log-probabilities and true modes of one episode of each track; see
-        `simulate`.
+        """Return inputs (T, N, M - 1, k), log-probabilities (T, N, M) and true modes (T, N) of one
+        episode of each track.
+
+        inexact: objects move otherwise than told, with rows of the likeliest noise.
         """
-        assert issubclass(self.decider, StatementDecider)
-        return simulate(world, tracks, seed, self.decider(self.net, world), inexact)
+        decider = StatementDecider(self.net, world)
+        env: Any = (
+            GivenTracks(inexact_travel, world, tracks, likeliest=True)
+            if inexact
+            else statement_env(world, tracks)
+        )
+        rows, _ = env.reset(seed=seed)
+        state = decider.initial_state(tracks)
+        parts = []
+        logs = []
+        modes = []
+        for _ in range(world.ticks):
+            if decider.beam is not None:
+                rows = np.hstack([rows, decider.beam.observe(env.world)])
+            features, log_probability, state = decider.features(rows, state, None)
+            parts.append(features)
+            logs.append(log_probability)
+            modes.append(env.world.field("true_mode"))
+            # Statements change only columns that the network does not read.
+            rows, *_ = env.step(np.zeros(tracks, np.int64))
+        arrays = (np.stack(part) for part in zip(*parts, strict=True))
+        return statement_inputs(world, *arrays), np.stack(logs), np.stack(modes)
 
     def prepare(self) -> None:
         task = task_of(self.env_id, self.options)
         if task.switches != self.decider.task:
-            raise reject(
-                "env",
-                self.env_id,
-                "an environment in which a mode is stated at every tick",
-            )
+            allowed = "an environment in which a mode is stated at every tick"
+            raise reject("env", self.env_id, allowed)
         self.world: QuickestOptions = task.options
         world = self.world
         if self.settings.inexact:
-            if self.decider.observes != "rows":
-                raise reject(
-                    "inexact",
-                    self.settings.inexact,
-                    "0 for an agent that does not read rows",
-                )
             for name in ("noise", "missed", "sensors", "object_variance", "start"):
                 if getattr(world, name) != getattr(QuickestOptions(), name):
                     raise reject(name, getattr(world, name), "the default with the setting inexact")
@@ -133,7 +158,7 @@ class TrackAlgorithm(ExpectedRewardAlgorithm):
 
     def _draw_world(self, generator: np.random.Generator, law: str | None) -> QuickestOptions:
         if law is None:
-            return draw_told(generator, replace(self.world, ticks=self._ticks))
+            return draw_options(generator, replace(self.world, ticks=self._ticks))
         variance, radius = (
             log_uniform(generator, *factors)
             for factors in (self.settings.variances, self.settings.radii)
@@ -151,54 +176,3 @@ class TrackAlgorithm(ExpectedRewardAlgorithm):
             measurement_variance=variances if len(variances) == 2 else variances[0],
             radii=tuple(radius * np.array(self.world.radii)),
         )
-
-
-class Statements(TrackAlgorithm):
-    """A training run of the statement network on the rows of an environment."""
-
-    name = "statements"
-    Settings = StatementSettings
-    decider = StatementDecider
-
-
-def simulate(
-    world: QuickestOptions,
-    tracks: int,
-    seed: int,
-    decider: StatementDecider,
-    inexact: bool = False,
-) -> tuple[Float32Array, Float32Array, IntArray]:
-    """Return inputs (T, N, M - 1, k), log-probabilities (T, N, M) and true modes (T, N) of one
-    episode each.
-
-    The inputs are those of the network of a decider, which is not used. inexact: objects move
-    otherwise than told, with rows of the likeliest noise.
-    """
-    env: Any = (
-        GivenTracks(inexact_travel, world, tracks, likeliest=True)
-        if inexact
-        else statement_env(world, tracks)
-    )
-    rows, _ = env.reset(seed=seed)
-    all_rows = np.empty((world.ticks, *rows.shape), np.float32)
-    log_probability = np.empty((world.ticks, tracks, world.hypotheses), np.float32)
-    true_modes, ages = (np.empty((world.ticks, tracks), np.int64) for _ in range(2))
-    best = np.full(tracks, -1)
-    age = np.zeros(tracks, np.int64)
-    statement = np.zeros(tracks, np.int64)
-    more: list[Float32Array] = []
-    filters = None
-    starts = np.zeros(tracks, np.bool_)
-    for tick in range(world.ticks):
-        all_rows[tick], true_modes[tick] = rows, env.world.field("true_mode")
-        _, seen = decider.divide(rows if decider.observes == "rows" else decider.observe(env.world))
-        bank = decider.layout.read(rows, "log_probability")
-        log_probability[tick], further, filters = decider.filtered(bank, seen, filters, starts)
-        if further is not None:
-            more.append(further)
-        previous, best = best, bank.argmax(-1)
-        ages[tick] = age = np.where(best == previous, age + 1, 1)
-        # Statements change only columns that the network does not read.
-        rows, *_ = env.step(statement)
-    inputs = statement_inputs(world, all_rows, ages, np.stack(more) if more else None)
-    return inputs, log_probability, true_modes

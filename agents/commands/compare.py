@@ -1,21 +1,36 @@
 """The command `hybridtrack compare`: train agents and compare deciders on the same episodes."""
 
-from dataclasses import dataclass, fields
+import dataclasses
+import functools
+import hashlib
+import json
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
-from matplotlib.figure import Figure
+import numpy as np
 from rich.console import Console
+from rich.progress import Progress
 
 from agents.commands.play import Episodes
-from agents.evaluation.tasks import task_of
+from agents.evaluation.registry import (
+    distinct_titles,
+    find_decider,
+    given_threshold,
+    shipped_names,
+)
+from agents.evaluation.report import Result
+from agents.evaluation.task import Task, sweep, task_of
 from agents.figures.tracks import track_figure
 from agents.interface.help_texts import shown_default
-from agents.interface.output_files import output_folder, write_files, write_json
-from agents.interface.parallel import ParallelArguments
-from agents.interface.progress import print_lines, progress_display
+from agents.interface.output_files import output_folder, write_files
+from agents.interface.parallel import Call, Workers
+from agents.interface.progress import print_lines, progress_display, train_shown
 from agents.interface.world_arguments import TrustArguments, WorldArguments
 from baselines.rules import seeds
+from baselines.rules.decider import Decider
+from baselines.scoring.scores import Scores
 from hybrid_env.checks import (
     Count,
     NotNegative,
@@ -26,12 +41,13 @@ from hybrid_env.checks import (
 )
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from agents.commands.comparison import Comparison
-    from agents.commands.continuation import Plan
 
 
 @dataclass(kw_only=True)
-class Compare(WorldArguments, TrustArguments, ParallelArguments):
+class Compare(WorldArguments, TrustArguments, Workers):
     """Compare learned agents with classical decision rules on the same episodes.
 
     The defaults train PPO for half a minute and take about two minutes on two cores. With --env
@@ -47,14 +63,11 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments):
     """
     agents: Annotated[
         tuple[str, ...] | None,
-        shown_default(
-            "ppo shipped, with the published bank also shipped-threshold; shipped for unknown"
-            " switches"
-        ),
+        shown_default("ppo shipped; shipped for unknown switches"),
     ] = None
-    """Learned agents: recipes to train during the run ('ppo', 'anchor' ...), 'shipped',
-    'shipped-threshold', 'shipped-margin' or 'robust' (weights in the package), run folders, or
-    policies of other libraries ('model.zip', 'policy.onnx').
+    """Learned agents: recipes to train during the run ('ppo', 'anchor' ...), 'shipped' or 'robust'
+    (weights in the package), run folders, or policies of other libraries ('model.zip',
+    'policy.onnx').
     """
     accuracy: Annotated[Probability | None, shown_default("the threshold with the best reward")] = (
         None
@@ -64,9 +77,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments):
     """Score every decider at every threshold; without curves, all but the reference at their
     selected one only, in half the time.
     """
-    episodes: Annotated[
-        Count | None, shown_default("1500; 500 for unknown switches", "--tracks")
-    ] = None
+    episodes: Annotated[Count | None, shown_default("1500; 500 for unknown switches")] = None
     """Number of episodes, of one track each, that every decider is scored on."""
     selection_episodes: Annotated[Count | None, shown_default("1000; 300 for unknown switches")] = (
         None
@@ -85,103 +96,209 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments):
 
     def run(self) -> None:
         """Train, score, print the tables and write the figures and compare.json."""
-        plan, workers = self.plan(), self.workers()
-        from agents.commands.comparison import compare
-        from agents.commands.continuation import TRAINED
-        from agents.commands.tables import (
-            chosen_table,
-            further_tables,
-            levels_table,
-            spread_lines,
-            unreached_lines,
-        )
-
-        folder, task, console = output_folder("out", self.out), plan.task, Console(emoji=False)
-
-        def write(now: "Comparison") -> None:
-            write_json(folder / "compare.json", now.as_json() | {"complete": False})
-
+        plan = self.plan()
+        folder, console = output_folder("out", self.out), Console(emoji=False)
         with progress_display(console) as progress:
             try:
-                result = compare(plan, workers, progress, folder, write)
+                result = plan.compare(folder, progress)
             except KeyboardInterrupt:
                 raise KeyboardInterrupt(
                     f"the same command continues with what is in {folder}"
                 ) from None
-            remarks = task.remarks(plan.episodes, plan.seed)
-        console.print(chosen_table(result))
-        if plan.curves:
-            console.print(levels_table(result))
-        print_lines(console, *spread_lines(result), *unreached_lines(result))
-        for table in further_tables(result, remarks):
+        for table in result.tables():
             console.print(table)
-        data = result.as_json() | {"complete": True} | remarks
         files = {
             "compare.png": result.picture(),
             "episode.png": self._episode(result),
-            "compare.json": data,
+            "compare.json": result.as_json(),
         }
-        print_lines(console, write_files(folder, files))
-        if (folder / TRAINED).is_dir():
-            print_lines(console, f"Trained agents in {folder / TRAINED}")
+        print_lines(console, *result.lines(), write_files(folder, files))
+        if any(entry.folder for entry in result.entries):
+            print_lines(console, f"Trained agents in {folder / 'agents'}")
 
-    def plan(self) -> "Plan":
-        """Return the checked plan."""
-        hints = declared_fields(Compare)
-        # Not the deciders, which may be functions.
-        for name in (
+    @cached_property
+    def task(self) -> Task:
+        """What is decided, in which environment."""
+        return task_of(self.env_id, self.world_options())
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Plain values of what determines the results."""
+        names = (
+            "deciders",
+            "agents",
             "episodes",
-            "selection_episodes",
-            "training_seeds",
-            "steps",
             "seed",
+            "selection_episodes",
+            "steps",
+            "training_seeds",
             "accuracy",
-        ):
-            checked(name, getattr(self, name), hints[name])
-        from agents.commands.continuation import Plan
+            "curves",
+        )
+        values = {name: getattr(self, name) for name in names}
+        return {"env_id": self.task.env_id, "options": dict(self.task.given), **values}
 
-        task = task_of(self.env_id, self.world_options())
-        values: dict[str, Any] = {
-            field.name: getattr(self, field.name) for field in fields(Plan) if field.name != "task"
-        }
+    def plan(self) -> "Compare":
+        """Return the command with the usual values of the environment where none are given.
+
+        Raises:
+            ArgumentError: a value is not allowed.
+        """
+        for name, hint in declared_fields(Compare).items():
+            # Deciders may also be functions.
+            if name in {*self.settings, "jobs", "engine"} - {"deciders", "agents"}:
+                checked(name, getattr(self, name), hint)
+        task = self.task
         usual: dict[str, Any] = {
-            name: getattr(task, name) for name in ("agents", "episodes", "selection_episodes")
+            name: getattr(task, name)
+            for name in ("deciders", "agents", "episodes", "selection_episodes")
+            if getattr(self, name) is None
         }
-        usual["deciders"] = task.compared
-        values |= {name: value for name, value in usual.items() if values[name] is None}
-        plan = Plan(task, **values)
+        plan: Any = dataclasses.replace(self, **usual)
         if self.accuracy is not None and "accuracy" not in task.columns:
             raise reject("accuracy", self.accuracy, f"no value in {task.title}")
         if self.seed + plan.episodes > seeds.SELECTION:
-            raise reject(
-                "seed",
-                self.seed,
-                f"at most {seeds.SELECTION} minus the number of episodes",
-            )
-        if not plan.deciders or len(set(plan.deciders)) != len(plan.deciders):
-            raise reject("deciders", plan.deciders, "one or more different names")
-        if len(set(plan.agents)) != len(plan.agents):
-            raise reject("agents", plan.agents, "different names")
+            allowed = f"at most {seeds.SELECTION} minus the number of episodes"
+            raise reject("seed", self.seed, allowed)
+        names = plan.names
+        if not plan.deciders or any(names.count(name) > 1 for name in names):
+            raise reject("deciders", names, "one or more rules, and all names different")
         # Before any file is written.
         task.check_episodes("episodes", plan.episodes)
         task.check_episodes("selection-episodes", plan.selection_episodes)
         # Looks every name up.
         assert plan.titles
-        return plan
+        return cast("Compare", plan)
 
-    def _episode(self, result: "Comparison") -> Figure:
+    @property
+    def names(self) -> tuple[Any, ...]:
+        """Names of all deciders of a plan."""
+        return (*(self.deciders or ()), *(self.agents or ()))
+
+    def find(self, name: Any) -> Any:
+        """Return a decider, or the recipe of an agent still to be trained."""
+        from agents.training.recipe import load_recipe, recipe_names
+
+        shipped = shipped_names(self.task.switches)
+        is_recipe = name in recipe_names() and name not in shipped
+        if name in (self.agents or ()) and (is_recipe or str(name).endswith(".yml")):
+            return load_recipe(name, self.task.env_id)
+        if given_threshold(name) is not None:
+            raise reject("deciders", name, "a name without a threshold: all are compared")
+        return find_decider(name, self.task.options)
+
+    @cached_property
+    def titles(self) -> dict[Any, str]:
+        """Titles of all deciders by name, see `distinct_titles`; those of agents are without
+        training seeds.
+        """
+        every = map(self.find, self.names)
+        titles = [each.title if isinstance(each, Decider) else each.name for each in every]
+        return dict(zip(self.names, distinct_titles(self.names, titles), strict=True))
+
+    def compare(self, folder: Path | None, progress: Progress) -> "Comparison":
+        """Train and score the deciders of a plan.
+
+        The folder keeps trained agents: a comparison that was interrupted goes on with them, with
+        the same results.
+        """
+        from agents.commands.comparison import Comparison
+
+        shown = None if self.parallel else progress
+        trained = {name: not isinstance(self.find(name), Decider) for name in self.names}
+        planned = [
+            (name, seed)
+            for name in self.names
+            for seed in range(self.training_seeds if trained[name] else 1)
+        ]
+        # Training takes longest: it begins first, so that no process waits for it at the end.
+        calls: dict[tuple[Any, int], Call] = {
+            call: functools.partial(self.score, folder, *call, shown)
+            for call in sorted(planned, key=lambda call: not trained[call[0]])
+        }
+        bar = progress.add_task("Comparing", total=len(calls), note="")
+
+        def advance(call: tuple[Any, int]) -> None:
+            progress.update(bar, advance=1, note=self.titles[call[0]])
+
+        scored = dict(self.results(calls, advance))
+        progress.update(bar, note="")
+        return Comparison(self, [scored[call] for call in planned])
+
+    def score(self, folder: Path | None, name: Any, seed: int, progress: Progress | None) -> Result:
+        """Train a decider if needed, select its threshold and score it; return it with its name,
+        or with its run folder if it was trained.
+        """
+        display = Progress(disable=True) if progress is None else progress
+        decider, title, run_folder = self.find(name), self.titles[name], None
+        if not isinstance(decider, Decider):
+            title += f" seed {seed}" if self.training_seeds > 1 else ""
+            decider, run_folder = self._train(decider, seed, title, folder, display)
+        decider = decider.changed(title=title)
+        bar = display.add_task("Scoring", total=2.0, note=title)
+
+        def show(share: float, before: float = 0.0) -> None:
+            display.update(bar, completed=before + share)
+
+        task, episodes, to_select = self.task, self.episodes or 0, self.selection_episodes or 0
+        selection = sweep(task, decider, to_select, seeds.SELECTION, show)
+        index = task.best(selection)
+        if self.accuracy is not None:
+            index = fastest(selection, self.accuracy)
+        selected = float(selection.curve(task.statistic(task.goal))[index])
+        if not self.curves and name != self.names[0]:
+            decider, index = decider.changed(thresholds=(decider.thresholds[index],)), 0
+        scores = sweep(task, decider, episodes, self.seed, functools.partial(show, before=1.0))
+        display.remove_task(bar)
+        return Result(task, scores, index, name, selected, run_folder)
+
+    def _train(
+        self, recipe: Any, seed: int, title: str, folder: Path | None, display: Progress
+    ) -> tuple[Decider, Path | None]:
+        """Train an agent, or go on with its training; return it and its run folder.
+
+        The name of the folder has a digest of all that determines the agent: those of other
+        settings or versions are not used.
+        """
+        from agents.learned.policy_file import package_versions
+        from agents.training.checkpoint import has_checkpoint
+        from agents.training.runs import make_run
+
+        env_id, options = self.task.env_id, dict(self.task.given)
+        run_folder = None
+        if folder is not None:
+            settings = [env_id, options, self.steps, recipe.as_json(), package_versions()]
+            digest = hashlib.sha256(json.dumps(settings, default=str).encode()).hexdigest()
+            run_folder = folder / "agents" / f"{recipe.name}-seed{seed}-{digest[:8]}"
+        resume = run_folder is not None and has_checkpoint(run_folder)
+        run = make_run(env_id, options, recipe, seed, run_folder, self.steps, resume)
+        train_shown(run, display, f"Training {title}")
+        return run.agent(title), run_folder
+
+    def _episode(self, result: "Comparison") -> "Figure":
         """Draw the episode on which the best decider and the reference differ most."""
-        plan, task = result.plan, result.plan.task
+        task = result.plan.task
         best, episode = result.largest_difference()
-        seed, records = plan.seed + episode, []
+        seed, records = self.seed + episode, []
         for entry in dict.fromkeys((result.entries[0], best)):
-            decider = entry.found(task).at(entry.threshold)
+            name = entry.decider if entry.folder is None else str(entry.folder)
+            decider = find_decider(name, task.options).at(entry.threshold)
             episodes = Episodes(task, entry.name, decider, decider.options)
             # Matplotlib would read it as a formula.
-            name = entry.name.replace("$", r"\$")
-            records.append(episodes.record(name, seed))
+            records.append(episodes.record(entry.name.replace("$", r"\$"), seed))
         title = f"{task.title}, seed {seed}"
         if len(records) > 1:
-            title += f": largest difference in reward among {task.size(plan.episodes)}"
+            title += f": largest difference in reward among {task.size(result.plan.episodes)}"
         lines = [title, *(f"{record.name}: {record.summary}" for record in records)]
         return track_figure(records, task.options.radii, "\n".join(lines))
+
+
+def fastest(scores: Scores, accuracy: float) -> int:
+    """Return the index of the fastest threshold at a required accuracy; if none reaches it, the
+    most accurate one.
+    """
+    means = dict(zip(scores.columns, scores.values.mean(0), strict=True))
+    reached = means["accuracy"] >= accuracy
+    if not reached.any():
+        return int(means["accuracy"].argmax())
+    return int(np.where(reached, means["ticks"], np.inf).argmin())

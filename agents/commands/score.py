@@ -1,8 +1,9 @@
 """The command `hybridtrack score`: statements of any origin beside the truth."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import tyro
@@ -22,7 +23,7 @@ from agents.interface.output_files import save_figure, write_json
 from agents.interface.progress import print_lines
 from baselines.recordings.reading.names import SECONDS, columns_by_role
 from baselines.scoring.score import TimelineScores, score
-from hybrid_env.checks import reject
+from hybrid_env.checks import IntArray, reject
 
 
 @dataclass(kw_only=True)
@@ -65,15 +66,8 @@ class Score:
     def run(self) -> None:
         """Score the statements, print the tables and write the files."""
         if len(self.files) < 2:
-            raise reject(
-                "files",
-                [str(file) for file in self.files],
-                "the truth and at least one more file",
-            )
-        for name in ("out", "picture"):
-            path = getattr(self, name)
-            if path is not None and not path.parent.is_dir():
-                raise reject(name, str(path), "a file in a folder that exists")
+            files = ", ".join(map(str, self.files))
+            raise reject("files", files, "the truth and at least one more file")
         result = self.score()
         console = Console(emoji=False)
         for table in score_tables(result, self.per):
@@ -90,9 +84,7 @@ class Score:
         from baselines.recordings.reading.modes import read_modes
 
         columns = columns_by_role(self.columns, ("time", "mode"))
-        names = [
-            file.name.removesuffix(".gz").rpartition(".")[0] or file.name for file in self.files[1:]
-        ]
+        names = [Path(path.name.removesuffix(".gz")).stem for path in self.files[1:]]
         if len(set(names)) < len(names):
             raise reject("files", names, "statements in files of different names")
         truth, *stated = (
@@ -110,59 +102,61 @@ class Score:
         )
 
 
-HEADS = {
-    "agreement": ("agreement\n%", 1, 100.0),
-    "delay": ("delay\ns", 2, 1.0),
-    "misses": ("misses\n%", 1, 100.0),
-    "full_delay": ("delay,\nall", 2, 1.0),
-    "false_changes": ("false\n/{per}", 2, 1.0),
-    "false_per_1000": ("false\n/1000", 2, 1.0),
-    "false_alarms": ("alarms\n/{per}", 2, 1.0),
-    "changes_per_switch": ("changes", 2, 1.0),
-}
-"""Heading, digits and factor of each figure."""
-
-NOTES = """delay: from a switch to the first right statement.
-misses: switches followed by another one before that.
-delay, all: without it, until the next switch or the end of the track.
-false: changes to a mode that is not true until the next change, per {per} or 1,000 samples.
-changes: of the statement, per switch."""
-
-
 def score_tables(result: TimelineScores, per: str) -> list[Table]:
     """Return the table of figures, and that of the differences if there are several sets."""
-    first, *others = result.scores
-    seconds = float(result.scores[first].of("scored", 0).sum())
-    missing = "No intervals: they need several tracks, or one of at least 20 switches."
-    over = f"± half width of the 95 % interval over {result.unit}." if result.unit else missing
-    count = f"{result.tracks} track" + "s" * (result.tracks > 1)
-    title = f"Statements on {count}, {seconds / result.period:.4g} {per} scored"
-    notes = NOTES.format(per=per)
-    if result.normal is not None:
+    # Heading, digits and factor of each figure.
+    heads = {
+        "agreement": ("agreement\n%", 1, 100.0),
+        "delay": ("delay\ns", 2, 1.0),
+        "misses": ("misses\n%", 1, 100.0),
+        "full_delay": ("delay,\nall", 2, 1.0),
+        "false_changes": (f"false\n/{per}", 2, 1.0),
+        "false_per_1000": ("false\n/1000", 2, 1.0),
+        "false_alarms": (f"alarms\n/{per}", 2, 1.0),
+        "changes_per_switch": ("changes", 2, 1.0),
+    }
+    notes = (
+        "\ndelay: from a switch to the first right statement."
+        "\nmisses: switches followed by another one before that."
+        "\ndelay, all: without it, until the next switch or the end of the track."
+        "\nfalse: changes to a mode that is not true until the next change, per"
+        f" {per} or 1,000 samples."
+        "\nchanges: of the statement, per switch."
+    )
+    if result.normal is None:
+        del heads["false_alarms"]
+    else:
         notes += (
             f"\nalarms: false changes away from {result.normal}, per {per} in which it is true."
         )
-    contents = [(title, f"{over}\n{notes}", result.estimates, "")]
-    if others:
-        contents.append(
-            (f"Less that of {first}, on the same tracks", over, result.differences, "+")
-        )
-    heads = {
-        key: head
-        for key, head in HEADS.items()
-        if key != "false_alarms" or result.normal is not None
-    }
-    shown = ("statements", *(head.format(per=per) for head, *_ in heads.values()))
-    tables = []
-    for title, caption, rows, sign in contents:
-        lines = []
-        for name, figures in rows.items():
-            cells = [
-                estimate_cell(figures[key], scale, digits, sign=sign)
-                for key, (_, digits, scale) in heads.items()
+    over = "No intervals: they need several tracks, or one of at least 20 switches."
+    if result.unit:
+        over = f"± half width of the 95 % interval over {result.unit}."
+
+    def table(title: str, caption: str, sets: Mapping[str, Any], sign: str = "") -> Table:
+        rows = [
+            [
+                escape(name),
+                *(
+                    estimate_cell(figures[key], scale, digits, sign=sign)
+                    for key, (_, digits, scale) in heads.items()
+                ),
             ]
-            lines.append((escape(name), *cells))
-        tables.append(filled_table(title, shown, lines, caption))
+            for name, figures in sets.items()
+        ]
+        return filled_table(
+            title, ["statements", *(head for head, *_ in heads.values())], rows, caption
+        )
+
+    first, *others = result.scores
+    scored = float(result.scores[first].of("scored", 0).sum()) / result.period
+    count = f"{result.tracks} track" + "s" * (result.tracks > 1)
+    tables = [
+        table(f"Statements on {count}, {scored:.4g} {per} scored", over + notes, result.estimates)
+    ]
+    if others:
+        title = f"Less that of {first}, on the same tracks"
+        tables.append(table(title, over, result.differences, "+"))
     return tables
 
 
@@ -178,14 +172,13 @@ def score_figure(result: TimelineScores) -> Figure:
     for number, axes in enumerate(grid):
         lines = {name: timelines[number] for name, timelines in result.timelines.items()}
         clock = np.unique(np.concatenate([line.times for line in lines.values()]))
-        at = {
-            name: np.searchsorted(line.times, clock[:-1], "right") - 1
-            for name, line in lines.items()
-        }
-        first = next(iter(lines))
-        true = np.where(lines[first].scored, lines[first].modes, -1)[at[first]]
-        rows = {"truth": true} | {name: line.stated[at[name]] for name, line in lines.items()}
-        wrong = {name: (rows[name] != true) & (true >= 0) & (rows[name] >= 0) for name in lines}
+        rows: dict[str, IntArray] = {}
+        wrong = {}
+        for name, line in lines.items():
+            at = np.searchsorted(line.times, clock[:-1], "right") - 1
+            rows.setdefault("truth", np.where(line.scored, line.modes, -1)[at])
+            rows[name] = line.stated[at]
+            wrong[name] = (rows[name] != rows["truth"]) & (rows["truth"] >= 0) & (rows[name] >= 0)
         draw_timelines(axes, clock, rows, colours, "t [s]", wrong=wrong)
     handles = [
         Patch(color=colour, label=str(mode))

@@ -16,9 +16,9 @@ class Train(WorldArguments):
     """
 
     recipe: str = "ppo"
-    """'ppo' (half a minute), 'anchor' (two minutes), 'anchor-all' (one agent for all environments),
-    'stopping' (the learned stop, 20 minutes), 'recurrent-ppo', 'a2c', 'dqn', 'qrdqn', 'statements',
-    'rhythm' and 'robust' (HybridTrackQuickest-v0, half an hour), or a YAML file.
+    """'ppo' (half a minute), 'anchor' (two minutes), 'anchor-all' (for all environments),
+    'stopping' (the learned stop, 20 minutes), 'recurrent-ppo', 'a2c', 'dqn', 'qrdqn', 'rhythm' and
+    'robust' (HybridTrackQuickest-v0, half an hour), or a YAML file.
     """
     set: Annotated[tuple[str, ...], shown_default("those of the recipe")] = ()
     """Hyper-parameters to override, such as n_envs=128 policy_kwargs.net_arch=[32]."""

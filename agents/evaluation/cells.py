@@ -72,14 +72,6 @@ def estimate_cell(
     return f"{value}\n[bright_black]±{scale * (estimate.high - estimate.low) / 2:.{digits}f}[/]"
 
 
-def bounds_cell(estimate: Estimate, digits: int) -> str:
-    """Return the value of an estimate, and below it the bounds of its confidence interval."""
-    if not np.isfinite(estimate.value):
-        return "-"
-    value, low, high = (f"{number:.{digits}f}" for number in vars(estimate).values())
-    return f"{value}\n[bright_black]{low} to {high}[/]"
-
-
 def in_brackets(estimate: Estimate, digits: int, sign: str = "") -> str:
     """Return the value of an estimate with its confidence interval in one line; "+" shows the
     signs.

@@ -7,18 +7,16 @@ is compared with those of simulated measurements under candidate laws, and the l
 
 import functools
 import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from scipy import optimize
 
-from agents.evaluation.tasks import ENVIRONMENTS
+from agents.evaluation.task import task_with
 from baselines.rules import seeds
 from baselines.rules.rollout import rollout
 from hybrid_env.checks import FloatArray
 from hybrid_env.noises import (
-    LARGEST_ERROR,
     GaussianNoise,
     LevyNoise,
     Noise,
@@ -30,11 +28,9 @@ from hybrid_env.registration import make_track_vector_env
 
 # Of the measurements.
 TRACKS, TICKS = 256, 100
-# Of neighbouring measurements in a third difference.
-WEIGHTS = np.array([-1.0, 3.0, -3.0, 1.0])
 # Of the bins of the histogram.
 EDGES = np.concatenate([[0.0], np.geomspace(1.0, 1e12, 73), [np.inf]])
-LAWS: Mapping[type[Noise], tuple[tuple[tuple[float, ...], float, float], ...]] = {
+LAWS: dict[type[Noise], tuple[tuple[tuple[float, ...], float, float], ...]] = {
     OutlierNoise: (
         ((0.01, 0.05, 0.2), 1e-3, 0.4),
         ((3.0, 10.0, 50.0, 200.0), 1.5, 1e3),
@@ -43,7 +39,7 @@ LAWS: Mapping[type[Noise], tuple[tuple[tuple[float, ...], float, float], ...]] =
     LevyNoise: (
         ((0.8, 1.2, 1.6), 0.5, 1.99),
         ((0.5, 1.0), 0.05, 20.0),
-        ((50.0, 1e3, 1e5), 3.0, LARGEST_ERROR),
+        ((50.0, 1e3, 1e5), 3.0, LevyNoise.clip),
     ),
 }
 """Start values, lower and upper bound of each number of a law."""
@@ -77,6 +73,8 @@ def measured_noise(options: ModelOptions) -> Noise:
 
 def _likeliest(kind: type[Noise], surprise: Callable[[Noise], float]) -> tuple[float, Noise]:
     """Return the smallest surprise of a kind of law, and the law."""
+    # It loads slowly.
+    from scipy import optimize
 
     def law_of(point: FloatArray) -> Noise:
         return kind(*np.exp(point).tolist())
@@ -102,15 +100,17 @@ def _likeliest(kind: type[Noise], surprise: Callable[[Noise], float]) -> tuple[f
 def _histogram(options: ModelOptions, noise: Any, seed: int) -> FloatArray:
     """Return how many squared third differences, in units of R, fall into each bin of `EDGES`."""
     changed = {**vars(options), "noise": noise}
-    env = make_track_vector_env(ENVIRONMENTS[options.switches], TRACKS, tick_info=False, **changed)
+    env = make_track_vector_env(task_with(options).env_id, TRACKS, tick_info=False, **changed)
+    # Of neighbouring measurements in a third difference.
+    weights = np.array([-1.0, 3.0, -3.0, 1.0])
     counts = np.zeros(EDGES.size - 1)
-    last = np.full((WEIGHTS.size, TRACKS, 2), np.nan)
+    last = np.full((weights.size, TRACKS, 2), np.nan)
     for now in rollout(env, lambda rows: np.zeros(len(rows), np.int64), seed):
         measured = env.world.field("measurement")
         # The row between two episodes.
         measured[now.terminated] = np.nan
         last = np.concatenate([last[1:], measured[None]])
-        squared = (np.tensordot(WEIGHTS, last, 1) ** 2 / env.options.variances).sum(-1)
+        squared = (np.tensordot(weights, last, 1) ** 2 / env.options.variances).sum(-1)
         counts += np.histogram(squared[np.isfinite(squared)], EDGES)[0]
         if now.step == TICKS:
             break

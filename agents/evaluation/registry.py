@@ -1,17 +1,17 @@
 """Deciders by name: classical rules, the shipped agents, and policies in run folders."""
 
 import os
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
-
 from agents import learned
+from agents.evaluation.selection import choosing_decider
 from agents.interface.help_texts import shown_default
-from baselines.rules.decider import ANNOUNCED, UNKNOWN, Decider, rules
+from baselines.rules.decider import UNKNOWN, Decider, rules
 from baselines.rules.external import (
     checked_options,
     entry_point_names,
@@ -35,22 +35,18 @@ def learned_decider(folder: Path, options: Any) -> Decider:
     saved = load_policy(folder)
     task = options.switches
     if saved.task != task:
-        known = "known" if task == ANNOUNCED else "unknown"
-        raise reject("decider", str(folder), f"a policy for {known} switch moments")
+        raise reject("decider", str(folder), f"a policy for {task} switches")
     decider: Decider = saved.algorithm.load(saved, options)
     return decider.changed(title=folder.name)
 
 
-# Endings of the files of policies that other libraries write.
-EXCHANGED = (".zip", ".onnx")
 # Folders of the weights that come with the package, by task and name.
 WEIGHTS = Path(learned.__file__).parent / "weights"
 
 
-def shipped_names(*tasks: str) -> list[str]:
-    """Return the names of the agents of some tasks that come with the package."""
-    folders = (folder for task in tasks for folder in sorted((WEIGHTS / task).glob("*")))
-    return list(dict.fromkeys(folder.name for folder in folders))
+def shipped_names(task: str) -> list[str]:
+    """Return the names of the agents of a task that come with the package."""
+    return sorted(folder.name for folder in (WEIGHTS / task).iterdir())
 
 
 def split_name(name: Any) -> tuple[Any, str]:
@@ -60,21 +56,21 @@ def split_name(name: Any) -> tuple[Any, str]:
     The text is a number, two numbers "0.001,0.01" of which the first may be missing, "auto" or a
     rate, see `choosing_decider`; it is empty without a threshold.
     """
-    from agents.evaluation.chosen_threshold import is_chosen
-
-    if not isinstance(name, str):
+    if not isinstance(name, str) or Path(name).is_dir():
         return name, ""
-    base, colon, text = name.rpartition(":")
-    if not colon or Path(name).is_dir() or (base.endswith(".py") and text.isidentifier()):
-        return name, ""
-    if not is_chosen(text):
-        first, _, last = text.rpartition(",")
+    base, _, text = name.rpartition(":")
+    first, _, last = text.rpartition(",")
+    if not _is_chosen(text):
         try:
-            float(first or last)
-            float(last)
+            float(first or last), float(last)
         except ValueError:
             return name, ""
     return base, text
+
+
+def _is_chosen(text: str) -> bool:
+    """Return whether a threshold is to be chosen: "auto", or a rate such as "2%" or "3/1000"."""
+    return text == "auto" or text.endswith(("%", "/1000"))
 
 
 def given_threshold(name: Any) -> float | None:
@@ -98,23 +94,6 @@ def policy_folder(name: str, switches: str) -> Path:
     return Path(name or os.devnull)
 
 
-def is_external(name: Any) -> bool:
-    """Return whether a decider is an object, or the name of one in a file, module or entry point
-    of a user.
-    """
-    return not isinstance(name, str) or find_external(name) is not None
-
-
-def is_policy_or_external(name: Any) -> bool:
-    """Return whether a decider is the folder or file of a policy, or one of a user, see
-    `is_external`.
-    """
-    if not isinstance(name, str):
-        return True
-    path = Path(name or os.devnull)
-    return path.is_dir() or (path.suffix in EXCHANGED and path.is_file()) or is_external(name)
-
-
 def find_decider(name: Any, options: Any) -> Decider:
     """Return a decider for the options of an environment, at the threshold of its name or else at
     its default; `Decider.at` returns it at others.
@@ -127,19 +106,14 @@ def find_decider(name: Any, options: Any) -> Decider:
     Raises:
         ArgumentError: there is no such decider or threshold.
     """
-    from agents.evaluation.chosen_threshold import choosing_decider, is_chosen
-
     base, text = split_name(name)
-    if is_chosen(text):
+    if _is_chosen(text):
         return choosing_decider(find_decider(base, options), options, text)
     decider = _at_default(base, options)
     if decider.hypotheses not in (None, options.hypotheses):
-        allowed = (
-            f"a policy for {options.hypotheses} hypotheses; this one is for {decider.hypotheses}"
-        )
+        here = options.hypotheses
+        allowed = f"a policy for {here} hypotheses; this one is for {decider.hypotheses}"
         raise reject("decider", name, allowed)
-    if not text:
-        return decider
     first, comma, second = text.partition(",")
     if comma:
         if not decider.second_threshold:
@@ -147,21 +121,13 @@ def find_decider(name: Any, options: Any) -> Decider:
         number = float(second)
         title = f"{decider.title}, {decider.second_threshold} {number:g}"
         decider = decider.changed(**{decider.second_threshold: number}, title=title)
-        if not first:
-            return decider.at(decider.default)
-        only = float(first)
-        return decider.at(only).changed(thresholds=(only,), default=only)
-    threshold = float(text)
-    whole = decider.symbol == "ticks"
+    if not first:
+        return decider.at(decider.threshold) if comma else decider
     if len(decider.thresholds) == 1:
         raise reject("decider", name, f"{base!r} without a threshold: it has none")
-    if not np.isfinite(threshold) or (whole and threshold % 1):
-        raise reject(
-            "decider",
-            name,
-            f"{'a whole' if whole else 'a finite'} number after the colon",
-        )
-    return decider.at(threshold)
+    if decider.symbol == "ticks" and float(first) % 1:
+        raise reject("decider", name, "a whole number after the colon")
+    return decider.at(float(first))
 
 
 def _at_default(name: Any, options: Any) -> Decider:
@@ -171,7 +137,8 @@ def _at_default(name: Any, options: Any) -> Decider:
     known = rules(options.switches)
     if name in known:
         return known[name].create(options)
-    if Path(name).suffix in EXCHANGED:
+    # Files of policies that other libraries write.
+    if Path(name).suffix in (".zip", ".onnx"):
         from agents.learned.exchange import exchanged_decider
 
         return exchanged_decider(Path(name), options)
@@ -181,33 +148,17 @@ def _at_default(name: Any, options: Any) -> Decider:
         return learned_decider(folder, options)
     external = find_external(name)
     if external is None:
-        names = ", ".join(map(repr, (*known, *agents, *entry_point_names())))
-        allowed = (
-            f"{names}, a run folder, model.zip, policy.onnx or mine.py:MyRule, and optionally"
-            " ':number'"
-        )
-        raise reject("decider", name, allowed)
+        names = ", ".join((*known, *agents, *entry_point_names()))
+        further = "a run folder, model.zip, policy.onnx or mine.py:MyRule"
+        raise reject("decider", name, f"{names}, {further}, and optionally ':number'")
     return external_decider(external, name, options)
 
 
 def distinct_titles(names: Sequence[Any], titles: Sequence[str]) -> list[str]:
-    """Return the titles of deciders; one that is not of the package and has the title of another
-    is called by its name.
-
-    The name is then the path of a file or folder. Raises `ArgumentError` where objects, which have
-    no names, have equal titles.
-    """
-    bases = [base_name(name) for name in names]
-    distinct = []
-    for base, title in zip(bases, titles, strict=True):
-        same = [other for other, theirs in zip(bases, titles, strict=True) if theirs == title]
-        if all(other is base or other == base for other in same):
-            distinct.append(title)
-        elif not isinstance(base, str):
-            raise reject("deciders", title, "different titles of deciders that are objects")
-        else:
-            distinct.append(base if base.endswith(".yml") or is_policy_or_external(base) else title)
-    return distinct
+    """Return the titles of deciders; those with the title of another are called by their names."""
+    bases = [str(base_name(name)) for name in names]
+    same = Counter(title for _, title in set(zip(bases, titles, strict=True)))
+    return [title if same[title] == 1 else base for base, title in zip(bases, titles, strict=True)]
 
 
 def load_decider(name: Any, options: Any) -> Decider:
@@ -256,16 +207,4 @@ class ErrorArguments:
 
     def at_error(self, name: str) -> str:
         """Return the name of a decider with the rate that is asked for."""
-        if self.error is None:
-            return name
-        from agents.evaluation.chosen_threshold import RATES
-
-        if not self.error.endswith(tuple(RATES.values())):
-            raise reject(
-                "error",
-                self.error,
-                "a rate such as '2%', or '2/1000' with unknown switches",
-            )
-        if base_name(name) != name:
-            raise reject("decider", name, "a name without a threshold, with --error")
-        return f"{name}:{self.error}"
+        return name if self.error is None else f"{name}:{self.error}"

@@ -3,6 +3,8 @@ thresholds.
 """
 
 import dataclasses
+import functools
+import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,24 +12,33 @@ from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from baselines.rules.decider import Decider
+from baselines.rules import seeds
+from baselines.rules.decider import ANNOUNCED, UNKNOWN, Decider, rules
+from baselines.rules.msprt import mode_types
+from baselines.rules.rollout import (
+    batch_size,
+    evaluate_batch,
+    record_in,
+    statement_env,
+)
+from baselines.scoring import decisions, statements
 from baselines.scoring.estimates import Estimate
-from baselines.scoring.scores import Scores, Statistic
-from hybrid_env.checks import FloatArray
+from baselines.scoring.scores import Scores, Statistic, at_level, interpolated, mean
+from hybrid_env.checks import AnyArray, FloatArray, check_integer
 from hybrid_env.options import ModelOptions
-from hybrid_env.registration import make_track_vector_env
+from hybrid_env.registration import environment_options, make_track_vector_env
 
-Levels = dict[tuple[str, ...], "Metric"]
-"""Figures of whole operating curves, by their keys in JSON from the outermost on."""
 # Called with the finished share.
 OnProgress = Callable[[float], None]
+# (E, F) values of E episodes at one threshold, see `Task.columns`, and by name values of which
+# quantiles or counts are taken.
+Recorded = tuple[FloatArray, Mapping[str, AnyArray]]
 
 
 @dataclass(frozen=True)
 class Metric:
-    """A figure of a decider at one threshold, as a column of tables."""
+    """A value of a decider at one threshold, as a column of tables."""
 
     # Key in JSON.
     name: str
@@ -36,28 +47,8 @@ class Metric:
     statistic: Statistic
     # After the decimal point.
     digits: int
-    # Factor on the figure in tables.
+    # Factor on the value in tables.
     scale: float = 1.0
-
-
-@dataclass(frozen=True)
-class Recorded:
-    """What one decider did on E episodes."""
-
-    # (E, F) figures of each episode, see `Task.columns`
-    figures: FloatArray
-    # Values of which quantiles or counts are taken, by name.
-    samples: Mapping[str, NDArray[Any]]
-
-
-@dataclass(frozen=True, eq=False)
-class Selected:
-    """Scores of a decider, and the threshold selected for it."""
-
-    # At all its thresholds, or at the selected one.
-    scores: Scores
-    # Index of the threshold that was selected on other episodes.
-    chosen: int
 
 
 @dataclass(frozen=True)
@@ -73,23 +64,27 @@ class Task(ABC):
     switches: ClassVar[str]
     # Whether action 0 waits, and others declare hypotheses.
     waits: ClassVar[bool] = False
-    # Names of the figures of an episode.
+    # Names of the values of an episode.
     columns: ClassVar[tuple[str, ...]]
     # Figures of a decider at one threshold, in the order of tables.
     metrics: ClassVar[tuple[Metric, ...]]
-    # Other figures, of a table and of JSON beside them.
-    further: ClassVar[tuple[Metric, ...]] = ()
-    # Figure that thresholds are selected for.
+    # Figure that thresholds are selected for, and the delay that is traded for errors.
     goal: ClassVar[str] = "reward"
+    delay: ClassVar[str]
+    # Unit of the error rate that a threshold can be chosen for, and the number of episodes that
+    # are simulated for it at every threshold.
+    rate_unit: ClassVar[str]
+    choosing_episodes: ClassVar[int]
     # Lines that explain the metrics below a table.
     notes: ClassVar[str] = ""
-    # Name of the rule that others are compared with.
+    # Name of the rule that others are compared with, and of the agents that are, by default.
     reference: ClassVar[str]
-    # Key of the paired figures in JSON, see `against`.
-    paired: ClassVar[str]
+    agents: ClassVar[tuple[str, ...]]
     # What a mean reward is the mean of: "segment" or "tick".
     unit: ClassVar[str]
-    # Episodes, selection_episodes: default numbers.
+    # Number of segments or ticks whose results fill half a gigabyte.
+    largest: ClassVar[int]
+    # Default numbers of episodes, to report and to select thresholds on.
     episodes: ClassVar[int]
     selection_episodes: ClassVar[int]
 
@@ -107,33 +102,32 @@ class Task(ABC):
         """Name of the environment in titles."""
         return self.env_id.rpartition(":")[2]
 
-    @abstractmethod
-    def size(self, episodes: int) -> str:
-        """Return a number of episodes in words, for titles."""
-
-    @abstractmethod
-    def shifted(self) -> dict[str, dict[str, Any]]:
-        """Return name and changed options of the environments of a distribution shift, the
-        nominal one first.
-        """
-
     def changed(self, changes: Mapping[str, Any]) -> Self:
         """Return the task with some other options."""
-        return dataclasses.replace(self, given={**self.given, **changes}) if changes else self
+        return dataclasses.replace(self, given={**self.given, **changes})
+
+    @property
+    def length(self) -> int:
+        """Number of segments to declare, or of ticks to state, in an episode."""
+        return int(getattr(self.options, f"{self.unit}s"))
 
     @property
     @abstractmethod
-    def agents(self) -> tuple[str, ...]:
-        """Names of the agents that are compared by default."""
-
-    @property
-    @abstractmethod
-    def compared(self) -> tuple[str, ...]:
+    def deciders(self) -> tuple[str, ...]:
         """Names of the rules that are compared by default, the reference first."""
 
+    @property
     @abstractmethod
+    def further(self) -> tuple[str, tuple[Metric, ...]]:
+        """Title and metrics of a further table; no metrics without one."""
+
+    def size(self, episodes: int) -> str:
+        """Return a number of episodes in words, for titles."""
+        return f"{episodes * self.length:,} {self.unit}s"
+
     def check_episodes(self, name: str, episodes: int) -> None:
         """Raise `ArgumentError` if the episodes would fill the memory; `name` is the argument."""
+        check_integer(name, episodes, maximum=max(1, self.largest // self.length))
 
     @abstractmethod
     def batch(self) -> int:
@@ -146,45 +140,243 @@ class Task(ABC):
         """Roll a decider out on at most `batch` episodes, at one threshold or at several ones."""
 
     @abstractmethod
-    def extra(self, samples: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    def error_rates(self, scores: Scores) -> FloatArray:
+        """Return the error rate at every threshold, in `rate_unit`."""
+
+    @abstractmethod
+    def extra(self, samples: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
         """Return arrays by name for `Scores.extra`, from the samples of all episodes at one
         threshold.
         """
 
     @abstractmethod
-    def levels(self, reference: Scores, default: float) -> Levels:
-        """Return figures of whole operating curves, from the scores of the reference and its
+    def levels(self, reference: Scores, default: float) -> tuple[Metric, ...]:
+        """Return values of whole operating curves, from the scores of the reference and its
         default threshold.
         """
-
-    @abstractmethod
-    def against(self, mine: Selected, reference: Selected, curves: bool) -> dict[str, Estimate]:
-        """Return paired figures of a decider and the reference by name; `curves`: at all
-        thresholds.
-        """
-
-    @property
-    def length(self) -> int:
-        """Number of segments to declare, or of ticks to state, in an episode."""
-        return int(getattr(self.options, f"{self.unit}s"))
-
-    def remarks(self, episodes: int, seed: int) -> dict[str, Any]:
-        """Return what else a comparison tells of the episodes, as plain values by their keys in
-        JSON.
-        """
-        return {}
 
     def statistic(self, name: str) -> Statistic:
         """Return the statistic of a metric."""
         return next(metric.statistic for metric in self.metrics if metric.name == name)
 
-    def figures(self, scores: Scores, index: int | None = None) -> dict[str, Estimate]:
-        """Return the metrics of scores by name, at the threshold of an index or at the only one."""
-        return {metric.name: scores.estimate(metric.statistic, index) for metric in self.metrics}
+    def estimates(self, scores: Scores, index: int | None = None) -> dict[str, Estimate]:
+        """Return all metrics of scores by name, at the threshold of an index or at the only
+        one.
+        """
+        metrics = (*self.metrics, *self.further[1])
+        return {metric.name: scores.estimate(metric.statistic, index) for metric in metrics}
 
     def best(self, scores: Scores) -> int:
         """Return the index of the threshold that is best for the goal."""
         return int(scores.curve(self.statistic(self.goal)).argmax())
+
+
+class AnnouncedTask(Task):
+    """Every switch is announced, and the mode of the segment is declared once."""
+
+    switches = ANNOUNCED
+    waits = True
+    columns = decisions.COLUMNS
+    metrics = (
+        Metric("accuracy", "accuracy\n%", mean("accuracy", share=True), 1, 100.0),
+        Metric("type_accuracy", "type\naccuracy, %", mean("type_accuracy", share=True), 1, 100.0),
+        Metric("ticks", "mean\nticks", mean("ticks"), 1),
+        Metric("reward", "mean\nreward", mean("reward"), 3),
+        Metric("forced", "undecided\n%", mean("forced", share=True), 1, 100.0),
+        Metric("rmse", "RMSE\nm", decisions.RMSE, 3),
+    )
+    delay = "ticks"
+    rate_unit = "%"
+    choosing_episodes = 400
+    reference = "ate"
+    agents = ("ppo", "shipped")
+    unit = "segment"
+    largest = 10_000_000
+    episodes = 1500
+    selection_episodes = seeds.SELECTION_EPISODES
+
+    @property
+    def deciders(self) -> tuple[str, ...]:
+        """See `Task.deciders`."""
+        if self.options.bank == "published":
+            return (self.reference, "fixed", "msprt", "msprt-kept", "calibrated")
+        by_type = self.options.correctness == "type"
+        return (self.reference, "sprt", "msprt-type" if by_type else "msprt")
+
+    @property
+    def further(self) -> tuple[str, tuple[Metric, ...]]:
+        """See `Task.further`."""
+        return "Error rate by previous decision", tuple(
+            Metric(f"error_after_{name}", f"after a {name}\ndecision, %", statistic, 1, 100.0)
+            for name, statistic in decisions.ERROR_AFTER.items()
+        )
+
+    def batch(self) -> int:
+        return batch_size(self.options)
+
+    def record(
+        self, decider: Decider, episodes: int, seed: int, on_progress: OnProgress
+    ) -> list[Recorded]:
+        options = {**self.given, **decider.options}
+        made = evaluate_batch(decider, self.env_id, episodes, seed, on_progress, options)
+        modes = np.stack([made.true_mode.ravel(), made.decided_mode.ravel()], axis=1)
+        return [(made.values, {"modes": modes})]
+
+    def error_rates(self, scores: Scores) -> FloatArray:
+        """Return the share of wrong declarations."""
+        accuracy = "accuracy" if self.options.correctness == "exact" else "type_accuracy"
+        return 100.0 * (1.0 - scores.curve(self.statistic(accuracy)))
+
+    def extra(self, samples: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
+        """Return the confusion matrix (M, M): true mode in rows, decided mode in columns."""
+        counts = np.zeros((self.options.hypotheses,) * 2, np.int64)
+        np.add.at(counts, tuple(samples["modes"].T), 1)
+        return {"confusion": counts}
+
+    def levels(self, reference: Scores, default: float) -> tuple[Metric, ...]:
+        """Return the error rate at the mean time of the reference, and the mean times at two
+        accuracies.
+        """
+        ticks = float(reference.curve(mean("ticks"))[reference.thresholds.index(default)])
+        right = interpolated("ticks", ticks, "accuracy")
+        wrong = Statistic(right.columns, lambda *means: 1.0 - right.function(*means), share=True)
+        return (
+            Metric("equal_time_error", f"error, %\nat {ticks:.1f}", wrong, 2, 100.0),
+            Metric("ticks_at_95", "ticks at\n95%", at_level("accuracy", 0.95, mean("ticks")), 1),
+            Metric("ticks_at_98", "ticks at\n98%", at_level("accuracy", 0.98, mean("ticks")), 1),
+        )
+
+
+# Wrong changes per 1,000 ticks at which delays are compared.
+EQUAL_WRONG_CHANGES = 2.0
+
+
+class UnknownTask(Task):
+    """Nobody announces switches, and the present mode is stated at every tick."""
+
+    switches = UNKNOWN
+    columns = statements.COLUMNS + statements.TYPE_COLUMNS
+    metrics = tuple(
+        Metric(name, head, statements.STATISTICS[name], digits, scale)
+        for name, head, digits, scale in (
+            ("reward", "reward", 4, 1.0),
+            ("right", "right\n%", 1, 100.0),
+            ("delay", "delay\nmean", 1, 1.0),
+            ("missed", "missed\n%", 1, 100.0),
+            ("full_delay", "delay,\nall", 1, 1.0),
+            ("wrong_changes", "wrong\n/1000", 2, 1.0),
+            ("change_ratio", "changes", 2, 1.0),
+        )
+    )
+    notes = (
+        "delay: ticks from a switch to the first right statement; 50 and 90 % quantiles.\n"
+        "missed: switches followed by another one before the new mode was stated.\n"
+        "delay, all: a switch that is not detected counts until the end of its segment.\n"
+        "wrong: changes of the statement to a wrong mode per 1,000 ticks.\n"
+        "changes: of the statement, per switch."
+    )
+    delay = "full_delay"
+    rate_unit = "/1000"
+    choosing_episodes = 60
+    reference = "threshold"
+    agents = ("shipped",)
+    unit = "tick"
+    largest = 100_000_000
+    episodes = 500
+    selection_episodes = 300
+
+    @property
+    def deciders(self) -> tuple[str, ...]:
+        """All rules; see `Task.deciders`."""
+        return tuple(dict.fromkeys((self.reference, *rules(UNKNOWN))))
+
+    @property
+    def several_radii(self) -> bool:
+        """Whether a type of motion has several modes."""
+        return len(self.options.radii) > 1
+
+    @property
+    def further(self) -> tuple[str, tuple[Metric, ...]]:
+        """How often and when type and mode are stated after a switch, with several radii."""
+        heads = {"identified": ("named, %", 100.0), "delay": ("delay", 1.0)}
+        return "Type and radius after a switch", tuple(
+            Metric(f"{kind}_{name}", f"{kind}\n{head}", statistics[name], 1, scale)
+            for kind, statistics in statements.IDENTIFICATION.items()
+            for name, (head, scale) in heads.items()
+            if self.several_radii
+        )
+
+    def batch(self) -> int:
+        # A million statements with 3 modes need about 500 MB with 20 thresholds.
+        return max(1, 3_000_000 // (self.options.ticks * self.options.hypotheses))
+
+    def record(
+        self, decider: Decider, episodes: int, seed: int, on_progress: OnProgress
+    ) -> list[Recorded]:
+        options: Any = self.options_with(decider.options)
+        make = functools.partial(statement_env, options, episodes)
+        return [self.measured(stated) for stated in record_in(make, decider, seed)]
+
+    def measured(self, recorded: statements.Statements) -> Recorded:
+        """Return the values of recorded statements, of modes and of types."""
+        cost = self.options.change_cost
+        metrics = of_types = statements.measure_statements(recorded, cost)
+        if self.several_radii:
+            types = mode_types(self.options.hypotheses)
+            named = statements.Statements(*(types[modes] for modes in recorded))
+            of_types = statements.measure_statements(named, cost)
+        # Ticks after a switch, of the curves of identification.
+        longest = min(100, int(self.options.ticks))
+        within = np.array([[each.named_within(longest) for each in (of_types, metrics)]])
+        values = np.hstack([metrics.values, of_types.values])
+        return values, {"delays": metrics.delays, "named_within": within}
+
+    def error_rates(self, scores: Scores) -> FloatArray:
+        """Return the wrong changes in 1,000 ticks."""
+        return scores.curve(self.statistic("wrong_changes"))
+
+    def extra(self, samples: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
+        """Return quantiles of detected delays [ticks], and shares of types and modes named in
+        time (2, ticks + 1).
+        """
+        delays = samples["delays"]
+        counts = samples["named_within"].sum(0)
+        quantiles = np.quantile(delays, (0.5, 0.9)) if delays.size else np.full(2, np.nan)
+        return {
+            "delay_quantiles": quantiles,
+            "named_within": counts[:, :-1] / np.maximum(counts[:, -1:], 1),
+        }
+
+    def levels(self, reference: Scores, default: float) -> tuple[Metric, ...]:
+        """Return delays and misses at an equal rate of wrong changes; those at the first
+        threshold if that already has fewer.
+        """
+
+        def at_equal_rate(name: str) -> Statistic:
+            statistic = statements.STATISTICS[name]
+            return at_level("wrong_changes", EQUAL_WRONG_CHANGES, statistic, falling=True)
+
+        return tuple(
+            Metric(f"{name}_at_equal_wrong_changes", head, at_equal_rate(name), 1, scale)
+            for name, head, scale in (
+                ("full_delay", "delay,\nall", 1.0),
+                ("delay", "delay\nof detected", 1.0),
+                ("missed", "missed\n%", 100.0),
+            )
+        )
+
+
+def task_of(env_id: str, given: Mapping[str, Any] | None = None) -> Task:
+    """Return the task of an environment."""
+    options: Any = environment_options(env_id)
+    kind = AnnouncedTask if options.switches == ANNOUNCED else UnknownTask
+    return kind(env_id, dict(given or {}))
+
+
+def task_with(options: ModelOptions) -> Task:
+    """Return the task of an environment with all its options given."""
+    name = "Published" if options.switches == ANNOUNCED else "Quickest"
+    return task_of(f"hybrid_env:HybridTrack{name}-v0", vars(options))
 
 
 def sweep(
@@ -204,48 +396,32 @@ def sweep(
     used = decider.thresholds if thresholds is None else tuple(thresholds)
     several = decider.sweeps and len(used) > 1
     deciders = [decider.at(used)] if several else [decider.at(threshold) for threshold in used]
-    width = len(used) // len(deciders)
     size = task.batch()
-    total = episodes * len(used)
-    # In each batch at every threshold.
-    recorded: list[list[Recorded]] = []
-    done = 0
-    for first in range(0, episodes, size):
-        count = min(size, episodes - first)
-        recorded.append([])
-        for each in deciders:
+    parts = list(itertools.product(range(0, episodes, size), deciders))
+    recorded: list[Recorded] = []
+    for number, (first, each) in enumerate(parts):
 
-            def show(share: float, before: int = done, part: int = count * width) -> None:
-                on_progress((before + share * part) / total)
+        def show(share: float, before: int = number) -> None:
+            on_progress((before + share) / len(parts))
 
-            recorded[-1] += task.record(each, count, seed + first, show)
-            done += count * width
-            show(0.0, done)
-    return gather(task, decider, used, [*zip(*recorded, strict=True)])
-
-
-def gather(
-    task: Task,
-    decider: Decider,
-    thresholds: tuple[float, ...],
-    recorded: Sequence[Sequence[Recorded]],
-) -> Scores:
-    """Return the scores of a decider from what was recorded in several batches at every
-    threshold.
-    """
-    values = np.stack(
-        [np.concatenate([part.figures for part in parts]) for parts in recorded],
-        axis=-1,
-    )
-    extra = [
-        task.extra(
-            {
-                name: np.concatenate([part.samples[name] for part in parts])
-                for name in parts[0].samples
-            }
+        recorded += task.record(each, min(size, episodes - first), seed + first, show)
+        show(1.0)
+    values = []
+    extra = []
+    for index in range(len(used)):
+        # In every batch.
+        batches, samples = zip(*recorded[index :: len(used)], strict=True)
+        values.append(np.concatenate(batches))
+        names = samples[0]
+        extra.append(
+            task.extra({name: np.concatenate([batch[name] for batch in samples]) for name in names})
         )
-        for parts in recorded
-    ]
-    stacked = {name: np.stack([arrays[name] for arrays in extra]) for name in extra[0]}
-    bank = getattr(task.options_with(decider.options), "bank", "")
-    return Scores(decider.title, decider.symbol, thresholds, task.columns, values, stacked, bank)
+    return Scores(
+        decider.title,
+        decider.symbol,
+        used,
+        task.columns,
+        np.stack(values, axis=-1),
+        {name: np.stack([arrays[name] for arrays in extra]) for name in extra[0]},
+        getattr(task.options_with(decider.options), "bank", ""),
+    )

@@ -33,8 +33,6 @@ class Curve:
     selected: ArrayLike = ()
     # Of the markers [pt], 0 for none.
     size: float = 4.5
-    # Whether the markers are filled.
-    filled: bool = False
     # Of the line.
     dashes: str = "-"
 
@@ -64,14 +62,6 @@ class Panel:
     y: Axis
     # In drawing order.
     curves: Sequence[Curve]
-
-
-def error_bars(estimates: Sequence[Estimate]) -> FloatArray:
-    """Return the lengths (2, K) of the bars below and above estimates, down and up to their
-    bounds.
-    """
-    bars = [[point.value - point.low, point.high - point.value] for point in estimates]
-    return np.array(bars, np.float64).reshape(-1, 2).T
 
 
 def curve_figure(
@@ -106,10 +96,7 @@ def _draw_panel(axes: Any, panel: Panel) -> None:
     for curve in panel.curves:
         _draw_curve(axes, curve)
     plain_axes(axes, panel.x.label, panel.y.label)
-    for name, axis, draw_level in (
-        ("x", panel.x, axes.axvline),
-        ("y", panel.y, axes.axhline),
-    ):
+    for name, axis in (("x", panel.x), ("y", panel.y)):
         if axis.log:
             axes.set(**{f"{name}scale": "log"})
         if axis.ticks is not None:
@@ -118,14 +105,9 @@ def _draw_panel(axes: Any, panel: Panel) -> None:
             of_axes.set_minor_formatter(NullFormatter())
         if axis.limits is not None:
             axes.set(**{f"{name}lim": axis.limits})
+        draw_level = axes.axvline if name == "x" else axes.axhline
         for level in axis.levels:
-            draw_level(
-                level,
-                color="0.75",
-                linewidth=0.8,
-                linestyle="--",
-                zorder=0,
-            )
+            draw_level(level, color="0.75", linewidth=0.8, linestyle="--", zorder=0)
 
 
 def _draw_curve(axes: Any, curve: Curve) -> None:
@@ -135,25 +117,19 @@ def _draw_curve(axes: Any, curve: Curve) -> None:
     y: Any = curve.y
     values = [point.value if isinstance(point, Estimate) else point for point in y]
     if any(isinstance(point, Estimate) for point in y):
-        axes.errorbar(curve.x, values, error_bars(y), color=colour, linestyle="none", linewidth=1)
-    hollow = {} if curve.filled else {"markerfacecolor": "white", "markeredgewidth": 0.9}
+        # Down and up to the bounds.
+        bars = np.array([[point.value - point.low, point.high - point.value] for point in y])
+        axes.errorbar(curve.x, values, bars.T, color=colour, linestyle="none", linewidth=1)
     axes.plot(
         curve.x,
         values,
         color=colour,
         marker=marker if curve.size else None,
         markersize=curve.size,
+        markerfacecolor="white",
         linewidth=1.4,
         linestyle=curve.dashes,
         label=curve.name.replace("$", r"\$"),
-        **hollow,
     )
-    for point in np.reshape(curve.selected, (-1, 2)):
-        axes.plot(
-            *point,
-            linestyle="none",
-            color=colour,
-            marker=marker,
-            markersize=8,
-            zorder=5,
-        )
+    selected = np.reshape(curve.selected, (-1, 2)).T
+    axes.plot(*selected, linestyle="none", color=colour, marker=marker, markersize=8, zorder=5)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.collections import LineCollection
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
@@ -21,40 +20,6 @@ from hybrid_env.rendering.evidence import mode_colour, mode_name
 # In place of a mode at ticks before a declaration.
 UNDECIDED = -1
 UNDECIDED_COLOUR = "0.92"
-
-
-def runs(values: IntArray, breaks: ArrayLike = ()) -> list[tuple[int, int, int]]:
-    """Return (first index, index after the last, value) of each run of equal values between two
-    breaks.
-    """
-    begins = np.union1d(np.flatnonzero(np.diff(values, prepend=values[0] - 1)), breaks).astype(
-        np.int64
-    )
-    return list(
-        zip(
-            begins.tolist(),
-            [*begins[1:].tolist(), len(values)],
-            values[begins].tolist(),
-            strict=True,
-        )
-    )
-
-
-def draw_by_mode(
-    axes: Any,
-    points: FloatArray,
-    modes: IntArray,
-    colours: Sequence[str],
-    **style: Any,
-) -> None:
-    """Draw a line through the points (T, 2) in the colour of the mode of each point."""
-    lines = []
-    shades = []
-    for begin, stop, mode in runs(modes):
-        lines.append(points[max(begin - 1, 0) : stop])
-        shades.append(colours[mode])
-    axes.add_collection(LineCollection(lines, colors=shades, capstyle="butt", **style))
-    axes.autoscale_view()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,26 +55,22 @@ def track_figure(records: Sequence[TrackRecord], radii: Sequence[float], title: 
     canvas = new_canvas((12, 8))
     track, timeline = canvas.subplots(2, 1, height_ratios=(3, 0.5 + 0.3 * len(records)))
     first = records[0]
-    modes = range(2 * len(radii) + 1)
+    colours = [mode_colour(mode, radii) for mode in range(2 * len(radii) + 1)]
     rows = {"true mode": first.true_modes} | {record.name: record.modes for record in records}
     wrong = {record.name: ~record.right & (record.modes != UNDECIDED) for record in records}
-    colours, names = ([of(mode, radii) for mode in modes] for of in (mode_colour, mode_name))
-    draw_timelines(
-        timeline,
-        np.arange(len(first.truth) + 1),
-        rows,
-        colours,
-        "tick of the episode",
-        wrong=wrong,
-        breaks=first.switches,
-        names=names,
-        edge_width=0.5,
-    )
-    undecided = [Patch(color=UNDECIDED_COLOUR, label="before the decision (ticks)")] * (
-        len(first.switches) > 0
-    )
-    legend_beside(timeline, handles=[*undecided, wrong_patch("wrong mode")])
-    draw_by_mode(track, first.truth, first.true_modes, colours, linewidths=5, alpha=0.4, zorder=1)
+    edges = np.arange(len(first.truth) + 1)
+    draw_timelines(timeline, edges, rows, colours, "tick", wrong=wrong, breaks=first.switches)
+    shown = np.unique(np.concatenate(list(rows.values()))).tolist()
+    patches = [
+        Patch(color=UNDECIDED_COLOUR, label="before the decision")
+        if mode == UNDECIDED
+        else Patch(color=colours[mode], label=mode_name(mode, radii))
+        for mode in shown
+    ]
+    legend_beside(timeline, handles=[*patches, wrong_patch("wrong mode")])
+    steps = np.stack([first.truth[:-1], first.truth[1:]], axis=1)
+    shades = [colours[mode] for mode in first.true_modes[1:]]
+    track.add_collection(LineCollection(steps.tolist(), colors=shades, linewidths=5, alpha=0.4))
     handles = track.plot(
         *first.measurements[::4].T,
         ".",
@@ -117,43 +78,25 @@ def track_figure(records: Sequence[TrackRecord], radii: Sequence[float], title: 
         markersize=2.5,
         label="every fourth measurement",
     )
-    if undecided:
+    if first.switches.size:
         switches = first.truth[first.switches].T
-        handles += track.plot(
-            *switches,
-            "|",
-            color=DARK_GREY,
-            markersize=12,
-            zorder=4,
-            label="mode switch",
-        )
+        handles += track.plot(*switches, "|", color=DARK_GREY, markersize=12, label="mode switch")
     styles = decider_styles(record.name for record in records)
     # Changes of the first and of the second decider may coincide.
     for record, size in zip(records, (12.0, 7.0), strict=False):
         style = styles[record.name]
         label = f"{record.name}: estimate"
-        handles += track.plot(
-            *record.estimates.T,
-            color=style.colour,
-            linewidth=1.2,
-            zorder=3,
-            label=label,
-        )
-        for right, face in (
-            (True, style.colour),
-            (False, "white"),
-        ):
+        handles += track.plot(*record.estimates.T, color=style.colour, linewidth=1.2, label=label)
+        for right, face, word in ((True, style.colour, "right"), (False, "white", "wrong")):
             ticks = record.marks[record.right[record.marks] == right]
             handles += track.plot(
                 *record.truth[ticks].T,
                 linestyle="none",
                 marker=style.marker,
                 markersize=size,
-                zorder=5,
                 color=style.colour,
                 markerfacecolor=face,
-                markeredgewidth=1.6,
-                label=f"{record.name}: {'right' if right else 'wrong'} decision",
+                label=f"{record.name}: {word} decision",
             )
     plain_axes(track, "x, m", "y, m")
     track.set_aspect("equal", adjustable="datalim")
@@ -171,73 +114,33 @@ def draw_timelines(
     *,
     wrong: Mapping[str, BoolArray],
     breaks: ArrayLike = (),
-    names: Sequence[str] = (),
-    edge_width: float = 0.0,
 ) -> None:
     """Draw the modes (T,) of each row as bars between `edges` (T + 1,): indices of `colours` or
-    others above.
-
-    Bars begin anew at ticks `breaks`, and are hatched at ticks `wrong` (T,). `names` of the modes
-    are written into bars that are long enough, as is the length of undecided ones. edge_width: of
-    the white edges [pt].
+    `UNDECIDED`. Bars begin anew at ticks `breaks`, and are hatched at ticks `wrong` (T,).
     """
     limits = np.asarray(edges)
     axes.set_xlim(0, limits[-1])
     for height, (row, modes) in enumerate(rows.items()):
         hatched = wrong.get(row, np.zeros(len(modes), np.bool_))
-        for first, end, key in runs(2 * modes + hatched, breaks):
-            mode = key // 2
-            span = (limits[first], limits[end])
-            colour = UNDECIDED_COLOUR if mode == UNDECIDED else colours[mode]
-            axes.barh(
-                height,
-                span[1] - span[0],
-                left=span[0],
-                color=colour,
-                edgecolor="white",
-                linewidth=edge_width,
-                hatch="xxx" if key % 2 else None,
-            )
-            if names:
-                text = str(end - first) if mode == UNDECIDED else names[mode]
-                _write_into(axes, height, span, text, colour, always=mode == UNDECIDED)
+        changes = np.flatnonzero(np.diff(2 * modes + hatched)) + 1
+        begins = np.union1d(np.append(0, changes), breaks).astype(int)
+        axes.barh(
+            height,
+            np.diff(limits[np.append(begins, len(modes))]),
+            left=limits[begins],
+            color=[
+                UNDECIDED_COLOUR if mode == UNDECIDED else colours[mode] for mode in modes[begins]
+            ],
+            edgecolor="white",
+            linewidth=0.5,
+            hatch=["xxx" if is_wrong else "" for is_wrong in hatched[begins]],
+        )
     axes.set_yticks(range(len(rows)), list(rows))
     axes.invert_yaxis()
     axes.set_xlabel(xlabel)
     axes.spines[["top", "right", "left"]].set_visible(False)
 
 
-def _write_into(
-    axes: Any,
-    height: int,
-    span: tuple[float, float],
-    text: str,
-    colour: str,
-    always: bool,
-) -> None:
-    """Write a text into a bar, if it is long enough or the text is always shown."""
-    style: dict[str, Any] = {
-        "va": "center",
-        "ha": "center",
-        "fontsize": 8.5,
-    }
-    if not always:
-        style["color"] = "white" if np.mean(to_rgb(colour)) < 0.55 else "black"
-        style["bbox"] = {
-            "facecolor": colour,
-            "edgecolor": "none",
-            "pad": 1.5,
-        }
-    # A character takes so much of the time axis.
-    if always or (span[1] - span[0]) / axes.get_xlim()[1] > 0.009 * len(text):
-        axes.text(sum(span) / 2, height, text, **style)
-
-
 def wrong_patch(label: str) -> Patch:
     """Return the entry of the legend for hatched bars."""
-    return Patch(
-        facecolor="0.6",
-        edgecolor="white",
-        hatch="xxx",
-        label=label,
-    )
+    return Patch(facecolor="0.6", edgecolor="white", hatch="xxx", label=label)

@@ -11,17 +11,11 @@ from docstring_parser import parse_from_object
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
 
 
-def shown_default(text: str, *aliases: str, help: str | None = None) -> Any:
+def shown_default(text: str, help: str | None = None) -> Any:
     """Annotation of a flag whose value is None or empty by default: the text stands for it in
-    the help.
-
-    `aliases` are further names of the flag, `help` describes one without a docstring.
+    the help. `help` describes a flag without a docstring.
     """
-    return tyro.conf.arg(
-        help=help,
-        help_behavior_hint=f"(default: {text})",
-        aliases=aliases or None,
-    )
+    return tyro.conf.arg(help=help, help_behavior_hint=f"(default: {text})")
 
 
 def as_command(kind: type) -> tuple[type, str]:

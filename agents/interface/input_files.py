@@ -26,10 +26,7 @@ def read_text(path: Path, largest: int = LARGEST_FILE) -> str:
         content = file.read(largest + 1)
     if len(content) > largest:
         raise ValueError(f"{path.name} is larger than {largest:,} bytes")
-    try:
-        return content.decode("utf-8")
-    except UnicodeDecodeError:
-        raise ValueError(f"{path.name} is not in UTF-8") from None
+    return content.decode("utf-8")
 
 
 def read_json(path: Path) -> Any:
@@ -37,11 +34,14 @@ def read_json(path: Path) -> Any:
     are refused.
     """
     text = read_text(path)
+
+    def real(digits: str) -> Any:
+        return _checked(float(digits))
+
+    def integer(digits: str) -> Any:
+        return _checked(int(digits))
+
     try:
-        integer, real = (
-            (lambda digits: _checked(int(digits))),
-            (lambda digits: _checked(float(digits))),
-        )
         return json.loads(text, parse_int=integer, parse_float=real, parse_constant=real)
     except RecursionError:
         raise ValueError(f"{path.name} is nested too deeply") from None
@@ -81,22 +81,17 @@ class _Loader(yaml.SafeLoader):
         text.encode()
         return text
 
-    def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
-        return _checked(super().construct_yaml_int(_decimal(node)))
-
-    def construct_yaml_float(self, node: yaml.ScalarNode) -> float:
-        return _checked(super().construct_yaml_float(_decimal(node)))
-
-
-_Loader.add_constructor("tag:yaml.org,2002:int", _Loader.construct_yaml_int)
-_Loader.add_constructor("tag:yaml.org,2002:float", _Loader.construct_yaml_float)
+    def construct_number(self, node: yaml.ScalarNode) -> float:
+        # Of base 60, such as 1:59:59.
+        if ":" in str(node.value):
+            raise ValueError("a number has colons: quote a time, or give it in seconds")
+        is_whole = node.tag.endswith("int")
+        read = self.construct_yaml_int if is_whole else self.construct_yaml_float
+        return _checked(read(node))
 
 
-def _decimal(node: yaml.ScalarNode) -> yaml.ScalarNode:
-    """Return the node of a number; `ValueError` if it is of base 60, such as 1:59:59."""
-    if ":" in str(node.value):
-        raise ValueError("a number has colons: quote a time, or give it in seconds")
-    return node
+for _kind in ("int", "float"):
+    _Loader.add_constructor(f"tag:yaml.org,2002:{_kind}", _Loader.construct_number)
 
 
 def _checked(number: Any) -> Any:

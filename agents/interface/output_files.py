@@ -3,22 +3,19 @@
 import json
 import os
 import secrets
-import shutil
-from collections.abc import Iterator, Mapping, Sequence
+import tempfile
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from operator import methodcaller
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from safetensors import SafetensorError
 
-from hybrid_env.checks import ArgumentError, reject
+from hybrid_env.checks import reject
 
 PART_PREFIX = ".hybridtrack-"
-
-Column: TypeAlias = Sequence[Any] | NDArray[Any]
 
 
 def output_folder(name: str, path: Path) -> Path:
@@ -44,7 +41,7 @@ def atomic_file(path: Path) -> Iterator[Path]:
         part.touch(exist_ok=False)
         yield part
         os.replace(part, path)
-    except (BrokenPipeError, ArgumentError):
+    except BrokenPipeError:
         raise
     except (OSError, SafetensorError) as error:
         raise reject("file", str(path), f"a file that can be written ({_reason(error)})") from None
@@ -61,22 +58,18 @@ def atomic_folder(name: str, path: Path) -> Iterator[Path]:
     stay.
     """
     output_folder(name, path)
-    part = path / f"{PART_PREFIX}{secrets.token_hex(8)}.part"
     try:
-        part.mkdir()
-        yield part
-        for file in sorted(inner for inner in part.rglob("*") if inner.is_file()):
-            target = path / file.relative_to(part)
-            target.parent.mkdir(parents=True, exist_ok=True)
-            os.replace(file, target)
+        with tempfile.TemporaryDirectory(prefix=PART_PREFIX, dir=path) as part:
+            yield Path(part)
+            for file in sorted(inner for inner in Path(part).rglob("*") if inner.is_file()):
+                target = path / file.relative_to(part)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                os.replace(file, target)
     except OSError as error:
         raise reject(
-            "file",
-            str(path),
-            f"a folder that can be written ({_reason(error)})",
+            "file", str(path), f"a folder that can be written ({_reason(error)})"
         ) from None
     finally:
-        shutil.rmtree(part, ignore_errors=True)
         with suppress(OSError):
             # Only if it is empty.
             path.rmdir()
@@ -90,13 +83,9 @@ def _reason(error: Exception) -> str:
 def finite(values: Any) -> Any:
     """Return an array as lists of numbers, with None for values that are not finite."""
     array = np.asarray(values)
-    return (
-        [finite(row) for row in array]
-        if array.ndim
-        else array.item()
-        if np.isfinite(array)
-        else None
-    )
+    if array.ndim:
+        return [finite(row) for row in array]
+    return array.item() if np.isfinite(array) else None
 
 
 def write_json(path: Path, value: Any) -> None:

@@ -14,7 +14,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from agents.interface.help_texts import shown_default
 from agents.interface.world_arguments import trusted, trusting
-from hybrid_env.checks import ArgumentError, Checked, Count, reject
+from hybrid_env.checks import ArgumentError, Count, reject
 
 Call = Callable[[], Any]
 """A call without arguments, such as `functools.partial(function, seed)`. It can be pickled."""
@@ -24,25 +24,26 @@ Name = TypeVar("Name", bound=Hashable)
 LARGEST_RETRIES = 3
 
 
-@dataclass(frozen=True)
-class Workers(Checked):
-    """Where calls run."""
+@dataclass(kw_only=True)
+class Workers:
+    """Where calls run, as flags. The results do not depend on them."""
 
-    # Number of calls that run at the same time; 1 with the engine "local" runs them in this
-    # process.
-    jobs: Count = 1
-    # For processes of this machine; "ray" for the cluster at RAY_ADDRESS, or one that is started.
+    jobs: Annotated[Count | None, shown_default("one for each core")] = None
+    """Number of processes on this machine."""
     engine: Literal["local", "ray"] = "local"
+    """'local' for processes of this machine; 'ray' for the Ray cluster at RAY_ADDRESS, which 'ray
+    start' starts, or one on this machine.
+    """
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.engine == "ray":
-            _import_ray()
+    @property
+    def processes(self) -> int:
+        """Number of processes; 1 is this one."""
+        return joblib.cpu_count() if self.jobs is None else self.jobs
 
     @property
     def parallel(self) -> bool:
         """Whether calls run outside this process."""
-        return self.jobs > 1 or self.engine == "ray"
+        return self.processes > 1 or self.engine == "ray"
 
     def results(
         self,
@@ -52,15 +53,14 @@ class Workers(Checked):
         """Return the names and results of calls, in the order of the calls.
 
         The call of a worker that is lost (killed, out of memory, or on a machine that went down) is
-        repeated. After the error of a call no further one begins. `on_done` is called with the name
-        of every call that has ended.
+        repeated. `on_done` is called with the name of every call that has ended.
         """
         if self.engine == "ray":
-            ended = _ray(calls, self.jobs)
-        elif self.jobs == 1 or len(calls) <= 1:
+            ended = _ray(calls, self.processes)
+        elif self.processes == 1 or len(calls) <= 1:
             ended = ((name, call()) for name, call in calls.items())
         else:
-            ended = _processes(calls, min(self.jobs, len(calls)))
+            ended = _processes(calls, min(self.processes, len(calls)))
         early: dict[Name, Any] = {}
         waiting = list(calls)[::-1]
         for name, result in ended:
@@ -73,18 +73,14 @@ class Workers(Checked):
 def _processes(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, Any]]:
     """Results with their names as they come, from processes of this machine."""
     left = dict(calls)
-    trust = trusted()
     for _ in range(LARGEST_RETRIES + 1):
         with joblib.parallel_config(backend="loky", n_jobs=jobs, inner_max_num_threads=1):
             parallel = joblib.Parallel(
-                return_as="generator_unordered",
-                batch_size=1,
-                pre_dispatch=jobs,
+                return_as="generator_unordered", batch_size=1, pre_dispatch=jobs
             )
+            waiting = [joblib.delayed(_in_worker)(*call, trusted()) for call in left.items()]
             try:
-                for name, result in parallel(
-                    joblib.delayed(_in_worker)(*call, trust) for call in list(left.items())
-                ):
+                for name, result in parallel(waiting):
                     del left[name]
                     yield name, result
                 return
@@ -108,11 +104,14 @@ def _ray(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, Any]]:
 
     The backend of `ray.util.joblib` is not used: one lost worker ends its pool with all results.
     """
-    ray = _import_ray()
+    try:
+        import ray
+    except ImportError:
+        allowed = "'local', or an installed Ray: pip install 'hybrid-track[cluster]'"
+        raise reject("engine", "ray", allowed) from None
     if not ray.is_initialized():
         # One worker for each core.
-        names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-        threads = dict.fromkeys(names, "1")
+        threads = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
         # Without RAY_ADDRESS a cluster with one worker per job is started on this machine.
         local: dict[str, Any] = {} if os.environ.get("RAY_ADDRESS") else {"num_cpus": jobs}
         ray.init(
@@ -122,14 +121,10 @@ def _ray(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, Any]]:
             **local,
         )
     task = ray.remote(max_retries=LARGEST_RETRIES, num_cpus=1)(_in_worker)
-    waiting = list(calls.items())[::-1]
-    trust = trusted()
-    running: list[Any] = []
+    running = [task.remote(*call, trusted()) for call in calls.items()]
     try:
-        while waiting or running:
-            while waiting and len(running) < jobs:
-                running.append(task.remote(*waiting.pop(), trust))
-            (done,), running = ray.wait(running, num_returns=1)
+        while running:
+            (done,), running = ray.wait(running)
             yield ray.get(done)
     except ray.exceptions.RayTaskError as error:
         raise error.cause from None
@@ -145,31 +140,3 @@ def _lost() -> ArgumentError:
         f"workers were lost {LARGEST_RETRIES + 1} times: expected enough memory for every job, try"
         " fewer jobs"
     )
-
-
-def _import_ray() -> Any:
-    try:
-        import ray
-    except ImportError:
-        raise reject(
-            "engine",
-            "ray",
-            "'local', or an installed Ray: pip install 'hybrid-track[cluster]'",
-        ) from None
-    return ray
-
-
-@dataclass(kw_only=True)
-class ParallelArguments:
-    """Flags for parallel work. The results do not depend on them."""
-
-    jobs: Annotated[Count | None, shown_default("one for each core")] = None
-    """Number of processes, or of tasks at a time with --engine ray."""
-    engine: Literal["local", "ray"] = "local"
-    """'local' for processes of this machine; 'ray' for the Ray cluster at RAY_ADDRESS, which 'ray
-    start' starts, or one on this machine.
-    """
-
-    def workers(self) -> Workers:
-        """Return where calls run."""
-        return Workers(joblib.cpu_count() if self.jobs is None else self.jobs, self.engine)

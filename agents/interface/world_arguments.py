@@ -6,6 +6,7 @@ import os
 import re
 import typing
 from collections.abc import Iterator
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,13 +24,6 @@ CARD = "policy.json"
 # Environment variable: 1 lets policies of others be unpickled, which runs the code in them.
 TRUST = "HYBRIDTRACK_TRUST"
 DEFAULT_ENV = "hybrid_env:HybridTrack-v0"
-_DEFAULT_TEXTS = {
-    "heading": "random",
-    "object_variance": "Q",
-    "reset_covariance": "True for the published bank only",
-    "hazard": "inverse of the mean duration",
-    "sensors": "one of variance R",
-}
 
 
 def _text(value: Any) -> str:
@@ -47,10 +41,11 @@ def _flag(kind: type, field: dataclasses.Field[Any], hint: Any) -> Any:
         plain = tuple[str, ...]
     parts = [part for base in kind.__mro__ for part in parse(base.__doc__ or "").params]
     text = " ".join(next(str(part.description) for part in parts if part.arg_name == name).split())
+    unless_given = re.search(r"None (?:draws|is|means) ([^.;]+)", text)
     # For callers in Python.
     text = re.sub(r"[;.] None [^.;]*|, or a (?:law|scheme) object", "", text)
     only = "" if kind is WorldOptions else "HybridTrackQuickest-v0: "
-    defaults = [_DEFAULT_TEXTS.get(name, _text(field.default))]
+    defaults = [unless_given[1] if unless_given else _text(field.default) or "none"]
     defaults += [
         f"{_text(options[name])} in {env_id}"
         for env_id, options in ENVIRONMENTS.items()
@@ -88,29 +83,22 @@ class WorldArguments(_Flags):
     @property
     def env_id(self) -> str:
         """The given id, or the default."""
-        return DEFAULT_ENV if self.env is None else self.env
+        return self.env or DEFAULT_ENV
 
     def world_options(self, env_id: str | None = None) -> dict[str, Any]:
         """Return the given options as keyword arguments of `gym.make`; refuse what the
         environment does not have.
         """
         env_id = env_id or self.env_id
-        values = [
-            (flag, getattr(self, flag.name))
+        given = {
+            flag.name: getattr(self, flag.name)
             for flag in dataclasses.fields(WorldArguments)
-            if flag.name != "env"
-        ]
-        given = {flag.name: value for flag, value in values if value is not flag.default}
-        # Refuses an unknown id.
-        known = _names(env_id)
-        for name in given:
-            if name not in known:
-                environment = env_id.rpartition(":")[2]
-                raise reject(
-                    name,
-                    given[name],
-                    f"no value, because {environment} has no such option",
-                )
+            if flag.name != "env" and getattr(self, flag.name) is not flag.default
+        }
+        for name in given.keys() - option_names(env_id):
+            environment = env_id.rpartition(":")[2]
+            allowed = f"no value, because {environment} has no such option"
+            raise reject(name, given[name], allowed)
         return given
 
     def world_of(self, decider: str) -> tuple[str, dict[str, Any]]:
@@ -118,30 +106,30 @@ class WorldArguments(_Flags):
 
         A run folder brings those of its training; flags that are given override these options.
         """
-        card = read_card(decider)
-        if card is None or self.env not in (None, card["environment"]):
+        environment, trained = read_card(decider) or ("", {})
+        if self.env not in (None, environment) or not environment:
             return self.env_id, self.world_options()
-        trained = {name: value for name, value in card["options"].items() if name != "actions"}
-        return card["environment"], trained | self.world_options(card["environment"])
+        trained.pop("actions", None)
+        return environment, trained | self.world_options(environment)
+
+
+# Whether policies of others may be unpickled while a command runs.
+_TRUSTING: ContextVar[bool] = ContextVar("trusting", default=False)
 
 
 def trusted() -> bool:
     """Return whether policies of others may be unpickled."""
-    return os.environ.get(TRUST) == "1"
+    return _TRUSTING.get() or os.environ.get(TRUST) == "1"
 
 
 @contextlib.contextmanager
 def trusting(trust: bool) -> Iterator[None]:
     """Say whether policies of others may be unpickled in this process while the block runs."""
-    before = os.environ.pop(TRUST, None)
-    if trust:
-        os.environ[TRUST] = "1"
+    token = _TRUSTING.set(trust)
     try:
         yield
     finally:
-        os.environ.pop(TRUST, None)
-        if before is not None:
-            os.environ[TRUST] = before
+        _TRUSTING.reset(token)
 
 
 @dataclass(kw_only=True)
@@ -154,32 +142,26 @@ class TrustArguments:
     """
 
 
-def read_card(decider: str) -> dict[str, Any] | None:
+def read_card(decider: str) -> tuple[str, dict[str, Any]] | None:
     """Environment id and options on the card of a run folder, as "folder:threshold" too; None
     for others.
     """
-    names = (decider, decider.rpartition(":")[0])
-    for path in (Path(name) / CARD for name in names if name):
+    for name in filter(None, (decider, decider.rpartition(":")[0])):
+        path = Path(name) / CARD
         if path.is_file():
             try:
                 card = read_json(path)
-                environment = card["environment"]
-                options = card["options"]
-                if not isinstance(environment, str):
-                    raise reject("environment", environment, "a registered id")
-                if not isinstance(options, dict):
-                    raise reject("options", options, "a mapping")
-                for name in sorted(options.keys() - _names(environment)):
-                    raise reject("option", name, "an option of the environment")
-                return {"environment": environment, "options": options}
-            except (OSError, ValueError, KeyError, TypeError) as error:
-                raise reject(
-                    "run",
-                    str(path.parent),
-                    f"a folder with a complete {CARD} ({error})",
-                ) from None
+                environment, options = card["environment"], dict(card["options"])
+                unknown = options.keys() - option_names(environment)
+            except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+                allowed = f"a folder with a complete {CARD} ({error})"
+                raise reject("run", str(path.parent), allowed) from None
+            for option in unknown:
+                raise reject("option", option, "an option of the environment")
+            return environment, options
     return None
 
 
-def _names(env_id: str) -> set[str]:
+def option_names(env_id: str) -> set[str]:
+    """Return the names of the options of a registered id."""
     return {field.name for field in dataclasses.fields(environment_options(env_id))}

@@ -1,34 +1,29 @@
-"""Filters that start from learned distributions of the anchor error, as a decider.
+"""Filters that start from learned distributions of the anchor error, and a learned stop, as a
+decider.
 
 Extended Kalman filters of every hypothesis start from the components of that distribution, see
 `anchor_net`. Inputs have no units and left and right turns are mirror images, so that the same
 weights apply to objects of any size and to banks of any size.
 """
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+import copy
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
-from torch import nn
 
-from agents.learned.anchor_net import (
-    COMPONENTS,
-    AnchorNet,
-    LastRow,
-    RegretNet,
-    Scales,
+from agents.learned.anchor_inputs import (
+    RowRatios,
     anchor_inputs,
     bias_of_bank,
-    declaration_context,
     declared_side,
+    log_odds,
     regret_inputs,
-    select,
     stated_factor,
-    turns_per_tick,
+    stopping_inputs,
 )
-from agents.learned.posterior_decider import PosteriorDecider
+from agents.learned.anchor_net import AnchorNet, AnchorNetworks
+from agents.learned.torch_defaults import NetworkDecider
 from baselines.rules.component_filters import (
     ANCHOR_COLUMNS,
     ComponentFilters,
@@ -36,232 +31,160 @@ from baselines.rules.component_filters import (
     joint_posterior,
     stated_covariance,
 )
-from baselines.rules.decider import Observations
+from baselines.rules.decider import Actions, Observations
 from baselines.rules.measurements import observe_sensed, split_sensed
-from baselines.rules.msprt import error_and_best, mode_types
+from baselines.rules.msprt import error_and_best
 from hybrid_env.checks import BoolArray, Float32Array, FloatArray, IntArray
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
+from hybrid_env.rendering.evidence import EvidencePanel
 
 
-class TrackFilters:
-    """The filters of the tracks of one or several worlds, N together, started as the network
-    predicts.
+class AnchorState:
+    """The filters of N tracks, started as the network predicts, and what is remembered of the row
+    before; changed in place.
 
-    All worlds have the same number of hypotheses.
+    Attributes:
+        ratios: of the present row.
+        anchors: inputs (n, 22 + C), factor (n, 4, 4) and tracks (n,) of the anchors predicted in
+            this row, if any.
     """
 
-    def __init__(self, worlds: Sequence[WorldOptions], tracks: Sequence[int]):
-        self.layout = Layout(worlds[0].hypotheses)
-        self.filters = [
-            ComponentFilters("anchor_aware", COMPONENTS, count, world, robust=True)
-            for world, count in zip(worlds, tracks, strict=True)
-        ]
-        self.splits = np.cumsum(tracks)[:-1]
-        self.scales = Scales.of(worlds, tracks)
-        total = int(sum(tracks))
-        M = self.layout.hypotheses
-        self.log_weights = np.zeros((total, COMPONENTS))
-        posterior = np.full((total, M), 1 / M)
-        components = np.full((total, COMPONENTS), 1 / COMPONENTS)
-        # What is remembered of the last row.
-        self.last = LastRow(
-            posterior,
-            components,
-            np.zeros((total, M, 2)),
-            *(np.zeros(total) for _ in range(3)),
-        )
-        # Inputs (n, 22 + C), factor (n, 4, 4) and tracks (n,) of the anchors predicted in the last
-        # tick.
-        self.anchor_samples: tuple[Float32Array, FloatArray, IntArray] | None = None
+    ratios: RowRatios
+
+    def __init__(self, world: WorldOptions, tracks: int):
+        self.world = world
+        M, C = world.hypotheses, AnchorNet.components
+        self.filters = ComponentFilters("anchor_aware", C, tracks, world, robust=True)
+        self.log_weights = np.zeros((tracks, C))
+        # An episode starts with the next first tick of a segment, (N,), and with this row.
+        self.starting = np.ones(tracks, np.bool_)
+        self.first = np.zeros(tracks, np.bool_)
+        self.posterior = np.full((tracks, M), 1 / M)
+        self.components = np.full((tracks, C), 1 / C)
+        self.bias = np.zeros((tracks, M, 2))
+        # Ticks, ticks left, speed.
+        self.before = np.zeros((3, tracks))
+        # (N, M, 3) of each hypothesis, see `ComponentFilters`.
+        self.innovations = np.zeros((tracks, M, 3))
+        # Moving averages of the log-odds, and of squared innovations over 2, see `stopping_inputs`.
+        self.odds = np.zeros((tracks, 3))
+        self.squares = np.ones((tracks, 2))
+        self.anchors: tuple[Float32Array, FloatArray, IntArray] | None = None
 
     def advance(
         self,
         net: AnchorNet,
-        rows: Observations,
-        first: BoolArray,
-        sensed: Sequence[FloatArray | None],
-    ) -> FloatArray:
-        """Process one row of every track, (N, width); return the posterior of the hypotheses,
-        (N, M).
-
-        `first` (N,) is True at the first tick of an episode, whose anchor is as the options say;
-        `sensed` is what the sensors of each world measured, see `sensed_of`.
+        ratios: RowRatios,
+        episode_start: BoolArray | None,
+        sensed: FloatArray | None,
+    ) -> None:
+        """Process one row of every track; `sensed` is what the sensors measured, see
+        `sensed_of`.
         """
-        layout = self.layout
-        ticks = layout.read(rows, "ticks")
-        begins = ticks < 1.5
-        anchors = np.zeros((COMPONENTS, len(rows), ANCHOR_COLUMNS))
-        self.anchor_samples, self.first = None, first
+        if episode_start is not None:
+            self.starting = self.starting | episode_start
+        before = np.stack([ratios.read(name) for name in ("ticks", "ticks_left", "speed")])
+        begins = before[0] < 1.5
+        self.first = self.starting & begins
+        self.starting = self.starting & ~self.first
+        anchors = np.zeros((net.components, len(begins), ANCHOR_COLUMNS))
         log_weights = self.log_weights.copy()
+        self.anchors = None
         if begins.any():
-            anchors[:, begins] = self._anchors(net, rows[begins], begins, first[begins])
-        arrays = rows, begins, anchors.swapaxes(0, 1), log_weights, first
-        parts = (np.split(array, self.splits) for array in arrays)
-        for filters, world_rows, world_begins, world_anchors, *others in zip(
-            self.filters,
-            *parts,
-            sensed,
-            strict=True,
-        ):
-            filters.advance(world_rows, world_begins, world_anchors.swapaxes(0, 1), *others)
-        share = joint_posterior(
-            np.concatenate([filters.log_likelihood for filters in self.filters], axis=1),
-            self.log_weights,
-        )
-        posterior = share.sum(0)
-        innovations = np.concatenate([filters.innovations for filters in self.filters], axis=1)
-        # (N, M, 3) of each hypothesis, see `ComponentFilters`.
-        self.innovations = (share[..., None] * innovations).sum(0) / np.maximum(
-            posterior,
-            1e-300,
-        )[..., None]
-        left, speed = (layout.read(rows, name) for name in ("ticks_left", "speed"))
-        self.last = LastRow(
-            posterior,
-            share.sum(-1).T,
-            bias_of_bank(layout, rows, self.innovations),
-            ticks,
-            left,
-            speed,
-        )
-        return posterior
+            anchors[:, begins] = self._anchors(net, ratios.rows[begins], begins)
+        self.filters.advance(ratios.rows, begins, anchors, log_weights, self.first, sensed)
+        share = joint_posterior(self.filters.log_likelihood, self.log_weights)
+        self.posterior = share.sum(0)
+        self.components = share.sum(-1).T
+        innovations = (share[..., None] * self.filters.innovations).sum(0)
+        self.innovations = innovations / np.maximum(self.posterior, 1e-300)[..., None]
+        self.bias = bias_of_bank(ratios, self.innovations)
+        self.before, self.ratios = before, ratios
+
+    def _anchors(self, net: AnchorNet, rows: Observations, begins: BoolArray) -> FloatArray:
+        """Return the anchors (C, n, 14) of the tracks that begin a segment, and set their
+        weights.
+        """
+        ratios = RowRatios(self.world, rows)
+        layout = ratios.layout
+        log_weights = np.full((len(rows), net.components), -1e3)
+        log_weights[:, 0] = 0.0
+        mean = np.zeros((len(rows), net.components, 4))
+        covariance = np.repeat(stated_covariance(layout, rows)[:, None], net.components, axis=1)
+        later = np.flatnonzero(~self.first[begins])
+        if later.size:
+            posterior, components, bias = (
+                part[begins] for part in (self.posterior, self.components, self.bias)
+            )
+            side = declared_side(ratios, posterior)
+            inputs = anchor_inputs(
+                ratios, side, posterior, components, bias, self.before[:, begins]
+            )[later]
+            factor = stated_factor(ratios, side)[later]
+            log_weights[later], mean[later], covariance[later] = net.anchors(inputs, factor)
+            self.anchors = inputs, factor, np.flatnonzero(begins)[later]
+        self.log_weights[begins] = log_weights
+        return anchor_rows(layout, rows, mean, covariance)
 
     @property
     def heavy_tails(self) -> FloatArray:
         """Probability (N,) that the noise has heavy tails, from the segments before the present
         one.
         """
-        return np.concatenate([np.exp(filters.log_laws[-1]) for filters in self.filters])
+        return np.asarray(np.exp(self.filters.log_laws[-1]))
 
-    def select_tracks(self, tracks: BoolArray) -> "TrackFilters":
-        """Return the filters of the tracks selected by a mask (N,)."""
-        parts = np.split(tracks, self.splits)
-        selected = TrackFilters(
-            [filters.world for filters in self.filters],
-            [int(part.sum()) for part in parts],
-        )
-        selected.filters = [
-            filters.select_tracks(part) for filters, part in zip(self.filters, parts, strict=True)
-        ]
-        selected.log_weights = self.log_weights[tracks]
-        selected.last = select(self.last, tracks)
-        return selected
-
-    def state_arrays(self) -> dict[str, NDArray[Any]]:
-        """Return all arrays that determine the next ticks; writing into them changes the
-        filters.
-        """
-        arrays = {f"last.{name}": array for name, array in self.last._asdict().items()}
-        arrays["log_weights"] = self.log_weights
-        for k, filters in enumerate(self.filters):
-            arrays |= {
-                f"filters.{k}.{name}": array for name, array in filters.state_arrays().items()
-            }
-        return arrays
-
-    def _anchors(
-        self,
-        net: AnchorNet,
-        rows: Observations,
-        begins: BoolArray,
-        first: BoolArray,
-    ) -> FloatArray:
-        """Return the anchors (C, n, 14) of the tracks that begin a segment, and set their
-        weights.
-        """
-        layout, scales, last = self.layout, select(self.scales, begins), select(self.last, begins)
-        log_weights = np.full((len(rows), COMPONENTS), -1e3)
-        log_weights[:, 0] = 0.0
-        mean = np.zeros((len(rows), COMPONENTS, 4))
-        covariance = np.repeat(stated_covariance(layout, rows)[:, None], COMPONENTS, axis=1)
-        later = np.flatnonzero(~first)
-        if later.size:
-            side = declared_side(layout, rows, last)
-            inputs = anchor_inputs(layout, rows, scales, last, side)[later]
-            factor = stated_factor(layout, rows, scales.tau, side)[later]
-            log_weights[later], mean[later], covariance[later] = net.anchors(inputs, factor)
-            self.anchor_samples = inputs, factor, np.flatnonzero(begins)[later]
-        self.log_weights[begins] = log_weights
-        return np.stack(
-            [anchor_rows(layout, rows, mean[:, k], covariance[:, k]) for k in range(COMPONENTS)]
-        )
+    def select_tracks(self, tracks: BoolArray) -> Self:
+        """Return the state of the tracks selected by a mask (N,)."""
+        other = copy.copy(self)
+        for name, value in vars(self).items():
+            if isinstance(value, np.ndarray):
+                setattr(other, name, value[..., tracks] if name == "before" else value[tracks])
+        other.filters = self.filters.select_tracks(tracks)
+        return other
 
 
-class AnchorNetworks(nn.Module):
-    """The two networks of the decider, with `hidden` units in each layer."""
+class Odds(NamedTuple):
+    """What the agent knows of N tracks at a tick."""
 
-    def __init__(self, hidden: int = 48):
-        super().__init__()
-        self.anchor = AnchorNet(hidden)
-        self.regret = RegretNet(hidden)
-
-
-@torch.no_grad()
-def errors_and_best(
-    net: AnchorNetworks,
-    rows: Observations,
-    scales: Scales,
-    posterior: FloatArray,
-    by_type: BoolArray,
-    alpha: FloatArray,
-) -> tuple[FloatArray, IntArray]:
-    """Return the expected loss of a declaration in units of a wrong one, and the hypothesis to
-    declare, (N,).
-
-    If the hypothesis is rewarded, the loss is the posterior error probability of the most likely
-    one. If only the type is rewarded, a wrong radius costs nothing at once, but the next anchor is
-    less accurate. Its expected cost is added where the error probability is at most alpha (N,), and
-    the radius may be the mean one instead of the most likely one. If all filters run on
-    (`follow="bank"`), the next anchor does not depend on the declaration, and the cost is zero.
-    `by_type` (N,): only the type is rewarded.
-    """
-    error, best = error_and_best(posterior, by_type)
-    chosen = np.flatnonzero(by_type & (error <= alpha) & (scales.follows_bank == 0.0))
-    if posterior.shape[1] == 3 or not chosen.size:
-        return error, best
-    layout = Layout.of_rows(rows)
-    rows, scales, posterior = rows[chosen], select(scales, chosen), posterior[chosen]
-    turn = turns_per_tick(layout, rows, scales)
-    kind = mode_types(layout.hypotheses)
-    same = kind == kind[best[chosen]][:, None]
-    mean = (posterior * same * turn).sum(-1) / (posterior * same).sum(-1)
-    candidates = [best[chosen], np.where(same, np.abs(turn - mean[:, None]), np.inf).argmin(-1)]
-    context = declaration_context(layout, rows, scales)
-    costs = []
-    for candidate in candidates:
-        declared = turn[np.arange(len(turn)), candidate]
-        inputs = regret_inputs(declared[:, None], turn, *(values[:, None] for values in context))
-        costs.append((posterior * net.regret.regret(*inputs).numpy()).sum(-1))
-    second = costs[1] < costs[0]
-    best[chosen] = np.where(second, candidates[1], candidates[0])
-    # A wrong declaration loses 2, from 1 to -1.
-    error[chosen] += 0.5 * np.where(second, costs[1], costs[0])
-    return error, best
+    # (N, 30) of the network that decides to declare.
+    inputs: Float32Array
+    # (N,) log-odds of declaring against waiting.
+    logits: FloatArray
+    # (N, M) of the hypotheses.
+    posterior: FloatArray
+    # (N,) hypothesis that is most likely to be rewarded.
+    best: IntArray
+    ratios: RowRatios
 
 
-class AnchorState(NamedTuple):
-    """State of the decider for N tracks."""
+class AnchorDecider(NetworkDecider):
+    """Declares the best hypothesis once the network predicts that waiting does not pay.
 
-    # Changed in place.
-    filters: TrackFilters
-    # (N,) an episode starts with the next first tick of a segment.
-    starting: BoolArray
-
-
-class AnchorDecider(PosteriorDecider):
-    """Declares the best hypothesis once the expected loss of the declaration is at most alpha.
-
-    If the hypothesis is rewarded, the loss is the posterior error probability. The filters use the
-    model of `world`.
+    Args:
+        net: trained networks.
+        world: options of the environment, whose model the filters use.
+        threshold: of the log-odds of declaring; at 0 the largest reward is expected.
+        stop: 0 to declare by the probability of an error alone, at threshold 0 by one of 2 %.
     """
 
     every_tick = True
     network = AnchorNetworks
-    label = "learned anchors"
+    symbol = "log-odds"
+    second_threshold = "stop"
+    thresholds = -30.0, -20.0, -12.0, -8.0, -5.0, -2.5, 0.0, 2.5, 5.0, 12.0, 30.0
 
-    def __init__(self, net: AnchorNetworks, world: WorldOptions, threshold: float | None = None):
-        super().__init__(net, world, threshold)
+    def __init__(
+        self,
+        net: AnchorNetworks,
+        world: WorldOptions,
+        threshold: float | None = None,
+        stop: float = 1.0,
+    ):
+        super().__init__(threshold)
+        self.net, self.world, self.stop = net, world, stop
+        self.by_type = world.correctness == "type"
+        self.layout = Layout(world.hypotheses)
         self.observes = "tracks" if world.sensors else "rows"
 
     def observe(self, tracks: Any) -> Observations:
@@ -271,46 +194,98 @@ class AnchorDecider(PosteriorDecider):
     def posterior(
         self,
         observation: Observations,
-        state: Any,
+        state: AnchorState | None,
         episode_start: Any,
     ) -> tuple[FloatArray, AnchorState]:
+        """Return the posterior of the hypotheses (N, M) after one tick, and the state."""
         rows, sensed = split_sensed(self.layout, np.asarray(observation))
-        tracks = len(rows)
-        filters, starting = state or (
-            TrackFilters([self.world], [tracks]),
-            np.ones(tracks, np.bool_),
-        )
-        if episode_start is not None:
-            starting = starting | episode_start
-        first = starting & (Layout.of_rows(rows).read(rows, "ticks") < 1.5)
-        return filters.advance(self.net.anchor, rows, first, [sensed]), AnchorState(
-            filters,
-            starting & ~first,
-        )
+        state = state or AnchorState(self.world, len(rows))
+        state.advance(self.net.anchor, RowRatios(self.world, rows), episode_start, sensed)
+        return state.posterior, state
 
-    def errors(
+    @torch.no_grad()
+    def odds(
         self,
         observation: Observations,
-        posterior: FloatArray,
-        state: Any,
-    ) -> tuple[FloatArray, IntArray]:
-        """See `errors_and_best`; the loss is corrected by the probability that the noise has
-        heavy tails.
-        """
-        rows = split_sensed(self.layout, observation)[0]
-        tracks = len(posterior)
-        by_type, alpha = np.full(tracks, self.by_type), np.full(tracks, self.threshold)
-        error, best = errors_and_best(
-            self.net,
-            rows,
-            state.filters.scales,
-            posterior,
-            by_type,
-            alpha,
+        state: AnchorState | None,
+        episode_start: Any,
+    ) -> tuple[Odds, AnchorState]:
+        """Return the log-odds of declaring after one tick, and the state."""
+        posterior, state = self.posterior(observation, state, episode_start)
+        ratios = state.ratios
+        error, best = error_and_best(posterior, self.by_type)
+        right = -log_odds(error, 1e-9)[:, None]
+        begins = ratios.read("ticks") < 1.5
+        before = np.where(begins[:, None], right, state.odds)
+        changes = right - before
+        state.odds = before + np.array([1 / 2, 1 / 5, 1 / 12]) * changes
+        white = ratios.of_mode(state.innovations, best)[:, :2]
+        square = np.minimum(0.5 * (white**2).sum(-1), 40.0)[:, None]
+        squares = np.where(np.stack([begins, state.first], -1), 1.0, state.squares)
+        state.squares = squares + np.array([1 / 8, 1 / 60]) * (square - squares)
+        inputs = stopping_inputs(
+            ratios, posterior, error, best, changes, state.squares, state.heavy_tails
         )
-        # Under heavy tails the stated loss is too small by this factor: on selection seeds, the
-        # threshold 0.02 then earns as much as the best one under Lévy noise of index 1.5.
-        return np.minimum(error * 2.7**state.filters.heavy_tails, 1.0), best
+        logits = right[:, 0] + log_odds(0.02)
+        if self.stop:
+            logits = self.net.stopping(torch.from_numpy(inputs)).double().numpy()
+        return Odds(inputs, logits, posterior, best, ratios), state
+
+    def decide(
+        self,
+        observation: Observations,
+        state: Any,
+        episode_start: Any,
+    ) -> tuple[Actions, Any]:
+        """See `Decider.decide`."""
+        odds, state = self.odds(observation, state, episode_start)
+        return self.declarations(odds, odds.logits > self.threshold), state
+
+    @torch.no_grad()
+    def declarations(self, odds: Odds, stops: BoolArray) -> Actions:
+        """Return the actions (N,) of tracks that declare where `stops` (N,) is True.
+
+        If only the type is rewarded, a wrong radius costs nothing at once, but the next anchor is
+        less accurate: the mean radius is declared where its expected cost is smaller than that of
+        the most likely one. If all filters run on (`follow="bank"`), the next anchor does not
+        depend on the declaration.
+        """
+        best = odds.best[stops]
+        if best.size and self.by_type and self.world.follow != "bank" and self.world.hypotheses > 3:
+            ratios, posterior = (
+                RowRatios(self.world, odds.ratios.rows[stops]),
+                odds.posterior[stops],
+            )
+            turn = ratios.turn
+            same = ratios.kind == ratios.kind[best][:, None]
+            mean = (posterior * same * turn).sum(-1) / (posterior * same).sum(-1)
+            other = np.where(same, np.abs(turn - mean[:, None]), np.inf).argmin(-1)
+            costs = []
+            for candidate in (best, other):
+                declared = ratios.of_mode(turn, candidate)[:, None]
+                inputs = torch.from_numpy(regret_inputs(ratios, declared, turn))
+                costs.append((posterior * self.net.regret(inputs).numpy()).sum(-1))
+            best = np.where(costs[1] < costs[0], other, best)
+        actions = np.zeros(len(stops), np.int64)
+        actions[stops] = best + 1
+        return actions
+
+    def panel(self) -> EvidencePanel:
+        """See `Decider.panel`."""
+        return self.log_odds_panel(60.0, 20.0, "single")
+
+    def evidence(
+        self,
+        observation: Observations,
+        state: Any = None,
+        episode_start: Any = None,
+    ) -> FloatArray:
+        """Return the log-odds of declaring against waiting, the same for each hypothesis, (N,
+        M).
+        """
+        odds, _ = self.odds(observation, copy.deepcopy(state), episode_start)
+        return np.broadcast_to(odds.logits[:, None], odds.posterior.shape)
 
     def select_tracks(self, state: AnchorState, tracks: BoolArray) -> AnchorState:
-        return AnchorState(state.filters.select_tracks(tracks), state.starting[tracks])
+        """See `Decider.select_tracks`."""
+        return state.select_tracks(tracks)

@@ -13,9 +13,7 @@ from numpy.typing import NDArray
 
 from agents.learned.policy_file import LARGEST_FILE, LARGEST_WEIGHT, LARGEST_WIDTH
 
-# Bytes of a file, of which a parser needs a hundred times as many.
-LARGEST_MODEL = 2**23
-_NAMES = (
+OPERATORS = (
     # Arithmetic.
     "Abs Add Ceil Clip Div Erf Exp Floor Log Max Mean Min Mod Mul Neg Pow Reciprocal Round Sign"
     " Sqrt Sub Sum Sin Cos "
@@ -36,7 +34,6 @@ _NAMES = (
     "Celu Elu Gelu HardSigmoid HardSwish Hardmax LeakyRelu LogSoftmax Mish PRelu Relu Selu Sigmoid"
     " Softmax Softplus Softsign Swish Tanh ThresholdedRelu"
 )
-OPERATORS = frozenset(_NAMES.split())
 """What exports of feed-forward and recurrent networks need, without loops, branches and random
 numbers.
 """
@@ -97,14 +94,15 @@ def _checked_model(path: Path) -> bytes:
     """Return the content of an ONNX file whose operators are known and whose weights are finite."""
     import onnx
 
-    if path.stat().st_size > LARGEST_MODEL:
-        raise ValueError(f"it is larger than {LARGEST_MODEL:,} bytes: export it with external data")
+    # A parser needs a hundred times as many bytes.
+    if path.stat().st_size > 2**23:
+        raise ValueError(f"it is larger than {2**23:,} bytes: export it with external data")
     model = onnx.load(path, load_external_data=False)
     nodes = model.graph.node
     if len(nodes) > 2000 or model.functions or model.graph.sparse_initializer:
         raise ValueError("it has more than 2000 nodes, functions of its own or sparse weights")
     for node in nodes:
-        if node.domain not in ("", "ai.onnx") or node.op_type not in OPERATORS:
+        if node.domain not in ("", "ai.onnx") or node.op_type not in OPERATORS.split():
             raise ValueError(
                 f"its operator {node.op_type[:40]!r} is not one of a feed-forward or recurrent"
                 " network"

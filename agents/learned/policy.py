@@ -1,53 +1,24 @@
-"""A trained actor of Stable-Baselines3 as a decider, and its file."""
+"""A trained actor of Stable-Baselines3 as a decider, read from its weights."""
 
+import re
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
 from gymnasium import spaces
 from scipy.special import softmax
-from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
-from torch import Tensor
+from torch import Tensor, nn
 
-from agents.learned.policy_file import (
-    LARGEST_WIDTH,
-    LAYOUTS,
-    SavedPolicy,
-    load_weights,
-    unreadable_policy,
-)
-from agents.learned.torch_defaults import NetworkDecider, own_defaults
+from agents.learned.policy_file import LAYOUTS, load_weights
+from agents.learned.torch_defaults import NetworkDecider
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Actions, Observations
 from baselines.rules.msprt import mode_types
 from baselines.rules.threshold import read_statement
-from hybrid_env.checks import BoolArray, FloatArray, check_integer, reject
+from hybrid_env.checks import BoolArray, FloatArray, reject
 from hybrid_env.observation import Layout
 from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
-
-# Wait, straight, left, right.
-TYPE_ACTIONS = 4
-# In place of a quantity that is observed.
-POSTERIOR = "posterior"
-VALUE_THRESHOLDS = (
-    -1.0,
-    -0.5,
-    -0.3,
-    -0.2,
-    -0.1,
-    -0.05,
-    -0.02,
-    -0.01,
-    0.0,
-    0.01,
-    0.02,
-    0.05,
-    0.1,
-    0.2,
-    0.5,
-)
-"""On the differences of action values, in units of the reward."""
 
 
 class ObservationFeatures(BaseFeaturesExtractor):
@@ -64,14 +35,15 @@ class ObservationFeatures(BaseFeaturesExtractor):
         layout: type[Layout] = Layout,
     ):
         rows = layout.of_width(observation_space.shape[0])
-        known = (*rows.slices, POSTERIOR)
+        posterior = "posterior"
+        known = (*rows.slices, posterior)
         for name in observe:
             if name not in known:
                 raise reject("observe", name, ", ".join(known))
         columns = [
-            k for name in observe if name != POSTERIOR for k in range(rows.width)[rows.slices[name]]
+            k for name in observe if name != posterior for k in range(rows.width)[rows.slices[name]]
         ]
-        hypotheses = rows.hypotheses if POSTERIOR in observe else 0
+        hypotheses = rows.hypotheses if posterior in observe else 0
         super().__init__(observation_space, len(columns) + hypotheses)
         self.columns = torch.tensor(columns, dtype=torch.int64)
         logarithms = "log_probability" if "log_probability" in rows.slices else "log_ratio"
@@ -84,63 +56,139 @@ class ObservationFeatures(BaseFeaturesExtractor):
         return torch.cat([posterior, rows[:, self.columns]], dim=-1)
 
 
-def policy_kwargs_with_features(
-    policy_kwargs: Mapping[str, Any],
-    observe: tuple[str, ...],
-    layout: type[Layout],
-) -> dict[str, Any]:
-    """Return `policy_kwargs` with the features extractor added; unchanged if `observe` is empty."""
-    if not observe:
-        return dict(policy_kwargs)
-    keywords = {"observe": observe, "layout": layout}
-    return {
-        **policy_kwargs,
-        "features_extractor_class": ObservationFeatures,
-        "features_extractor_kwargs": keywords,
-    }
+class Actor(nn.Module):
+    """The network of a policy, from rows (N, width) to one number for each action (N, A): a logit,
+    or with `values` an action value.
 
-
-def make_policy(
-    observation_space: spaces.Space[Any],
-    action_space: spaces.Space[Any],
-    policy_kwargs: dict[str, Any],
-    observe: tuple[str, ...] = (),
-    kind: Any = ActorCriticPolicy,
-    layout: type[Layout] = Layout,
-) -> BasePolicy:
-    """Create an untrained policy of a class for one track, which observes some quantities of the
-    layout, or all if there are none.
+    Args:
+        network: from features, or from the outputs of an LSTM, to these numbers.
+        width, actions: of the rows, and A.
+        lstm: between features and network, or None.
+        features: from rows; None for the rows themselves.
+        values: see above.
+        quantiles: outputs of the network for each action, whose mean is its value.
     """
-    keywords = policy_kwargs_with_features(policy_kwargs, observe, layout)
-    policy: BasePolicy = kind(observation_space, action_space, lambda _: 0.0, **keywords)
-    return policy
+
+    def __init__(
+        self,
+        network: Callable[[Tensor], Tensor],
+        width: int,
+        actions: int,
+        lstm: nn.LSTM | None = None,
+        features: nn.Module | None = None,
+        values: bool = False,
+        quantiles: int = 1,
+    ):
+        super().__init__()
+        self.network, self.lstm, self.features = network, lstm, features or nn.Identity()
+        self.width, self.actions, self.values = width, actions, values
+        self.quantiles = quantiles
+
+    def forward(self, rows: Tensor, state: Any = None, starts: Any = None) -> tuple[Tensor, Any]:
+        """Return the numbers and the state of the LSTM: None, or two tensors (layers, N, hidden).
+        `starts` (N,) is True where an episode begins.
+        """
+        hidden = self.features(rows)
+        if self.lstm is not None:
+            if state is None:
+                zeros = torch.zeros(self.lstm.num_layers, len(rows), self.lstm.hidden_size)
+                state = zeros, zeros
+            elif starts is not None:
+                going_on = 1.0 - torch.as_tensor(starts).float()[None, :, None]
+                state = tuple(part * going_on for part in state)
+            outputs, state = self.lstm(hidden[None], state)
+            hidden = outputs[0]
+        numbers = self.network(hidden).unflatten(-1, (self.quantiles, -1))
+        return numbers.mean(1), state
 
 
-def value_network(policy: Any) -> Any:
-    """Return the network of the action values of DQN, or of their quantiles of QR-DQN; None of
-    other policies.
+def read_actor(
+    weights: Mapping[str, Tensor],
+    features: nn.Module | None = None,
+    width: int | None = None,
+    activation: type[nn.Module] | None = None,
+    quantiles: int = 200,
+) -> Actor:
+    """Return the actor of weights with the usual names of Stable-Baselines3 and sb3-contrib.
+
+    Args:
+        weights: of a policy of PPO, A2C, RecurrentPPO, DQN or QR-DQN.
+        features: of rows; None for the rows themselves.
+        width: of the rows; None is the number of inputs.
+        activation: function between layers; None is that of the library.
+        quantiles: of QR-DQN for each action.
+
+    Raises:
+        ValueError: there are weights of other names or shapes.
+        KeyError: there is a weight too few.
     """
-    return getattr(policy, "q_net", getattr(policy, "quantile_net", None))
+    heads = ("q_net.q_net", "quantile_net.quantile_net", "mlp_extractor.policy_net")
+    head = next(
+        (head for head in heads if any(name.startswith(f"{head}.") for name in weights)), heads[-1]
+    )
+    values = head != heads[-1]
+    used: set[str] = set()
+
+    def fill(kind: Callable[..., nn.Module], name: str, *shape: int) -> nn.Module:
+        """Return a layer with the weights of a name."""
+        parts = {part for part in weights if part.startswith(f"{name}.")}
+        used.update(parts)
+        layer = kind(*shape, device="meta")
+        load_weights(layer, {part.removeprefix(f"{name}."): weights[part] for part in parts})
+        return layer
+
+    pattern = rf"{re.escape(head)}\.(\d+)\.bias"
+    indices = sorted(int(match[1]) for name in weights if (match := re.fullmatch(pattern, name)))
+    between = activation or (nn.ReLU if values else nn.Tanh)
+    layers: list[Any] = []
+    for name in (*(f"{head}.{k}" for k in indices), *(() if values else ("action_net",))):
+        outputs, inputs = weights[f"{name}.weight"].shape
+        layers += [fill(nn.Linear, name, inputs, outputs), between()]
+    network = nn.Sequential(*layers[:-1])
+    lstm: Any = None
+    inputs = layers[0].in_features
+    if "lstm_actor.weight_hh_l0" in weights:
+        inputs = weights["lstm_actor.weight_ih_l0"].shape[1]
+        hidden = weights["lstm_actor.weight_hh_l0"].shape[1]
+        count = sum(name.startswith("lstm_actor.weight_ih") for name in weights)
+        lstm = fill(nn.LSTM, "lstm_actor", inputs, hidden, count)
+    critics = "mlp_extractor.value_net.", "value_net.", "lstm_critic.", "critic."
+    targets = "q_net_target.", "quantile_net_target."
+    for name in weights:
+        if name not in used and not name.startswith(critics + targets):
+            raise ValueError(f"its weights {name[:40]!r} are not of a usual network")
+    count = quantiles if head == "quantile_net.quantile_net" else 1
+    if outputs % count:
+        raise ValueError(f"its {outputs} outputs are not {count} quantiles of each action")
+    actions = outputs // count
+    return Actor(network, width or inputs, actions, lstm, features, values, count).eval()
 
 
 class ActorDecider(NetworkDecider):
     """Base class of the deciders of a trained actor; the subclasses choose actions from its logits.
 
     Action values of DQN and QR-DQN take the place of logits, and their differences that of
-    log-odds. A network from rows to one number for each action may take the place of the policy.
+    log-odds.
     """
 
     symbol = "log-odds"
+    # Wait, straight, left, right.
+    type_actions: ClassVar[int] = 4
 
-    def __init__(self, policy: Any, threshold: float = 0.0):
+    def __init__(self, actor: Actor, threshold: float = 0.0):
         super().__init__(threshold)
-        self.policy = policy
-        width = policy.observation_space.shape[0]
-        self.hypotheses: int = LAYOUTS[self.task].of_width(width).hypotheses
+        self.actor = actor
+        self.hypotheses: int = LAYOUTS[self.task].of_width(actor.width).hypotheses
+        allowed = (2, self.type_actions, self.hypotheses + 1)
+        if actor.actions not in ((self.hypotheses,) if self.task == UNKNOWN else allowed):
+            raise reject("actions", actor.actions, f"those of {self.hypotheses} hypotheses")
         self.generator = np.random.default_rng(0)
-        if value_network(policy) is not None:
+        if actor.values:
             self.symbol = "value difference"
-            self.thresholds = VALUE_THRESHOLDS
+            # In units of the reward.
+            positive = 0.01, 0.02, 0.05, 0.1, 0.2, 0.5
+            negative = (-1.0, -0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01)
+            self.thresholds = (*negative, 0.0, *positive)
 
     @torch.no_grad()
     def logits(
@@ -149,26 +197,9 @@ class ActorDecider(NetworkDecider):
         state: Any = None,
         episode_start: Any = None,
     ) -> tuple[FloatArray, Any]:
-        """Return logits (N, actions) and the LSTM state: None, or two tensors (layers, N,
-        hidden).
-        """
-        inputs = torch.as_tensor(rows)
-        if not isinstance(self.policy, ActorCriticPolicy):
-            values = (value_network(self.policy) or self.policy)(inputs)
-            return (values.mean(1) if values.ndim == 3 else values).numpy().astype(np.float64), None
-        lstm: Any = getattr(self.policy, "lstm_actor", None)
-        features: Tensor = self.policy.pi_features_extractor(inputs)
-        if lstm is not None:
-            if state is None:
-                state = (torch.zeros(lstm.num_layers, len(rows), lstm.hidden_size),) * 2
-            starts = (
-                torch.zeros(len(rows))
-                if episode_start is None
-                else torch.as_tensor(episode_start).float()
-            )
-            features, state = self.policy._process_sequence(features, state, starts, lstm)  # type: ignore[operator]
-        hidden = self.policy.mlp_extractor.forward_actor(features)
-        return self.policy.action_net(hidden).numpy().astype(np.float64), state
+        """Return logits (N, actions) and the state of the actor."""
+        logits, state = self.actor(torch.as_tensor(rows), state, episode_start)
+        return logits.numpy().astype(np.float64), state
 
     def sample(self, logits: FloatArray) -> FloatArray:
         """Return logits (N, actions) with noise, the largest of which is a sample of the policy."""
@@ -188,13 +219,9 @@ class ActorDecider(NetworkDecider):
         """See `Decider.predict`. Only an LSTM policy has a state. Sampling ignores the
         threshold.
         """
-        expected = self.policy.observation_space.shape
-        if observation.shape[1:] != expected:
-            raise reject(
-                "observation shape",
-                observation.shape,
-                f"(N, *{expected}), as in training",
-            )
+        if observation.shape[1:] != (self.actor.width,):
+            allowed = f"(N, {self.actor.width}), as in training"
+            raise reject("observation shape", observation.shape, allowed)
         logits, state = self.logits(observation, state, episode_start)
         return self.choose(logits, observation, deterministic), state
 
@@ -214,24 +241,8 @@ class PolicyDecider(ActorDecider):
 
     task = ANNOUNCED
     thresholds = (
-        -10.0,
-        -8.0,
-        -6.0,
-        -5.0,
-        -4.0,
-        -3.0,
-        -2.0,
-        -1.5,
-        -1.0,
-        -0.5,
-        0.0,
-        0.5,
-        1.0,
-        1.5,
-        2.0,
-        2.5,
-        3.0,
-        4.0,
+        *(-10.0, -8.0, -6.0, -5.0, -4.0, -3.0, -2.0, -1.5, -1.0, -0.5),
+        *(0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0),
     )
 
     def choose(self, logits: FloatArray, observation: Observations, deterministic: bool) -> Actions:
@@ -242,7 +253,7 @@ class PolicyDecider(ActorDecider):
         log_ratio = Layout.of_rows(observation).read(observation, "log_ratio")
         if logits.shape[1] == 2:
             declare = log_ratio.argmax(-1)
-        elif logits.shape[1] == TYPE_ACTIONS:
+        elif logits.shape[1] == self.type_actions:
             of_type = mode_types(log_ratio.shape[1]) == declare[:, None]
             declare = np.where(of_type, log_ratio, -np.inf).argmax(-1)
         return np.where(odds > (self.threshold if deterministic else 0.0), declare + 1, 0)
@@ -251,8 +262,7 @@ class PolicyDecider(ActorDecider):
         """Return the panel of `evidence`; one curve for all hypotheses if the bank chooses the
         one.
         """
-        single = self.policy.action_space == spaces.Discrete(2)
-        return self.log_odds_panel(15.0, 5.0, "single" if single else "hypothesis")
+        return self.log_odds_panel(15.0, 5.0, "single" if self.actor.actions == 2 else "hypothesis")
 
     def evidence(
         self,
@@ -263,7 +273,7 @@ class PolicyDecider(ActorDecider):
         """Return the log-odds of declaring each hypothesis against waiting, (N, M)."""
         logits = self.logits(observation, state, episode_start)[0]
         odds = logits[:, 1:] - logits[:, :1]
-        if logits.shape[1] == TYPE_ACTIONS:
+        if logits.shape[1] == self.type_actions:
             return odds[:, mode_types(self.hypotheses)]
         return np.broadcast_to(odds, (len(logits), self.hypotheses))
 
@@ -303,56 +313,6 @@ class StatementPolicyDecider(ActorDecider):
         return np.asarray(softmax(self.logits(observation, state, episode_start)[0], axis=-1))
 
 
-def actor_decider(policy: Any, task: str) -> ActorDecider:
-    """Return the decider of an actor for a task."""
-    kind = next(kind for kind in ActorDecider.__subclasses__() if kind.task == task)
-    return kind(policy)
-
-
-@own_defaults()
-def load_actor(
-    saved: SavedPolicy,
-    kind: Any,
-    check_network: Callable[[Any], None],
-) -> BasePolicy:
-    """Return the policy of weights and card; refuse them if they differ.
-
-    Args:
-        saved: weights and card.
-        kind: class of the policy.
-        check_network: raises `ArgumentError` for keyword arguments that are not allowed.
-    """
-    try:
-        entry, task, card = saved.entry, saved.task, saved.card
-        keywords = entry["policy_kwargs"]
-        check_network(keywords)
-        if issubclass(kind, ActorCriticPolicy):
-            # Slow, and the weights are replaced.
-            keywords = keywords | {"ortho_init": False}
-        width = check_integer("observation_width", card["observation_width"], maximum=LARGEST_WIDTH)
-        actions = check_integer("actions", card["actions"], maximum=LARGEST_WIDTH)
-        check_actions(actions, width, task)
-        space = spaces.Box(-np.inf, np.inf, (width,), np.float32)
-        observe = tuple(entry.get("observe", ()))
-        # The limits on widths and layers keep this below 200 MB, whatever the card says.
-        policy = make_policy(
-            space,
-            spaces.Discrete(actions),
-            keywords,
-            observe,
-            kind,
-            LAYOUTS[task],
-        )
-        load_weights(policy, saved.weights)
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        raise unreadable_policy(saved.folder, error) from None
-    policy.set_training_mode(False)
-    return policy
-
-
-def check_actions(actions: int, width: int, task: str) -> None:
-    """Raise `ArgumentError` if an actor cannot have this number of actions for rows (N, width)."""
-    hypotheses = LAYOUTS[task].of_width(width).hypotheses
-    allowed = (hypotheses,) if task == UNKNOWN else (2, TYPE_ACTIONS, hypotheses + 1)
-    if actions not in allowed:
-        raise reject("actions", actions, " or ".join(map(str, allowed)))
+def actor_decider(actor: Actor, task: str) -> ActorDecider:
+    """Return the decider of an actor for a task; `ArgumentError` if it has not the actions."""
+    return (StatementPolicyDecider if task == UNKNOWN else PolicyDecider)(actor)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import torch
 from safetensors import SafetensorError
@@ -16,9 +16,9 @@ from agents.algorithms import find_algorithm
 from agents.interface.input_files import read_json
 from agents.interface.output_files import atomic_file, write_json
 from agents.interface.world_arguments import CARD
-from agents.learned.torch_defaults import own_defaults
+from agents.learned.torch_defaults import torch_defaults
 from baselines.rules.decider import ANNOUNCED, UNKNOWN
-from hybrid_env.checks import check_integer, reject
+from hybrid_env.checks import checked, declared_fields, reject
 from hybrid_env.observation import Layout, QuickestLayout
 
 WEIGHTS = "policy.safetensors"
@@ -26,8 +26,6 @@ LAYOUTS: dict[str, type[Layout]] = {ANNOUNCED: Layout, UNKNOWN: QuickestLayout}
 
 # Bytes.
 LARGEST_FILE = 2**27
-# Units of a hidden layer.
-LARGEST_HIDDEN = 512
 # Of an observation row.
 LARGEST_WIDTH = 2000
 # Decisions of larger weights could overflow.
@@ -90,7 +88,7 @@ class SavedPolicy:
         return tasks[0] if tasks else str(self.algorithm.tasks[0])
 
 
-@own_defaults()
+@torch_defaults()
 def load_policy(folder: Path) -> SavedPolicy:
     """Read weights and card of any agent; refuse damaged files, and a policy trained with other
     observation scales.
@@ -133,18 +131,18 @@ def check_finite(name: str, weights: Tensor) -> Tensor:
     return weights
 
 
-Network = TypeVar("Network", bound=torch.nn.Module)
-
-
-@own_defaults()
-def load_network(policy: SavedPolicy, kind: Callable[[int], Network]) -> Network:
-    """Return the network of an agent, which `kind` creates with a number of hidden units;
-    `ArgumentError` if weights and card do not match.
+@torch_defaults()
+def load_network(
+    policy: SavedPolicy, network_of: Callable[[Mapping[str, Any]], torch.nn.Module]
+) -> torch.nn.Module:
+    """Return the network of an agent, which `network_of` creates for the hyper-parameters on its
+    card; `ArgumentError` if weights and card do not match.
     """
     try:
-        hidden = check_integer("hidden", policy.entry["hidden"], maximum=LARGEST_HIDDEN)
+        hidden = declared_fields(policy.algorithm.Settings)["hidden"]
+        checked("hidden", policy.entry["hidden"], hidden)
         with torch.device("meta"):
-            net = kind(hidden)
+            net = network_of(policy.entry)
         load_weights(net, policy.weights)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise unreadable_policy(policy.folder, error) from None

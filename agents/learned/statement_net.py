@@ -17,29 +17,11 @@ from hybrid_env.checks import Float32Array, IntArray
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.quickest_options import QuickestOptions
 
-HYPOTHESIS_INPUTS = (
-    "probability",
-    "log-probability",
-    "log-likelihood of the tick minus the largest",
-    "innovation along the heading",
-    "innovation across the heading",
-    "log of innovation variance over measurement variance",
-    "ticks for which it has been the most probable mode",
-    "their logarithm",
-)
-"""Of straight motion, of the turn, and of the other turns, weighted by their probabilities."""
-
-TRACK_INPUTS = (
-    "log of the distance per tick over the deviation of a measurement",
-    "log of turn angle per tick",
-)
-INPUTS = 3 * len(HYPOTHESIS_INPUTS) + len(TRACK_INPUTS)
-# Index of the lateral innovation.
-ACROSS = 4
+# Of each hypothesis, seen as straight motion, as the turn itself and as the other turns, and of the
+# track.
+INPUTS = 3 * 8 + 2
 LOWEST_LOG = -15.0
-# Magnitude of the inputs of the track.
-LARGEST_LOG = 10.0
-# Of the outputs, so that they learn faster than the recurrent part.
+# Of the outputs of networks, so that they learn faster than the other layers.
 GAIN = 3.0
 
 
@@ -59,29 +41,30 @@ def statement_inputs(
             change.
     """
     layout = QuickestLayout(world.hypotheses)
-    each = _hypothesis_inputs(layout, rows, ages)
-    if more is not None:
-        each = np.concatenate([each, more], -1)
     logs = rows[..., layout.slices["log_probability"]] / np.float32(
         layout.scales["log_probability"]
     )
+    each = _hypothesis_inputs(layout, rows, logs, ages)
+    if more is not None:
+        each = np.concatenate([each, more], -1)
     n = each.shape[-1]
-    out = turn_views(each, logs, (ACROSS,), len(TRACK_INPUTS))
+    # Index of the innovation across the heading.
+    lateral = 4
+    out = turn_views(each, logs, (lateral,), 2)
+    # Of a measurement, the geometric mean of those of the axes.
+    deviation = float(np.sqrt(np.prod(world.variances) ** (1.0 / world.variances.size)))
     speed = np.maximum(rows[..., layout.slices["speed"]], 1e-30)
-    out[..., 3 * n] = 0.5 * _log(speed * np.float32(world.tau / noise_of(world)))
-    turn_radii = np.tile(np.array(world.radii, np.float32), 2)
-    out[..., 3 * n + 1] = 0.5 * _log(speed * np.float32(world.tau) / turn_radii) + 1.5
+    radii = np.tile(np.array(world.radii, np.float32), 2)
+    # Distance per tick over the deviation of a measurement, and turn angle per tick.
+    out[..., 3 * n] = 0.5 * _log(speed * np.float32(world.tau / deviation))
+    out[..., 3 * n + 1] = 0.5 * _log(speed * np.float32(world.tau) / radii) + 1.5
     return out
-
-
-def noise_of(world: QuickestOptions) -> float:
-    """Return the deviation of a measurement [m], the geometric mean of those of the axes."""
-    return float(np.sqrt(np.prod(world.variances) ** (1.0 / world.variances.size)))
 
 
 def _hypothesis_inputs(
     layout: QuickestLayout,
     rows: Float32Array,
+    logs: Float32Array,
     ages: IntArray,
 ) -> Float32Array:
     """Return the inputs of all hypotheses, (..., M, 8), with innovations that are not mirrored."""
@@ -89,22 +72,23 @@ def _hypothesis_inputs(
     def block(name: str) -> Float32Array:
         return rows[..., layout.slices[name]]
 
-    log_probability = block("log_probability") / np.float32(layout.scales["log_probability"])
-    is_best = np.arange(layout.hypotheses) == log_probability.argmax(-1)[..., None]
+    is_best = np.arange(layout.hypotheses) == logs.argmax(-1)[..., None]
     age = np.where(is_best, ages[..., None], 0).astype(np.float32)
-    out = np.empty((*log_probability.shape, len(HYPOTHESIS_INPUTS)), np.float32)
-    out[..., 0] = 2.0 * np.exp(log_probability) - 1.0
-    out[..., 1] = np.maximum(log_probability, LOWEST_LOG) / 5.0
-    out[..., 2] = np.maximum(block("log_ratio"), -10.0) / 3.0
-    for k, name in (
-        (3, "innovation_along"),
-        (ACROSS, "innovation_across"),
-    ):
-        out[..., k] = 0.5 * np.clip(block(name), -6.0, 6.0)
-    out[..., 5] = np.minimum(block("log_variance"), LARGEST_LOG)
-    out[..., 6] = np.minimum(age / 100.0, 2.0)
-    out[..., 7] = np.log(np.maximum(age, 1.0)) / 5.0
-    return out
+    columns = (
+        # Probability, and its logarithm.
+        2.0 * np.exp(logs) - 1.0,
+        np.maximum(logs, LOWEST_LOG) / 5.0,
+        # Log-likelihood of the tick minus the largest.
+        np.maximum(block("log_ratio"), -10.0) / 3.0,
+        0.5 * np.clip(block("innovation_along"), -6.0, 6.0),
+        0.5 * np.clip(block("innovation_across"), -6.0, 6.0),
+        # Of the innovation, over that of the measurement.
+        np.minimum(block("log_variance"), 10.0),
+        # Ticks for which it has been the most probable mode.
+        np.minimum(age / 100.0, 2.0),
+        np.log(np.maximum(age, 1.0)) / 5.0,
+    )
+    return np.stack(columns, axis=-1)
 
 
 def turn_views(
@@ -151,7 +135,7 @@ def _others(logs: Float32Array, turns: Float32Array) -> Float32Array:
 
 
 def _log(values: Any) -> Float32Array:
-    return np.asarray(np.clip(np.log(values), -LARGEST_LOG, LARGEST_LOG), np.float32)
+    return np.asarray(np.clip(np.log(values), -10.0, 10.0), np.float32)
 
 
 def zero_layer(inputs: int, outputs: int) -> nn.Linear:

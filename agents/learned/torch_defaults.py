@@ -13,7 +13,7 @@ from hybrid_env.rendering.evidence import EvidencePanel
 
 
 @contextmanager
-def own_defaults() -> Iterator[None]:
+def torch_defaults() -> Iterator[None]:
     """Set PyTorch's default type and device to those of this package; also a decorator of
     functions.
 
@@ -32,13 +32,13 @@ def own_defaults() -> Iterator[None]:
 
 
 class NetworkDecider(Decider):
-    """Base class of the deciders with a network, all of whose methods run with `own_defaults`."""
+    """Base class of the deciders with a network, all of whose methods run with `torch_defaults`."""
 
     def __init_subclass__(cls, **keywords: Any):
         super().__init_subclass__(**keywords)
         for name in ("observe", "predict", "decide", "evidence"):
             if name in vars(cls):
-                setattr(cls, name, own_defaults()(vars(cls)[name]))
+                setattr(cls, name, torch_defaults()(vars(cls)[name]))
 
     def log_odds_panel(
         self, below: float, above: float, curves: Literal["single", "hypothesis"]

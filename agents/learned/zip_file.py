@@ -15,9 +15,6 @@ from torch import Tensor
 
 from agents.learned.policy_file import LARGEST_FILE, check_finite
 
-# Files in a zip file, and calls of the pickle about its tensors.
-MOST_RECORDS = 20_000
-
 
 def read_plain(source: Path | bytes, largest: int) -> Any:
     """Return the tensors and plain values that `torch.save` wrote.
@@ -63,18 +60,18 @@ def read_model(path: Path) -> tuple[dict[str, Any], dict[str, Tensor]]:
     }
 
 
-def _opened(content: bytes, largest: int) -> zipfile.ZipFile:
+def _opened(content: bytes, largest: int, most: int = 20_000) -> zipfile.ZipFile:
     """Return a zip file; `ValueError` if it has too many files, or what it stores is too large."""
     # Its directory is counted before it is read.
-    if content.count(b"PK\1\2") > MOST_RECORDS:
-        raise ValueError(f"it contains more than {MOST_RECORDS} files")
+    if content.count(b"PK\1\2") > most:
+        raise ValueError(f"it contains more than {most} files")
     file = zipfile.ZipFile(io.BytesIO(content))
     if sum(info.file_size for info in file.infolist()) > largest:
         raise ValueError(f"it stores more than {largest:,} bytes")
     return file
 
 
-def _check_calls(content: bytes) -> None:
+def _check_calls(content: bytes, most: int = 20_000) -> None:
     """Raise `ValueError` if a pickle calls something that plain tensors do not need, or too often.
 
     PyTorch refuses all but harmless calls, of which some would fill the memory.
@@ -85,5 +82,5 @@ def _check_calls(content: bytes) -> None:
         if opcode.name in ("STACK_GLOBAL", "INST") or (opcode.name == "GLOBAL" and not plain):
             raise ValueError(f"it calls {str(argument)[:100]!r}, which plain tensors do not need")
         calls += opcode.name in ("REDUCE", "NEWOBJ", "OBJ")
-    if calls > MOST_RECORDS:
-        raise ValueError(f"it is of more than {MOST_RECORDS} tensors")
+    if calls > most:
+        raise ValueError(f"it is of more than {most} tensors")

@@ -13,7 +13,6 @@ from matplotlib.lines import Line2D
 from matplotlib.transforms import blended_transform_factory
 
 from agents.figures.canvas import GREY, new_canvas
-from agents.interface.output_files import atomic_file
 from agents.recordings.tracking import TrackedRecording
 from hybrid_env.checks import ArgumentError, IntArray
 from hybrid_env.rendering.evidence import mode_colour
@@ -34,26 +33,15 @@ def draw_recording(tracked: TrackedRecording) -> Figure:
     _draw_probabilities(ribbon, tracked)
     _draw_residuals(residuals, tracked)
     times = tracked.recording.times[tracked.modes >= 0]
-    ribbon.set_xlim(times[0] - 0.5 * tracked.tau, times[-1] + 0.5 * tracked.tau)
+    ribbon.set_xlim(times[0] - 0.5 * tracked.model.tau, times[-1] + 0.5 * tracked.model.tau)
     ribbon.tick_params(labelbottom=False)
     residuals.set_xlabel(f"t [{tracked.recording.time_unit}]")
-    colours = mode_colours(tracked)
-    names = {
-        "S": "S: straight",
-        "L": "L: left turn",
-        "R": "R: right turn",
-    }
     modes = [
-        Line2D([], [], color=colour, linewidth=2.5, label=names.get(name, name))
-        for colour, name in zip(colours, tracked.mode_names(), strict=True)
+        Line2D([], [], color=colour, linewidth=2.5, label=name)
+        for colour, name in zip(mode_colours(tracked), tracked.mode_names(), strict=True)
     ]
-    dots, *_, ring = ground.get_legend_handles_labels()[0]
-    figure.legend(
-        handles=[dots, *modes, ring],
-        loc="outside right upper",
-        frameon=False,
-        alignment="left",
-    )
+    marks = ground.get_legend_handles_labels()[0]
+    figure.legend(handles=[*marks, *modes], loc="outside right upper", frameon=False)
     return figure
 
 
@@ -86,16 +74,8 @@ def mode_lines(tracked: TrackedRecording, most: int = 5000) -> list[tuple[int, I
 def _draw_ground(axes: Any, tracked: TrackedRecording) -> None:
     recording, unit = tracked.recording, tracked.recording.unit
     rows = thinned(np.flatnonzero(recording.measured))
-    size = float(np.clip(600.0 / np.sqrt(len(rows)) / 10.0, 0.7, 3.0))
-    axes.plot(
-        *recording.positions[rows].T,
-        ".",
-        color=GREY,
-        markersize=size,
-        alpha=0.5,
-        zorder=1,
-        label="measurements",
-    )
+    points = recording.positions[rows].T
+    axes.plot(*points, ".", color=GREY, markersize=2, alpha=0.5, zorder=1, label="measurements")
     colours = mode_colours(tracked)
     positions = tracked.estimates[:, ::2]
     lines = mode_lines(tracked)
@@ -104,26 +84,17 @@ def _draw_ground(axes: Any, tracked: TrackedRecording) -> None:
             [positions[rows] for _, rows in lines],
             colors=[colours[mode] for mode, _ in lines],
             linewidths=1.8,
-            capstyle="round",
-            zorder=2,
         )
     )
     first = tracked.pieces[:, 0]
-    axes.plot(
-        # More marks would hide the track.
-        *positions[first if len(first) <= 60 else first[:0]].T,
-        "o",
-        color="black",
-        markerfacecolor="white",
-        markersize=4,
-        zorder=4,
-        label="new piece",
-    )
-    axes.plot(*positions[first[0]], "s", color="black", markersize=6, zorder=5)
+    # More marks would hide the track.
+    marked = positions[first if len(first) <= 60 else first[:0]]
+    axes.plot(*marked.T, "o", color="black", markerfacecolor="white", label="new piece")
+    axes.plot(*positions[first[0]], "s", color="black", label="first row")
     axes.set_aspect("equal", adjustable="datalim")
     axes.autoscale_view()
     axes.set(
-        title=f"{recording.name}: decided pieces (square: first row)",
+        title=f"{recording.name}: decided pieces",
         xlabel=f"x [{unit}]",
         ylabel=f"y [{unit}]",
     )
@@ -138,17 +109,10 @@ def _draw_probabilities(axes: Any, tracked: TrackedRecording) -> None:
         axes.stackplot(times[rows], tracked.probabilities[rows].T, colors=colours, linewidth=0.0)
     above = blended_transform_factory(axes.transData, axes.transAxes)
     first, end, modes, _ = tracked.pieces.T
-    begins = times[first] - 0.5 * tracked.tau
-    spans = np.stack([begins, times[end - 1] + 0.5 * tracked.tau - begins], axis=1)
-    for mode in np.unique(modes):
-        bars = spans[modes == mode]
-        axes.broken_barh(
-            bars,
-            (1.04, 0.12),
-            facecolors=colours[mode],
-            transform=above,
-            clip_on=False,
-        )
+    begins = times[first] - 0.5 * tracked.model.tau
+    spans = np.stack([begins, times[end - 1] + 0.5 * tracked.model.tau - begins], axis=1)
+    facecolors = [colours[mode] for mode in modes]
+    axes.broken_barh(spans, (1.04, 0.12), facecolors=facecolors, transform=above, clip_on=False)
     axes.set(ylim=(0.0, 1.0), ylabel="probability")
     axes.set_title("Decided modes (bar) and their probabilities", pad=22.0)
 
@@ -188,27 +152,15 @@ def write_map(path: Path, tracked: TrackedRecording) -> None:
     # More would delay a browser.
     most = 100_000
     rows = thinned(np.flatnonzero(recording.measured), most)
-    figure.add_scattergl(
-        x=recording.positions[rows, 0],
-        y=recording.positions[rows, 1],
-        mode="markers",
-        name="measurements",
-        marker={
-            "color": GREY,
-            "size": 4,
-            "opacity": 0.5,
-        },
-        hoverinfo="skip",
-    )
+    x, y = recording.positions[rows].T
+    marker = {"color": GREY, "size": 4, "opacity": 0.5}
+    figure.add_scattergl(x=x, y=y, mode="markers", name="measurements", marker=marker)
     lines = mode_lines(tracked, most)
     for mode, name in enumerate(names):
-        of_mode = [np.append(rows, -1) for line_mode, rows in lines if line_mode == mode]
-        if not of_mode:
-            continue
         # -1 interrupts the line.
-        joined = np.concatenate(of_mode)
-        gap = joined < 0
-        x, y = (np.where(gap, np.nan, tracked.estimates[joined, k]) for k in (0, 2))
+        of_mode = [np.append(rows, -1) for line_mode, rows in lines if line_mode == mode]
+        joined = np.concatenate([np.zeros(0, int), *of_mode])
+        x, y = np.where(joined < 0, np.nan, tracked.estimates[joined, ::2].T)
         shown = np.stack([recording.times[joined], tracked.probabilities[joined, mode]], axis=1)
         figure.add_scattergl(
             x=x,
@@ -228,5 +180,4 @@ def write_map(path: Path, tracked: TrackedRecording) -> None:
         hovermode="closest",
         yaxis={"scaleanchor": "x", "scaleratio": 1},
     )
-    with atomic_file(path) as part:
-        figure.write_html(part, include_plotlyjs=True, full_html=True)
+    figure.write_html(path, include_plotlyjs=True, full_html=True)

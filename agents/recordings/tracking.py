@@ -2,37 +2,20 @@
 afterwards, row by row.
 """
 
-import math
-import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from agents.evaluation.chosen_threshold import reachable
-from agents.evaluation.registry import (
-    ErrorArguments,
-    base_name,
-    find_decider,
-    given_threshold,
-    is_policy_or_external,
-    load_decider,
-    needed_options,
-    shipped_names,
-)
-from baselines.recordings.consistency import Consistency, check_consistency
-from baselines.recordings.decisions import (
-    ModelUnits,
-    TickDecisions,
-    check_lengths,
-    decide_piece,
-)
-from baselines.recordings.model_fit import TrackModel, fit_model
+from agents.evaluation.registry import ErrorArguments, base_name, load_decider, needed_options
+from baselines.recordings.decisions import TickDecisions, decide_piece
+from baselines.recordings.imm_pass import TrackModel
+from baselines.recordings.model_fit import check_consistency, fit_model
 from baselines.recordings.recording import Recording, make_recording
-from baselines.recordings.scatter import standing_ticks, without_jumps, without_outliers
-from baselines.recordings.ticks import TickGrid, tick_grid
+from baselines.recordings.scatter import without_errors, without_standing
+from baselines.recordings.ticks import Piece, TickGrid, tick_grid
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
 from baselines.rules.tracker import OnlineTracker
 from hybrid_env.checks import (
@@ -52,16 +35,13 @@ from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Radar
 
-# Probability of a stated mode in successive rows, more than decisions take.
-UNLIKELY, LONG = 0.05, 20
-
 
 @dataclass(frozen=True, eq=False)
 class TrackedRecording:
     """A recording of n rows with its M modes, in its own units.
 
-    Rows before the first and after the last measurement, and rows inside of gaps, have mode -1 and
-    NaN.
+    Rows before the first and after the last measurement, inside of gaps, and in parts in which the
+    object stands still have mode -1 and NaN.
 
     Attributes:
         recording: as it was read.
@@ -76,14 +56,11 @@ class TrackedRecording:
         residuals: (n, 2) normalised innovations, N(0, 1) if the model holds; NaN without one.
         pieces: (K, 4) first row, end, mode and row of the decision of each piece, counted from 0;
             -1 for a piece without a decision.
-        consistency: agreement of model and measurements.
-        tau: tick of the filters.
-        shared: number of rows whose tick is that of another row, with which they are averaged.
-        moved: root mean square of the times by which rows were moved to their ticks, over the tick.
+        grid: its uniform ticks.
         outliers: number of measurements that were not used, because they are far from their
             neighbours.
-        standing: number of ticks in which the object stands still.
-        unlikely: number of rows whose stated mode is improbable for long, with unknown switches.
+        standing: number of measurements that were not used, because the object stands still.
+        warnings: plain sentences about what does not fit.
     """
 
     recording: Recording
@@ -96,50 +73,10 @@ class TrackedRecording:
     covariances: FloatArray
     residuals: FloatArray
     pieces: IntArray
-    consistency: Consistency
-    tau: float
-    shared: int
-    moved: float
+    grid: TickGrid
     outliers: int
-    standing: int = 0
-    unlikely: int = 0
-
-    @property
-    def warnings(self) -> list[str]:
-        """Plain sentences about what does not fit."""
-        sentences = self.consistency.warnings(self.model) + self._bent()
-        if self.standing:
-            sentences.append(
-                f"the object stands still in {self.standing} ticks, whose modes have no meaning:"
-                " cut them out"
-            )
-        if self.unlikely:
-            sentences.append(
-                f"the stated mode has a probability below {UNLIKELY:g} in {self.unlikely} rows: the"
-                " threshold of the decider may be too high for another one to be stated"
-            )
-        return sentences
-
-    def _bent(self) -> list[str]:
-        """A sentence if the arc of the bearing error of a radar is bent more than the filters
-        allow, see `Radar`.
-        """
-        # Bend of an arc of the length of the bearing error over the range deviation, see `Radar`.
-        most_bent = 0.25
-        recording, radar = self.recording, self.recording.radar
-        if radar is None:
-            return []
-        farthest = float(
-            np.hypot(*(recording.positions[recording.measured] - radar.position).T).max()
-        )
-        bend = farthest * radar.bearing_deviation**2 / radar.range_deviation
-        if bend <= most_bent:
-            return []
-        return [
-            "the bearing error is too large for the range deviation (range * deviation^2 is"
-            f" {bend:.2g} of it, at most {most_bent:g} is consistent): errors are larger than the"
-            " covariances say"
-        ]
+    standing: int
+    warnings: list[str]
 
     def mode_names(self) -> list[str]:
         """Names of the modes: S, L, R, with the radius if there are several."""
@@ -154,6 +91,48 @@ class TrackedRecording:
         radii = self.model.radii
         letters = np.array(["S", *"L" * len(radii), *"R" * len(radii), ""])
         return letters[modes], np.array([np.nan, *radii, *radii, np.nan])[modes]
+
+    def piece_table(self) -> dict[str, list[Any]]:
+        """Return the columns of modes.csv. Rows are counted from 1; cells that do not apply are
+        empty.
+        """
+        times = self.recording.times
+        first, end, modes, when = self.pieces.T
+        letters, radii = self.of_modes(modes)
+        return {
+            "piece": list(range(1, len(first) + 1)),
+            "first_row": (first + 1).tolist(),
+            "last_row": end.tolist(),
+            "begin": times[first].tolist(),
+            "end": times[end - 1].tolist(),
+            "mode": letters.tolist(),
+            "radius": ["" if np.isnan(radius) else radius for radius in radii.tolist()],
+            "decided_at": [times[row] if row >= 0 else "" for row in when.tolist()],
+            "undecided": (when < 0).tolist(),
+        }
+
+    def row_table(self) -> dict[str, Any]:
+        """Return the columns of estimates.csv, nan where there is no number. The first three are
+        those of a recording.
+        """
+        state = ("x", "vx", "y", "vy")
+        recording = self.recording
+        triangle = [(i, j) for i in range(4) for j in range(i, 4)]
+        letters, radii = self.of_modes(self.modes)
+        return {
+            "t": recording.times,
+            **dict(zip("xy", recording.positions.T, strict=True)),
+            "mode": letters,
+            "radius": radii,
+            "decided": self.decided,
+            **{
+                f"p_{n.replace(' ', '_')}": self.probabilities[:, k]
+                for k, n in enumerate(self.mode_names())
+            },
+            **{f"estimate_{name}": self.estimates[:, k] for k, name in enumerate(state)},
+            **{f"cov_{state[i]}_{state[j]}": self.covariances[:, i, j] for i, j in triangle},
+            **{f"residual_{axis}": self.residuals[:, k] for k, axis in enumerate("xy")},
+        }
 
 
 @dataclass(kw_only=True)
@@ -209,114 +188,95 @@ class TrackingArguments(ErrorArguments):
             parse_durations(self.durations)
         for name in ("bank", "recalculation", "refine_radius"):
             if getattr(self, name) and not self.lengths:
-                nothing = "none" if name == "bank" else "False"
-                raise reject(
-                    name,
-                    getattr(self, name),
-                    f"{nothing} without lengths: modes are then stated, by the IMM",
-                )
-        announced = rules(ANNOUNCED)
-        unknown = rules(UNKNOWN)
-        name = base_name(self._decider_name())
-        known = *announced, *unknown, *shipped_names(ANNOUNCED, UNKNOWN)
-        if name not in known and not is_policy_or_external(name):
-            raise reject(
-                "decider",
-                self.decider,
-                f"{', '.join(known)}, a run folder, model.zip or mine.py:MyRule",
-            )
-        fitting, others = (announced, unknown) if self.lengths else (unknown, announced)
-        if name in others:
-            remedy = " with --lengths" if self.lengths else ", or give --lengths"
-            raise reject("decider", self.decider, f"{', '.join(fitting)} or an agent{remedy}")
+                raise reject(name, getattr(self, name), "none without lengths")
+        task, other = (ANNOUNCED, UNKNOWN) if self.lengths else (UNKNOWN, ANNOUNCED)
+        if base_name(self._decider_name()) in rules(other):
+            remedy = "with --lengths" if self.lengths else "or give --lengths"
+            raise reject("decider", self.decider, f"{', '.join(rules(task))} or an agent, {remedy}")
 
     def track(self, recording: Recording) -> TrackedRecording:
         """Track a recording."""
         self.check_tracking()
         if recording.radar is not None and self.measurement_variance is not None:
-            raise reject(
-                "measurement_variance",
-                self.measurement_variance,
-                "none with radar, which has its own",
-            )
-        grid = tick_grid(recording)
-        outliers = 0
-        # The noise of a radar depends on the range.
-        if grid.radar is None:
-            grid, bursts = (grid, 0) if self.lengths else without_jumps(grid)
-            grid, outliers = without_outliers(grid)
-            outliers += bursts
-        lengths, total = list(self.lengths), grid.total
-        if len(lengths) == 1:
-            lengths = [min(lengths[0], total - first) for first in range(0, total, lengths[0])]
-        check_lengths(grid, lengths)
+            variance = self.measurement_variance
+            raise reject("measurement_variance", variance, "none with radar, which has its own")
+        grid, outliers = without_errors(tick_grid(recording), jumps=not self.lengths)
+        grid, standing = (grid, 0) if self.lengths else without_standing(grid)
+        lengths = self._lengths(grid)
         duration = None if self.durations is None else parse_durations(self.durations).mean_duration
         variances = self.measurement_variance, self.process_variance
         model = fit_model(grid, self.radii or None, *variances, duration, lengths)
-        name = self._decider_name()
-        try:
-            tracker = self._tracker(name, lengths, grid, model)
-        except ArgumentError as error:
-            raise _in_units(error, model) from None
+        tracker = self._tracker(lengths, grid, model)
         start = None if self.start is None else np.array(self.start)
         decisions = [
             decide_piece(piece, grid.radar, model, tracker, lengths, start) for piece in grid.pieces
         ]
-        consistency = check_consistency(grid, model, lengths)
-        tracked = row_results(recording, grid, model, name, decisions, consistency, outliers)
-        standing = standing_ticks(grid, model.measurement_variance, model.speed * model.tau)
-        return replace(
-            tracked,
+        innovations, warnings = check_consistency(grid, model, lengths)
+        unlikely = 0 if lengths else sum(map(unlikely_ticks, decisions))
+        if unlikely:
+            warnings.append(
+                f"the stated mode is improbable for long, in {unlikely} ticks: the threshold of"
+                " the decider may be too high for another one to be stated"
+            )
+        return TrackedRecording(
+            recording=recording,
+            model=model,
+            decider=self._decider_name(),
+            grid=grid,
+            outliers=outliers,
             standing=standing,
-            unlikely=0 if lengths else _unlikely_rows(tracked),
+            warnings=warnings,
+            **row_results(recording, grid.pieces, decisions, innovations),
         )
 
     def _decider_name(self) -> str:
         return self.at_error(self.decider or ("msprt-aware" if self.lengths else "threshold"))
 
-    def _tracker(
-        self,
-        name: str,
-        lengths: Sequence[int],
-        grid: TickGrid,
-        model: TrackModel,
-    ) -> OnlineTracker:
-        options: dict[str, Any] = ModelUnits.of(model).options(model, grid.radar)
+    def _lengths(self, grid: TickGrid) -> list[int]:
+        """Return the ticks between known switches."""
+        lengths = list(self.lengths)
+        total = grid.total
+        if len(lengths) == 1:
+            lengths = [min(lengths[0], total - first) for first in range(0, total, lengths[0])]
+        allowed = f"lengths whose sum is {total}, the number of ticks, not {sum(lengths)}"
+        if len(grid.pieces) > 1:
+            allowed = f"none with {len(grid.pieces) - 1} gaps, or a longer --gap"
+        if lengths and (len(grid.pieces) > 1 or sum(lengths) != total):
+            raise reject("lengths", tuple(lengths), allowed)
+        return lengths
+
+    def _tracker(self, lengths: list[int], grid: TickGrid, model: TrackModel) -> OnlineTracker:
+        """Return a tracker with the model and the decider."""
+        name = self._decider_name()
+        options = model.options(grid.radar)
         world: WorldOptions | QuickestOptions
-        if lengths:
-            # Of an episode, for deciders that are fitted by simulation.
-            segments = min(len(lengths), 6)
-            scheme = f"random {segments}x{min(lengths)}-{max(lengths)}"
-            given = {
-                flag: getattr(self, flag)
-                for flag in ("undecided", "recalculation", "refine_radius")
-            }
-            bank = {} if self.bank is None else {"bank": self.bank}
-            world = WorldOptions(
-                **options | {**needed_options(name, ANNOUNCED), **bank},
-                **given,
-                scheme=scheme,
-            )
-        else:
-            law = GeometricDurations(model.duration) if self.durations is None else self.durations
-            ticks = min(max(len(piece.measurements) for piece in grid.pieces), MAX_LENGTH)
-            world = QuickestOptions(**options, durations=law, start="random", ticks=ticks)
-            _warn_of_threshold(name, world)
+        try:
+            if lengths:
+                # Of an episode, for deciders that are fitted by simulation.
+                segments = min(len(lengths), 6)
+                options |= needed_options(name, ANNOUNCED)
+                options |= {} if self.bank is None else {"bank": self.bank}
+                world = WorldOptions(
+                    **options,
+                    undecided=self.undecided,
+                    recalculation=self.recalculation,
+                    refine_radius=self.refine_radius,
+                    scheme=f"random {segments}x{min(lengths)}-{max(lengths)}",
+                )
+            else:
+                law = self.durations or GeometricDurations(model.duration)
+                ticks = min(max(len(piece.measurements) for piece in grid.pieces), MAX_LENGTH)
+                world = QuickestOptions(**options, durations=law, start="random", ticks=ticks)
+        except ArgumentError as error:
+            if str(error).startswith(tuple(model.options())):
+                radii = ", ".join(f"{radius:.4g}" for radius in model.radii)
+                raise ArgumentError(
+                    f"the filters cannot follow motion at {model.speed:.4g} per unit of time with"
+                    f" R = {model.measurement_variance:.4g}, Q = {model.process_variance:.4g},"
+                    f" radii {radii} and a tick of {model.tau:.4g}: check units"
+                ) from None
+            raise
         return OnlineTracker(world, load_decider(name, world))
-
-
-def _warn_of_threshold(name: str, world: QuickestOptions) -> None:
-    """Warn of a given threshold that not every mode reaches."""
-    threshold = given_threshold(name)
-    if threshold is None:
-        return
-    highest = reachable(find_decider(base_name(name), world), world)
-    if threshold > highest:
-        why = (
-            f"with these durations and noise not every mode reaches more than {highest:.3g}, and it"
-            " may never be stated"
-        )
-        warnings.warn(f"decider {name!r}: {why}: choose a smaller threshold", stacklevel=2)
 
 
 def track_recording(
@@ -351,82 +311,52 @@ def track_recording(
     return arguments.track(make_recording(times, located, radar=radar, rates=rates))
 
 
-def _in_units(error: ArgumentError, model: TrackModel) -> ArgumentError:
-    """Return the error of a model that the filters refuse, in the units of the recording."""
-    of_model = str(error).startswith(
-        ("radii", "speed", "measurement_variance", "process_variance", "tau")
-    )
-    if not of_model or not all(map(math.isfinite, model.radii)):
-        return error
-    radii = ", ".join(f"{radius:.4g}" for radius in model.radii)
-    return ArgumentError(
-        f"the filters cannot follow motion at {model.speed:.4g} per unit of time with R ="
-        f" {model.measurement_variance:.4g}, Q = {model.process_variance:.4g}, radii {radii} and a"
-        f" tick of {model.tau:.4g}: check units"
-    )
-
-
-def _unlikely_rows(tracked: TrackedRecording) -> int:
-    """Return the number of rows in runs of `LONG` and more whose stated mode is less probable
-    than `UNLIKELY`.
+def unlikely_ticks(decisions: TickDecisions) -> int:
+    """Return the number of ticks in runs of 20 and more, longer than decisions take, whose stated
+    mode has a probability below .05.
     """
-    of_mode = tracked.probabilities[np.arange(len(tracked.modes)), tracked.modes]
-    borders = np.flatnonzero(np.diff(of_mode < UNLIKELY, prepend=False, append=False))
-    lengths = np.diff(borders)[::2]
-    return int(lengths[lengths >= LONG].sum())
+    of_mode = decisions.probabilities[np.arange(len(decisions.modes)), decisions.modes]
+    borders = np.flatnonzero(np.diff(of_mode < 0.05, prepend=False, append=False))
+    ticks = np.diff(borders)[::2]
+    return int(ticks[ticks >= 20].sum())
 
 
 def row_results(
     recording: Recording,
-    grid: TickGrid,
-    model: TrackModel,
-    decider: str,
+    pieces: Sequence[Piece],
     decisions: Sequence[TickDecisions],
-    consistency: Consistency,
-    outliers: int,
-) -> TrackedRecording:
-    """Return the results of the ticks of each piece at the rows of a recording."""
-    rows = len(recording.times)
-    M = 2 * len(model.radii) + 1
-    pieces = []
-    shapes = {
-        "probabilities": (M,),
-        "estimates": (4,),
-        "covariances": (4, 4),
-        "residuals": (2,),
-    }
-    arrays: dict[str, Any] = {"modes": np.full(rows, -1), "decided": np.zeros(rows, np.bool_)}
-    arrays |= {name: np.full((rows, *shape), np.nan) for name, shape in shapes.items()}
-    for piece, decided, innovations in zip(
-        grid.pieces,
-        decisions,
-        consistency.innovations,
-        strict=True,
-    ):
-        rows_of = slice(piece.first, piece.end)
-        for name in ("modes", "decided", "probabilities", "estimates", "covariances"):
-            arrays[name][rows_of] = getattr(decided, name)[piece.ticks]
-        arrays["estimates"][rows_of, 0::2] += (
-            piece.late[:, None] * arrays["estimates"][rows_of, 1::2]
+    innovations: Sequence[FloatArray],
+) -> dict[str, Any]:
+    """Return the arrays of a `TrackedRecording`: at the rows of a recording what is known at the
+    ticks of each piece.
+    """
+
+    def at_rows(of_pieces: Sequence[Any], empty: float | bool = np.nan) -> Any:
+        array = np.full((len(recording.times), *of_pieces[0].shape[1:]), empty)
+        for piece, values in zip(pieces, of_pieces, strict=True):
+            array[piece.first : piece.end] = values[piece.ticks]
+        return array
+
+    tables = []
+    estimates = at_rows([each.estimates for each in decisions])
+    residuals = at_rows(innovations)
+    residuals[~recording.measured] = np.nan
+    for piece, of_piece in zip(pieces, decisions, strict=True):
+        estimates[piece.first : piece.end, ::2] += (
+            piece.late[:, None] * estimates[piece.first : piece.end, 1::2]
         )
-        arrays["residuals"][rows_of] = innovations[piece.ticks]
-        table = decided.pieces.copy()
-        for column in (0, 1, 3):
-            at = np.searchsorted(piece.ticks, decided.pieces[:, column])
-            table[:, column] = np.minimum(piece.first + at, piece.end)
-        table[decided.pieces[:, 3] < 0, 3] = -1
+        rows = piece.first + np.searchsorted(piece.ticks, of_piece.pieces)
+        table: IntArray = np.minimum(rows, piece.end)
+        table[:, 2] = of_piece.pieces[:, 2]
+        table[of_piece.pieces[:, 3] < 0, 3] = -1
         # A piece between two rows has none.
-        pieces.append(table[table[:, 1] > table[:, 0]])
-    arrays["residuals"][~recording.measured] = np.nan
-    return TrackedRecording(
-        recording=recording,
-        model=model,
-        decider=decider,
-        pieces=np.concatenate(pieces),
-        outliers=outliers,
-        consistency=consistency,
-        tau=grid.tau,
-        shared=grid.shared,
-        moved=grid.moved,
-        **arrays,
-    )
+        tables.append(table[table[:, 1] > table[:, 0]])
+    return {
+        "modes": at_rows([each.modes for each in decisions], -1),
+        "decided": at_rows([each.decided for each in decisions], False),
+        "probabilities": at_rows([each.probabilities for each in decisions]),
+        "estimates": estimates,
+        "covariances": at_rows([each.covariances for each in decisions]),
+        "residuals": residuals,
+        "pieces": np.concatenate(tables),
+    }

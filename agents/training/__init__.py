@@ -1,3 +1,3 @@
-"""Training of agents into run folders: recipes, one run for each kind of loss (`runs.RUNS`), and
-their checkpoints.
+"""Training of agents into run folders: recipes, base classes of the algorithms, checkpoints and
+learning curves.
 """

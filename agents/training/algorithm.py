@@ -3,7 +3,7 @@
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, TypeAlias
@@ -15,7 +15,7 @@ from torch.optim import Optimizer
 from agents.algorithms import REGISTERED
 from agents.interface.output_files import output_folder, write_json
 from agents.learned.policy_file import SavedPolicy, load_network, package_versions, save_policy
-from agents.learned.torch_defaults import own_defaults
+from agents.learned.torch_defaults import torch_defaults
 from agents.training import checkpoint, run_folder
 from agents.training.learning_curve import LearningCurve, environment_curve
 from agents.training.recipe import Recipe
@@ -69,7 +69,9 @@ class Algorithm(ABC):
     Settings: ClassVar[type[Any]]
     """Dataclass of its hyper-parameters."""
     tasks: ClassVar[tuple[str, ...]]
-    """What its agents decide, see `Decider.task`."""
+    """What its agents may decide, see `Decider.task`."""
+    switches: str
+    """What the agent decides."""
     network: nn.Module
     optimizer: Optimizer
     next_command: ClassVar[str] = "hybridtrack evaluate"
@@ -95,7 +97,7 @@ class Algorithm(ABC):
         `options` are those of the environment; None where agents decide without one.
         """
 
-    @own_defaults()
+    @torch_defaults()
     def __init__(
         self,
         env_id: str,
@@ -164,11 +166,7 @@ class Algorithm(ABC):
     def learn(self, on_progress: OnRound) -> None:
         """Make the remaining steps; call `between_updates` before every rollout."""
 
-    @abstractmethod
-    def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
-        """Write weights and card of the current agent."""
-
-    @own_defaults()
+    @torch_defaults()
     def train(
         self,
         on_progress: OnRound = None,
@@ -205,7 +203,7 @@ class Algorithm(ABC):
             else:
                 # The run may have been killed between its last checkpoint and the files of the
                 # agent.
-                self._save_agent(self.folder)
+                self.save_agent(self.folder)
 
     def between_updates(self) -> None:
         """Evaluate and save the agent if this is due; the time that it takes is not training
@@ -255,10 +253,11 @@ class Algorithm(ABC):
             "values": self.values(),
         }
         checkpoint.write_checkpoint(self.folder, state)
-        self._save_agent(self.folder)
+        self.save_agent(self.folder)
 
-    def _save_agent(self, folder: Path) -> None:
-        card = {
+    def card(self) -> dict[str, Any]:
+        """Return what is written beside the weights."""
+        return {
             "environment": self.env_id,
             "options": self.options,
             "recipe": self.recipe.as_json(),
@@ -268,7 +267,10 @@ class Algorithm(ABC):
             "measured": self.last_evaluation,
             "versions": package_versions(),
         }
-        self.save_agent(folder, card)
+
+    def save_agent(self, folder: Path) -> None:
+        """Write weights and card of the current agent."""
+        save_policy(folder, self.network.state_dict(), self.card(), self.switches)
 
     def _restore(self, state: dict[str, Any]) -> None:
         """Set everything that `save` wrote."""
@@ -282,19 +284,13 @@ class Algorithm(ABC):
         self.curve.skip(self.num_timesteps)
 
 
-Round = tuple[int, float, float, dict[str, float]]
-"""Environment steps of a round, reward and ticks as in `TrainingProgress`, and metrics of the
-run folder.
-"""
-
-
 class NetworkAlgorithm(Algorithm):
     """Trains a network of PyTorch with Adam, in rounds."""
 
     smallest_factor: ClassVar[float]
     """Lower bound of the learning rate, as a factor of the first one, while it decays linearly."""
     decider: ClassVar[Any]
-    """Class of the agent, a `PosteriorDecider` or a `UtilityDecider`."""
+    """Class of the agent, such as `UtilityDecider`."""
     log_every: ClassVar[int] = 1
     """Rounds between two lines of metrics."""
     net: Any
@@ -307,12 +303,19 @@ class NetworkAlgorithm(Algorithm):
     def __init_subclass__(cls, **keywords: Any):
         super().__init_subclass__(**keywords)
         if hasattr(cls, "decider"):
-            cls.tasks = (cls.decider.task,)
+            cls.switches = cls.decider.task
+            cls.tasks = (cls.switches,)
 
     @classmethod
     def load(cls, saved: SavedPolicy, options: Any) -> Decider:
         """See `Algorithm.load`."""
-        return cls.decide_by(load_network(saved, cls.decider.network), options)
+        return cls.decide_by(load_network(saved, cls.network_of), options)
+
+    @classmethod
+    def network_of(cls, entry: Mapping[str, Any]) -> nn.Module:
+        """Return an untrained network for the hyper-parameters of a recipe or card."""
+        network: nn.Module = cls.decider.network(entry["hidden"])
+        return network
 
     @classmethod
     def decide_by(cls, network: nn.Module, options: Any) -> Decider:
@@ -331,8 +334,7 @@ class NetworkAlgorithm(Algorithm):
 
     def create_network(self) -> nn.Module:
         """Return the network at the beginning of the training."""
-        network: nn.Module = self.decider.network(self.settings.hidden)
-        return network
+        return self.network_of(vars(self.settings))
 
     def start(self, network: nn.Module, learning_rate: str | float) -> None:
         """Create the optimizer of a new network."""
@@ -365,12 +367,11 @@ class NetworkAlgorithm(Algorithm):
         """See `Algorithm.restore_values`."""
         self.rounds = int(values["rounds"])
 
-    def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
-        save_policy(folder, self.network.state_dict(), card, self.decider.task)
-
     @abstractmethod
-    def train_round(self) -> Round:
-        """Simulate, and train on it."""
+    def train_round(self) -> tuple[int, float, float, dict[str, float]]:
+        """Simulate, and train on it; return the environment steps, reward and ticks as in
+        `TrainingProgress`, and metrics of the run folder.
+        """
 
     def learn(self, on_progress: OnRound) -> None:
         while self.num_timesteps < self.steps:

@@ -22,7 +22,7 @@ from torch import Tensor, nn
 
 from agents.learned.statement_decider import UtilityDecider
 from agents.learned.statement_net import StatementOutputs
-from agents.training.algorithm import NetworkAlgorithm, Round
+from agents.training.algorithm import NetworkAlgorithm
 from agents.training.settings import NetworkSettings
 from hybrid_env.checks import Count, FloatArray
 from hybrid_env.quickest_options import QuickestOptions
@@ -130,7 +130,7 @@ class ExpectedRewardAlgorithm(NetworkAlgorithm):
     def batches(self) -> Iterator[StatementBatch]:
         """Simulate the batches of the next round."""
 
-    def train_round(self) -> Round:
+    def train_round(self) -> tuple[int, float, float, dict[str, float]]:
         parts = zip(*map(self._train_on, self.batches()), strict=True)
         reward, entropy = (float(np.mean(values)) for values in parts)
         metrics = {"expected_reward": reward, "cross_entropy": entropy}

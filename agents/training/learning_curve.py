@@ -6,24 +6,15 @@ import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
-from agents.evaluation.task import sweep
-from agents.evaluation.tasks import task_of
+from agents.evaluation.task import sweep, task_of
 from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import decider_style
 from agents.interface.output_files import save_figure
 from agents.training.run_folder import read_metrics
 from baselines.rules import seeds
 from baselines.rules.decider import Decider, rules
-
-EPISODES = 200
-PREFIX = "evaluation/"
-REWARD_KEY = PREFIX + "reward"
-# Of the classical rule.
-REFERENCE_KEY = PREFIX + "reference"
-# Environment steps, 2 to 5 s of training.
-FIRST_EVALUATION = 100_000
 
 
 @dataclass(eq=False)
@@ -40,13 +31,17 @@ class LearningCurve:
     rule: str
     # What is evaluated, in words.
     sample: str
-    # Returns `reward` and other metrics, without prefix, of an agent.
+    # Returns `reward` and other metrics of an agent.
     measure: Callable[[Decider], Mapping[str, float]]
     # Returns the mean reward of the rule.
     measure_rule: Callable[[], float]
+    # Environment steps up to the first evaluation, 2 to 5 s of training.
+    first: ClassVar[float] = 100_000.0
+    # Of an environment.
+    episodes: ClassVar[int] = 200
 
     def __post_init__(self) -> None:
-        self._next = float(FIRST_EVALUATION)
+        self._next = self.first
 
     @functools.cached_property
     def reference_reward(self) -> float:
@@ -67,8 +62,8 @@ class LearningCurve:
         classical rule.
         """
         self.skip(steps)
-        measured = {PREFIX + name: value for name, value in self.measure(decider).items()}
-        return {"seconds": seconds} | measured | {REFERENCE_KEY: self.reference_reward}
+        measured = dict(self.measure(decider)) | {"reference": self.reference_reward}
+        return {"seconds": seconds} | {f"evaluation/{name}": measured[name] for name in measured}
 
     def summary(self, metrics: Sequence[dict[str, Any]]) -> list[str]:
         """Return the lines printed after training: final metrics, and when the agent surpassed
@@ -77,22 +72,23 @@ class LearningCurve:
         points = learning_points(metrics)
         if not points:
             return []
-        last = points[-1]
+        last = dict(points[-1])
+        reward, reference = (last.pop(f"evaluation/{name}") for name in ("reward", "reference"))
         others = ", ".join(
-            f"{name.removeprefix(PREFIX).replace('_', ' ')} {value:.4g}"
+            f"{name.removeprefix('evaluation/').replace('_', ' ')} {value:.4g}"
             for name, value in last.items()
-            if name.startswith(PREFIX) and name not in (REWARD_KEY, REFERENCE_KEY)
+            if name.startswith("evaluation/")
         )
         lines = [
-            f"Reward {last[REWARD_KEY]:.3f} per {self.unit}, {others}, "
+            f"Reward {reward:.3f} per {self.unit}, {others}, "
             f"after {last['seconds']:.0f} s of training ({self.sample})"
         ]
         best = f"Best reward of {self.rule}"
-        surpassed = next((row for row in points if row[REWARD_KEY] > row[REFERENCE_KEY]), None)
-        if surpassed is None:
-            return [*lines, f"{best} not surpassed: {last[REFERENCE_KEY]:.3f}"]
-        when = f"after {surpassed['seconds']:.0f} s and {surpassed['step']:,} steps"
-        return [*lines, f"{best} surpassed: {last[REFERENCE_KEY]:.3f}, {when}"]
+        for row in points:
+            if row["evaluation/reward"] > row["evaluation/reference"]:
+                when = f"after {row['seconds']:.0f} s and {row['step']:,} steps"
+                return [*lines, f"{best} surpassed: {reference:.3f}, {when}"]
+        return [*lines, f"{best} not surpassed: {reference:.3f}"]
 
 
 def environment_curve(env_id: str, options: Mapping[str, Any]) -> LearningCurve:
@@ -100,26 +96,27 @@ def environment_curve(env_id: str, options: Mapping[str, Any]) -> LearningCurve:
     of its id.
     """
     task = task_of(env_id, options)
+    episodes = LearningCurve.episodes
     rule = rules(task.switches)[task.reference].create(task.options)
     shown = "accuracy", "ticks", "right", "wrong_changes"
     measured = [metric.name for metric in task.metrics if metric.name in shown]
 
     def measure(agent: Decider) -> dict[str, float]:
-        scores = sweep(task, agent, EPISODES, seeds.LEARNING_CURVE, thresholds=(agent.default,))
+        scores = sweep(task, agent, episodes, seeds.LEARNING_CURVE, thresholds=(agent.default,))
         names = ("reward", *measured)
         return {name: float(scores.curve(task.statistic(name))[0]) for name in names}
 
     def measure_rule() -> float:
-        scores = sweep(task, rule, EPISODES, seeds.LEARNING_CURVE)
+        scores = sweep(task, rule, episodes, seeds.LEARNING_CURVE)
         return float(scores.curve(task.statistic("reward")).max())
 
-    sample = f"{EPISODES} episodes"
+    sample = f"{episodes} episodes"
     return LearningCurve(task.unit, rule.title, sample, measure, measure_rule)
 
 
 def learning_points(metrics: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return the lines of a run's metrics that `LearningCurve.evaluate` wrote."""
-    return [row for row in metrics if REWARD_KEY in row]
+    return [row for row in metrics if "evaluation/reward" in row]
 
 
 def draw_learning_curve(folder: Path, path: Path, curve: LearningCurve) -> None:
@@ -128,36 +125,34 @@ def draw_learning_curve(folder: Path, path: Path, curve: LearningCurve) -> None:
     A dashed line is the classical rule of the learning curve at its best threshold.
     """
     points = learning_points(read_metrics(folder))
-    rewards = [row[REWARD_KEY] for row in points]
     columns = {
         "training time, s": [row["seconds"] for row in points],
         "environment steps, millions": [row["step"] / 1e6 for row in points],
     }
     panels = []
     for label, values in columns.items():
-        curves = []
-        limits = None
-        if points:
-            level = points[-1][REFERENCE_KEY]
-            end = 1.05 * max(values)
-            limits = (0.0, end)
-            curves = [
+        end = 1.05 * max(values, default=1.0)
+        curves = (
+            []
+            if not points
+            else [
                 Curve(
                     folder.name,
                     decider_style(folder.name),
                     values,
-                    rewards,
+                    [row["evaluation/reward"] for row in points],
                     size=3.5,
-                    filled=True,
                 ),
                 Curve(
                     f"{curve.rule} at its best threshold",
                     decider_style(curve.rule),
                     [1e-3 * end, 0.999 * end],
-                    [level] * 2,
+                    [points[-1]["evaluation/reference"]] * 2,
                     size=0.0,
                     dashes="--",
                 ),
             ]
-        panels.append(Panel("", Axis(label, limits), Axis(f"mean reward per {curve.unit}"), curves))
+        )
+        axis = Axis(f"mean reward per {curve.unit}")
+        panels.append(Panel("", Axis(label, (0.0, end)), axis, curves))
     save_figure(curve_figure([panels], (10.0, 4.0), sharey=True), path)

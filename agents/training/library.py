@@ -15,20 +15,22 @@ from typing import Any, ClassVar
 import numpy as np
 import stable_baselines3
 import torch
+from gymnasium import spaces
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
 from torch import Tensor, nn
 from torch.utils.tensorboard import SummaryWriter
 
-from agents.evaluation.tasks import task_of
-from agents.learned.policy import (
-    actor_decider,
-    load_actor,
-    policy_kwargs_with_features,
-    value_network,
+from agents.evaluation.task import task_of
+from agents.learned.policy import Actor, ObservationFeatures, actor_decider, read_actor
+from agents.learned.policy_file import (
+    LARGEST_WIDTH,
+    LAYOUTS,
+    SavedPolicy,
+    first_line,
+    unreadable_policy,
 )
-from agents.learned.policy_file import LAYOUTS, SavedPolicy, first_line, save_policy
 from agents.training import checkpoint, run_folder
 from agents.training.algorithm import Algorithm, OnRound, TrainingProgress
 from agents.training.library_settings import LibrarySettings
@@ -36,7 +38,8 @@ from agents.training.settings import learning_rate_schedule
 from agents.training.vec_env import HybridTrackVecEnv
 from baselines.rules import seeds
 from baselines.rules.decider import Decider
-from hybrid_env.checks import ArgumentError, reject
+from hybrid_env.checks import ArgumentError, check_integer, reject
+from hybrid_env.observation import Layout
 
 
 def plain_values(logged: Mapping[str, Any]) -> dict[str, Any]:
@@ -109,35 +112,52 @@ class _RunCallback(BaseCallback):
 
 
 class LibraryAlgorithm(Algorithm):
-    """Base class of the algorithms of Stable-Baselines3 and sb3-contrib.
+    """Base class of the algorithms of Stable-Baselines3 and sb3-contrib, named as theirs.
 
     `steps` is rounded up to a multiple of the rollout size. Recipes whose initial policy waits are
     refused where a mode is stated at every tick.
     """
 
     Settings: ClassVar[type[LibrarySettings]]
-    library_name: ClassVar[str]
-    """Of the class of the algorithm; what Stable-Baselines3 lacks is in sb3-contrib."""
     tasks = tuple(LAYOUTS)
     settings: LibrarySettings
 
     @classmethod
     def library_class(cls) -> Any:
-        """Return the class of the algorithm."""
-        if hasattr(stable_baselines3, cls.library_name):
-            return getattr(stable_baselines3, cls.library_name)
-        try:
-            import sb3_contrib
-        except ImportError:
-            allowed = 'sb3-contrib: pip install "hybrid-track[recurrent]"'
-            raise reject("algo", cls.name, allowed) from None
-        return getattr(sb3_contrib, cls.library_name)
+        """Return the class of the algorithm; what Stable-Baselines3 lacks is in sb3-contrib."""
+        library: Any = stable_baselines3
+        if not hasattr(library, cls.__name__):
+            try:
+                import sb3_contrib as library
+            except ImportError:
+                allowed = 'sb3-contrib: pip install "hybrid-track[recurrent]"'
+                raise reject("algo", cls.name, allowed) from None
+        return getattr(library, cls.__name__)
 
     @classmethod
     def load(cls, saved: SavedPolicy, options: Any) -> Decider:
         """See `Algorithm.load`."""
-        kind = cls.library_class().policy_aliases[cls.Settings.policy_name]
-        return actor_decider(load_actor(saved, kind, cls.Settings.check_network), options.switches)
+        try:
+            width = check_integer(
+                "observation_width", saved.card["observation_width"], maximum=LARGEST_WIDTH
+            )
+            cls.Settings.check_network(saved.entry["policy_kwargs"])
+            actor = cls.actor(saved.weights, saved.entry, width, LAYOUTS[saved.task])
+            return actor_decider(actor, options.switches)
+        except (KeyError, TypeError, ValueError, RuntimeError) as error:
+            raise unreadable_policy(saved.folder, error) from None
+
+    @staticmethod
+    def actor(
+        weights: Mapping[str, Tensor], entry: Mapping[str, Any], width: int, layout: type[Layout]
+    ) -> Actor:
+        """Return the actor of weights and of the hyper-parameters of a recipe or card."""
+        features = None
+        if observe := tuple(entry.get("observe", ())):
+            space = spaces.Box(-np.inf, np.inf, (width,), np.float32)
+            features = ObservationFeatures(space, observe, layout)
+        quantiles = entry["policy_kwargs"].get("n_quantiles", 200)
+        return read_actor(weights, features, width, quantiles=quantiles)
 
     def build(self) -> None:
         """Create model and environments; the initial policy waits if it can."""
@@ -146,8 +166,14 @@ class LibraryAlgorithm(Algorithm):
         scale = getattr(settings, "reward_scale", 1.0)
         env = HybridTrackVecEnv(self.env_id, settings.n_envs, scale, **self.options)
         self.world = env.env.options
+        self.switches = self.world.switches
         self.task = task_of(self.env_id, self.options)
         rate, decays = learning_rate_schedule(settings.learning_rate)
+        keywords = dict(settings.policy_kwargs)
+        if settings.observe:
+            observed = {"observe": settings.observe, "layout": type(env.env.world.layout)}
+            keywords["features_extractor_class"] = ObservationFeatures
+            keywords["features_extractor_kwargs"] = observed
         self.model = kind(
             settings.policy,
             env,
@@ -155,11 +181,7 @@ class LibraryAlgorithm(Algorithm):
             seed=self.seed,
             device="cpu",
             **settings.keywords,
-            policy_kwargs=policy_kwargs_with_features(
-                settings.policy_kwargs,
-                settings.observe,
-                type(env.env.world.layout),
-            ),
+            policy_kwargs=keywords,
         )
         if self.task.waits:
             self._prefer_waiting(settings.wait_bias)
@@ -180,7 +202,7 @@ class LibraryAlgorithm(Algorithm):
     @torch.no_grad()
     def _prefer_waiting(self, bias: float) -> None:
         policy = self.model.policy
-        values = value_network(policy)
+        values = getattr(policy, "q_net", None) or getattr(policy, "quantile_net", None)
         *_, last = (
             layer
             for layer in (values or policy.action_net).modules()
@@ -202,7 +224,11 @@ class LibraryAlgorithm(Algorithm):
         self.model.num_timesteps = steps
 
     def agent(self, title: str) -> Decider:
-        return actor_decider(self.model.policy, self.task.switches).changed(title=title)
+        layout = self.model.env.env.world.layout
+        actor = self.actor(
+            self.network.state_dict(), vars(self.settings), layout.width, type(layout)
+        )
+        return actor_decider(actor, self.switches).changed(title=title)
 
     def evaluate(self) -> None:
         """See `Algorithm.evaluate`; only if the actions are declarations of hypotheses or types, or
@@ -236,37 +262,34 @@ class LibraryAlgorithm(Algorithm):
             arrays |= {f"buffer.{name}": getattr(self.buffer, name) for name in names}
         return {name: torch.from_numpy(array) for name, array in arrays.items()}
 
+    @property
+    def _counters(self) -> list[str]:
+        names = "_n_updates", "_n_calls", "_episode_num", "exploration_rate"
+        return [name for name in names if hasattr(self.model, name)]
+
     def values(self) -> dict[str, Any]:
         model = self.model
-        values = {
+        values: dict[str, Any] = {
             "random": checkpoint.random_state(),
-            "updates": model._n_updates,
+            "counters": plain_values({name: getattr(model, name) for name in self._counters}),
             "logged": plain_values(model.logger.name_to_value),
             "episodes": [[episode["r"], episode["l"]] for episode in model.ep_info_buffer],
         }
         if self.buffer is not None:
-            values |= {
-                "calls": model._n_calls,
-                "finished": model._episode_num,
-                "exploration": float(model.exploration_rate),
-                "position": self.buffer.pos,
-                "full": self.buffer.full,
-                "actions": model.action_space.np_random.bit_generator.state,
-            }
+            values["buffer"] = [self.buffer.pos, self.buffer.full]
+            values["actions"] = model.action_space.np_random.bit_generator.state
         return values
 
     def restore_values(self, values: dict[str, Any]) -> None:
-        model, buffer = self.model, self.buffer
+        model = self.model
         checkpoint.check_tracks(model.env.env)
         self._restored = values
-        model._n_updates = values["updates"]
-        model.ep_info_buffer.extend(
-            {"r": reward, "l": ticks} for reward, ticks in values["episodes"]
-        )
-        if buffer is not None:
-            model._n_calls, model._episode_num = values["calls"], values["finished"]
-            model.exploration_rate = values["exploration"]
-            buffer.pos, buffer.full = values["position"], values["full"]
+        for name in self._counters:
+            setattr(model, name, values["counters"][name])
+        for reward, ticks in values["episodes"]:
+            model.ep_info_buffer.append({"r": reward, "l": ticks})
+        if self.buffer is not None:
+            self.buffer.pos, self.buffer.full = values["buffer"]
 
     def learn(self, on_progress: OnRound) -> None:
         model = self.model
@@ -306,9 +329,6 @@ class LibraryAlgorithm(Algorithm):
         finally:
             model.logger.close()
 
-    def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
-        sizes = {
-            "observation_width": self.model.observation_space.shape[0],
-            "actions": int(self.model.action_space.n),
-        }
-        save_policy(folder, self.network.state_dict(), card | sizes, self.world.switches)
+    def card(self) -> dict[str, Any]:
+        """See `Algorithm.card`; with the width of the rows."""
+        return super().card() | {"observation_width": self.model.observation_space.shape[0]}

@@ -65,18 +65,16 @@ def load_recipe(name: str, env_id: str, changes: Sequence[str] = ()) -> Recipe:
     entry = dict(entry)
     for change in changes:
         key, equals, text = change.partition("=")
-        if not equals:
-            raise reject("set", change, "name=value")
-        try:
-            value = parse_yaml(text)
-        except ValueError:
-            raise reject("set", change, "name=value with a value in YAML") from None
         *outer, last = key.split(".")
         place = entry
-        for part in outer:
-            if not isinstance(place.get(part, {}), dict):
-                raise reject("set", change, f"a single value for {part}")
-            place[part] = place = dict(place.get(part, {}))
+        try:
+            value = parse_yaml(text)
+            for part in outer:
+                place[part] = place = dict(place.get(part, {}))
+        except (TypeError, ValueError):
+            equals = ""
+        if not equals:
+            raise reject("set", change, "name=value with a value in YAML")
         place[last] = value
     if "algo" in entry:
         # A recipe is of the user, and so is the code that it names.
@@ -92,19 +90,11 @@ def recipe_of(name: str, entry: Mapping[str, Any]) -> Recipe:
     algo = entry.pop("algo", None)
     kind = find_algorithm(algo).Settings
     steps = check_integer("n_timesteps", entry.pop("n_timesteps", None), maximum=10**12)
-    known = {field.name: field for field in dataclasses.fields(kind)}
-    for key in entry:
-        if key not in known:
-            raise reject("hyper-parameter", key, ", ".join(known))
-    nothing = dataclasses.MISSING
-    missing = [
-        key
-        for key, field in known.items()
-        if field.default is nothing and field.default_factory is nothing and key not in entry
-    ]
-    if missing:
-        raise reject("recipe", name, f"an entry with {', '.join(missing)}")
-    settings = kind(**entry)
+    try:
+        settings = kind(**entry)
+    except TypeError as error:
+        known = ", ".join(field.name for field in dataclasses.fields(kind))
+        raise reject("recipe", name, f"an entry with some of {known} ({error})") from None
     recipe = Recipe(name, algo, steps, settings)
     try:
         json.dumps(recipe.as_json(), allow_nan=False)

@@ -17,7 +17,6 @@ except ImportError:
 
 CONFIG = "config.json"
 METRICS = "metrics.jsonl"
-LOCK = ".training.lock"
 
 
 def is_free(folder: Path) -> bool:
@@ -27,10 +26,10 @@ def is_free(folder: Path) -> bool:
     names = {path.name for path in folder.iterdir()}
     results = {
         name
-        for name in names - {LOCK, CONFIG}
+        for name in names - {".training.lock", CONFIG}
         if not name.startswith((PART_PREFIX, "events.out.tfevents"))
     }
-    return not names or (LOCK in names and not results)
+    return not names or (".training.lock" in names and not results)
 
 
 def delete_temporary_files(folder: Path) -> None:
@@ -45,7 +44,7 @@ def lock(folder: Path) -> Iterator[None]:
     """Context manager that locks a run folder; a lock ends with its process, also with a killed
     one.
     """
-    with (folder / LOCK).open("a", encoding="utf-8") as file:
+    with (folder / ".training.lock").open("a", encoding="utf-8") as file:
         if fcntl is not None:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

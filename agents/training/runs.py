@@ -33,9 +33,7 @@ def make_run(
         steps: environment steps, summed over tracks; None uses those of the recipe.
         resume: start from the checkpoint in the folder.
     """
-    check_integer("seed", seed, minimum=0)
-    if seed >= 2**31:
-        raise reject("seed", seed, "an integer below 2^31")
+    check_integer("seed", seed, minimum=0, maximum=2**31 - 1)
     steps = recipe.n_timesteps if steps is None else check_integer("steps", steps)
     kind: type[Algorithm] = find_algorithm(recipe.algo)
     return kind(env_id, options, recipe, seed, folder, steps, resume)

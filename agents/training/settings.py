@@ -1,19 +1,12 @@
 """Declared types of hyper-parameters, and those that several training algorithms have."""
 
-import dataclasses
-from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, Any, TypeAlias
 
-from annotated_types import Interval, MinLen
+from annotated_types import Interval
 
-from agents.learned.policy_file import LARGEST_HIDDEN
-from hybrid_env.checks import Checked, Count, Positive, checked, reject
-from hybrid_env.options import WorldOptions
-
-# Largest error probability at which a training track declares.
-LARGEST_ALPHA = 0.3
+from hybrid_env.checks import Checked, Positive, checked, reject
 
 
 def learning_rate_schedule(value: Any, name: str = "learning_rate") -> tuple[float, bool]:
@@ -50,52 +43,10 @@ Factor: TypeAlias = Annotated[float, Interval(gt=0.0, le=1.0)]
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainingWorld(Checked):
-    """One environment that an agent is trained in, and its number of tracks."""
-
-    # Parallel tracks.
-    n_envs: Count
-    # Registered id; None uses that of the run.
-    env: str | None = None
-    # Override those of the id and of the run.
-    options: Mapping[str, Any] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        known = {option.name for option in dataclasses.fields(WorldOptions)}
-        for name in self.options:
-            if name not in known:
-                raise reject("option", name, "an option of the environment")
-
-
-@dataclass(frozen=True, kw_only=True)
-class DrawnWorlds(Checked):
-    """Random environments that an agent is trained in, see `agents.evaluation.worlds`."""
-
-    # Number of radii of each bank.
-    radii: Count
-    # Number of environments at the same time.
-    worlds: Count
-    # Parallel tracks in each.
-    n_envs: Count
-
-
-@dataclass(frozen=True, kw_only=True)
 class NetworkSettings(Checked):
     """Hyper-parameters of all agents whose networks are of this package; base class."""
 
     # Units of each hidden layer.
-    hidden: Annotated[int, Interval(ge=1, le=LARGEST_HIDDEN)]
+    hidden: Annotated[int, Interval(ge=1, le=512)]
     # Constant, or "lin_" and the initial value for linear decay.
     learning_rate: LearningRate
-
-
-@dataclass(frozen=True, kw_only=True)
-class WorldsSettings(NetworkSettings):
-    """Hyper-parameters of an agent that is trained in several environments at the same time;
-    base class.
-    """
-
-    worlds: Annotated[tuple[TrainingWorld, ...], MinLen(1)]
-    # Random environments besides.
-    drawn_worlds: tuple[DrawnWorlds, ...] = ()

@@ -1,21 +1,82 @@
-"""Base class of the algorithms that train in several environments: those of the recipe, and
-random ones.
+"""What the algorithms for announced switches share: the environments of the recipe and random ones,
+and an agent in training that explores them.
 """
 
-from typing import Any
+import dataclasses
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
+from annotated_types import MinLen
 
-from agents.evaluation.worlds import draw_world
+from agents.learned.anchor_decider import AnchorDecider, Odds
 from agents.training.algorithm import NetworkAlgorithm
-from hybrid_env.checks import reject
+from agents.training.random_worlds import draw_world
+from agents.training.settings import NetworkSettings
+from baselines.rules import seeds
+from baselines.rules.decider import Actions, Decider, Observations
+from baselines.rules.rollout import Tick, rollout
+from hybrid_env.checks import BoolArray, Checked, Count, FloatArray, Share, reject
 from hybrid_env.options import WorldOptions
 from hybrid_env.registration import make_vector_env
+from hybrid_env.vector_env import HybridTrackVectorEnv
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingWorld(Checked):
+    """One environment that an agent is trained in, and its number of tracks."""
+
+    # Parallel tracks.
+    n_envs: Count
+    # Registered id; None uses that of the run.
+    env: str | None = None
+    # Override those of the id and of the run.
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        known = {option.name for option in dataclasses.fields(WorldOptions)}
+        for name in self.options:
+            if name not in known:
+                raise reject("option", name, "an option of the environment")
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrawnWorlds(Checked):
+    """Random environments that an agent is trained in, see `agents.training.random_worlds`."""
+
+    # Number of radii of each bank.
+    radii: Count
+    # Number of environments at the same time.
+    worlds: Count
+    # Parallel tracks in each.
+    n_envs: Count
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorldsSettings(NetworkSettings):
+    """Hyper-parameters of an agent that is trained in several environments; base class."""
+
+    # One episode of each track in every round.
+    worlds: Annotated[tuple[TrainingWorld, ...], MinLen(1)]
+    # Random environments besides, new ones in every round.
+    drawn_worlds: tuple[DrawnWorlds, ...] = ()
+    # Probability that a declaration is replaced by a random hypothesis. Anchors after a wrong
+    # decision are rare under a good policy; without random declarations, decisions from them take
+    # three times as long.
+    random_declarations: Share = 0.0
 
 
 class WorldsAlgorithm(NetworkAlgorithm):
-    """An algorithm with `WorldsSettings`."""
+    """Trains the anchor agent; base class of the two stages.
 
+    A round is determined by its number: a checkpoint between two rounds needs no tracks.
+    """
+
+    smallest_factor: ClassVar[float] = 0.02
+    decider = AnchorDecider
     settings: Any
     world: WorldOptions
 
@@ -31,20 +92,104 @@ class WorldsAlgorithm(NetworkAlgorithm):
             self._fixed.append((env.options, training_world.n_envs))
         for world in (self.world, *(world for world, _ in self._fixed)):
             if world.actions != "all":
-                raise reject(
-                    "actions",
-                    world.actions,
-                    "'all' for an agent that declares hypotheses",
-                )
+                allowed = "'all' for an agent that declares hypotheses"
+                raise reject("actions", world.actions, allowed)
 
-    def all_worlds(self, generator: np.random.Generator) -> list[tuple[WorldOptions, int]]:
-        """Return the environments of the recipe and new random ones, each with its number of
-        tracks.
+    @property
+    def first_seed(self) -> int:
+        """Seed of the present round."""
+        return seeds.TRAINING + self.seed * 10**9 + self.rounds * 10**4
+
+    def explorers(self, generator: np.random.Generator) -> Iterator["Explorer"]:
+        """Return an agent that explores one episode of every track, for each environment of a
+        round: those of the recipe, and new random ones.
         """
         worlds = list(self._fixed)
         for drawn in self.settings.drawn_worlds:
             worlds += [
-                (WorldOptions.of(**draw_world(generator, drawn.radii)), drawn.n_envs)
+                (WorldOptions(**draw_world(generator, drawn.radii)), drawn.n_envs)
                 for _ in range(drawn.worlds)
             ]
-        return worlds
+        worlds = [(self.changed_world(world, generator), tracks) for world, tracks in worlds]
+        seed = self.first_seed
+        for world, tracks in worlds:
+            yield Explorer(self, world, tracks, seed, generator)
+            seed += tracks
+
+    def changed_world(self, world: WorldOptions, generator: np.random.Generator) -> WorldOptions:
+        """Return the options of an environment in this round."""
+        return world
+
+    @abstractmethod
+    def draw_margins(self, generator: np.random.Generator, tracks: int) -> FloatArray:
+        """Return the thresholds (N,) of a segment on the log-odds of declaring."""
+
+
+class Seen(NamedTuple):
+    """What an agent has seen of N tracks at a tick, and what it has done."""
+
+    odds: Odds
+    # (N,) threshold of the segment.
+    margin: FloatArray
+    # (N,) that declare.
+    stops: BoolArray
+    # See `AnchorState`.
+    anchors: Any
+    # (N, 4) true states.
+    truth: FloatArray
+
+
+class Explorer(Decider):
+    """The agent in training on one episode of each track of an environment; it remembers what it
+    has seen.
+    """
+
+    def __init__(
+        self,
+        algorithm: WorldsAlgorithm,
+        world: WorldOptions,
+        tracks: int,
+        seed: int,
+        generator: np.random.Generator,
+    ):
+        self.algorithm, self.world, self.seed = algorithm, world, seed
+        self.agent = AnchorDecider(algorithm.net, world)
+        self.observes = self.agent.observes
+        self.observe = self.agent.observe  # type: ignore[method-assign]
+        self.generator = generator
+        # The trace holds a segment that is decided at once, and the first tick of the next one.
+        self.env = HybridTrackVectorEnv(tracks, trace_rows=world.longest_segment + 1, **vars(world))
+        self.seen: list[Seen] = []
+
+    def decide(
+        self,
+        observation: Observations,
+        state: Any,
+        episode_start: Any,
+    ) -> tuple[Actions, Any]:
+        """See `Decider.decide`. The state is that of the agent, and the thresholds (N,)."""
+        inner, margin = state or (None, np.zeros(len(observation)))
+        odds, inner = self.agent.odds(observation, inner, episode_start)
+        drawn = self.algorithm.draw_margins(self.generator, len(margin))
+        margin = np.where(odds.ratios.read("ticks") < 1.5, drawn, margin)
+        stops = (odds.logits > margin) | (odds.ratios.read("ticks_left") < 0.5)
+        truth = self.env.world.field("truth")
+        self.seen.append(Seen(odds, margin, stops, inner.anchors, truth))
+        actions = self.agent.declarations(odds, stops)
+        if share := self.algorithm.settings.random_declarations:
+            replaced = stops & (self.generator.random(len(stops)) < share)
+            modes = self.generator.integers(self.world.hypotheses, size=len(stops))
+            actions = np.where(replaced, modes + 1, actions)
+        return actions, (inner, margin)
+
+    def ticks(self) -> Iterator[tuple[Tick, Seen, BoolArray]]:
+        """Run the episodes; yield every step, what was seen before it, and the tracks (N,) whose
+        episode still went on.
+        """
+        going = np.ones(self.env.num_envs, np.bool_)
+        for now in rollout(self.env, self, self.seed):
+            if now.step:
+                yield now, self.seen[-1], going
+                going = going & ~now.terminated
+            if not going.any():
+                return

@@ -9,28 +9,21 @@ b = 1 / (m + r). The log-likelihood of the innovation is exact for Student-t; fo
 of the density that belongs to the loss, with the scale of the innovation.
 """
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from typing import Annotated, Protocol
 
 import numpy as np
 from annotated_types import Interval
 from scipy.special import gammaln, ndtr
 
-from hybrid_env.checks import BoolArray, Checked, FloatArray, Positive
+from hybrid_env.checks import Checked, FloatArray, Positive
 
 LOG_TWO_PI = float(np.log(2.0 * np.pi))
 
 
-class Factors(NamedTuple):
-    """Correction by one component of a measurement, (B,) each."""
-
-    # a, of the state [1/m^2].
-    state: FloatArray
-    # b, of its covariance [1/m^2].
-    covariance: FloatArray
-    # Of the innovation.
-    log_likelihood: FloatArray
+# Corrections a and b by one component of a measurement [1/m^2], and the log-likelihood of its
+# innovation, (B,) each.
+Factors = tuple[FloatArray, FloatArray, FloatArray]
 
 
 def gaussian_factors(
@@ -42,13 +35,12 @@ def gaussian_factors(
     total = predicted + variance
     precision = 1.0 / total
     log_likelihood = -0.5 * (innovation**2 * precision + np.log(total) + LOG_TWO_PI)
-    return Factors(precision, precision, log_likelihood)
+    return precision, precision, log_likelihood
 
 
-class Robust(Checked, ABC):
+class Robust(Protocol):
     """A robust correction."""
 
-    @abstractmethod
     def factors(
         self,
         innovation: FloatArray,
@@ -61,7 +53,7 @@ class Robust(Checked, ABC):
 
 
 @dataclass(frozen=True)
-class Huber(Robust):
+class Huber(Checked):
     """Huber's loss: quadratic up to a threshold, then linear. Huber 1964; Durovic & Kovacevic 1999.
 
     The estimate is the maximum of the posterior with a Gaussian prediction and this loss of the
@@ -94,11 +86,11 @@ class Huber(Robust):
         # Of exp(-loss) over all numbers.
         integral = inside + 2.0 / k * np.exp(-0.5 * k * k)
         log_likelihood = -loss - 0.5 * np.log(total) - np.log(integral)
-        return Factors(precision, precision, log_likelihood)
+        return precision, precision, log_likelihood
 
 
 @dataclass(frozen=True)
-class StudentT(Robust):
+class StudentT(Checked):
     """Measurement noise with a Student-t distribution.
 
     Student-t noise is Gaussian with the variance r / w, and w has a gamma distribution; the
@@ -140,112 +132,42 @@ class StudentT(Robust):
         norm = share.sum(-1)
         mean = (share * precision).sum(-1) / norm
         spread = (share * (precision - mean[:, None]) ** 2).sum(-1) / norm
-        return Factors(mean, mean - squares * spread, largest + np.log(norm))
-
-
-@dataclass(frozen=True)
-class Correntropy(Robust):
-    """Maximum of the correntropy of prediction and measurement. Chen, Liu, Zhao & Principe 2017,
-    algorithm 1: residuals of both, in their standard deviations, have weights exp(-residual^2 / (2
-    width^2)), by fixed-point iterations. The covariance is that of the gain with the assumed
-    variances; a large width gives the Kalman filter.
-    """
-
-    width: Positive = 3.0
-
-    def factors(
-        self,
-        innovation: FloatArray,
-        predicted: FloatArray,
-        variance: FloatArray,
-    ) -> Factors:
-        """See `Robust.factors`."""
-        # From the prediction on.
-        gain = np.zeros_like(predicted)
-        squares = innovation**2
-        least = 1e-12
-        scale = 2.0 * self.width**2
-        for _ in range(10):
-            of_prediction = np.exp(-squares * gain**2 / (scale * predicted))
-            of_measurement = np.exp(-squares * (1.0 - gain) ** 2 / (scale * variance))
-            ratio = np.maximum(of_measurement, least) / np.maximum(of_prediction, least)
-            gain = predicted * ratio / (predicted * ratio + variance)
-        state = gain / predicted
-        total = predicted + variance / np.maximum(ratio, least)
-        log_likelihood = -0.5 * (squares / total + np.log(total) + LOG_TWO_PI)
-        return Factors(state, state * (2.0 - state * (predicted + variance)), log_likelihood)
-
-
-class PrincipalNoise(NamedTuple):
-    """Covariances of measurements along their principal axes."""
-
-    # (d,) or (..., d) [m^2]
-    variances: FloatArray
-    # (d, d) or (..., d, d) unit vectors as columns; None if they are the axes of the positions.
-    axes: FloatArray | None
-
-    def of(self, tracks: BoolArray) -> "PrincipalNoise":
-        """Return the covariances of the tracks selected by a mask (B,)."""
-        variances, axes = self
-        variances = variances[tracks] if variances.ndim == 2 else variances
-        return PrincipalNoise(variances, axes if axes is None or axes.ndim == 2 else axes[tracks])
-
-
-def principal_noise(covariance: FloatArray) -> PrincipalNoise:
-    """Return the principal axes of covariances of measurements, (d, d) or (..., d, d)."""
-    diagonal = np.diagonal(covariance, axis1=-2, axis2=-1)
-    if np.count_nonzero(covariance) == np.count_nonzero(diagonal):
-        return PrincipalNoise(diagonal.copy(), None)
-    variances, axes = np.linalg.eigh(covariance)
-    return PrincipalNoise(variances, axes)
+        return mean, mean - squares * spread, largest + np.log(norm)
 
 
 def correct(
     state: FloatArray,
     covariance: FloatArray,
     measurement: FloatArray,
-    noise: PrincipalNoise,
+    variances: FloatArray,
+    axes: FloatArray,
     robust: Robust | None = None,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Correct predicted estimates, (..., n) and (..., n, n), by measured positions (..., d) [m].
-    `robust` says how components far from the prediction are used; None is the Kalman filter.
-    Returns estimates, covariances, and (...) the log-likelihood of the measurement and its squared
-    innovation in units of its covariance.
+    """Correct predicted estimates, (B, n) and (B, n, n), by measured positions (B, d) [m].
+
+    Args:
+        state, covariance, measurement: see above.
+        variances, axes: (B, d) [m^2] and (B, d, d), eigenvalues and eigenvectors, as columns, of
+            the covariances of the measurements.
+        robust: how components far from the prediction are used; None is the Kalman filter.
+
+    Returns:
+        estimates, covariances, and (B,) the log-likelihood of the measurement and its squared
+        innovation in units of its covariance.
     """
-    state = state.copy()
-    covariance = covariance.copy()
-    lead = state.shape[:-1]
-    d = measurement.shape[-1]
-    m = state.shape[-1] // d
-    variances = np.broadcast_to(noise.variances, (*lead, d))
-    log_likelihood = np.zeros(lead)
-    nis = np.zeros(lead)
-    for i in range(d):
-        variance = variances[..., i]
-        if noise.axes is None:
-            cross = covariance[..., m * i].copy()
-            innovation = measurement[..., i] - state[..., m * i]
-            predicted = cross[..., m * i].copy()
-        else:
-            axis = np.broadcast_to(noise.axes[..., i], (*lead, d))
-            # P h.
-            cross = (covariance[..., ::m] @ axis[..., None])[..., 0]
-            innovation = ((measurement - state[..., ::m]) * axis).sum(-1)
-            predicted = (cross[..., ::m] * axis).sum(-1)
-        factors = (gaussian_factors if robust is None else robust.factors)(
-            innovation,
-            predicted,
-            variance,
-        )
-        state += cross * (factors.state * innovation)[..., None]
-        covariance -= (cross * factors.covariance[..., None])[..., :, None] * cross[..., None, :]
-        if noise.axes is None:
-            # m / (m + r) is close to 1 for very accurate measurements: 1 - m b is then r b.
-            exact = variance * factors.covariance
-            left = exact if robust is None else 1.0 - predicted * factors.covariance
-            after = cross * left[..., None]
-            covariance[..., m * i] = after
-            covariance[..., m * i, :] = after
-        log_likelihood += factors.log_likelihood
+    m = state.shape[-1] // measurement.shape[-1]
+    factors = gaussian_factors if robust is None else robust.factors
+    log_likelihood = np.zeros(len(state))
+    nis = np.zeros(len(state))
+    for variance, axis in zip(variances.T, np.moveaxis(axes, -1, 0), strict=True):
+        # P h.
+        cross = (covariance[..., ::m] @ axis[..., None])[..., 0]
+        innovation = ((measurement - state[..., ::m]) * axis).sum(-1)
+        predicted = (cross[..., ::m] * axis).sum(-1)
+        of_state, of_covariance, log_density = factors(innovation, predicted, variance)
+        state = state + cross * (of_state * innovation)[:, None]
+        removed = of_covariance[:, None, None] * cross[:, :, None] * cross[:, None, :]
+        covariance = covariance - removed
+        log_likelihood += log_density
         nis += innovation**2 / (predicted + variance)
     return state, covariance, log_likelihood, nis

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import logsumexp
 
 from baselines.estimation.kalman import KalmanFilter, resized
 from baselines.estimation.motion_models import check_per_item
 from baselines.estimation.track_filter import TrackFilter
-from hybrid_env.checks import FloatArray, Moments, check_array, check_covariance, reject
+from hybrid_env.checks import FloatArray, Moments, check_array, reject
 
 
 def mixture(
@@ -31,17 +32,6 @@ def mixture(
     tracks, count, size = state.shape
     mixed = (weights @ square.reshape(tracks, count, size * size)).reshape(*mean.shape, size)
     return mean, mixed - centre[..., :, None] * centre[..., None, :]
-
-
-def log_sum(logarithms: FloatArray) -> FloatArray:
-    """Return logarithms of sums of numbers along the second axis, without overflow;
-    of nothing but zeros -inf.
-    """
-    largest = logarithms.max(1, keepdims=True)
-    finite = np.where(np.isinf(largest), 0.0, largest)
-    with np.errstate(divide="ignore"):
-        total = np.log(np.exp(logarithms - finite).sum(1, keepdims=True)) + finite
-    return total.squeeze(1)
 
 
 class IMMFilter(TrackFilter):
@@ -67,11 +57,9 @@ class IMMFilter(TrackFilter):
 
     def __init__(self, filters: Sequence[KalmanFilter], sojourns: float | ArrayLike):
         orders = [track_filter.order for track_filter in filters]
-        for track_filter in filters:
-            if track_filter.order > min(orders) and track_filter.start_variances is None:
-                raise reject(
-                    "filters", track_filter.model.name, "start_deviations of the larger models"
-                )
+        for each in filters:
+            if each.order > min(orders) and each.start_variances is None:
+                raise reject("filters", each.model.name, "start_deviations of the larger models")
         self.filters = list(filters)
         count = len(filters)
         self.axes = filters[0].axes
@@ -93,11 +81,7 @@ class IMMFilter(TrackFilter):
         """Estimates of the models, (B, M, n), and their covariances, (B, M, n, n)."""
         return self._estimates_with(self.order, None)
 
-    def _estimates_with(
-        self,
-        order: int,
-        variances: FloatArray | None,
-    ) -> Moments:
+    def _estimates_with(self, order: int, variances: FloatArray | None) -> Moments:
         """Return the estimates of the models with the same number of values per axis, see
         `resized`.
         """
@@ -108,29 +92,38 @@ class IMMFilter(TrackFilter):
         state, covariance = (np.stack(values, axis=1) for values in zip(*parts, strict=True))
         return state, covariance
 
-    def begin_from_models(
-        self,
-        probabilities: ArrayLike,
-        states: ArrayLike,
-        covariances: ArrayLike,
-    ) -> None:
-        """Forget everything and begin all tracks with probabilities (B, M) and `estimates` of
-        the models.
+    def begin(self, tracks: int) -> None:
+        """See `TrackFilter.begin`."""
+        for track_filter in self.filters:
+            track_filter.begin(tracks)
+        self._log_probabilities = np.tile(np.log(self._stationary), (tracks, 1))
+        self._merge()
+        self._no_measurement()
 
-        Derivatives that a model lacks are not used.
+    def begin_from(
+        self,
+        state: ArrayLike,
+        covariance: ArrayLike,
+        probabilities: ArrayLike | None = None,
+    ) -> None:
+        """Forget everything and begin all tracks with estimates (B, n), or (B, M, n) of the models
+        as `estimates`, and their covariances (n, n), (B, n, n) or (B, M, n, n).
+
+        Derivatives that a model lacks are not used. `probabilities`, (B, M), are of the models;
+        None uses those of a long time.
         """
-        count = len(self.filters)
-        size = self.axes * self.order
-        weights = check_array("probabilities", probabilities, (None, count))
-        means = check_array("states", states, (len(weights), count, size))
-        matrices = check_array("covariances", covariances, (len(weights), count, size, size))
-        matrices = check_covariance("covariances", matrices, definite=False)
-        self._begin(len(weights))
-        self._log_probabilities = np.log(np.maximum(weights, self.smallest))
+        means = np.asarray(state, float)
+        matrices = np.asarray(covariance, float)
+        self.begin(len(means))
+        if probabilities is not None:
+            shares = check_array("probabilities", probabilities, self._log_probabilities.shape)
+            self._log_probabilities = np.log(np.maximum(shares, self.smallest))
         for j, track_filter in enumerate(self.filters):
-            track_filter._set(
-                *resized(means[:, j], matrices[:, j], self.axes, track_filter.order, None)
-            )
+            mean = means if means.ndim == 2 else means[:, j]
+            matrix = matrices[:, j] if matrices.ndim == 4 else matrices
+            spread = np.broadcast_to(matrix, (*mean.shape, mean.shape[-1]))
+            each = resized(mean, spread, self.axes, track_filter.order, None)
+            track_filter.begin_from(*each)
         self._merge()
 
     def transition(self, dt: float | FloatArray) -> FloatArray:
@@ -141,26 +134,12 @@ class IMMFilter(TrackFilter):
         steps = (self._vectors * powers[..., None, :]) @ self._inverse
         return np.clip(np.real(steps), 0.0, 1.0)
 
-    def _begin(self, tracks: int) -> None:
-        for track_filter in self.filters:
-            track_filter._begin(tracks)
-        self._log_probabilities = np.log(
-            np.broadcast_to(self._stationary, (tracks, len(self.filters)))
-        ).copy()
-        self._merge()
-        self._no_measurement()
-
-    def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
-        assert covariance is not None
-        for track_filter in self.filters:
-            track_filter._set(*resized(state, covariance, self.axes, track_filter.order, None))
-        self._merge()
-
-    def _predict(self, dt: float | FloatArray) -> None:
+    def predict(self, dt: float | FloatArray) -> None:
+        """See `TrackFilter.predict`."""
         with np.errstate(divide="ignore"):
             # Before, after.
             joint = np.log(self.transition(dt)) + self._log_probabilities[:, :, None]
-        after = log_sum(joint)
+        after = logsumexp(joint, axis=1)
         # Of the filters before the step, in row j for model j.
         weights = np.exp(joint - after[:, None, :]).swapaxes(1, 2)
         mixed = [
@@ -171,32 +150,29 @@ class IMMFilter(TrackFilter):
             for j, track_filter in enumerate(self.filters)
         ]
         for track_filter, (state, covariance) in zip(self.filters, mixed, strict=True):
-            track_filter._set(state[:, 0], covariance[:, 0])
-            track_filter._predict(dt)
+            track_filter.state = state[:, 0]
+            track_filter.covariance = covariance[:, 0]
+            track_filter.predict(dt)
         self._log_probabilities = np.maximum(after, np.log(self.smallest))
         self._merge()
 
-    def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
+    def update(self, measurement: ArrayLike, noise: FloatArray | None = None) -> None:
+        """See `TrackFilter.update`."""
         noises = [track_filter.noise if noise is None else noise for track_filter in self.filters]
-        of_models = sum(
-            p[:, None, None] * covariance
-            for p, covariance in zip(self.probabilities.T, noises, strict=True)
+        spread = self.covariance[:, :: self.order, :: self.order] + sum(
+            p[:, None, None] * each for p, each in zip(self.probabilities.T, noises, strict=True)
         )
-        spread = self.covariance[:, :: self.order, :: self.order] + of_models
-        innovation = measurement - self.position
-        used = ~np.isnan(innovation).any(1)
-        self.nis = np.full(len(innovation), np.nan)
-        solved = np.linalg.solve(spread[used], innovation[used][..., None])[..., 0]
-        self.nis[used] = (innovation[used] * solved).sum(-1)
+        # NaN without a measurement.
+        innovation = (np.asarray(measurement, float) - self.position)[..., None]
+        nis = innovation.mT @ np.linalg.inv(spread) @ innovation
+        self.nis = nis[:, 0, 0]
         for track_filter in self.filters:
-            track_filter._update(measurement, noise)
+            track_filter.update(measurement, noise)
         each = np.stack([track_filter.log_likelihood for track_filter in self.filters], axis=-1)
         joint = self._log_probabilities + each
-        self.log_likelihood = log_sum(joint)
-        self._log_probabilities = np.maximum(
-            joint - self.log_likelihood[:, None],
-            np.log(self.smallest),
-        )
+        self.log_likelihood = logsumexp(joint, axis=1)
+        posterior = joint - self.log_likelihood[:, None]
+        self._log_probabilities = np.maximum(posterior, np.log(self.smallest))
         self._merge()
 
     def _merge(self) -> None:

@@ -3,10 +3,18 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baselines.estimation.correction import Robust, correct, principal_noise
+from baselines.estimation.correction import Robust, correct
 from baselines.estimation.motion_models import MotionModel, check_per_item
-from baselines.estimation.track_filter import TrackFilter, measurement_covariance
-from hybrid_env.checks import FloatArray, IntArray, Moments, reject
+from baselines.estimation.track_filter import TrackFilter
+from hybrid_env.checks import (
+    BoolArray,
+    FloatArray,
+    Moments,
+    check_array,
+    check_covariance,
+    dimensions,
+    reject,
+)
 
 
 class KalmanFilter(TrackFilter):
@@ -17,9 +25,9 @@ class KalmanFilter(TrackFilter):
 
     Args:
         model: motion and process noise.
-        noise: covariance of a measurement [m^2]: a variance, (d,) variances, or a matrix (d, d) or
-            (B, d, d). With a robust update it is the covariance (of a Student-t the scale matrix)
-            of good measurements.
+        noise: covariance of a measurement [m^2]: a variance, (d,) variances, or a matrix (d, d).
+            With a robust update it is the covariance (of a Student-t the scale matrix) of good
+            measurements.
         start_deviations: (m - 1,) standard deviations of velocity [m/s], acceleration [m/s^2] and
             jerk [m/s^3] at the start of a track. None if tracks begin with `begin_from`.
         robust: how measurements far from the prediction are used; None is the plain filter.
@@ -38,74 +46,73 @@ class KalmanFilter(TrackFilter):
         self.robust = robust
         self.axes = model.axes
         self.order = model.order
-        self.noise = measurement_covariance("noise", noise, self.axes)
-        self._principal = principal_noise(self.noise)
+        matrix = (
+            np.diag(check_per_item("noise", noise, self.axes)) if dimensions(noise) < 2 else noise
+        )
+        self.noise = check_covariance("noise", check_array("noise", matrix, (self.axes, self.axes)))
+        # Variances and axes of independent components of a measurement.
+        self._components = np.linalg.eigh(self.noise)
         self.start_variances: FloatArray | None = None
         if start_deviations is not None:
             deviations = check_per_item("start_deviations", start_deviations, self.order - 1)
             self.start_variances = deviations**2
-        # Matrices of the last time step, if it was equal for all tracks.
-        self._step = np.nan, np.empty(0), np.empty(0)
 
-    def _begin(self, tracks: int) -> None:
-        size = self.model.size
-        self.state = np.full((tracks, size), np.nan)
-        self.covariance = np.full((tracks, size, size), np.nan)
+    def begin(self, tracks: int) -> None:
+        """See `TrackFilter.begin`."""
+        self.state = np.full((tracks, self.model.size), np.nan)
+        self.covariance = np.full((tracks, self.model.size, self.model.size), np.nan)
         self._no_measurement()
 
-    def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
-        assert covariance is not None
-        self.state = state
-        self.covariance = covariance
+    def begin_from(self, state: ArrayLike, covariance: ArrayLike) -> None:
+        """Forget everything and begin all tracks with estimates (B, n), and their covariances
+        (n, n) or (B, n, n).
+        """
+        self.state = check_array("state", state, (None, self.model.size))
+        shape = (self.tracks, self.model.size, self.model.size)
+        each = check_array("covariance", np.broadcast_to(covariance, shape), shape)
+        self.covariance = check_covariance("covariance", each, definite=False)
+        self._no_measurement()
 
-    def _predict(self, dt: float | FloatArray) -> None:
-        step = dt if isinstance(dt, float) else np.nan
-        if self._step[0] != step:
-            self._step = step, self.model.transition(dt), self.model.step_noise(dt)
-        matrices = *self._step[1:], np.asarray(self.model.noise)
-        self.state, self.covariance = propagate(self.state, self.covariance, *matrices)
+    def predict(self, dt: float | FloatArray) -> None:
+        """See `TrackFilter.predict`."""
+        self.state, self.covariance = propagate(self.model, self.state, self.covariance, dt)
 
-    def _start(self, chosen: IntArray, measurement: FloatArray, noise: FloatArray) -> None:
-        """Begin some tracks with their first measurements."""
+    def update(self, measurement: ArrayLike, noise: FloatArray | None = None) -> None:
+        """See `TrackFilter.update`."""
+        size = self.tracks, self.axes
+        values = check_array("measurement", measurement, size, missing=True)
+        variances, axes = self._components if noise is None else np.linalg.eigh(noise)
+        variances = np.broadcast_to(variances, size)
+        axes = np.broadcast_to(axes, (*size, self.axes))
+        self._no_measurement()
+        measured = ~np.isnan(values).any(1)
+        begun = ~np.isnan(self.state[:, 0])
+        used = measured & begun
+        results = correct(
+            self.state[used],
+            self.covariance[used],
+            values[used],
+            variances[used],
+            axes[used],
+            self.robust,
+        )
+        self.state[used], self.covariance[used], self.log_likelihood[used], self.nis[used] = results
+        if (measured & ~begun).any():
+            self._start(measured & ~begun, values, self.noise if noise is None else noise)
+
+    def _start(self, chosen: BoolArray, measurement: FloatArray, noise: FloatArray) -> None:
+        """Begin some tracks, (B,), with their first measurements (B, d)."""
         if self.start_variances is None:
-            raise reject(
-                "start_deviations",
-                None,
-                "numbers, or a start of all tracks by begin_from()",
-            )
-        noises = np.broadcast_to(noise, (self.tracks, *noise.shape[-2:]))[chosen]
+            allowed = "numbers, or a start of all tracks by begin_from()"
+            raise reject("start_deviations", None, allowed)
+        noises = np.broadcast_to(noise, (self.tracks, self.axes, self.axes))
         self.state[chosen], self.covariance[chosen] = resized(
             measurement[chosen],
-            noises,
+            noises[chosen],
             self.axes,
             self.order,
             self.start_variances,
         )
-
-    def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
-        noise = self.noise if noise is None else noise
-        principal = self._principal if noise is self.noise else principal_noise(noise)
-        self._no_measurement()
-        measured = ~np.isnan(measurement[:, 0])
-        begun = ~np.isnan(self.state[:, 0])
-        used = measured & begun
-        if used.all():
-            results = correct(self.state, self.covariance, measurement, principal, self.robust)
-            self.state, self.covariance, self.log_likelihood, self.nis = results
-            return
-        if used.any():
-            self.state[used], self.covariance[used], self.log_likelihood[used], self.nis[used] = (
-                correct(
-                    self.state[used],
-                    self.covariance[used],
-                    measurement[used],
-                    principal.of(used),
-                    self.robust,
-                )
-            )
-        first = np.flatnonzero(measured & ~begun)
-        if first.size:
-            self._start(first, measurement, noise)
 
 
 def resized(
@@ -121,8 +128,6 @@ def resized(
     """
     tracks, size = state.shape
     m = size // axes
-    if m == order:
-        return state, covariance
     common = min(m, order)
     mean = np.zeros((tracks, axes, order))
     mean[:, :, :common] = state.reshape(tracks, axes, m)[:, :, :common]
@@ -138,36 +143,15 @@ def resized(
 
 
 def propagate(
+    model: MotionModel,
     state: FloatArray,
     covariance: FloatArray,
-    transition: FloatArray,
-    step_noise: FloatArray,
-    intensity: FloatArray,
+    dt: float | FloatArray,
 ) -> Moments:
-    """Return predicted estimates (..., n) and covariances F P F' + Q, (..., n, n). F and Q consist
-    of d equal blocks of m values, one for each axis of CV, CA and CJ, given as (m, m) or (..., m,
-    m), and Q has an intensity (d,) for each. A coordinated turn, whose axes depend on each other,
-    has one block, and m = n.
+    """Return predicted estimates (..., n) and covariances F P F' + Q, (..., n, n), after a time
+    step [s], one number or (...).
     """
-    size = state.shape[-1]
-    m = transition.shape[-1]
-    lead = state.shape[:-1]
-    d = size // m
-    half = times_transition(covariance, transition).swapaxes(-1, -2)
-    full = times_transition(half, transition).reshape(*lead, d, m, d, m)
-    for axis in range(d):
-        full[..., axis, :, axis, :] += intensity[axis] * step_noise
-    full = full.reshape(*lead, size, size)
-    # Rounding errors that are not symmetric would grow in corrections along other axes than x and
-    # y.
-    return times_transition(state, transition), 0.5 * (full + full.swapaxes(-1, -2))
-
-
-def times_transition(values: FloatArray, transition: FloatArray) -> FloatArray:
-    """Return states F' or matrices P F', (..., n), for a transition F of equal blocks, see
-    `propagate`.
-    """
-    m = transition.shape[-1]
-    # Equal steps: one product.
-    shape = (-1, m) if transition.ndim == 2 else (*transition.shape[:-2], -1, m)
-    return (values.reshape(shape) @ transition.swapaxes(-1, -2)).reshape(values.shape)
+    transition, noise = model.matrices(dt)
+    predicted = transition @ covariance @ transition.mT + noise
+    # Rounding errors that are not symmetric would grow.
+    return (transition @ state[..., None])[..., 0], 0.5 * (predicted + predicted.mT)

@@ -16,13 +16,6 @@ from numpy.typing import ArrayLike
 
 from hybrid_env.checks import Checked, Count, FloatArray, check_array, dimensions, reject
 
-# Number of values per axis, m, of each model.
-ORDERS = {
-    "CV": 2,
-    "CA": 3,
-    "CJ": 4,
-}
-
 
 def check_per_item(
     name: str,
@@ -62,12 +55,20 @@ class MotionModel(Checked):
     @property
     def order(self) -> int:
         """Number of values per axis, m."""
-        return ORDERS[self.name]
+        return {"CV": 2, "CA": 3, "CJ": 4}[self.name]
 
     @property
     def size(self) -> int:
         """Number of values of the state, n = d m."""
         return self.axes * self.order
+
+    def matrices(self, dt: float | FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Transition matrix F and covariance Q of the process noise of the whole state, (n, n) or
+        (B, n, n), for a time step [s] or (B,) of them.
+        """
+        transition = np.kron(np.eye(self.axes), self.transition(dt))
+        noise = np.kron(np.diag(np.asarray(self.noise)), self.step_noise(dt))
+        return np.asarray(transition, np.float64), np.asarray(noise, np.float64)
 
     def transition(self, dt: float | FloatArray) -> FloatArray:
         """Transition matrix of one axis, (m, m) or (B, m, m), for a time step [s] or (B,) of

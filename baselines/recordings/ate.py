@@ -22,7 +22,6 @@ from hybrid_env.checks import (
     IntArray,
     check_array,
     check_choice,
-    check_flag,
     check_integer,
     checked,
     dimensions,
@@ -33,7 +32,6 @@ from hybrid_env.compiled import (
     LANES,
     FilterModel,
     PublishedBank,
-    State,
     bank_arrays,
     begin_published,
     compiled,
@@ -46,17 +44,7 @@ from hybrid_env.compiled import (
     set_estimate,
     step_published,
 )
-from hybrid_env.limits import TickLength, VelocityVariance, axis_variances, distinct_radii
-
-
-class Filters(NamedTuple):
-    """A bank and its model, as arguments of compiled functions. A run uses the first lane."""
-
-    # Of one block.
-    bank: PublishedBank
-    # (n,) [m]
-    radii: FloatArray
-    model: FilterModel
+from hybrid_env.limits import Quantity, QuantityOrZero, axis_variances, distinct_radii
 
 
 class Tracks(NamedTuple):
@@ -90,65 +78,23 @@ class Rule(NamedTuple):
     lower: float
     straight_reference: bool
     keep: bool
-    recalculates: bool
-    # Before the recalculation, the estimate of the decided filter, or all of all filters.
-    restores_estimate: bool
-    restores_all: bool
+    # Index into `RECALCULATIONS`.
+    recalculation: int
     refine: bool
 
 
-@internal
-def _write_estimate(
-    bank: PublishedBank,
-    mode: int,
-    estimate: FloatArray,
-    covariance: FloatArray,
-) -> None:
-    """Write the estimate, (4,), and the covariance, (2, 3), of one hypothesis of the first lane."""
-    for k, value in enumerate(estimate_of(bank.hypotheses, mode, 0)):
-        estimate[k] = value
-    triangle = covariance_published(bank, mode, 0)
-    covariance[0, 0] = triangle[0]
-    covariance[0, 1] = triangle[1]
-    covariance[0, 2] = triangle[4]
-    covariance[1, 0] = triangle[7]
-    covariance[1, 1] = triangle[8]
-    covariance[1, 2] = triangle[9]
+# What is restored before the recalculation: nothing is recalculated, the estimate of the decided
+# filter, all of all filters, and nothing.
+RECALCULATIONS = ("none", "as_published", "rewind", "literal")
 
 
 @internal
 def _write_tick(bank: PublishedBank, mode: int, k: int, output: Tracks) -> None:
-    _write_estimate(bank, mode, output.estimates[k], output.covariances[k])
+    for j, value in enumerate(estimate_of(bank.hypotheses, mode, 0)):
+        output.estimates[k, j] = value
+    for j, value in enumerate(covariance_published(bank, mode, 0)):
+        output.covariances[k, j] = value
     output.modes[k] = mode
-
-
-@internal
-def _recalculate(
-    measurements: FloatArray,
-    ticks: tuple[int, int],
-    anchor: State,
-    mode: int,
-    filters: Filters,
-    rule: Rule,
-    output: Tracks,
-) -> None:
-    """Recompute the estimates up to the decision with the decided filter. Tsyganov 2019, lines
-    17 to 20.
-    """
-    bank, radii, model = filters
-    measurement = np.zeros((2, LANES))
-    if rule.restores_estimate:
-        set_estimate(bank.hypotheses[mode], 0, anchor)
-    elif rule.restores_all:
-        begin_published(bank, 0, anchor, IDENTITY, radii, model)
-    for k in range(ticks[0], ticks[1]):
-        measurement[:, 0] = measurements[k]
-        if rule.restores_all:
-            # All filters, because the radius may be refined among them later.
-            step_published(bank, 0, 1, measurement, model)
-        else:
-            follow_published(bank, 0, mode, measurement, model)
-        _write_tick(bank, mode, k, output)
 
 
 @compiled
@@ -156,14 +102,16 @@ def _track_run(
     measurements: FloatArray,
     lengths: IntArray,
     start: FloatArray,
-    filters: Filters,
+    bank: PublishedBank,
+    radii: FloatArray,
+    model: FilterModel,
     rule: Rule,
     output: Tracks,
 ) -> None:
-    """Apply ATE to one run. Golubkov 2018, algorithm 1."""
-    bank, radii, model = filters
-    estimate = start.copy()
-    covariance = np.empty((2, 3))
+    """Apply ATE to one run in the first lane of a bank. Golubkov 2018, algorithm 1. Covariances
+    are upper triangles, (T, 10).
+    """
+    anchor = (start[0], start[1], start[2], start[3])
     measurement = np.zeros((2, LANES))
     log_likelihood = np.empty(bank.hypotheses.size)
     output.ratios[:] = np.nan
@@ -172,8 +120,6 @@ def _track_run(
     for segment in range(lengths.size):
         if rule.straight_reference:
             active = 0
-        x, vx, y, vy = estimate
-        anchor = (x, vx, y, vy)
         begin_published(bank, 0, anchor, IDENTITY, radii, model)
         running = np.ones(log_likelihood.size, np.bool_)
         begin = k
@@ -193,19 +139,27 @@ def _track_run(
                 active = winner
                 output.undecided[segment] = False
                 output.ticks[segment] = k - begin
+        first = k
+        if not output.undecided[segment] and rule.recalculation > 0:
+            # From the switch again. Tsyganov 2019, lines 17 to 20.
+            first = begin
+            if rule.recalculation == 1:
+                set_estimate(bank.hypotheses[active], 0, anchor)
+            elif rule.recalculation == 2:
+                begin_published(bank, 0, anchor, IDENTITY, radii, model)
         if output.undecided[segment] and not rule.keep:
             active = likeliest(bank.hypotheses, 0)
-        if rule.recalculates and not output.undecided[segment]:
-            _recalculate(measurements, (begin, k), anchor, active, filters, rule, output)
-        for j in range(k, end):
+        for j in range(first, end):
             measurement[:, 0] = measurements[j]
-            if rule.refine:
+            # The radius may be refined among all filters, if these have gone back too.
+            if (rule.refine and j >= k) or (rule.recalculation == 2 and j < k):
                 step_published(bank, 0, 1, measurement, model)
-                active = likeliest_of_type(bank.hypotheses, 0, active)
             else:
                 follow_published(bank, 0, active, measurement, model)
+            if rule.refine and j >= k:
+                active = likeliest_of_type(bank.hypotheses, 0, active)
             _write_tick(bank, active, j, output)
-        _write_estimate(bank, active, estimate, covariance)
+        anchor = estimate_of(bank.hypotheses, active, 0)
         output.decided[segment] = active
         k = end
 
@@ -251,81 +205,7 @@ def track_ate(
         refine_radius: True runs all filters after the decision and uses the most likely hypothesis
             of the decided type; the published algorithm does not change the decided radius.
     """
-    tau = checked("tau", tau, TickLength)
-    values, segment_lengths, starts = _check_recording(measurements, lengths, start, tau)
-    bank_radii = np.array(distinct_radii(radii))
-    variances = axis_variances(measurement_variance)
-    model = FilterModel(
-        tau,
-        checked("process_variance", process_variance, VelocityVariance),
-        float(variances[0]),
-        float(variances[-1]),
-    )
-    bank = bank_arrays(PublishedBank, bank_radii.size, variances.size)
-    filters = Filters(bank, bank_radii, model)
-    methods = ("none", "as_published", "rewind", "literal")
-    method = check_choice("recalculation", recalculation, methods)
-    rule = Rule(
-        *sprt_thresholds(alpha, beta),
-        check_choice("reference", reference, ("active", "straight")) == "straight",
-        check_choice("undecided", undecided, ("keep", "likeliest")) == "keep",
-        method != "none",
-        method == "as_published",
-        method == "rewind",
-        check_flag("refine_radius", refine_radius),
-    )
-    runs, total = values.shape[:2]
-    segments = (runs, segment_lengths.size)
-    tracks = Tracks(
-        np.empty((runs, total, 4)),
-        np.empty((runs, total, 2, 3)),
-        np.empty((runs, total), np.int64),
-        np.empty(segments, np.int64),
-        np.empty(segments, np.int64),
-        np.empty(segments, np.bool_),
-        np.empty((runs, total, filters.bank.hypotheses.size)),
-    )
-    for run in range(runs):
-        of_run = Tracks(*(array[run] for array in tracks))
-        run_compiled(
-            _track_run,
-            values[run],
-            segment_lengths,
-            starts[run],
-            filters,
-            rule,
-            of_run,
-        )
-    return Tracks(*(array[0] for array in tracks)) if np.ndim(measurements) == 2 else tracks
-
-
-def first_estimate(measurements: ArrayLike, tau: float) -> FloatArray:
-    """Fit a straight line to the first ten measurements by least squares.
-
-    Args:
-        measurements: (T, 2) measured positions [m], or (n, T, 2) for n runs.
-        tau: length of a tick [s].
-
-    Returns:
-        (4,) or (n, 4) estimates [x, vx, y, vy] one tick before the first measurement [m, m/s].
-    """
-    values = np.asarray(measurements, dtype=np.float64)
-    count = min(10, values.shape[-2])
-    if count < 2:
-        line = np.stack([values[..., 0, :], np.zeros_like(values[..., 0, :])])
-    else:
-        line = line_weights(tau * np.arange(1, count + 1)) @ values[..., :count, :]
-        line = np.moveaxis(line, -2, 0)
-    return np.moveaxis(line, 0, -1).reshape(*values.shape[:-2], 4)
-
-
-def _check_recording(
-    measurements: ArrayLike,
-    lengths: Sequence[int] | IntArray,
-    start: ArrayLike | None,
-    tau: float,
-) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Return checked measurements (n, T, 2), lengths (K,) and initial estimates (n, 4)."""
+    tau = checked("tau", tau, Quantity)
     single = dimensions(measurements) == 2
     values = check_array("measurements", measurements, (None, 2) if single else (None, None, 2))
     values = values[None] if single else values
@@ -336,6 +216,54 @@ def _check_recording(
         raise reject("lengths", ticks, f"lengths whose sum is {total}, the number of measurements")
     segment_lengths = np.array(ticks, np.int64)
     if start is None:
-        return values, segment_lengths, first_estimate(values, tau)
-    starts = check_array("start", start, (4,) if dimensions(start) == 1 else (runs, 4))
-    return values, segment_lengths, np.broadcast_to(starts, (runs, 4))
+        starts = first_estimate(values, tau)
+    else:
+        starts = check_array("start", start, (4,) if dimensions(start) == 1 else (runs, 4))
+        starts = np.broadcast_to(starts, (runs, 4))
+    bank_radii = np.array(distinct_radii(radii))
+    variances = axis_variances(measurement_variance)
+    process_variance = checked("process_variance", process_variance, QuantityOrZero)
+    model = FilterModel(tau, process_variance, float(variances[0]), float(variances[-1]))
+    bank = bank_arrays(PublishedBank, bank_radii.size, variances.size)
+    rule = Rule(
+        *sprt_thresholds(alpha, beta),
+        check_choice("reference", reference, ("active", "straight")) == "straight",
+        check_choice("undecided", undecided, ("keep", "likeliest")) == "keep",
+        RECALCULATIONS.index(check_choice("recalculation", recalculation, RECALCULATIONS)),
+        checked("refine_radius", refine_radius, bool),
+    )
+    shape = (runs, total)
+    segments = (runs, segment_lengths.size)
+    tracks = Tracks(
+        np.empty((*shape, 4)),
+        np.empty((*shape, 10)),
+        np.empty(shape, np.int64),
+        np.empty(segments, np.int64),
+        np.empty(segments, np.int64),
+        np.empty(segments, np.bool_),
+        np.empty((*shape, bank.hypotheses.size)),
+    )
+    for run in range(runs):
+        of_run = Tracks(*(array[run] for array in tracks))
+        measured = values[run], segment_lengths, starts[run]
+        run_compiled(_track_run, *measured, bank, bank_radii, model, rule, of_run)
+    # Of each axis, from the upper triangles.
+    tracks = tracks._replace(covariances=tracks.covariances[..., [[0, 1, 4], [7, 8, 9]]])
+    return Tracks(*(array[0] for array in tracks)) if single else tracks
+
+
+def first_estimate(measurements: FloatArray, tau: float) -> FloatArray:
+    """Fit a straight line to the first ten measurements by least squares.
+
+    Args:
+        measurements: (n, T, 2) measured positions of n runs [m].
+        tau: length of a tick [s].
+
+    Returns:
+        (n, 4) estimates [x, vx, y, vy] one tick before the first measurement [m, m/s].
+    """
+    used = measurements[:, :10]
+    times = tau * np.arange(1, used.shape[1] + 1)
+    # A single measurement has no velocity.
+    weights = line_weights(times) if len(times) > 1 else np.array([[1.0], [0.0]])
+    return (weights @ used).swapaxes(-1, -2).reshape(-1, 4)

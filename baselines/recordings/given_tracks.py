@@ -1,15 +1,18 @@
-"""Given paths with noise in place of the object of an environment with unknown switches."""
+"""Given paths with noise in place of the object of an environment with unknown switches, and banks
+that choose their process noise by the evidence.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from gymnasium import spaces
+from scipy.special import logsumexp
 
-from baselines.recordings.likeliest_noise import FACTORS, LikeliestNoise
 from baselines.rules.decider import Actions, Observations
 from hybrid_env.checks import BoolArray, FloatArray, Info, IntArray, OwnState
 from hybrid_env.live import LiveTracks
+from hybrid_env.observation import QuickestLayout
 from hybrid_env.quickest_options import QuickestOptions
 
 Paths = tuple[FloatArray, IntArray, FloatArray]
@@ -19,6 +22,42 @@ one tick before the first of them (N, 4), with the error of the options.
 
 Travel = Callable[[QuickestOptions, int, int], Paths]
 """Makes the paths of some options, of a number of tracks N and of a seed."""
+
+
+class LikeliestNoise:
+    """Chooses among the rows of banks that differ in their process noise alone.
+
+    The likelihood of a measurement in a bank follows from its rows, as that of multiple models
+    (Magill 1965). The logarithms are summed with an exponential memory, so that the choice follows
+    an object that drives at constant speed and then brakes.
+
+    Args:
+        options: of a bank.
+    """
+
+    # Process noise of the banks, over the nominal one.
+    factors = tuple(10.0 ** (0.5 * k) for k in range(-2, 5))
+
+    def __init__(self, options: QuickestOptions):
+        self.layout = QuickestLayout(options.hypotheses)
+        self.transitions = options.transition_matrix
+        self.last: FloatArray | None = None
+        self.evidence: FloatArray = np.zeros(1)
+
+    def choose(self, rows: Observations) -> Observations:
+        """Return the rows (N, width) of the likeliest bank of each track at the next tick of K
+        banks, (K, N, width).
+        """
+        probabilities = np.exp(self.layout.read(rows, "log_probability"))
+        prior = probabilities if self.last is None else self.last @ self.transitions
+        self.last = probabilities
+        squares = sum(
+            self.layout.read(rows, f"innovation_{axis}") ** 2 for axis in ("along", "across")
+        )
+        logs = -0.5 * squares - self.layout.read(rows, "log_variance")
+        # Of 50 ticks, with an exponential memory.
+        self.evidence = (1.0 - 1.0 / 50.0) * self.evidence + logsumexp(logs, axis=-1, b=prior)
+        return rows[self.evidence.argmax(0), np.arange(rows.shape[1])]
 
 
 class GivenTracks(OwnState):
@@ -51,7 +90,7 @@ class GivenTracks(OwnState):
         self.travel = travel
         self.options = options
         self.num_envs = tracks
-        factors = FACTORS if likeliest else (1.0,)
+        factors = LikeliestNoise.factors if likeliest else (1.0,)
         self.banks = [
             LiveTracks(
                 replace(options, process_variance=factor * options.process_variance),

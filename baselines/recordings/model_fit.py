@@ -1,75 +1,32 @@
-"""Measurement noise, process noise, turn radii and durations by maximum likelihood of the
-innovations. What is not given is found first on a coarse grid, then by the simplex method. Lengths
-are in standard deviations of the measurement and times in ticks, so that units do not matter. The
-bank is that of `imm_pass`.
+"""The model of a recording: noise, turn radii and durations by maximum likelihood of the
+innovations, and whether it fits. What is not given is found first on a coarse grid, then by the
+simplex method. Lengths are in standard deviations of the measurement and times in ticks, so that
+units do not matter. The bank is that of `imm_pass`. If a model fits, innovations divided by their
+standard deviations are white, with a variance of 1: Bar-Shalom, Li and Kirubarajan 2001,
+"Estimation with applications to tracking and navigation", section 5.4.
 """
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from baselines.recordings.imm_pass import NO_OUTPUT, Chunks, fit_chunks, imm_pass, recorded_pass
-from baselines.recordings.scatter import median_speed, median_step, noise_estimate
+from baselines.recordings.imm_pass import Chunks, TrackModel, grid_chunks, run_pass
+from baselines.recordings.scatter import (
+    median_speed,
+    median_step,
+    noise_estimate,
+)
 from baselines.recordings.ticks import TickGrid
-from baselines.rules.measurements import run_compiled
 from hybrid_env.checks import ArgumentError, FloatArray
-from hybrid_env.compiled import FilterModel, ImmBank, bank_arrays
+from hybrid_env.compiled import LANES
 
-# Smallest standard deviation of a measurement, over the median motion of a tick.
-SMALLEST_NOISE = 1e-4
 # Turns of a tick that are tried [rad]: 0.004 to 1.02.
 ANGLES = tuple(float(angle) for angle in 0.004 * 2.0 ** (0.5 * np.arange(17)))
-# The duration of modes that only change at known switches.
-NEVER = 0.0
-# Ticks.
-DURATIONS = (10.0, 1e5)
 # Difference of log-likelihoods beyond the criterion: the filters are only an approximation.
 CLEARLY = 5.0
-
-
-@dataclass(frozen=True)
-class TrackModel:
-    """What the filters assume of a recording, in its units."""
-
-    # Of turns, each to the left and to the right.
-    radii: tuple[float, ...]
-    # R of each coordinate.
-    measurement_variance: float
-    # Q of each velocity in a tick.
-    process_variance: float
-    # Mean, of a segment [ticks].
-    duration: float
-    # Median.
-    speed: float
-    # Tick.
-    tau: float
-    # Names of the attributes above that were not given.
-    estimated: tuple[str, ...] = ()
-    # Whether turns of these radii explain the recording better than straight motion alone.
-    turns: bool = True
-    # Proposed by the recording, which they explain better than the given ones.
-    better_radii: tuple[float, ...] = ()
-
-    @property
-    def of_bank(self) -> FilterModel:
-        """Return the model of the bank, of lengths in any unit and times in ticks, with geometric
-        durations.
-        """
-        modes = 2 * len(self.radii) + 1
-        hazard = 0.0
-        if self.radii and self.duration != NEVER:
-            hazard = min(1.0 / self.duration, 1.0 - 1.0 / modes)
-        variances = self.measurement_variance, self.measurement_variance
-        probabilities = 1.0 - hazard, hazard / max(modes - 1, 1)
-        return FilterModel(1.0, self.process_variance, *variances, *probabilities)
-
-    @property
-    def turn_rates(self) -> tuple[float, ...]:
-        """Turn rates of the radii at the median speed [rad / time unit]."""
-        return tuple(self.speed / radius for radius in self.radii)
 
 
 # Logarithm of the likelihood of a recording; the number of modes may differ.
@@ -90,37 +47,37 @@ def fit_model(
     is its `nominal_variance`. With lengths, the ticks between known switches, the mean duration has
     no effect.
     """
+    # Smallest standard deviation of a measurement, over the median motion of a tick.
+    smallest_noise = 1e-4
     tau = grid.tau
     if grid.radar is not None:
         measurement_variance = nominal_variance(grid)
-    rough = noise_estimate(grid) if measurement_variance is None else measurement_variance
-    rough = rough or 0.0
+    rough = measurement_variance or noise_estimate(grid) or 0.0
     speed = median_speed(grid, rough)
     step = max(speed, median_step(grid) or 0.0)
     if step == 0.0 and rough == 0.0:
         raise ArgumentError("the recording does not move: all measured positions are equal")
-    rough = max(rough, (SMALLEST_NOISE * step) ** 2)
+    rough = max(rough, (smallest_noise * step) ** 2)
     scale = math.sqrt(rough)
-    speed = max(speed, SMALLEST_NOISE * scale)
-    chunks = fit_chunks(grid, scale, lengths)
+    speed = max(speed, smallest_noise * scale)
+    chunks, _ = grid_chunks(grid, scale, lengths, 512, 4096)
 
     def likelihood(at: TrackModel) -> float:
-        bank = bank_arrays(ImmBank, len(at.radii))
-        radii = np.array(at.radii, float)
-        total = run_compiled(imm_pass, chunks, bank, radii, at.of_bank, NO_OUTPUT)
+        total = run_pass(chunks, at.radii, at.of_bank).log_likelihood
         return total if math.isfinite(total) else -math.inf
 
-    # Ticks.
+    # Q tau^2 / R that are tried.
+    processes: tuple[float, ...] = (1e-5, 1e-3, 1e-1)
+    if process_variance is not None:
+        processes = (process_variance * tau**2 / rough,)
     given = TrackModel(
         tuple(radius / scale for radius in radii or ()),
         1.0,
-        -1.0 if process_variance is None else process_variance * tau**2 / rough,
-        NEVER if lengths else 75.0 if duration is None else max(duration, DURATIONS[0]),
+        processes[0],
+        math.inf if lengths else 75.0 if duration is None else max(duration, 10.0),
         speed / scale,
         1.0,
     )
-    # Q tau^2 / R that are tried.
-    processes = (1e-5, 1e-3, 1e-1) if process_variance is None else (given.process_variance,)
     known = {
         "measurement_variance": measurement_variance,
         "process_variance": process_variance,
@@ -129,57 +86,50 @@ def fit_model(
     free = [name for name, value in known.items() if value is None]
     penalty = math.log(np.count_nonzero(~np.isnan(chunks.measurements[:, :, 0])))
     proposed = _proposed(likelihood, given, processes)
+    margin = 0.0
+    better: tuple[float, ...] = ()
     if radii is None:
         best = _more_radii(likelihood, _refine(likelihood, proposed, free), free, penalty)
+        margin = 0.5 * penalty * len(best.radii)
     else:
         given_radii = [replace(given, process_variance=q) for q in processes]
         best = _refine(likelihood, max(given_radii, key=likelihood), free)
-    value = likelihood(best)
-    margin = 0.5 * penalty * len(best.radii) if radii is None else 0.0
-    turns = value > _straight(likelihood, best, free, value - margin) + margin
-    better: tuple[float, ...] = ()
-    if radii is not None and likelihood(proposed) > value + CLEARLY:
-        better = _refine(likelihood, proposed, ["radii"]).radii
+        if likelihood(proposed) > likelihood(best) + CLEARLY:
+            better = _refine(likelihood, proposed, ["radii"]).radii
+    limit = likelihood(best) - margin
+    turns = limit > _straight(likelihood, best, free, limit)
     if lengths:
         duration = float(np.mean(lengths))
     if duration is None:
         duration = _counted_duration(chunks, best)
         free.append("duration")
-    if measurement_variance is None:
-        measurement_variance = best.measurement_variance * rough
-    if turns and {"radii", "measurement_variance"} <= set(free):
-        deviation = math.sqrt(measurement_variance)
-        _check_radii([radius * scale for radius in best.radii], speed, deviation)
-    fitted, better = (
-        tuple(sorted(radius * scale for radius in some)) for some in (best.radii, better)
-    )
-    return TrackModel(
-        fitted if radii is None else tuple(radii),
-        measurement_variance,
+    fitted = TrackModel(
+        tuple(radii or sorted(radius * scale for radius in best.radii)),
+        measurement_variance or best.measurement_variance * rough,
         best.process_variance * rough / tau**2 if process_variance is None else process_variance,
         duration,
         speed / tau,
         tau,
         tuple(free),
         turns,
-        better,
+        tuple(sorted(radius * scale for radius in better)),
     )
+    if turns and {"radii", "measurement_variance"} <= set(free):
+        _check_radii(fitted)
+    return fitted
 
 
-def _check_radii(radii: Sequence[float], step: float, deviation: float) -> None:
-    """Refuse found radii that no object has which moves by a step in a tick: they are the noise
-    while it stands.
-    """
-    # Of a turn that is told from a standing object, over the standard deviation of the noise.
-    smallest_radius = 3.0
-    for radius in radii:
-        small = radius < smallest_radius * deviation < smallest_radius * step
-        if small or step / radius > 2.0 * math.pi:
-            why = f"below {smallest_radius:g} standard deviations ({deviation:.3g}) of the noise"
+def _check_radii(model: TrackModel) -> None:
+    """Refuse found radii that no moving object has: they are the noise while it stands."""
+    step = model.speed * model.tau
+    # Of a turn that is told from a standing object.
+    smallest_radius = 3.0 * math.sqrt(model.measurement_variance)
+    for radius in model.radii:
+        if radius < smallest_radius < 3.0 * step or step / radius > 2.0 * math.pi:
             raise ArgumentError(
                 "the object stands still in a part of the recording, which looks like turns of"
-                f" radius {radius:.3g}, {why if small else 'more than a turn in a tick'}: cut that"
-                " part out, or give --radii"
+                f" radius {radius:.3g}, below {smallest_radius:.3g} (three standard deviations of"
+                " the noise) or more than a turn in a tick: cut that part out, or give --radii"
             )
 
 
@@ -188,9 +138,9 @@ def nominal_variance(grid: TickGrid) -> float:
     variances.
     """
     assert grid.radar is not None
-    points = np.concatenate([piece.measurements for piece in grid.pieces])
-    noises = np.array([grid.radar.noise(x, y) for x, y in points[~np.isnan(points[:, 0])].tolist()])
-    return float(np.median(np.sqrt(noises[:, 0] * noises[:, 2] - noises[:, 1] ** 2)))
+    points = np.concatenate([piece.measurements[piece.measured] for piece in grid.pieces])
+    xx, xy, yy = np.transpose([grid.radar.noise(x, y) for x, y in points.tolist()])
+    return float(np.median(np.sqrt(xx * yy - xy**2)))
 
 
 def _proposed(likelihood: Likelihood, given: TrackModel, processes: Sequence[float]) -> TrackModel:
@@ -258,20 +208,16 @@ def _refine(likelihood: Likelihood, start: TrackModel, free: list[str]) -> Track
 
     names = [name for name in free if name != "radii"]
     radii = start.radii if "radii" in free else ()
-    origin = np.array(
-        [math.log(value) for value in (*(vars(start)[name] for name in names), *radii)]
-    )
+    origin = np.log([*(getattr(start, name) for name in names), *radii])
     if not origin.size:
         return start
 
     def parameters(vector: FloatArray) -> TrackModel:
-        tried = np.exp(np.clip(vector, -60.0, 60.0)).tolist()
-        changes: dict[str, Any] = dict(zip(names, tried, strict=False))
-        if "process_variance" in changes:
-            # Q tau^2 / R.
-            changes["process_variance"] = max(changes["process_variance"], 1e-10)
+        # Not below a Q tau^2 / R of 1e-10.
+        values = np.exp(np.clip(vector, -23.0, 60.0)).tolist()
+        changes: dict[str, Any] = dict(zip(names, values, strict=False))
         if radii:
-            changes["radii"] = tuple(tried[len(names) :])
+            changes["radii"] = tuple(values[len(names) :])
         return replace(start, **changes)
 
     widths = {"measurement_variance": 0.3, "process_variance": 1.0}
@@ -295,17 +241,98 @@ def _counted_duration(chunks: Chunks, model: TrackModel) -> float:
     likelihood says little about it. Short changes, made by noise, do not count; without one it is
     the duration of the recording.
     """
-    probabilities = recorded_pass(chunks, np.array(model.radii, float), model.of_bank).probabilities
+    probabilities = run_pass(chunks, model.radii, model.of_bank).probabilities
     changes = 0
     total = 0
     for lane in np.moveaxis(probabilities, 3, 1).reshape(-1, *probabilities.shape[1:3]):
-        # NaN is not.
-        # Probability of a mode that counts.
-        sure = lane[lane.max(1) > 0.6].argmax(1)
         total += int((~np.isnan(lane[:, 0])).sum())
-        if sure.size:
-            runs = np.flatnonzero(np.diff(sure, prepend=-1))
-            # Ticks of a change that counts.
-            kept = sure[runs[np.diff(np.append(runs, sure.size)) >= 5]]
-            changes += int((np.diff(kept) != 0).sum())
-    return min(max(total / (changes + 1.0), DURATIONS[0]), DURATIONS[1])
+        # Where a mode is probable enough to count.
+        modes = lane[lane.max(1) > 0.6].argmax(1)
+        begins = np.flatnonzero(np.diff(modes, prepend=-1))
+        # Ticks of a change that counts.
+        kept = modes[begins[np.diff(begins, append=modes.size) >= 5]]
+        changes += int((np.diff(kept) != 0).sum())
+    return float(np.clip(total / (changes + 1.0), 10.0, 1e5))
+
+
+def check_consistency(
+    grid: TickGrid,
+    model: TrackModel,
+    lengths: Sequence[int] = (),
+) -> tuple[list[FloatArray], list[str]]:
+    """Return the normalised innovations of each piece of a recording, (T, 2), of the most probable
+    mode, NaN without a measurement and where filters start; and a plain sentence for everything
+    that does not fit. Lengths are those between known switches.
+    """
+    # Ticks; the filters start anew at the beginning of each chunk.
+    (_, white, _, _), places = model.run(grid, lengths, 2048)
+    innovations = [np.full((len(piece.measurements), 2), np.nan) for piece in grid.pieces]
+    for k, (index, first, end) in enumerate(places):
+        innovations[index][first:end] = white[k // LANES, : end - first, :, k % LANES]
+    # No product joins two pieces.
+    joined = np.concatenate(
+        [np.pad(rows, ((0, 1), (0, 0)), constant_values=np.nan) for rows in innovations]
+    )
+    squared = (joined**2).sum(1)
+    count = np.count_nonzero(~np.isnan(squared))
+    if count < 30:
+        sentence = f"only {count} innovations: whether the model fits cannot be checked"
+        return innovations, [sentence, *_further(grid, model)]
+    noise = noise_estimate(grid) if grid.radar is None else None
+    # 1 if the model holds, as the next one; not of a radar, whose noise depends on the range.
+    scatter = 1.0 if noise is None else math.sqrt(noise / model.measurement_variance)
+    # Median of the squared length of a normalised innovation in two dimensions.
+    ratio = math.sqrt(float(np.nanmedian(squared)) / (2.0 * math.log(2.0)))
+    # A single outlier must not decide.
+    near = np.clip(joined, -5.0, 5.0)
+    products = near[1:] * near[:-1]
+    total = float(np.nanmean(near**2))
+    known = total and not np.isnan(products).all()
+    # Of successive ones, 0 if the model holds.
+    correlation = float(np.nanmean(products)) / total if known else 0.0
+    given, better = (
+        ", ".join(f"{radius:.4g}" for radius in radii)
+        for radii in (model.radii, model.better_radii)
+    )
+    # What explains others comes first.
+    misfits = {
+        f"the measurements scatter {scatter:.3g} times what R says: check units and R": (
+            not 1.0 / 3.0 <= scatter <= 3.0
+        ),
+        f"residuals are {ratio:.3g} times what the model says: check units, R, Q and radii": (
+            not 1.0 / 1.5 <= ratio <= 1.5
+        ),
+        f"turns of radius {given} do not explain the recording, {better} does: check units and"
+        " radii": bool(better),
+        f"turns of radius {given} explain the recording no better than straight motion: check"
+        " units and radii, if there are turns": not (model.turns or "radii" in model.estimated),
+        f"successive residuals are correlated by {correlation:.2f}: the model does not fit"
+        " (motion other than lines and arcs, smoothed positions, or wrong radii)": (
+            abs(correlation) > max(0.25, 4.0 / math.sqrt(2.0 * count))
+        ),
+    }
+    sentences = [sentence for sentence, true in misfits.items() if true][:1]
+    # Squared length that a normalised innovation exceeds with probability 0.001.
+    far = float((squared > 13.8 * max(ratio, 1.0) ** 2).sum()) / count
+    if far > 0.02:
+        sentences.append(
+            f"{far:.1%} of the residuals are outliers, more than three standard deviations off"
+        )
+    return innovations, sentences + _further(grid, model)
+
+
+def _further(grid: TickGrid, model: TrackModel) -> list[str]:
+    """Return sentences about what no model explains."""
+    sentences = []
+    if grid.radar is not None:
+        points = np.concatenate([piece.measurements for piece in grid.pieces])
+        farthest = float(np.nanmax(np.hypot(*(points - grid.radar.position).T)))
+        # Bend of an arc of the length of the bearing error, see `Radar`.
+        bend = farthest * grid.radar.bearing_deviation**2 / grid.radar.range_deviation
+        if bend > 0.25:
+            sentences.append(
+                "the bearing error is too large for the range deviation (range * deviation^2 is"
+                f" {bend:.2g} of it, at most 0.25 is consistent): errors are larger than the"
+                " covariances say"
+            )
+    return sentences

@@ -23,9 +23,6 @@ from hybrid_env.sensors import Radar
 if TYPE_CHECKING:
     from baselines.recordings.projection import Projection
 
-# Unit of a length that the file does not name.
-UNKNOWN_UNIT = "units"
-
 
 @dataclass(frozen=True, eq=False)
 class Recording:
@@ -46,7 +43,7 @@ class Recording:
     # First row and end of each piece between gaps, in order.
     pieces: tuple[tuple[int, int], ...]
     # Of length: `m`, another one that the file names, or `units` if it names none.
-    unit: str = UNKNOWN_UNIT
+    unit: str = "units"
     # Or `ticks` for a recording without times.
     time_unit: str = "s"
     # Date of time 0 in UTC, ISO 8601; None for times without a date.
@@ -90,27 +87,24 @@ def make_recording(
     if radar is not None and (radar.period != 1 or math.isfinite(radar.range)):
         raise reject("radar", radar, "no period and no range: a recording holds what was measured")
     values = check_array("positions", positions, (None, 2), missing=True)
-    missing = np.isnan(values).any(axis=1)
-    values[missing] = np.nan
-    measured = len(values) - int(missing.sum())
-    if measured < 2:
-        raise ArgumentError(f"{name} has {measured} measured positions: expected at least two")
+    values[np.isnan(values).any(axis=1)] = np.nan
+    rows = np.flatnonzero(~np.isnan(values[:, 0]))
+    if len(rows) < 2:
+        raise ArgumentError(f"{name} has {len(rows)} measured positions: expected at least two")
     if times is None:
-        instants = np.arange(len(values), dtype=np.float64)
+        times = np.arange(len(values))
         time_unit = time_unit or "ticks"
-    else:
-        instants = check_array("times", times, (len(values),))
+    instants = check_array("times", times, (len(values),))
     steps = np.diff(instants)
     if not (steps > 0.0).all():
         k = int(np.argmin(steps > 0.0)) + 1
         raise reject(f"times[{k}]", instants[k], f"a time after {instants[k - 1]:.12g}")
     tick = float(np.median(steps))
     longest = 20 * tick if gap is None else checked("gap", gap, Positive)
-    rows = np.flatnonzero(~missing)
     # First measurement at or after a break.
     before = np.searchsorted(rows, np.asarray(breaks, int))
     ends = np.flatnonzero(np.diff(instants[rows]) > longest) + 1
-    borders = np.unique(np.concatenate([[0, len(rows)], ends, before])).tolist()
+    borders = np.unique([0, *ends, *before, len(rows)]).tolist()
     pieces = tuple((int(rows[first]), int(rows[end - 1]) + 1) for first, end in pairwise(borders))
     return Recording(
         name,

@@ -6,10 +6,8 @@ from itertools import pairwise
 import numpy as np
 
 from baselines.recordings.ticks import Piece, TickGrid
-from hybrid_env.checks import FloatArray, IntArray
+from hybrid_env.checks import ArgumentError, FloatArray, IntArray
 
-# Differences.
-FEWEST = 5
 # An outlier is this many standard deviations from its neighbours.
 FAR = 7.0
 
@@ -24,80 +22,81 @@ def noise_estimate(grid: TickGrid) -> float | None:
     |d|, and process noise Q tau^2 / 10 to R. The relative standard error is about 2.4 / sqrt(T).
     """
     differences = np.concatenate([_differences(piece, 4)[1] for piece in grid.pieces])
-    if len(differences) < FEWEST:
+    if len(differences) < 5:
         return None
     median = np.median(np.abs(differences), axis=0)
     # Median of |z| for a standard normal z.
     return float(np.mean((median / 0.6744897501960817) ** 2))
 
 
-def without_outliers(grid: TickGrid) -> tuple[TickGrid, int]:
-    """Return the grid without measurements that are far from their neighbours, and their number:
-    farther than `FAR` standard deviations, in either coordinate, from the cubic through the two
-    measurements before and the two after, and farther than those next to it are from theirs, which
-    it has spoilt.
+def without_errors(grid: TickGrid, jumps: bool = False) -> tuple[TickGrid, int]:
+    """Return the grid without measurements that are errors of the sensor, see `_without_outliers`
+    and, by option, `_without_bursts`, and their number. With a radar all are kept: its noise
+    depends on the range.
+    """
+    if grid.radar is not None:
+        return grid, 0
+    count = 0
+    for without in [_without_bursts] * jumps + [_without_outliers]:
+        pieces = without(grid)
+        removed = grid.measured - sum(int(piece.measured.sum()) for piece in pieces)
+        # With a larger share far from their neighbours, the noise is not what its estimate says.
+        if removed <= 0.1 * grid.measured:
+            grid = grid._replace(pieces=tuple(pieces))
+            count += removed
+    return grid, count
+
+
+def _without_outliers(grid: TickGrid) -> list[Piece]:
+    """Return the pieces without measurements that are far from their neighbours: farther than `FAR`
+    standard deviations, in either coordinate, from the cubic through the two measurements before
+    and the two after, and farther than those next to it are from theirs, which it has spoilt.
     """
     noise = noise_estimate(grid)
     if not noise:
-        return grid, 0
+        return list(grid.pieces)
     pieces = []
-    count = 0
     for piece in grid.pieces:
         ticks, differences = _differences(piece, 5)
         # In standard deviations; the measurement in the middle has the largest weight.
         size = np.abs(differences).max(1) / np.sqrt(noise)
         around = np.max([np.roll(size, shift) for shift in (-2, -1, 1, 2)], axis=0)
-        far = (size > FAR) & (size >= around)
-        values = piece.measurements.copy()
-        values[ticks[far, 2]] = np.nan
-        count += int(far.sum())
-        pieces.append(piece._replace(measurements=values))
-    return _unless_many(grid, pieces, count)
+        pieces.append(piece.without(ticks[(size > FAR) & (size >= around), 2]))
+    return pieces
 
 
-def without_jumps(grid: TickGrid) -> tuple[TickGrid, int]:
-    """Return the grid without short runs of measurements elsewhere, and the number of these
-    measurements. A jump is a step far longer than others, which neither the step before nor the one
-    after resembles. At most `longest_burst` measurements between two jumps are errors of the
-    sensor. Where a jump remains, a new piece begins.
+def _without_bursts(grid: TickGrid) -> list[Piece]:
+    """Return the pieces without short runs of measurements elsewhere. A jump is a step far longer
+    than others, which neither the step before nor the one after resembles. At most ten measurements
+    between two jumps are errors of the sensor. Where a jump remains, a new piece begins.
     """
-    # Measurements between two jumps that are errors of the sensor.
-    longest_burst = 10
     noise = noise_estimate(grid) or 0.0
     steps = np.concatenate([_steps(piece)[1] for piece in grid.pieces])
-    if len(steps) < FEWEST:
-        return grid, 0
-    # Motion may reach five times the usual step.
-    usual = np.quantile(np.hypot(*steps.T), 0.9)
-    limits = FAR * math.sqrt(2.0 * noise), 5.0 * float(usual)
-    if not sum(limits):
-        return grid, 0
+    if len(steps) < 5:
+        return list(grid.pieces)
+    # Noise alone explains steps that long, and motion alone those in a tick: five usual ones.
+    longest = FAR * math.sqrt(2.0 * noise)
+    fastest = 5.0 * float(np.quantile(np.hypot(*steps.T), 0.9))
+    if longest == fastest == 0.0:
+        return list(grid.pieces)
     pieces = []
-    count = 0
     for piece in grid.pieces:
-        values = piece.measurements.copy()
-        runs = _runs(piece, *limits)
-        for k, run in enumerate(runs):
-            if len(runs) > 1 and len(run) <= longest_burst and len(run) < max(map(len, runs)):
-                values[run] = np.nan
-                count += len(run)
-                runs[k] = run[:0]
-        pieces += _split(
-            piece._replace(measurements=values),
-            [run for run in runs if len(run)],
-            *limits,
-        )
-    return _unless_many(grid, pieces, count)
-
-
-def _unless_many(grid: TickGrid, pieces: list[Piece], count: int) -> tuple[TickGrid, int]:
-    """Return the grid with other pieces and their number of outliers, or as it was if these are
-    too many.
-    """
-    # With a larger share far from their neighbours, the noise is not what its estimate says.
-    return (
-        (grid, 0) if count > 0.1 * grid.measured else (grid._replace(pieces=tuple(pieces)), count)
-    )
+        rows, steps = _steps(piece)
+        limits = longest / np.diff(rows) + fastest
+        change = np.pad(np.hypot(*np.diff(steps, axis=0).T), 1, constant_values=np.inf)
+        jump = (np.hypot(*steps.T) > limits) & (np.minimum(change[:-1], change[1:]) > 0.5 * limits)
+        runs = np.split(rows, np.flatnonzero(jump) + 1)
+        most = min(10, max(map(len, runs)) - 1)
+        kept = [run for run in runs if len(run) > most or len(runs) == 1]
+        wrong = np.setdiff1d(rows, np.concatenate(kept))
+        borders = [0]
+        for before, after in pairwise(kept):
+            a, b = before[-1], after[0]
+            apart = np.hypot(*(piece.measurements[b] - piece.measurements[a]))
+            if apart > longest + fastest * (b - a):
+                borders.append(int(b))
+        pieces += piece.without(wrong).split(borders)
+    return pieces
 
 
 def _steps(piece: Piece) -> tuple[IntArray, FloatArray]:
@@ -108,58 +107,54 @@ def _steps(piece: Piece) -> tuple[IntArray, FloatArray]:
     return rows, np.diff(piece.measurements[rows], axis=0) / np.diff(rows)[:, None]
 
 
-def _runs(piece: Piece, noise: float, step: float) -> list[IntArray]:
-    """Return the ticks with a measurement between the jumps. Noise alone explains steps as long as
-    `noise`, and motion alone those of `step` for each tick.
+def without_standing(grid: TickGrid) -> tuple[TickGrid, int]:
+    """Return the grid without the parts in which the object stands still, and the number of their
+    measurements. A new piece begins after each part. With a radar nothing is left out.
+
+    A part is a window in which positions vary by no more than the noise, or by 3 % of the way that
+    the object covers elsewhere in this time. The window is so long that a moving object leaves the
+    noise. An object that stands for most of the time is not told from noise.
     """
-    rows, steps = _steps(piece)
-    limits = noise / np.diff(rows) + step
-    change = np.pad(np.hypot(*np.diff(steps, axis=0).T), 1, constant_values=np.inf)
-    jump = (np.hypot(*steps.T) > limits) & (np.minimum(change[:-1], change[1:]) > 0.5 * limits)
-    return np.split(rows, np.flatnonzero(jump) + 1)
-
-
-def _split(piece: Piece, runs: list[IntArray], noise: float, step: float) -> list[Piece]:
-    """Divide a piece before each run that is too far from the one before."""
-    borders = [0]
-    for last, following in pairwise(runs):
-        a = last[-1]
-        b = following[0]
-        if np.hypot(*(piece.measurements[b] - piece.measurements[a])) > noise + step * (b - a):
-            borders.append(int(b))
-    parts = []
-    for first, end in pairwise([*borders, len(piece.measurements)]):
-        a, b = np.searchsorted(piece.ticks, [first, end]).tolist()
-        ticks = piece.ticks[a:b] - first
-        late = piece.late[a:b]
-        values = piece.measurements[first:end]
-        rates = piece.rates[first:end]
-        parts.append(Piece(piece.first + a, piece.first + b, ticks, late, values, rates))
-    return parts
-
-
-def standing_ticks(grid: TickGrid, variance: float, speed: float) -> int:
-    """Return the number of ticks in which the object stands: ten successive measurements are
-    not farther apart than six standard deviations of the noise, of a variance [unit of length
-    squared] or as estimated, although the speed [unit of length / tick] takes it far beyond.
-    """
-    standing = 10
-    apart = 6.0 * math.sqrt(max(variance, noise_estimate(grid) or 0.0))
-    if speed * standing < 5.0 * apart:
-        return 0
-    total = 0
+    noise = noise_estimate(grid)
+    step = _usual_step(grid)
+    if noise is None or step == 0.0 or grid.radar is not None:
+        return grid, 0
+    # A moving object covers 12 standard deviations of the noise in a window.
+    window = max(20, math.ceil(12.0 * math.sqrt(2.0 * noise) / step))
+    largest = max(
+        2.0 * noise * (1.0 + 3.0 / math.sqrt(window)),
+        (0.03 * step * window) ** 2,
+    )
+    pieces: list[Piece] = []
+    count = 0
     for piece in grid.pieces:
         rows = np.flatnonzero(piece.measured)
-        if len(rows) < standing:
+        if len(rows) < 4 * window:
+            pieces.append(piece)
             continue
-        windows = np.lib.stride_tricks.sliding_window_view(
-            piece.measurements[rows],
-            standing,
-            axis=0,
-        )
-        still = np.flatnonzero((np.ptp(windows, axis=2) < apart).all(1))
-        total += len(np.unique(still[:, None] + np.arange(standing)))
-    return total
+        positions = piece.measurements[rows] - piece.measurements[rows].mean(axis=0)
+        windows = np.lib.stride_tricks.sliding_window_view(positions, window, axis=0)
+        spread = windows.var(axis=-1).sum(axis=1)
+        still = np.convolve(spread < largest, np.ones(window)) > 0.0
+        begins = np.flatnonzero(np.diff(still, prepend=~still[0]))
+        parts = piece.split([0, *rows[begins[1:]].tolist()])
+        pieces += [part for part, at in zip(parts, begins, strict=True) if not still[at]]
+        count += int(still.sum())
+    if not pieces:
+        raise ArgumentError("the object stands still in all measurements: expected a moving one")
+    return grid._replace(pieces=tuple(pieces)), count
+
+
+def _usual_step(grid: TickGrid, measurements: int = 5) -> float:
+    """Return the distance between successive measurements that a quarter of them exceeds [unit of
+    length], as the mean of several ones.
+    """
+    steps = [
+        np.hypot(*(positions[measurements:] - positions[:-measurements]).T) / measurements
+        for positions in (piece.measurements[piece.measured] for piece in grid.pieces)
+    ]
+    lengths = np.concatenate(steps)
+    return float(np.quantile(lengths, 0.75)) if lengths.size else 0.0
 
 
 def median_speed(grid: TickGrid, noise: float) -> float:

@@ -8,6 +8,7 @@ at most 3 %. If the steps are irregular, the grid is finer than the median step,
 fall on the same tick; those that do are replaced by their mean.
 """
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +40,29 @@ class Piece(NamedTuple):
         """(T,) True at ticks with a measurement."""
         return ~np.isnan(self.measurements[:, 0])
 
+    def without(self, ticks: IntArray) -> "Piece":
+        """Return the piece without the measurements at some ticks."""
+        values = self.measurements.copy()
+        values[ticks] = np.nan
+        return self._replace(measurements=values)
+
+    def split(self, borders: list[int]) -> "list[Piece]":
+        """Return the pieces that begin at some ticks, of which the first is 0."""
+        parts = []
+        for first, end in pairwise([*borders, len(self.measurements)]):
+            a, b = np.searchsorted(self.ticks, [first, end]).tolist()
+            parts.append(
+                Piece(
+                    self.first + a,
+                    self.first + b,
+                    self.ticks[a:b] - first,
+                    self.late[a:b],
+                    self.measurements[first:end],
+                    self.rates[first:end],
+                )
+            )
+        return parts
+
 
 class TickGrid(NamedTuple):
     """A recording on uniform ticks."""
@@ -69,15 +93,10 @@ def tick_grid(recording: Recording) -> TickGrid:
     million, because of a long gap, or if the steps in time or the extent of the positions are too
     small.
     """
-    # Of a step in time, and of the extent of the positions.
-    smallest_unit = 1e-30
     extent = float(np.ptp(recording.positions[recording.measured], axis=0).max())
-    for name, value in (
-        ("step of the times", recording.tick),
-        ("extent of the positions", extent),
-    ):
-        if 0.0 < value < smallest_unit:
-            raise reject(name, value, f"at least {smallest_unit:g}: choose a smaller unit")
+    for name, value in {"step of the times": recording.tick, "extent": extent}.items():
+        if 0.0 < value < 1e-30:
+            raise reject(name, value, "at least 1e-30: choose a smaller unit")
     times_of = [recording.times[first:end] for first, end in recording.pieces]
     tau, ticks = _regular(times_of, recording.tick) or _irregular(times_of, recording.tick)
     pieces = []
@@ -116,21 +135,17 @@ def _regular(times_of: list[FloatArray], tick: float) -> tuple[float, list[IntAr
     """Return the tick, the slope of the times over their numbers, and the tick numbers of every
     piece. None for a clock whose errors add up.
     """
-    # Largest error of a row of a clock that jitters, over the tick.
-    latest = 0.6
     numbers = [_follow(times, tick) for times in times_of]
-    centred = [of_piece - of_piece.mean() for of_piece in numbers]
-    weight = sum(float(of_piece @ of_piece) for of_piece in centred)
-    if weight == 0.0:
-        return tick, [of_piece.astype(int) for of_piece in numbers]
-    tau = (
-        sum(float(of_piece @ (t - t[0])) for of_piece, t in zip(centred, times_of, strict=True))
-        / weight
+    # Of the rows of every piece, less their means.
+    n, t = (
+        np.concatenate([values - values.mean() for values in of_pieces])
+        for of_pieces in (numbers, times_of)
     )
-    for of_piece, times in zip(numbers, times_of, strict=True):
-        late = times - tau * of_piece
-        if not np.abs(late - late.mean()).max() <= latest * tau:
-            return None
+    weight = float(n @ n)
+    tau = float(n @ t) / weight if weight else tick
+    # Largest error of a row of a clock that jitters.
+    if not np.abs(t - tau * n).max() <= 0.6 * tau:
+        return None
     _check_total(sum(float(of_piece[-1]) + 1.0 for of_piece in numbers), tau)
     return tau, [of_piece.astype(int) for of_piece in numbers]
 
@@ -158,9 +173,7 @@ def _irregular(times_of: list[FloatArray], tick: float) -> tuple[float, list[Int
         tau = tick / divisor
         _check_total(sum((times[-1] - times[0]) / tau + 1.0 for times in times_of), tau)
         numbers = [np.rint((times - times[0]) / tau).astype(int) for times in times_of]
-        shared = sum(
-            len(of_piece) - 1 - np.count_nonzero(np.diff(of_piece)) for of_piece in numbers
-        )
+        shared = sum(len(of_piece) - len(np.unique(of_piece)) for of_piece in numbers)
         # Largest share of rows that fall on the tick of another one, if a divisor allows it.
         if shared <= 0.05 * sum(map(len, numbers)):
             break
@@ -178,10 +191,9 @@ def _check_total(ticks: float, tau: float) -> None:
 
 def _moved(points: FloatArray, times: FloatArray, late: FloatArray) -> FloatArray:
     """Return measurements, (n, 2), moved back by `late` along the local velocity."""
-    # Measurements that give the local velocity.
-    neighbours = 5
     rows = np.flatnonzero(late)
-    count = min(neighbours, len(points))
+    # Measurements that give the local velocity.
+    count = min(5, len(points))
     if not rows.size or count < 2:
         return points
     first = np.clip(rows - count // 2, 0, len(points) - count)

@@ -32,14 +32,21 @@ class AnchorPrior:
     # (2, 2, 2, 4, 4)
     covariance: FloatArray
 
-    def after(self, types: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return weights (N, 2, 2), means (N, 2, 2, 4) and covariances after declarations of
-        `mode_types`, (N,).
+    def after(
+        self,
+        types: IntArray,
+        correct: FloatArray,
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return weights (N, 4), means (N, 4, 4) and covariances (N, 4, 4, 4) of both outcomes,
+        correct first, after declarations of `mode_types`, (N,), correct with probabilities (N,).
         """
         turn = np.minimum(types, 1)
-        signs = np.where((types == 2)[:, None], MIRROR, 1.0)[:, None, None]
-        covariance = self.covariance[turn] * signs[..., None] * signs[..., None, :]
-        return self.weight[turn], self.mean[turn] * signs, covariance
+        signs = np.where((types == 2)[:, None], MIRROR, 1.0)[:, None]
+        outcome = np.stack([correct, 1.0 - correct], axis=1)
+        mean = self.mean[turn].reshape(-1, 4, 4) * signs
+        covariance = self.covariance[turn].reshape(-1, 4, 4, 4)
+        weight = (self.weight[turn] * outcome[..., None]).reshape(-1, 4)
+        return weight, mean, covariance * signs[..., None] * signs[..., None, :]
 
 
 def anchor_errors(env: HybridTrackVectorEnv, tracks: IntArray, before: FloatArray) -> FloatArray:

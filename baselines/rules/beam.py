@@ -21,17 +21,10 @@ from baselines.rules.beam_prior import Prior, hazard_tables, hazards, mixed_prio
 from baselines.rules.decider import Actions, Variants
 from baselines.rules.measurements import MeasurementDecider, filter_model, run_compiled, sensors_of
 from baselines.rules.threshold import reachable_probabilities, state_modes
-from hybrid_env.checks import (
-    BoolArray,
-    FloatArray,
-    UnitInterval,
-    check_integer,
-    checked,
-)
+from hybrid_env.checks import BoolArray, FloatArray, check_integer
 from hybrid_env.durations import Durations, GeometricDurations
 from hybrid_env.limits import MAX_LENGTH
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
 
 
 class BeamState(NamedTuple):
@@ -51,7 +44,7 @@ def _geometric(options: QuickestOptions) -> Mapping[str, Any]:
     return {"durations": GeometricDurations(mean), "order": "equal"}
 
 
-class BeamDecider(MeasurementDecider[BeamState]):
+class BeamDecider(MeasurementDecider):
     """The threshold rule on the posterior of the most probable histories of switches.
 
     With a `prior` it does not know the laws of the durations and of the next mode: its posterior
@@ -60,10 +53,9 @@ class BeamDecider(MeasurementDecider[BeamState]):
 
     Args:
         options: of the environment.
-        threshold, release: see `ThresholdDecider`.
+        threshold: see `ThresholdDecider`.
         branches: largest number of histories; None is 16 for each mode, at least 64. Twice as many
             gain less than 0.001 of the share of right ticks with 7 hypotheses.
-        merged: whether histories that switch to the same mode at the same tick are merged into one.
         durations: law of the durations that the decider assumes; None is the true one of the
             options.
         order: law of the next mode that it assumes, likewise.
@@ -78,6 +70,7 @@ class BeamDecider(MeasurementDecider[BeamState]):
     default = 0.6
     bounds = 0.0, 1.0
     sweeps = True
+    source = "beam"
     oracle = True
     variants: ClassVar[Variants] = {
         "beam-geometric": {
@@ -105,30 +98,22 @@ class BeamDecider(MeasurementDecider[BeamState]):
         self,
         options: QuickestOptions,
         threshold: float = 0.6,
-        release: float = 1.0,
         branches: int | None = None,
-        merged: bool = True,
         durations: str | Durations | None = None,
         order: Any = None,
         joined: bool = False,
         prior: Prior | None = None,
     ):
         super().__init__(threshold)
-        self.release = checked("release", release, UnitInterval)
         self.hypotheses = options.hypotheses
         self.thresholds = reachable_probabilities(options.hypotheses)
-        usual = max(64, 16 * options.hypotheses)
-        largest = 100_000
-        self.branches = check_integer(
-            "branches",
-            usual if branches is None else branches,
-            options.hypotheses,
-            largest,
-        )
-        assumed = {"durations": durations, "order": order}
+        if branches is None:
+            branches = max(64, 16 * options.hypotheses)
+        self.branches = check_integer("branches", branches, options.hypotheses, 100_000)
         options = dataclasses.replace(
             options,
-            **{name: law for name, law in assumed.items() if law is not None},
+            durations=options.durations if durations is None else durations,
+            order=options.order if order is None else order,
         )
         tables = np.zeros((2, 1, 2, 0), np.float32)
         weights = np.zeros((3, 0))
@@ -142,13 +127,12 @@ class BeamDecider(MeasurementDecider[BeamState]):
             np.array(options.radii),
             hazards(options.duration_laws),
             options.order_matrix,
-            checked("merged", merged, bool),
             tables,
             weights,
             0.0 if prior is None else prior.habitual,
             filter_model(options),
             sensors_of(options),
-            checked("joined", joined, bool),
+            joined,
         )
 
     def begin(self, tracks: int) -> BeamState:
@@ -183,13 +167,8 @@ class BeamDecider(MeasurementDecider[BeamState]):
                 stated,
                 ~starts,
                 float(threshold),
-                self.release,
             )
         return state.stated.copy() if np.ndim(self.threshold) else state.stated[0].copy()
-
-    def panel(self) -> EvidencePanel:
-        """Return the panel of `evidence`."""
-        return probability_panel("beam", self.threshold)
 
     def evidence(
         self,

@@ -4,18 +4,16 @@ A branch is one history: the present mode, the age of its segment, and an anchor
 (`hybrid_env.core.banks.anchor_aware`) that started from the estimate of the branch at its last
 switch. At every tick a branch continues or switches to one of the other modes, with the
 probabilities that the law of the durations gives for its age. Every continuation predicts, is
-weighted by the likelihood of the measurement, and the most probable ones are kept. Without pruning
-the weights are the exact posterior of all histories, up to the linearization in the filters.
+weighted by the likelihood of the measurement, and the most probable ones are kept.
 
-Most of the continuations that switch at one tick to one mode have nearly the same estimate. They
-can be merged into one branch, whose filter starts from the mean and the covariance of their
-mixture. Then a branch is a pair of mode and age, and far fewer of them are needed. A branch may
-also carry what its history says about the law of the durations and of the next mode; see
-`beam_habits`.
+The continuations that switch at one tick to one mode have nearly the same estimate. They are merged
+into one branch, whose filter starts from the mean and the covariance of their mixture: a branch is
+a pair of mode and age. A branch may also carry what its history says about the law of the durations
+and of the next mode; see `beam_habits`.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,6 +25,7 @@ from baselines.rules.beam_habits import (
     merge_habits,
 )
 from baselines.rules.beam_joining import join_branches
+from baselines.rules.measurements import triangle
 from hybrid_env.checks import AnyArray, Float32Array, FloatArray, IntArray
 from hybrid_env.compiled import (
     AWARE_HYPOTHESIS,
@@ -49,6 +48,18 @@ from hybrid_env.compiled import (
 
 # Rows of the table of hazards: the first segment of an episode, later ones.
 FIRST, LATER = 0, 1
+# Of a branch: its present mode, ticks of the present segment so far, 1 at its first measurement,
+# `FIRST` or `LATER`, the index of its habits in `habits`, and the probability that its segment
+# would end at its last tick, 0 of a new one.
+HISTORY = np.dtype(
+    [
+        ("mode", np.int64),
+        ("age", np.int64),
+        ("row", np.int64),
+        ("slot", np.int64),
+        ("hazard", np.float64),
+    ]
+)
 
 
 class Branches(NamedTuple):
@@ -58,16 +69,8 @@ class Branches(NamedTuple):
 
     # (N, B / LANES) records `AWARE_HYPOTHESIS`; `log_likelihood` is the log weight of the branch.
     filters: AnyArray
-    # (N, B) present mode.
-    modes: IntArray
-    # (N, B) ticks of the present segment so far, 1 at its first measurement.
-    ages: IntArray
-    # (N, B) `FIRST` or `LATER`
-    rows: IntArray
-    # (N, B) index of the habits of the branch in `habits`
-    slots: IntArray
-    # (N, B) probability that its segment would end at its last tick; 0 of a new one.
-    hazards: FloatArray
+    # (N, B) records `HISTORY`
+    histories: AnyArray
     # (N,) number of branches.
     counts: IntArray
     # (N,) log-likelihood of all measurements so far.
@@ -92,8 +95,6 @@ class BeamModel(NamedTuple):
     hazards: FloatArray
     # (M, M) probability of the next mode (column) by the present one. Without meaning if learned.
     order: FloatArray
-    # Whether branches that switch to the same mode at the same tick become one.
-    merged: bool
     # (2, ages, 2, L) of the laws among which a beam learns, see above; L is 0 if not.
     tables: Float32Array
     # (3, L) of the laws, see `Habits`
@@ -114,8 +115,6 @@ def branch_arrays(tracks: int, branches: int, modes: int = 0, laws: int = 0) -> 
     learn if there are `laws`.
     """
     groups = -(-branches // LANES)
-    present, ages, rows, places = (np.zeros((tracks, groups * LANES), np.int64) for _ in range(4))
-    filters = aligned_zeros((tracks, groups), AWARE_HYPOTHESIS)
     slots, modes = (groups * LANES + modes, modes) if laws else (0, 0)
     habits = Habits(
         np.zeros((tracks, slots, 3, laws), np.float32),
@@ -124,10 +123,13 @@ def branch_arrays(tracks: int, branches: int, modes: int = 0, laws: int = 0) -> 
         np.zeros((tracks, slots, modes)),
         np.zeros((tracks, slots), np.float32),
     )
-    counts = np.zeros(tracks, np.int64)
-    evidence = np.zeros(tracks)
-    hazards = np.zeros(places.shape)
-    return Branches(filters, present, ages, rows, places, hazards, counts, evidence, habits)
+    return Branches(
+        aligned_zeros((tracks, groups), AWARE_HYPOTHESIS),
+        np.zeros((tracks, groups * LANES), HISTORY),
+        np.zeros(tracks, np.int64),
+        np.zeros(tracks),
+        habits,
+    )
 
 
 @internal
@@ -137,6 +139,7 @@ def _begin_branch(
     b: int,
     mode: int,
     row: int,
+    slot: int,
     anchor: State,
     covariance: Triangle4,
     log_weight: float,
@@ -145,19 +148,15 @@ def _begin_branch(
     """Begin branch b of a track with a segment of a mode, from an estimate and its covariance."""
     kalman = branches.filters[track, b // LANES]
     lane = b % LANES
-    begin_hypothesis(
-        kalman,
-        lane,
-        anchor,
-        covariance,
-        signed_radius(mode, model.radii),
-        model.filters.tau,
-    )
+    radius = signed_radius(mode, model.radii)
+    begin_hypothesis(kalman, lane, anchor, covariance, radius, model.filters.tau)
     kalman.log_likelihood[lane] = log_weight
-    branches.modes[track, b] = mode
-    branches.ages[track, b] = 1
-    branches.rows[track, b] = row
-    branches.hazards[track, b] = 0.0
+    history = branches.histories[track, b]
+    history.mode = mode
+    history.age = 1
+    history.row = row
+    history.slot = slot
+    history.hazard = 0.0
 
 
 @compiled
@@ -168,37 +167,13 @@ def begin_branches(branches: Branches, track: int, start: FloatArray, model: Bea
     modes = 2 * model.radii.size + 1
     anchor = (start[0], start[1], start[2], start[3])
     for mode in range(modes):
-        _begin_branch(
-            branches,
-            track,
-            mode,
-            mode,
-            FIRST,
-            anchor,
-            triangle(start[4:14]),
-            start[14 + mode],
-            model,
-        )
-        branches.slots[track, mode] = mode
+        covariance = triangle(start[4:14])
+        weight = start[14 + mode]
+        _begin_branch(branches, track, mode, mode, FIRST, mode, anchor, covariance, weight, model)
     branches.counts[track] = modes
     branches.evidence[track] = 0.0
     if model.prior.size > 0:
         begin_habits(branches.habits, track, modes, model.prior, model.habitual)
-
-
-@internal
-def copy_filter(source: Any, source_lane: int, target: Any, target_lane: int) -> None:
-    """Copy one lane of a record `AWARE_HYPOTHESIS` to a lane of another."""
-    target.x[target_lane] = source.x[source_lane]
-    target.vx[target_lane] = source.vx[source_lane]
-    target.y[target_lane] = source.y[source_lane]
-    target.vy[target_lane] = source.vy[source_lane]
-    target.centre_x[target_lane] = source.centre_x[source_lane]
-    target.centre_y[target_lane] = source.centre_y[source_lane]
-    target.turn_rate[target_lane] = source.turn_rate[source_lane]
-    target.log_likelihood[target_lane] = source.log_likelihood[source_lane]
-    for k in range(28):
-        target.covariance[k, target_lane] = source.covariance[k, source_lane]
 
 
 @internal
@@ -211,34 +186,53 @@ def _copy_branch(
     c: int,
 ) -> None:
     """Copy branch b of a track to branch c of another."""
-    copy_filter(
-        source.filters[source_track, b // LANES],
-        b % LANES,
-        target.filters[track, c // LANES],
-        c % LANES,
-    )
-    target.modes[track, c] = source.modes[source_track, b]
-    target.ages[track, c] = source.ages[source_track, b]
-    target.rows[track, c] = source.rows[source_track, b]
-    target.slots[track, c] = source.slots[source_track, b]
-    target.hazards[track, c] = source.hazards[source_track, b]
+    old = source.filters[source_track, b // LANES]
+    new = target.filters[track, c // LANES]
+    i = b % LANES
+    j = c % LANES
+    new.x[j] = old.x[i]
+    new.vx[j] = old.vx[i]
+    new.y[j] = old.y[i]
+    new.vy[j] = old.vy[i]
+    new.centre_x[j] = old.centre_x[i]
+    new.centre_y[j] = old.centre_y[i]
+    new.turn_rate[j] = old.turn_rate[i]
+    new.log_likelihood[j] = old.log_likelihood[i]
+    for k in range(28):
+        new.covariance[k, j] = old.covariance[k, i]
+    target.histories[track, c] = source.histories[source_track, b]
 
 
 @internal
-def triangle(entries: FloatArray) -> Triangle4:
-    """Return the ten entries of a covariance, upper triangle row by row, as a tuple."""
-    return (
-        entries[0],
-        entries[1],
-        entries[2],
-        entries[3],
-        entries[4],
-        entries[5],
-        entries[6],
-        entries[7],
-        entries[8],
-        entries[9],
-    )
+def _mixture_of(
+    branches: Branches,
+    track: int,
+    shares: FloatArray,
+    total: float,
+) -> tuple[State, Triangle4]:
+    """Return mean and covariance of the branches of a track, weighted by shares (branches,) of a
+    total.
+    """
+    mean = np.zeros(4)
+    difference = np.empty(4)
+    covariance = np.zeros(10)
+    for b in range(shares.size):
+        if shares[b] > 0.0:
+            for k, value in enumerate(estimate_of(branches.filters[track], b // LANES, b % LANES)):
+                mean[k] += shares[b] * value
+    mean /= total
+    for b in range(shares.size):
+        if shares[b] > 0.0:
+            for k, value in enumerate(estimate_of(branches.filters[track], b // LANES, b % LANES)):
+                difference[k] = value - mean[k]
+            entries = covariance_of(branches.filters[track, b // LANES], b % LANES)
+            k = 0
+            for row in range(4):
+                for column in range(row, 4):
+                    product = difference[row] * difference[column]
+                    covariance[k] += shares[b] / total * (entries[k] + product)
+                    k += 1
+    return (mean[0], mean[1], mean[2], mean[3]), triangle(covariance)
 
 
 @internal
@@ -246,7 +240,6 @@ def _switch(
     branches: Branches,
     track: int,
     weights: FloatArray,
-    parents: tuple[int, int],
     children: Branches,
     count: int,
     free: IntArray,
@@ -256,71 +249,44 @@ def _switch(
     """Write one child for every mode, after `count` others: the mixture of parents in other
     modes. Return their number.
 
-    parents: the first branch that switches, and the end of these branches; weights: (branches,)
-    probability of a branch and its end; free: (M,) slots for the habits of the children;
-    all_shares: (M, branches) is written: probabilities of each child and its parent.
+    weights: (branches,) probability of a branch and its end; free: (M,) slots for the habits of the
+    children; all_shares: (M, branches) is written: probabilities of each child and its parent.
     """
-    mean = np.empty(4)
-    difference = np.empty(4)
-    covariance = np.empty(10)
     learns = model.prior.size > 0
     for mode in range(2 * model.radii.size + 1):
-        largest = 0.0
-        total = 0.0
         shares = all_shares[mode]
-        for b in range(parents[0], parents[1]):
-            before = branches.modes[track, b]
-            probability = 0.0
-            if before != mode and weights[b] > 0.0:
-                probability = model.order[before, mode]
-                if learns:
-                    probability = branches.habits.following[track, branches.slots[track, b], mode]
+        for b in range(weights.size):
+            history = branches.histories[track, b]
+            if history.mode == mode or weights[b] == 0.0:
+                continue
+            probability = model.order[history.mode, mode]
+            if learns:
+                probability = branches.habits.following[track, history.slot, mode]
             shares[b] = weights[b] * probability
-            largest = max(largest, shares[b])
+        largest = shares.max()
         if largest == 0.0:
             continue
-        mean[:] = 0.0
-        covariance[:] = 0.0
-        for b in range(parents[0], parents[1]):
+        total = 0.0
+        for b in range(weights.size):
             # Less probable parents are left out of the mixture.
-            if shares[b] > 1e-9 * largest:
-                total += shares[b]
-                for k, value in enumerate(
-                    estimate_of(branches.filters[track], b // LANES, b % LANES)
-                ):
-                    mean[k] += shares[b] * value
-            else:
+            if shares[b] <= 1e-9 * largest:
                 shares[b] = 0.0
-        mean /= total
-        for b in range(parents[0], parents[1]):
-            if shares[b] > 0.0:
-                probability = shares[b] / total
-                for k, value in enumerate(
-                    estimate_of(branches.filters[track], b // LANES, b % LANES)
-                ):
-                    difference[k] = value - mean[k]
-                entries = covariance_of(branches.filters[track, b // LANES], b % LANES)
-                k = 0
-                for row in range(4):
-                    for column in range(row, 4):
-                        covariance[k] += probability * (
-                            entries[k] + difference[row] * difference[column]
-                        )
-                        k += 1
-        anchor = (mean[0], mean[1], mean[2], mean[3])
-        log_weight = math.log(total)
+            total += shares[b]
+        anchor, covariance = _mixture_of(branches, track, shares, total)
+        slot = free[mode] if learns else 0
+        weight = math.log(total)
         _begin_branch(
             children,
             0,
             count,
             mode,
             LATER,
+            slot,
             anchor,
-            triangle(covariance),
-            log_weight,
+            covariance,
+            weight,
             model,
         )
-        children.slots[0, count] = free[mode] if learns else 0
         count += 1
     return count
 
@@ -341,56 +307,35 @@ def _extend(
     count = 0
     learns = model.prior.size > 0
     switches = np.zeros(branches.counts[track])
-    for b in range(branches.counts[track]):
-        row = branches.rows[track, b]
-        age = branches.ages[track, b]
-        turns = 1 if branches.modes[track, b] > 0 else 0
+    for b in range(switches.size):
+        history = branches.histories[track, b]
         if learns:
-            column = min(age, model.tables.shape[1]) - 1
-            slot = branches.slots[track, b]
-            hazard = expected_hazard(branches.habits, track, slot, model.tables, row, column)
+            column = min(history.age, model.tables.shape[1]) - 1
+            hazard = expected_hazard(
+                branches.habits,
+                track,
+                history.slot,
+                model.tables,
+                history.row,
+                column,
+            )
         else:
-            hazard = model.hazards[2 * row + turns, min(age, model.hazards.shape[1]) - 1]
+            row = 2 * history.row + (1 if history.mode > 0 else 0)
+            hazard = model.hazards[row, min(history.age, model.hazards.shape[1]) - 1]
         weight = branches.filters[track, b // LANES].log_likelihood[b % LANES]
         switches[b] = hazard * math.exp(weight)
         if hazard < 1.0:
             _copy_branch(branches, track, b, children, 0, count)
-            children.ages[0, count] = age + 1
-            children.hazards[0, count] = hazard
-            children.filters[0, count // LANES].log_likelihood[count % LANES] = weight + math.log1p(
-                -hazard
-            )
+            children.histories[0, count].age += 1
+            children.histories[0, count].hazard = hazard
+            continues = weight + math.log1p(-hazard)
+            children.filters[0, count // LANES].log_likelihood[count % LANES] = continues
             count += 1
     shares = np.zeros((2 * model.radii.size + 1, switches.size))
-    free = switches.astype(np.int64)[:0]
+    free = np.empty(0, np.int64)
     if learns:
-        free = free_slots(branches.slots[track, : switches.size], branches.habits)
-    if model.merged:
-        count = _switch(
-            branches,
-            track,
-            switches,
-            (0, switches.size),
-            children,
-            count,
-            free,
-            shares,
-            model,
-        )
-    else:
-        for b in range(switches.size):
-            count = _switch(
-                branches,
-                track,
-                switches,
-                (b, b + 1),
-                children,
-                count,
-                free,
-                shares,
-                model,
-            )
-    return count, shares
+        free = free_slots(branches.histories[track, : switches.size], branches.habits)
+    return _switch(branches, track, switches, children, count, free, shares, model), shares
 
 
 @compiled
@@ -406,10 +351,10 @@ def step_branches(
     """Advance the branches of all tracks by one tick, and write the log probabilities of the
     modes, (N, M).
 
-    `children`, (1, ...), with room for M times as many branches, and `innovations` and `measured`,
+    `children`, (1, ...), with room for M more branches, and `innovations` and `measured`,
     (1,), are memory. Measurements are (N, 2) or (N, 9), see `sensing.write_measured`.
     """
-    capacity = branches.modes.shape[1]
+    capacity = branches.histories.shape[1]
     # With signed ones the loop over lanes is no SIMD code.
     first = np.uint64(0)
     last = np.uint64(LANES)
@@ -432,13 +377,7 @@ def step_branches(
             for c in range(group * LANES, min(count, (group + 1) * LANES)):
                 weights[c] = -kalman.log_likelihood[c % LANES]
         if model.joined:
-            order = join_branches(
-                children.modes[0],
-                children.rows[0],
-                children.ages[0],
-                weights,
-                capacity,
-            )
+            order = join_branches(children.histories[0], weights, capacity)
         else:
             order = np.argsort(weights, kind="mergesort")
         kept = min(order.size, capacity)
@@ -451,19 +390,15 @@ def step_branches(
         log_probability[track] = 0.0
         # Before their parents are overwritten.
         for k in range(kept if model.prior.size > 0 else 0):
-            c = order[k]
-            mode = children.modes[0, c]
-            if children.ages[0, c] == 1:
+            child = children.histories[0, order[k]]
+            if child.age == 1:
                 merge_habits(
                     branches.habits,
                     track,
-                    children.slots[0, c],
-                    mode,
-                    shares[mode],
-                    branches.slots[track],
-                    branches.modes[track],
-                    branches.rows[track],
-                    branches.ages[track],
+                    child.slot,
+                    child.mode,
+                    shares[child.mode],
+                    branches.histories[track],
                     model.tables,
                 )
         for k in range(kept):
@@ -471,7 +406,7 @@ def step_branches(
             _copy_branch(children, 0, c, branches, track, k)
             log_weight = shift - weights[c]
             branches.filters[track, k // LANES].log_likelihood[k % LANES] = log_weight
-            log_probability[track, children.modes[0, c]] += math.exp(log_weight)
+            log_probability[track, children.histories[0, c].mode] += math.exp(log_weight)
         branches.counts[track] = kept
         branches.evidence[track] -= shift
         for mode in range(log_probability.shape[1]):
@@ -480,5 +415,5 @@ def step_branches(
 
 def step_memory(hypotheses: int, branches: Branches) -> tuple[Branches, AnyArray, AnyArray]:
     """Return the `children`, `innovations` and `measured` of `step_branches`."""
-    children = branch_arrays(1, hypotheses * branches.modes.shape[1])
+    children = branch_arrays(1, hypotheses + branches.histories.shape[1])
     return children, aligned_zeros((1,), INNOVATION), aligned_zeros((1,), MEASURED)

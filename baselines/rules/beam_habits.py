@@ -9,11 +9,11 @@ all laws share them. The next modes are equally likely, or they have a Dirichlet
 posterior follows from counts. Branches that merge average their habits.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybrid_env.checks import Float32Array, FloatArray, IntArray
+from hybrid_env.checks import AnyArray, Float32Array, FloatArray, IntArray
 from hybrid_env.compiled import internal, summing
 
 # (2, ages, 2, L), see `beam_filters.BeamModel`
@@ -137,21 +137,19 @@ def _add_posterior(
     laws: Float32Array,
     track: int,
     slot: int,
-    parent: int,
+    history: Any,
     weight: float,
-    turns: int,
     tables: Tables,
-    row: int,
-    column: int,
 ) -> None:
-    """Add to the laws of a slot those of a parent after the end of its segment, times a weight;
-    see `expected_hazard`.
+    """Add to the laws of a slot those of a history after the end of its segment, times a weight.
 
-    turns: 1 if the segment was a turn. Arrays are indexed and not sliced: numba counts references
-    to slices.
+    Arrays are indexed and not sliced: numba counts references to slices.
     """
-    kind = 1 + turns
-    other = 2 - turns
+    parent = history.slot
+    row = history.row
+    column = min(history.age, tables.shape[1]) - 1
+    kind = 2 if history.mode > 0 else 1
+    other = 3 - kind
     joint, apart, before = _sums(laws, track, parent, kind, tables, row, column)
     if joint + apart <= 0.0:
         laws[track, slot] += np.float32(weight) * laws[track, parent]
@@ -166,11 +164,11 @@ def _add_posterior(
 
 
 @internal
-def free_slots(used: IntArray, habits: Habits) -> IntArray:
-    """Return M slots of a track that none of its branches uses. used: those of its branches."""
+def free_slots(histories: AnyArray, habits: Habits) -> IntArray:
+    """Return M slots of a track that none of its branches uses."""
     taken = np.zeros(habits.laws.shape[1], np.bool_)
-    for k in range(used.size):
-        taken[used[k]] = True
+    for k in range(histories.size):
+        taken[histories[k].slot] = True
     return np.flatnonzero(~taken)[: habits.orders.shape[2]]
 
 
@@ -181,14 +179,11 @@ def merge_habits(
     slot: int,
     mode: int,
     weights: FloatArray,
-    slots: IntArray,
-    modes: IntArray,
-    rows: IntArray,
-    ages: IntArray,
+    parents: AnyArray,
     tables: Tables,
 ) -> None:
     """Write the habits of a branch that begins with a switch to a mode: the mixture of its
-    parents.
+    parents, records `beam_filters.HISTORY`.
     """
     laws = habits.laws[track, slot]
     orders = habits.orders[track, slot]
@@ -204,27 +199,16 @@ def merge_habits(
     for b in range(weights.size):
         if weights[b] > least:
             share = weights[b] / total
-            turns = 1 if modes[b] > 0 else 0
-            column = min(ages[b], tables.shape[1]) - 1
-            _add_posterior(
-                habits.laws,
-                track,
-                slot,
-                slots[b],
-                share,
-                turns,
-                tables,
-                rows[b],
-                column,
-            )
-            by_chance = (1.0 - habits.habitual[track, slots[b]]) / (orders.shape[0] - 1)
-            habitual += share * (1.0 - by_chance / habits.following[track, slots[b], mode])
+            parent = parents[b]
+            _add_posterior(habits.laws, track, slot, parent, share, tables)
+            by_chance = (1.0 - habits.habitual[track, parent.slot]) / (orders.shape[0] - 1)
+            habitual += share * (1.0 - by_chance / habits.following[track, parent.slot, mode])
             for row in range(orders.shape[0]):
                 for column in range(orders.shape[0]):
                     orders[row, column] += (
-                        np.float32(share) * habits.orders[track, slots[b], row, column]
+                        np.float32(share) * habits.orders[track, parent.slot, row, column]
                     )
-            orders[modes[b], mode] += np.float32(share)
+            orders[parent.mode, mode] += np.float32(share)
     for row in range(3):
         for law in range(laws.shape[1]):
             laws[row, law] *= np.float32(laws[row, law] > SMALLEST)

@@ -7,6 +7,7 @@ it: the more probable one of two takes the probability of the other, as in the r
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -16,9 +17,7 @@ from hybrid_env.compiled import internal
 
 @internal
 def join_branches(
-    modes: IntArray,
-    rows: IntArray,
-    ages: IntArray,
+    histories: Any,
     weights: FloatArray,
     capacity: int,
 ) -> IntArray:
@@ -29,18 +28,18 @@ def join_branches(
     probability. The cheapest is done until `capacity` branches are left.
 
     Args:
-        modes, rows, ages: (B,) of the branches, oldest first, see `beam_filters.Branches`.
+        histories: (B,) of the branches, oldest first, see `beam_filters.Branches`.
         weights: (n,) negative logarithms of their probabilities, n of at most B branches.
         capacity: largest number that remains.
     """
     smallest = weights.min()
     shares = np.exp(smallest - weights)
     # Of ages and three ticks more: the youngest are nearly the same.
-    reach = np.log(ages[: weights.size] + 3.0)
+    reach = np.log(histories.age[: weights.size] + 3.0)
     kept = np.arange(weights.size)
     left = weights.size
     # Place of the last branch of each mode and row.
-    last = np.empty(2 * modes.max() + 2, np.int64)
+    last = np.empty(2 * histories.mode.max() + 2, np.int64)
     while left > capacity:
         last[:] = -1
         least = np.inf
@@ -48,7 +47,7 @@ def join_branches(
         takes = -1
         for k in range(left):
             b = kept[k]
-            kind = 2 * modes[b] + rows[b]
+            kind = 2 * histories[b].mode + histories[b].row
             before = last[kind]
             last[kind] = k
             if shares[b] < least:

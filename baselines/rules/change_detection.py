@@ -5,7 +5,6 @@ the statement changes to its mode and all statistics of the track begin anew.
 """
 
 import math
-from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
@@ -16,18 +15,28 @@ from hybrid_env.checks import FloatArray
 from hybrid_env.observation import QuickestLayout
 
 
-class ChangeDecider(Decider, ABC):
-    """A rule that changes its statement when the statistic of another mode reaches a threshold,
-    > 0.
+class CusumDecider(Decider):
+    """The cumulative sum of the ratios since the moment that is best for the other mode.
+
+    G = max(0, G + l). Page 1954, "Continuous inspection schemes".
+
+    Args:
+        threshold: of G, above 0.
     """
 
+    name = "cusum"
     task = UNKNOWN
+    title = "CUSUM"
+    symbol = "G"
+    default = 4.0
+    thresholds = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 15.0)
     bounds = 1e-12, math.inf
-    start: float
+    # Of a statistic.
+    start = 0.0
 
-    @abstractmethod
     def update(self, statistics: FloatArray, ratio: FloatArray) -> FloatArray:
         """Return the statistics after one more tick, (N, M). ratio: (N, M)."""
+        return np.maximum(statistics + ratio, 0.0)
 
     def decide(
         self,
@@ -55,28 +64,7 @@ class ChangeDecider(Decider, ABC):
         return np.where(started, actions, first), memory
 
 
-class CusumDecider(ChangeDecider):
-    """The cumulative sum of the ratios since the moment that is best for the other mode.
-
-    G = max(0, G + l). Page 1954, "Continuous inspection schemes".
-
-    Args:
-        threshold: of G, above 0.
-    """
-
-    name = "cusum"
-    title = "CUSUM"
-    symbol = "G"
-    default = 4.0
-    thresholds = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 15.0)
-    start = 0.0
-
-    def update(self, statistics: FloatArray, ratio: FloatArray) -> FloatArray:
-        """Return the sums."""
-        return np.maximum(statistics + ratio, 0.0)
-
-
-class ShiryaevRobertsDecider(ChangeDecider):
+class ShiryaevRobertsDecider(CusumDecider):
     """The sum of the likelihood ratios of all moments of the switch since the last statement.
 
     R = (1 + R) exp(l), here in logarithms. Shiryaev 1963, "On optimum methods in quickest detection

@@ -5,26 +5,33 @@ sensors it lacks the covariance of the measurement: then the filters also read w
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import logsumexp
 
 from baselines.rules.decider import Observations
-from baselines.rules.measurements import in_heading_frame, in_rows, in_world, sensors_of
+from baselines.rules.measurements import (
+    in_heading_frame,
+    in_rows,
+    in_world,
+    run_compiled,
+    sensors_of,
+    triangle,
+)
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, OwnState
 from hybrid_env.compiled import (
-    BANKS,
+    AWARE_HYPOTHESIS,
+    INNOVATION,
     LANES,
     MEASURED,
-    AnchorAwareBank,
     FilterModel,
     aligned_zeros,
-    bank_arrays,
+    begin_hypothesis,
     compiled,
     internal,
-    operations,
-    prepare,
+    sense_hypothesis,
+    signed_radius,
     write_measured,
 )
 from hybrid_env.live import TRIANGLE
@@ -55,52 +62,42 @@ LAWS = NoiseLaw(0.0, 1.0, 25.0, -3.5, 14.0), NoiseLaw(-3.0, 2.0, 40.0, -2.3, 12.
 
 
 class _Assumption(NamedTuple):
-    """Filters that assume a law of the noise and an orientation of the heading frame."""
+    """What the filters assume: a law of the noise, and an orientation of the heading frame."""
 
-    # C N lanes: the tracks of one component after the other.
-    banks: Any
     model: FilterModel
     outlier_model: FilterModel
     log_outlier_odds: float
     distance: float
 
 
-@internal
-def _step_lane(
-    bank: Any,
-    lane: int,
-    measured: Any,
-    sensors: AnyArray,
-    model: FilterModel,
-) -> None:
-    """Advance the filters of one lane; a measurement NaN only predicts."""
-    missing = math.isnan(measured.measurement[0, lane])
-    if not missing and sensors.size == 0:
-        operations.step(bank, lane, lane + 1, measured.measurement, model)
-        return
-    operations.predict(bank, lane, model)
-    for h in range(0 if missing else bank.hypotheses.size):
-        operations.correct(bank, lane, h, measured, sensors, model)
+class _Memory(NamedTuple):
+    """Temporary memory of a block of tracks, for M hypotheses."""
+
+    # (M,) records `INNOVATION`
+    innovations: AnyArray
+    # (1,) record `MEASURED`
+    measured: AnyArray
+    # (M,) records `AWARE_HYPOTHESIS`; (0,) if outliers do not have a model of their own.
+    before: AnyArray
+    # (LANES,)
+    outlier: BoolArray
 
 
 @internal
-def _any_outlier(bank: Any, lanes: int, distance: float, outlier: BoolArray) -> bool:
-    """Mark the lanes whose measurement no hypothesis explains; return whether there are any."""
-    any_outlier = False
+def _mark_outliers(memory: _Memory, lanes: int, distance: float) -> None:
+    """Mark the lanes whose measurement no hypothesis explains."""
     for lane in range(lanes):
         smallest = distance
-        for h in range(bank.hypotheses.size):
-            innovation = bank.innovations[h]
-            x = innovation.white_x[lane]
-            y = innovation.white_y[lane]
+        for h in range(memory.innovations.size):
+            x = memory.innovations[h].white_x[lane]
+            y = memory.innovations[h].white_y[lane]
             smallest = min(smallest, x * x + y * y)
-        outlier[lane] = smallest >= distance
-        any_outlier = any_outlier or outlier[lane]
-    return any_outlier
+        memory.outlier[lane] = smallest >= distance
 
 
 @compiled
 def _filter_tick(
+    filters: AnyArray,
     assumption: _Assumption,
     log_likelihood: FloatArray,
     innovations: FloatArray,
@@ -109,67 +106,81 @@ def _filter_tick(
     measurements: FloatArray,
     radii: FloatArray,
     sensors: AnyArray,
-    saved: AnyArray,
-    measured: AnyArray,
-    outlier: BoolArray,
+    memory: _Memory,
 ) -> None:
     """Start the filters of some tracks, (N,), at anchors (C, N, 14), then advance all by one tick.
+    The filters, (blocks, M) records, have C N lanes: the tracks of one component after the other.
     Likelihoods (C, N, M) and innovations (C, N, M, 3) are written. Measurements, see
-    `sensing.write_measured`, are NaN if a tick has none. The others are memory; `saved`, (M,)
-    hypotheses, is (0,) if outliers do not have a model of their assumption.
+    `sensing.write_measured`, are NaN if a tick has none.
     """
     tracks = begins.size
-    lanes_total = log_likelihood.shape[0] * tracks
-    for b in range(assumption.banks.hypotheses.shape[0]):
-        bank = operations.bank_of_block(assumption.banks, b)
-        lanes = min(LANES, lanes_total - b * LANES)
-        separate = sensors.size > 0
+    for b in range(filters.shape[0]):
+        bank = filters[b]
+        lanes = min(LANES, log_likelihood.shape[0] * tracks - b * LANES)
+        memory.outlier[:] = False
+        # Lanes that are advanced at once: all or none of them have a measurement.
+        at_once = lanes
         for lane in range(lanes):
             c, i = divmod(b * LANES + lane, tracks)
-            if begins[i]:
-                a = anchors[c, i]
-                anchor = (a[0], a[1], a[2], a[3])
-                covariance = (a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13])
-                operations.begin(bank, lane, anchor, covariance, radii, assumption.model)
-            write_measured(measured[0], lane, measurements[i])
-            separate = separate or math.isnan(measurements[i, 0])
-        for h in range(saved.size):
-            saved[h] = bank.hypotheses[h]
-        if separate:
-            for lane in range(lanes):
-                _step_lane(bank, lane, measured[0], sensors, assumption.model)
-        else:
-            operations.step(bank, 0, lanes, measured[0].measurement, assumption.model)
-        if saved.size > 0 and _any_outlier(bank, lanes, assumption.distance, outlier):
-            for h in range(saved.size):
-                bank.hypotheses[h] = saved[h]
-            for lane in range(lanes):
-                _step_lane(
-                    bank,
+            write_measured(memory.measured[0], lane, measurements[i])
+            if math.isnan(measurements[i, 0]):
+                at_once = 1
+            for h in range(bank.size if begins[i] else 0):
+                anchor = anchors[c, i]
+                begin_hypothesis(
+                    bank[h],
                     lane,
-                    measured[0],
-                    sensors,
-                    assumption.outlier_model if outlier[lane] else assumption.model,
+                    (anchor[0], anchor[1], anchor[2], anchor[3]),
+                    triangle(anchor[4:]),
+                    signed_radius(h, radii),
+                    assumption.model.tau,
+                    assumption.model.exact_anchor > 0.0,
                 )
-                for h in range(saved.size if outlier[lane] else 0):
-                    bank.hypotheses[h].log_likelihood[lane] += assumption.log_outlier_odds
+        for h in range(memory.before.size):
+            memory.before[h] = bank[h]
+        advances = True
+        while advances:
+            for first in range(0, lanes, at_once):
+                outlier = memory.outlier[first]
+                model = assumption.outlier_model if outlier else assumption.model
+                for h in range(bank.size):
+                    sense_hypothesis(
+                        bank[h],
+                        memory.innovations[h],
+                        np.uint64(first),
+                        np.uint64(first + at_once),
+                        memory.measured[0],
+                        sensors,
+                        model,
+                    )
+                    if outlier:
+                        bank[h].log_likelihood[first] += assumption.log_outlier_odds
+            advances = memory.before.size > 0 and not memory.outlier.any()
+            if advances:
+                _mark_outliers(memory, lanes, assumption.distance)
+                advances = bool(memory.outlier.any())
+            if advances:
+                # Again, one after the other.
+                at_once = 1
+                for h in range(bank.size):
+                    bank[h] = memory.before[h]
         for lane in range(lanes):
             c, i = divmod(b * LANES + lane, tracks)
-            for h in range(bank.hypotheses.size):
-                innovation = bank.innovations[h]
-                target = innovations[c, i, h]
-                log_likelihood[c, i, h] = bank.hypotheses[h].log_likelihood[lane]
-                target[0] = innovation.white_x[lane]
-                target[1] = innovation.white_y[lane]
-                target[2] = innovation.log_variance[lane]
+            for h in range(bank.size):
+                innovation = memory.innovations[h]
+                log_likelihood[c, i, h] = bank[h].log_likelihood[lane]
+                innovations[c, i, h, 0] = innovation.white_x[lane]
+                innovations[c, i, h, 1] = innovation.white_y[lane]
+                innovations[c, i, h, 2] = innovation.log_variance[lane]
 
 
 class ComponentFilters(OwnState):
-    """One bank for each of N tracks and of C components of the distribution of its anchor. With
-    `robust` a measurement that no hypothesis explains is an outlier, with a larger variance. There
-    are filters for every law of `LAWS`, weighted by the likelihood of all measurements of the
-    episode, and for three orientations of the heading frame if the axes have different variances.
-    Otherwise these have their geometric mean.
+    """One bank for each of N tracks and of C components of the distribution of its anchor: filters
+    of `anchor_aware`, with an exact anchor those of `published`. With `robust` a measurement that
+    no hypothesis explains is an outlier, with a larger variance. There are filters for every law of
+    `LAWS`, weighted by the likelihood of all measurements of the episode, and for three
+    orientations of the heading frame if the axes have different variances. Otherwise these have
+    their geometric mean.
     """
 
     # (C, N, M) of all measurements since the start of the filters.
@@ -190,28 +201,16 @@ class ComponentFilters(OwnState):
         self.bank = bank
         self.world = world
         self.robust = robust
-        self.radii = np.array(world.radii)
         self.layout = Layout(world.hypotheses)
         x, y = np.broadcast_to(world.variances, 2).tolist()
         variances = [(float(np.sqrt(x * y)),) * 2]
         if robust and x != y:
-            variances = [
-                (x, y),
-                (y, x),
-                ((x + y) / 2, (x + y) / 2),
-            ]
-        shape = (components, tracks, world.hypotheses)
-        blocks = -(-components * tracks // LANES)
+            variances = [(x, y), (y, x), ((x + y) / 2, (x + y) / 2)]
         laws = LAWS if robust else LAWS[:1]
-        # Log-likelihoods (laws, orientations, C, N, M).
-        self._joint = np.zeros((len(laws), len(variances), *shape))
-        self._innovations = np.zeros((*self._joint.shape, 3))
-        kind = AnchorAwareBank if world.sensors else BANKS[bank]
         fields = {"tau": world.tau, "process_variance": world.process_variance}
         fields["exact_anchor"] = float(bank == "published")
         self.assumptions = [
             _Assumption(
-                bank_arrays(kind, self.radii.size, 1 if x == y else 2, blocks),
                 FilterModel(variance_x=law.variance * x, variance_y=law.variance * y, **fields),
                 FilterModel(
                     variance_x=law.outlier_variance * x,
@@ -226,25 +225,20 @@ class ComponentFilters(OwnState):
         ]
         self.prior = np.array([[law.log_prior] for law in laws])
         self.log_laws = np.tile(self.prior, (1, tracks))
-        saved = np.zeros(
-            world.hypotheses if robust else 0,
-            self.assumptions[0].banks.hypotheses.dtype,
+        M = world.hypotheses
+        self.filters = aligned_zeros(
+            (len(self.assumptions), -(-components * tracks // LANES), M), AWARE_HYPOTHESIS
         )
-        self.memory = saved, aligned_zeros((1,), MEASURED), np.zeros(LANES, np.bool_)
-        self.sensors = sensors_of(world)
-        self.log_likelihood = np.zeros(shape)
-        self.innovations = np.zeros((*shape, 3))
-        none = np.zeros(0, np.bool_), np.zeros((components, 0, ANCHOR_COLUMNS)), np.zeros((0, 2))
-        written = self._joint[0, 0], self._innovations[0, 0]
-        prepare(
-            _filter_tick,
-            self.assumptions[0],
-            *written,
-            *none,
-            self.radii,
-            self.sensors,
-            *self.memory,
+        # Log-likelihoods (laws, orientations, C, N, M).
+        self._joint = np.zeros((len(laws), len(variances), components, tracks, M))
+        self._innovations = np.zeros((*self._joint.shape, 3))
+        self.memory = _Memory(
+            aligned_zeros((M,), INNOVATION),
+            aligned_zeros((1,), MEASURED),
+            aligned_zeros((M if robust else 0,), AWARE_HYPOTHESIS),
+            np.zeros(LANES, np.bool_),
         )
+        self._combine()
 
     def advance(
         self,
@@ -266,22 +260,23 @@ class ComponentFilters(OwnState):
         else:
             measurements = in_rows(self.layout, rows, self.world.missed > 0.0)
         shape = len(self.assumptions), *self.log_likelihood.shape
-        written = zip(
+        of_assumptions = zip(
+            self.filters,
             self.assumptions,
             self._joint.reshape(shape),
             self._innovations.reshape(*shape, 3),
             strict=True,
         )
-        for arrays in written:
-            _filter_tick(
-                *arrays,
-                begins,
-                anchors,
-                measurements,
-                self.radii,
-                self.sensors,
-                *self.memory,
-            )
+        of_tick = (
+            begins,
+            np.ascontiguousarray(anchors),
+            measurements,
+            np.array(self.world.radii),
+            sensors_of(self.world),
+            self.memory,
+        )
+        for arrays in of_assumptions:
+            run_compiled(_filter_tick, *arrays, *of_tick)
         self._combine()
         if self.world.sensors:
             self.innovations = in_heading_frame(self.innovations, heading)
@@ -310,36 +305,21 @@ class ComponentFilters(OwnState):
         """Return all arrays that determine the next ticks; writing into them changes the
         filters.
         """
-        banks = {
-            f"{k}.{name}.{field}": records[field]
-            for k, assumption in enumerate(self.assumptions)
-            for name, records in assumption.banks._asdict().items()
-            for field in records.dtype.names
-        }
-        each = self._joint.reshape(len(self.assumptions), *self.log_likelihood.shape)
-        likelihoods = {f"{k}.log_likelihood": values for k, values in enumerate(each)}
-        return banks | likelihoods | {"log_laws": self.log_laws}
+        filters = {name: self.filters[name] for name in AWARE_HYPOTHESIS.names or ()}
+        return filters | {"log_likelihoods": self._joint, "log_laws": self.log_laws}
 
     def select_tracks(self, tracks: BoolArray) -> "ComponentFilters":
         """Return the filters of the tracks selected by a mask (N,)."""
         components = len(self.log_likelihood)
-        selected = ComponentFilters(
-            self.bank,
-            components,
-            int(tracks.sum()),
-            self.world,
-            self.robust,
-        )
-        lanes = np.flatnonzero(np.tile(tracks, components))
-        blocks, lane = np.divmod(np.arange(lanes.size), LANES)
+        count = int(tracks.sum())
+        selected = ComponentFilters(self.bank, components, count, self.world, self.robust)
         selected.log_laws[:] = self.log_laws[:, tracks]
         selected._joint[:] = self._joint[:, :, :, tracks]
-        for mine, others in zip(self.assumptions, selected.assumptions, strict=True):
-            for old, new in zip(mine.banks, others.banks, strict=True):
-                # The others are temporary memory.
-                if old.ndim > 1 and len(old) == len(mine.banks.hypotheses):
-                    for name in old.dtype.names:
-                        new[name][blocks, ..., lane] = old[name][lanes // LANES, ..., lanes % LANES]
+        old = np.divmod(np.flatnonzero(np.tile(tracks, components)), LANES)
+        new = np.divmod(np.arange(components * count), LANES)
+        for name in AWARE_HYPOTHESIS.names or ():
+            kept = self.filters[name][:, old[0], ..., old[1]]
+            selected.filters[name][:, new[0], ..., new[1]] = kept
         return selected
 
 
@@ -355,17 +335,17 @@ def joint_posterior(log_likelihood: FloatArray, log_weights: FloatArray) -> Floa
 def anchor_rows(
     layout: Layout,
     rows: Observations,
-    mean: FloatArray | float,
+    mean: FloatArray,
     covariance: FloatArray,
 ) -> FloatArray:
-    """Return anchors (N, 14): estimates of rows in the heading frame, with mean errors and
-    covariances (N, 4, 4).
+    """Return anchors (C, N, 14): estimates of rows in the heading frame, with mean errors (N, C, 4)
+    and covariances (N, C, 4, 4).
     """
-    anchors = np.zeros((len(rows), ANCHOR_COLUMNS))
-    anchors[:, 1] = layout.read(rows, "speed")
-    anchors[:, :4] += mean
-    anchors[:, 4:] = covariance[:, TRIANGLE[0], TRIANGLE[1]]
-    return anchors
+    anchors = np.zeros((*mean.shape[:2], ANCHOR_COLUMNS))
+    anchors[..., 1] = layout.read(rows, "speed")[:, None]
+    anchors[..., :4] += mean
+    anchors[..., 4:] = covariance[..., TRIANGLE[0], TRIANGLE[1]]
+    return anchors.swapaxes(0, 1)
 
 
 def stated_covariance(layout: Layout, rows: Observations) -> FloatArray:

@@ -4,8 +4,7 @@ import copy
 import importlib
 import math
 import pkgutil
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, Self
 
@@ -56,9 +55,9 @@ class Decider:
         every_tick: it has filters of its own that predict, so it is also asked in ticks without a
             measurement.
         reads_options: its first argument are the options of the environment.
+        source: of its probabilities, in figures.
         oracle: it knows what a user does not know, as a bound: the true anchor, the law of the
             durations.
-        create_at: makes it at a threshold; None copies it.
     """
 
     name: str = ""
@@ -77,8 +76,8 @@ class Decider:
     observes: Literal["rows", "tracks"] = "rows"
     every_tick: bool = False
     reads_options: bool = False
+    source: str = "bank"
     oracle: bool = False
-    create_at: Callable[[float], Any] | None = None
 
     def __init__(self, threshold: float | None = None):
         self.threshold = self.check_threshold(self.default if threshold is None else threshold)
@@ -98,8 +97,6 @@ class Decider:
         Raises:
             ArgumentError: the threshold is not allowed.
         """
-        if self.create_at is not None:
-            return self.create_at(float(np.asarray(threshold)))
         checked = [self.check_threshold(each) for each in np.atleast_1d(threshold).tolist()]
         return self.changed(threshold=np.array(checked) if np.ndim(threshold) else checked[0])
 
@@ -123,7 +120,7 @@ class Decider:
         deterministic: bool = True,
     ) -> Answer:
         """Return the actions of N tracks for one step. A rule whose actions are never random has
-        `decide` instead.
+        `decide` or `act` instead.
 
         Args:
             observation: (N, width) rows of the environment, see its docstring, or what `observe`
@@ -139,7 +136,13 @@ class Decider:
         return self.decide(observation, state, episode_start)
 
     def decide(self, observation: Any, state: Any, episode_start: Any) -> Answer:
-        """Return the actions (N,) and the new state; arguments as in `predict`."""
+        """Return the actions (N,) and the new state; arguments as in `predict`. By default they
+        depend on the present rows only, see `act`.
+        """
+        return self.act(observation), None
+
+    def act(self, rows: Observations) -> Actions:
+        """Return the actions (N,) for rows (N, width) of the environment."""
         raise NotImplementedError
 
     def observe(self, tracks: Any) -> AnyArray:
@@ -150,7 +153,8 @@ class Decider:
         """Return the panel in which `evidence` is drawn."""
         if self.task == ANNOUNCED:
             return posterior_panel("Kalman filters")
-        return probability_panel("bank")
+        level = self.threshold if self.symbol == "probability" else 0.0
+        return probability_panel(self.source, level)
 
     def evidence(
         self,
@@ -173,18 +177,6 @@ class Decider:
         can be dropped.
         """
         return NotImplemented
-
-
-class RowRule(Decider, ABC):
-    """A decider without a state: its actions depend on the present rows only."""
-
-    @abstractmethod
-    def act(self, rows: Observations) -> Actions:
-        """Return the actions (N,) for rows (N, width) of the environment."""
-
-    def decide(self, observation: Any, state: Any, episode_start: Any) -> tuple[Actions, None]:
-        """See `Decider.decide`; only the rows are used."""
-        return self.act(observation), None
 
 
 @dataclass(frozen=True)

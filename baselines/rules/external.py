@@ -5,7 +5,6 @@ entry points.
 import contextlib
 import copy
 import functools
-import hashlib
 import importlib
 import importlib.util
 import inspect
@@ -22,20 +21,10 @@ import numpy as np
 from gymnasium.error import InvalidAction
 
 from baselines.rules.decider import Actions, Answer, Decider
-from hybrid_env.checks import (
-    ArgumentError,
-    BoolArray,
-    check_flag,
-    check_number,
-    reject,
-)
+from hybrid_env.checks import ArgumentError, BoolArray, checked, reject
 
 # Group of entry points by which packages name deciders.
 ENTRY_POINTS = "hybridtrack.deciders"
-FILTER_OPTIONS = ("bank", "evidence", "follow", "reset_covariance", "likelihood", "hazard")
-"""Options that a decider may ask for: those of the filters, which leave the object and its
-measurements as they are.
-"""
 
 
 class ModelDecider(Decider):
@@ -93,44 +82,44 @@ class CheckedDecider:
         """Return actions (N,) and the new state, see `Decider.predict`."""
         if self._trusted:
             return self.decider.predict(seen, state, starts, deterministic=True)
-        with _one_line(self.decider):
-            actions, state = self.decider.predict(seen, state, starts, deterministic=True)
-            array = np.asarray(actions)
-        return self._checked(array, len(seen)), state
+        with _one_line(name_of(self.decider)):
+            answer, state = self.decider.predict(seen, state, starts, deterministic=True)
+            actions = np.asarray(answer)
+        return self._checked(actions, len(seen)), state
 
     def observe(self, tracks: Any) -> Any:
         """Return what the decider observes of the arrays of an environment, see
         `Decider.observe`.
         """
-        with _one_line(self.decider):
+        with _one_line(name_of(self.decider)):
             return self.decider.observe(tracks)
 
-    def _checked(self, array: Any, tracks: int) -> Actions:
-        shown: Any = f"{array.dtype} of shape {array.shape}"
-        if array.shape == (tracks,) and array.dtype.kind in "iu":
-            shown = array[(array < 0) | (array >= self.action_count)]
+    def _checked(self, actions: Any, tracks: int) -> Actions:
+        shown: Any = f"{actions.dtype} of shape {actions.shape}"
+        if actions.shape == (tracks,) and actions.dtype.kind in "iu":
+            shown = actions[(actions < 0) | (actions >= self.action_count)]
             if not shown.size:
-                return array
-        place = where_defined(self.decider)
-        raise reject(
-            "actions",
-            shown,
-            f"{tracks} integers from 0 to {self.action_count - 1} from {place}",
-        )
+                return actions
+        allowed = f"{tracks} integers from 0 to {self.action_count - 1}"
+        raise reject("actions", shown, f"{allowed} from {name_of(self.decider)}")
 
 
 def find_external(name: str) -> Any:
     """Return the object of "mine.py:MyRule", "package.module:Rule" or an entry point; None for
     another form.
     """
-    points = entry_points(group=ENTRY_POINTS)
-    point = next((point for point in points if point.name == name), None)
-    where, colon, attribute = name.rpartition(":")
-    if point is None and not (colon and attribute.isidentifier() and _is_source(where)):
+    for point in entry_points(group=ENTRY_POINTS):
+        if point.name == name:
+            with _one_line(name):
+                return point.load()
+    where, _, attribute = name.rpartition(":")
+    _search(Path.cwd())
+    parts = where.split(".")
+    importable = all(map(str.isidentifier, parts)) and importlib.util.find_spec(parts[0])
+    if not attribute.isidentifier() or not (parts[-1] == "py" or importable):
         return None
-    place = name if point is not None else where
-    with _one_line(place):
-        return _load(where, attribute) if point is None else point.load()
+    with _one_line(where):
+        return getattr(_module(where), attribute)
 
 
 def entry_point_names() -> list[str]:
@@ -162,29 +151,31 @@ def _attributes(model: Any, name: str, options: Any) -> dict[str, Any]:
     """Return the checked attributes of a user's decider."""
     task = getattr(model, "task", options.switches)
     if task != options.switches:
-        raise reject(
-            "decider",
-            name,
-            f"one for {options.switches} switches; this one is for {task}",
-        )
-    thresholds = _thresholds(model, name)
-    default = _default(model, name, thresholds)
+        allowed = f"one for {options.switches} switches; this one is for {task}"
+        raise reject("decider", name, allowed)
+    given = tuple(getattr(model, "thresholds", ()))
+    thresholds = checked("thresholds", given, tuple[float, ...]) or (0.0,)
+    # That of a class of this package may be inherited.
+    default: Any = getattr(model, "default", None)
+    if default not in thresholds:
+        kind = model if isinstance(model, type) else type(model)
+        if default is not None and not issubclass(kind, Decider):
+            raise reject("default", default, f"one of the thresholds in {name}")
+        default = thresholds[len(thresholds) // 2]
     title = getattr(model, "title", "") or name_of(model)
-    symbol = getattr(model, "symbol", "") or Decider.symbol
     needs = checked_options(model, name, type(options))
-    if needs:
-        # Checks the values.
-        replace(options, **needs)
-    oracle = check_flag("oracle", getattr(model, "oracle", False))
+    # Checks the values.
+    replace(options, **needs)
+    oracle = checked("oracle", getattr(model, "oracle", False), bool)
     if needs.get("bank") == "oracle":
         oracle = True
         title = title if "true anchor" in title else f"{title}, true anchor"
     return {
         "task": task,
         "title": title,
-        "symbol": symbol if thresholds else "",
-        "thresholds": thresholds or (0.0,),
-        "default": default,
+        "symbol": (getattr(model, "symbol", "") or Decider.symbol) if given else "",
+        "thresholds": thresholds,
+        "default": float(default),
         "options": needs,
         "oracle": oracle,
         # It is created at one threshold.
@@ -213,54 +204,20 @@ def _create(
             # The threshold is its second argument.
             created = functools.update_wrapper(lambda rows: model(rows, threshold), model)
         decider = as_decider(created)
-    create_at = functools.partial(_create, model, name, options, attributes)
-    return decider.changed(**attributes, threshold=threshold, create_at=create_at)
+    at = functools.partial(_create, model, name, options, attributes)
+    return decider.changed(**attributes, threshold=threshold, at=at)
 
 
 def checked_options(model: Any, name: str, kind: type) -> dict[str, Any]:
-    """Return the options of the class `kind` that a user's decider asks for; refuse others than
-    `FILTER_OPTIONS`.
+    """Return the options of the class `kind` that a user's decider asks for: those of the filters,
+    which leave the object and its measurements as they are. Refuse others.
     """
     needs = getattr(model, "options", {})
-    known = [option for option in FILTER_OPTIONS if hasattr(kind, option)]
+    of_filters = "bank", "evidence", "follow", "reset_covariance", "likelihood", "hazard"
+    known = [option for option in of_filters if hasattr(kind, option)]
     if not isinstance(needs, Mapping) or not all(option in known for option in needs):
         raise reject("options", needs, f"a mapping with some of {', '.join(known)} in {name}")
     return dict(needs)
-
-
-def _thresholds(model: Any, name: str) -> tuple[float, ...]:
-    given = getattr(model, "thresholds", ())
-    try:
-        thresholds = tuple(check_number("thresholds", number) for number in given)
-    except TypeError:
-        raise reject("thresholds", given, f"a sequence of numbers in {name}") from None
-    return thresholds
-
-
-def _default(model: Any, name: str, thresholds: tuple[float, ...]) -> float:
-    """Return the default threshold: the attribute if there is one, else that in the middle."""
-    given = getattr(model, "default", None)
-    if given is not None:
-        check_number("default", given, f"a number in {name}")
-    if not thresholds:
-        return 0.0
-    if given in thresholds:
-        return float(given)
-    inherited = issubclass(model if isinstance(model, type) else type(model), Decider)
-    if given is not None and not inherited:
-        raise reject("default", given, f"one of the thresholds in {name}")
-    return thresholds[len(thresholds) // 2]
-
-
-def where_defined(model: Any) -> str:
-    """Return class or function, file and line of a decider, for messages."""
-    code = _code(model)
-    title = name_of(model)
-    return (
-        title
-        if code is None
-        else f"{title}, {Path(code.co_filename).name} line {code.co_firstlineno}"
-    )
 
 
 def name_of(model: Any) -> str:
@@ -269,18 +226,8 @@ def name_of(model: Any) -> str:
     return str(getattr(inner, "__name__", type(inner).__name__))
 
 
-def _code(model: Any) -> Any:
-    """Return the code object of the function that decides; None for compiled code."""
-    if isinstance(model, ModelDecider):
-        call = model.call
-    else:
-        call = model.predict if type(model).decide is Decider.decide else model.decide
-    call = call if inspect.isroutine(call) else getattr(call, "__call__", call)  # noqa: B004
-    return getattr(inspect.unwrap(call), "__code__", None)
-
-
 @contextlib.contextmanager
-def _one_line(decider: Any) -> Iterator[None]:
+def _one_line(name: str) -> Iterator[None]:
     """Turn what a user's code raises into an error of one line: decider, file, line, what
     happened. It may not end the program either.
     """
@@ -289,16 +236,14 @@ def _one_line(decider: Any) -> Iterator[None]:
     except (ArgumentError, InvalidAction):
         raise
     except (Exception, SystemExit) as error:
-        name, code = decider, None
-        if not isinstance(decider, str):
-            name, code = name_of(decider), _code(decider)
         hidden = (__file__, importlib.__file__, contextlib.__file__, "<frozen")
-        frames = traceback.extract_tb(error.__traceback__)
-        outside = [frame for frame in frames if not frame.filename.startswith(hidden)]
-        inside = [frame for frame in outside if code and frame.filename == code.co_filename]
+        frames = [
+            frame
+            for frame in traceback.extract_tb(error.__traceback__)
+            if not frame.filename.startswith(hidden) and "site-packages" not in frame.filename
+        ]
         place = "".join(
-            f" in {Path(frame.filename).name} line {frame.lineno}"
-            for frame in (inside or outside)[-1:]
+            f" in {Path(frame.filename).name} line {frame.lineno}" for frame in frames[-1:]
         )
         raise ArgumentError(
             f"decider {name} failed{place}: {type(error).__name__}: {error}"
@@ -315,47 +260,33 @@ def _accepts_state(function: Any) -> bool:
     return any(each.name == "state" or each.kind is each.VAR_KEYWORD for each in parameters)
 
 
-def _is_source(where: str) -> bool:
-    """Return whether a text is the path of a Python file, or a module."""
-    if where.endswith(".py"):
-        return True
-    if not all(part.isidentifier() for part in where.split(".")):
-        return False
-    _search(Path.cwd())
-    return "." in where or importlib.util.find_spec(where) is not None
-
-
 def _search(folder: Path) -> None:
     """Let modules of a folder be imported, as `python` does with the present one."""
     if str(folder) not in sys.path:
         sys.path.append(str(folder))
 
 
-def _load(where: str, attribute: str) -> Any:
-    """Return an attribute of a Python file or a module."""
+def _module(where: str) -> ModuleType:
+    """Return a module, or that of a Python file in its present version."""
     if not where.endswith(".py"):
-        return getattr(importlib.import_module(where), attribute)
+        return importlib.import_module(where)
     path = Path(where).resolve()
     if not path.is_file():
-        raise reject("decider", f"{where}:{attribute}", "a file that exists")
-    content = hashlib.sha256(str(path).encode())
-    for source in sorted(path.parent.glob("*.py")):
-        content.update(source.read_bytes())
-    return getattr(_import_file(path, content.hexdigest()), attribute)
+        raise reject("decider", where, "a file that exists")
+    return _import_file(path, tuple(map(Path.read_bytes, sorted(path.parent.glob("*.py")))))
 
 
 @functools.cache
-def _import_file(path: Path, version: str) -> ModuleType:
+def _import_file(path: Path, sources: tuple[bytes, ...]) -> ModuleType:
     """Import a Python file as `python` runs it, anew for every version of the sources beside it.
 
     The modules beside it are imported for this file alone, so that files in two folders may have
     helper modules of the same name.
     """
-    name = f"decider_{version[:12]}"
-    module = ModuleType(name)
+    module = ModuleType(f"decider_{path.stem}_{abs(hash((path, sources)))}")
     module.__file__ = str(path)
     # Dataclasses look their module up.
-    sys.modules[name] = module
+    sys.modules[module.__name__] = module
     before = set(sys.modules)
     writes = sys.dont_write_bytecode
     sys.path.insert(0, str(path.parent))

@@ -4,7 +4,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from baselines.rules.decider import Actions, Observations, RowRule, Variants
+from baselines.rules.decider import Actions, Decider, Observations, Variants
 from hybrid_env.checks import check_integer
 from hybrid_env.observation import Layout
 
@@ -12,7 +12,7 @@ from hybrid_env.observation import Layout
 NO_EARLY_DECISION = 10_000_000
 
 
-class FixedTimeDecider(RowRule):
+class FixedTimeDecider(Decider):
     """Declares the maximum-likelihood hypothesis at a fixed tick of each segment, or at the end
     of a shorter one.
 
@@ -61,7 +61,7 @@ class FixedTimeDecider(RowRule):
         return check_integer("ticks", int(threshold) if whole else threshold)
 
     def act(self, rows: Observations) -> Actions:
-        """See `RowRule.act`."""
+        """See `Decider.act`."""
         layout = Layout.of_rows(rows)
         most_likely = layout.read(rows, "log_ratio").argmax(-1)
         decides = np.rint(layout.read(rows, "ticks")) >= self.threshold

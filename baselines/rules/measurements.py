@@ -4,21 +4,19 @@ covariance. Then these deciders also observe covariance, range rates, and the an
 filters run in the frame of the world.
 """
 
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import numpy as np
 
 from baselines.rules.decider import UNKNOWN, Actions, Decider
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, reject
-from hybrid_env.compiled import MOST_RATES, FilterModel, prepare
+from hybrid_env.compiled import MOST_RATES, FilterModel, Triangle4, internal, prepare
 from hybrid_env.live import SQUARE, TRIANGLE
 from hybrid_env.observation import Layout
 from hybrid_env.options import ModelOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import sensor_table
 from hybrid_env.world import World
-
-State = TypeVar("State")
 
 # Width of an observation without the probabilities: measurement, estimate and covariance.
 OBSERVED = 2 + 4 + 10
@@ -44,6 +42,23 @@ def sensors_of(options: ModelOptions) -> AnyArray:
     return sensor_table(options.sensors, float(options.variances[0]))
 
 
+@internal
+def triangle(entries: FloatArray) -> Triangle4:
+    """Return the ten entries of a covariance, upper triangle row by row, as a tuple."""
+    return (
+        entries[0],
+        entries[1],
+        entries[2],
+        entries[3],
+        entries[4],
+        entries[5],
+        entries[6],
+        entries[7],
+        entries[8],
+        entries[9],
+    )
+
+
 _prepared: set[Any] = set()
 
 
@@ -57,7 +72,7 @@ def run_compiled(function: Any, *arguments: Any) -> Any:
     return function(*arguments)
 
 
-class MeasurementDecider(Decider, Generic[State]):
+class MeasurementDecider(Decider):
     """A decider for M modes that observes the measurements, and the first estimate and
     probabilities of the bank. Its state describes N tracks and is changed in place.
     """
@@ -67,23 +82,23 @@ class MeasurementDecider(Decider, Generic[State]):
     every_tick = reads_options = True
     hypotheses: int
 
-    def begin(self, tracks: int) -> State:
+    def begin(self, tracks: int) -> Any:
         """Return the state of N tracks before their first observation."""
         raise NotImplementedError
 
-    def begin_track(self, state: State, track: int, start: FloatArray) -> None:
+    def begin_track(self, state: Any, track: int, start: FloatArray) -> None:
         """Begin an episode of a track from `start`, (14 + M,), after its first measurement: the
         estimate, the upper triangle of its covariance and the logarithms of the mode probabilities.
         """
         raise NotImplementedError
 
-    def step(self, state: State, measurements: FloatArray) -> None:
+    def step(self, state: Any, measurements: FloatArray) -> None:
         """Advance all tracks by one tick. measurements: (N, 2) or (N, 9), see
         `sensing.write_measured`.
         """
         raise NotImplementedError
 
-    def statements(self, state: State, starts: BoolArray) -> Actions:
+    def statements(self, state: Any, starts: BoolArray) -> Actions:
         """Return the statements (N,). starts: (N,) True where an episode begins."""
         raise NotImplementedError
 
@@ -102,9 +117,9 @@ class MeasurementDecider(Decider, Generic[State]):
     def decide(
         self,
         observation: FloatArray,
-        state: State | None,
+        state: Any,
         episode_start: BoolArray | None,
-    ) -> tuple[Actions, State]:
+    ) -> tuple[Actions, Any]:
         """See `Decider.decide`; action i states mode i. Tracks begin where `episode_start` says,
         or without a state.
         """

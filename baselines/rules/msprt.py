@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rules.decider import Actions, Answer, Decider, Observations, RowRule, Variants
+from baselines.rules.decider import Actions, Answer, Decider, Observations, Variants
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray, checked
 from hybrid_env.compiled import LOG_FLOOR
 from hybrid_env.observation import Layout
@@ -133,7 +133,7 @@ def read_error_probability(observation: Observations, by: By) -> tuple[FloatArra
     return np.log(np.maximum(error_probability, np.exp(LOG_FLOOR))), best
 
 
-class MSPRTDecider(RowRule):
+class MSPRTDecider(Decider):
     """Declares the best hypothesis when its posterior error probability falls to alpha.
 
     Args:
@@ -171,7 +171,7 @@ class MSPRTDecider(RowRule):
         self.by = checked("by", by, By)
 
     def act(self, rows: Observations) -> Actions:
-        """See `RowRule.act`."""
+        """See `Decider.act`."""
         log_error_probability, best = read_error_probability(rows, self.by)
         return np.where(log_error_probability <= np.log(self.threshold), best + 1, 0)
 
@@ -203,7 +203,7 @@ def _predict_types(decider: Decider, types: IntArray, *arguments: Any, **named: 
     return np.where(np.asarray(actions) < 0, actions, types[actions]), state
 
 
-class GapDecider(RowRule):
+class GapDecider(Decider):
     """Declares the most likely hypothesis when its log-likelihood ratio to every other reaches a
     threshold.
 
@@ -240,7 +240,7 @@ class GapDecider(RowRule):
     bounds = 1e-12, math.nextafter(-LOG_FLOOR, 0.0)
 
     def act(self, rows: Observations) -> Actions:
-        """See `RowRule.act`."""
+        """See `Decider.act`."""
         log_ratio = Layout.of_rows(rows).read(rows, "log_ratio")
         second = np.partition(log_ratio, -2, axis=-1)[:, -2]
         return np.where(second <= -self.threshold, log_ratio.argmax(-1) + 1, 0)

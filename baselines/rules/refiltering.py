@@ -113,13 +113,9 @@ class RefilteringDecider(Decider):
                     self.world, CALIBRATION_EPISODES, FITTING, self.robust
                 )
             decided = self.layout.read(rows[later], "previous").argmax(-1)
-            weights, means, covariances = prior.after(mode_types(self.world.hypotheses)[decided])
-            outcome = np.stack([correct[later], 1.0 - correct[later]], axis=1)
-            weight[later] = (weights * outcome[..., None]).reshape(-1, C)
-            mean[later] = means.reshape(-1, C, 4)
-            covariance[later] = covariances.reshape(-1, C, 4, 4)
-        anchors = [anchor_rows(self.layout, rows, mean[:, k], covariance[:, k]) for k in range(C)]
-        return np.stack(anchors), weight
+            types = mode_types(self.world.hypotheses)[decided]
+            weight[later], mean[later], covariance[later] = prior.after(types, correct[later])
+        return anchor_rows(self.layout, rows, mean, covariance), weight
 
     def decide(
         self,

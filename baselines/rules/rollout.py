@@ -1,8 +1,6 @@
 """The loop around an environment and a decider: all rollouts of the project go through it."""
 
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -19,11 +17,6 @@ from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.registration import make_track_vector_env, make_vector_env
 from hybrid_env.vector_env import HybridTrackQuickestVectorEnv
 from hybrid_env.wrappers import NO_DECISION
-
-# Bytes.
-LARGEST_BATCH = 700_000_000
-# Segments, which need half a gigabyte.
-LARGEST_RESULT = 10_000_000
 
 
 @dataclass
@@ -118,7 +111,7 @@ def record_statements(decider: Any, tracks: int, seed: int, **options: Any) -> S
         decider, tracks, options: a rule or agent; N; see `hybrid_env.QuickestOptions`.
         seed: of the first track; track i has seed + i, so that deciders can be compared in pairs.
     """
-    make = partial(statement_env, QuickestOptions.of(**options), tracks)
+    make = partial(statement_env, QuickestOptions(**options), tracks)
     return record_in(make, decider, check_integer("seed", seed, minimum=0))[0]
 
 
@@ -167,14 +160,6 @@ def evaluate(
         env_id, options: registered id, and environment options that override its own.
         episodes, seed: number E, and seed of the first one.
     """
-    # Only models of learning libraries know their environment.
-    with suppress(AttributeError, NotImplementedError):
-        trained = decider.get_env().get_attr("spec")[0].id.rpartition(":")[2]
-        if trained != (name := env_id.rpartition(":")[2]):
-            warnings.warn(
-                f"the model was trained in {trained} and is evaluated in {name}",
-                stacklevel=2,
-            )
     given = make_track_vector_env(env_id, 1, **options).options
     check_episodes("episodes", episodes, given)
     size = batch_size(given)
@@ -189,8 +174,11 @@ def evaluate(
         )
         for first in range(0, episodes, size)
     ]
-    names = [name for name in vars(batches[0]) if name != "delay_cost"]
-    arrays = {name: np.concatenate([getattr(batch, name) for batch in batches]) for name in names}
+    arrays = {
+        name: np.concatenate([getattr(batch, name) for batch in batches])
+        for name in vars(batches[0])
+        if name != "delay_cost"
+    }
     return Decisions(**arrays, delay_cost=given.delay_cost)
 
 
@@ -217,10 +205,6 @@ def evaluate_batch(
         episodes,
         **(dict(options) if trained else {**options, "actions": "all"}),
     )
-    width = getattr(getattr(decider, "observation_space", None), "shape", None)
-    if width not in (None, env.single_observation_space.shape):
-        allowed = f"one for observations of shape {env.single_observation_space.shape}"
-        raise reject("observation shape of the decider", width, allowed)
     segments = env.options.segments
     recorded = {name: np.full((episodes, segments), value) for name, value in NO_DECISION.items()}
     # Decisions of each track so far.
@@ -248,10 +232,12 @@ def evaluate_batch(
 
 def check_episodes(name: str, episodes: int, options: WorldOptions) -> None:
     """Raise `ArgumentError` if the episodes would fill the memory; `name` is the argument."""
-    check_integer(name, episodes, maximum=max(1, LARGEST_RESULT // options.segments))
+    # Segments, which need half a gigabyte.
+    largest = 10_000_000
+    check_integer(name, episodes, maximum=max(1, largest // options.segments))
 
 
 def batch_size(options: WorldOptions) -> int:
     """Return the largest number of episodes that are run in parallel."""
-    # Bytes of an episode, with a network.
-    return max(1, LARGEST_BATCH // (2500 + 2800 * options.hypotheses))
+    # Bytes of all episodes, and of one with a network.
+    return max(1, 700_000_000 // (2500 + 2800 * options.hypotheses))

@@ -8,8 +8,7 @@ SELECTION_EPISODES = 1000
 FITTING = 2_000_000_000
 # Learning curves are evaluated.
 LEARNING_CURVE = 3_000_000_000
-# Random worlds of evaluations are drawn.
-DRAWN_WORLDS = 4_000_000_000
+# 4_000_000_000: random worlds of a study.
 # 5_000_000_000: data sets for offline learning.
 # Deciders without a threshold select one on episodes of what they are told.
 CHOOSING = 6_000_000_000

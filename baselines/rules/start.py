@@ -9,8 +9,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hybrid_env.checks import AnyArray, FloatArray, Moments
-from hybrid_env.compiled import compiled, inlined
+from hybrid_env.checks import FloatArray, Moments
+from hybrid_env.compiled import compiled
 from hybrid_env.options import ModelOptions
 
 
@@ -27,19 +27,16 @@ def line_weights(times: FloatArray) -> FloatArray:
     return np.linalg.pinv(np.stack([np.ones_like(times), times], axis=1))
 
 
-def line_estimate(
-    ticks: AnyArray,
-    points: FloatArray,
-    noises: FloatArray,
-    options: ModelOptions,
-) -> Moments:
-    """Fit a straight line to m measurements (m, 2) [m]. Return estimate and covariance (4, 4) at
-    the last one: of the noise of the measurements, xx, xy, yy [m^2] in `noises`, (m, 3), of the
-    process noise, and of the turns of the bank, all equally probable. Of a single measurement the
-    velocity is 0, with infinite variance.
+def line_estimate(rows: FloatArray, options: ModelOptions) -> Moments:
+    """Fit a straight line to m measurements, rows (m, 6) of tick, x, y [m] and noise xx, xy, yy
+    [m^2]. Return estimate and covariance (4, 4) at the last one: of the noise of the measurements,
+    of the process noise, and of the turns of the bank, all equally probable. Of a single
+    measurement the velocity is 0, with infinite variance.
     """
-    matrices = noises[:, [[0, 1], [1, 2]]]
-    if len(ticks) == 1:
+    ticks = rows[:, 0]
+    points = rows[:, 1:3]
+    matrices = rows[:, [[3, 4], [4, 5]]]
+    if len(rows) == 1:
         x, y = points[0]
         covariance = np.diag([0.0, np.inf, 0.0, np.inf])
         covariance[::2, ::2] = matrices[0]
@@ -97,39 +94,14 @@ class FirstMeasurements:
         is R.
         """
         self._tick += 1
-        self._measured.append(
-            [self._tick, x, y, *(unit_noise(self.options) if noise is None else noise)]
-        )
+        variances = unit_noise(self.options) if noise is None else noise
+        self._measured.append([self._tick, x, y, *variances])
         rows = np.array(self._measured)
-        ticks = rows[:, 0]
-        points = rows[:, 1:3]
-        noises = rows[:, 3:]
-        fits = [
-            line_estimate(ticks[-m:], points[-m:], noises[-m:], self.options)
-            for m in range(min(2, len(rows)), len(rows) + 1)
-        ]
+        counts = range(min(2, len(rows)), len(rows) + 1)
+        fits = [line_estimate(rows[-count:], self.options) for count in counts]
         best = int(np.argmin([covariance[1, 1] + covariance[3, 3] for _, covariance in fits]))
         self.estimate, self.covariance = fits[best]
         self.complete = best + 1 < len(fits) or len(rows) >= self.most
-
-
-# Angle in a tick [rad] above which a turn is no explanation of a measurement.
-LARGEST_TURN = 1.0
-
-
-@inlined
-def _squared_distance(
-    dx: float,
-    dy: float,
-    xx: float,
-    xy: float,
-    yy: float,
-    allowed: float,
-) -> float:
-    """Return d' S^-1 d of a vector that is shorter by an allowed length."""
-    length = math.hypot(dx, dy)
-    left = max(length - allowed, 0.0) / max(length, 1e-300)
-    return left * left * (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / (xx * yy - xy * xy)
 
 
 @compiled
@@ -148,27 +120,30 @@ def gate_distance(
     xy, yy [m^2]. What turns in the `ticks` since the estimate was certainly right can have added to
     the distance from a straight line does not count.
     """
+    # Angle in a tick [rad] above which a turn is no explanation of a measurement.
+    largest_turn = 1.0
     P = covariance
     xx = P[0, 0] + 2.0 * tau * P[0, 1] + tau * tau * P[1, 1] + noise[0]
     yy = P[2, 2] + 2.0 * tau * P[2, 3] + tau * tau * P[3, 3] + noise[2]
     xy = P[0, 2] + tau * (P[0, 3] + P[1, 2]) + tau * tau * P[1, 3] + noise[1]
     u = tau * estimate[1]
     v = tau * estimate[3]
-    dx = measurement[0] - estimate[0]
-    dy = measurement[1] - estimate[2]
     step = math.hypot(u, v)
     allowed = 0.0
-    if ticks > 1 and step <= LARGEST_TURN * radii.min():
+    if ticks > 1 and step <= largest_turn * radii.min():
         path = step * ticks
         allowed = path * min(path / (2.0 * radii.min()), 2.0)
-    nearest = _squared_distance(dx - u, dy - v, xx, xy, yy, allowed)
-    for k in range(radii.size):
-        angle = step / radii[k]
-        if 0.0 < angle <= LARGEST_TURN:
-            along = math.sin(angle) / angle
-            across = (1.0 - math.cos(angle)) / angle
-            for side in (-1.0, 1.0):
-                x = along * u - side * across * v
-                y = along * v + side * across * u
-                nearest = min(nearest, _squared_distance(dx - x, dy - y, xx, xy, yy, allowed))
+    nearest = math.inf
+    # Turns to the right, straight, and turns to the left.
+    for k in range(-radii.size, radii.size + 1):
+        angle = math.copysign(step, k) / radii[abs(k) - 1] if k else 0.0
+        if abs(angle) <= largest_turn:
+            along = math.sin(angle) / angle if angle else 1.0
+            across = (1.0 - math.cos(angle)) / angle if angle else 0.0
+            dx = measurement[0] - estimate[0] - (along * u - across * v)
+            dy = measurement[1] - estimate[2] - (along * v + across * u)
+            length = math.hypot(dx, dy)
+            left = max(length - allowed, 0.0) / max(length, 1e-300)
+            squared = left * left * (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy)
+            nearest = min(nearest, squared / (xx * yy - xy * xy))
     return math.sqrt(nearest)

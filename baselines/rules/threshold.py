@@ -1,14 +1,13 @@
-"""A threshold with hysteresis on the probabilities of the bank."""
+"""A threshold on the probabilities of the bank."""
 
 import math
 from typing import Any, Self
 
 import numpy as np
 
-from baselines.rules.decider import UNKNOWN, Actions, Observations, RowRule
-from hybrid_env.checks import BoolArray, FloatArray, IntArray, UnitInterval, checked
+from baselines.rules.decider import UNKNOWN, Actions, Decider, Observations
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.observation import QuickestLayout
-from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
 
 PROBABILITIES = (
     0.0,
@@ -44,7 +43,6 @@ def state_modes(
     stated: Actions,
     started: BoolArray,
     threshold: float,
-    release: float,
 ) -> Actions:
     """Return the next statements of N tracks, (N,), see `ThresholdDecider`.
 
@@ -52,29 +50,20 @@ def state_modes(
         log_probability: (N, M) logarithms of the probabilities of the modes.
         stated: (N,) last statements.
         started: (N,) False where none has been made; it is then the most probable mode.
-        threshold, release: probabilities.
+        threshold: smallest probability to which the statement changes.
     """
-    best = log_probability.argmax(-1)
-    tracks = np.arange(len(stated))
-    changes = log_probability[tracks, best] >= _logarithm(threshold)
-    changes &= log_probability[tracks, stated] <= _logarithm(release)
-    return np.where(changes | ~started, best, stated)
+    level = math.log(threshold) if threshold > 0.0 else -math.inf
+    changes = log_probability.max(-1) >= level
+    return np.where(changes | ~started, log_probability.argmax(-1), stated)
 
 
-def _logarithm(probability: float) -> float:
-    return math.log(probability) if probability > 0.0 else -math.inf
-
-
-class ThresholdDecider(RowRule):
+class ThresholdDecider(Decider):
     """Changes its statement to the most probable mode when that is probable enough.
 
-    Between the two thresholds the last statement is kept, so that it does not alternate between two
-    probable modes.
+    Until then the last statement is kept.
 
     Args:
         threshold: smallest probability of a mode to which the statement changes, 0 to 1.
-        release: largest probability of the stated mode at which the statement may change, 0 to 1; 1
-            has no effect.
     """
 
     name = "threshold"
@@ -84,10 +73,6 @@ class ThresholdDecider(RowRule):
     default = 0.6
     bounds = 0.0, 1.0
 
-    def __init__(self, threshold: float = 0.6, release: float = 1.0):
-        super().__init__(threshold)
-        self.release = checked("release", release, UnitInterval)
-
     @classmethod
     def create(cls, options: Any, **arguments: Any) -> Self:
         """See `Decider.create`."""
@@ -95,23 +80,18 @@ class ThresholdDecider(RowRule):
         return super().create(options, **arguments).changed(thresholds=thresholds)
 
     def act(self, rows: Observations) -> Actions:
-        """See `RowRule.act`; rows of `hybrid_env.HybridTrackQuickestEnv` have the last
+        """See `Decider.act`; rows of `hybrid_env.HybridTrackQuickestEnv` have the last
         statement.
         """
         log_probability = QuickestLayout.of_rows(rows).read(rows, "log_probability")
-        return state_modes(log_probability, *read_statement(rows), self.threshold, self.release)
-
-    def panel(self) -> EvidencePanel:
-        """Return the panel of `evidence`."""
-        return probability_panel("bank", self.threshold)
+        return state_modes(log_probability, *read_statement(rows), self.threshold)
 
     def statements(self, log_probability: FloatArray) -> IntArray:
         """Return the statements (T, N) at every tick, from log probabilities (T, N, M)."""
         stated = np.zeros(log_probability.shape[:2], int)
         for tick, values in enumerate(log_probability):
             started = np.full(len(values), tick > 0)
-            thresholds = self.threshold, self.release
-            stated[tick] = state_modes(values, stated[tick - 1], started, *thresholds)
+            stated[tick] = state_modes(values, stated[tick - 1], started, self.threshold)
         return stated
 
 

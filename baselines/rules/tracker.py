@@ -30,7 +30,7 @@ from hybrid_env.limits import Ticks
 from hybrid_env.live import LiveTracks
 from hybrid_env.options import ModelOptions, WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.sensors import Fused, check_fused, fuse
+from hybrid_env.sensors import Fused, fuse
 from hybrid_env.world import World
 
 
@@ -260,11 +260,6 @@ class OnlineTracker(OwnState):
         """The arrays of the bank, with the row that the decider has read."""
         return self.track.world
 
-    @property
-    def collects(self) -> bool:
-        """Whether the next measurement is one of the first, after which the bank begins."""
-        return self._collected is not None
-
     def _skip(self) -> None:
         """Advance by one tick without a measurement."""
         self.track.measure((np.nan, np.nan))
@@ -288,21 +283,20 @@ class OnlineTracker(OwnState):
 
     def _missing_ticks(self, time: float | None) -> int:
         """Return the number of ticks between the last measurement and a time, without both."""
-        # Ticks between two measurements.
-        longest_gap = 1000
         if time is None or self._last_time is None:
             return 0
+        # Between two measurements.
+        longest_gap = 1000
         tau = self.options.tau
         passed = (time - self._last_time) / tau
         # It may be infinite.
-        ticks = round(passed) if abs(passed) < 2 * longest_gap else 0
+        ticks = round(min(max(passed, 0.0), 2.0 * longest_gap))
         if not (1 <= ticks <= longest_gap and abs(passed - ticks) <= self.tolerance):
-            moments = f"{self._last_time:.9g} and 1 to {longest_gap} ticks of {tau:g} s more"
-            raise reject(
-                "time",
-                time,
-                f"{moments}, within {self.tolerance:g} of a tick; begin() begins a new track",
+            allowed = (
+                f"{self._last_time:.9g} and 1 to {longest_gap} ticks of {tau:g} s more, within"
+                f" {self.tolerance:g} of a tick; begin() begins a new track"
             )
+            raise reject("time", time, allowed)
         return ticks - 1
 
     def _begins_after(
@@ -365,10 +359,8 @@ def _checked(measurement: Any, options: ModelOptions) -> Fused | None:
     """Return a checked measurement; two floats are checked without an array, which would be
     slow.
     """
-    if measurement is None:
-        return None
-    if isinstance(measurement, Fused):
-        return check_fused(measurement)
+    if measurement is None or isinstance(measurement, Fused):
+        return measurement
     if isinstance(measurement, dict):
         return fuse(options.sensors, measurement)
     x, y = measurement if isinstance(measurement, tuple) and len(measurement) == 2 else (None, None)

@@ -1,4 +1,4 @@
-"""Decisions for announced switches, and figures of every episode."""
+"""Decisions for announced switches, and values of every episode."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -48,13 +48,13 @@ class Decisions:
         return np.where(self.correct, 1.0, -1.0) - self.delay_cost * self.ticks
 
     @property
-    def figures(self) -> FloatArray:
-        """Figures of each episode, (E, F), see `FIGURES`."""
-        return np.stack([figure(self) for figure in FIGURES.values()], axis=1)
+    def values(self) -> FloatArray:
+        """Values of each episode, (E, F), see `EPISODE_VALUES`."""
+        return np.stack([value(self) for value in EPISODE_VALUES.values()], axis=1)
 
 
-# Figures of each episode by name, (E,) each: means over its segments, then sums.
-FIGURES: dict[str, Callable[[Decisions], FloatArray]] = {
+# Values of each episode by name, (E,) each: means over its segments, then sums.
+EPISODE_VALUES: dict[str, Callable[[Decisions], FloatArray]] = {
     "accuracy": lambda decisions: decisions.correct.mean(1),
     "type_accuracy": lambda decisions: decisions.type_correct.mean(1),
     "ticks": lambda decisions: decisions.ticks.mean(1),
@@ -71,5 +71,5 @@ FIGURES: dict[str, Callable[[Decisions], FloatArray]] = {
     ).sum(1),
     "after_wrong": lambda decisions: (~decisions.correct[:, :-1]).sum(1),
 }
-COLUMNS = tuple(FIGURES)
-"""Names of the figures of an episode."""
+COLUMNS = tuple(EPISODE_VALUES)
+"""Names of the values of an episode."""

@@ -9,9 +9,6 @@ import numpy as np
 
 from hybrid_env.checks import FloatArray, IntArray
 
-# Of all intervals.
-CONFIDENCE = 0.95
-
 
 @dataclass(frozen=True)
 class Estimate:
@@ -62,7 +59,8 @@ def confidence_interval(
         ).bootstrap_distribution
     if np.isnan(distribution).all():
         return float("nan"), float("nan")
-    low, high = np.nanquantile(distribution, (0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE))
+    half = 0.5 * 0.95
+    low, high = np.nanquantile(distribution, (0.5 - half, 0.5 + half))
     return float(low), float(high)
 
 
@@ -72,8 +70,6 @@ def wilson_interval(share: float, episodes: int) -> tuple[float, float]:
     """
     from scipy import stats
 
-    interval = stats.binomtest(round(share * episodes), episodes).proportion_ci(
-        CONFIDENCE,
-        method="wilson",
-    )
+    counted = stats.binomtest(round(share * episodes), episodes)
+    interval = counted.proportion_ci(0.95, method="wilson")
     return float(interval.low), float(interval.high)

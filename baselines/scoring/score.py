@@ -3,9 +3,10 @@ differences.
 """
 
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import datetime
 from functools import cached_property, partial
 from typing import Any, TypeAlias
 
@@ -22,7 +23,7 @@ from baselines.scoring.timelines import (
 )
 from hybrid_env.checks import (
     AnyArray,
-    ArgumentError,
+    IntArray,
     Positive,
     check_array,
     checked,
@@ -36,7 +37,7 @@ class TimelineScores:
     """Scores of one or several sets of statements on the same tracks.
 
     Attributes:
-        scores: figures `TimelineCounts` of every track, or of every block of a single track, by the
+        scores: values `TimelineCounts` of every track, or of every block of a single track, by the
             name of the set.
         timelines: of every track, by the name of the set.
         modes: names of the modes, by whose indices the timelines are.
@@ -65,20 +66,20 @@ class TimelineScores:
 
     @cached_property
     def estimates(self) -> dict[str, dict[str, Estimate]]:
-        """The figures of `statistics` by set and name; bounds are NaN if there are no intervals."""
+        """The values of `statistics` by set and name; bounds are NaN if there are no intervals."""
         return {name: self._estimates(scores) for name, scores in self.scores.items()}
 
     @cached_property
     def differences(self) -> dict[str, dict[str, Estimate]]:
-        """The figures of each other set less those of the first on the same tracks, with paired
+        """The values of each other set less those of the first on the same tracks, with paired
         intervals.
         """
         first, *others = self.scores
         return {name: self._estimates(self.scores[name], self.scores[first]) for name in others}
 
     def as_json(self) -> dict[str, Any]:
-        """Return figures and differences as plain values."""
-        figures, less_first = (
+        """Return values and differences as plain values."""
+        values, less_first = (
             {
                 name: {key: estimate.as_json() for key, estimate in estimates.items()}
                 for name, estimates in sets.items()
@@ -91,7 +92,7 @@ class TimelineScores:
             "period": self.period,
             "modes": [str(mode) for mode in self.modes],
             "scored": float(next(iter(self.scores.values())).of("scored", 0).sum()),
-            "figures": figures,
+            "figures": values,
             "less_first": less_first,
         }
 
@@ -103,8 +104,8 @@ class TimelineScores:
         return {key: Estimate(each.value, math.nan, math.nan) for key, each in estimates.items()}
 
 
-Samples: TypeAlias = tuple[AnyArray, list[Any]]
-"""Times (n,) and modes (n,) of one track; None where there is no mode."""
+Samples: TypeAlias = tuple[AnyArray, IntArray]
+"""Times (n,) and indices of the modes (n,) of one track, `NOTHING` where there is no mode."""
 
 
 def score(
@@ -139,46 +140,31 @@ def score(
             which it is true.
     """
     period = checked("per", per, Positive)
-    true = _tracks("times", times, "truth", truth)
+    indices: dict[Any, int] = {}
+    true = _tracks("times", times, "truth", truth, indices)
+    modes = list(indices)
+    known = ", ".join(map(str, modes[:5]))
+    if not modes:
+        raise reject("truth", truth, "at least one mode that is not None, NaN or ''")
+    if normal is not None and normal not in modes:
+        raise reject("normal", normal, f"a mode of the truth, such as {known}")
     sets = dict(statements) if isinstance(statements, Mapping) else {"statements": statements}
-    codes: dict[Any, int] = {}
-    moments = [(clock, [_code(mode, codes) for mode in modes]) for clock, modes in true]
-    known = len(codes)
-    if not known:
-        raise ArgumentError(
-            "truth has no mode: expected at least one sample that is not None, NaN or ''"
-        )
-    if normal is not None and normal not in codes:
-        raise reject(
-            "normal",
-            normal,
-            "a mode of the truth, such as " + ", ".join(map(str, list(codes)[:5])),
-        )
     timelines = {}
     for name, stated in sets.items():
-        place = f"statements[{name!r}]" if isinstance(statements, Mapping) else "statements"
-        clocks = (
-            statement_times.get(name) if isinstance(statement_times, Mapping) else statement_times
-        )
+        clocks = statement_times
+        if isinstance(statement_times, Mapping):
+            clocks = statement_times.get(name)
         given = ("times", times) if clocks is None else ("statement_times", clocks)
-        of_set = _tracks(*given, place, stated, may_be_empty=True)
-        if len(of_set) != len(true):
-            raise ArgumentError(
-                f"{place} has {len(of_set)} tracks: expected {len(true)}, as the truth"
-            )
-        of_set = [
-            track if track[1] else (clock[:1], [None])
-            for track, (clock, _) in zip(of_set, true, strict=True)
-        ]
-        coded = [(clock, [_code(mode, codes) for mode in modes]) for clock, modes in of_set]
-        spoken = {mode for _, modes in coded for mode in modes} - {NOTHING}
-        if spoken and min(spoken) >= known:
-            shown = sorted({str(mode) for _, modes in of_set for mode in modes})[:5]
-            modes = ", ".join(str(mode) for mode in list(codes)[:known][:5])
-            raise reject(place, shown, f"modes of the truth, such as {modes}")
-        timelines[name] = [_merge(*pair, place) for pair in zip(moments, coded, strict=True)]
-    scores = {name: _scores(name, tracks, codes.get(normal)) for name, tracks in timelines.items()}
-    return TimelineScores(scores, timelines, tuple(codes), period, normal)
+        tracks = _tracks(*given, name, stated, indices)
+        spoken = {index for _, of_track in tracks for index in of_track.tolist()} - {NOTHING}
+        if len(tracks) != len(true) or (spoken and min(spoken) >= len(modes)):
+            allowed = f"{len(true)} tracks with modes of the truth, such as {known}"
+            raise reject(name, stated, allowed)
+        timelines[name] = [_merge(*pair) for pair in zip(true, tracks, strict=True)]
+    scores = {
+        name: _scores(name, tracks, indices.get(normal)) for name, tracks in timelines.items()
+    }
+    return TimelineScores(scores, timelines, tuple(indices), period, normal)
 
 
 def _tracks(
@@ -186,89 +172,66 @@ def _tracks(
     times: Any,
     word: str,
     modes: Any,
-    may_be_empty: bool = False,
+    indices: dict[Any, int],
 ) -> list[Samples]:
-    """Return the tracks of one or several arrays of times and modes; those of statements may be
-    empty.
-    """
-    first = next(iter(times), 0.0) if dimensions(times) == 1 else times
-    if dimensions(times) == 1 and (isinstance(first, str) or dimensions(first) != 1):
+    """Return the tracks of one or several arrays of times and modes; a new mode gets an index."""
+    if dimensions(next(iter(times), 0.0)) == 0:
         times = [times]
         modes = [modes]
-    if len(times) != len(modes) or not len(times):
-        raise ArgumentError(
-            f"{word} has {len(modes)} tracks: expected {len(times)}, as {name}, at least one"
-        )
+    if [dimensions(clock) for clock in times] != [dimensions(values) for values in modes]:
+        raise reject(word, modes, f"{len(times)} tracks, as {name}")
     tracks = []
-    for number, (clock, values) in enumerate(zip(times, modes, strict=True)):
-        place = name if len(times) == 1 else f"{name}[{number}]"
-        if dimensions(values) != 1 or len(values) != len(clock):
-            shape = np.shape(values)
-            raise ArgumentError(
-                f"{word} has shape {shape} for {len(clock)} {place}: expected one mode for each"
-            )
-        moments = np.zeros(0) if may_be_empty and not len(clock) else _times(place, clock)
-        tracks.append((moments, np.asarray(values, object).tolist()))
+    for clock, values in zip(times, modes, strict=True):
+        if len(values) != len(clock):
+            raise reject(word, values, f"{len(clock)} modes, one for each of {name}")
+        stated = [_index(mode, indices) for mode in np.asarray(values, object).tolist()]
+        tracks.append((_times(name, clock), np.array(stated, int)))
     return tracks
 
 
 def _times(name: str, values: Any) -> AnyArray:
     """Return checked increasing times, floats or datetime64[ns]."""
     array = np.asarray(values)
-    if array.dtype.kind == "O" and all(isinstance(value, datetime) for value in array.flat):
-        zoned = (value.astimezone(UTC) if value.tzinfo else value for value in array.tolist())
-        array = np.array([value.replace(tzinfo=None) for value in zoned], "datetime64[ns]")
-    if array.dtype.kind in "mMU":
-        try:
-            array = array.astype("timedelta64[ns]" if array.dtype.kind == "m" else "datetime64[ns]")
-        except ValueError:
-            raise reject(name, values, "an array of numbers or datetimes") from None
+    if not array.size:
+        return array
+    if array.dtype.kind in "MU" or isinstance(array.flat[0], datetime):
+        with warnings.catch_warnings():
+            # Times with a zone become those of UTC.
+            warnings.simplefilter("ignore", UserWarning)
+            array = array.astype("datetime64[ns]")
     else:
         array = check_array(name, values, (None,))
-    wrong = np.flatnonzero(~(array[1:] > array[:-1]))
+    wrong = np.flatnonzero(~(array[1:] > array[:-1])) + 1
     if wrong.size:
-        raise reject(
-            f"{name}[{wrong[0] + 1}]",
-            str(array[wrong[0] + 1]),
-            f"a time after {array[wrong[0]]}",
-        )
+        k = wrong[0]
+        raise reject(f"{name}[{k}]", str(array[k]), f"a time after {array[k - 1]}")
     return array
 
 
-def _code(mode: Any, codes: dict[Any, int]) -> int:
-    """Return the index of a mode, for which `codes` grows; `NOTHING` for a missing one."""
-    value = mode.item() if isinstance(mode, np.generic) else mode
+def _index(mode: Any, indices: dict[Any, int]) -> int:
+    """Return the index of a mode, `NOTHING` for a missing one."""
     # Pandas, whose types of a missing mode these are, is not imported.
-    missing = type(value).__name__ in ("NAType", "NaTType")
-    if value is None or missing or value == "" or value != value:
+    missing = type(mode).__name__ in ("NAType", "NaTType")
+    if mode is None or missing or mode == "" or mode != mode:
         return NOTHING
-    return codes.setdefault(value, len(codes))
+    return indices.setdefault(mode, len(indices))
 
 
-def _merge(true: Samples, stated: Samples, name: str) -> Timeline:
+def _merge(true: Samples, stated: Samples) -> Timeline:
     """Return truth and statements at the moments at which either has a sample, until the end of
     the truth.
     """
     true_times = true[0]
-    stated_times = stated[0]
-    if true_times.dtype.kind != stated_times.dtype.kind:
-        raise reject(
-            name,
-            str(stated_times[0]),
-            f"times as those of the truth, such as {true_times[0]}",
-        )
-    if stated_times[0] > true_times[-1]:
-        raise reject(
-            name,
-            str(stated_times[0]),
-            f"a first time before the end of the truth, {true_times[-1]}",
-        )
+    # Times of none have no type.
+    stated_times = stated[0] if len(stated[0]) else true_times[:0]
+    if stated_times.dtype.kind != true_times.dtype.kind:
+        allowed = f"times as those of the truth, such as {true_times[0]}"
+        raise reject("statement_times", str(stated_times[0]), allowed)
     clock = np.union1d(true_times, stated_times)
     clock = clock[(clock >= true_times[0]) & (clock <= true_times[-1])]
-    rows = np.searchsorted(true_times, clock, "right") - 1
-    modes = np.array(true[1])[rows]
-    at = np.searchsorted(stated_times, clock, "right") - 1
-    spoken = np.where(at >= 0, np.array(stated[1])[at], NOTHING)
+    modes = true[1][np.searchsorted(true_times, clock, "right") - 1]
+    # Before the first statement nothing is stated.
+    spoken = np.append(NOTHING, stated[1])[np.searchsorted(stated_times, clock, "right")]
     scored = modes != NOTHING
     # Where the truth is not known the mode before goes on, so that its return is no switch.
     known = np.maximum.accumulate(np.where(scored, np.arange(len(clock)), -1))

@@ -1,4 +1,4 @@
-"""The scores of a decider: figures of every episode at every threshold, and what follows from them.
+"""The scores of a decider: values of every episode at every threshold, and what follows from them.
 Every result is a function of means over episodes, a `Statistic`. One bootstrap over episodes gives
 its confidence interval, and the paired interval of a difference between two deciders on the same
 episodes.
@@ -22,9 +22,9 @@ NOT_REACHED = 1e9
 class Statistic:
     """A function of means over episodes."""
 
-    # Names of the figures that it needs, see `Scores`.
+    # Names of the values that it needs, see `Scores`.
     columns: tuple[str, ...]
-    # From the means of these figures, (..., K) each, to (..., K), or to (...) if it reads the whole
+    # From the means of these values, (..., K) each, to (..., K), or to (...) if it reads the whole
     # operating curve; `NOT_REACHED` stands for infinity, NaN for nothing counted.
     function: Callable[..., FloatArray]
     # It is a mean share, whose interval is Wilson's if all episodes have the share 0 or 1.
@@ -32,7 +32,7 @@ class Statistic:
 
 
 def mean(column: str, share: bool = False) -> Statistic:
-    """Return the mean of a figure over episodes."""
+    """Return the mean of a value over episodes."""
     return Statistic((column,), lambda means: means, share)
 
 
@@ -48,7 +48,7 @@ def quotient(numerator: FloatArray, denominator: FloatArray) -> FloatArray:
 
 
 def at_level(measure: str, level: float, statistic: Statistic, falling: bool = False) -> Statistic:
-    """Return a statistic where the operating curve first reaches a level of a figure, or falls to
+    """Return a statistic where the operating curve first reaches a level of a value, or falls to
     it if `falling`, by linear interpolation between thresholds; `NOT_REACHED` beyond the level.
     """
     sign = -1.0 if falling else 1.0
@@ -70,7 +70,7 @@ def at_level(measure: str, level: float, statistic: Statistic, falling: bool = F
 
 
 def interpolated(measure: str, level: float, column: str) -> Statistic:
-    """Return the mean of a figure where the mean of another, which rises with the thresholds, has a
+    """Return the mean of a value where the mean of another, which rises with the thresholds, has a
     level: linear between thresholds, and constant beyond them.
     """
 
@@ -87,7 +87,7 @@ def interpolated(measure: str, level: float, column: str) -> Statistic:
 
 @dataclass(frozen=True)
 class Scores:
-    """Figures of one decider on E episodes at K thresholds."""
+    """Values of one decider on E episodes at K thresholds."""
 
     # Of the decider, in tables.
     name: str
@@ -95,9 +95,9 @@ class Scores:
     symbol: str
     # K thresholds.
     thresholds: tuple[float, ...]
-    # Names of F figures.
+    # Names of F values.
     columns: tuple[str, ...]
-    # (E, F, K) figures.
+    # (E, F, K) values.
     values: FloatArray
     # (K, ...) by name, what is no mean over episodes.
     extra: Mapping[str, AnyArray] = field(default_factory=dict)
@@ -110,7 +110,7 @@ class Scores:
         return len(self.values)
 
     def of(self, column: str, index: int) -> FloatArray:
-        """Return a figure of each episode at one threshold, (E,)."""
+        """Return a value of each episode at one threshold, (E,)."""
         return self.values[:, self.columns.index(column), index]
 
     def at(self, index: int) -> "Scores":
@@ -178,7 +178,7 @@ class Scores:
         return self.difference(other, statistic, combine=divide)
 
     def _rows(self, statistic: Statistic, index: int | None = None) -> FloatArray:
-        """Return the figures that a statistic needs, (E, columns, thresholds)."""
+        """Return the values that a statistic needs, (E, columns, thresholds)."""
         rows = self.values[:, [self.columns.index(name) for name in statistic.columns]]
         return rows if index is None else rows[..., index, None]
 

@@ -1,30 +1,15 @@
-"""A timeline of statements beside a timeline of true modes: right ticks, delays, misses, wrong
-changes.
+"""Values of statements at ticks. Delays and misses are those of `timelines`; a wrong change, which
+the environment charges, is one to a mode that is not true at its tick.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
 
 from baselines.scoring.scores import Statistic, mean, quotient, ratio
 from baselines.scoring.timelines import find_switches
-from hybrid_env.checks import FloatArray, IntArray
-
-COLUMNS = (
-    "right",
-    "reward",
-    "wrong_changes",
-    "stated_changes",
-    "switches",
-    "delay",
-    "detected",
-    "missed",
-    "undetected",
-)
-"""Figures of a track: means over ticks, changes to a wrong mode per 1,000 ticks, then sums, see
-`StatementMetrics`.
-"""
+from hybrid_env.checks import AnyArray, FloatArray, IntArray
 
 STATISTICS: dict[str, Statistic] = {
     "reward": mean("reward"),
@@ -43,10 +28,6 @@ STATISTICS: dict[str, Statistic] = {
 detected counts until the end of its segment; wrong changes per 1,000 ticks; changes of the
 statement per switch.
 """
-
-# The same of the types of motion: straight, left, right.
-TYPE_COLUMNS = tuple(f"type_{name}" for name in COLUMNS)
-
 
 IDENTIFICATION = {
     name: {
@@ -70,43 +51,40 @@ class Statements(NamedTuple):
 
 @dataclass(frozen=True)
 class StatementMetrics:
-    """Metrics of N tracks of T ticks; for what is detected and missed see `timelines.Switches`."""
+    """Values of N tracks of T ticks, (N,) each, and delays; for what is detected and missed see
+    `timelines.Switches`.
+    """
 
-    # (N,) share of ticks with a right statement.
-    right: FloatArray
-    # (N,) mean reward of a tick.
-    reward: FloatArray
-    # (N,) changes of the statement to a wrong mode per 1,000 ticks.
-    wrong_changes: FloatArray
-    # (N,) number of changes of the statement.
-    stated_changes: IntArray
-    # (N,) number of switches.
-    switches: IntArray
     # (D,) ticks from each detected switch to the first right statement, 0 if at its first tick.
     delays: IntArray
-    # (D,) track of each delay.
-    delay_tracks: IntArray
-    # (N,) number of missed switches.
+    # Share of ticks with a right statement.
+    right: FloatArray
+    # Mean reward of a tick.
+    reward: FloatArray
+    # Changes of the statement to a wrong mode per 1,000 ticks.
+    wrong_changes: FloatArray
+    # Number of changes of the statement.
+    stated_changes: IntArray
+    # Number of switches.
+    switches: IntArray
+    # Sum of the delays.
+    delay: AnyArray
+    # Number of detected switches.
+    detected: IntArray
+    # Number of missed switches.
     missed: IntArray
-    # (N,) ticks after switches until the new mode is stated, the next switch or the end.
-    undetected: IntArray
+    # Ticks after switches until the new mode is stated, the next switch or the end.
+    undetected: AnyArray
 
     @property
-    def figures(self) -> FloatArray:
-        """Figures of each track, (N, 9), see `COLUMNS`."""
-        tracks = len(self.right)
-        delay = np.bincount(self.delay_tracks, self.delays, tracks)
-        detected = np.bincount(self.delay_tracks, minlength=tracks)
-        changes = self.right, self.reward, self.wrong_changes, self.stated_changes, self.switches
-        return np.stack([*changes, delay, detected, self.missed, self.undetected], axis=1)
+    def values(self) -> FloatArray:
+        """Values of each track, (N, F), see `COLUMNS`."""
+        return np.stack([getattr(self, name) for name in COLUMNS], axis=1)
 
     def value(self, name: str) -> float:
-        """Return a figure of all tracks, a key of `STATISTICS`; NaN where nothing was counted."""
+        """Return a value of all tracks, a key of `STATISTICS`; NaN where nothing was counted."""
         statistic = STATISTICS[name]
-        means = self.figures.mean(0)
-        return float(
-            statistic.function(*(means[COLUMNS.index(column)] for column in statistic.columns))
-        )
+        return float(statistic.function(*(getattr(self, key).mean() for key in statistic.columns)))
 
     def named_within(self, longest: int) -> IntArray:
         """Return how many new modes are stated within 0 .. longest ticks of the switch, and how
@@ -114,6 +92,13 @@ class StatementMetrics:
         """
         counts = np.bincount(np.minimum(self.delays, longest + 1), minlength=longest + 2)[:-1]
         return np.append(counts.cumsum(), self.delays.size + self.missed.sum())
+
+
+COLUMNS = tuple(field.name for field in fields(StatementMetrics))[1:]
+"""Names of the values of a track."""
+
+# The same of the types of motion: straight, left, right.
+TYPE_COLUMNS = tuple(f"type_{name}" for name in COLUMNS)
 
 
 def measure_statements(statements: Statements, change_cost: float = 5.0) -> StatementMetrics:
@@ -125,19 +110,20 @@ def measure_statements(statements: Statements, change_cost: float = 5.0) -> Stat
     """
     true, stated = (np.asarray(modes) for modes in statements)
     right = true == stated
-    tracks = true.shape[1]
-    changed, switched = (np.diff(modes, axis=0, prepend=modes[:1]) != 0 for modes in (stated, true))
+    changed = np.diff(stated, axis=0, prepend=stated[:1]) != 0
     wrong = changed & ~right
-    switches = find_switches(true, stated, np.arange(len(true) + 1))
-    waited = switches.waited.astype(int)
+    track, _, _, detected, missed, waited = find_switches(true, stated, np.arange(len(true) + 1))
+    ticks = waited.astype(int)
+    tracks = true.shape[1]
     return StatementMetrics(
-        right.mean(0),
-        (right - change_cost * wrong).mean(0),
-        1000.0 * wrong.mean(0),
-        changed.sum(0),
-        switched.sum(0),
-        waited[switches.detected],
-        switches.track[switches.detected],
-        np.bincount(switches.track[switches.missed], minlength=tracks),
-        np.bincount(switches.track, waited, tracks).astype(int),
+        delays=ticks[detected],
+        right=right.mean(0),
+        reward=(right - change_cost * wrong).mean(0),
+        wrong_changes=1000.0 * wrong.mean(0),
+        stated_changes=changed.sum(0),
+        switches=np.bincount(track, minlength=tracks),
+        delay=np.bincount(track, detected * ticks, tracks),
+        detected=np.bincount(track[detected], minlength=tracks),
+        missed=np.bincount(track[missed], minlength=tracks),
+        undetected=np.bincount(track, ticks, tracks),
     )

@@ -52,68 +52,59 @@ def find_switches(modes: IntArray, stated: IntArray, times: AnyArray) -> Switche
     """Return the switches of true modes (T, N), and when statements (T, N) follow them. times: (T +
     1,) of the moments and of the end, in any unit; ticks are times, too.
     """
-    moments = np.arange(len(modes))[:, None]
-    # For every moment the next one, itself included, with a right statement, and with a switch.
-    switched = np.diff(modes, axis=0, prepend=modes[:1]) != 0
-    next_right, next_switch = (
-        np.minimum.accumulate(np.where(flags, moments, len(modes))[::-1], axis=0)[::-1]
-        for flags in (stated == modes, switched)
-    )
-    begin, track = np.nonzero(switched)
-    # Of the segment that begins at a switch.
-    after = np.vstack([next_switch[1:], np.full_like(next_switch[:1], len(modes))])
-    end = after[begin, track]
-    first = next_right[begin, track]
-    return Switches(
-        track,
-        begin,
-        end,
-        first < end,
-        (first >= end) & (end < len(modes)),
-        times[np.minimum(first, end)] - times[begin],
-    )
+    T = len(modes)
+    track, before = np.nonzero(np.diff(modes, axis=0).T)
+    begin = before + 1
+    # The last switch of a track lasts until its end.
+    end = np.where(np.diff(track, append=-1) == 0, np.roll(begin, -1), T)
+    # For every moment the next one, itself included, with a right statement.
+    right = np.where(stated == modes, np.arange(T)[:, None], T)
+    first = np.minimum.accumulate(right[::-1], axis=0)[::-1][begin, track]
+    detected = first < end
+    waited = times[np.minimum(first, end)] - times[begin]
+    return Switches(track, begin, end, detected, ~detected & (end < T), waited)
 
 
 class TimelineCounts(NamedTuple):
-    """Sums over a track or a part of it, from which the figures of any set of tracks follow.
+    """Sums over B parts of a track, (B,) each, from which the values of any set of tracks follow.
     Switches count if at least half of the moments until the next one are scored, changes if more
     than half are.
     """
 
     # Time that is scored.
-    scored: float
+    scored: FloatArray
     # Of it, time in which the statement is the true mode.
-    agreed: float
+    agreed: FloatArray
     # Of it, time in which the normal mode is true.
-    normal: float
+    normal: FloatArray
     # Number of samples.
-    samples: float
+    samples: FloatArray
     # Number of switches whose mode is stated or missed.
-    switches: float
+    switches: FloatArray
     # Of them, those whose mode is not stated before the next switch.
-    missed: float
+    missed: FloatArray
     # Sum of the times from each other switch to the first right statement.
-    delay: float
+    delay: FloatArray
     # Number of last switches whose mode is not stated before the track ends.
-    pending: float
+    pending: FloatArray
     # Time from any switch to the first right statement, the next switch or the end.
-    undetected: float
+    undetected: FloatArray
     # Changes of the statement to a mode that is not true at any moment until the next change.
-    false: float
+    false: FloatArray
     # Of them, those away from the normal mode while it is true at all of these moments.
-    false_alarms: float
+    false_alarms: FloatArray
     # Changes of the statement.
-    changes: float
+    changes: FloatArray
     # Of the switches, those to the normal mode.
-    ends: float
+    ends: FloatArray
     # Of these, those that are missed.
-    missed_ends: float
+    missed_ends: FloatArray
     # Sum of the delays of the others of these.
-    delay_of_ends: float
+    delay_of_ends: FloatArray
 
 
 def statistics(period: float) -> dict[str, Statistic]:
-    """Return the figures of a set of tracks by name; NaN where nothing is counted.
+    """Return the values of a set of tracks by name; NaN where nothing is counted.
 
     They are: share of the scored time with a right statement; mean delay of the detected switches;
     share of the switches that are missed; mean delay of all switches, where one that is not
@@ -175,21 +166,21 @@ def count_timeline(
 
     false = within(right) == 0
     quiet = within(modes == normal) == ends - changes
-    counts = {
-        "scored": summed(scored, weights[scored]),
-        "agreed": summed(right, weights[right]),
-        "normal": summed(modes == normal, weights[modes == normal]),
-        "samples": summed(samples),
-        "switches": summed(begin[counted]),
-        "missed": summed(begin[missed]),
-        "delay": summed(begin[detected], waited[detected]),
-        "pending": summed(begin[~counted]),
-        "undetected": summed(begin, waited),
-        "false": summed(changes[false]),
-        "false_alarms": summed(changes[false & quiet & (stated[changes] != normal)]),
-        "changes": summed(changes),
-        "ends": summed(begin[back & counted]),
-        "missed_ends": summed(begin[back & missed]),
-        "delay_of_ends": summed(begin[back & detected], waited[back & detected]),
-    }
-    return np.stack([counts[name] for name in TimelineCounts._fields], axis=1)
+    counts = TimelineCounts(
+        scored=summed(scored, weights[scored]),
+        agreed=summed(right, weights[right]),
+        normal=summed(modes == normal, weights[modes == normal]),
+        samples=summed(samples),
+        switches=summed(begin[counted]),
+        missed=summed(begin[missed]),
+        delay=summed(begin[detected], waited[detected]),
+        pending=summed(begin[~counted]),
+        undetected=summed(begin, waited),
+        false=summed(changes[false]),
+        false_alarms=summed(changes[false & quiet & (stated[changes] != normal)]),
+        changes=summed(changes),
+        ends=summed(begin[back & counted]),
+        missed_ends=summed(begin[back & missed]),
+        delay_of_ends=summed(begin[back & detected], waited[back & detected]),
+    )
+    return np.stack(counts, axis=1)

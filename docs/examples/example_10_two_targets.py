@@ -67,8 +67,8 @@ def filter_of(imm, state):
     if isinstance(state, GaussianMixture):
         weights = state.weights.astype(float)
         means, covariances = np.asarray(state.means, float), np.asarray(state.covars, float)
-        found.begin_from_models(
-            weights[None] / weights.sum(), means.T[None], np.moveaxis(covariances, -1, 0)[None]
+        found.begin_from(
+            means.T[None], np.moveaxis(covariances, -1, 0)[None], weights[None] / weights.sum()
         )
     else:
         found.begin_from(np.asarray(state.mean, float).T, np.asarray(state.covar, float))

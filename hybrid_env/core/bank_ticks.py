@@ -63,7 +63,7 @@ def write_innovations(
     Without a measurement the innovation is NaN, and its covariance is that for a position of
     variance R.
     """
-    model = filter_model(setting, 1.0)
+    model = filter_model(setting, 1.0, True)
     for lane in range(first, last):
         missing = math.isnan(block.measurement[0, lane])
         noise_xx = model.variance_x

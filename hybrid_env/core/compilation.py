@@ -19,6 +19,7 @@ from typing import Any
 
 import numba
 from numba import njit, typeof
+from numba.extending import intrinsic as numba_intrinsic
 from numba.extending import register_jitable
 
 # Filled at run time.
@@ -31,12 +32,24 @@ OPTIONS: Any = {
 }
 """Options of all functions. C never calls one."""
 
+formula: Any = register_jitable(**OPTIONS, forceinline=True)
+"""Decorator of a scalar formula, which is compiled once and which LLVM inlines into its callers.
+Python runs it as it is.
+"""
+
 inlined: Any = njit(**OPTIONS, inline="always")
-"""Decorator of a scalar formula or a part of a loop, which numba inlines before it infers types."""
+"""Decorator of a part of a function with one or two callers, which numba inlines before it infers
+types: its statements are compiled again at every call.
+"""
+
+intrinsic: Any = numba_intrinsic
+"""Decorator of a function that writes the instructions for compiled callers. Its first argument is
+not the callers'.
+"""
 
 internal: Any = register_jitable(**OPTIONS)
-"""Decorator of a function that is compiled when a compiled function calls it. Python runs it as
-it is.
+"""Decorator of a function that is compiled when a compiled function calls it, once for all calls
+with the same types. Python runs it as it is.
 """
 
 summing: Any = register_jitable(**OPTIONS, fastmath={"reassoc"})
@@ -64,12 +77,15 @@ def compiled(function: Callable[..., Any]) -> Any:
 def cache_folder(package: str, given: str) -> str:
     """Return the folder for the machine code of a package, "" where none can be written: in
     `given` (NUMBA_CACHE_DIR) or else in the user's cache folder, or in the temporary folder. Its
-    name is a hash of the sources of the package and the core, of numba's version and of what is
-    checked. It belongs to the user, because machine code is loaded from it.
+    name is a hash of the sources of the core, and of the package if it is another one, of numba's
+    version and of what is checked. It belongs to the user, because machine code is loaded from it.
     """
     code = hashlib.sha256(f"{numba.__version__} {config.BOUNDSCHECK}".encode())
-    folders = [Path(__file__).parent, *getattr(sys.modules.get(package), "__path__", [])]
-    for path in sorted(path for folder in folders for path in Path(folder).rglob("*.py")):
+    folders = [Path(__file__).parent]
+    # The other files of this package call the core only; numba compares them itself.
+    if package != __name__.partition(".")[0]:
+        folders += map(Path, getattr(sys.modules.get(package), "__path__", []))
+    for path in sorted(path for folder in folders for path in folder.rglob("*.py")):
         code.update(path.read_bytes())
     name = f"hybridtrack-{code.hexdigest()[:16]}"
     user = os.getuid() if hasattr(os, "getuid") else 0

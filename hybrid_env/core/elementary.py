@@ -4,10 +4,13 @@ last place.
 """
 
 import math
+from typing import Any
 
 import numpy as np
+from numba import types
+from numba.extending import lower_builtin, type_callable
 
-from hybrid_env.core.compilation import inlined
+from hybrid_env.core.compilation import formula
 
 # Ln 2 in two parts; the product of an exponent and the first is exact.
 LOG_TWO_HIGH, LOG_TWO_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
@@ -18,19 +21,31 @@ SHIFTER = 6755399441055744.0
 SHIFTER_BITS = np.int64(0x4338000000000000)
 
 
-@inlined
 def bits_of(x: float) -> np.int64:
     """Return the bits of a float64 as an int64."""
     return np.float64(x).view(np.int64)
 
 
-@inlined
 def float_of(bits: np.int64) -> float:
     """Return the float64 with the bits of an int64."""
     return np.int64(bits).view(np.float64)
 
 
-@inlined
+def _compile_cast(function: Any, result: Any, argument: Any) -> None:
+    """Let numba compile a function to the instruction that takes bits as another type."""
+    type_callable(function)(lambda _context: lambda _value: result)
+
+    def cast(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], context.get_value_type(signature.return_type))
+
+    lower_builtin(function, argument)(cast)
+
+
+_compile_cast(bits_of, types.int64, types.float64)
+_compile_cast(float_of, types.float64, types.int64)
+
+
+@formula
 def log(x: float) -> float:
     """Natural logarithm of a positive normal number; about -709 for zero, finite for negative
     numbers.
@@ -57,7 +72,7 @@ def log(x: float) -> float:
     return k * LOG_TWO_HIGH - ((square - (s * (square + even + odd) + k * LOG_TWO_LOW)) - f)
 
 
-@inlined
+@formula
 def exp(x: float) -> float:
     """Exponential of a number between -700 and 700."""
     shifted = x * (1.0 / math.log(2.0)) + SHIFTER
@@ -76,7 +91,7 @@ def exp(x: float) -> float:
     return mantissa * power
 
 
-@inlined
+@formula
 def sine_cosine(x: float) -> tuple[float, float]:
     """Sine and cosine of an angle [rad]. The absolute error is of the order of 1e-16 (1 + |x|)."""
     shifted = x * (2.0 / math.pi) + SHIFTER

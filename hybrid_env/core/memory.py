@@ -4,7 +4,7 @@ follow from these declarations.
 
 Tracks are stored in blocks of `LANES`. Every field of a block holds one number per track, so that a
 loop over lanes has a constant stride and compiles to SIMD code. A named tuple of arrays declares
-each of them by `Annotated[NDArray[...], Array(dtype, sizes)]`. A size is a number or a field of the
+each of them by a default value `Array(dtype, sizes)`. A size is a number or a field of the
 parameter record; the address is in the field with the name of the array.
 """
 
@@ -13,19 +13,16 @@ import mmap
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numba import carray, types
-from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from hybrid_env.core.compilation import inlined, internal
+from hybrid_env.core.compilation import formula, inlined, intrinsic
 
 FloatArray = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 Records = NDArray[Any]
-Owner = Literal["tracks", "options", "thread"]
 
 # Tracks per block. Eight float64 fill a cache line and the widest vector register.
 LANES = 8
@@ -36,35 +33,38 @@ Triangle4 = tuple[float, float, float, float, float, float, float, float, float,
 """Covariance of [x, vx, y, vy], upper triangle row by row."""
 
 
-def lanes_of(*fields: tuple[str, type, tuple[int, ...]]) -> np.dtype[Any]:
-    """Return a record type whose fields have the shape (*shape, LANES)."""
-    return np.dtype([(name, kind, (*shape, LANES)) for name, kind, shape in fields])
+def lanes_of(**fields: Any) -> np.dtype[Any]:
+    """Return a record type of fields that hold one or k numbers of each track, of a type or (type,
+    k), with the shape (LANES,) or (k, LANES).
+    """
+    kinds = {name: kind if isinstance(kind, tuple) else (kind,) for name, kind in fields.items()}
+    return np.dtype([(name, kind, (*rows, LANES)) for name, (kind, *rows) in kinds.items()])
 
 
-@inlined
+@formula
 def state_of(array: FloatArray, lane: int) -> State:
     """Return the values of a lane of an array, (4, LANES)."""
     return array[0, lane], array[1, lane], array[2, lane], array[3, lane]
 
 
-@inlined
-def triangle_of(p: FloatArray, lane: int) -> Triangle4:
+@formula
+def triangle_of(array: FloatArray, lane: int) -> Triangle4:
     """Return the values of a lane of an array, (10, LANES)."""
     return (
-        p[0, lane],
-        p[1, lane],
-        p[2, lane],
-        p[3, lane],
-        p[4, lane],
-        p[5, lane],
-        p[6, lane],
-        p[7, lane],
-        p[8, lane],
-        p[9, lane],
+        array[0, lane],
+        array[1, lane],
+        array[2, lane],
+        array[3, lane],
+        array[4, lane],
+        array[5, lane],
+        array[6, lane],
+        array[7, lane],
+        array[8, lane],
+        array[9, lane],
     )
 
 
-@inlined
+@formula
 def write_lane(array: FloatArray, lane: int, values: tuple[float, ...]) -> None:
     """Write k values to a lane of an array, (k, LANES)."""
     for k, value in enumerate(values):
@@ -91,86 +91,68 @@ SENSOR = np.dtype(
 # Radars of a list that measure the range rate.
 MOST_RATES = 4
 
-MEASURED_FIELDS = (
+MEASURED_FIELDS = {
     # [m], NaN without one.
-    ("measurement", np.float64, (2,)),
+    "measurement": (float, 2),
     # Covariance xx, xy, yy of the fused measurement over R.
-    ("noise", np.float64, (3,)),
+    "noise": (float, 3),
     # Range rates of the sensors with one [m/s], NaN if not measured.
-    ("rates", np.float64, (MOST_RATES,)),
-)
+    "rates": (float, MOST_RATES),
+}
 # What the sensors measure in a tick.
-MEASURED = lanes_of(*MEASURED_FIELDS)
+MEASURED = lanes_of(**MEASURED_FIELDS)
 
 TICK_NAMES = ("segment", "tick", "true_mode", "truth", "measurement", "anchor", "estimate")
 """The fields of a block that describe the current tick, in the order of `info`."""
 
 BLOCK = lanes_of(
     # [x, vx, y, vy] [m, m/s].
-    ("truth", np.float64, (4,)),
-    MEASURED_FIELDS[0],
+    truth=(float, 4),
+    measurement=MEASURED_FIELDS["measurement"],
     # Of the active filter, or merged over the bank.
-    ("estimate", np.float64, (4,)),
-    ("segment", np.int64, ()),
-    ("true_mode", np.int64, ()),
+    estimate=(float, 4),
+    segment=int,
+    true_mode=int,
     # Since the switch, or the beginning of the episode; 1 at the first measurement.
-    ("tick", np.int64, ()),
+    tick=int,
     # Initial state of the bank: the estimate, or the true state for the oracle.
-    ("anchor", np.float64, (4,)),
+    anchor=(float, 4),
     # Object and measurements.
-    ("random_state", np.uint64, (4,)),
+    random_state=(np.uint64, 4),
     # [m]
-    ("true_centre", np.float64, (2,)),
+    true_centre=(float, 2),
     # From `motion.motion_coefficients`.
-    ("true_motion", np.float64, (3,)),
+    true_motion=(float, 3),
     # Of the segment [ticks].
-    ("length", np.int64, ()),
+    length=int,
     # Ticks of the episode, only counted for the periods of sensors.
-    ("clock", np.int64, ()),
-    *MEASURED_FIELDS[1:],
+    clock=int,
+    noise=MEASURED_FIELDS["noise"],
+    rates=MEASURED_FIELDS["rates"],
     # Of the estimate, at the switch or, if switches are unknown, in the tick: upper triangle row by
     # row.
-    ("covariance", np.float64, (10,)),
+    covariance=(float, 10),
     # Announced switches
     # Unit vector of the anchor's velocity.
-    ("heading", np.float64, (2,)),
+    heading=(float, 2),
     # Of the anchor [m/s].
-    ("speed", np.float64, ()),
+    speed=float,
     # Of the estimated position, summed over the segment [m^2].
-    ("squared_error", np.float64, ()),
+    squared_error=float,
     # The last decided mode, q_A of ATE.
-    ("active_mode", np.int64, ()),
+    active_mode=int,
     # Rows written to the trace in this step.
-    ("trace_length", np.int64, ()),
+    trace_length=int,
     # Unknown switches
     # Ticks of the episode, 1 at the first measurement.
-    ("time", np.int64, ()),
+    time=int,
     # The last statement; only valid if `stated_ticks` > 0.
-    ("stated_mode", np.int64, ()),
+    stated_mode=int,
     # Number of consecutive statements of this mode, 0 before the first.
-    ("stated_ticks", np.int64, ()),
+    stated_ticks=int,
 )
 """State of `LANES` tracks."""
 
-SCRATCH = lanes_of(
-    # 1 if the track advances in this tick.
-    ("running", np.int64, ()),
-    # From `noise.draw_noise`.
-    ("noise", np.float64, (7,)),
-    # Maximum log-likelihood of the hypotheses.
-    ("largest", np.float64, ()),
-    # Number of other hypotheses with the maximum.
-    ("ties", np.float64, ()),
-    # ln(1 - maximum posterior), equal priors.
-    ("log_error", np.float64, ()),
-    # Likelihoods of straight, left and right over the largest of a hypothesis.
-    ("types", np.float64, (3,)),
-    # ln(1 - maximum posterior of a type), equal priors of the hypotheses.
-    ("log_type_error", np.float64, ()),
-)
-"""Temporary values of one tick of one block. The blocks of a thread share this memory in the L1
-cache.
-"""
 
 BANK_COLUMNS = {
     "innovations": 2,
@@ -221,20 +203,14 @@ class Array:
     dtype: Any
     sizes: tuple[int | str, ...]
     # Whose state it holds; "options" do not change, "thread" is temporary, shared by its blocks.
-    of: Owner = "tracks"
-    # Field with its address, if that is not its name: another view of the same memory.
-    at: str = ""
+    of: Literal["tracks", "options", "thread"] = "tracks"
 
 
-def declared(arrays: type, *owners: Owner) -> dict[str, Array]:
-    """Return the declarations of a named tuple by name, of all owners or of some; views are left
-    out.
-    """
-    arrays_by_name = {name: array.__metadata__[0] for name, array in arrays.__annotations__.items()}
+def declared(arrays: type, *owners: str) -> dict[str, Array]:
+    """Return the declarations of a named tuple by name, of all owners or of some."""
+    arrays_by_name: dict[str, Array] = vars(arrays)["_field_defaults"]
     return {
-        name: array
-        for name, array in arrays_by_name.items()
-        if not array.at and (not owners or array.of in owners)
+        name: array for name, array in arrays_by_name.items() if not owners or array.of in owners
     }
 
 
@@ -282,15 +258,22 @@ def _pointer_to(_typing: Any, address: Any) -> Any:
     return types.voidptr(address), build
 
 
-@inlined
-def array_at(address: int, shape: tuple[int, ...], dtype: Any) -> Any:
-    """Return the C-ordered array at an address; for compiled code only."""
-    # Of an intrinsic, the type checker sees the typing context as an argument.
-    return carray(_pointer_to(address), shape, dtype)  # type: ignore[call-arg]
+@formula
+def parameters_at(address: int) -> Any:
+    """Return the record `PARAMETERS` at an address; for compiled code only."""
+    return carray(_pointer_to(address), (1,), PARAMETERS)[0]
 
 
-# In compiled code a tuple of different types is built by a tree of functions, with one leaf for
-# each element.
+def _joined(readers: list[Any]) -> Any:
+    """Return the compiled function of the tuple of the values of compiled functions of one
+    argument. numba has no loop that builds a tuple of different types.
+    """
+    if len(readers) == 1:
+        first = readers[0]
+        return inlined(lambda setting: (first(setting),))
+    half = len(readers) // 2
+    left, right = _joined(readers[:half]), _joined(readers[half:])
+    return inlined(lambda setting: left(setting) + right(setting))
 
 
 def _size_reader(size: int | str) -> Any:
@@ -299,91 +282,26 @@ def _size_reader(size: int | str) -> Any:
     return inlined(lambda setting: size)
 
 
-def _tuple_reader(readers: list[Any]) -> Any:
-    """Return the compiled function of the tuple of the values of compiled functions of one
-    argument.
-    """
-    if len(readers) == 1:
-        first = readers[0]
-        return inlined(lambda source: (first(source),))
-    if len(readers) == 2:
-        first, second = readers
-        return inlined(lambda source: (first(source), second(source)))
-    half = len(readers) // 2
-    first = _tuple_reader(readers[:half])
-    second = _tuple_reader(readers[half:])
-    return inlined(lambda source: first(source) + second(source))
-
-
 def _array_reader(name: str, array: Array) -> Any:
-    address, dtype = array.at or name, array.dtype
-    shape = _tuple_reader([_size_reader(size) for size in array.sizes])
-    return inlined(lambda setting: array_at(setting[address], shape(setting), dtype))
+    dtype, shape = array.dtype, _joined(list(map(_size_reader, array.sizes)))
+    return formula(lambda setting: carray(_pointer_to(setting[name]), shape(setting), dtype))
 
 
 def reader(arrays: type) -> Callable[[Any], Any]:
     """Return the compiled function that finds the arrays of a named tuple by a parameter record."""
-    values = _tuple_reader(
-        [
-            _array_reader(name, array.__metadata__[0])
-            for name, array in arrays.__annotations__.items()
-        ]
-    )
-    read: Callable[[Any], Any] = inlined(lambda setting: arrays(*values(setting)))
-    return read
-
-
-def block_reader(bank: type) -> Callable[[Any, int], Any]:
-    """Return the compiled function of the bank of one block, from the banks of all blocks."""
-
-    def of_block(k: int, array: Array) -> Any:
-        if array.of == "tracks":
-            return inlined(lambda source: source[0][k][source[1]])
-        return inlined(lambda source: source[0][k])
-
-    values = _tuple_reader([of_block(k, array) for k, array in enumerate(declared(bank).values())])
-    read: Callable[[Any, int], Any] = internal(lambda banks, block: bank(*values((banks, block))))
+    values = _joined([_array_reader(name, array) for name, array in declared(arrays).items()])
+    read: Callable[[Any], Any] = formula(lambda setting: arrays(*values(setting)))
     return read
 
 
 INNOVATION = lanes_of(
     # Innovation / standard deviation.
-    *((name, np.float64, ()) for name in ("white_x", "white_y")),
+    white_x=float,
+    white_y=float,
     # Ln of the innovation variance [m^2], mean of the axes.
-    ("log_variance", np.float64, ()),
+    log_variance=float,
 )
 """Innovation of one filter at the current tick."""
-
-
-HYPOTHESIS = lanes_of(
-    # Estimate [m, m/s].
-    *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),
-    # Of the turn [m].
-    *((name, np.float64, ()) for name in ("centre_x", "centre_y")),
-    # Cumulative since the switch.
-    ("log_likelihood", np.float64, ()),
-)
-"""State of one filter."""
-
-COVARIANCE = lanes_of(
-    # Of the transition.
-    *((name, np.float64, ()) for name in ("cosine", "sine_velocity", "sine_position")),
-    # Of (position, velocity) [m^2, m^2/s, m^2/s^2].
-    *((name, np.float64, ()) for name in ("xx", "xv", "vv")),
-)
-"""Transition and covariance on one axis, shared by the filters of one radius."""
-
-GAIN = lanes_of(
-    # Of position and velocity.
-    *((name, np.float64, ()) for name in ("gain_x", "gain_v")),
-    # 1 / standard deviation of the innovation [1/m].
-    ("whitener", np.float64, ()),
-    # Ln of the innovation variance [m^2].
-    ("log_variance", np.float64, ()),
-)
-"""Gain and innovation variance on one axis at the current tick, shared by the filters of one
-radius.
-"""
 
 
 class PublishedBank(NamedTuple):
@@ -392,23 +310,68 @@ class PublishedBank(NamedTuple):
     thread share innovations and gains.
     """
 
-    hypotheses: Annotated[Records, Array(HYPOTHESIS, ("blocks_count", "modes"))]
-    covariances: Annotated[Records, Array(COVARIANCE, ("blocks_count", "axes", "columns"))]
-    innovations: Annotated[Records, Array(INNOVATION, ("modes",), "thread")]
-    gains: Annotated[Records, Array(GAIN, ("axes", "columns"), "thread")]
+    # State of one filter.
+    hypotheses: Any = Array(
+        lanes_of(
+            # Estimate [m, m/s].
+            x=float,
+            vx=float,
+            y=float,
+            vy=float,
+            # Of the turn [m].
+            centre_x=float,
+            centre_y=float,
+            # Cumulative since the switch.
+            log_likelihood=float,
+        ),
+        ("blocks_count", "modes"),
+    )
+    # Transition and covariance on one axis, shared by the filters of one radius.
+    covariances: Any = Array(
+        lanes_of(
+            # Of the transition.
+            cosine=float,
+            sine_velocity=float,
+            sine_position=float,
+            # Of (position, velocity) [m^2, m^2/s, m^2/s^2].
+            xx=float,
+            xv=float,
+            vv=float,
+        ),
+        ("blocks_count", "axes", "columns"),
+    )
+    innovations: Any = Array(INNOVATION, ("modes",), "thread")
+    # Gain and innovation variance on one axis at the current tick, shared in the same way.
+    gains: Any = Array(
+        lanes_of(
+            # Of position and velocity.
+            gain_x=float,
+            gain_v=float,
+            # 1 / standard deviation of the innovation [1/m].
+            whitener=float,
+            # Ln of the innovation variance [m^2].
+            log_variance=float,
+        ),
+        ("axes", "columns"),
+        "thread",
+    )
 
 
 AWARE_HYPOTHESIS = lanes_of(
     # Estimate [m, m/s].
-    *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),
+    x=float,
+    vx=float,
+    y=float,
+    vy=float,
     # Of the turn [m].
-    *((name, np.float64, ()) for name in ("centre_x", "centre_y")),
+    centre_x=float,
+    centre_y=float,
     # [rad/s]
-    ("turn_rate", np.float64, ()),
+    turn_rate=float,
     # Of the seven states, upper triangle row by row.
-    ("covariance", np.float64, (28,)),
+    covariance=(float, 28),
     # Cumulative since the switch.
-    ("log_likelihood", np.float64, ()),
+    log_likelihood=float,
 )
 """State of one filter."""
 
@@ -416,24 +379,8 @@ AWARE_HYPOTHESIS = lanes_of(
 class AnchorAwareBank(NamedTuple):
     """The bank of a block of tracks, M hypotheses. The blocks of a thread share the innovations."""
 
-    hypotheses: Annotated[Records, Array(AWARE_HYPOTHESIS, ("blocks_count", "modes"))]
-    innovations: Annotated[Records, Array(INNOVATION, ("modes",), "thread")]
-
-
-SUMS = lanes_of(("largest", np.float64, ()), ("total", np.float64, ()))
-"""Maximum log probability of the hypotheses before normalization, and the sum relative to it."""
-
-
-IMM_HYPOTHESIS = lanes_of(
-    # Estimate [m, m/s].
-    *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),
-    # Upper triangle row by row.
-    ("covariance", np.float64, (10,)),
-    ("log_probability", np.float64, ()),
-    # Of the current tick.
-    ("log_likelihood", np.float64, ()),
-)
-"""State of one filter."""
+    hypotheses: Any = Array(AWARE_HYPOTHESIS, ("blocks_count", "modes"))
+    innovations: Any = Array(INNOVATION, ("modes",), "thread")
 
 
 class ImmBank(NamedTuple):
@@ -441,9 +388,25 @@ class ImmBank(NamedTuple):
     sums.
     """
 
-    hypotheses: Annotated[Records, Array(IMM_HYPOTHESIS, ("blocks_count", "modes"))]
-    innovations: Annotated[Records, Array(INNOVATION, ("modes",), "thread")]
-    sums: Annotated[Records, Array(SUMS, (1,), "thread")]
+    # State of one filter.
+    hypotheses: Any = Array(
+        lanes_of(
+            # Estimate [m, m/s].
+            x=float,
+            vx=float,
+            y=float,
+            vy=float,
+            # Upper triangle row by row.
+            covariance=(float, 10),
+            log_probability=float,
+            # Of the current tick.
+            log_likelihood=float,
+        ),
+        ("blocks_count", "modes"),
+    )
+    innovations: Any = Array(INNOVATION, ("modes",), "thread")
+    # Maximum log probability before normalization, and the sum relative to it.
+    sums: Any = Array(lanes_of(largest=float, total=float), (1,), "thread")
 
 
 BANKS: dict[str, type] = {
@@ -457,43 +420,57 @@ BANKS: dict[str, type] = {
 class Arrays(NamedTuple):
     """The arrays of N tracks except their banks. A size is a field of `PARAMETERS`."""
 
-    actions: Annotated[NDArray[np.int64], Array(np.int64, ("tracks",))]
-    blocks: Annotated[Records, Array(BLOCK, ("blocks_count",))]
-    observations: Annotated[NDArray[np.float32], Array(np.float32, ("tracks", "width"))]
+    actions: Any = Array(np.int64, ("tracks",))
+    blocks: Any = Array(BLOCK, ("blocks_count",))
+    observations: Any = Array(np.float32, ("tracks", "width"))
     # 1 where an action counts; a declaration with 0 waits.
-    action_mask: Annotated[NDArray[np.int8], Array(np.int8, ("tracks", "action_count"))]
+    action_mask: Any = Array(np.int8, ("tracks", "action_count"))
     # Every filter at the present tick, if it is asked for.
-    bank_ticks: Annotated[
-        FloatArray, Array(np.float64, ("tracks", "bank_rows", sum(BANK_COLUMNS.values())))
-    ]
-    rewards: Annotated[FloatArray, Array(np.float64, ("tracks",))]
-    terminated: Annotated[Flags, Array(np.bool_, ("tracks",))]
+    bank_ticks: Any = Array(np.float64, ("tracks", "bank_rows", sum(BANK_COLUMNS.values())))
+    rewards: Any = Array(np.float64, ("tracks",))
+    terminated: Any = Array(np.bool_, ("tracks",))
     # Whether the random stream has been seeded.
-    seeded: Annotated[Flags, Array(np.bool_, ("tracks",))]
-    trace: Annotated[FloatArray, Array(np.float64, ("tracks", "trace_rows", len(TRACE_COLUMNS)))]
-    decisions: Annotated[NDArray[np.int64], Array(np.int64, (len(DECISION), "tracks"))]
-    decision_flags: Annotated[Flags, Array(np.bool_, (len(DECISION_FLAGS), "tracks"))]
-    # The decisions again: one row has the bits of a float64.
-    decided_numbers: Annotated[
-        FloatArray, Array(np.float64, (len(DECISION), "tracks"), at="decisions")
-    ]
+    seeded: Any = Array(np.bool_, ("tracks",))
+    trace: Any = Array(np.float64, ("tracks", "trace_rows", len(TRACE_COLUMNS)))
+    decisions: Any = Array(np.int64, (len(DECISION), "tracks"))
+    decision_flags: Any = Array(np.bool_, (len(DECISION_FLAGS), "tracks"))
     # Squared position error of every filter, summed over the segment, if it may be recalculated
     # [m^2].
-    errors: Annotated[FloatArray, Array(np.float64, ("blocks_count", "recalculated", LANES))]
-    scratch: Annotated[Records, Array(SCRATCH, (1,), "thread")]
+    errors: Any = Array(np.float64, ("blocks_count", "recalculated", LANES))
+    # Temporary values of one tick of one block, which the blocks of a thread share in the L1 cache.
+    scratch: Any = Array(
+        lanes_of(
+            # 1 if the track advances in this tick.
+            running=int,
+            # From `noise.draw_noise`.
+            noise=(float, 7),
+            # Maximum log-likelihood of the hypotheses.
+            largest=float,
+            # Number of other hypotheses with the maximum.
+            ties=float,
+            # ln(1 - maximum posterior), equal priors.
+            log_error=float,
+            # Likelihoods of straight, left and right over the largest of a hypothesis.
+            types=(float, 3),
+            # ln(1 - maximum posterior of a type), equal priors of the hypotheses.
+            log_type_error=float,
+        ),
+        (1,),
+        "thread",
+    )
     # [m]
-    radii: Annotated[FloatArray, Array(np.float64, ("radii_count",), "options")]
+    radii: Any = Array(np.float64, ("radii_count",), "options")
     # See `scheme.segment_table`.
-    table: Annotated[FloatArray, Array(np.float64, ("table_rows", len(SEGMENT_COLUMNS)), "options")]
+    table: Any = Array(np.float64, ("table_rows", len(SEGMENT_COLUMNS)), "options")
     # Cumulative probabilities of the durations of the first and of other segments, for unknown
     # switches, each of straight segments and of turns.
-    durations: Annotated[FloatArray, Array(np.float64, (4, "ticks"), "options")]
+    durations: Any = Array(np.float64, (4, "ticks"), "options")
     # Probabilities of the next mode, by the present one; empty if all are equally likely.
-    order: Annotated[FloatArray, Array(np.float64, ("order_rows", "order_rows"), "options")]
+    order: Any = Array(np.float64, ("order_rows", "order_rows"), "options")
     # The same of each track, and its law of durations, if they are drawn, else empty; see `habits`.
-    drawn_order: Annotated[FloatArray, Array(np.float64, ("tracks", "drawn_modes", "drawn_modes"))]
-    drawn_law: Annotated[FloatArray, Array(np.float64, ("tracks", "drawn_laws", 2, 3))]
-    sensors: Annotated[Records, Array(SENSOR, ("sensor_count",), "options")]
+    drawn_order: Any = Array(np.float64, ("tracks", "drawn_modes", "drawn_modes"))
+    drawn_law: Any = Array(np.float64, ("tracks", "drawn_laws", 2, 3))
+    sensors: Any = Array(SENSOR, ("sensor_count",), "options")
 
 
 # Return the `Arrays` at the addresses in a record `PARAMETERS`.

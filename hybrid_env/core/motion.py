@@ -9,7 +9,7 @@ omega = 0.
 
 import math
 
-from hybrid_env.core.compilation import inlined, internal
+from hybrid_env.core.compilation import formula, internal
 
 # [rad], turned per tick in the model of a bank.
 LARGEST_ANGLE = 1000.0
@@ -28,7 +28,7 @@ def motion_coefficients(turn_rate: float, tau: float) -> tuple[float, float, flo
     return math.cos(turn_rate * tau), sine / turn_rate, turn_rate * sine
 
 
-@inlined
+@formula
 def propagate(
     position: float,
     velocity: float,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.core.compilation import inlined, internal
+from hybrid_env.core.compilation import formula, inlined, internal
 from hybrid_env.core.elementary import ONE, exp, float_of, log, sine_cosine
 from hybrid_env.core.memory import FloatArray
 
@@ -61,13 +61,13 @@ def next_uint64(state: NDArray[np.uint64], lane: int) -> np.uint64:
     return bits
 
 
-@inlined
+@formula
 def uniform(state: NDArray[np.uint64], lane: int) -> float:
     """Return a uniform number in [0, 1)."""
     return _to_uniform(next_uint64(state, lane))
 
 
-@inlined
+@formula
 def _draw_uniforms(state: NDArray[np.uint64], lane: int, noise: FloatArray, column: int) -> None:
     """Draw four uniforms into rows 0 .. 3 of a column, with the state in registers."""
     s0 = state[0, lane]
@@ -89,53 +89,27 @@ def integer_below(state: NDArray[np.uint64], lane: int, bound: int) -> np.int64:
 
 
 @internal
-def draw_normals(state: NDArray[np.uint64], noise: FloatArray, first: int, last: int) -> None:
-    """Draw four numbers from N(0, 1), of magnitude below 8.5, into rows 0 .. 3 for lanes first
-    .. last - 1.
-    """
-    for lane in range(first, last):
-        _draw_uniforms(state, lane, noise, lane)
-    for pair in range(2):
-        _to_normals(noise, 2 * pair, first, last)
-
-
-@internal
 def draw_noise(
     state: NDArray[np.uint64],
     noise: FloatArray,
     first: int,
     last: int,
     setting: Any,
+    rare: bool | None,
+    ahead: int | None,
 ) -> None:
-    """Draw the noise of one tick for lanes first .. last - 1, (7, LANES). Rows 0 and 1 are
-    draws of N(0, 1), of magnitude below 8.5, for the velocities; 2 and 3 errors of the measured
-    coordinates over sqrt(R); row `LOST` is uniform in [0, 1) if measurements may be missing.
+    """Draw the noise of one tick for lanes first .. last - 1, (7, LANES), or of consecutive ticks
+    of the lane `ahead` into columns first .. last - 1. Rows 0 and 1 are draws of N(0, 1), of
+    magnitude below 8.5, for the velocities; 2 and 3 errors of the measured coordinates over
+    sqrt(R), normal if `rare` is None; row `LOST` is uniform in [0, 1) if measurements may be
+    missing.
     """
-    for lane in range(first, last):
-        _draw_uniforms(state, lane, noise, lane)
-    if setting.noise_law != GAUSSIAN or setting.missed > 0.0:
-        for lane in range(first, last):
-            _draw_further(state, lane, noise, lane, setting)
-    _to_noise(noise, first, last, setting)
-
-
-@internal
-def draw_noise_ahead(
-    state: NDArray[np.uint64],
-    lane: int,
-    noise: FloatArray,
-    ticks: int,
-    setting: Any,
-) -> None:
-    """Draw the noise of up to LANES consecutive ticks of one lane; column k holds that of tick
-    k.
-    """
-    further = setting.noise_law != GAUSSIAN or setting.missed > 0.0
-    for tick in range(ticks):
-        _draw_uniforms(state, lane, noise, tick)
-        if further:
-            _draw_further(state, np.uint64(lane), noise, np.uint64(tick), setting)
-    _to_noise(noise, np.uint64(0), np.uint64(ticks), setting)
+    for column in range(first, last):
+        lane = column if ahead is None else ahead
+        _draw_uniforms(state, lane, noise, column)
+        if rare is not None and (setting.noise_law != GAUSSIAN or setting.missed > 0.0):
+            _draw_further(state, lane, noise, column, setting)
+    _to_noise(noise, first, last, setting, rare)
 
 
 @internal
@@ -158,16 +132,16 @@ def _draw_further(
 
 
 @inlined
-def _to_noise(noise: FloatArray, first: int, last: int, setting: Any) -> None:
+def _to_noise(noise: FloatArray, first: int, last: int, setting: Any, rare: bool | None) -> None:
     """Transform the uniforms in columns first .. last - 1 to normals and to draws of the law."""
     _to_normals(noise, 0, first, last)
-    if setting.noise_law == LEVY:
+    if rare is not None and setting.noise_law == LEVY:
         _to_stable(noise, first, last, setting)
-    elif setting.noise_law == STUDENT_T:
+    elif rare is not None and setting.noise_law == STUDENT_T:
         _to_student(noise, first, last, setting)
     else:
         _to_normals(noise, 2, first, last)
-    if setting.noise_law == OUTLIERS:
+    if rare is not None and setting.noise_law == OUTLIERS:
         for column in range(first, last):
             factor = setting.noise_scale if noise[4, column] < setting.noise_shape else 1.0
             noise[2, column] *= factor

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.core.banks.bank import estimate_of, likeliest, mode_type
-from hybrid_env.core.compilation import inlined, internal
+from hybrid_env.core.compilation import formula, inlined, internal
 from hybrid_env.core.elementary import exp, log
-from hybrid_env.core.memory import FloatArray, Records
+from hybrid_env.core.memory import FloatArray, Records, state_of
 from hybrid_env.core.motion import heading_vector
 
 # Lower clip of log-likelihood ratios and log-probabilities.
@@ -28,87 +28,17 @@ LOG_SCALE = 0.1
 TICK_SCALE = 0.01
 LENGTH_SCALE = 0.1
 
-HYPOTHESIS_FEATURES = {
-    "log_ratio": LOG_SCALE,
-    "innovation_along": 1.0,
-    "innovation_across": 1.0,
-    "log_variance": 1.0,
-    "previous": 1.0,
-    "curvature": 1.0,
-}
-"""Names of the blocks of M values, in order, and the scale that multiplies each of them."""
-
-TRACK_FEATURES = {
-    "ticks": TICK_SCALE,
-    "ticks_left": TICK_SCALE,
-    "log_error_probability": LOG_SCALE,
-    "speed": 1.0,
-    "displacement_along": LENGTH_SCALE,
-    "displacement_across": LENGTH_SCALE,
-    "anchor_xx": 1.0,
-    "anchor_xv": 1.0,
-    "anchor_vv": 1.0,
-    "log_noise": 1.0,
-}
-"""Names of the scalars after the blocks, in order, and the scale that multiplies each of them."""
-
-QUICKEST_HYPOTHESIS_FEATURES = {
-    "log_probability": LOG_SCALE,
-    "log_ratio": 1.0,
-    "innovation_along": 1.0,
-    "innovation_across": 1.0,
-    "log_variance": 1.0,
-    "stated": 1.0,
-}
-# The same with unknown switches.
-QUICKEST_TRACK_FEATURES = {"speed": 1.0, "stated_ticks": TICK_SCALE}
-
-RAW_FEATURES = {
-    "displacement_along": LENGTH_SCALE,
-    "displacement_across": LENGTH_SCALE,
-    "measured": 1.0,
-    "ticks": TICK_SCALE,
-    "ticks_left": TICK_SCALE,
-    "speed": 1.0,
-    "log_noise": 1.0,
-}
-"""Names of the scalars of a row without the bank, and their scales."""
-
-STATE_FEATURES = {
-    "position_along": LENGTH_SCALE,
-    "position_across": LENGTH_SCALE,
-    "velocity_along": 1.0,
-    "velocity_across": 1.0,
-    "ticks": TICK_SCALE,
-    "ticks_left": TICK_SCALE,
-    "log_noise": 1.0,
-}
-"""Names of the scalars of a row of the true state, after the one-hot encoding of the true mode,
-and their scales.
-"""
-
 OBSERVATIONS = ("bank", "raw", "state")
 """What a row holds: the output of the bank, the measurement alone, or the true state."""
 BANK_ROW, RAW_ROW, STATE_ROW = range(len(OBSERVATIONS))
 
-BLOCKS, SINGLES = len(HYPOTHESIS_FEATURES), len(TRACK_FEATURES)
-TICKS, TICKS_LEFT, LOG_ERROR, SPEED, ALONG, ACROSS, ANCHOR_XX, ANCHOR_XV, ANCHOR_VV, LOG_NOISE = (
-    range(SINGLES)
-)
 
-
-@inlined
+@formula
 def heading_frame(x: float, y: float, heading_x: float, heading_y: float) -> tuple[float, float]:
     """Return the components of a vector along and across a heading; across is positive to the
     left.
     """
     return heading_x * x + heading_y * y, heading_x * y - heading_y * x
-
-
-@inlined
-def clipped_innovation(white: float) -> float:
-    """Return a whitened innovation clipped to +-`LARGEST`."""
-    return max(min(white, LARGEST), -LARGEST)
 
 
 @inlined
@@ -119,12 +49,23 @@ def innovation_in_frame(
     heading_y: float,
 ) -> tuple[float, float]:
     """Return the clipped whitened innovation of one lane along and across a heading."""
-    return heading_frame(
-        clipped_innovation(innovation.white_x[lane]),
-        clipped_innovation(innovation.white_y[lane]),
-        heading_x,
-        heading_y,
+    x = max(min(innovation.white_x[lane], LARGEST), -LARGEST)
+    y = max(min(innovation.white_y[lane], LARGEST), -LARGEST)
+    return heading_frame(x, y, heading_x, heading_y)
+
+
+@formula
+def _displacement(block: Any, lane: int, x: float, y: float, setting: Any) -> tuple[float, float]:
+    """Return a position relative to the anchor over sqrt(R), along and across its heading,
+    scaled.
+    """
+    along, across = heading_frame(
+        (x - block.anchor[0, lane]) * setting.noise_whitener,
+        (y - block.anchor[2, lane]) * setting.noise_whitener,
+        block.heading[0, lane],
+        block.heading[1, lane],
     )
+    return LENGTH_SCALE * along, LENGTH_SCALE * across
 
 
 @inlined
@@ -135,7 +76,7 @@ def log_error_probability(others: float) -> float:
     return max(log(others / (1.0 + others)), LOG_FLOOR)
 
 
-@inlined
+@formula
 def mean_over_noise(value_x: float, value_y: float, variance_x: float, variance_y: float) -> float:
     """Return the mean over the axes of (covariance entry / R), clipped to +-`LARGEST_ANCHOR`."""
     mean = 0.5 * (value_x / variance_x + value_y / variance_y)
@@ -161,19 +102,15 @@ def write_segment(
     for c in range(n):
         row[5 * M + 1 + c] = 1.0 / radii[c]
         row[5 * M + 1 + n + c] = -1.0 / radii[c]
-    singles = row[BLOCKS * M :]
+    # In the order of `Layout.track_features`.
+    singles = row[6 * M :]
     kept, variance_x, variance_y = block.covariance, setting.variance_x, setting.variance_y
-    singles[SPEED] = min(block.speed[lane], LARGEST_ANCHOR)
-    singles[ANCHOR_XX] = max(
-        mean_over_noise(kept[0, lane], kept[7, lane], variance_x, variance_y),
-        0.0,
-    )
-    singles[ANCHOR_XV] = mean_over_noise(kept[1, lane], kept[8, lane], variance_x, variance_y)
-    singles[ANCHOR_VV] = max(
-        mean_over_noise(kept[4, lane], kept[9, lane], variance_x, variance_y),
-        0.0,
-    )
-    singles[LOG_NOISE] = setting.log_noise
+    singles[3] = min(block.speed[lane], LARGEST_ANCHOR)
+    xx = mean_over_noise(kept[0, lane], kept[7, lane], variance_x, variance_y)
+    vv = mean_over_noise(kept[4, lane], kept[9, lane], variance_x, variance_y)
+    singles[6], singles[8] = max(xx, 0.0), max(vv, 0.0)
+    singles[7] = mean_over_noise(kept[1, lane], kept[8, lane], variance_x, variance_y)
+    singles[9] = setting.log_noise
 
 
 @inlined
@@ -243,55 +180,31 @@ def mask_declarations(mask: NDArray[np.int8], scratch: Any, lane: int, setting: 
 
 @internal
 def write_twin(row: NDArray[np.float32], block: Any, lane: int, setting: Any) -> None:
-    """Write the row of a track at a tick where it is not that of the bank."""
+    """Write the row of a track at a tick where it is not that of the bank: the measurement alone,
+    see `RawLayout`, or the true mode and state, of a problem that is fully observed, see
+    `StateLayout`.
+    """
+    ticks = TICK_SCALE * block.tick[lane]
+    ticks_left = TICK_SCALE * (block.length[lane] - block.tick[lane])
     if setting.observation == RAW_ROW:
-        write_raw(row, block, lane, setting)
-    else:
-        write_state(row, block, lane, setting)
-
-
-@internal
-def write_raw(row: NDArray[np.float32], block: Any, lane: int, setting: Any) -> None:
-    """Write the measurement relative to the anchor and the time: the row without the bank, see
-    `RAW_FEATURES`.
-    """
-    x = block.measurement[0, lane]
-    y = block.measurement[1, lane]
-    missing = math.isnan(x)
-    from_x = 0.0 if missing else (x - block.anchor[0, lane]) * setting.noise_whitener
-    from_y = 0.0 if missing else (y - block.anchor[2, lane]) * setting.noise_whitener
-    along, across = heading_frame(from_x, from_y, block.heading[0, lane], block.heading[1, lane])
-    row[0], row[1] = LENGTH_SCALE * along, LENGTH_SCALE * across
-    row[2] = 0.0 if missing else 1.0
-    row[3] = TICK_SCALE * block.tick[lane]
-    row[4] = TICK_SCALE * (block.length[lane] - block.tick[lane])
-    row[5] = min(block.speed[lane], LARGEST_ANCHOR)
-    row[6] = setting.log_noise
-
-
-@internal
-def write_state(row: NDArray[np.float32], block: Any, lane: int, setting: Any) -> None:
-    """Write the true mode and the true state relative to the anchor: the row of a problem that is
-    fully observed, see `STATE_FEATURES`.
-    """
+        x, y = block.measurement[0, lane], block.measurement[1, lane]
+        missing = math.isnan(x)
+        if missing:
+            x, y = block.anchor[0, lane], block.anchor[2, lane]
+        row[0], row[1] = _displacement(block, lane, x, y, setting)
+        row[2] = 0.0 if missing else 1.0
+        row[3], row[4] = ticks, ticks_left
+        row[5] = min(block.speed[lane], LARGEST_ANCHOR)
+        row[6] = setting.log_noise
+        return
     modes = setting.modes
     for mode in range(modes):
         row[mode] = 1.0 if mode == block.true_mode[lane] else 0.0
     singles = row[modes:]
-    heading_x = block.heading[0, lane]
-    heading_y = block.heading[1, lane]
-    from_x = (block.truth[0, lane] - block.anchor[0, lane]) * setting.noise_whitener
-    from_y = (block.truth[2, lane] - block.anchor[2, lane]) * setting.noise_whitener
-    along, across = heading_frame(from_x, from_y, heading_x, heading_y)
-    singles[0], singles[1] = LENGTH_SCALE * along, LENGTH_SCALE * across
-    singles[2], singles[3] = heading_frame(
-        block.truth[1, lane],
-        block.truth[3, lane],
-        heading_x,
-        heading_y,
-    )
-    singles[4] = TICK_SCALE * block.tick[lane]
-    singles[5] = TICK_SCALE * (block.length[lane] - block.tick[lane])
+    x, u, y, v = state_of(block.truth, lane)
+    singles[0], singles[1] = _displacement(block, lane, x, y, setting)
+    singles[2], singles[3] = heading_frame(u, v, block.heading[0, lane], block.heading[1, lane])
+    singles[4], singles[5] = ticks, ticks_left
     singles[6] = setting.log_noise
 
 
@@ -317,23 +230,16 @@ def write_tick(
         row[M + h], row[2 * M + h] = innovation_in_frame(innovation, lane, heading_x, heading_y)
         # Negative only by rounding.
         row[3 * M + h] = max(innovation.log_variance[lane] - setting.log_noise, 0.0)
-    singles = row[BLOCKS * M :]
-    singles[TICKS] = TICK_SCALE * block.tick[lane]
-    singles[TICKS_LEFT] = TICK_SCALE * (block.length[lane] - block.tick[lane])
-    singles[LOG_ERROR] = LOG_SCALE * scratch.log_error[lane]
+    singles = row[6 * M :]
+    singles[0] = TICK_SCALE * block.tick[lane]
+    singles[1] = TICK_SCALE * (block.length[lane] - block.tick[lane])
+    singles[2] = LOG_SCALE * scratch.log_error[lane]
     x = block.measurement[0, lane]
     y = block.measurement[1, lane]
     # The position that the likeliest filter expects.
     if setting.irregular and math.isnan(x):
         x, _, y, _ = estimate_of(bank.hypotheses, likeliest(bank.hypotheses, lane), lane)
-    along, across = heading_frame(
-        (x - block.anchor[0, lane]) * setting.noise_whitener,
-        (y - block.anchor[2, lane]) * setting.noise_whitener,
-        heading_x,
-        heading_y,
-    )
-    singles[ALONG] = LENGTH_SCALE * along
-    singles[ACROSS] = LENGTH_SCALE * across
+    singles[4], singles[5] = _displacement(block, lane, x, y, setting)
 
 
 @internal

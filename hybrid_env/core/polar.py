@@ -9,7 +9,7 @@ range * s^2.
 
 import math
 
-from hybrid_env.core.compilation import inlined
+from hybrid_env.core.compilation import formula, inlined
 
 # x, y and their covariance xx, xy, yy.
 Position = tuple[float, float, float, float, float]
@@ -17,13 +17,13 @@ Information = tuple[float, float, float, float, float]
 """Inverse covariance xx, xy, yy, and its product with the error x, y."""
 
 
-@inlined
+@formula
 def range_rate(x: float, y: float, u: float, v: float) -> float:
     """Return the range rate of a position relative to the radar [m] with a velocity [m/s]."""
     return (x * u + y * v) / max(math.hypot(x, y), 1e-300)
 
 
-@inlined
+@formula
 def to_position(
     distance: float,
     along_x: float,

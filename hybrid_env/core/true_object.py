@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from hybrid_env.core.banks.bank import estimate_of
-from hybrid_env.core.compilation import inlined, internal
+from hybrid_env.core.compilation import formula, inlined, internal
 from hybrid_env.core.memory import SEGMENT_COLUMNS, FloatArray, Records, state_of, write_lane
 from hybrid_env.core.motion import heading_vector, motion_coefficients, propagate, turn_centre
-from hybrid_env.core.noise import LOST, draw_noise, draw_normals, uniform
+from hybrid_env.core.noise import LOST, draw_noise, uniform
 from hybrid_env.core.polar import add_information, fused_position, range_rate, to_position
 
-SIGNED_RADIUS = SEGMENT_COLUMNS.index("signed_radius")
+SIGNED_RADIUS, MODE, LENGTH = range(len(SEGMENT_COLUMNS))
 
 
 @internal
@@ -30,7 +30,7 @@ def draw_first_estimate(block: Any, noise: FloatArray, lane: int, setting: Any) 
     block.truth[0, lane], block.truth[2, lane] = 0.0, 0.0
     block.truth[1, lane] = setting.speed * math.cos(heading)
     block.truth[3, lane] = setting.speed * math.sin(heading)
-    draw_normals(block.random_state, noise, np.uint64(lane), np.uint64(lane + 1))
+    draw_noise(block.random_state, noise, lane, lane + np.uint64(1), setting, None, None)
     block.clock[lane] = 0
     write_lane(block.noise, lane, (1.0, 0.0, 1.0))
     xx = setting.initial_position * setting.variance_x
@@ -55,7 +55,7 @@ def begin_motion(block: Any, lane: int, segment: FloatArray, tau: float) -> None
     write_lane(block.true_centre, lane, turn_centre(x, y, heading_x, heading_y, signed_radius))
 
 
-@inlined
+@formula
 def move_lane(block: Any, lane: int, noise: FloatArray, column: int, setting: Any) -> None:
     """Move the object of one lane by one tick and measure its position; column: that of the
     noise for this tick.
@@ -84,12 +84,12 @@ def _sense(block: Any, lane: int, noise: FloatArray, sensors: Records, setting: 
     sensor draws random numbers in every tick, so that the stream does not depend on where the
     object is.
     """
-    clock, truth, first, last = block.clock[lane], block.truth, np.uint64(lane), np.uint64(lane + 1)
+    clock, truth, first, last = block.clock[lane], block.truth, lane, lane + np.uint64(1)
     # Over that of one sensor of variance R.
     information = (0.0, 0.0, 0.0, 0.0, 0.0)
     for k in range(sensors.size):
         sensor = sensors[k]
-        draw_noise(block.random_state, noise, first, last, setting)
+        draw_noise(block.random_state, noise, first, last, setting, True, None)
         # The first draw also moves the object.
         if k == 0:
             move_lane(block, lane, noise, lane, setting)
@@ -100,7 +100,7 @@ def _sense(block: Any, lane: int, noise: FloatArray, sensors: Records, setting: 
         noise_x = noise[2, lane]
         noise_y = noise[3, lane]
         if sensor.rate_row >= 0:
-            draw_noise(block.random_state, noise, first, last, setting)
+            draw_noise(block.random_state, noise, first, last, setting, True, None)
             rate = (
                 range_rate(x, y, truth[1, lane], truth[3, lane])
                 + sensor.rate_deviation * noise[2, lane]
@@ -168,18 +168,19 @@ def move(
     last: int,
     sensors: Records,
     setting: Any,
+    rare: bool | None,
 ) -> None:
     """Move the objects of lanes first .. last - 1 by one tick and measure their positions, without
     sensors with variance R everywhere. noise: (7, LANES), overwritten.
     """
-    if sensors.size > 0:
+    if rare is not None and sensors.size > 0:
         for lane in range(first, last):
             _sense(block, lane, noise, sensors, setting)
         return
-    draw_noise(block.random_state, noise, first, last, setting)
+    draw_noise(block.random_state, noise, first, last, setting, rare, None)
     for lane in range(first, last):
         move_lane(block, lane, noise, lane, setting)
-    if setting.missed > 0.0:
+    if rare is not None and setting.missed > 0.0:
         for lane in range(first, last):
             if noise[LOST, lane] < setting.missed:
                 block.measurement[0, lane] = block.measurement[1, lane] = np.nan

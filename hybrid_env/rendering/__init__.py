@@ -1,7 +1,9 @@
 """Rendering of a running episode: `history` has all ticks, `evidence` what the evidence panel
-shows, with names and colours of modes, `figure` is a frame with two panels, `window` the renderer.
-Only `figure` imports matplotlib, with the first frame.
+shows, with names and colours of modes, `figure` draws a frame with two panels. Only `figure`
+imports matplotlib, with the first frame.
 """
 
 # Width, height [px].
 FRAME_SIZE = (900, 450)
+# Frames per second.
+RENDER_FPS = 10

@@ -98,8 +98,7 @@ def posterior_panel(
     """Return the panel of posterior probabilities with the threshold 1 - alpha on the posterior of
     a declaration; None draws none.
     """
-    odds = 0.0 if alpha is None else ((1.0 - alpha) / alpha) ** 1.15
-    limit = max(0.999, odds / (1.0 + odds))
+    limit = 0.999 if alpha is None else max(0.999, 1.0 - 0.3 * alpha)
     return EvidencePanel(
         label=f"posterior probability ({source})",
         limits=(1.0 - limit, limit),

@@ -3,26 +3,25 @@ one of stated modes. A declaration is a statement that begins at its tick and ho
 switch.
 """
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import NDArray
 
 from hybrid_env.checks import FloatArray, Info, IntArray
 from hybrid_env.core.memory import TRACE_COLUMNS
+from hybrid_env.extras import explained
+from hybrid_env.model_options import ModelOptions
+from hybrid_env.rendering.evidence import EvidencePanel, probability_panel, sprt_panel
 
-TRACE_INDEX = {name: index for index, name in enumerate(TRACE_COLUMNS)}
-ACTIVE, SEGMENT, TRUE_MODE = TRACE_INDEX["active_mode"], TRACE_INDEX["segment"], len(TRACE_COLUMNS)
+COLUMNS = (*TRACE_COLUMNS, "true_mode")
+"""Of the rows; with unknown switches the active mode is the stated one, NaN before it is."""
 
 
 class Decision(NamedTuple):
-    """One decision of the episode: its tick, 1 at the first measurement, and the evidence for
-    its mode at this tick.
-    """
+    """One decision of the episode: its tick, 1 at the first measurement, and what `info` tells."""
 
     time: int
-    evidence: float
     mode: int
     true_mode: int
     correct: bool
@@ -33,51 +32,51 @@ class Decision(NamedTuple):
 
 class History:
     """All ticks of the running episode, with announced or with unknown switch moments. `decisions`
-    are the declarations so far, none with unknown switches.
+    are the declarations so far, none with unknown switches. Without a panel the evidence in its
+    frames is that of the bank.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, options: ModelOptions, panel: EvidencePanel | None = None):
+        self.options = options
+        self.panel = (
+            panel or (sprt_panel if options.switches == "announced" else probability_panel)()
+        )
         self.episode = -1
+        self._figure: Any = None
         # An empty episode, which is not counted.
         self.begin()
+
+    def __getstate__(self) -> dict[str, Any]:
+        # A figure can neither be copied nor pickled.
+        return vars(self) | {"_figure": None}
 
     def begin(self) -> None:
         """Discard the last episode; the first tick of a new one is added next."""
         self.episode += 1
         self.finished = False
         self.decisions: list[Decision] = []
-        # Rows with the columns of the trace, the true mode and the evidence.
+        # Rows of `COLUMNS` and the evidence.
         self._parts: list[FloatArray] = []
 
     def record(self, world: Any, track: int, info: Info, finished: bool) -> None:
-        """Store the last step or reset of a track of a `World` with its `info`."""
-        if world.options.switches == "announced":
-            trace = world.read_trace(track)
-            active = 0 if finished else int(trace[-1, ACTIVE])
-            self._add(
-                trace, info["log_likelihood"] - info["log_likelihood"][active], info, finished
-            )
-            return
-        # The statement of the last tick.
-        if self._parts:
-            self._parts[-1][-1, ACTIVE] = world.actions[track]
-        position = info["estimate"][[0, 2]]
-        row = [*info["truth"], *info["measurement"], *position, np.nan, info["segment"]]
-        self._add([] if finished else [row], np.exp(info["log_probability"]), info, finished)
-
-    def _add(
-        self,
-        trace: Sequence[ArrayLike] | FloatArray,
-        evidence: FloatArray,
-        info: Info,
-        finished: bool,
-    ) -> None:
-        """Store the ticks of one step, (ticks, len(TRACE_COLUMNS)), with those skipped after a
-        decision and the first tick of the next segment, none if the step ends the episode;
-        evidence: (M,) at the current tick.
+        """Store the last step or reset of a track of a `World` with its `info`: with announced
+        switches all ticks to the next decision, of which the bank has processed the last one.
         """
+        active = COLUMNS.index("active_mode")
+        if self.options.switches == "announced":
+            rows = world.read_trace(track)
+            likeliest = 0 if finished else int(rows[-1, active])
+            evidence = info["log_likelihood"] - info["log_likelihood"][likeliest]
+        else:
+            # The statement of the last tick.
+            if self._parts:
+                self._parts[-1][-1, active] = world.actions[track]
+            position = info["estimate"][[0, 2]]
+            row = [*info["truth"], *info["measurement"], *position, np.nan, info["segment"]]
+            rows = np.array([] if finished else [row]).reshape(-1, len(row))
+            evidence = np.exp(info["log_probability"])
+        true = np.full(len(rows), info["true_mode"])
         if "decided_mode" in info:
-            value = float(self.evidence[-1, info["decided_mode"]])
             names = (
                 "decided_mode",
                 "decided_true_mode",
@@ -86,58 +85,63 @@ class History:
                 "ticks",
                 "decided_length",
             )
-            self.decisions.append(Decision(len(self.trace), value, *(info[name] for name in names)))
+            decision = Decision(len(self.trace), *(info[name] for name in names))
+            self.decisions.append(decision)
+            skipped = rows[:, COLUMNS.index("segment")] != info["segment"]
+            true[skipped] = decision.true_mode
         self.finished = finished
         self.segment = info["segment"]
         self.tick = info["tick"]
-        rows = np.reshape(np.asarray(trace, float), (-1, len(TRACE_COLUMNS)))
-        current = rows[:, SEGMENT] == info["segment"]
-        true = np.where(
-            current,
-            info["true_mode"],
-            info.get("decided_true_mode", info["true_mode"]),
-        )
-        self._parts.append(
-            np.column_stack([rows, true, np.full((len(rows), len(evidence)), np.nan)])
-        )
-        # Only the last tick was processed by every filter of the bank.
+        unknown = np.full((len(rows), len(evidence)), np.nan)
+        self._parts.append(np.column_stack([rows, true, unknown]))
         if not finished:
             self.set_evidence(evidence)
 
-    @property
-    def stated(self) -> IntArray:
-        """Declared or stated mode of each tick, (ticks,)."""
-        return self.trace[:, ACTIVE].astype(int)
-
     def set_evidence(self, evidence: FloatArray) -> None:
         """Replace the evidence at the current tick, (M,), one value for each hypothesis."""
-        self._parts[-1][-1, TRUE_MODE + 1 :] = evidence
+        self._parts[-1][-1, len(COLUMNS) :] = evidence
 
     @property
-    def _rows(self) -> FloatArray:
-        """All rows so far, which are joined in place, so that repeated reading is cheap."""
+    def trace(self) -> FloatArray:
+        """(T, columns) all rows so far, which are joined in place: repeated reading is cheap."""
         if len(self._parts) > 1:
             self._parts[:] = [np.concatenate(self._parts)]
         return self._parts[0]
 
+    def column(self, name: str) -> FloatArray:
+        """Return a column of `COLUMNS`, (T,)."""
+        return self.trace[:, COLUMNS.index(name)]
+
+    def points(self, kind: str = "") -> FloatArray:
+        """Return positions, (T, 2) [m]: true ones, "measured_" or "estimate_"."""
+        return np.column_stack([self.column(f"{kind}x"), self.column(f"{kind}y")])
+
     @property
-    def trace(self) -> FloatArray:
-        """(T, len(TRACE_COLUMNS)); with unknown switches the active mode is the stated one, NaN
-        before it is.
-        """
-        return self._rows[:, :TRUE_MODE]
+    def stated(self) -> IntArray:
+        """Declared or stated mode of each tick, (T,)."""
+        return self.column("active_mode").astype(int)
 
     @property
     def true_modes(self) -> IntArray:
         """(T,) true modes."""
-        return self._rows[:, TRUE_MODE].astype(int)
+        return self.column("true_mode").astype(int)
 
     @property
     def evidence(self) -> FloatArray:
         """(T, M) evidence for each hypothesis, NaN at the ticks after a decision."""
-        return self._rows[:, TRUE_MODE + 1 :]
+        return self.trace[:, len(COLUMNS) :]
 
     @property
     def switches(self) -> IntArray:
-        """(number of segments so far,) index of the first row of `trace` of each segment."""
-        return np.flatnonzero(np.diff(self.trace[:, SEGMENT], prepend=-1.0))
+        """(number of segments so far,) index of the first row of each segment."""
+        return np.flatnonzero(np.diff(self.column("segment"), prepend=-1.0))
+
+    def draw(self) -> NDArray[np.uint8]:
+        """Draw a frame of the episode so far, (height, width, 3), a new array."""
+        if self._figure is None:
+            with explained():
+                from hybrid_env.rendering.figure import EpisodeFigure
+
+            self._figure = EpisodeFigure(self.options, self.panel)
+        frame: NDArray[np.uint8] = self._figure.draw(self)
+        return frame

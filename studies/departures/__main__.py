@@ -6,7 +6,7 @@ from pathlib import Path
 
 import joblib
 
-from agents import find_decider, run_command, task_of
+from agents import run_command
 from studies.departures import study
 from studies.results import in_parallel, save_results
 
@@ -33,9 +33,6 @@ class Departures:
     def run(self) -> None:
         """Evaluate the deciders, print the tables and write the files."""
         roads = study.quick_roads() if self.quick else study.all_roads(self.deciders)
-        for road in roads:
-            for name in road.deciders:
-                find_decider(name, task_of(road.env_id).options)
         episodes = 10 if self.quick else self.episodes
         calls = [
             joblib.delayed(study.respond)(
@@ -48,7 +45,12 @@ class Departures:
             for level in road.levels
         ]
         rows = [row for part in in_parallel(calls, self.jobs, "levels") for row in part]
-        save_results(self.out / "departures", study.markdown(rows), rows, study.figure(rows))
+        save_results(
+            self.out / "departures",
+            study.markdown(rows),
+            rows,
+            study.figure(rows),
+        )
 
 
 if __name__ == "__main__":

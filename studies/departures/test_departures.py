@@ -1,4 +1,4 @@
-"""A rule that is told of a departure beside one that is not, on the same episodes."""
+"""A rule that is references of a departure beside one that is not, on the same episodes."""
 
 import json
 
@@ -17,11 +17,11 @@ def test_the_quick_form_compares_with_the_rule_that_is_told(tmp_path, run_study)
     rows = json.loads((tmp_path / "departures.json").read_text())
 
     assert "Rhythm: durations" in printed
-    told = rows[::2]
+    references = rows[::2]
     untold = rows[1::2]
     # Two levels of each road.
-    assert len(told) == len(untold) == 8
-    for reference, decider in zip(told, untold, strict=True):
+    assert len(references) == len(untold) == 8
+    for reference, decider in zip(references, untold, strict=True):
         assert reference["gap"] is None
         gap = decider["reward"]["value"] - reference["reward"]["value"]
         assert decider["gap"]["value"] == pytest.approx(gap)

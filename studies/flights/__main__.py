@@ -8,23 +8,22 @@ from typing import Annotated, Literal
 import tyro
 
 from agents import run_command
-from studies.flights.scores import write_results
 from studies.flights.study import (
     COMPARED,
-    as_json,
     compare_on_flights,
     picture,
     quick_flights,
     read_flights,
-    tables,
+    report,
 )
+from studies.results import save_results
 
 
 @dataclass(kw_only=True)
 class Flights:
     """Compare deciders on recorded flights of the package 'traffic'.
 
-    Prints figures with 95 % intervals, flights drawn with replacement, and writes flights.json and
+    Prints values with 95 % intervals, flights drawn with replacement, and writes flights.json and
     a picture of each flight.
     """
 
@@ -54,16 +53,10 @@ class Flights:
             quick_flights() if self.quick else read_flights(self.source, self.flights, self.tier)
         )
         result = compare_on_flights(flights, names, self.form)
-        content = as_json(result)
-        write_results(
-            self.out,
-            "flights",
-            tables(result, content),
-            content,
-        )
+        tables, content = report(result)
+        save_results(self.out / "flights", tables, content)
         for k, flight in enumerate(flights):
             picture(result, k).savefig(self.out / f"{flight.identity.replace(':', '-')}.png")
-        print(f"Files in {self.out}")
 
 
 if __name__ == "__main__":

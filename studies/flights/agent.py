@@ -6,9 +6,9 @@ values mirrored to it. No input depends on the unit of length; times are in seco
 settings of the filter.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -18,8 +18,8 @@ from safetensors.torch import load_file
 
 from agents import UtilityDecider
 from hybrid_env import ArgumentError
-from studies.flights.tracks import FlightTracks
-from studies.flights.turns import STRAIGHT, Batch, FloatArray, TurnEstimates, TurnModel
+from studies.flights.rules import Settings, TurnRule
+from studies.flights.turns import STRAIGHT, Batch, FloatArray, IntArray, TurnEstimates, TurnModel
 
 Inputs = NDArray[np.float32]
 
@@ -31,13 +31,10 @@ def log_probabilities(estimates: TurnEstimates) -> Inputs:
 
 
 class FlightAgent(UtilityDecider):
-    """The network on recorded flights, at K settings. Before the first position motion is straight.
+    """The network on recorded flights.
 
-    Args:
-        net: trained network.
-        settings: K pairs, added to the utility of keeping a statement: of straight flight, and of a
-            turn; or one number for both. With larger ones the statement changes later, and less
-            often to a wrong mode.
+    A setting is added to the utility of keeping a statement: of straight flight, and of a turn.
+    With larger ones the statement changes later, and less often to a wrong mode.
     """
 
     task = "flights"
@@ -48,16 +45,12 @@ class FlightAgent(UtilityDecider):
     """Folder of its weights."""
     unit: ClassVar[float] = 2.0
     """Turn rate of the input 1 [deg/s]."""
-
-    def __init__(self, net: Any, *settings: tuple[float, float] | float):
-        super().__init__(net)
-        pairs = [np.broadcast_to(setting, 2) for setting in settings or (0.0,)]
-        # (K,)
-        self.straight, self.turn = np.array(pairs, np.float64).T
+    grid: ClassVar[Settings] = ((0.0, 0.0),)
+    """See `TurnRule`."""
 
     @classmethod
-    def find(cls, name: str, rules: Iterable[str]) -> Callable[..., "FlightAgent"]:
-        """Return the shipped agent, or that of a folder, as a function of its settings.
+    def rule(cls, name: str, rules: Iterable[str]) -> TurnRule:
+        """Return the shipped agent, or that of a folder.
 
         Raises:
             ArgumentError: it is no folder, where names of rules are possible too, or has no weights
@@ -74,7 +67,18 @@ class FlightAgent(UtilityDecider):
                 f"deciders={name!r}: expected {expected}, or the folder of an agent for these"
                 f" flights ({str(error).splitlines()[0]})"
             ) from None
-        return lambda *settings: cls(net, *settings)
+        return TurnRule(
+            state=cls(net).state,
+            grid=cls.grid,
+            models=(cls.model,),
+        )
+
+    def state(self, batch: Batch, estimates: TurnEstimates, settings: Settings) -> IntArray:
+        """Return the statements (T, B, K) at K settings. Before the first position motion is
+        straight.
+        """
+        logs = log_probabilities(estimates)
+        return self.choose(self.utilities(self.inputs_of(batch, estimates), logs), settings)
 
     @classmethod
     def inputs_of(cls, batch: Batch, estimates: TurnEstimates) -> Inputs:
@@ -83,27 +87,17 @@ class FlightAgent(UtilityDecider):
         """
         logs = log_probabilities(estimates)
         likelihoods = estimates.log_likelihoods
-        ratios = np.maximum(
-            likelihoods - likelihoods.max(-1, keepdims=True),
-            -10.0,
-        )
-        along, across = np.moveaxis(
-            np.clip(estimates.innovations, -6.0, 6.0),
-            -1,
-            0,
-        )
-        steps = np.where(
-            batch.steps > 0.0,
-            batch.steps,
-            1.0,
-        )
-        ages = _ages(logs.argmax(-1), batch.times)
+        ratios = np.maximum(likelihoods - likelihoods.max(-1, keepdims=True), -10.0)
+        along, across = np.moveaxis(np.clip(estimates.innovations, -6.0, 6.0), -1, 0)
+        steps = np.where(batch.steps > 0.0, batch.steps, 1.0)
+        best = logs.argmax(-1)
+        changed = np.diff(best, axis=0, prepend=best[:1]) != 0
+        began = np.where(changed, batch.times, batch.times[:1])
+        # For which the most probable mode has been the same [s].
+        ages = batch.times - np.maximum.accumulate(began, axis=0)
         sway = estimates.speeds * batch.timing / batch.across
         each = []
-        for side, order in (
-            (1.0, [0, 1, 2]),
-            (-1.0, [0, 2, 1]),
-        ):
+        for side, order in ((1.0, [0, 1, 2]), (-1.0, [0, 2, 1])):
             columns = [
                 *(2.0 * np.exp(logs[..., mode]) - 1.0 for mode in order),
                 *(logs[..., mode] / 5.0 for mode in order),
@@ -131,47 +125,20 @@ class FlightAgent(UtilityDecider):
         """
         parts = []
         memory = None
-        for first in range(0, len(logs), block):
-            rows = slice(first, first + block)
-            tensors = torch.from_numpy(inputs[rows]), torch.from_numpy(logs[rows])
-            outputs = self.net(*tensors, memory)
+        tensors = (torch.from_numpy(part).split(block) for part in (inputs, logs))
+        for blocks in zip(*tensors, strict=True):
+            outputs = self.net(*blocks, memory)
             memory = outputs.memory
-            parts.append(
-                torch.cat(
-                    [outputs.utility, outputs.stay[..., None]],
-                    -1,
-                ).double()
-            )
-        return np.asarray(torch.cat(parts))
+            parts.append(torch.cat([outputs.utility, outputs.stay[..., None]], -1))
+        return torch.cat(parts).double().numpy()
 
-    def choose(self, utilities: FloatArray) -> NDArray[np.int8]:
+    def choose(self, utilities: FloatArray, settings: Settings = ((0.0, 0.0),)) -> IntArray:
         """Return the statements (T, B, K) with the largest utilities (T, B, 4)."""
-        total, pieces, _ = utilities.shape
-        stated = np.full(
-            (total + 1, pieces, len(self.turn)),
-            STRAIGHT,
-            np.int8,
-        )
+        straight, turn = np.array(settings).T
+        stated = np.full((*utilities.shape[:2], len(turn)), STRAIGHT, "int8")
         for tick, values in enumerate(utilities):
-            before = stated[tick]
-            keep = values[:, 3, None] + np.where(
-                before == STRAIGHT,
-                self.straight,
-                self.turn,
-            )
+            before = stated[tick - 1]
+            keep = values[:, 3, None] + np.where(before == STRAIGHT, straight, turn)
             kept = before[..., None] == np.arange(3)
-            with_keep = values[:, None, :3] + np.where(kept, keep[..., None], 0.0)
-            stated[tick + 1] = with_keep.argmax(-1)
-        return stated[1:]
-
-    def statements(self, tracks: FlightTracks) -> NDArray[np.int8]:
-        """Return the statements (T, B, K) on tracks."""
-        inputs = self.inputs_of(tracks.batch, tracks.estimates)
-        return self.choose(self.utilities(inputs, log_probabilities(tracks.estimates)))
-
-
-def _ages(best: NDArray[np.int64], times: FloatArray) -> FloatArray:
-    """Return the time for which the most probable mode has been the same, (T, B) [s]."""
-    changed = np.diff(best, axis=0, prepend=best[:1]) != 0
-    began = np.maximum.accumulate(np.where(changed, times, times[:1]), axis=0)
-    return np.asarray(times - began)
+            stated[tick] = (values[:, None, :3] + kept * keep[..., None]).argmax(-1)
+        return stated

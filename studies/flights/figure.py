@@ -33,11 +33,7 @@ def flight_figure(
     modes = np.array([labels, *stated.values()])
     # Red, blue and green in the palette of Okabe and Ito, and grey.
     colours = ListedColormap(["#d55e00", "#0072b2", "#009e73", "#c8c8c8"])
-    style = {
-        "cmap": colours,
-        "vmin": -0.5,
-        "vmax": 3.5,
-    }
+    style = {"cmap": colours, "vmin": -0.5, "vmax": 3.5}
     figure, (ground, timeline) = plt.subplots(
         2,
         1,
@@ -45,27 +41,35 @@ def flight_figure(
         height_ratios=(6.0, 0.3 * (1 + len(names))),
         layout="constrained",
     )
-    for first, end in flight.pieces:
-        x, y = flight.positions[first:end].T / 1000.0
-        ground.scatter(x, y, 40.0, modes[0, first:end], alpha=0.3, linewidths=0.0, **style)
-        ground.scatter(x, y, 3.0, modes[1, first:end], **style)
-        minutes = flight.times[first:end] / 60.0
-        places = range(len(names))
+    for rows in flight.pieces:
+        x, y = flight.positions[rows].T / 1000.0
+        ground.scatter(
+            x,
+            y,
+            40.0,
+            modes[0, rows],
+            alpha=0.3,
+            linewidths=0.0,
+            **style,
+        )
+        ground.scatter(
+            x,
+            y,
+            3.0,
+            modes[1, rows],
+            **style,
+        )
+        minutes = flight.times[rows] / 60.0
         mesh = timeline.pcolormesh(
             minutes,
-            places,
-            modes[:, first:end],
+            names,
+            modes[:, rows],
             shading="nearest",
             **style,
         )
     ground.set_aspect("equal", adjustable="datalim")
-    ground.set(
-        xlabel="x east [km]",
-        ylabel="y north [km]",
-        title=f"narrow: {names[1]}",
-    )
+    ground.set(xlabel="x east [km]", ylabel="y north [km]", title=f"narrow: {names[1]}")
     timeline.set(xlabel="t [min]")
-    timeline.set_yticks(range(len(names)), names)
     timeline.invert_yaxis()
     bar = figure.colorbar(mesh, ax=ground)
     bar.set_ticks(range(4), labels=[*MODE_NAMES, "not scored"])

@@ -75,39 +75,27 @@ class Flight:
     # (n, 2) x east and y north [m]
     positions: FloatArray
     # (n,) the aircraft's own track angle, anticlockwise from east [rad], NaN where not reported.
-    tracks: FloatArray
+    tracks: FloatArray | float = np.nan
     # (n,) [m]
-    altitudes: FloatArray | None = None
+    altitudes: FloatArray | float = 0.0
 
     @property
     def climbs(self) -> FloatArray:
         """(n,) climb rate in the last 5 s, or since the position before if that is longer ago
         [m/s].
         """
-        if self.altitudes is None:
-            return np.zeros(len(self.times))
-        last = np.maximum(
-            np.arange(len(self.times)) - 1,
-            0,
-        )
-        before = np.minimum(
-            np.searchsorted(self.times, self.times - 5.0),
-            last,
-        )
-        passed = np.maximum(
-            self.times - self.times[before],
-            1.0,
-        )
-        return np.asarray((self.altitudes - self.altitudes[before]) / passed)
+        last = np.maximum(np.arange(len(self.times)) - 1, 0)
+        before = np.minimum(np.searchsorted(self.times, self.times - 5.0), last)
+        altitudes = np.broadcast_to(self.altitudes, len(last))
+        passed = np.maximum(self.times - self.times[before], 1.0)
+        return (altitudes - altitudes[before]) / passed
 
     @property
-    def pieces(self) -> list[tuple[int, int]]:
-        """First row and end of the pieces between gaps of more than a minute, of at least 20
-        positions.
-        """
-        cuts = np.flatnonzero(np.diff(self.times) > LONGEST_STEP) + 1
-        borders = [0, *cuts.tolist(), len(self.times)]
-        return [(a, b) for a, b in pairwise(borders) if b - a >= 20]
+    def pieces(self) -> list[slice]:
+        """Rows of the pieces between gaps of more than a minute, of at least 20 positions."""
+        gaps = np.flatnonzero(np.diff(self.times) > LONGEST_STEP) + 1
+        borders = [0, *gaps.tolist(), len(self.times)]
+        return [slice(a, b) for a, b in pairwise(borders) if b - a >= 20]
 
 
 def clean_flight(identity: str, tier: Tier, reports: pd.DataFrame) -> Flight:
@@ -140,10 +128,7 @@ def on_plane(latitudes: FloatArray, longitudes: FloatArray) -> FloatArray:
     equidistant projection about their middle.
     """
     latitude, longitude = (
-        round(
-            float(values.min() + values.max()) / 2.0,
-            6,
-        )
+        round(float(values.min() + values.max()) / 2.0, 6)
         for values in (latitudes, np.unwrap(longitudes, period=360.0))
     )
     plane = Proj(
@@ -159,35 +144,33 @@ def stack_flights(flights: Sequence[Flight], longest: int = 2**31, margin: int =
     """Return the pieces of flights as one batch, cut into parts of at most `longest` positions;
     `margin` positions before and after a part are filtered too, so that it is as without the cut.
     """
-    pieces = []
-    counted = []
-    for k, flight in enumerate(flights):
-        for first, end in flight.pieces:
-            for begin in range(first, end, longest):
-                stop = min(begin + longest, end)
-                pieces.append((k, max(begin - margin, first), min(stop + margin, end)))
-                counted.append((begin, stop))
-    steps = np.arange(max(end - first for _, first, end in pieces))
-    climbs = [flight.climbs for flight in flights]
-    columns = []
-    for k, first, end in pieces:
-        rows = np.minimum(first + steps, end - 1)
-        inside = (first + steps < end)[:, None]
-        positions = np.where(
-            inside,
-            flights[k].positions[rows],
-            np.nan,
-        )
-        columns.append((flights[k].times[rows], positions, climbs[k][rows]))
-    arrays = [np.stack(parts, axis=1) for parts in zip(*columns, strict=True)]
-    errors = np.array([flights[k].tier[1:] for k, _, _ in pieces]).T
-    lengths = tuple(len(flight.times) for flight in flights)
+    offsets = np.cumsum([0, *(len(flight.times) for flight in flights)])
+    parts = [
+        (*np.array([piece.start, piece.stop, begin]) + offset, *flight.tier[1:])
+        for flight, offset in zip(flights, offsets[:-1], strict=True)
+        for piece in flight.pieces
+        for begin in range(piece.start, piece.stop, longest)
+    ]
+    low, high, begin, across, timing = np.array(parts).T
+    stop = np.minimum(begin + longest, high)
+    first, end = np.maximum(begin - margin, low), np.minimum(stop + margin, high)
+    steps = first + np.arange((end - first).max())[:, None]
+    rows = np.minimum(steps, end - 1.0).astype(np.int64)
+    columns = zip(*((each.times, each.positions, each.climbs) for each in flights), strict=True)
+    times, positions, climbs = (np.concatenate(values)[rows] for values in columns)
+    present = steps < end
+    positions[~present] = np.nan
+    counted = (steps >= begin) & (steps < stop)
     return Batch(
-        tuple(pieces),
-        tuple(counted),
-        lengths,
-        *arrays,
-        *errors,
+        offsets,
+        rows,
+        present,
+        counted,
+        times,
+        positions,
+        climbs,
+        across,
+        timing,
     )
 
 

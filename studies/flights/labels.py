@@ -9,7 +9,8 @@ own sensors.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -25,7 +26,6 @@ class LabelRules:
     """Settings of the labels.
 
     Attributes:
-        jerk: spectral density of the white jerk of the smoother [m^2/s^5].
         peak: largest turn rate that a turn must reach [deg/s].
         bound: turn rate at which it begins and ends [deg/s].
         change: smallest change of heading [deg].
@@ -34,7 +34,6 @@ class LabelRules:
         speed: slowest speed that is scored [m/s].
     """
 
-    jerk: float = 1.0
     peak: float = 0.75
     bound: float = 0.35
     change: float = 15.0
@@ -54,7 +53,6 @@ class Labels:
         weights: (n,) time that a row stands for [s]; 0 where it is not scored.
         rates: (n,) smoothed turn rate [rad/s], anticlockwise.
         speeds: (n,) smoothed speed [m/s].
-        second: (n,) modes by a second rule: from the aircraft's own track angle; -1 without one.
     """
 
     times: FloatArray
@@ -63,50 +61,41 @@ class Labels:
     weights: FloatArray
     rates: FloatArray
     speeds: FloatArray
-    second: IntArray
 
-    def scored_in(self, other: "Labels") -> "Labels":
-        """Return them scored only where those of another flight with the same times are, too."""
-        scored = self.scored & other.scored
-        return replace(
-            self,
-            scored=scored,
-            weights=np.where(scored, self.weights, 0.0),
-        )
+    @property
+    def shown(self) -> IntArray:
+        """(n,) modes, or 3 where they are not scored."""
+        return np.where(self.scored, self.modes, len(MODE_NAMES))
 
 
 Pair = tuple[Flight, Labels]
 
 
-def spans(values: IntArray, pieces: Sequence[tuple[int, int]]) -> Iterator[tuple[int, int, int]]:
-    """Yield first index, index after the last, and value of each run of equal values in pieces."""
-    for first, end in pieces:
-        begins = first + np.flatnonzero(
-            np.diff(
-                values[first:end],
-                prepend=values[first] - 1,
-            )
-        )
-        ends = [*begins[1:].tolist(), end]
-        yield from zip(
-            begins.tolist(),
-            ends,
-            values[begins].tolist(),
-            strict=True,
-        )
+def spans(values: IntArray, pieces: Sequence[slice]) -> Iterator[tuple[slice, int]]:
+    """Yield rows and value of each run of equal values in pieces."""
+    for rows in pieces:
+        changes = rows.start + np.flatnonzero(np.diff(values[rows])) + 1
+        for first, end in pairwise([rows.start, *changes.tolist(), rows.stop]):
+            yield slice(first, end), int(values[first])
 
 
 def label_flights(flights: Sequence[Flight]) -> list[Labels]:
     """Return the labels of flights."""
     rules = LabelRules()
     batch = stack_flights(flights)
-    states = smoothed_states(batch, rules.jerk)
+    states = smoothed_states(batch)
     vx, ax, vy, ay = (states[..., k] for k in (1, 2, 4, 5))
     squares = vx**2 + vy**2
     rates = batch.unstack((vx * ay - vy * ax) / np.maximum(squares, 1e-12))
     speeds = batch.unstack(np.sqrt(squares))
     return [
-        label_flight(*of_flight, rules) for of_flight in zip(flights, rates, speeds, strict=True)
+        label_flight(*each, rules)
+        for each in zip(
+            flights,
+            rates,
+            speeds,
+            strict=True,
+        )
     ]
 
 
@@ -119,24 +108,18 @@ def label_flight(
     """Return the labels of one flight with turn rates (n,) [rad/s] and speeds [m/s]; rows outside
     of its pieces are not scored.
     """
-    n = len(flight.times)
-    modes = np.zeros(n, np.int64)
-    second = np.full(n, -1)
-    scored, inside = np.zeros((2, n), np.bool_)
-    for first, end in flight.pieces:
-        rows = slice(first, end)
-        inside[rows] = True
-        modes[rows], turning = find_turns(
-            row_edges(flight.times[rows]),
-            rates[rows],
-            rules,
-        )
-        known = first + np.flatnonzero(~np.isnan(flight.tracks[rows]))
+    modes, turning = np.zeros((2, len(rates)), np.int64)
+    inside, agreeing = np.zeros((2, len(rates)), np.bool_)
+    reported = np.broadcast_to(flight.tracks, len(rates))
+    for rows in flight.pieces:
+        inside[rows] = agreeing[rows] = True
+        modes[rows], turning[rows] = find_turns(row_edges(flight.times[rows]), rates[rows], rules)
+        known = rows.start + np.flatnonzero(~np.isnan(reported[rows]))
         if known.size > 2:
-            reported_rates = angle_rates(flight.times[known], flight.tracks[known])
-            second[known] = find_turns(row_edges(flight.times[known]), reported_rates, rules)[0]
-        scored[rows] = (modes[rows] != STRAIGHT) | ~turning
-    scored &= (speeds >= rules.speed) & ((second < 0) | (second == modes))
+            times = flight.times[known]
+            others, _ = find_turns(row_edges(times), angle_rates(times, reported[known]), rules)
+            agreeing[known] = others == modes[known]
+    scored = agreeing & ((modes != STRAIGHT) | (turning == 0)) & (speeds >= rules.speed)
     return Labels(
         flight.times,
         modes,
@@ -144,7 +127,6 @@ def label_flight(
         np.where(scored, row_weights(flight), 0.0),
         np.where(inside, rates, 0.0),
         np.where(inside, speeds, 0.0),
-        second,
     )
 
 
@@ -153,18 +135,19 @@ def row_weights(flight: Flight, longest: float = 3.0) -> FloatArray:
     piece, and 0 outside of pieces.
     """
     weights = np.zeros(len(flight.times))
-    for piece in flight.pieces:
-        times = flight.times[slice(*piece)]
-        longest_time = longest * float(np.median(np.diff(times)))
-        weights[slice(*piece)] = np.minimum(np.diff(row_edges(times)), longest_time)
+    for rows in flight.pieces:
+        times = flight.times[rows]
+        longest_time = longest * np.median(np.diff(times))
+        weights[rows] = np.minimum(np.diff(row_edges(times)), longest_time)
     return weights
 
 
-def smoothed_states(batch: Batch, jerk: float) -> FloatArray:
+def smoothed_states(batch: Batch) -> FloatArray:
     """Return the states [x, vx, ax, y, vy, ay], (T, B, 6) [m, m/s, m/s^2], of the smoother that
     sees the whole flight.
     """
-    model = MotionModel("CA", 2, jerk)
+    # Of the white jerk [m^2/s^5].
+    model = MotionModel("CA", 2, 1.0)
     filtered = run_filter(
         # Standard deviations of velocity and acceleration at the start [m/s, m/s^2].
         KalmanFilter(model, 1.0, (200.0, 5.0)),
@@ -172,7 +155,7 @@ def smoothed_states(batch: Batch, jerk: float) -> FloatArray:
         batch.times,
         noises=batch.noise(local_velocities(batch)),
     )
-    return np.asarray(smooth(model, filtered, batch.times).states)
+    return smooth(model, filtered, batch.times).states
 
 
 def local_velocities(batch: Batch, neighbours: int = 3) -> FloatArray:
@@ -180,14 +163,13 @@ def local_velocities(batch: Batch, neighbours: int = 3) -> FloatArray:
     when padded.
     """
     last = batch.present.sum(0) - 1
-    rows = np.arange(len(batch.times))[:, None]
-    columns = np.arange(len(last))
+    rows, columns = np.indices(batch.times.shape)
     before, after = (
         (np.clip(rows + shift, 0, last), columns) for shift in (-neighbours, neighbours)
     )
     moved = batch.positions[after] - batch.positions[before]
     passed = batch.times[after] - batch.times[before]
-    return np.asarray(moved / np.where(passed > 0.0, passed, np.inf)[..., None])
+    return moved / np.where(passed > 0.0, passed, np.inf)[..., None]
 
 
 def row_edges(times: FloatArray) -> FloatArray:
@@ -209,27 +191,16 @@ def find_turns(
     """
     bound, peak, change = np.radians([rules.bound, rules.peak, rules.change])
     widths = np.diff(edges)
-    shortest = max(
-        rules.duration,
-        1.5 * float(np.median(widths)),
-    )
+    shortest = max(rules.duration, 1.5 * np.median(widths))
     modes = np.zeros(len(rates), np.int64)
-    for mode, signed in (
-        (LEFT, rates),
-        (RIGHT, -rates),
-    ):
-        flags = np.diff(
-            signed > bound,
-            prepend=False,
-            append=False,
-        )
+    for mode, signed in ((LEFT, rates), (RIGHT, -rates)):
+        flags = np.diff(signed > bound, prepend=False, append=False)
         firsts, ends = np.flatnonzero(flags).reshape(-1, 2).T
         apart = edges[firsts[1:]] - edges[ends[:-1]] >= rules.merge
         if not firsts.size:
             continue
-        candidates = firsts[np.append(True, apart)], ends[np.append(apart, True)]
-        for rows in map(slice, *candidates):
-            turned = abs(float((rates[rows] * widths[rows]).sum()))
+        for rows in map(slice, firsts[np.append(True, apart)], ends[np.append(apart, True)]):
+            turned = abs((rates[rows] * widths[rows]).sum())
             enough = turned >= change and widths[rows].sum() >= shortest
             if enough and signed[rows].max() > peak:
                 modes[rows] = mode
@@ -240,26 +211,30 @@ def angle_rates(times: FloatArray, angles: FloatArray, window: float = 10.0) -> 
     """Return the rate (n,) of angles [rad], the slope of a line over a window [s], or over three
     rows if longer.
     """
+    t, a = times - times[0], np.unwrap(angles)
+    rows = np.stack([np.ones(len(t)), t, a, t * t, t * a], axis=1)
+    count, t, a, tt, ta = window_sums(
+        times,
+        window,
+        rows,
+        1,
+    ).T
+    return (ta - t * a / count) / np.maximum(tt - t * t / count, 1e-9)
+
+
+def window_sums(
+    times: FloatArray,
+    width: float,
+    values: FloatArray,
+    least: int = 0,
+) -> FloatArray:
+    """Return sums of values (n, ...) over the rows within half a width [s] before and after each
+    row, and over at least so many rows before and after it.
+    """
     rows = np.arange(len(times))
-    first = np.searchsorted(times, times - 0.5 * window)
-    first = np.minimum(
-        first,
-        np.maximum(rows - 1, 0),
-    )
-    end = np.searchsorted(times, times + 0.5 * window, "right")
-    end = np.maximum(
-        end,
-        np.minimum(rows + 2, len(times)),
-    )
-    origin, unwrapped = times - times[0], np.unwrap(angles)
-
-    def total(values: FloatArray) -> FloatArray:
-        sums = np.append(0.0, np.cumsum(values))
-        return np.asarray(sums[end] - sums[first])
-
-    count = (end - first).astype(np.float64)
-    t, a, tt, ta = map(
-        total,
-        (origin, unwrapped, origin**2, origin * unwrapped),
-    )
-    return np.asarray((ta - t * a / count) / np.maximum(tt - t * t / count, 1e-9))
+    first = np.searchsorted(times, times - 0.5 * width)
+    first = np.minimum(first, np.maximum(rows - least, 0))
+    end = np.searchsorted(times, times + 0.5 * width, "right")
+    end = np.maximum(end, np.minimum(rows + least + 1, len(times)))
+    sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+    return sums[end] - sums[first]

@@ -4,9 +4,7 @@ toolbox for processing and analysing air traffic data", doi 10.21105/joss.01518.
 """
 
 import functools
-import gzip
 import importlib.util
-import io
 from pathlib import Path
 
 import numpy as np
@@ -27,24 +25,21 @@ def sample_flight(source: Path | None, identity: str) -> Flight:
         ArgumentError: there are no samples, or not this flight.
     """
     folder = installed_samples() if source is None else source
-    places = {place.name: place for place in folder.rglob("*.json.gz")}
-    if not places:
-        raise ArgumentError(f"source={folder} contains no .json.gz files: {INSTALL}")
-    place = places.get(f"{identity.partition(':')[0]}.json.gz")
-    flights = {} if place is None else flights_of(place)
-    if identity not in flights:
-        some = ", ".join(list(flights)[:5] or sorted(places)[:5])
-        raise ArgumentError(f"flight={identity!r}: expected an id file:icao24:k, of {some}")
-    reports = flights[identity]
+    file = next(folder.rglob(f"{identity.partition(':')[0]}.json.gz"), None)
+    reports = None if file is None else flights_of(file).get(identity)
+    if reports is None:
+        raise ArgumentError(
+            f"flight={identity!r}: expected file:icao24:k of a file .json.gz in {folder}; {INSTALL}"
+        )
     times = reports["time"].to_numpy()
     # When the position was received; the timestamp is that of the report.
-    if "last_position" in reports:
-        received = report_times(reports["last_position"])
-        times = np.where(np.isnan(received), times, received)
-    tier = tier_of(identity, "last_position" in reports, times)
+    received = "last_position" in reports
+    if received:
+        positioned = report_times(reports["last_position"])
+        times = np.where(np.isnan(positioned), times, positioned)
     columns = reports[["latitude", "longitude", "track"]]
     values = columns.apply(pd.to_numeric, errors="coerce").astype(np.float64)
-    return clean_flight(identity, tier, values.assign(time=times))
+    return clean_flight(identity, tier_of(identity, received, times), values.assign(time=times))
 
 
 # Flights of a file are often read one by one.
@@ -53,10 +48,7 @@ def flights_of(place: Path, gap: float = 600.0) -> dict[str, pd.DataFrame]:
     """Return the reports of every flight of a file by its id `file:icao24:k`, k from 0. Reports of
     an aircraft that are further apart in time than the gap [s] belong to different flights.
     """
-    table = pd.read_json(
-        io.BytesIO(gzip.decompress(place.read_bytes())),
-        dtype=False,
-    )
+    table = pd.read_json(place, dtype=False)
     table = table.assign(time=report_times(table["timestamp"])).sort_values("time", kind="stable")
     flights = {}
     for aircraft, reports in table.groupby("icao24", sort=True):
@@ -77,10 +69,7 @@ def report_times(column: pd.Series) -> FloatArray:
     """Return times since 1970 [s], NaN where there is none, of dates or of numbers [s or ms]."""
     if column.dtype.kind == "M":
         milliseconds = column.dt.floor("ms") - pd.Timestamp(0, tz=column.dt.tz)
-        return np.asarray(milliseconds / pd.Timedelta(1, "s"))
-    values = np.asarray(
-        pd.to_numeric(column, errors="coerce"),
-        np.float64,
-    )
+        return (milliseconds / pd.Timedelta(1, "s")).to_numpy()
+    values = pd.to_numeric(column, errors="coerce").to_numpy(np.float64)
     # Larger times are in milliseconds.
     return np.where(values > 1e11, values / 1000.0, values)

@@ -1,16 +1,14 @@
 """How well statements agree with the labels of flights: agreement, delay, misses, false changes."""
 
-import json
 from collections.abc import Mapping, Sequence
-from pathlib import Path
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from baselines import Scores, Statistic, Timeline, TimelineCounts, count_timeline
-from studies.flights.flight import Flight
-from studies.flights.labels import Labels, Pair
+from baselines import Estimate, Scores, Statistic, Timeline, TimelineCounts, count_timeline
+from studies.flights.labels import Pair
 from studies.flights.turns import STRAIGHT, FloatArray, IntArray
 
 CHANGES = ("switches", "missed", "delay", "ends", "missed_ends", "delay_of_ends")
@@ -18,23 +16,14 @@ CHANGES = ("switches", "missed", "delay", "ends", "missed_ends", "delay_of_ends"
 
 def quotient(numerator: FloatArray, denominator: FloatArray) -> FloatArray:
     """Return numerator / denominator, NaN where nothing is counted."""
-    nothing = np.full(np.shape(numerator), np.nan)
-    return np.divide(
-        numerator,
-        denominator,
-        out=nothing,
-        where=denominator > 0.0,
-    )
+    return numerator / np.where(denominator > 0.0, denominator, np.nan)
 
 
 STATISTICS = {
     # Share of the scored time.
     "agreement": Statistic(("agreed", "scored"), quotient),
     # Mean time from a change of the label to the first right statement [s], of those detected.
-    "delay": Statistic(
-        CHANGES[:3],
-        lambda n, missed, delay: quotient(delay, n - missed),
-    ),
+    "delay": Statistic(CHANGES[:3], lambda n, missed, delay: quotient(delay, n - missed)),
     # Share of the changes of the label.
     "misses": Statistic(("missed", "switches"), quotient),
     # False changes in an hour of scored time.
@@ -47,100 +36,70 @@ STATISTICS = {
         CHANGES,
         lambda n, m, d, ends, me, de: quotient(d - de, n - m - ends + me),
     ),
-    "leave": Statistic(
-        CHANGES[3:],
-        lambda ends, missed, delay: quotient(delay, ends - missed),
-    ),
-    "misses_in": Statistic(
-        CHANGES,
-        lambda n, m, d, ends, me, de: quotient(m - me, n - ends),
-    ),
+    "leave": Statistic(CHANGES[3:], lambda ends, missed, delay: quotient(delay, ends - missed)),
+    "misses_in": Statistic(CHANGES, lambda n, m, d, ends, me, de: quotient(m - me, n - ends)),
     "misses_out": Statistic(("missed_ends", "ends"), quotient),
 }
 
 
-def score_flights(name: str, pairs: Sequence[Pair], stated: Sequence[IntArray]) -> Scores:
-    """Return the scores of a decider from statements (n,) on flights with labels, one row of
-    `TimelineCounts` for each.
+def score_flights(pairs: Sequence[Pair], stated: Sequence[IntArray]) -> Scores:
+    """Return the scores of a decider at K settings from statements (n, K) on flights with labels:
+    the sums of `TimelineCounts` over the pieces of each.
     """
-    counts = [count_flight(*pair, modes) for pair, modes in zip(pairs, stated, strict=True)]
+    count = stated[0].shape[1]
+    totals = np.zeros((len(pairs), len(TimelineCounts._fields), count))
+    for k, (flight, labels) in enumerate(pairs):
+        for rows, column in product(flight.pieces, range(count)):
+            scored = labels.scored[rows]
+            timeline = Timeline(
+                labels.times[rows],
+                labels.modes[rows],
+                stated[k][rows, column],
+                scored,
+                labels.weights[rows],
+                scored,
+            )
+            totals[k, :, column] += count_timeline(timeline, normal=STRAIGHT)[0]
     return Scores(
-        name,
         "",
-        (0.0,),
+        "",
+        tuple(map(float, range(count))),
         TimelineCounts._fields,
-        np.array(counts)[..., None],
+        totals,
     )
 
 
-def count_flight(flight: Flight, labels: Labels, stated: IntArray) -> FloatArray:
-    """Return the `TimelineCounts` of the statements (n,) on one flight, over all its pieces."""
-    counts = []
-    for piece in flight.pieces:
-        rows = slice(*piece)
-        scored = labels.scored[rows]
-        track = Timeline(
-            labels.times[rows],
-            labels.modes[rows],
-            stated[rows],
-            scored,
-            labels.weights[rows],
-            scored,
-        )
-        counts.append(count_timeline(track, normal=STRAIGHT))
-    return np.asarray(np.sum(counts, axis=(0, 1)))
-
-
 def value(scores: Scores, name: str = "agreement") -> float:
-    """Return a figure of some flights."""
+    """Return a statistic of some flights."""
     return float(scores.curve(STATISTICS[name])[0])
 
 
 def estimates(scores: Scores) -> dict[str, Any]:
-    """Return all figures with their intervals by name, as plain values."""
-    return {name: scores.estimate(statistic).as_json() for name, statistic in STATISTICS.items()}
+    """Return all statistics with their intervals by name."""
+    return {name: scores.estimate(statistic) for name, statistic in STATISTICS.items()}
 
 
-def figures(scores: Mapping[str, Scores], name: str, rows: Sequence[int]) -> dict[str, Any]:
-    """Return all figures of a decider on some flights, and its agreement less that of the first
+def estimates_beside_first(
+    scores: Mapping[str, Scores], name: str, rows: Sequence[int]
+) -> dict[str, Any]:
+    """Return all statistics of a decider on some flights, and its agreement less that of the first
     decider, None for that one.
     """
     first = next(iter(scores))
     chosen, reference = scores[name].some(rows), scores[first].some(rows)
     less = None if name == first else chosen.difference(reference, STATISTICS["agreement"])
-    return estimates(chosen) | {"agreement_less_first": None if less is None else less.as_json()}
+    return estimates(chosen) | {"agreement_less_first": less}
 
 
-def agreements(
-    flights: Sequence[Pair],
-    scores: Mapping[str, Scores],
-) -> dict[str, dict[str, float]]:
-    """Return the agreement of every decider on every flight, by the names of both."""
-    return {
-        flight.identity: {name: value(of_decider.some([k])) for name, of_decider in scores.items()}
-        for k, (flight, _) in enumerate(flights)
-    }
-
-
-def cell(estimate: Mapping[str, Any] | None, digits: int = 1, scale: float = 1.0) -> str:
-    """Return an estimate, one of `figures`, with its interval; "-" where nothing is counted."""
-    if estimate is None or estimate["value"] is None:
-        return "-"
-    middle, low, high = (
-        f"{scale * estimate[part]:.{digits}f}" for part in ("value", "low", "high")
-    )
-    return f"{middle} ({low} to {high})"
-
-
-def write_results(
-    folder: Path,
-    name: str,
-    tables: Mapping[str, pd.DataFrame],
-    content: Mapping[str, Any],
-) -> None:
-    """Print tables with their titles, and write figures as JSON into a folder."""
-    for title, table in tables.items():
-        print(f"{title}\n{table.to_string(index=False)}\n")
-    folder.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(content, indent=2)
-    (folder / f"{name}.json").write_text(text + "\n", encoding="utf-8")
+def table(title: str, deciders: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return a table of all statistics of deciders that are numbers or have an interval."""
+    columns: dict[str, dict[str, str]] = {}
+    for decider, numbers in deciders.items():
+        columns[decider] = {}
+        for name, number in numbers.items():
+            if isinstance(number, Estimate):
+                texts = [f"{part:.3g}" for part in vars(number).values()]
+                columns[decider][name] = "{} ({} to {})".format(*texts)
+            elif isinstance(number, float):
+                columns[decider][name] = f"{number:.3g}"
+    return f"{title}\n{pd.DataFrame(columns).fillna('').to_string()}\n"

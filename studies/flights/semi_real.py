@@ -10,7 +10,6 @@ aircraft in civil traffic turn at 3 deg/s or with a bank of 25 deg, whichever is
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy.interpolate import BPoly
@@ -36,36 +35,31 @@ def semi_real_flight(
     time. A tick has the label of the nearest position; it is not scored if that is not, or is 1.5
     median steps away.
     """
-    rules = LabelRules()
-    states = smoothed_states(stack_flights([flight]), rules.jerk)
+    states = smoothed_states(stack_flights([flight]))
     parts = []
-    for column, (first, end) in enumerate(flight.pieces):
-        times = flight.times[first:end]
+    for column, piece in enumerate(flight.pieces):
+        times = flight.times[piece]
         moments = np.arange(times[0], times[-1] + 1e-9)
-        nearest = first + np.searchsorted(
-            0.5 * (times[1:] + times[:-1]),
-            moments,
-        )
-        smoothed = smooth_path(times, states[: end - first, column], moments)
+        nearest = piece.start + np.searchsorted(0.5 * (times[1:] + times[:-1]), moments)
+        smoothed = smooth_path(times, states[: len(times), column], moments)
         parts.append(np.column_stack([moments, nearest, smoothed]))
     ticks, row, x, vx, y, vy = np.concatenate(parts).T
     rows = row.astype(np.int64)
     speeds = np.hypot(vx, vy)
-    moving = speeds >= rules.speed
-    speed = float(np.median(speeds[moving] if moving.any() else speeds))
-    sigma = speed * DEVIATION / (WORLD.speed * WORLD.tau)
-    near = np.abs(labels.times[rows] - ticks) <= 1.5 * float(np.median(np.diff(labels.times)))
+    moving = speeds >= LabelRules().speed
+    speed = np.median(speeds[moving] if moving.any() else speeds)
+    sigma = float(speed) * DEVIATION / (WORLD.speed * WORLD.tau)
+    near = np.abs(labels.times[rows] - ticks) <= 1.5 * np.median(np.diff(labels.times))
     scored = labels.scored[rows] & near
-    noisy = replace(
-        flight,
-        tier=flight.tier._replace(across=sigma, timing=0.0),
-        times=ticks,
-        positions=np.stack([x, y], 1) + sigma * generator.standard_normal((len(ticks), 2)),
-        tracks=flight.tracks[rows],
+    noisy = Flight(
+        flight.identity,
+        flight.tier._replace(across=sigma, timing=0.0),
+        ticks,
+        np.stack([x, y], 1) + sigma * generator.standard_normal((len(ticks), 2)),
     )
-    copied = {name: values[rows] for name, values in vars(labels).items()}
-    copied |= {"times": ticks, "scored": scored, "weights": scored * 1.0, "speeds": speeds}
-    return noisy, Labels(**copied)
+    return noisy, Labels(
+        ticks, labels.modes[rows], scored, scored * 1.0, labels.rates[rows], speeds
+    )
 
 
 def smooth_path(times: FloatArray, states: FloatArray, ticks: FloatArray) -> FloatArray:
@@ -74,32 +68,23 @@ def smooth_path(times: FloatArray, states: FloatArray, ticks: FloatArray) -> Flo
     degree five through both.
     """
     # (n, derivative, axis)
-    path = BPoly.from_derivatives(
-        times,
-        states.reshape(-1, 2, 3).swapaxes(
-            1,
-            2,
-        ),
-    )
-    both = np.stack(
-        [path(ticks), path.derivative()(ticks)],
-        axis=-1,
-    )
-    return np.asarray(both.reshape(-1, 4))
+    path = BPoly.from_derivatives(times, states.reshape(-1, 2, 3).swapaxes(1, 2))
+    both = np.stack([path(ticks), path.derivative()(ticks)], axis=-1)
+    return both.reshape(-1, 4)
 
 
 def state_semi_real(decider: Decider, flights: Sequence[Flight]) -> list[IntArray]:
-    """Return the statements, (T,), of a decider for the options `WORLD` on flights of
+    """Return the statements, (T, 1), of a decider for the options `WORLD` on flights of
     `semi_real_flight`.
     """
     tracker = OnlineTracker(WORLD, decider)
     results = []
     for flight in flights:
-        stated = np.zeros(len(flight.times), np.int64)
+        stated = np.zeros((len(flight.times), 1), np.int64)
         scale = DEVIATION / flight.tier.across
-        for first, end in flight.pieces:
+        for rows in flight.pieces:
             tracker.begin()
-            points = ((flight.positions[first:end] - flight.positions[first]) * scale).tolist()
-            stated[first:end] = [tracker.update(tuple(point)).mode for point in points]
+            points = (flight.positions[rows] - flight.positions[rows.start]) * scale
+            stated[rows, 0] = [tracker.update(tuple(point)).mode for point in points.tolist()]
         results.append(stated)
     return results

@@ -63,11 +63,7 @@ DRAWN = {
     "freedom": (3.5, 12.0),
 }
 # The other settings in training: turns and speeds have wider ranges.
-WIDE = FlightWorld(
-    rates=(0.01, 0.055),
-    turns=(12.0, 120.0),
-    speeds=(25.0, 250.0),
-)
+WIDE = FlightWorld(rates=(0.01, 0.055), turns=(12.0, 120.0), speeds=(25.0, 250.0))
 
 
 def draw_world(generator: Generator) -> FlightWorld:
@@ -88,48 +84,68 @@ def simulate_flight(
     """Return a flight of a duration [s] with its labels, which follow from its true turn rates. The
     tier gives noise and steps.
     """
-    times = _draw_times(tier, duration, generator)
+    # Steps as in the tier: reports that repeat a position are missing.
+    step, missing, straight = {
+        "A": (1.0, 0.15, 720.0),
+        "B": (1.0, 0.15, 116.0),
+        "C": (5.0, 0.03, 60.0),
+        "D": (5.0, 0.4, 60.0),
+    }[tier.name]
+    steps = step * generator.geometric(1.0 - missing, int(duration / step))
+    times = np.append(0.0, np.cumsum(steps))
+    if tier.name == "A":
+        times += generator.uniform(-0.3, 0.3, len(times))
+    times = times[times < duration] - times[0]
     grid = np.arange(0.0, times[-1] + 4.0 * GRID, GRID)
-    straight = {"A": 720.0, "B": 116.0, "C": 60.0, "D": 60.0}[tier.name]
-    wanted = _draw_rates(grid, world.straight or straight, generator, world)
+
+    def lasting() -> float:
+        median = world.straight or straight
+        return float(median * np.exp(world.spread * generator.standard_normal()))
+
+    wanted = np.zeros(len(grid))
+    time = lasting() * generator.uniform()
+    side = 0.0
+    while time < grid[-1]:
+        end = time + log_uniform(generator, *world.turns)
+        size = log_uniform(generator, *world.rates)
+        reverses = side and generator.uniform() < world.reversal
+        side = -side if reverses else generator.choice([-1.0, 1.0])
+        wanted[(grid >= time) & (grid < end)] = side * size
+        time = end
+        if generator.uniform() >= world.reversal:
+            time += lasting()
+            side = 0.0
     speeds = np.full(len(grid), log_uniform(generator, *world.speeds))
-    return fly(identity, tier, times, wanted, speeds, generator, world)
+    return fly(
+        identity,
+        tier,
+        times,
+        wanted,
+        speeds,
+        generator,
+        world,
+    )
 
 
 def twin(flight: Flight, labels: Labels, generator: Generator) -> Pair:
     """Return a simulated flight with the steps, speeds and turns of a recorded one, and its true
     modes. The turns have the times and mean rates of the labels.
     """
-    grid = np.arange(
-        0.0,
-        flight.times[-1] + 4.0 * GRID,
-        GRID,
-    )
-    rates = np.zeros(len(flight.times))
-    for first, end, mode in spans(labels.modes, [(0, len(rates))]):
+    times = flight.times
+    grid = np.arange(0.0, times[-1] + 4.0 * GRID, GRID)
+    rates = np.zeros(len(times))
+    for rows, mode in spans(labels.modes, [slice(0, len(rates))]):
         if mode != STRAIGHT:
-            rates[first:end] = np.clip(
-                np.mean(labels.rates[first:end]),
-                -0.1,
-                0.1,
-            )
-    row = np.searchsorted(flight.times, grid, "right") - 1
-    speeds = np.interp(
-        grid,
-        flight.times,
-        np.clip(labels.speeds, 1.0, 400.0),
-    )
-    smooth = np.convolve(
-        np.pad(speeds, 30, mode="edge"),
-        np.ones(61) / 61.0,
-        "valid",
-    )
+            rates[rows] = np.clip(np.mean(labels.rates[rows]), -0.1, 0.1)
+    wanted = rates[np.searchsorted(times, grid, "right") - 1]
+    speeds = np.interp(grid, times, np.clip(labels.speeds, 1.0, 400.0))
+    smooth = np.convolve(np.pad(speeds, 30, mode="edge"), np.ones(61) / 61.0, "valid")
     name = f"twin of {flight.identity}"
     return fly(
         name,
         flight.tier,
-        flight.times,
-        rates[row],
+        times,
+        wanted,
         smooth,
         generator,
         FlightWorld(),
@@ -150,16 +166,8 @@ def fly(
     """
     grid = GRID * np.arange(len(wanted))
     width = max(round(world.roll / GRID), 1)
-    padded = np.pad(
-        wanted,
-        (width - 1, 0),
-        mode="edge",
-    )
-    rolled = np.convolve(
-        padded,
-        np.ones(width) / width,
-        "valid",
-    )
+    padded = np.pad(wanted, (width - 1, 0), mode="edge")
+    rolled = np.convolve(padded, np.ones(width) / width, "valid")
     jitter = coloured(
         len(grid),
         world.jitter,
@@ -179,17 +187,21 @@ def fly(
     errors = scale * tier.across * generator.standard_t(world.freedom, (len(times), 2))
     positions = np.column_stack([np.interp(when, grid, axis) for axis in path.T]) + errors
     # Outside of the grid.
-    before, after = np.minimum(when, 0.0)[:, None], np.maximum(when - grid[-1], 0.0)[:, None]
-    positions += before * moved[0] / GRID + after * moved[-1] / GRID
+    before, after = np.minimum(when, 0.0), np.maximum(when - grid[-1], 0.0)
+    positions += np.outer(before, moved[0] / GRID) + np.outer(after, moved[-1] / GRID)
     flight = Flight(
         identity,
         tier,
         times,
         positions,
-        np.full(len(times), np.nan),
     )
     true_rates, speed = (np.interp(times, grid, values) for values in (rates, speeds))
-    return flight, label_flight(flight, true_rates, speed, LabelRules())
+    return flight, label_flight(
+        flight,
+        true_rates,
+        speed,
+        LabelRules(),
+    )
 
 
 def log_uniform(
@@ -199,13 +211,7 @@ def log_uniform(
     count: int | None = None,
 ) -> Any:
     """Return a number, or (count,) numbers, that are uniform in their logarithm."""
-    return np.exp(
-        generator.uniform(
-            np.log(low),
-            np.log(high),
-            count,
-        )
-    )
+    return np.exp(generator.uniform(np.log(low), np.log(high), count))
 
 
 def flown_path(
@@ -233,42 +239,4 @@ def coloured(
     kept = np.exp(-GRID / time)
     white = deviation * generator.standard_normal(count)
     white[1:] *= np.sqrt(1.0 - kept**2)
-    return np.asarray(lfilter([1.0], [1.0, -kept], white))
-
-
-def _draw_times(tier: Tier, duration: float, generator: Generator) -> FloatArray:
-    """Return times with steps as in a tier: reports that repeat a position are missing."""
-    nominal, missing = {
-        "A": (1.0, 0.15),
-        "B": (1.0, 0.15),
-        "C": (5.0, 0.03),
-        "D": (5.0, 0.4),
-    }[tier.name]
-    steps = nominal * generator.geometric(1.0 - missing, int(duration / nominal))
-    times = np.append(0.0, np.cumsum(steps))
-    if tier.name == "A":
-        times += generator.uniform(-0.3, 0.3, len(times))
-    return np.asarray(times[times < duration] - times[0])
-
-
-def _draw_rates(
-    grid: FloatArray,
-    median: float,
-    generator: Generator,
-    world: FlightWorld,
-) -> FloatArray:
-    """Return the wanted turn rate at every time of the grid [rad/s]."""
-    rates = np.zeros(len(grid))
-    time = median * np.exp(world.spread * generator.standard_normal()) * generator.uniform()
-    side = 0.0
-    while time < grid[-1]:
-        lasting = log_uniform(generator, *world.turns)
-        size = log_uniform(generator, *world.rates)
-        reversed_ = side and generator.uniform() < world.reversal
-        side = -side if reversed_ else generator.choice([-1.0, 1.0])
-        rates[(grid >= time) & (grid < time + lasting)] = side * size
-        time += lasting
-        if generator.uniform() >= world.reversal:
-            time += median * np.exp(world.spread * generator.standard_normal())
-            side = 0.0
-    return rates
+    return lfilter([1.0], [1.0, -kept], white)

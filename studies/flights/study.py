@@ -2,28 +2,26 @@
 flight.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from matplotlib.figure import Figure
 
 from agents import load
-from baselines import CusumDecider, Scores, ThresholdDecider
+from baselines import Scores
 from hybrid_env import ArgumentError
 from studies.flights.agent import FlightAgent
 from studies.flights.figure import flight_figure
 from studies.flights.flight import SCORED, TIERS, Flight, stack_flights
-from studies.flights.labels import MODE_NAMES, Labels, Pair, label_flights
+from studies.flights.labels import Labels, Pair, label_flights
+from studies.flights.rules import RULES
 from studies.flights.samples import sample_flight
-from studies.flights.scores import cell, figures, score_flights, value
+from studies.flights.scores import estimates_beside_first, score_flights, table, value
 from studies.flights.semi_real import WORLD, semi_real_flight, state_semi_real
 from studies.flights.simulated import FlightWorld, simulate_flight, twin
-from studies.flights.tracks import FlightTracks
-from studies.flights.turn_beam import run_turn_beam
 from studies.flights.turns import IntArray, TurnModel, run_turn_imm
 
 COMPARED = {
@@ -31,68 +29,39 @@ COMPARED = {
     "semi-real": ("threshold", "beam", "beam-geometric", "shipped"),
 }
 """Deciders that are compared by default in each form, the reference first."""
-RULES: dict[str, tuple[str, Callable[..., Any]]] = {
-    "imm": ("IMM threshold", ThresholdDecider),
-    "cusum": ("CUSUM", lambda threshold=3.5: CusumDecider(threshold)),
-    "beam": ("beam", ThresholdDecider),
-}
-"""Titles and classes of the rules of the native form."""
 TWIN_SEED = 20190601
+LABELS = "labels, late"
+"""The labels as a decider: one position late on flights, and the true modes on twins."""
 
 
 @dataclass(frozen=True, eq=False)
 class FlightComparison:
-    """Results."""
+    """Results; statements and scores are those of each decider, by its name."""
 
     form: str
-    # Of the deciders by name, in figures.
-    titles: dict[str, str]
     # The flights, as the deciders see them, with their labels.
     flights: list[Pair]
-    # Of each decider and flight, (n,)
+    # On each flight, (n, 1)
     stated: dict[str, list[IntArray]]
-    # Of each decider.
     scores: dict[str, Scores]
     # The same on simulated twins, none in the semi-real form.
     twins: dict[str, Scores]
-    # Scores of the labels themselves: `truth`, the true modes of the twins against their labels;
-    # `late`, the labels stated one position late. None in the semi-real form, whose labels are
-    # those of the native one.
-    of_labels: dict[str, Scores]
-
-    @property
-    def groups(self) -> dict[str, list[int]]:
-        """Indices of the flights of each tier, and of the tiers A to C together."""
-        names = [flight.tier.name for flight, _ in self.flights]
-        groups = {
-            tier: [k for k, name in enumerate(names) if name == tier]
-            for tier in TIERS
-            if tier in names
-        }
-        if all(tier in groups for tier in "ABC"):
-            groups["A-C"] = [k for tier in "ABC" for k in groups[tier]]
-        return groups
 
 
-def find(name: str, form: str) -> tuple[str, Any]:
-    """Return the title and the decider of a name with an optional threshold.
+def find(name: str, form: str) -> Any:
+    """Return a decider, or in the native form its rule and its setting.
 
     Raises:
         ArgumentError: there is none of this name.
     """
     if form == "semi-real":
-        return name, load(name, "hybrid_env:HybridTrackQuickest-v0", start=WORLD.start)
-    base, *texts = name.split(":")
+        return load(name, "hybrid_env:HybridTrackQuickest-v0", start=WORLD.start)
+    base, colon, number = name.partition(":")
+    rule = RULES[base] if base in RULES else FlightAgent.rule(base, RULES)
     try:
-        numbers = list(map(float, texts))
+        return rule, [(float(number),) * len(rule.grid[0])] if colon else rule.grid[:1]
     except ValueError:
         raise ArgumentError(f"deciders={name!r}: expected a number after the colon") from None
-    if base in RULES:
-        title, make = RULES[base]
-    else:
-        title = f"{base}, margin" if numbers else base
-        make = FlightAgent.find(base, RULES)
-    return " ".join([title, *(f"{number:g}" for number in numbers)]), make(*numbers)
 
 
 def read_flights(
@@ -113,7 +82,13 @@ def quick_flights(duration: float = 600.0) -> list[Flight]:
     """Return short simulated flights [s] in the place of recorded ones."""
     generator = np.random.default_rng(TWIN_SEED)
     return [
-        simulate_flight(TIERS[name], duration, generator, FlightWorld(), f"simulated:{name}:0")[0]
+        simulate_flight(
+            TIERS[name],
+            duration,
+            generator,
+            FlightWorld(),
+            f"simulated:{name}:0",
+        )[0]
         for name in "ABC"
     ]
 
@@ -121,10 +96,8 @@ def quick_flights(duration: float = 600.0) -> list[Flight]:
 def compare_on_flights(flights: list[Flight], names: Sequence[str], form: str) -> FlightComparison:
     """Compare deciders, the first being the reference."""
     deciders = {name: find(name, form) for name in names}
-    titles = {name: title for name, (title, _) in deciders.items()}
     pairs = list(zip(flights, label_flights(flights), strict=True))
     twins: dict[str, Scores] = {}
-    of_labels: dict[str, Scores] = {}
     if form == "semi-real":
         generator = np.random.default_rng(20190602)
         pairs = [semi_real_flight(*pair, generator) for pair in pairs]
@@ -132,108 +105,90 @@ def compare_on_flights(flights: list[Flight], names: Sequence[str], form: str) -
         generator = np.random.default_rng(TWIN_SEED)
         copies, true = zip(*(twin(*pair, generator) for pair in pairs), strict=True)
         labels = [
-            of_copy.scored_in(other)
-            for of_copy, (_, other) in zip(label_flights(copies), pairs, strict=True)
+            replace(ours, weights=ours.weights * theirs.scored, scored=ours.scored & theirs.scored)
+            for ours, (_, theirs) in zip(label_flights(copies), pairs, strict=True)
         ]
-        on_copies = list(zip(copies, labels, strict=True))
-        of_labels = {
-            "truth": score_flights("truth", on_copies, [labels.modes for labels in true]),
-            "late": score_flights("late", pairs, [late_modes(*pair) for pair in pairs]),
+        modes = state_modes(copies, deciders, form) | {
+            LABELS: [each.modes[:, None] for each in true]
         }
-        stated = state_modes(copies, deciders, form)
-        twins = {name: score_flights(titles[name], on_copies, stated[name]) for name in titles}
+        on_copies = list(zip(copies, labels, strict=True))
+        twins = {name: score_flights(on_copies, modes[name]) for name in modes}
     stated = state_modes([flight for flight, _ in pairs], deciders, form)
-    scores = {name: score_flights(titles[name], pairs, stated[name]) for name in titles}
-    return FlightComparison(form, titles, pairs, stated, scores, twins, of_labels)
+    stated[LABELS] = [late_modes(*pair) for pair in pairs]
+    scores = {name: score_flights(pairs, stated[name]) for name in stated}
+    return FlightComparison(
+        form,
+        pairs,
+        stated,
+        scores,
+        twins,
+    )
 
 
 def state_modes(
     flights: Sequence[Flight],
-    deciders: dict[str, tuple[str, Any]],
+    deciders: dict[str, Any],
     form: str,
 ) -> dict[str, list[IntArray]]:
-    """Return the statements of each decider on each flight, (n,); 0 outside of its pieces."""
+    """Return the statements of each decider on each flight, (n, 1); 0 outside of its pieces."""
     if form == "semi-real":
-        return {name: state_semi_real(decider, flights) for name, (_, decider) in deciders.items()}
+        return {name: state_semi_real(decider, flights) for name, decider in deciders.items()}
     batch = stack_flights(flights)
-    model = TurnModel()
-    imm = run_turn_imm(batch, model)
-    stated = {}
-    for name, (title, decider) in deciders.items():
-        beam = run_turn_beam(batch, model) if title.startswith("beam") else None
-        tracks = FlightTracks(batch, imm, beam)
-        is_agent = isinstance(decider, FlightAgent)
-        modes = decider.statements(tracks)[..., 0] if is_agent else tracks.statements_of(decider)
-        stated[name] = batch.unstack(modes)
-    return stated
+    imm = run_turn_imm(batch, TurnModel())
+    return {
+        name: batch.unstack(
+            rule.statements(
+                batch,
+                imm,
+                settings,
+                TurnModel(),
+            )
+        )
+        for name, (rule, settings) in deciders.items()
+    }
 
 
 def late_modes(flight: Flight, labels: Labels) -> IntArray:
-    """Return the labels (n,), stated one position late in each piece of the flight."""
+    """Return the labels (n, 1), stated one position late in each piece of the flight."""
     late = labels.modes.copy()
-    for first, end in flight.pieces:
-        late[first + 1 : end] = labels.modes[first : end - 1]
-    return late
+    for rows in flight.pieces:
+        late[rows][1:] = labels.modes[rows][:-1]
+    return late[:, None]
 
 
-def as_json(result: FlightComparison) -> dict[str, Any]:
-    """Return the figures of every tier as plain values."""
-    tiers = {
-        tier: {
-            name: figures(result.scores, name, rows)
-            | ({"twins": value(result.twins[name].some(rows))} if result.twins else {})
-            for name in result.titles
-        }
-        for tier, rows in result.groups.items()
-    }
-    return {"form": result.form, "tiers": tiers}
-
-
-def tables(result: FlightComparison, content: dict[str, Any]) -> dict[str, pd.DataFrame]:
-    """Return the tables of a comparison by their titles; `content` is that of `as_json`."""
-    rows = [
-        {
-            "tier": tier,
-            "hours": f"{sum(result.flights[k][1].weights.sum() for k in group) / 3600.0:.1f}",
-            "decider": result.titles[name],
-            "agreement": cell(of_decider["agreement"], 3),
-            "less first, points": cell(of_decider["agreement_less_first"], 1, 100.0),
-            "delay, s": cell(of_decider["delay"]),
-            "misses, %": cell(of_decider["misses"], 1, 100.0),
-            "false/h": cell(of_decider["false_per_hour"]),
-            "twins": f"{of_decider['twins']:.3f}" if result.twins else "-",
-        }
-        for tier, group in result.groups.items()
-        for name, of_decider in content["tiers"][tier].items()
-    ]
-    frames = {f"Recorded flights, {result.form}": pd.DataFrame(rows)}
-    if result.of_labels:
-        truth, late = result.of_labels["truth"], result.of_labels["late"]
-        frames["The labels themselves"] = pd.DataFrame(
-            {
-                "tier": tier,
-                "true for twins": f"{value(truth.some(group)):.3f}",
-                "stated one position late": f"{value(late.some(group)):.3f}",
-                "delay, s": f"{value(late.some(group), 'delay'):.1f}",
-                "false/h": f"{value(late.some(group), 'false_per_hour'):.1f}",
+def report(result: FlightComparison) -> tuple[str, dict[str, Any]]:
+    """Return the tables of a comparison, and the statistics of every tier."""
+    names = [flight.tier.name for flight, _ in result.flights]
+    groups = {tier: [k for k, name in enumerate(names) if name == tier] for tier in TIERS}
+    if all(groups[tier] for tier in "ABC"):
+        groups["A-C"] = [k for tier in "ABC" for k in groups[tier]]
+    tiers = {}
+    texts = []
+    for tier, rows in groups.items():
+        if rows:
+            tiers[tier] = {
+                name: estimates_beside_first(result.scores, name, rows) for name in result.scores
             }
-            for tier, group in result.groups.items()
-        )
-    return frames
+            for name, scores in result.twins.items():
+                tiers[tier][name]["twins"] = value(scores.some(rows))
+            hours = sum(result.flights[k][1].weights.sum() for k in rows) / 3600.0
+            title = f"Recorded flights, {result.form}, tier {tier}, {hours:.1f} h"
+            texts.append(table(title, tiers[tier]))
+    return "\n".join(texts), {"form": result.form, "tiers": tiers}
 
 
 def picture(result: FlightComparison, k: int) -> Figure:
     """Draw labels of a flight, and statements of the deciders, the last one first."""
     flight, labels = result.flights[k]
-    stated = {title: result.stated[name][k] for name, title in reversed(result.titles.items())}
-    agrees = value([*result.scores.values()][-1].some([k]))
+    stated = {
+        name: modes[k][:, 0] for name, modes in reversed(result.stated.items()) if name != LABELS
+    }
+    name = next(iter(stated))
+    agrees = value(result.scores[name].some([k]))
+    title = f"{flight.identity}, tier {flight.tier.name}: {name} agrees {agrees:.1%}"
     return flight_figure(
         flight,
-        np.where(
-            labels.scored,
-            labels.modes,
-            len(MODE_NAMES),
-        ),
+        labels.shown,
         stated,
-        f"{flight.identity}, tier {flight.tier.name}: {next(iter(stated))} agrees {agrees:.1%}",
+        title,
     )

@@ -78,26 +78,19 @@ class Flights(ExpectedRewardAlgorithm):
 
         @functools.cache
         def flights() -> StatementBatch:
-            return self.simulate(
-                self.curve_flights,
-                np.random.default_rng(100_000),
-            )
+            return self.simulate(self.curve_flights, np.random.default_rng(100_000))
 
         def measure(agent: Any) -> dict[str, float]:
-            batch = flights()
-            utilities = agent.utilities(
-                batch.inputs.numpy(),
-                batch.log_probability.numpy(),
-            )
-            return mean_reward(batch, agent.choose(utilities)[..., 0])
+            inputs, logs, *_ = (part.numpy() for part in flights())
+            stated = agent.choose(agent.utilities(inputs, logs))
+            return mean_reward(flights(), stated[..., 0])
 
         def measure_rule() -> float:
-            logs = flights().log_probability.numpy().astype(np.float64)
+            logs = flights().log_probability.double().numpy()
             return mean_reward(flights(), ThresholdDecider(0.6).statements(logs))["reward"]
 
-        curve = super().make_curve()
         return replace(
-            curve,
+            super().make_curve(),
             unit="position",
             rule="IMM threshold",
             sample=f"{sum(self.curve_flights)} flights",
@@ -152,27 +145,21 @@ class Flights(ExpectedRewardAlgorithm):
         flights, labels, steps = self.draw(counts, generator)
         batch = stack_flights(flights)
         estimates = run_turn_imm(batch, self.decider.model)
-        modes = np.zeros(batch.times.shape, np.int64)
-        weights, costs = np.zeros(
-            (2, *batch.times.shape),
-            np.float32,
+        # Of each position among those of all flights.
+        times = np.repeat(steps, np.diff(batch.offsets))[batch.rows]
+        modes, weights = (
+            np.concatenate([getattr(each, name) for each in labels])[batch.rows] * batch.present
+            for name in ("modes", "weights")
         )
-        for column, (k, first, end) in enumerate(batch.pieces):
-            rows = slice(end - first)
-            modes[rows, column] = labels[k].modes[first:end]
-            weights[rows, column] = labels[k].weights[first:end] / steps[k]
-            costs[:, column] = self.settings.change_cost / steps[k]
-        for ahead in range(
-            1,
-            round(self.early / min(steps)) + 1,
-        ):
+        costs = self.settings.change_cost / times
+        for ahead in range(1, round(self.early / min(steps)) + 1):
             costs[:-ahead][modes[:-ahead] != modes[ahead:]] = 0.0
         arrays = (
             self.decider.inputs_of(batch, estimates),
             log_probabilities(estimates),
             modes,
-            costs,
-            weights,
+            costs.astype(np.float32),
+            (weights / times).astype(np.float32),
         )
         # Of all flights together; D has some far shorter ones, which are left out.
         shortest = int(np.quantile(batch.present.sum(0), 0.1))
@@ -184,18 +171,9 @@ def mean_reward(batch: StatementBatch, stated: NDArray[Any]) -> dict[str, float]
     """Return the mean reward of a position and the share of right statements, from statements
     (T, N).
     """
-    modes, costs, weights = (
-        part.numpy() for part in (batch.true_modes, batch.change_cost, batch.weight)
-    )
+    _, _, modes, costs, weights = (part.numpy() for part in batch)
     right = stated == modes
-    wrong = (
-        np.diff(
-            stated,
-            axis=0,
-            prepend=stated[:1],
-        )
-        != 0
-    ) & ~right
+    wrong = (np.diff(stated, axis=0, prepend=stated[:1]) != 0) & ~right
     return {
         "reward": float((weights * (right - costs * wrong)).sum() / weights.sum()),
         "right": float((weights * right).sum() / weights.sum()),

@@ -4,9 +4,10 @@ position it goes on or changes by a law of the durations. Those that change to o
 position are merged, and the most probable ones kept.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from scipy.special import log_softmax
 
 from baselines import mixture
 from studies.flights.turns import (
@@ -53,44 +54,55 @@ def run_turn_beam(
     """
     omega, modes = np.radians(model.rates), model.modes
     output = np.empty((*batch.times.shape, 3))
+    tracks = np.arange(output.shape[1])[:, None]
     # One history of each turn rate, in the midst of its mode.
     start = np.arange(len(omega)), np.where(modes == STRAIGHT, *shortest), np.log(model.start)
-    now = Histories(
+    rates, ages, log_weights = (np.tile(values, (len(tracks), 1)) for values in start)
+    beam = Histories(
         *start_turns(batch, len(omega), model),
-        *(
-            np.tile(
-                values,
-                (batch.times.shape[1], 1),
-            )
-            for values in start
-        ),
+        rates,
+        ages,
+        log_weights,
     )
     for k, dt in enumerate(batch.steps):
         if k:
-            now = _branch(now, dt[:, None], model, shortest)
-            filters = now.state, now.covariance, omega[now.model], np.exp(now.log_weight)
-            state, covariance, log_likelihood, _ = step_turns(batch, k, dt, *filters, model)
-            log_weight = now.log_weight + log_likelihood
-            after = Histories(
-                state,
-                covariance,
-                now.model,
-                now.age,
-                log_weight,
+            beam = _branch(
+                beam,
+                dt[:, None],
+                model,
+                shortest,
             )
-            now = _keep(after, branches)
-        weights = np.exp(now.log_weight)
+            filters = (
+                beam.state,
+                beam.covariance,
+                omega[beam.model],
+                np.exp(beam.log_weight),
+            )
+            state, covariance, log_likelihood, _ = step_turns(
+                batch,
+                k,
+                dt,
+                *filters,
+                model,
+            )
+            log_weight = beam.log_weight + log_likelihood
+            # The most probable ones, with normalised weights.
+            best = np.argsort(-log_weight, axis=1, kind="stable")[:, :branches]
+            beam = Histories(
+                state[tracks, best],
+                covariance[tracks, best],
+                beam.model[tracks, best],
+                beam.age[tracks, best],
+                log_softmax(log_weight[tracks, best], axis=1),
+            )
+        weights = np.exp(beam.log_weight)
         for mode in range(3):
-            output[k, :, mode] = np.where(
-                modes[now.model] == mode,
-                weights,
-                0.0,
-            ).sum(1)
+            output[k, :, mode] = np.where(modes[beam.model] == mode, weights, 0.0).sum(1)
     return output
 
 
 def _branch(
-    now: Histories,
+    beam: Histories,
     dt: FloatArray,
     model: TurnModel,
     shortest: tuple[float, float],
@@ -99,70 +111,34 @@ def _branch(
     another and in the same mode.
     """
     modes, count = model.modes, len(model.rates)
-    least = np.where(modes == STRAIGHT, *shortest)[now.model]
-    mean = np.where(
-        modes == STRAIGHT,
-        model.straight,
-        model.turn,
-    )[now.model]
+    straight = modes[beam.model] == STRAIGHT
+    least = np.where(straight, *shortest)
     # Within its shortest duration a mode does not end.
-    exposed = np.maximum(now.age + dt - least, 0.0) - np.maximum(now.age - least, 0.0)
-    ends = -np.expm1(-exposed / (mean - least))
+    exposed = np.maximum(beam.age + dt - least, 0.0) - np.maximum(beam.age - least, 0.0)
+    ends = -np.expm1(-exposed / (np.where(straight, model.straight, model.turn) - least))
     # Changes to another mode, and to another turn rate of the same mode.
     rates = np.maximum(model.generator, 0.0)
     inside = rates * (modes[:, None] == modes)
-    changes = -np.expm1(-inside.sum(1)[now.model] * dt)
-    weight = np.exp(now.log_weight)
+    changes = -np.expm1(-inside.sum(1)[beam.model] * dt)
+    weight = np.exp(beam.log_weight)
     joint = []
-    for part, to in (
-        (weight * ends, rates - inside),
-        (weight * (1.0 - ends) * changes, inside),
-    ):
-        share = to / np.maximum(
-            to.sum(1, keepdims=True),
-            1e-300,
-        )
-        joint.append(
-            (part[..., None] * share[now.model]).swapaxes(
-                1,
-                2,
-            )
-        )
+    for part, to in ((weight * ends, rates - inside), (weight * (1.0 - ends) * changes, inside)):
+        share = to / np.maximum(to.sum(1, keepdims=True), 1e-300)
+        joint.append((part[..., None] * share[beam.model]).swapaxes(1, 2))
     # Histories that change to one turn rate are merged, (B, 2 M, K).
     shared = np.concatenate(joint, axis=1)
     total = shared.sum(2)
     shared = shared / np.where(total > 0.0, total, 1.0)[..., None]
     shared[..., 0] += total == 0.0
-    ages = (shared[:, count:] * now.age[:, None]).sum(2)
+    ages = (shared[:, count:] * beam.age[:, None]).sum(2)
     with np.errstate(divide="ignore"):
-        goes_on = now.log_weight + np.log1p(-ends) + np.log1p(-changes)
+        goes_on = beam.log_weight + np.log1p(-ends) + np.log1p(-changes)
         changed = Histories(
-            *mixture(now.state, now.covariance, shared),
-            np.tile(
-                np.arange(count),
-                (len(dt), 2),
-            ),
-            np.concatenate(
-                [np.zeros_like(ages), ages],
-                axis=1,
-            ),
+            *mixture(beam.state, beam.covariance, shared),
+            np.tile(np.arange(count), (len(dt), 2)),
+            np.concatenate([np.zeros_like(ages), ages], axis=1),
             np.log(total),
         )
-    merged = now._replace(log_weight=goes_on)
-    joined = Histories(
-        *(np.concatenate(pair, axis=1) for pair in zip(merged, changed, strict=True))
-    )
-    return joined._replace(age=joined.age + dt)
-
-
-def _keep(now: Histories, count: int) -> Histories:
-    """Return the most probable histories with normalised weights."""
-    order = np.argsort(
-        -now.log_weight,
-        axis=1,
-        kind="stable",
-    )[:, :count]
-    kept: list[Any] = [values[np.arange(len(order))[:, None], order] for values in now]
-    log_weight = kept[-1] - kept[-1][:, :1]
-    kept[-1] = log_weight - np.log(np.exp(log_weight).sum(1, keepdims=True))
-    return Histories(*kept)
+    pairs = zip(beam._replace(log_weight=goes_on), changed, strict=True)
+    after = Histories(*(np.concatenate(pair, axis=1) for pair in pairs))
+    return after._replace(age=after.age + dt)

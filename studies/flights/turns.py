@@ -26,12 +26,14 @@ SMALLEST = 1e-12
 class Batch(NamedTuple):
     """B pieces of flights of at most T positions, padded at the end."""
 
-    # Flight, first row and end of each piece.
-    pieces: tuple[tuple[int, int, int], ...]
-    # First row and end of the part of it that counts.
-    counted: tuple[tuple[int, int], ...]
-    # Number of positions of each flight.
-    lengths: tuple[int, ...]
+    # First row of each flight among those of all, and their number.
+    offsets: IntArray
+    # (T, B) row of each position among those of all flights; the last one of a piece is repeated.
+    rows: IntArray
+    # (T, B) False after the end of a piece.
+    present: BoolArray
+    # (T, B) False there, and in margins.
+    counted: BoolArray
     # (T, B) [s]; the last one of a piece is repeated.
     times: FloatArray
     # (T, B, 2) [m], NaN after its end.
@@ -44,32 +46,15 @@ class Batch(NamedTuple):
     timing: FloatArray
 
     @property
-    def present(self) -> BoolArray:
-        """(T, B) False after the end of a piece."""
-        return ~np.isnan(self.positions[..., 0])
-
-    @property
     def steps(self) -> FloatArray:
         """(T, B) time since the last position [s], 0 for the first one."""
-        return np.diff(
-            self.times,
-            axis=0,
-            prepend=self.times[:1],
-        )
+        return np.diff(self.times, axis=0, prepend=self.times[:1])
 
     def unstack(self, values: NDArray[Any]) -> list[NDArray[Any]]:
         """Return values (T, B, ...) as those of each flight, (n, ...), 0 outside of the pieces."""
-        flights = [
-            np.zeros(
-                (n, *values.shape[2:]),
-                values.dtype,
-            )
-            for n in self.lengths
-        ]
-        for column, (k, first, _) in enumerate(self.pieces):
-            begin, end = self.counted[column]
-            flights[k][begin:end] = values[begin - first : end - first, column]
-        return flights
+        flights = np.zeros((self.offsets[-1], *values.shape[2:]), values.dtype)
+        flights[self.rows[self.counted]] = values[self.counted]
+        return np.split(flights, self.offsets[1:-1])
 
     def noise(self, velocities: FloatArray) -> FloatArray:
         """Return the covariances across^2 I + timing^2 v v' of positions, (..., B, 2, 2) [m^2],
@@ -77,7 +62,7 @@ class Batch(NamedTuple):
         """
         across, timing = (part[:, None, None] ** 2 for part in (self.across, self.timing))
         along = timing * velocities[..., :, None] * velocities[..., None, :]
-        return np.asarray(across * np.eye(2) + along)
+        return across * np.eye(2) + along
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,7 +120,7 @@ class TurnModel:
         )
         matrix[modes == STRAIGHT] = 1.0 / self.straight / max((modes != STRAIGHT).sum(), 1)
         np.fill_diagonal(matrix, 0.0)
-        return np.asarray(matrix - np.diag(matrix.sum(1)))
+        return matrix - np.diag(matrix.sum(1))
 
 
 def start_turns(
@@ -149,19 +134,12 @@ def start_turns(
     positions; `speed` and `wind` are standard deviations of the components of velocities [m/s].
     """
     m = model.values
-    velocity = (batch.positions[1] - batch.positions[0]) / (batch.times[1] - batch.times[0])[
-        :, None
-    ]
+    moved, passed = (np.diff(values[:2], axis=0)[0] for values in (batch.positions, batch.times))
+    velocity = moved / passed[:, None]
     state = np.zeros((len(velocity), count, 2 * m))
     state[..., ::m], state[..., 1::m] = batch.positions[0, :, None], velocity[:, None]
-    variances = np.tile(
-        [0.0, speed**2, wind**2][:m],
-        2,
-    )
-    covariance = np.tile(
-        np.diag(variances),
-        (len(velocity), count, 1, 1),
-    )
+    variances = np.tile([0.0, speed**2, wind**2][:m], 2)
+    covariance = np.tile(np.diag(variances), (len(velocity), count, 1, 1))
     covariance[..., ::m, ::m] = batch.noise(velocity)[:, None]
     return state, covariance
 
@@ -206,32 +184,23 @@ def step_turns(
     corrected = state + (gain @ innovation[..., None])[..., 0]
     after = symmetric(covariance - gain @ cross.swapaxes(-1, -2))
     # Gliders turn where the air rises; climb rates count within 3 m/s of the level.
-    metres = (
-        np.clip(
-            batch.climbs[k] - model.climb_level,
-            -3.0,
-            3.0,
-        )
-        * dt
-    )
+    metres = np.clip(batch.climbs[k] - model.climb_level, -3.0, 3.0) * dt
     evidence = model.climb * metres[:, None] * (rates != 0.0)
     spread = (weights[..., None, None] * predicted).sum(1) + noise
     along = velocity / np.maximum(np.hypot(*velocity.T), 1e-9)[:, None]
-    frame = np.stack(
-        [along, along[:, ::-1] * [-1.0, 1.0]],
-        -2,
+    frame = np.stack([along, along[:, ::-1] * [-1.0, 1.0]], -2)
+    variances = np.einsum(
+        "bij,bjk,bik->bi",
+        frame,
+        spread,
+        frame,
     )
-    variances = np.einsum("bij,bjk,bik->bi", frame, spread, frame)
     turned = (frame @ (position - mean[:, ::m])[..., None])[..., 0]
     return (
         np.where(used[..., None], corrected, state),
         np.where(used[..., None, None], after, covariance),
         np.where(used, log_likelihood, 0.0) + evidence,
-        np.where(
-            used,
-            turned / np.sqrt(np.maximum(variances, 1e-300)),
-            0.0,
-        ),
+        np.where(used, turned / np.sqrt(np.maximum(variances, 1e-300)), 0.0),
     )
 
 
@@ -258,7 +227,7 @@ def symmetric(matrix: FloatArray) -> FloatArray:
     """Return matrices (..., n, n) without rounding errors that are not symmetric, which would
     grow.
     """
-    return np.asarray(0.5 * (matrix + matrix.swapaxes(-1, -2)))
+    return 0.5 * (matrix + matrix.swapaxes(-1, -2))
 
 
 def turn_motion(
@@ -269,66 +238,37 @@ def turn_motion(
     """Return transition matrices and covariances of the noise, (..., n, n), of turns with rates
     [rad/s] in steps [s], whose shapes broadcast.
     """
-    moved, noise = turn_transition(rates, dt), turn_noise(model.acceleration, dt)
-    if not model.wind:
-        return moved, noise
-    # The wind stands behind position and velocity of each axis, and moves the position.
-    places = np.array([0, 1, 3, 4])
-    carried = np.zeros((*moved.shape[:-2], 6, 6))
-    drifting = np.zeros((*noise.shape[:-2], 6, 6))
-    carried[..., places[:, None], places] = moved
-    drifting[..., places[:, None], places] = noise
-    for x in (0, 3):
-        carried[..., x, x + 2] = dt
-        carried[..., x + 2, x + 2] = 1.0
-        drifting[..., x + 2, x + 2] = model.wind * dt
-    return carried, drifting
+    moved = turn_transition(rates, dt)
+    # White acceleration in both axes.
+    plain = MotionModel("CV", 2, model.acceleration)
+    both = model.acceleration * np.kron(np.eye(2), plain.step_noise(dt))
+    noise = np.asarray(both, np.float64)
+    if model.wind:
+        # It stands behind position and velocity of each axis, and moves the position.
+        for axis in (-2, -1):
+            moved = np.insert(
+                moved,
+                (2, 4),
+                0.0,
+                axis,
+            )
+            noise = np.insert(
+                noise,
+                (2, 4),
+                0.0,
+                axis,
+            )
+        for x in (0, 3):
+            moved[..., x, x + 2] = dt
+            moved[..., x + 2, x + 2] = 1.0
+            noise[..., x + 2, x + 2] = model.wind * dt
+    return moved, noise
 
 
 def ground_velocity(state: FloatArray) -> FloatArray:
     """Return the velocity over the ground (..., 2) of states (..., 4), or with wind (..., 6)."""
     m = state.shape[-1] // 2
-    return np.asarray(state[..., 1::m] + (state[..., 2::m] if m == 3 else 0.0))
-
-
-class ModelChain:
-    """The Markov chain of models in continuous time, from rates of change (M, M) [1/s], whose
-    rows sum to 0.
-    """
-
-    def __init__(self, generator: FloatArray):
-        self._values, self._vectors = np.linalg.eig(generator)
-        self._inverse = np.linalg.inv(self._vectors)
-
-    def transition(self, dt: FloatArray) -> FloatArray:
-        """Return the transition matrices of the models, (B, M, M), in time steps (B,) [s]."""
-        powers = np.exp(self._values * np.asarray(dt)[..., None])
-        return np.clip(np.real((self._vectors * powers[..., None, :]) @ self._inverse), 0.0, 1.0)
-
-
-def mix_models(
-    log_probability: FloatArray,
-    transition: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Return log probabilities (B, M) after a step of the chain, at least `SMALLEST`, and weights
-    (B, M, M), whose row j mixes the filters before the step for model j.
-    """
-    with np.errstate(divide="ignore"):
-        # Before, after.
-        joint = np.log(transition) + log_probability[:, :, None]
-    after = logsumexp(joint, axis=1)
-    weights = np.exp(joint - after[:, None, :])
-    return np.maximum(after, np.log(SMALLEST)), weights.swapaxes(1, 2)
-
-
-def weigh_models(
-    log_prior: FloatArray,
-    log_likelihood: FloatArray,
-) -> FloatArray:
-    """Return the log posterior of the models, (B, M), at least `SMALLEST`."""
-    joint = log_prior + log_likelihood
-    total = logsumexp(joint, axis=1, keepdims=True)
-    return np.asarray(np.maximum(joint - total, np.log(SMALLEST)))
+    return state[..., 1::m] + (state[..., 2::m] if m == 3 else 0.0)
 
 
 def turn_transition(rates: FloatArray, dt: FloatArray) -> FloatArray:
@@ -337,27 +277,16 @@ def turn_transition(rates: FloatArray, dt: FloatArray) -> FloatArray:
     that broadcast.
     """
     angle = rates * dt
-    safe = np.where(rates == 0.0, 1.0, rates)
-    sine = np.sin(angle)
-    cosine = np.cos(angle)
-    matrix = np.zeros((*angle.shape, 4, 4))
-    matrix[..., 0, 0] = matrix[..., 2, 2] = 1.0
-    matrix[..., 0, 1] = matrix[..., 2, 3] = np.where(rates == 0.0, dt, sine / safe)
-    matrix[..., 2, 1] = np.where(rates == 0.0, 0.0, (1.0 - cosine) / safe)
-    matrix[..., 0, 3] = -matrix[..., 2, 1]
-    matrix[..., 1, 1] = matrix[..., 3, 3] = cosine
-    matrix[..., 3, 1], matrix[..., 1, 3] = sine, -sine
-    return matrix
-
-
-def turn_noise(density: float, dt: FloatArray) -> FloatArray:
-    """Return the covariances (..., 4, 4) of the noise of turns in steps (...) [s]: white
-    acceleration, as CV.
-    """
-    model = MotionModel("CV", 2, density)
-    matrix = np.zeros((*dt.shape, 4, 4))
-    matrix[..., :2, :2] = matrix[..., 2:, 2:] = density * model.step_noise(dt)
-    return matrix
+    moving = rates != 0.0
+    safe = np.where(moving, rates, 1.0)
+    # Of complex positions and velocities x + i y, whose parts are the blocks of the matrix.
+    factors = np.zeros((*angle.shape, 2, 2), np.complex128)
+    factors[..., 0, 0] = 1.0
+    factors[..., 0, 1] = (
+        np.where(moving, np.sin(angle) / safe, dt) + 1j * (1.0 - np.cos(angle)) / safe
+    )
+    factors[..., 1, 1] = np.cos(angle) + 1j * np.sin(angle)
+    return np.block([[factors.real, -factors.imag], [factors.imag, factors.real]])
 
 
 class TurnEstimates(NamedTuple):
@@ -380,57 +309,44 @@ def run_turn_imm(batch: Batch, model: TurnModel) -> TurnEstimates:
     values.
     """
     omega = np.radians(model.rates)
-    chain = ModelChain(model.generator)
     # (3, M)
     groups = model.modes == np.arange(3)[:, None]
+    # Of the Markov chain in continuous time.
+    changes, vectors = np.linalg.eig(model.generator)
+    inverse = np.linalg.inv(vectors)
     state, covariance = start_turns(batch, len(omega), model)
-    tracks = len(state)
-    log_probability = np.tile(
-        np.log(model.start),
-        (tracks, 1),
-    )
-    of_modes = np.zeros((tracks, 3))
-    innovation = np.zeros((tracks, 2))
+    log_probability = np.tile(np.log(model.start), (len(state), 1))
+    of_modes = np.zeros((len(state), 3))
+    innovation = np.zeros((len(state), 2))
     rows = []
     for k, dt in enumerate(batch.steps):
         if k:
+            powers = np.exp(changes * dt[:, None])
+            transition = np.real((vectors * powers[:, None]) @ inverse)
             # Mixing: every model begins with what the models before it leave.
-            prior, weights = mix_models(log_probability, chain.transition(dt))
+            with np.errstate(divide="ignore"):
+                # Before, after.
+                joint = np.log(np.clip(transition, 0.0, 1.0)) + log_probability[:, :, None]
+            prior = logsumexp(joint, axis=1)
+            weights = np.exp(joint - prior[:, None]).swapaxes(1, 2)
+            prior = np.maximum(prior, np.log(SMALLEST))
             mixed = mixture(state, covariance, weights)
-            after = step_turns(
-                batch,
-                k,
-                dt,
-                *mixed,
-                omega,
-                np.exp(prior),
-                model,
+            state, covariance, log_likelihood, innovation = step_turns(
+                batch, k, dt, *mixed, omega, np.exp(prior), model
             )
-            state, covariance, log_likelihood, innovation = after
             # Of the models, and of the three modes together.
-            log_probability = weigh_models(prior, log_likelihood)
-            joint = np.where(
-                groups,
-                (prior + log_likelihood)[:, None],
-                -np.inf,
-            )
-            before = np.log(
-                np.maximum(
-                    np.exp(prior) @ groups.T,
-                    SMALLEST,
-                )
-            )
+            posterior = prior + log_likelihood
+            total = logsumexp(posterior, axis=1, keepdims=True)
+            log_probability = np.maximum(posterior - total, np.log(SMALLEST))
+            joint = np.where(groups, posterior[:, None], -np.inf)
+            before = np.log(np.maximum(np.exp(prior) @ groups.T, SMALLEST))
             of_modes = np.logaddexp.reduce(joint, axis=2) - before
         probability = np.exp(log_probability)
         velocity = ground_velocity((probability[..., None] * state).sum(1))
         rows.append(
             (
                 probability @ groups.T,
-                np.where(
-                    batch.present[k, :, None],
-                    of_modes,
-                    0.0,
-                ),
+                np.where(batch.present[k, :, None], of_modes, 0.0),
                 probability @ omega,
                 np.hypot(*velocity.T),
                 innovation,

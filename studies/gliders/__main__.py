@@ -3,47 +3,34 @@
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from rich.console import Console
+from joblib import delayed
 
 from agents import run_command
 from hybrid_env import ArgumentError
-from studies.flights.scores import write_results
-from studies.gliders.agent import GliderAgent
 from studies.gliders.logs import EXPECTED
-from studies.gliders.report import as_json, picture, tables
+from studies.gliders.report import picture, report
 from studies.gliders.rules import RULES
 from studies.gliders.study import (
-    compare_on_gliders,
+    compare_rule,
     find_rule,
     quick_halves,
     read_halves,
     simulated,
 )
-from studies.seal import seal_of, unbroken_seal
+from studies.results import in_parallel, save_results
+from studies.seal import unbroken_seal
 
 SEAL = Path(__file__).with_name("sealed.json")
 """What was fixed before the sealed logs were opened: code, weights and settings."""
-
-
-def current_seal() -> dict[str, dict[str, str]]:
-    """Return the digests of labels, filters, rules and agent, and the version of the decoder of
-    rule b.
-    """
-    names = {
-        "gliders": ("circling", "logs", "rules", "agent"),
-        "flights": ("labels", "turns", "agent"),
-    }
-    folder = Path(__file__).parents[1]
-    code = [folder / study / f"{name}.py" for study, each in names.items() for name in each]
-    return seal_of(code, GliderAgent.shipped, ["libigc"])
 
 
 @dataclass(kw_only=True)
 class Gliders:
     """Compare deciders on flights of paragliders, at equal false changes an hour.
 
-    Prints figures with 95 % intervals, flights drawn with replacement, and writes gliders.json and
+    Prints values with 95 % intervals, flights drawn with replacement, and writes gliders.json and
     gliders.png.
     """
 
@@ -66,28 +53,32 @@ class Gliders:
         for name in names:
             # An unknown one is refused before any work.
             find_rule(name)
-        settings = None
+        settings: dict[str, Any] = {}
         if self.sealed:
-            settings = unbroken_seal(SEAL, current_seal())["settings"]
+            settings = unbroken_seal(SEAL)["settings"]
             if unknown := set(names) - set(settings["5"]):
                 raise ArgumentError(f"deciders: the seal has no settings of {', '.join(unknown)}")
-        with Console().status("flights, labels and deciders"):
-            if self.quick:
-                flights = copies = quick_halves()
-            elif self.source is None:
-                raise ArgumentError(f"source: expected {EXPECTED}")
-            else:
-                flights, copies = read_halves(self.source, self.sealed), simulated()
-            result = compare_on_gliders(flights, names, copies, self.jobs, settings)
-            content = as_json(result)
-        write_results(
-            self.out,
-            "gliders",
-            tables(result, content),
-            content,
+        if self.quick:
+            flights = copies = quick_halves()
+        elif self.source is None:
+            raise ArgumentError(f"source: expected {EXPECTED}")
+        else:
+            flights, copies = read_halves(self.source, self.sealed), simulated()
+        calls = [
+            delayed(compare_rule)(
+                name,
+                flights,
+                copies,
+                settings,
+            )
+            for name in names
+        ]
+        results = dict(zip(names, in_parallel(calls, self.jobs, "deciders"), strict=True))
+        save_results(
+            self.out / "gliders",
+            *report(flights, copies, results),
+            picture(flights, results),
         )
-        picture(result).savefig(self.out / "gliders.png")
-        print(f"Files in {self.out}")
 
 
 if __name__ == "__main__":

@@ -1,29 +1,27 @@
 """The agent for flights of gliders: that for flights, with the climb rate as a further input."""
 
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 
 from studies.flights.agent import FlightAgent, Inputs
 from studies.flights.turns import Batch, TurnEstimates
-from studies.gliders.rules import CLIMBING, Settings
+from studies.gliders.rules import CLIMBING
 
 
 class GliderAgent(FlightAgent):
-    """The network on flights of gliders, at K settings; see `FlightAgent`."""
+    """The network on flights of gliders; see `FlightAgent`."""
 
     task = "gliders"
     inputs = FlightAgent.inputs + 1
     model = CLIMBING[1]
     shipped = Path(__file__).with_name("shipped")
     unit = 16.0
-    grid: ClassVar[Settings] = tuple(
+    grid = tuple(
         (float(straight), float(turn))
         for straight in (0, 1, 2, 3, 4, 6, 8, 10, 13, 16)
         for turn in (-8, -6, *range(-4, 3), 4, 8)
     )
-    """Settings to select from."""
 
     @classmethod
     def inputs_of(cls, batch: Batch, estimates: TurnEstimates) -> Inputs:

@@ -16,11 +16,17 @@ from typing import NamedTuple
 import numpy as np
 
 from studies.flights.flight import Flight, stack_flights
-from studies.flights.labels import LabelRules, Labels, find_turns, row_edges, smoothed_states
+from studies.flights.labels import (
+    LabelRules,
+    Labels,
+    find_turns,
+    row_edges,
+    smoothed_states,
+    window_sums,
+)
 from studies.flights.turns import BoolArray, FloatArray, IntArray
 
 CIRCLES = LabelRules(
-    jerk=1.0,
     peak=4.0,
     bound=4.0,
     change=270.0,
@@ -49,32 +55,20 @@ def air_motion(flights: Sequence[Flight]) -> list[AirMotion]:
     """Return the motion of flights in the air, by the smoother; 0 outside of their pieces."""
     batch = stack_flights(flights, 600, 60)
     motions = []
-    states = batch.unstack(smoothed_states(batch, CIRCLES.jerk))
+    states = batch.unstack(smoothed_states(batch))
     for flight, state in zip(flights, states, strict=True):
-        n = len(flight.times)
-        motion = AirMotion(
-            np.zeros(n),
-            np.zeros(n),
-            np.zeros((n, 2)),
-        )
-        for piece in flight.pieces:
-            rows = slice(*piece)
+        rates, speeds, *wind = np.zeros((4, len(flight.times)))
+        motion = AirMotion(rates, speeds, np.column_stack(wind))
+        for rows in flight.pieces:
             times, ground, acceleration = flight.times[rows], state[rows, 1::3], state[rows, 2::3]
             motion.wind[rows] = hodograph_wind(times, ground)
             air = ground - motion.wind[rows]
-            motion.speeds[rows] = np.hypot(*air.T)
+            speeds[rows] = np.hypot(*air.T)
             across = air[:, 0] * acceleration[:, 1] - air[:, 1] * acceleration[:, 0]
             # Below 1 m/s as at this airspeed.
-            rates = across / np.maximum(motion.speeds[rows], 1.0) ** 2
-            sums = window_sums(
-                times,
-                4.0,
-                np.stack(
-                    [rates, np.ones(len(times))],
-                    axis=1,
-                ),
-            )
-            motion.rates[rows] = sums[:, 0] / sums[:, 1]
+            turned = across / np.maximum(speeds[rows], 1.0) ** 2
+            total, count = window_sums(times, 4.0, np.stack([turned, np.ones_like(turned)], 1)).T
+            rates[rows] = total / count
         motions.append(motion)
     return motions
 
@@ -94,46 +88,17 @@ def hodograph_wind(times: FloatArray, velocities: FloatArray, window: float = 40
     rows = np.column_stack([2.0 * velocities, np.ones(len(times))])
     squares = (velocities**2).sum(1)
     angles = np.unwrap(np.arctan2(velocities[:, 1], velocities[:, 0]))
-    turned = window_sums(
-        times,
-        window,
-        np.diff(angles, prepend=angles[0]),
-    )
+    turned = window_sums(times, window, np.diff(angles, prepend=angles[0]))
     used = np.abs(turned) > np.radians(300.0)
     # The normal equations of each window; two velocities in one place have a solution too.
     normal = window_sums(times, window, rows[:, :, None] * rows[:, None, :])[used]
     right = window_sums(times, window, rows * squares[:, None])[used]
     small = 1e-12 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(3)
     x, y, rest = np.linalg.solve(normal + small, right[..., None])[..., 0].T
-    radius = np.sqrt(
-        np.maximum(
-            rest + (x**2 + y**2),
-            0.0,
-        )
-    )
-    kept = np.hypot(x, y) < 1.5 * radius
+    kept = np.hypot(x, y) < 1.5 * np.sqrt(np.maximum(rest + (x**2 + y**2), 0.0))
     if not kept.any():
         return np.zeros_like(velocities)
-    return np.column_stack(
-        [
-            np.interp(
-                times,
-                times[used][kept],
-                axis[kept],
-            )
-            for axis in (x, y)
-        ]
-    )
-
-
-def window_sums(times: FloatArray, width: float, values: FloatArray) -> FloatArray:
-    """Return sums of values (n, ...) over the rows within half a width [s] before and after each
-    row.
-    """
-    first = np.searchsorted(times, times - 0.5 * width)
-    end = np.searchsorted(times, times + 0.5 * width, "right")
-    sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
-    return np.asarray(sums[end] - sums[first])
+    return np.column_stack([np.interp(times, times[used][kept], axis[kept]) for axis in (x, y)])
 
 
 def circles(
@@ -145,56 +110,39 @@ def circles(
     doubtful: turns of 180 to 270 deg are neither circles nor straight flight.
     """
     modes, wider = np.zeros((2, len(rates)), np.int64)
-    for first, end in flight.pieces:
-        edges = row_edges(flight.times[first:end])
-        modes[first:end], _ = find_turns(edges, rates[first:end], rules)
-        wider[first:end], _ = find_turns(
-            edges,
-            rates[first:end],
-            replace(rules, change=180.0),
-        )
+    for rows in flight.pieces:
+        edges = row_edges(flight.times[rows])
+        modes[rows], _ = find_turns(edges, rates[rows], rules)
+        wider[rows], _ = find_turns(edges, rates[rows], replace(rules, change=180.0))
     return modes, modes != wider
 
 
 def label_glider(flight: Flight, motion: AirMotion, decoded: IntArray) -> Labels:
-    """Return the labels of a flight; their `second` modes are those of rule b.
-
-    Args:
-        flight: the flight.
-        motion: its motion in the air.
-        decoded: (n,) what `decode` says of it.
+    """Return the labels of a flight from its motion in the air, and (n,) what `decode` says of
+    it.
     """
     modes, doubtful = circles(flight, motion.rates)
     # Rule b knows when there are circles, and its rule here only how long they must be.
     rules = replace(CIRCLES, peak=1e-3, bound=1e-3)
-    other, unsure = circles(
-        flight,
-        np.where(decoded == 1, motion.rates, 0.0),
-        rules,
-    )
+    other, unsure = circles(flight, motion.rates * (decoded == 1), rules)
     weights = np.zeros(len(modes))
-    for first, end in flight.pieces:
-        widths = np.diff(row_edges(flight.times[first:end]))
+    for rows in flight.pieces:
+        widths = np.diff(row_edges(flight.times[rows]))
         # Time in longer gaps is not scored.
-        weights[first:end] = np.minimum(
-            widths,
-            3.0 * float(np.median(widths)),
-        )
+        weights[rows] = np.minimum(widths, 3.0 * np.median(widths))
     scored = (decoded != NOT_FLYING) & (modes == other) & ~doubtful & ~unsure & (weights > 0.0)
     known = np.flatnonzero(scored)
     # Elsewhere the mode of the nearest row.
     if known.size:
         middle = 0.5 * (known[1:] + known[:-1])
         modes = modes[known][np.searchsorted(middle, np.arange(len(modes)))]
-    weights = np.where(scored, weights, 0.0)
     return Labels(
         flight.times,
         modes,
         scored,
-        weights,
+        weights * scored,
         motion.rates,
         motion.speeds,
-        other,
     )
 
 

@@ -11,8 +11,6 @@ import hashlib
 import tarfile
 from pathlib import Path
 
-import numpy as np
-
 from baselines import IgcLog
 from hybrid_env import ArgumentError
 from studies.flights.flight import Flight, Tier, on_plane
@@ -63,10 +61,7 @@ def half_of(identity: str) -> str:
     """Return the half of a log, or that it is sealed or left out."""
     if identity in LEFT_OUT:
         return ""
-    return next(
-        (half for half, logs in HALVES.items() if identity in logs.split()),
-        SEALED,
-    )
+    return next((half for half, logs in HALVES.items() if identity in logs.split()), SEALED)
 
 
 def glider_flight(identity: str, group: str, log: IgcLog) -> Flight:
@@ -78,8 +73,7 @@ def glider_flight(identity: str, group: str, log: IgcLog) -> Flight:
         error_tier(group, log.step),
         log.times - log.times[0],
         on_plane(log.latitudes, log.longitudes),
-        np.full(len(log.times), np.nan),
-        log.altitudes,
+        altitudes=log.altitudes,
     )
 
 

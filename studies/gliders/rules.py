@@ -3,17 +3,23 @@
 A rule has several numbers, and a grid of settings from which a comparison selects on other flights.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
-from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from studies.flights.tracks import FlightTracks
-from studies.flights.turns import LEFT, RIGHT, STRAIGHT, FloatArray, IntArray, TurnModel
-
-Settings = Sequence[tuple[float, ...]]
+from studies.flights.rules import Settings, TurnRule, begun
+from studies.flights.turns import (
+    LEFT,
+    RIGHT,
+    STRAIGHT,
+    Batch,
+    FloatArray,
+    IntArray,
+    TurnEstimates,
+    TurnModel,
+)
 
 MODELS = tuple(
     TurnModel(
@@ -31,22 +37,7 @@ CLIMBING = tuple(replace(model, climb=0.1, climb_level=0.3) for model in MODELS)
 """The same with the climb rate."""
 
 
-def by_probability(tracks: FlightTracks, settings: Settings) -> IntArray:
-    """State by thresholds on the probabilities of the modes: to a turn, and to straight flight."""
-    enter, leave = np.log(settings).T
-    stated = begun(tracks, settings)
-    for tick, logs in enumerate(tracks.log_probability):
-        best = logs.argmax(-1)[:, None]
-        threshold = np.where(best == STRAIGHT, leave, enter)
-        stated[tick] = np.where(
-            logs.max(-1)[:, None] >= threshold,
-            best,
-            stated[tick - 1],
-        )
-    return stated
-
-
-def by_rate(tracks: FlightTracks, settings: Settings) -> IntArray:
+def by_rate(batch: Batch, estimates: TurnEstimates, settings: Settings) -> IntArray:
     """State by the rule of the glide computer XCSoar, by its facts: a turn rate that lasts.
 
     The turn rate of the ground track is limited to 50 deg/s and smoothed by a low-pass filter of
@@ -55,21 +46,13 @@ def by_rate(tracks: FlightTracks, settings: Settings) -> IntArray:
     """
     bound, enter, leave = np.array(settings).T
     fastest = np.radians(50.0)
-    stated = begun(tracks, settings)
+    stated = begun(batch, settings)
     smooth = np.zeros((stated.shape[1], 1))
     # Time since the rate contradicts the statement, else -1.
     waited = np.full(stated.shape[1:], -1.0)
-    for tick, (dt, turned) in enumerate(ground_turns(tracks)):
-        rate = np.clip(
-            turned / np.where(dt > 0.0, dt, 1.0),
-            -fastest,
-            fastest,
-        )
-        smooth = np.where(
-            dt > 0.0,
-            smooth + 0.3 * (rate - smooth),
-            smooth,
-        )
+    for tick, (dt, turned) in enumerate(ground_turns(batch)):
+        rate = np.clip(turned / np.where(dt > 0.0, dt, 1.0), -fastest, fastest)
+        smooth = np.where(dt > 0.0, smooth + 0.3 * (rate - smooth), smooth)
         turning = np.abs(smooth) >= np.radians(bound)
         circling = stated[tick - 1] != STRAIGHT
         longer = np.where(waited < 0.0, 0.0, waited + dt)
@@ -82,7 +65,7 @@ def by_rate(tracks: FlightTracks, settings: Settings) -> IntArray:
     return stated
 
 
-def by_angle(tracks: FlightTracks, settings: Settings) -> IntArray:
+def by_angle(batch: Batch, estimates: TurnEstimates, settings: Settings) -> IntArray:
     """State by the angle that the ground track has turned, forgotten in time, with hysteresis.
 
     A glider circles when the angle with the longer memory [s] reaches a threshold [deg], until that
@@ -90,87 +73,60 @@ def by_angle(tracks: FlightTracks, settings: Settings) -> IntArray:
     """
     memory, enter, leave = np.array(settings).T
     enter, leave = np.radians([enter, leave])
-    stated = begun(tracks, settings)
+    stated = begun(batch, settings)
     angle = np.zeros(stated.shape[1:])
     recent = np.zeros((stated.shape[1], 1))
-    for tick, (dt, turned) in enumerate(ground_turns(tracks)):
+    for tick, (dt, turned) in enumerate(ground_turns(batch)):
         angle = angle * np.exp(-dt / memory) + turned
         recent = recent * np.exp(-dt / 8.0) + turned
         last = stated[tick - 1]
         going = (last != STRAIGHT) & (np.where(last == LEFT, recent, -recent) > leave)
         begins = (np.abs(angle) >= enter) & (np.abs(recent) > leave) & (angle * recent > 0.0)
         side = np.where(angle > 0.0, LEFT, RIGHT)
-        stated[tick] = np.where(
-            begins,
-            side,
-            np.where(going, last, STRAIGHT),
-        )
+        stated[tick] = np.where(begins, side, np.where(going, last, STRAIGHT))
     return stated
 
 
-def begun(tracks: FlightTracks, settings: Settings) -> IntArray:
-    """Return statements (T, B, K) of straight flight; the last row is that before the first one."""
-    return np.full(
-        (*tracks.batch.times.shape, len(settings)),
-        STRAIGHT,
-    )
+def ground_turns(batch: Batch) -> FloatArray:
+    """Return times since the last position [s], and angles by which the ground track turned at
+    each position, anticlockwise [rad], (T, 2, B, 1).
+    """
+    x, y = np.moveaxis(np.diff(batch.positions, axis=0), -1, 0)
+    # The track of an object that rests is the last one.
+    angles = np.where(np.hypot(x, y) > 0.0, np.arctan2(y, x), np.nan)
+    changes = pd.DataFrame(angles).ffill().diff()[1:].to_numpy()
+    turned = np.zeros(batch.times.shape)
+    turned[2:] = np.nan_to_num(np.remainder(changes + np.pi, 2.0 * np.pi) - np.pi)
+    return np.stack([batch.steps, turned], axis=1)[..., None]
 
 
-def ground_turns(tracks: FlightTracks) -> FloatArray:
-    """Return times since the last position [s] and turned angles [rad], (T, 2, B, 1)."""
-    return np.stack(
-        [tracks.batch.steps, tracks.turned],
-        axis=1,
-    )[..., None]
-
-
-@dataclass(frozen=True, kw_only=True)
-class GliderRule:
-    """A rule on flights of gliders, of which settings are selected."""
-
-    title: str
-    # From tracks and K settings to statements (T, B, K), at first straight flight.
-    state: Callable[[FlightTracks, Settings], IntArray] = by_probability
-    # Settings to select from.
-    grid: Settings = tuple(
-        product(
-            (0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99),
-            (0.5, 0.7, 0.8, 0.9, 0.95, 0.98),
-        )
-    )
-    # Settings of the filters to select from.
-    models: tuple[TurnModel, ...] = MODELS[:1]
-    # Settings of `run_turn_beam`; None for the IMM.
-    beam: Mapping[str, Any] | None = None
-
-
+PROBABILITIES = tuple(
+    product((0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99), (0.5, 0.7, 0.8, 0.9, 0.95, 0.98))
+)
+"""To enter a circle, and to leave it."""
 RULES = {
-    "imm": GliderRule(title="IMM", models=MODELS),
+    "imm": TurnRule(grid=PROBABILITIES, models=MODELS),
     # Circles drift.
-    "imm-wind": GliderRule(
-        title="IMM with wind",
+    "imm-wind": TurnRule(
+        grid=PROBABILITIES,
         models=tuple(replace(model, wind=0.01) for model in MODELS),
     ),
     # Gliders circle where the air rises.
-    "imm-climb": GliderRule(title="IMM with climb", models=CLIMBING),
-    "imm-wind-climb": GliderRule(
-        title="IMM, wind, climb",
+    "imm-climb": TurnRule(grid=PROBABILITIES, models=CLIMBING),
+    "imm-wind-climb": TurnRule(
+        grid=PROBABILITIES,
         models=tuple(replace(model, wind=0.01) for model in CLIMBING),
     ),
     # The semi-Markov posterior, in which a circle lasts at least 15 s.
-    "beam": GliderRule(
-        title="beam",
+    "beam": TurnRule(
+        grid=PROBABILITIES,
         models=tuple(
-            replace(
-                model,
-                rates=(0.0, 6.0, 12.0, 20.0, -6.0, -12.0, -20.0),
-            )
+            replace(model, rates=(0.0, 6.0, 12.0, 20.0, -6.0, -12.0, -20.0))
             for model in MODELS[::2]
         ),
         beam={"shortest": (0.0, 15.0), "branches": 30},
     ),
-    "xcsoar": GliderRule(
-        title="XCSoar, tuned",
+    "xcsoar": TurnRule(
         state=by_rate,
         grid=tuple(
             product(
@@ -180,13 +136,11 @@ RULES = {
             )
         ),
     ),
-    "xcsoar-default": GliderRule(
-        title="XCSoar, default",
+    "xcsoar-default": TurnRule(
         state=by_rate,
         grid=((4.0, 15.0, 10.0),),
     ),
-    "angle": GliderRule(
-        title="angle turned",
+    "angle": TurnRule(
         state=by_angle,
         grid=tuple(
             product(

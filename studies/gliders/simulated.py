@@ -6,7 +6,8 @@ without. Positions are rounded as in logs, and some are missing. Settings are dr
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from itertools import zip_longest
+from types import SimpleNamespace
 
 import numpy as np
 from numpy.random import Generator
@@ -53,167 +54,139 @@ RANGES = {
 STEP = 1.0
 
 
-class Turns(NamedTuple):
-    """Turns, or other events: times at which each value begins to rise and to fall, linearly,
-    and how long [s].
+Turns = tuple[FloatArray, ...]
+"""Turns or other events: times at which each begins and ends, its value, and how long the value
+rises at the begin and falls at the end, linearly [s].
+"""
+
+
+def one_after_the_other(gaps: FloatArray, lengths: FloatArray, *turns: FloatArray) -> Turns:
+    """Return turns with gaps before them, from values, rises and falls; the lengths are the times
+    until they fall.
     """
-
-    begins: FloatArray
-    ends: FloatArray
-    values: FloatArray
-    rises: FloatArray
-    falls: FloatArray
-
-    def at(self, times: FloatArray) -> FloatArray:
-        """Return the values at times (t,)."""
-        knots = [self.begins, self.begins + self.rises, self.ends, self.ends + self.falls]
-        heights = self.values[:, None] * [0.0, 1.0, 1.0, 0.0]
-        moments = np.maximum.accumulate(np.column_stack(knots).ravel())
-        return np.interp(times, moments, heights.ravel())
-
-
-def one_after_the_other(
-    gaps: FloatArray,
-    lengths: FloatArray,
-    values: FloatArray,
-    rises: FloatArray,
-    falls: FloatArray,
-) -> Turns:
-    """Return turns with gaps before them; the lengths are the times until they fall."""
+    _, rises, falls = turns
     lengths = np.maximum(lengths, rises)
     ends = np.cumsum(gaps + lengths + falls) - falls
-    return Turns(ends - lengths, ends, values, rises, falls)
+    return ends - lengths, ends, *turns
 
 
-World = dict[str, float]
+def values_at(times: FloatArray, turns: Turns) -> FloatArray:
+    """Return the values of turns at times (t,)."""
+    begins, ends, values, rises, falls = turns
+    knots = np.column_stack([begins, begins + rises, ends, ends + falls])
+    heights = values[:, None] * [0.0, 1.0, 1.0, 0.0]
+    return np.interp(times, np.maximum.accumulate(knots.ravel()), heights.ravel())
 
 
 def simulate_glider(seconds: float, generator: Generator) -> Flight:
     """Return a simulated flight of some seconds, with settings of its own."""
-    world = {name: float(log_uniform(generator, *bounds)) for name, bounds in RANGES.items()}
+    ranges = RANGES.items()
+    world = SimpleNamespace(**{name: log_uniform(generator, *bounds) for name, bounds in ranges})
     grid = np.arange(0.0, seconds + 2.0 * GRID, GRID)
     path, altitudes = _fly(
         world,
-        *_plan(world, seconds, generator),
+        seconds,
         grid,
         generator,
     )
     times = np.arange(0.0, seconds, STEP)
-    times = times[generator.uniform(size=len(times)) >= world["missing"]]
+    times = times[generator.uniform(size=len(times)) >= world.missing]
     # Rounding of the latitude in logs [m].
     step = float(generator.choice((1.853, 0.185)))
     rounding = step * np.array([np.cos(np.radians(generator.uniform(30.0, 55.0))), 1.0])
-    positions = np.column_stack([np.interp(times, grid, axis) for axis in path.T])
-    positions += world["noise"] * generator.standard_normal(positions.shape)
-    heights = np.interp(times, grid, altitudes)
-    heights += world["altitude_noise"] * generator.standard_normal(len(times))
+    east, north, heights = (np.interp(times, grid, values) for values in (*path.T, altitudes))
+    positions = np.column_stack([east, north])
+    positions += world.noise * generator.standard_normal(positions.shape)
+    heights += world.altitude_noise * generator.standard_normal(len(times))
     return Flight(
         "simulated",
         error_tier("simulated", step),
         times - times[0],
         rounding * np.round(positions / rounding),
-        np.full(len(times), np.nan),
-        np.round(heights),
+        altitudes=np.round(heights),
     )
 
 
-def _plan(
-    world: World,
+def _fly(
+    world: SimpleNamespace,
     seconds: float,
+    grid: FloatArray,
     generator: Generator,
-) -> tuple[Turns, Turns, Turns]:
-    """Return circles and wiggles with their turn rates [deg/s], and the shares by which circles
-    straighten.
-    """
+) -> tuple[FloatArray, FloatArray]:
+    """Return the path (g, 2) and the altitude (g,) at times (g,) [m]."""
     n = int(seconds / 5.0) + 8
 
     def drawn(low: float, high: float) -> FloatArray:
-        return log_uniform(generator, low, high, n)
+        return log_uniform(
+            generator,
+            low,
+            high,
+            n,
+        )
 
-    gaps = world["straight"] * np.exp(1.2 * generator.standard_normal(n))
+    gaps = world.straight * np.exp(1.2 * generator.standard_normal(n))
     gaps[0] *= generator.uniform()
     # Circles that follow circles to the other side.
     at_once = generator.uniform(size=n) < 0.2
-    sides = np.cumprod(
-        np.where(
-            at_once,
-            -1.0,
-            generator.choice([-1.0, 1.0], n),
-        )
-    )
-    sizes = np.asarray(sides * world["rate"] * np.exp(0.2 * generator.standard_normal(n)))
+    sides = np.cumprod(np.where(at_once, -1.0, generator.choice([-1.0, 1.0], n)))
+    sizes = sides * world.rate * np.exp(0.2 * generator.standard_normal(n))
     circles = one_after_the_other(
-        np.where(
-            at_once,
-            generator.uniform(0.0, 4.0, n),
-            gaps,
-        ),
-        drawn(8.0, world["circling"]),
+        np.where(at_once, generator.uniform(0.0, 4.0, n), gaps),
+        drawn(8.0, world.circling),
         sizes,
-        world["roll_in"] * drawn(0.6, 1.6),
-        world["roll_out"] * drawn(0.5, 2.0),
+        world.roll_in * drawn(0.6, 1.6),
+        world.roll_out * drawn(0.5, 2.0),
     )
-    angles = np.minimum(
-        5.0 * np.exp(generator.exponential(0.8, n)),
-        330.0,
-    )
+    angles = np.minimum(5.0 * np.exp(generator.exponential(0.8, n)), 330.0)
     rates = drawn(7.0, 35.0)
     wiggles = one_after_the_other(
-        generator.exponential(world["wiggle_gap"], n),
+        generator.exponential(world.wiggle_gap, n),
         angles / rates,
         rates * generator.choice([-1.0, 1.0], n),
         drawn(0.5, 3.0),
         drawn(0.5, 3.0),
     )
     dips = one_after_the_other(
-        generator.exponential(world["dip_gap"], n),
+        generator.exponential(world.dip_gap, n),
         drawn(1.0, 9.0),
-        np.asarray(generator.uniform(0.5, 1.4, n)),
+        generator.uniform(0.5, 1.4, n),
         drawn(1.0, 3.0),
         drawn(1.0, 3.0),
     )
-    return circles, wiggles, dips
-
-
-def _fly(
-    world: World,
-    circles: Turns,
-    wiggles: Turns,
-    dips: Turns,
-    grid: FloatArray,
-    generator: Generator,
-) -> tuple[FloatArray, FloatArray]:
-    """Return the path (g, 2) and the altitude (g,) at times (g,) [m]."""
 
     def noise(deviation: float, time: float) -> FloatArray:
-        return coloured(len(grid), deviation, time, generator)
+        return coloured(
+            len(grid),
+            deviation,
+            time,
+            generator,
+        )
 
     def phase() -> float:
         return float(generator.uniform(0.0, 2.0 * np.pi))
 
     # What the pilot wants, and how far he circles.
-    wanted = circles.at(grid)
-    circling = np.minimum(
-        np.abs(wanted) / world["rate"],
-        1.0,
-    )
+    wanted = values_at(grid, circles)
+    circling = np.minimum(np.abs(wanted) / world.rate, 1.0)
     heading = np.radians(GRID * np.cumsum(wanted))
-    shape = 1.0 + noise(world["jitter"], world["jitter_time"])
-    shape += world["modulation"] * np.cos(heading + phase() + noise(1.0, 60.0))
+    shape = 1.0 + noise(world.jitter, world.jitter_time)
+    shape += world.modulation * np.cos(heading + phase() + noise(1.0, 60.0))
     busy = np.exp(noise(0.5, 60.0))
     rough = (0.8 + 0.6 * circling) * np.exp(noise(0.7, 15.0))
-    rates = wanted * shape * (1.0 - dips.at(grid)) + (1.0 - circling) * wiggles.at(grid)
+    rates = wanted * shape * (1.0 - values_at(grid, dips)) + (1.0 - circling) * values_at(
+        grid, wiggles
+    )
     # The hand is busier in some minutes than in others.
-    rates += busy * noise(world["wander"], world["wander_time"])
-    speeds = 1.0 + noise(world["speed_jitter"], 15.0)
-    speeds += rough * noise(world["surge"], world["surge_time"])
-    straight_speed = world["speed"] * (1.0 + (world["faster"] - 1.0) * (1.0 - circling))
+    rates += busy * noise(world.wander, world.wander_time)
+    speeds = 1.0 + noise(world.speed_jitter, 15.0)
+    speeds += rough * noise(world.surge, world.surge_time)
+    straight_speed = world.speed * (1.0 + (world.faster - 1.0) * (1.0 - circling))
     speeds = straight_speed * np.maximum(speeds, 0.3)
     # A wind that changes slowly, and gusts.
     angle = phase() - np.pi
     wind = [
-        mean + noise(0.2 * world["wind"], 600.0) + rough * noise(world["gusts"], world["gust_time"])
-        for mean in (world["wind"] * np.cos(angle), world["wind"] * np.sin(angle))
+        mean + noise(0.2 * world.wind, 600.0) + rough * noise(world.gusts, world.gust_time)
+        for mean in (world.wind * np.cos(angle), world.wind * np.sin(angle))
     ]
     path, _ = flown_path(
         np.radians(rates),
@@ -222,21 +195,18 @@ def _fly(
         np.column_stack(wind),
     )
     # Lift begins before the circles and ends about with them.
-    n = len(circles.values)
-    ends = np.maximum(
-        circles.ends + generator.uniform(-8.0, 30.0, n),
-        circles.begins + 4.0,
-    )
-    lift = Turns(
-        circles.begins - generator.uniform(4.0, 25.0, n),
+    begins, ends, *_ = circles
+    ends = np.maximum(ends + generator.uniform(-8.0, 30.0, n), begins + 4.0)
+    lift = (
+        begins - generator.uniform(4.0, 25.0, n),
         ends,
-        world["lift"] * log_uniform(generator, 0.6, 1.6, n),
+        world.lift * drawn(0.6, 1.6),
         generator.uniform(2.0, 10.0, n),
         generator.uniform(2.0, 10.0, n),
     )
-    climb = lift.at(grid) - world["sink"] + noise(world["bumps"], world["bump_time"])
+    climb = values_at(grid, lift) - world.sink + noise(world.bumps, world.bump_time)
     # Beside the centre of the thermal.
-    climb += 0.4 * world["lift"] * circling * np.cos(heading + phase())
+    climb += 0.4 * world.lift * circling * np.cos(heading + phase())
     return path, GRID * np.cumsum(climb)
 
 
@@ -244,15 +214,15 @@ def label_gliders(flights: Sequence[Flight]) -> list[Labels]:
     """Return the labels of simulated flights by both rules; rule b as libigc has it, but all of
     it is in flight.
     """
-    fast = [turns_fast(flight) for flight in flights]
-    total = max(map(len, fast))
-    decoded = decode_fast(np.array([np.pad(flags, (0, total - len(flags))) for flags in fast]).T)
+    # Where ground tracks turned fast, (T, B).
+    fast = np.array(list(zip_longest(*map(turns_fast, flights), fillvalue=0)))
+    decoded = decode_fast(fast).T
     return [
         label_glider(flight, motion, states[: len(flight.times)])
         for flight, motion, states in zip(
             flights,
             air_motion(flights),
-            decoded.T,
+            decoded,
             strict=True,
         )
     ]
@@ -266,11 +236,7 @@ def decode_fast(fast: IntArray) -> IntArray:
     # fast turns in either.
     start = np.log([0.8, 0.2])
     stays = np.log([[0.982, 0.018], [0.030, 0.970]])
-    seen = np.log([[0.942, 0.058], [0.093, 0.907]])[:, fast].transpose(
-        1,
-        2,
-        0,
-    )
+    seen = np.moveaxis(np.log([[0.942, 0.058], [0.093, 0.907]])[:, fast], 0, -1)
     score = start + seen[0]
     back = []
     for likelihoods in seen[1:]:
@@ -279,7 +245,7 @@ def decode_fast(fast: IntArray) -> IntArray:
         score = ways.max(1) + likelihoods
     states = [score.argmax(1)]
     for before in reversed(back):
-        states.append(before[np.arange(len(before)), states[-1]])
+        states.append(np.take_along_axis(before, states[-1][:, None], 1)[:, 0])
     return np.array(states[::-1])
 
 
@@ -288,16 +254,9 @@ def turns_fast(flight: Flight, time: float = 5.0, fast: float = 6.0) -> IntArray
     a time [s] before.
     """
     moves = np.diff(flight.positions, axis=0)
-    bearings = np.arctan2(*np.concatenate([moves, moves[-1:]]).T[::-1])
-    before = (
-        np.searchsorted(
-            flight.times,
-            flight.times - time + 1e-7,
-            "right",
-        )
-        - 1
-    )
+    bearings = np.arctan2(*np.vstack([moves, moves[-1:]]).T[::-1])
+    before = np.searchsorted(flight.times, flight.times - time + 1e-7, "right") - 1
     last = np.maximum(before, 0)
-    passed = flight.times - flight.times[last]
+    passed = np.maximum(flight.times - flight.times[last], 1e-9)
     turned = np.degrees(np.abs(np.angle(np.exp(1j * (bearings - bearings[last])))))
-    return ((before >= 0) & (turned > fast * np.maximum(passed, 1e-9))).astype(np.int64)
+    return ((before >= 0) & (turned > fast * passed)).astype(np.int64)

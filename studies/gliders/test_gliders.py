@@ -1,28 +1,36 @@
 """Flights of gliders: wind and circles by hindsight, the other decoder, filters of a flight in
-parts, a rule against a literal loop, and a short training.
+parts, a rule against a literal loop, a short training, and deciders on made-up logs; sealed logs
+stay closed.
 """
 
+import json
+from dataclasses import replace
+
 import numpy as np
+import pandas as pd
 import pytest
-from made_up_glider import LEFT, fly, write_log
+from made_up_glider import LEFT, fly, made_up_log, write_log
 from scipy.linalg import expm
 
-from agents import train
+from agents import run_command, train
 from baselines import parse_igc
 from studies.flights.flight import stack_flights
-from studies.flights.tracks import FlightTracks
 from studies.flights.turns import TurnModel, run_turn_imm, turn_motion
-from studies.gliders.circling import air_motion, circles, decode, label_glider
-from studies.gliders.logs import glider_flight
+from studies.gliders import __main__ as command
+from studies.gliders import logs, study
+from studies.gliders.circles import Circles
+from studies.gliders.circling import air_motion, circles, decode
+from studies.gliders.report import report
 from studies.gliders.rules import MODELS, RULES
-from studies.gliders.simulated import label_gliders, simulate_glider
+from studies.gliders.simulated import decode_fast, simulate_glider, turns_fast
 from studies.gliders.study import Setting, glider_statements
 from studies.gliders.training import Gliders
+from studies.seal import unbroken_seal
 
 
 def read(positions, altitudes):
     log = parse_igc("log", write_log(positions, altitudes))
-    return log, glider_flight("log", "A", log)
+    return log, logs.glider_flight("log", "A", log)
 
 
 def test_wind_and_circles_are_found_by_hindsight():
@@ -71,9 +79,9 @@ def test_rule_b_is_that_of_libigc():
     )
     log, copy = read(np.column_stack([east, north]), height)
     decoded = decode(log.records)
-    (ours,), theirs = label_gliders([copy]), label_glider(copy, air_motion([copy])[0], decoded)
+    states = decode_fast(turns_fast(copy)[:, None])[:, 0]
 
-    assert (ours.second == theirs.second)[decoded >= 0].mean() > 0.98
+    assert (states == decoded)[decoded >= 0].mean() > 0.98
 
 
 def literal_xcsoar(turns, rate, enter, leave):
@@ -97,13 +105,12 @@ def literal_xcsoar(turns, rate, enter, leave):
 
 def test_the_rule_of_xcsoar_at_several_settings_is_a_literal_loop():
     batch = stack_flights([read(*fly(1, noise=1.5)[1:])[1]])
-    tracks = FlightTracks(batch, run_turn_imm(batch, MODELS[0]))
     settings = [(4.0, 15.0, 10.0), (8.0, 4.0, 0.0), (6.0, 10.0, 3.0)]
     moves = np.diff(batch.positions[:, 0], axis=0)
     change = np.diff(np.arctan2(moves[:, 1], moves[:, 0]))
     turns = np.append([0.0, 0.0], (change + np.pi) % (2.0 * np.pi) - np.pi)
 
-    stated = RULES["xcsoar"].state(tracks, settings)[:, 0].T
+    stated = RULES["xcsoar"].state(batch, run_turn_imm(batch, MODELS[0]), settings)[:, 0].T
     np.testing.assert_array_equal(
         stated, [list(literal_xcsoar(turns, *setting)) for setting in settings]
     )
@@ -113,12 +120,91 @@ def test_a_short_training_gives_an_agent_with_several_settings(tmp_path, monkeyp
     monkeypatch.setattr(Gliders, "curve_flights", (2,))
     small = ("flights=[4]", "rows=300", "n_steps=100", "hidden=6", "learning_rate=0.02")
     folder = tmp_path / "mine"
-    train("studies/gliders/gliders.yml", out=folder, steps=10_000, changes=small)
+    train(
+        "studies/gliders/gliders.yml",
+        out=folder,
+        steps=10_000,
+        changes=small,
+    )
     flights = [simulate_glider(1500.0, np.random.default_rng(3))]
     settings = [Setting(str(folder), 0, (margin, margin)) for margin in (0.0, 3.0)]
-    together = glider_statements(flights, settings)
-    alone = glider_statements(flights, settings[1:])
+    (stated,) = glider_statements(flights, settings)
+    (alone,) = glider_statements(flights, settings[1:])
 
-    np.testing.assert_array_equal(alone[settings[1]][0], together[settings[1]][0])
-    few, many = (np.count_nonzero(np.diff(together[setting][0])) for setting in reversed(settings))
+    np.testing.assert_array_equal(alone[:, 0], stated[:, 1])
+    many, few = np.count_nonzero(np.diff(stated, axis=0), axis=0)
     assert few < many
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder with five logs, of which four are open."""
+    pytest.importorskip("libigc")
+    contents = [made_up_log(k) for k in range(1, 6)]
+    first, second, third, fourth, _ = map(logs.digits, contents)
+    halves = {"A": f"{first} {second}", "B": f"{third} {fourth}"}
+    monkeypatch.setattr(logs, "HALVES", halves)
+    for k, content in enumerate(contents):
+        (tmp_path / f"Nobody{k}.igc").write_bytes(content)
+    return tmp_path
+
+
+def test_rules_are_compared_on_open_logs_with_settings_of_the_other_half(folder, monkeypatch):
+    grid = (4.0, 6.0, 4.0), (7.0, 10.0, 6.0)
+    monkeypatch.setitem(RULES, "xcsoar", replace(RULES["xcsoar"], grid=grid))
+    pairs = study.read_halves(folder)
+    results = {
+        name: study.compare_rule(
+            name,
+            pairs,
+            pairs,
+            {},
+        )
+        for name in ("imm-climb", "xcsoar")
+    }
+    text, content = report(pairs, pairs, results)
+    ours, theirs = content["groups"]["both halves"]["5"].values()
+
+    assert " ".join(flight.identity for flight, _ in pairs) == " ".join(logs.HALVES.values())
+    assert "Nobody" not in text
+    assert ours["agreement"].value > 0.9
+    assert ours["enter"].value < theirs["enter"].value
+    for chosen in results["xcsoar"].chosen.values():
+        assert {setting.numbers for setting in chosen.values()} <= set(grid)
+
+
+def test_sealed_logs_are_opened_by_an_unbroken_seal_only(folder, monkeypatch, capsys):
+    kept = unbroken_seal(command.SEAL)
+    assert set(kept["settings"]["5"]) == {*RULES, "agent"}
+    assert len(study.read_halves(folder, sealed=True)) == 5
+    file = folder / "sealed.json"
+    file.write_text(json.dumps(kept | {"programs": {"libigc": "0"}}))
+    monkeypatch.setattr(command, "SEAL", file)
+    # Nothing is read.
+    monkeypatch.setattr(command, "read_halves", None)
+    line = ["--source", str(folder), "--deciders", "imm", "--sealed"]
+    assert run_command(command.Gliders, "gliders", line) == 2
+    assert "libigc differ from sealed.json" in capsys.readouterr().err
+
+
+def test_the_quick_form_prints_tables_and_writes_a_picture(tmp_path, capsys):
+    line = ["--quick", "--jobs", "1", "--out", str(tmp_path)]
+    assert not run_command(command.Gliders, "gliders", line)
+    statistics = json.loads((tmp_path / "gliders.json").read_text())["groups"]["both halves"]["5"]
+
+    assert statistics["agent"]["agreement"]["value"] > 0.8
+    assert (tmp_path / "gliders.png").exists()
+    assert "xcsoar-default" in capsys.readouterr().out
+
+
+def test_circles_of_a_log(tmp_path):
+    path = tmp_path / "flight.igc"
+    path.write_bytes(made_up_log(7))
+
+    assert not run_command(Circles, "circles", [str(path)])
+    rows = pd.read_csv(tmp_path / "flight_circles" / "circles.csv")
+    assert rows["side"].tolist() == ["left", "right", "right", "left"]
+    columns = ["turns", "wind", "wind_from", "climb"]
+    expected = np.array([[turns, 3.16, 288.4, 1.5] for turns in (4.0, 3.0, 4.5, 3.5)])
+    assert (np.abs(rows[columns] - expected) < [0.4, 0.5, 8.0, 0.3]).all(axis=None)
+    assert rows["stated_after"].between(0.0, 20.0).all()

@@ -10,13 +10,8 @@ import tyro
 from rich.progress import track
 
 from agents import markdown_table, run_command
-from studies.league import families
-from studies.league.protocol import (
-    QUICKEST,
-    THREE,
-    Protocol,
-    read_entry,
-)
+from studies.league.families import families_tables, play_family
+from studies.league.protocol import EPISODES, play, read_entry
 from studies.league.table import league_figure, league_tables, shipped_entries, world_table
 
 
@@ -54,27 +49,26 @@ class League:
 
     def run(self) -> None:
         """Play the deciders, print the tables and write the files."""
-        protocol = Protocol(jobs=self.jobs)
-        seeds, steps, tracks = self.training_seeds, None, 1024
+        episodes, seeds, steps, tracks = EPISODES, self.training_seeds, None, 1024
         deciders, recipes = self.deciders, self.recipes
         if self.quick:
-            worlds = ("R = 0.1", "R = 1", "unknown, R = 0.1")
-            protocol = Protocol(
-                worlds,
-                {
-                    THREE: 8,
-                    QUICKEST: 3,
-                },
-                self.jobs,
-            )
-            seeds, steps, tracks = 2, 2000, 16
+            episodes, seeds = {"R = 0.1": 8, "R = 1": 8, "unknown, R = 0.1": 3}, 2
+            steps, tracks = 2000, 16
             deciders, recipes = deciders or ("msprt", "threshold"), recipes or ("tandem",)
         files = map(read_entry, self.table)
         shown = [*([] if self.quick else shipped_entries()), *files]
         self.out.mkdir(parents=True, exist_ok=True)
-        played = [protocol.play(name) for name in track(deciders, "Playing")]
+        played = [play(name, episodes, self.jobs) for name in track(deciders, "Playing")]
         played += [
-            families.play_family(recipe, seeds, steps, protocol, self.out, tracks)
+            play_family(
+                recipe,
+                seeds,
+                steps,
+                episodes,
+                self.jobs,
+                self.out,
+                tracks,
+            )
             for recipe in track(recipes, "Training")
         ]
         entries = [*({entry["title"]: entry for entry in (*shown, *played)}).values()]
@@ -82,14 +76,11 @@ class League:
             file = "".join(sign if sign.isalnum() else "-" for sign in entry["title"]) + ".json"
             (self.out / file).write_text(json.dumps(entry, indent=2), encoding="utf-8")
             print(f"{entry['title']} ({entry['kind']})")
-            print(
-                world_table(entry, entries).to_string(index=False),
-                end="\n\n",
-            )
+            print(world_table(entry, entries).to_string(index=False), end="\n\n")
             for world, content in entry["worlds"].items():
                 if "refused" in content:
                     print(f"It cannot decide in {world}: {content['refused']}")
-        tables = [*league_tables(entries), *families.families_tables(entries).values()]
+        tables = [*league_tables(entries), *families_tables(entries).values()]
         for table in tables:
             print(table.to_string(index=False), end="\n\n")
         text = "\n".join(markdown_table([*table], table.to_numpy()) for table in tables)

@@ -4,25 +4,23 @@ As in DAgger (Ross et al. 2011) the student drives, so that it meets the anchors
 declarations, and the teacher is asked on every row.
 """
 
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents import PosteriorDecider, find_decider
+from agents import find_decider
 from studies.league.segments import (
-    GAIN,
     INPUTS,
     Rows,
     SegmentAlgorithm,
     SegmentDecider,
     Segments,
-    hidden_layers,
     row_inputs,
+    turn_layers,
     with_straight,
-    zero_layer,
 )
 
 
@@ -31,24 +29,18 @@ class DistilledNet(nn.Module):
 
     def __init__(self, hidden: int):
         super().__init__()
-        self.layers = hidden_layers(INPUTS, hidden)
-        self.output = zero_layer(hidden, 2)
+        self.layers = turn_layers(INPUTS, hidden)
         self.scale = nn.Parameter(torch.ones(1))
 
     def forward(self, inputs: Tensor, logs: Tensor) -> Tensor:
         """Return the logarithms of the posterior (N, M) of rows, see `row_inputs`."""
-        outputs = GAIN * self.output(self.layers(inputs))
-        return torch.log_softmax(
-            self.scale * logs + with_straight(outputs),
-            -1,
-        )
+        return torch.log_softmax(self.scale * logs + with_straight(self.layers(inputs)), -1)
 
 
 class DistilledDecider(SegmentDecider):
     """Declares once the error probability is at most alpha. It has no state."""
 
     network = DistilledNet
-    label = "distilled agent"
 
     def advance(self, rows: Rows, ticks: Tensor, state: Any) -> tuple[Tensor, None]:
         inputs = map(torch.from_numpy, row_inputs(rows, self.world.tau))
@@ -62,8 +54,8 @@ class Distilled(SegmentAlgorithm):
 
     decider = DistilledDecider
 
-    def build(self) -> None:
-        super().build()
+    def prepare(self) -> None:
+        super().prepare()
         variance = np.asarray(self.world.measurement_variance)
         changed = [self.make_env(measurement_variance=(k * variance).tolist()) for k in (0.1, 10.0)]
         self.envs = [self.env, *changed]
@@ -72,26 +64,21 @@ class Distilled(SegmentAlgorithm):
         self.env = self.envs[self.rounds % len(self.envs)]
         return super().train_round()
 
-    def labels(self, found: Segments) -> tuple[NDArray[Any], ...]:
-        """See `SegmentAlgorithm.labels`: the posterior of the teacher on each row."""
+    def inputs(self, rows: Rows, lengths: NDArray[np.int64]) -> tuple[NDArray[Any], ...]:
+        """See `SegmentAlgorithm.inputs`; also the posterior of the teacher on each row."""
         world = self.env.options
-        decider = cast("PosteriorDecider", find_decider("shipped-threshold", world))
-        counts = found.lengths.reshape(-1, world.segments).sum(1)
-        return (
-            taught(
-                decider,
-                found.rows,
-                counts,
-            ).astype(np.float32),
-        )
+        teacher = find_decider("shipped", world)
+        counts = lengths.reshape(-1, world.segments).sum(1)
+        return *super().inputs(rows, lengths), taught(teacher, rows, counts).astype(np.float32)
 
-    def loss(self, inputs: list[Tensor], lengths: Tensor, *labels: Tensor) -> Tensor:
+    def loss(self, inputs: list[Tensor], segments: Segments) -> Tensor:
         """Return the mean cross-entropy of the posterior of the teacher, (n, M)."""
-        return -(labels[0] * self.net(*inputs)).sum(-1).mean()
+        *of_rows, teaching = inputs
+        return -(teaching * self.net(*of_rows)).sum(-1).mean()
 
 
 def taught(
-    teacher: PosteriorDecider,
+    teacher: Any,
     rows: Rows,
     counts: NDArray[np.int64],
 ) -> NDArray[np.float64]:
@@ -107,9 +94,5 @@ def taught(
         if not goes_on.all():
             left, state = left[goes_on], teacher.select_tracks(state, goes_on)
         now = begins[left] + tick
-        out[now], state = teacher.posterior(
-            rows[now],
-            state,
-            np.full(len(left), tick == 0),
-        )
+        out[now], state = teacher.posterior(rows[now], state, np.full(len(left), tick == 0))
     return out

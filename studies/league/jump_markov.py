@@ -21,14 +21,13 @@ from agents import (
     StatementBatch,
     StatementNet,
     StatementOutputs,
+    Statements,
     StatementSettings,
-    TrackAlgorithm,
     UtilityDecider,
     turn_views,
 )
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions
 from studies.league.kalman import (
-    SENSOR,
     KalmanNet,
     KalmanState,
     evidence,
@@ -69,12 +68,7 @@ class JumpMarkovNet(nn.Module):
 
     def __init__(self, hidden: int):
         super().__init__()
-        self.filter = KalmanNet(
-            4,
-            2,
-            hidden,
-            4,
-        )
+        self.filter = KalmanNet(hidden, context=4)
         # Of straight motion, a turn and the other turns six numbers each, and two of the track.
         self.modes = StatementNet(hidden, 3 * 6 + 2)
         # Log-odds of a switch at a tick.
@@ -96,53 +90,33 @@ class JumpMarkovNet(nn.Module):
         without a memory.
         """
         ticks = []
-        for now, logs in zip(
-            inputs,
-            log_probability,
-            strict=True,
-        ):
+        for now, logs in zip(inputs, log_probability, strict=True):
             outputs, memory = self.begin(now, logs) if memory is None else self.step(now, memory)
             ticks.append(outputs)
         return each_tensor(lambda *parts: torch.stack(parts), *ticks)._replace(memory=memory)
 
     def begin(self, inputs: Tensor, logs: Tensor) -> Tick:
         """Start from the first estimate, to which the first measurement has contributed."""
-        filters = logs.shape[1] + 1
-        measured, state, _ = (
-            inputs[:, None]
-            .expand(
-                -1,
-                filters,
-                -1,
-            )
-            .tensor_split(
-                (2, 6),
-                -1,
-            )
-        )
-        start = self.filter.start(state, measured.nan_to_num())
+        of_filters = inputs[:, None].expand(-1, logs.shape[1] + 1, -1)
+        start = self.filter.start(of_filters[..., 2:6], of_filters[..., :2].nan_to_num())
         nothing = torch.zeros_like(logs)
+        innovation = nothing[..., None].expand(-1, -1, 2)
         return self._tick(
             inputs,
             start,
             logs,
             nothing,
-            nothing[..., None].expand(
-                -1,
-                -1,
-                2,
-            ),
+            innovation,
             None,
         )
 
     def step(self, inputs: Tensor, last: JumpMarkovState) -> Tick:
         """Process one tick of N tracks, (N, 6 + M - 1)."""
-        M = last.logs.shape[1]
         predicted, mixed, kept = self._mix(last)
         origin, velocity = (predicted.exp()[..., None] * mixed).sum(1).split(2, -1)
         speed = velocity.norm(dim=-1, keepdim=True).clamp(min=SMALLEST)
         # Frames of the filters: along the merged velocity, and across it to the side of the turn.
-        side = torch.from_numpy(filter_sides(M)).float()
+        side = torch.from_numpy(filter_sides(last.logs.shape[1])).float()
         signs = torch.stack([torch.ones_like(side), side], -1)
         frame = signs[..., None] * two_by_two(*(velocity / speed).split(1, -1))
 
@@ -154,42 +128,27 @@ class JumpMarkovNet(nn.Module):
 
         is_known = ~inputs[:, :1].isnan()
         # Without a measurement the filters hardly change.
-        measured = torch.where(
-            is_known,
-            inputs[:, :2],
-            origin,
-        )
+        measured = torch.where(is_known, inputs[:, :2], origin)
         position, moving = twice(mixed).split(2, -1)
         filters = last.filters._replace(
-            state=torch.cat(
-                [local(position - origin[:, None]), local(moving)],
-                -1,
-            ),
+            state=torch.cat([local(position - origin[:, None]), local(moving)], -1),
             measurement=local(last.filters.measurement - origin[:, None]),
         )
         turn = nn.functional.pad(speed / inputs[:, 6:], (2, 0))
         logs = twice(predicted) / 5.0, twice(kept) / 5.0
-        context = torch.stack(
-            [
-                *logs,
-                0.5 * speed.log().expand_as(turn),
-                10.0 * turn,
-            ],
-            -1,
-        )
+        pace = 0.5 * speed.log().expand_as(turn)
+        context = torch.stack([*logs, pace, 10.0 * turn], -1)
         motion = coordinated_turn(turn)
         z = local((measured - origin)[:, None])
         scale = torch.ones_like(z[..., :1])
         after, likelihoods = self.filter.step(
             filters,
             motion,
-            SENSOR,
             z,
             scale,
             context,
         )
         innovation = z - (motion @ filters.state[..., None])[..., :2, 0]
-        innovation = of_modes(innovation * signs)
         # Columns: position, velocity.
         back = frame.mT @ after.state.unflatten(-1, (2, 2)).mT
         after = after._replace(
@@ -197,6 +156,7 @@ class JumpMarkovNet(nn.Module):
             measurement=measured[:, None].expand_as(z),
         )
         likelihood = is_known * evidence(likelihoods)
+        innovation = of_modes(innovation * signs)
         return self._tick(
             inputs,
             after,
@@ -212,11 +172,7 @@ class JumpMarkovNet(nn.Module):
         """
         M = last.logs.shape[1]
         hazard = nn.functional.logsigmoid(torch.cat([-self.hazard, self.hazard]))
-        change = torch.where(
-            torch.eye(M) > 0.0,
-            hazard[0],
-            hazard[1] - np.log(M - 1.0),
-        )
+        change = torch.where(torch.eye(M) > 0.0, hazard[0], hazard[1] - np.log(M - 1.0))
         joint = last.logs[:, :, None] + change
         predicted = joint.logsumexp(1)
         share = joint - predicted[:, None]
@@ -241,10 +197,7 @@ class JumpMarkovNet(nn.Module):
             predicted / 5.0,
             ratio / 3.0,
         ]
-        each = torch.cat(
-            [torch.stack(parts, -1), 0.5 * innovation.clamp(-6.0, 6.0)],
-            -1,
-        )
+        each = torch.cat([torch.stack(parts, -1), 0.5 * innovation.clamp(-6.0, 6.0)], -1)
         # The lateral innovation, in column 5, changes its sign in a mirrored trajectory.
         views = turn_views(
             each.detach().numpy(),
@@ -264,11 +217,7 @@ class JumpMarkovNet(nn.Module):
         memory = outputs.memory[0].view(*views.shape[:2], -1)
         utility, stay, belief = (part[0] for part in outputs[:3])
         logs = torch.log_softmax(belief, -1).clamp(min=LOWEST_LOG)
-        state = JumpMarkovState(
-            filters,
-            logs,
-            memory,
-        )
+        state = JumpMarkovState(filters, logs, memory)
         return StatementOutputs(
             utility,
             stay,
@@ -280,10 +229,7 @@ class JumpMarkovNet(nn.Module):
 
 def of_modes(filters: Tensor) -> Tensor:
     """Return values of the hypotheses (N, M, k) from those of the filters (N, M + 1, k)."""
-    return torch.cat(
-        [filters[:, :2].mean(1, keepdim=True), filters[:, 2:]],
-        1,
-    )
+    return evidence(filters.mT).mT
 
 
 def coordinated_turn(turn: Tensor) -> Tensor:
@@ -293,10 +239,7 @@ def coordinated_turn(turn: Tensor) -> Tensor:
     rotation = two_by_two(turn.cos(), -turn.sin())
     # In a frame that turns with the object.
     deviation = turning(turn)[..., :2, 2:]
-    above = torch.cat(
-        [torch.eye(2).expand_as(rotation), rotation @ deviation],
-        -1,
-    )
+    above = torch.cat([torch.eye(2).expand_as(rotation), rotation @ deviation], -1)
     return torch.cat([above, nn.functional.pad(rotation, (2, 0))], -2)
 
 
@@ -324,29 +267,21 @@ class JumpMarkovDecider(UtilityDecider):
         The inputs are what is measured (NaN where it is missing), position and velocity of the
         first estimate, and the radii of the turns, in deviations of the noise and ticks.
         """
-        measurement = tracks.field("measurement")
         x, vx, y, vy = tracks.field("estimate").T
-        radii = np.broadcast_to(
-            np.tile(self.world.radii, 2),
-            (len(x), self.world.hypotheses - 1),
-        )
+        radii = np.tile(self.world.radii, (len(x), 2))
         tau = self.world.tau
         variances = self.world.variances
         # The geometric mean of those of the axes.
         noise = np.sqrt(np.prod(variances) ** (1.0 / variances.size))
-        inputs = (
-            np.column_stack(
-                [
-                    measurement,
-                    x,
-                    y,
-                    vx * tau,
-                    vy * tau,
-                    radii,
-                ]
-            )
-            / noise
-        )
+        columns = [
+            tracks.field("measurement"),
+            x,
+            y,
+            vx * tau,
+            vy * tau,
+            radii,
+        ]
+        inputs = np.column_stack(columns) / noise
         return np.hstack([inputs, tracks.hypothesis_values()]).astype(np.float32)
 
     def evidence(
@@ -373,16 +308,12 @@ class JumpMarkovDecider(UtilityDecider):
             starts = np.ones_like(starts)
             outputs, net = self.net.begin(*seen)
         else:
-            tick = self.net.step(seen[0], state[0])
+            outputs, net = self.net.step(seen[0], state[0])
             if starts.any():
-                tick = where(
-                    torch.from_numpy(starts),
-                    self.net.begin(*seen),
-                    tick,
-                )
-            outputs, net = tick
+                begun = self.net.begin(*seen)
+                outputs, net = where(torch.from_numpy(starts), begun, (outputs, net))
             stated = state[1].numpy()
-        utility, stay = (part.double().numpy() for part in (outputs.utility, outputs.stay))
+        utility, stay = (part.double().numpy() for part in outputs[:2])
         stated = self.largest(
             utility,
             stay,
@@ -393,14 +324,11 @@ class JumpMarkovDecider(UtilityDecider):
 
     def divide(self, observation: NDArray[np.float32]) -> tuple[Tensor, ...]:
         """Return inputs and log-probabilities, the parts of what `observe` returns (..., width)."""
-        return torch.from_numpy(observation).tensor_split(
-            (-self.world.hypotheses,),
-            -1,
-        )
+        return torch.from_numpy(observation).tensor_split((-self.world.hypotheses,), -1)
 
 
-class JumpMarkov(TrackAlgorithm):
-    """A training run of the jump-Markov net on the tracks of `TrackAlgorithm`, without their true
+class JumpMarkov(Statements):
+    """A training run of the jump-Markov net on the tracks of `Statements`, without their true
     states.
     """
 
@@ -414,12 +342,8 @@ class JumpMarkov(TrackAlgorithm):
         seed: int,
         inexact: bool,
     ) -> tuple[NDArray[Any], ...]:
-        """See `TrackAlgorithm.simulate`; tracks that read measurements are never inexact."""
-        env = HybridTrackQuickestVectorEnv(
-            tracks,
-            "Disabled",
-            **vars(world),
-        )
+        """See `Statements.simulate`; tracks that read measurements are never inexact."""
+        env = HybridTrackQuickestVectorEnv(tracks, "Disabled", **vars(world))
         env.reset(seed=seed)
         decider = JumpMarkovDecider(self.net, world)
         seen, modes = [], []

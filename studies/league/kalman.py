@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from hybrid_env import Layout
@@ -20,61 +21,53 @@ from studies.league.segments import (
     Rows,
     SegmentAlgorithm,
     SegmentDecider,
+    Segments,
     sides,
     where,
     zero_layer,
 )
 
-SENSOR = torch.eye(
-    2,
-    4,
-    dtype=torch.float32,
-    device="cpu",
-)
-
 
 class KalmanState(NamedTuple):
-    """State of filters (...) of m states and n measurements."""
+    """State of filters (...)."""
 
-    # (..., m) estimate after the last measurement.
+    # (..., 4) estimate of position and velocity after the last measurement.
     state: Tensor
     # (..., hidden) of the GRU.
     memory: Tensor
-    # (..., n) last one.
+    # (..., 2) last one.
     measurement: Tensor
-    # (..., m) last difference of two estimates.
+    # (..., 4) last difference of two estimates.
     evolution: Tensor
-    # (..., m) last difference of the estimate and its prediction.
+    # (..., 4) last difference of the estimate and its prediction.
     update: Tensor
 
 
 class KalmanNet(nn.Module):
-    """The filter of a linear model of m states and n measurements.
+    """The filter of a linear motion in the plane, whose positions are measured.
 
     `hidden` units of the GRU, which reads `context` further numbers at every measurement.
     """
 
-    def __init__(self, states: int, measurements: int, hidden: int, context: int = 0):
+    def __init__(self, hidden: int, context: int = 0):
         super().__init__()
-        self.measurements = measurements
-        inputs = 2 * (states + measurements) + context
-        self.before = nn.Sequential(nn.Linear(inputs, hidden), nn.SiLU())
+        self.before = nn.Sequential(nn.Linear(12 + context, hidden), nn.SiLU())
         self.recurrent = nn.GRUCell(hidden, hidden)
         self.gain = nn.Sequential(
             nn.Linear(hidden, hidden),
             nn.SiLU(),
-            zero_layer(hidden, states * measurements),
-            nn.Unflatten(-1, (states, measurements)),
+            zero_layer(hidden, 8),
+            nn.Unflatten(-1, (4, 2)),
         )
-        entries = measurements * (measurements + 1) // 2
+        # Two logarithms, and an entry below them.
         self.covariance = nn.Sequential(
             nn.Linear(hidden, hidden),
             nn.SiLU(),
-            zero_layer(hidden, entries),
+            zero_layer(hidden, 3),
         )
 
     def start(self, state: Tensor, measurement: Tensor) -> KalmanState:
-        """Return filters that start at estimates (..., m), with the measurements (..., n) that
+        """Return filters that start at estimates (..., 4), with the measurements (..., 2) that
         these predict.
         """
         nothing = torch.zeros_like(state)
@@ -91,39 +84,33 @@ class KalmanNet(nn.Module):
         self,
         last: KalmanState,
         motion: Tensor,
-        sensor: Tensor,
         measurement: Tensor,
         scale: Tensor,
         *context: Tensor,
     ) -> tuple[KalmanState, Tensor]:
-        """Return the filters after a measurement (..., n), and its log-likelihood given those
+        """Return the filters after a measurement (..., 2), and its log-likelihood given those
         before, (...).
 
-        Matrices from state to state are (m, m) or (..., m, m), from state to measurement (n, m);
-        the scale (..., 1) is a typical deviation of an innovation, in the unit of state and
-        measurement; the context (..., context) is read too.
+        The motion are matrices (..., 4, 4); the scale (..., 1) is a typical deviation of an
+        innovation, in the unit of state and measurement; the context (..., context) is read too.
         """
         predicted = (motion @ last.state[..., None])[..., 0]
-        innovation = measurement - predicted @ sensor.T
+        innovation = measurement - predicted[..., :2]
         steps = innovation, measurement - last.measurement, last.evolution, last.update
         # Compressed to +-3.
         inputs = 3.0 * torch.tanh(torch.cat(steps, -1) / scale / 3.0)
         read = self.before(torch.cat([inputs, *context], -1))
-        memory = self.recurrent(
-            read.flatten(0, -2),
-            last.memory.flatten(0, -2),
-        ).view_as(read)
+        memory = self.recurrent(read.flatten(0, -2), last.memory.flatten(0, -2)).view_as(read)
         update = (self.gain(memory) @ innovation[..., None])[..., 0]
-        # From the memory before the measurement, or the density would be none.
-        logs, below = self.covariance(last.memory).tensor_split(
-            (self.measurements,),
-            -1,
-        )
-        density = normal_log_density(
-            innovation / scale,
-            logs,
-            below,
-        )
+        # From the memory before the measurement, or the density would be none. The inverse of the
+        # Cholesky factor has the logarithms with the other sign, compressed to +-12, on its
+        # diagonal.
+        logs, below = self.covariance(last.memory).split([2, 1], -1)
+        logs = 12.0 * torch.tanh(logs / 12.0)
+        inverse = torch.diag_embed(torch.exp(-logs))
+        inverse[..., 1, 0] = below[..., 0]
+        whitened = (inverse @ (innovation / scale)[..., None])[..., 0]
+        density = -(0.5 * whitened.square() + logs).sum(-1) - math.log(2.0 * math.pi)
         state = predicted + update
         after = KalmanState(
             state,
@@ -132,27 +119,7 @@ class KalmanNet(nn.Module):
             state - last.state,
             update,
         )
-        return after, density - self.measurements * scale.log()[..., 0]
-
-
-def normal_log_density(values: Tensor, logs: Tensor, below: Tensor) -> Tensor:
-    """Return the logarithm of the density (...) of normal vectors (..., n) with zero mean.
-
-    The inverse of the Cholesky factor of the covariance has the logarithms -`logs` (..., n),
-    compressed to +-12, on its diagonal, and the entries `below` (..., n (n - 1) / 2) under it, row
-    by row.
-    """
-    n = values.shape[-1]
-    logs = 12.0 * torch.tanh(logs / 12.0)
-    inverse = torch.diag_embed(torch.exp(-logs))
-    rows, columns = torch.tril_indices(
-        n,
-        n,
-        -1,
-    )
-    inverse[..., rows, columns] = below
-    whitened = (inverse @ values[..., None])[..., 0]
-    return -(0.5 * whitened.square() + logs).sum(-1) - 0.5 * n * math.log(2.0 * math.pi)
+        return after, density - 2 * scale[..., 0].log()
 
 
 def filter_sides(hypotheses: int) -> Rows:
@@ -174,10 +141,7 @@ def filter_inputs(rows: Rows, tau: float) -> tuple[Rows]:
     layout = Layout.of_rows(rows)
     read = {name: layout.read(rows, name) for name in layout.slices}
     smallest = 1e-12
-    speed = np.maximum(
-        read["speed"] * tau * np.exp(-0.5 * read["log_noise"]),
-        smallest,
-    )[:, None]
+    speed = np.maximum(read["speed"] * tau * np.exp(-0.5 * read["log_noise"]), smallest)[:, None]
     turn = np.abs(read["curvature"]) * (read["speed"] * tau)[:, None]
     turn = np.concatenate([turn[:, :1], turn], -1)
     angle = turn * read["ticks"][:, None]
@@ -199,11 +163,7 @@ def filter_inputs(rows: Rows, tau: float) -> tuple[Rows]:
     ]
     out = np.empty((*turn.shape, 9), np.float32)
     for k, deviation in enumerate((cosine * along + sine * across, cosine * across - sine * along)):
-        out[..., k] = np.clip(
-            deviation / scale[:, None],
-            -1e6,
-            1e6,
-        )
+        out[..., k] = np.clip(deviation / scale[:, None], -1e6, 1e6)
     out[..., :2] *= scale[:, None, None]
     out[..., 2] = turn
     out[..., 3:8] = np.stack(of_track, -1)[:, None]
@@ -215,11 +175,7 @@ class KalmanBank(KalmanNet):
     """The filters of all hypotheses, which share one network; see `filter_inputs`."""
 
     def __init__(self, hidden: int):
-        super().__init__(
-            4,
-            2,
-            hidden,
-        )
+        super().__init__(hidden)
         self.context = nn.Sequential(nn.Linear(5, hidden), nn.Tanh())
 
     def begin(self, inputs: Tensor) -> KalmanState:
@@ -232,21 +188,11 @@ class KalmanBank(KalmanNet):
         """Process the inputs (..., 9) of a tick; return the filters and the log-likelihoods
         (...).
         """
-        residual, turn, scale, _ = inputs.split(
-            [
-                2,
-                1,
-                1,
-                5,
-            ],
-            -1,
-        )
         return self.step(
             last,
-            turning(turn[..., 0]),
-            SENSOR,
-            residual,
-            scale,
+            turning(inputs[..., 2]),
+            inputs[..., :2],
+            inputs[..., 3:4],
         )
 
 
@@ -268,7 +214,15 @@ def turning(turn: Tensor) -> Tensor:
 
 def two_by_two(diagonal: Tensor, above: Tensor) -> Tensor:
     """Return the matrices (..., 2, 2) [[diagonal, above], [-above, diagonal]]."""
-    entries = torch.stack([diagonal, above, -above, diagonal], -1)
+    entries = torch.stack(
+        [
+            diagonal,
+            above,
+            -above,
+            diagonal,
+        ],
+        -1,
+    )
     return entries.unflatten(-1, (2, 2))
 
 
@@ -276,10 +230,7 @@ def evidence(logs: Tensor) -> Tensor:
     """Return the log-likelihoods of the hypotheses (..., M) from those of the filters (..., M +
     1).
     """
-    return torch.cat(
-        [logs[..., :2].mean(-1, keepdim=True), logs[..., 2:]],
-        -1,
-    )
+    return torch.cat([logs[..., :2].mean(-1, keepdim=True), logs[..., 2:]], -1)
 
 
 class KalmanDecider(SegmentDecider):
@@ -289,17 +240,12 @@ class KalmanDecider(SegmentDecider):
     """
 
     network = KalmanBank
-    label = "learned Kalman gain"
 
     def advance(self, rows: Rows, ticks: Tensor, state: Any) -> tuple[Tensor, Any]:
         inputs = torch.from_numpy(filter_inputs(rows, self.world.tau)[0])
         last = self.net.begin(inputs), inputs.new_zeros(inputs.shape[:-1])
         if state is not None:
-            last = where(
-                ticks > 1,
-                state,
-                last,
-            )
+            last = where(ticks > 1, state, last)
         filters, logs = self.net.advance(last[0], inputs)
         logs = last[1] + logs
         return torch.softmax(evidence(logs).double(), -1), (filters, logs)
@@ -309,24 +255,18 @@ class Kalman(SegmentAlgorithm):
     """A training run of KalmanNet, without the true states."""
 
     decider = KalmanDecider
-    inputs = staticmethod(filter_inputs)
 
-    def loss(self, inputs: list[Tensor], lengths: Tensor, *labels: Tensor) -> Tensor:
+    def inputs(self, rows: Rows, lengths: NDArray[np.int64]) -> tuple[Rows]:
+        return filter_inputs(rows, self.world.tau)
+
+    def loss(self, inputs: list[Tensor], segments: Segments) -> Tensor:
         """Return the negative log-likelihood of a measurement by the true filter, and the
         cross-entropy of a row.
         """
-        logs, inside = segment_logs(
-            self.net,
-            inputs[0],
-            lengths,
-        )
-        true = labels[0].expand(inside.shape)
+        logs, inside = segment_logs(self.net, inputs[0], segments.lengths)
+        true = segments.modes.expand(inside.shape)
         likelihood = logs.gather(-1, true[..., None])[..., 0][inside].mean()
-        posterior = nn.functional.cross_entropy(
-            logs.cumsum(0)[inside],
-            true[inside],
-        )
-        return posterior - likelihood
+        return nn.functional.cross_entropy(logs.cumsum(0)[inside], true[inside]) - likelihood
 
 
 def segment_logs(net: KalmanBank, inputs: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:

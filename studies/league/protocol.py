@@ -5,8 +5,7 @@ contents.
 import base64
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -18,15 +17,10 @@ from numpy.typing import NDArray
 from agents import Task, find_decider, select_threshold, sweep, task_of
 from baselines import Decider, Scores
 from hybrid_env import ArgumentError, Layout, QuickestLayout
-from studies.league.distilled import Distilled
-from studies.league.jump_markov import JumpMarkov
-from studies.league.kalman import Kalman
-from studies.league.reward import Reward
-from studies.league.tandem import Tandem
-from studies.league.transformer import Transformer
+from studies.league import distilled, jump_markov, kalman, reward, tandem, transformer
 
-# Weights of these algorithms can be loaded, because they are imported.
-RIVALS = (Distilled, JumpMarkov, Kalman, Reward, Tandem, Transformer)
+# The weights of these algorithms can be loaded, because they are imported.
+RIVALS = (distilled, jump_markov, kalman, reward, tandem, transformer)
 # Number of the protocol; it rises when worlds, episodes or metrics change.
 PROTOCOL = 1
 # Three hypotheses, 21 hypotheses, and three with unknown switch moments.
@@ -50,43 +44,26 @@ WORLDS: dict[str, tuple[str, dict[str, Any]]] = {
     "unknown, 5 % outliers": (QUICKEST, {"noise": "outliers 0.05"}),
 }
 """Environment and changed options of each world."""
-
-
-@dataclass(frozen=True)
-class Protocol:
-    """What is played; other values than the defaults give figures that do not compare."""
-
-    # Names of `WORLDS`.
-    worlds: Sequence[str] = tuple(WORLDS)
-    # Reported episodes of each world by environment; as many others select the threshold.
-    episodes: Mapping[str, int] = field(
-        default_factory=lambda: {
-            THREE: 600,
-            BANK: 600,
-            QUICKEST: 150,
-        }
-    )
-    # Number of processes; -1 for one on each core. The results do not depend on it.
-    jobs: int = 1
-
-    def parallel(self, calls: Iterable[Any]) -> list[Any]:
-        """Return the results of calls that `joblib.delayed` made, in their order."""
-        return list(joblib.Parallel(n_jobs=self.jobs)(calls))
-
-    def play(self, name: str, env_ids: Sequence[str] = (THREE, BANK, QUICKEST)) -> dict[str, Any]:
-        """Return the entry of a decider, from the worlds of some environments."""
-        worlds = [world for world in self.worlds if WORLDS[world][0] in env_ids]
-        results = self.parallel(
-            joblib.delayed(play_world)(name, world, self.episodes[WORLDS[world][0]])
-            for world in worlds
-        )
-        return collect(name, dict(zip(worlds, results, strict=True)))
+EPISODES = {world: 150 if env_id == QUICKEST else 600 for world, (env_id, _) in WORLDS.items()}
+"""Reported episodes of each world; as many others select the threshold."""
 
 
 def world_task(world: str) -> Task:
     """Return the task of a world."""
-    env_id, options = WORLDS[world]
-    return task_of(env_id, options)
+    return task_of(*WORLDS[world])
+
+
+def play(name: str, episodes: Mapping[str, int], jobs: int = 1) -> dict[str, Any]:
+    """Return the entry of a decider, from a number of episodes in each world; refuse one that can
+    decide in none. The results do not depend on the number of processes.
+    """
+    calls = (joblib.delayed(play_world)(name, *each) for each in episodes.items())
+    worlds = dict(zip(episodes, joblib.Parallel(n_jobs=jobs)(calls), strict=True))
+    played = [world for world in worlds.values() if "refused" not in world]
+    if not played:
+        raise ArgumentError(next(iter(worlds.values()))["refused"])
+    titles = [(world.pop("title"), world.pop("kind")) for world in played]
+    return make_entry(name, *titles[0], worlds)
 
 
 def play_world(name: str, world: str, episodes: int) -> dict[str, Any]:
@@ -98,11 +75,7 @@ def play_world(name: str, world: str, episodes: int) -> dict[str, Any]:
     task = world_task(world)
     try:
         decider = find_decider(name, task.options)
-        threshold = select_threshold(
-            task,
-            decider,
-            episodes,
-        )
+        threshold = select_threshold(task, decider, episodes)
         scores = sweep(
             task,
             decider,
@@ -112,14 +85,13 @@ def play_world(name: str, world: str, episodes: int) -> dict[str, Any]:
         )
     except ArgumentError as error:
         return {"refused": str(error)}
-    estimates = {
-        metric.name: scores.estimate(metric.statistic).as_json() for metric in task.metrics
-    }
     return {
         "title": decider.title,
         "kind": kind_of(decider.at(threshold), task),
         "threshold": threshold,
-        "metrics": estimates,
+        "metrics": {
+            metric.name: scores.estimate(metric.statistic).as_json() for metric in task.metrics
+        },
         "rewards": pack(scores.of(task.goal, 0)),
     }
 
@@ -135,35 +107,9 @@ def kind_of(decider: Decider, task: Task) -> str:
     if decider.observes == "tracks":
         return "recurrent"
     layout = Layout if task.waits else QuickestLayout
-    rows = np.zeros(
-        (1, layout(task.options.hypotheses).width),
-        np.float32,
-    )
-    _, state = decider.predict(
-        rows,
-        None,
-        np.ones(1, np.bool_),
-    )
+    rows = np.zeros((1, layout(task.options.hypotheses).width), np.float32)
+    _, state = decider.predict(rows, None, np.ones(1, np.bool_))
     return "memoryless" if state is None else "recurrent"
-
-
-def collect(name: str, results: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
-    """Return the entry of a decider from what it did in each world; refuse one that can decide
-    in none.
-    """
-    played = [result for result in results.values() if "refused" not in result]
-    if not played:
-        raise ArgumentError(next(iter(results.values()))["refused"])
-    worlds = {
-        world: {key: value for key, value in result.items() if key not in ("title", "kind")}
-        for world, result in results.items()
-    }
-    return make_entry(
-        name,
-        played[0]["title"],
-        played[0]["kind"],
-        worlds,
-    )
 
 
 def make_entry(
@@ -193,7 +139,7 @@ def read_entry(path: Path) -> dict[str, Any]:
     """Read the file of a decider; refuse one that was changed, or is of another protocol or
     version.
     """
-    mine = version("hybrid-track")
+    expected = PROTOCOL, version("hybrid-track")
     try:
         entry: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
         unchanged = entry["digest"] == digest(entry)
@@ -202,11 +148,9 @@ def read_entry(path: Path) -> dict[str, Any]:
         raise ArgumentError(f"{path} is no file of the league ({error})") from None
     if not unchanged:
         raise ArgumentError(f"{path} was changed by hand")
-    if origin != (PROTOCOL, mine):
-        now = "protocol {} of version {}"
-        raise ArgumentError(
-            f"{path} is of {now.format(*origin)}: expected {now.format(PROTOCOL, mine)}"
-        )
+    if origin != expected:
+        message = "{} is of protocol {} of version {}: expected protocol {} of version {}"
+        raise ArgumentError(message.format(path, *origin, *expected))
     return entry
 
 
@@ -221,13 +165,13 @@ def scores_of(entry: Mapping[str, Any], world: str) -> Scores | None:
     if "rewards" not in content:
         return None
     rewards = np.frombuffer(base64.b64decode(content["rewards"]), "<f4").astype(np.float64)
-    thresholds = (content["threshold"],)
+    values = rewards[:, None, None]
     return Scores(
         entry["title"],
         "",
-        thresholds,
+        (content["threshold"],),
         ("reward",),
-        rewards[:, None, None],
+        values,
     )
 
 

@@ -11,25 +11,21 @@ The memory of the network is a sum over the rows of the segment, as in Deep Sets
 is processed at once in training.
 """
 
-from typing import Any
-
+import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from studies.league.segments import (
-    GAIN,
     INPUTS,
     Rows,
     SegmentAlgorithm,
     SegmentDecider,
     Segments,
-    hidden_layers,
-    kinds,
     places,
     row_inputs,
+    sides,
+    turn_layers,
     with_straight,
-    zero_layer,
 )
 
 
@@ -47,8 +43,7 @@ class RewardNet(nn.Module):
             nn.Linear(hidden, hidden),
             nn.Tanh(),
         )
-        self.layers = hidden_layers(INPUTS + hidden, hidden)
-        self.output = zero_layer(hidden, 2)
+        self.layers = turn_layers(INPUTS + hidden, hidden)
         self.scale = nn.Parameter(torch.ones(1))
 
     def features(self, inputs: Tensor) -> Tensor:
@@ -63,22 +58,15 @@ class RewardNet(nn.Module):
         Inputs and logarithms are of `row_inputs`, the memory (N, M - 1, hidden) is the sum of
         `features` so far.
         """
-        outputs = GAIN * self.output(self.layers(torch.cat([inputs, memory], -1)))
-        return torch.log_softmax(
-            self.scale * logs + with_straight(outputs),
-            -1,
-        )
+        outputs = self.layers(torch.cat([inputs, memory], -1))
+        return torch.log_softmax(self.scale * logs + with_straight(outputs), -1)
 
     def whole(self, inputs: Tensor, logs: Tensor, lengths: Tensor) -> Tensor:
         """Return the same (n, M) of all rows of segments of `lengths` (S,) rows."""
         features = self.features(inputs)
         sums = features.cumsum(0)
         before = (sums - features)[lengths.cumsum(0) - lengths]
-        return self(
-            inputs,
-            sums - before[places(lengths)[0]],
-            logs,
-        )
+        return self(inputs, sums - before[places(lengths)[0]], logs)
 
 
 class RewardDecider(SegmentDecider):
@@ -88,22 +76,13 @@ class RewardDecider(SegmentDecider):
 
     default = 0.03
     network = RewardNet
-    label = "learned from rewards"
 
     def advance(self, rows: Rows, ticks: Tensor, state: Tensor | None) -> tuple[Tensor, Tensor]:
         inputs, logs = map(torch.from_numpy, row_inputs(rows, self.world.tau))
         memory = self.net.features(inputs)
         if state is not None:
-            memory = memory + torch.where(
-                (ticks > 1)[:, None, None],
-                state,
-                0.0,
-            )
-        return self.net(
-            inputs,
-            memory,
-            logs,
-        ).double().exp(), memory
+            memory = memory + torch.where((ticks > 1)[:, None, None], state, 0.0)
+        return self.net(inputs, memory, logs).double().exp(), memory
 
 
 class Reward(SegmentAlgorithm):
@@ -111,18 +90,16 @@ class Reward(SegmentAlgorithm):
 
     decider = RewardDecider
 
-    def labels(self, found: Segments) -> tuple[NDArray[Any], ...]:
-        return found.declared, found.rewarded
-
-    def loss(self, inputs: list[Tensor], lengths: Tensor, *labels: Tensor) -> Tensor:
-        """Return the mean cross-entropy of the rewarded hypothesis over all rows; the labels are
-        hypotheses (S,) and whether declaring them was rewarded.
-        """
-        declared, rewarded = labels
+    def loss(self, inputs: list[Tensor], segments: Segments) -> Tensor:
+        """Return the mean cross-entropy of the rewarded hypothesis over all rows."""
+        lengths, declared, rewarded, _ = segments
         logs = self.net.whole(*inputs, lengths)
+        hypotheses = logs.shape[-1]
+        by_type = self.world.correctness == "type"
+        # Equal where declaring either hypothesis is rewarded alike.
+        kinds = torch.from_numpy(sides(hypotheses) if by_type else np.arange(hypotheses))
         with torch.no_grad():
-            of_each = torch.from_numpy(kinds(self.world))
-            possible = (of_each[declared][:, None] == of_each) == rewarded[:, None]
+            possible = (kinds[declared][:, None] == kinds) == rewarded[:, None]
             target = possible * logs[lengths.cumsum(0) - 1].exp().clamp(min=1e-9)
             target /= target.sum(-1, keepdim=True)
         return -(target[places(lengths)[0]] * logs).sum(-1).mean()

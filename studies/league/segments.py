@@ -6,6 +6,7 @@ that a checkpoint between two rounds needs no tracks. A network sees a row once 
 hypothesis, from the side of this turn.
 """
 
+import copy
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,41 +18,25 @@ from annotated_types import Ge
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents import NetworkAlgorithm, NetworkSettings, PosteriorDecider, task_of, turn_views
+from agents import NetworkAlgorithm, NetworkDecider, NetworkSettings, task_of, turn_views
 from baselines import Decider, rollout
 from hybrid_env import ArgumentError, HybridTrackVectorEnv, Layout, WorldOptions
 
 Rows = NDArray[np.float32]
+# Of a row, for each turn hypothesis.
 INPUTS = 33
-# Of the outputs of a network, so that they learn faster than its other layers.
-GAIN = 3.0
 SMALLEST = 1e-30
-
-
-def sides(hypotheses: int) -> NDArray[np.float32]:
-    """Return 0 for straight motion, 1 for left and -1 for right turns, (M,)."""
-    turns = hypotheses // 2
-    return np.repeat(
-        np.array(
-            [
-                0,
-                1,
-                -1,
-            ],
-            np.float32,
-        ),
-        [
-            1,
-            turns,
-            turns,
-        ],
-    )
 
 
 def kinds(world: WorldOptions) -> NDArray[Any]:
     """Return numbers (M,) that are equal where declaring either hypothesis is rewarded alike."""
     by_type = world.correctness == "type"
     return sides(world.hypotheses) if by_type else np.arange(world.hypotheses)
+
+
+def sides(hypotheses: int) -> NDArray[np.float32]:
+    """Return 0 for straight motion, 1 for left and -1 for right turns, (M,)."""
+    return np.repeat(np.array([0, 1, -1], np.float32), [1, hypotheses // 2, hypotheses // 2])
 
 
 def row_inputs(rows: Rows, tau: float) -> tuple[Rows, Rows]:
@@ -84,11 +69,7 @@ def row_inputs(rows: Rows, tau: float) -> tuple[Rows, Rows]:
         np.log(np.maximum(ticks, 1.0)) - 2.0,
         3.0 * np.tanh(across / 3.0),
         0.05 * read["displacement_along"],
-        np.clip(
-            across / (ticks / 5.0 + 0.1),
-            -3.0,
-            3.0,
-        ),
+        np.clip(across / (ticks / 5.0 + 0.1), -3.0, 3.0),
         0.5 * _log(read["anchor_xx"]),
         0.5 * _log(read["anchor_vv"] * np.float32(tau * tau)) + 2.0,
         read["anchor_xv"] * np.float32(tau),
@@ -105,11 +86,7 @@ def row_inputs(rows: Rows, tau: float) -> tuple[Rows, Rows]:
     out[..., -len(of_track) :] = np.stack(of_track, -1)[:, None]
     for column in (2, 4):
         out[..., column - len(of_track)] *= sides(layout.hypotheses)[1:]
-    return np.clip(
-        out,
-        -5.0,
-        5.0,
-    ), logs
+    return np.clip(out, -5.0, 5.0), logs
 
 
 def _log(values: Rows) -> Rows:
@@ -124,25 +101,25 @@ def zero_layer(inputs: int, outputs: int) -> nn.Linear:
     return layer
 
 
-def hidden_layers(inputs: int, hidden: int) -> nn.Sequential:
-    """Return two layers of hidden units."""
+def turn_layers(inputs: int, hidden: int) -> nn.Sequential:
+    """Return two layers of hidden units, and two outputs of each turn, for `with_straight`."""
     return nn.Sequential(
         nn.Linear(inputs, hidden),
         nn.SiLU(),
         nn.Linear(hidden, hidden),
         nn.SiLU(),
+        zero_layer(hidden, 2),
     )
 
 
 def with_straight(outputs: Tensor) -> Tensor:
     """Return a number of each hypothesis (..., M) from two of each turn (..., M - 1, 2).
 
-    A turn has its first one, straight motion the mean of the second ones.
+    A turn has its first one, straight motion the mean of the second ones. They are enlarged, so
+    that the outputs of a network learn faster than its other layers.
     """
-    return torch.cat(
-        [outputs[..., 1].mean(-1, keepdim=True), outputs[..., 0]],
-        -1,
-    )
+    outputs = 3.0 * outputs
+    return torch.cat([outputs[..., 1].mean(-1, keepdim=True), outputs[..., 0]], -1)
 
 
 def places(lengths: Tensor) -> tuple[Tensor, Tensor]:
@@ -168,26 +145,46 @@ def where(tracks: Tensor, state: Any, other: Any) -> Any:
     """Return one state for the tracks of a mask (N,), and another one for the others."""
 
     def chosen(part: Tensor, others: Tensor) -> Tensor:
-        return torch.where(
-            tracks.view(-1, *[1] * (part.ndim - 1)),
-            part,
-            others,
-        )
+        return torch.where(tracks.view(-1, *[1] * (part.ndim - 1)), part, others)
 
-    return each_tensor(
-        chosen,
-        state,
-        other,
-    )
+    return each_tensor(chosen, state, other)
 
 
-class SegmentDecider(PosteriorDecider):
+class SegmentDecider(NetworkDecider):
     """Declares the likeliest hypothesis, or the best one of the likeliest type, once its error
     probability is at most alpha. The state is a tensor (N, ...) or a nested tuple of them.
     """
 
     network: ClassVar[Any]
     """Creates the network with a number of hidden units."""
+    symbol = "alpha"
+    thresholds = 0.6, 0.4, 0.25, 0.15, 0.1, 0.08, 0.05, 0.03, 0.02, 0.01, 3e-3, 3e-4, 1e-5
+    default = 0.02
+    bounds = 1e-300, 1.0
+
+    def __init__(self, net: Any, world: WorldOptions, threshold: float | None = None):
+        super().__init__(threshold)
+        self.net, self.world, self.layout = net, world, Layout(world.hypotheses)
+
+    def errors(self, posterior: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[Any]]:
+        """Return the error probability of a declaration (N,), and its hypothesis (N,)."""
+        groups = kinds(self.world)
+        sums = (posterior[:, :, None] * (groups[:, None] == groups)).sum(1)
+        right = groups == groups[sums.argmax(-1)][:, None]
+        best = np.where(right, posterior, -np.inf).argmax(-1)
+        return np.where(right, 0.0, posterior).sum(-1), best
+
+    def decide(self, observation: Rows, state: Any, episode_start: Any) -> tuple[Any, Any]:
+        """See `Decider.decide`. The state is that of `posterior`."""
+        posterior, state = self.posterior(observation, state, episode_start)
+        error, best = self.errors(posterior)
+        return np.where(error <= self.threshold, best + 1, 0), state
+
+    def evidence(
+        self, observation: Rows, state: Any = None, episode_start: Any = None
+    ) -> NDArray[np.float64]:
+        """Return the posterior of each hypothesis, (N, M)."""
+        return self.posterior(observation, copy.deepcopy(state), episode_start)[0]
 
     @abstractmethod
     def advance(self, rows: Rows, ticks: Tensor, state: Any) -> tuple[Tensor, Any]:
@@ -203,34 +200,25 @@ class SegmentDecider(PosteriorDecider):
         episode_start: Any,
     ) -> tuple[NDArray[np.float64], Any]:
         rows = np.asarray(observation, np.float32)
-        ticks = self.layout.read(rows, "ticks").round().astype(np.int64)
-        posterior, state = self.advance(
-            rows,
-            torch.from_numpy(ticks).clamp(min=1),
-            state,
-        )
+        ticks = torch.from_numpy(self.layout.read(rows, "ticks").round().astype(np.int64))
+        posterior, state = self.advance(rows, ticks.clamp(min=1), state)
         return posterior.numpy(), state
 
     def select_tracks(self, state: Any, tracks: NDArray[np.bool_]) -> Any:
-        return each_tensor(
-            lambda part: part[torch.from_numpy(tracks)],
-            state,
-        )
+        return each_tensor(lambda part: part[torch.from_numpy(tracks)], state)
 
 
 class Segments(NamedTuple):
-    """S segments up to their declarations."""
+    """S segments up to their declarations, as arrays, or as tensors for a loss."""
 
-    # (n, width), one segment after the other.
-    rows: Rows
     # (S,) number of rows.
-    lengths: NDArray[np.int64]
+    lengths: Any
     # (S,) hypothesis.
-    declared: NDArray[np.int64]
+    declared: Any
     # (S,) whether the reward of the declaration was positive.
-    rewarded: NDArray[np.bool_]
+    rewarded: Any
     # (S,) true mode, which an agent that learns from rewards alone does not read.
-    modes: NDArray[np.int64]
+    modes: Any
 
 
 class Explorer(Decider):
@@ -246,48 +234,23 @@ class Explorer(Decider):
         tracks = len(observation)
         layout = self.agent.layout
         memory, alpha = state or (None, torch.zeros(tracks))
-        posterior, memory = self.agent.posterior(
-            observation,
-            memory,
-            episode_start,
-        )
-        error, best = self.agent.errors(
-            observation,
-            posterior,
-            memory,
-        )
-        drawn = np.exp(
-            self.generator.uniform(
-                np.log(0.003),
-                np.log(0.3),
-                tracks,
-            )
-        )
-        alpha = np.where(
-            layout.read(observation, "ticks") < 1.5,
-            drawn,
-            alpha,
-        )
+        posterior, memory = self.agent.posterior(observation, memory, episode_start)
+        error, best = self.agent.errors(posterior)
+        drawn = np.exp(self.generator.uniform(np.log(0.003), np.log(0.3), tracks))
+        alpha = np.where(layout.read(observation, "ticks") < 1.5, drawn, alpha)
         replaced = self.generator.random(tracks) < self.share
         random = self.generator.integers(layout.hypotheses, size=tracks)
         declares = (error <= alpha) | (layout.read(observation, "ticks_left") < 0.5)
-        actions = np.where(
-            declares,
-            np.where(
-                replaced,
-                random,
-                best,
-            )
-            + 1,
-            0,
-        )
+        actions = np.where(declares, np.where(replaced, random, best) + 1, 0)
         return actions, (memory, torch.from_numpy(alpha))
 
     def select_tracks(self, state: Any, tracks: NDArray[np.bool_]) -> Any:
         return self.agent.select_tracks(state, tracks)
 
-    def segments(self, env: HybridTrackVectorEnv, seed: int) -> Segments:
-        """Run one episode of every track; return its segments up to the declaration."""
+    def segments(self, env: HybridTrackVectorEnv, seed: int) -> tuple[Rows, Segments]:
+        """Run one episode of every track; return its rows (n, width) and segments up to the
+        declaration, one after the other.
+        """
         unfinished = np.ones(env.num_envs, np.bool_)
         running = np.arange(env.num_envs)
         # Missing if nobody decided.
@@ -311,15 +274,17 @@ class Explorer(Decider):
             asked.append((running, now.observation[running]))
         tracks, rows = map(np.concatenate, zip(*asked, strict=True))
         order = np.argsort(tracks, kind="stable")
-        actions, rewards, modes = map(np.concatenate, zip(*answers, strict=True))
-        last = np.flatnonzero(actions[order])
-        declarations = order[last]
-        return Segments(
-            rows[order],
-            np.diff(last, prepend=-1),
-            actions[declarations] - 1,
-            rewards[declarations] + env.options.delay_cost > 0.0,
-            modes[declarations],
+        actions, rewards, modes = (
+            np.concatenate(part)[order] for part in zip(*answers, strict=True)
+        )
+        last = np.flatnonzero(actions)
+        rewarded = rewards[last] + env.options.delay_cost > 0.0
+        lengths = np.diff(last, prepend=-1)
+        return rows[order], Segments(
+            lengths,
+            actions[last] - 1,
+            rewarded,
+            modes[last],
         )
 
 
@@ -341,85 +306,50 @@ class SegmentAlgorithm(NetworkAlgorithm):
     Settings = SegmentSettings
     smallest_factor = 0.01
     decider: ClassVar[type[SegmentDecider]]
-    inputs: ClassVar[Any] = staticmethod(row_inputs)
-    """Returns arrays (n, ...) that the loss needs, from rows (n, width) and the tick [s]."""
 
     def make_env(self, **changes: Any) -> HybridTrackVectorEnv:
         """Return the environment of a round, with some changed options."""
         options = vars(self.world) | changes
-        return HybridTrackVectorEnv(
-            self.settings.n_envs,
-            tick_info=False,
-            **options,
-        )
+        return HybridTrackVectorEnv(self.settings.n_envs, tick_info=False, **options)
 
-    def build(self) -> None:
-        """Create network, optimizer and environment."""
+    def prepare(self) -> None:
         task = task_of(self.env_id, self.options)
         self.world = task.options
         if not task.waits or self.world.actions != "all":
             raise ArgumentError(f"env={self.env_id}: expected one in which hypotheses are declared")
         self.env = self.make_env()
-        torch.manual_seed(self.seed)
-        self.net = self.decider.network(self.settings.hidden)
-        self.start(self.net, self.settings.learning_rate)
+
+    def inputs(self, rows: Rows, lengths: NDArray[np.int64]) -> tuple[NDArray[Any], ...]:
+        """Return the arrays (n, ...) that the loss needs of rows (n, width) of segments of some
+        lengths.
+        """
+        return row_inputs(rows, self.world.tau)
 
     def train_round(self) -> tuple[int, float, float, dict[str, float]]:
         # Episodes of training begin at 10^12, 10^9 apart for each training seed.
         first = 10**12 + self.seed * 10**9 + self.rounds * self.settings.n_envs
         generator = np.random.default_rng(first)
-        world = self.env.options
-        found = Explorer(self.decider(self.net, world), generator).segments(
-            self.env,
-            first,
-        )
-        lengths, labels = found.lengths, self.labels(found)
-        inputs = self.inputs(found.rows, world.tau)
-        begins = lengths.cumsum() - lengths
-        order = generator.permutation(lengths.size)
+        explorer = Explorer(self.decider(self.net, self.env.options), generator)
+        rows, segments = explorer.segments(self.env, first)
+        sizes = segments.lengths.tolist()
+        parts = [
+            torch.from_numpy(part).split(sizes) for part in self.inputs(rows, segments.lengths)
+        ]
+        tensors = [torch.from_numpy(part) for part in segments]
         losses = []
         self.set_learning_rate()
-        for start in range(
-            0,
-            lengths.size,
-            self.settings.batch_size,
-        ):
-            chosen = order[start : start + self.settings.batch_size]
-            pairs = zip(
-                begins[chosen],
-                lengths[chosen],
-                strict=True,
-            )
-            rows = np.concatenate([np.arange(n) + begin for begin, n in pairs])
-            loss = self.loss(
-                [torch.from_numpy(part[rows]) for part in inputs],
-                torch.from_numpy(lengths[chosen]),
-                *(
-                    torch.from_numpy(label[rows if len(label) == len(found.rows) else chosen])
-                    for label in labels
-                ),
-            )
-            self.optimizer.zero_grad(set_to_none=False)
-            loss.backward()
-            nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
-            self.optimizer.step()
+        order = torch.from_numpy(generator.permutation(len(sizes)))
+        for chosen in order.split(self.settings.batch_size):
+            inputs = [torch.cat([part[k] for k in chosen]) for part in parts]
+            loss = self.loss(inputs, Segments(*(tensor[chosen] for tensor in tensors)))
+            self.improve(loss, 1.0, self.net)
             losses.append(float(loss.detach()))
-        ticks = float(lengths.mean())
-        reward = 2.0 * float(found.rewarded.mean()) - 1.0 - self.world.delay_cost * ticks
-        return len(found.rows), reward, ticks, {"loss": float(np.mean(losses))}
-
-    def labels(self, found: Segments) -> tuple[NDArray[Any], ...]:
-        """Return what the loss needs of each segment, arrays (S, ...), or of each row, (n, ...):
-        the true modes.
-        """
-        return (found.modes,)
+        ticks = float(segments.lengths.mean())
+        reward = 2.0 * float(segments.rewarded.mean()) - 1.0 - self.world.delay_cost * ticks
+        return len(rows), reward, ticks, {"loss": float(np.mean(losses))}
 
     @abstractmethod
-    def loss(self, inputs: list[Tensor], lengths: Tensor, *labels: Tensor) -> Tensor:
-        """Return the loss of S segments with n rows, one segment after the other.
-
-        Args:
-            inputs: those of the rows (n, ...), see `inputs`.
-            lengths: (S,) of the segments.
-            labels: those of the segments or rows.
+    def loss(self, inputs: list[Tensor], segments: Segments) -> Tensor:
+        """Return the loss of S segments with n rows, one segment after the other, from the `inputs`
+        of the rows (n, ...).
         """

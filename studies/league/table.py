@@ -11,23 +11,15 @@ from matplotlib.figure import Figure
 
 from baselines import Estimate, Statistic
 from studies.league.protocol import BANK, QUICKEST, THREE, WORLDS, read_entry, scores_of
+from studies.pictures import draw_estimates
 
-ENTRIES = Path(__file__).parent / "entries"
 REWARD = Statistic(("reward",), lambda means: means)
 Entry = Mapping[str, Any]
 
 
 def shipped_entries() -> list[dict[str, Any]]:
     """Return the entries that come with the study."""
-    return [read_entry(path) for path in sorted(ENTRIES.glob("*.json"))]
-
-
-def reward(entry: Entry, world: str) -> Estimate | None:
-    """Return the mean reward of a decider in a world with its interval; None where it did not
-    play.
-    """
-    scores = scores_of(entry, world)
-    return None if scores is None else scores.estimate(REWARD, 0)
+    return [read_entry(path) for path in sorted((Path(__file__).parent / "entries").glob("*.json"))]
 
 
 def rewards_table(entries: Sequence[Entry], env_ids: Sequence[str]) -> pd.DataFrame:
@@ -35,16 +27,13 @@ def rewards_table(entries: Sequence[Entry], env_ids: Sequence[str]) -> pd.DataFr
     some environments in columns.
     """
     kinds = ("informed", "recurrent", "memoryless", "classical")
-    ordered = sorted(
-        entries,
-        key=lambda entry: (kinds.index(entry["kind"]), entry["title"]),
-    )
+    ordered = sorted(entries, key=lambda entry: (kinds.index(entry["kind"]), entry["title"]))
     worlds = [world for world, (env_id, _) in WORLDS.items() if env_id in env_ids]
     rows = []
     for entry in ordered:
-        values = [reward(entry, world) for world in worlds]
-        if any(values):
-            cells = ["-" if value is None else f"{value.value:.3f}" for value in values]
+        played = [scores_of(entry, world) for world in worlds]
+        if any(played):
+            cells = [f"{each.curve(REWARD)[0]:.3f}" if each else "-" for each in played]
             rows.append((entry["title"], entry["kind"], *cells))
     return pd.DataFrame(rows, columns=["decider", "kind", *worlds])
 
@@ -64,15 +53,15 @@ def world_table(entry: Entry, entries: Sequence[Entry]) -> pd.DataFrame:
         mine = scores_of(entry, world)
         if mine is None:
             continue
-        rivals = [scores for other in others if (scores := scores_of(other, world)) is not None]
+        rivals = [scores for other in others if (scores := scores_of(other, world))]
         best = max(rivals, key=lambda scores: scores.curve(REWARD)[0], default=None)
         rows.append(
             {
                 "world": world,
                 "threshold": f"{mine.thresholds[0]:g}",
                 "reward": bounds(mine.estimate(REWARD, 0)),
-                "best other": "" if best is None else best.name,
-                "difference": "" if best is None else bounds(mine.difference(best, REWARD), "+"),
+                "best other": best.name if best else "",
+                "difference": bounds(mine.difference(best, REWARD), "+") if best else "",
             }
         )
     return pd.DataFrame(rows)
@@ -87,28 +76,25 @@ def league_figure(entries: Sequence[Entry]) -> Figure:
     """Return a figure of the rewards of all deciders in all worlds, with 95 % intervals."""
     figure = Figure((16.0, 6.5), layout="constrained")
     axes = figure.subplots()
-    shift = 0.7 / max(1, len(entries) - 1)
     for index, entry in enumerate(entries):
-        values = [reward(entry, world) or Estimate(*[np.nan] * 3) for world in WORLDS]
-        middle, low, high = np.array([(value.value, value.low, value.high) for value in values]).T
-        axes.errorbar(
-            np.arange(len(WORLDS)) + index * shift - 0.35,
-            middle,
-            (middle - low, high - middle),
+        played = {
+            place: scores.estimate(REWARD, 0)
+            for place, world in enumerate(WORLDS)
+            if (scores := scores_of(entry, world))
+        }
+        shift = 0.7 * index / len(entries) - 0.35
+        draw_estimates(
+            axes,
+            np.array([*played]) + shift,
+            [*played.values()],
             linestyle="none",
             color=f"C{index % 10}",
             marker="osD^v"[index // 10 % 5],
             label=f"{entry['title']} ({entry['kind']})",
         )
-    names = ["\n".join(textwrap.fill(part, 11) for part in world.split(", ")) for world in WORLDS]
+    names = [textwrap.fill(world, 11) for world in WORLDS]
     axes.set_xticks(range(len(names)), names)
-    axes.set_xlim(-0.5, len(names) - 0.5)
-    for place in range(1, len(names)):
-        axes.axvline(
-            place - 0.5,
-            color="lightgray",
-            linewidth=0.8,
-        )
+    axes.grid(axis="x", alpha=0.3)
     axes.set_ylabel("mean reward: per segment, per tick for unknown switches")
     axes.set_title("League: reward in every world, with 95 % intervals")
     axes.legend(fontsize="small", ncols=2)

@@ -12,17 +12,15 @@ import torch
 from torch import Tensor, nn
 
 from studies.league.segments import (
-    GAIN,
     INPUTS,
     Rows,
     SegmentAlgorithm,
     SegmentDecider,
-    hidden_layers,
+    Segments,
     places,
     row_inputs,
-    where,
+    turn_layers,
     with_straight,
-    zero_layer,
 )
 
 
@@ -32,17 +30,13 @@ class TandemNet(nn.Module):
     def __init__(self, hidden: int, order: int = 5):
         super().__init__()
         self.order = order
-        self.layers = hidden_layers((order + 1) * (INPUTS + 1), hidden)
-        self.output = zero_layer(hidden, 2)
+        self.layers = turn_layers((order + 1) * (INPUTS + 1), hidden)
 
     def forward(self, windows: Tensor) -> Tensor:
         """Return logarithms of the posterior (n, M) of windows of each turn, (n, M - 1, (N + 1)
         (inputs + 1)), see `windows_of`.
         """
-        return torch.log_softmax(
-            with_straight(GAIN * self.output(self.layers(windows))),
-            -1,
-        )
+        return torch.log_softmax(with_straight(self.layers(windows)), -1)
 
 
 def windows_of(inputs: Tensor, ticks: Tensor, order: int) -> tuple[Tensor, Tensor]:
@@ -57,11 +51,7 @@ def windows_of(inputs: Tensor, ticks: Tensor, order: int) -> tuple[Tensor, Tenso
     rows = torch.arange(len(ticks))
     parts = [
         marked[(rows - lag).clamp(min=0)] * (ticks > lag)[:, None, None]
-        for lag in range(
-            order,
-            -1,
-            -1,
-        )
+        for lag in range(order, -1, -1)
     ]
     return torch.cat(parts, -1), torch.cat([*parts[:-1], torch.zeros_like(marked)], -1)
 
@@ -73,11 +63,7 @@ def log_ratios(longer: Tensor, shorter: Tensor, ticks: Tensor, order: int) -> Te
     `longer` and `shorter` (n, M) are logarithms of the posteriors of `windows_of`, at the same
     ticks (n,).
     """
-    steps = torch.where(
-        (ticks > order + 1)[:, None],
-        longer - shorter,
-        0.0,
-    )
+    steps = torch.where((ticks > order + 1)[:, None], longer - shorter, 0.0)
     sums = steps.cumsum(0)
     rows = torch.arange(len(ticks))
     first = rows - (ticks - order - 1).clamp(min=0)
@@ -92,7 +78,6 @@ class TandemDecider(SegmentDecider):
     """
 
     network = TandemNet
-    label = "learned likelihood ratios"
 
     def advance(
         self,
@@ -101,8 +86,9 @@ class TandemDecider(SegmentDecider):
         state: tuple[Tensor, Tensor] | None,
     ) -> tuple[Tensor, tuple[Tensor, Tensor]]:
         inputs, order = torch.from_numpy(row_inputs(rows, self.world.tau)[0]), self.net.order
+        now = inputs[:, None]
         before = (
-            inputs[:, None].expand(
+            now.expand(
                 -1,
                 order + 1,
                 -1,
@@ -111,22 +97,15 @@ class TandemDecider(SegmentDecider):
             if state is None
             else state[0]
         )
-        last = torch.cat([before[:, 1:], inputs[:, None]], 1)
+        last = torch.cat([before[:, 1:], now], 1)
         # Every track as a segment of N + 1 rows, of which those before the switch are left out.
         lags = torch.arange(-order, 1).repeat(len(rows)) + ticks.repeat_interleave(order + 1)
-        windows = windows_of(
-            last.flatten(0, 1),
-            lags.clamp(min=1),
-            order,
-        )
+        windows = windows_of(last.flatten(0, 1), lags.clamp(min=1), order)
         longer, shorter = (self.net(part[order :: order + 1]) for part in windows)
         ratios = longer
         if state is not None:
-            ratios = where(
-                ticks > order + 1,
-                state[1] + longer - shorter,
-                longer,
-            )
+            inside = (ticks > order + 1)[:, None]
+            ratios = torch.where(inside, state[1] + longer - shorter, longer)
         return torch.softmax(ratios.double(), -1), (last, ratios)
 
 
@@ -135,18 +114,23 @@ class Tandem(SegmentAlgorithm):
 
     decider = TandemDecider
 
-    def loss(self, inputs: list[Tensor], lengths: Tensor, *labels: Tensor) -> Tensor:
+    def loss(self, inputs: list[Tensor], segments: Segments) -> Tensor:
         """Return the log-sum-exp loss of all rows, and the cross-entropies of all windows.
 
         The log-sum-exp loss log(1 + sum over l of exp(-lambda_kl)) of Miyagawa & Ebihara 2021, for
         the ratios lambda_kl of the true hypothesis k to all others l, is the cross-entropy of the
         log-likelihoods.
         """
-        segment, place = places(lengths)
-        true, order = labels[0][segment], self.net.order
+        segment, place = places(segments.lengths)
+        true, order = segments.modes[segment], self.net.order
         longer, shorter = map(self.net, windows_of(inputs[0], place + 1, order))
         inside = place > 0
         windows = nn.functional.nll_loss(longer, true)
         windows = windows + nn.functional.nll_loss(shorter[inside], true[inside])
-        ratios = log_ratios(longer, shorter, place + 1, order)
+        ratios = log_ratios(
+            longer,
+            shorter,
+            place + 1,
+            order,
+        )
         return nn.functional.cross_entropy(ratios, true) + windows

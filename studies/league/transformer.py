@@ -10,15 +10,16 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from hybrid_env import Layout
 from studies.league.segments import (
-    GAIN,
     SMALLEST,
     Rows,
     SegmentAlgorithm,
     SegmentDecider,
+    Segments,
     places,
     sides,
     with_straight,
@@ -43,11 +44,7 @@ def raw_inputs(rows: Rows, tau: float) -> tuple[Rows]:
     longer = ticks / 5.0 + 1.0
     previous = read["previous"]
     straight, turns = previous[:, :1], previous[:, 1:]
-    kind = np.where(
-        previous @ side > 0,
-        1.0,
-        -1.0,
-    )[:, None]
+    kind = np.where(previous @ side > 0, 1.0, -1.0)[:, None]
     columns = [
         np.arcsinh(across),
         across / longer,
@@ -96,27 +93,19 @@ class AttentionLayer(nn.Module):
         The mask (B, 1, Q, T) is True where it does; None stands for all ticks up to its own, with Q
         = T.
         """
-        query = (
-            self.query(self.norm(x))
-            .unflatten(-1, (self.heads, self.key))
-            .transpose(
-                1,
-                2,
+        query = self.query(self.norm(x)).unflatten(-1, (self.heads, self.key)).transpose(1, 2)
+        key, value = (
+            stored[:, None]
+            .expand(
+                -1,
+                self.heads,
+                -1,
+                -1,
             )
+            .split(self.key, -1)
         )
-        shared = stored[:, None].expand(
-            -1,
-            self.heads,
-            -1,
-            -1,
-        )
-        key, value = shared.split(self.key, -1)
         attended = nn.functional.scaled_dot_product_attention(
-            query,
-            key,
-            value,
-            mask,
-            is_causal=mask is None,
+            query, key, value, mask, is_causal=mask is None
         )
         x = x + self.join(attended.transpose(1, 2).flatten(2))
         return x + self.feed(x)
@@ -135,7 +124,7 @@ class TransformerNet(nn.Module):
         """Return logarithms of the posterior (..., M) from streams of each turn (..., M - 1,
         hidden).
         """
-        return torch.log_softmax(with_straight(GAIN * self.output(x)), -1)
+        return torch.log_softmax(with_straight(self.output(x)), -1)
 
     def forward(self, inputs: Tensor, lengths: Tensor) -> Tensor:
         """Return logarithms of the posterior (n, M) of all rows of S segments of `lengths` (S,)
@@ -145,11 +134,7 @@ class TransformerNet(nn.Module):
         """
         segment, place = places(lengths)
         turns = inputs.shape[1]
-        x = inputs.new_zeros(
-            len(lengths),
-            int(lengths.max()),
-            *inputs.shape[1:],
-        )
+        x = inputs.new_zeros(len(lengths), int(lengths.max()), *inputs.shape[1:])
         x[segment, place] = inputs
         x = self.enter(x.transpose(1, 2).flatten(0, 1))
         for layer in self.layers:
@@ -167,11 +152,7 @@ class TransformerNet(nn.Module):
         x = self.enter(inputs).flatten(0, 1)[:, None]
         for k, layer in enumerate(self.layers):
             memory[tracks, :, ticks - 1, k] = layer.stored(x)[:, 0].unflatten(0, inputs.shape[:2])
-            x = layer(
-                x,
-                memory[:, :, :used, k].flatten(0, 1),
-                mask,
-            )
+            x = layer(x, memory[:, :, :used, k].flatten(0, 1), mask)
         return self.logits(x[:, 0].unflatten(0, inputs.shape[:2]))
 
 
@@ -179,7 +160,6 @@ class TransformerDecider(SegmentDecider):
     """Declares once the error probability is at most alpha; the state is the memory of a track."""
 
     network = TransformerNet
-    label = "transformer on measurements"
 
     def advance(self, rows: Rows, ticks: Tensor, state: Tensor | None) -> tuple[Tensor, Tensor]:
         inputs = torch.from_numpy(raw_inputs(rows, self.world.tau)[0])
@@ -190,20 +170,18 @@ class TransformerDecider(SegmentDecider):
                 len(self.net.layers),
                 2 * AttentionLayer.key,
             )
-        return self.net.step(
-            inputs,
-            ticks,
-            state,
-        ).double().exp(), state
+        return self.net.step(inputs, ticks, state).double().exp(), state
 
 
 class Transformer(SegmentAlgorithm):
     """A training run of `TransformerNet`."""
 
     decider = TransformerDecider
-    inputs = staticmethod(raw_inputs)
 
-    def loss(self, inputs: list[Tensor], lengths: Tensor, *labels: Tensor) -> Tensor:
+    def inputs(self, rows: Rows, lengths: NDArray[np.int64]) -> tuple[Rows]:
+        return raw_inputs(rows, self.world.tau)
+
+    def loss(self, inputs: list[Tensor], segments: Segments) -> Tensor:
         """Return the mean cross-entropy of the true modes over all rows."""
-        logs = self.net(*inputs, lengths)
-        return nn.functional.nll_loss(logs, labels[0][places(lengths)[0]])
+        logs = self.net(*inputs, segments.lengths)
+        return nn.functional.nll_loss(logs, segments.modes[places(segments.lengths)[0]])

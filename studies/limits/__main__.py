@@ -34,11 +34,21 @@ class Limits:
         """Evaluate the rules, print the tables and write the files."""
         episodes = 10 if self.quick else self.episodes
         rows = {}
-        for part, calls in study.calls(self.unknown, episodes, self.seed, self.quick).items():
+        for part, calls in study.calls(
+            self.unknown,
+            episodes,
+            self.seed,
+            self.quick,
+        ).items():
             results = in_parallel(calls, self.jobs, part)
             rows[part] = [row for result in results for row in result]
         picture = report.figure(rows["rules"]) if "rules" in rows else None
-        save_results(self.out / "limits", report.markdown(rows), rows, picture)
+        save_results(
+            self.out / "limits",
+            report.markdown(rows),
+            rows,
+            picture,
+        )
 
 
 if __name__ == "__main__":

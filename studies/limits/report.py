@@ -1,14 +1,14 @@
 """Tables and figure of the study."""
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import product
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from agents import in_brackets, markdown_table
-from studies.limits.study import BANKS, TIMES, Row
+from studies.limits.study import BANKS, Row
 
 
 def markdown(parts: Mapping[str, Sequence[Row]]) -> str:
@@ -25,7 +25,14 @@ def markdown(parts: Mapping[str, Sequence[Row]]) -> str:
     text = []
     for place, here in pd.DataFrame(parts["steps"]).groupby("place", sort=False):
         text += [f"### Steps of information: {place}\n", f"{gain}\n"]
-        text += [_pivot(here, ["step", "noise"], by_noise, _gain_cell)]
+        text += [
+            _pivot(
+                here,
+                ["step", "noise"],
+                by_noise,
+                _gain_cell,
+            )
+        ]
     if "rules" not in parts:
         return "\n".join(text)
     for env_id, here in pd.DataFrame(parts["rules"]).groupby("env_id", sort=False):
@@ -33,7 +40,12 @@ def markdown(parts: Mapping[str, Sequence[Row]]) -> str:
         text += [
             f"### {env_id}\n",
             f"{times}\n",
-            _pivot(here, ["bank", "rule", "noise"], by_noise, _times_cell),
+            _pivot(
+                here,
+                ["bank", "rule", "noise"],
+                by_noise,
+                _times_cell,
+            ),
         ]
     calibration = pd.DataFrame(parts["calibration"])
     calibration["R"] = calibration.noise.map("{:g}".format)
@@ -42,7 +54,12 @@ def markdown(parts: Mapping[str, Sequence[Row]]) -> str:
         " %\n",
         "HybridTrackPublished-v0, no decisions; in brackets the largest calibration error (mean"
         " posterior minus accuracy in a bin of the posterior).\n",
-        _pivot(calibration, ["bank", "R", "ticks"], "after {} ticks", _calibration_cell),
+        _pivot(
+            calibration,
+            ["bank", "R", "ticks"],
+            "after {} ticks",
+            _calibration_cell,
+        ),
     ]
     return "\n".join(text)
 
@@ -72,54 +89,43 @@ def _gain_cell(row: Row) -> str:
 
 
 def _times_cell(row: Row) -> str:
-    times = " / ".join(in_brackets(row[time], 1) for time in TIMES)
+    times = " / ".join(in_brackets(row[time], 1) for time in ("time_95", "time_98"))
     return f"{times}; {in_brackets(row['reward'], 3)}"
 
 
 def figure(rows: Sequence[Row]) -> Figure:
     """Draw the mean decision time at 98 % accuracy over the noise, one row per environment, one
-    column per bank.
+    column per bank; a rule has no point where it does not reach 98 %.
 
-    Rules that do not reach 98 % at a noise level are above the dashed line at the top. Coinciding
-    lines remain visible, as the last is dashed and markers become smaller.
+    Coinciding lines remain visible, as the last is dashed and markers become smaller.
     """
     frame = pd.DataFrame(rows).assign(time=[row["time_98"].value for row in rows])
+    frame = frame.replace(np.inf, np.nan)
     places = frame.env_id.unique()
-    canvas, grid = plt.subplots(
+    size = 13.0, 3.9 * len(places)
+    canvas = Figure(figsize=size, layout="constrained")
+    grid = canvas.subplots(
         len(places),
         len(BANKS),
-        figsize=(13.0, 3.9 * len(places)),
         sharex=True,
         sharey="row",
         squeeze=False,
-        layout="constrained",
     )
-    for place, line in zip(places, grid, strict=True):
-        here = frame[frame.env_id == place]
-        reached = here.time[np.isfinite(here.time)]
-        top = 5.0 * np.ceil(reached.max() / 5.0) if len(reached) else 10.0
-        ticks = np.arange(0.0, top + 1.0, 10.0)
-        for bank, axes in zip(BANKS, line, strict=True):
-            curves = here[here.bank == bank].groupby("rule", sort=False)
-            for index, (name, curve) in enumerate(curves):
-                axes.plot(
-                    curve.noise,
-                    curve.time.clip(upper=1.09 * top),
-                    "o--" if index == len(curves) - 1 else "o-",
-                    markersize=8.5 - 1.3 * index,
-                    label=name,
-                )
-            axes.axhline(
-                1.03 * top,
-                color="0.75",
-                linewidth=0.8,
-                linestyle="--",
-                zorder=0,
+    for (place, bank), axes in zip(product(places, BANKS), grid.flat, strict=True):
+        here = frame[(frame.env_id == place) & (frame.bank == bank)]
+        curves = [*here.groupby("rule", sort=False)]
+        for index, (name, curve) in enumerate(curves):
+            line = "o--" if index == len(curves) - 1 else "o-"
+            axes.plot(
+                curve.noise,
+                curve.time,
+                line,
+                markersize=8.5 - 1.3 * index,
+                label=name,
             )
-            title = f"{place}, {bank.replace('_', '-')} bank"
-            axes.set(title=title, xscale="log", ylim=(0.0, 1.15 * top))
-            labels = [*map("{:g}".format, ticks), "not reached"]
-            axes.set_yticks([*ticks, 1.09 * top], labels=labels)
+        title = f"{place}, {bank.replace('_', '-')} bank"
+        axes.set(title=title, xscale="log", ylim=(0.0, None))
+    for line in grid:
         line[0].set_ylabel("mean decision time\nat 98 % accuracy, ticks")
         line[-1].legend(frameon=False)
     canvas.supxlabel("measurement variance R, m²")

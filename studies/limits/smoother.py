@@ -17,8 +17,6 @@ from baselines import BeamDecider, Decider
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-# Row of the hazards of the first segment of an episode.
-FIRST = 0
 
 
 class BranchTable(NamedTuple):
@@ -36,16 +34,6 @@ class BranchTable(NamedTuple):
     log_weights: FloatArray
 
 
-class SmootherState(NamedTuple):
-    """State of N tracks between two calls of `BeamSmoother.predict`."""
-
-    beam: Any
-    # Its branches.
-    table: BranchTable
-    # (N, B, K + 1, M) probability of each mode 0, ..., K ticks ago, given each branch.
-    past: FloatArray
-
-
 def carry_past(
     before: BranchTable,
     now: BranchTable,
@@ -60,11 +48,8 @@ def carry_past(
     same &= now.rows[:, :, None] == before.rows[:, None]
     carried = np.empty_like(past)
     carried[:, :, 0] = np.eye(len(order))[now.modes]
-    carried[:, :, 1:] = np.take_along_axis(
-        past[:, :, :-1],
-        same.argmax(2)[:, :, None, None],
-        axis=1,
-    )
+    continued = same.argmax(2)[:, :, None, None]
+    carried[:, :, 1:] = np.take_along_axis(past[:, :, :-1], continued, axis=1)
     # Of every branch before as the parent of one that begins with a mode, (N, B, M).
     ages = np.minimum(before.ages, hazards.shape[1]) - 1
     hazard = hazards[2 * before.rows + (before.modes > 0), ages]
@@ -73,8 +58,14 @@ def carry_past(
     shares = np.exp(weights - np.nan_to_num(weights.max(1, keepdims=True), neginf=0.0))
     # The largest share is 1, where a mode has parents.
     shares /= np.maximum(shares.sum(1, keepdims=True), 1.0)
-    mixed = np.einsum("nbm,nbkl->nmkl", shares, past[:, :, :-1], optimize=True)
-    track, branch = np.nonzero((now.ages == 1) & (now.rows != FIRST))
+    mixed = np.einsum(
+        "nbm,nbkl->nmkl",
+        shares,
+        past[:, :, :-1],
+        optimize=True,
+    )
+    # Row 0 has the hazards of the first segment of an episode.
+    track, branch = np.nonzero((now.ages == 1) & (now.rows != 0))
     carried[track, branch, 1:] = mixed[track, now.modes[track, branch]]
     return carried
 
@@ -99,39 +90,41 @@ class BeamSmoother(Decider):
         """See `BeamDecider.observe`."""
         return self.beam.observe(tracks)
 
-    def decide(
-        self,
-        observation: FloatArray,
-        state: SmootherState | None,
-        episode_start: Any,
-    ) -> tuple[IntArray, SmootherState]:
-        """See `MeasurementDecider.decide`; without a state, a new recording begins."""
-        actions, beam_state = self.beam.decide(
-            observation,
-            None if state is None else state.beam,
-            None,
-        )
-        branches = beam_state.branches
+    def decide(self, observation: FloatArray, state: Any, episode_start: Any) -> tuple[Any, Any]:
+        """See `MeasurementDecider.decide`; without a state, a new recording begins.
+
+        The state is that of the beam, its branches, and the probabilities of each mode 0, ..., K
+        ticks ago, given each branch, (N, B, K + 1, M).
+        """
+        of_beam, *kept = state or (None,)
+        actions, of_beam = self.beam.decide(observation, of_beam, None)
+        branches = of_beam.branches
         weights = branches.filters["log_likelihood"].reshape(len(branches.counts), -1).copy()
         # Of branches that are not used.
         weights[np.arange(weights.shape[1]) >= branches.counts[:, None]] = -np.inf
         now = BranchTable(
-            branches.modes.copy(),
-            branches.ages.copy(),
-            branches.rows.copy(),
+            branches.histories["mode"].copy(),
+            branches.histories["age"].copy(),
+            branches.histories["row"].copy(),
             weights,
         )
+        nothing = np.zeros((*weights.shape, max(self.lags) + 1, self.beam.hypotheses))
+        before, past = kept or (now, nothing)
         if state is None:
-            shape = *weights.shape, max(self.lags) + 1, self.beam.hypotheses
-            state = SmootherState(beam_state, now, np.zeros(shape))
             self._posteriors = {lag: [] for lag in self.lags}
         model = self.beam.model
-        past = carry_past(state.table, now, state.past, model.hazards, model.order)
+        past = carry_past(
+            before,
+            now,
+            past,
+            model.hazards,
+            model.order,
+        )
         self._weights, self._past = np.exp(weights), past
         for lag, posteriors in self._posteriors.items():
             # Without meaning before there are so many ticks.
             posteriors.append(self._posterior(lag))
-        return actions, SmootherState(beam_state, now, past)
+        return actions, (of_beam, now, past)
 
     def _posterior(self, lag: int) -> FloatArray:
         """Return the posterior of the mode some ticks ago, (N, M)."""

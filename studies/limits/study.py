@@ -5,6 +5,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from joblib import delayed
 
 from agents import Task, find_decider, sweep, task_of
@@ -15,7 +16,9 @@ from baselines import (
     ThresholdDecider,
     measure_statements,
     record_statements,
+    rollout,
 )
+from hybrid_env import HybridTrackVectorEnv, Layout
 from studies.limits.smoother import BeamSmoother
 
 # Three hypotheses and 21 of the published bank, and three with unknown switches.
@@ -24,13 +27,7 @@ THREE, BANK, QUICKEST = (
 )
 # Thresholds are selected on episodes from this seed on; reported ones have smaller seeds.
 SELECTION = 1_000_000_000
-# R [m^2].
-NOISE_LEVELS = (0.01, 0.1, 1.0)
 BANKS = ("published", "anchor_aware", "oracle")
-RULES = {
-    THREE: ("ate", "msprt"),
-    BANK: ("ate", "msprt-type", "msprt"),
-}
 # Decider and changed options of each step for announced switches, with more and more information.
 STEPS: dict[str, tuple[str, dict[str, Any]]] = {
     "ATE on the published bank": ("ate", {}),
@@ -47,24 +44,15 @@ STEPS: dict[str, tuple[str, dict[str, Any]]] = {
     ),
     "the anchor is exact (oracle, not available in practice)": ("msprt", {"bank": "oracle"}),
 }
-# Of the durations of segments.
-LAWS = ("25 + geometric 50", "uniform 50-100")
-# Ticks.
+# Numbers of later ticks whose measurements are used as well.
 LAGS = (5, 10, 20, 40)
-IMM, THRESHOLD = "IMM, the most probable mode", "IMM, tuned threshold"
-GEOMETRIC, BEAM = "beam, geometric law of durations", "beam, true law of durations"
-LATER = {lag: f"with the measurements of {lag} later ticks (off line)" for lag in LAGS}
 CALIBRATION_BANKS: dict[str, dict[str, Any]] = {
     "anchor-aware": {"bank": "anchor_aware"},
     "published, P kept": {"bank": "published", "reset_covariance": False},
     "published": {"bank": "published"},
     "oracle": {"bank": "oracle"},
 }
-# Of the figures of whole operating curves, by their keys in JSON.
-TIMES = {f"time_{100 * level:.0f}": ("ticks_at_accuracy", f"{level:g}") for level in (0.95, 0.98)}
-
-# A row of a table, as in JSON: place, noise level R [m^2], step or rule, threshold, and figures as
-# `Estimate`.
+# Of a table, as in JSON: place, noise level R [m^2], step or rule, threshold, and `Estimate`s.
 Row = dict[str, Any]
 
 
@@ -81,12 +69,13 @@ def calls(unknown: bool, episodes: int, seed: int, quick: bool = False) -> dict[
         episodes, seed: number of episodes, and seed of the first one.
         quick: whether only one noise level is evaluated, with three hypotheses or one law.
     """
-    noises = NOISE_LEVELS[1:2] if quick else NOISE_LEVELS
+    noises = (0.1,) if quick else (0.01, 0.1, 1.0)
     run = episodes, seed
     if unknown:
-        laws = product(LAWS[1:] if quick else LAWS, noises)
-        return {"steps": [delayed(unknown_steps)(*place, *run) for place in laws]}
-    places = list(product([THREE] if quick else RULES, noises))
+        laws = ("uniform 50-100",) if quick else ("25 + geometric 50", "uniform 50-100")
+        return {"steps": [delayed(unknown_steps)(*place, *run) for place in product(laws, noises)]}
+    rules = {THREE: ("ate", "msprt"), BANK: ("ate", "msprt-type", "msprt")}
+    places = list(product([THREE] if quick else rules, noises))
     return {
         "steps": [delayed(announced_steps)(*place, *run) for place in places],
         "rules": [
@@ -97,10 +86,15 @@ def calls(unknown: bool, episodes: int, seed: int, quick: bool = False) -> dict[
                 *run,
             )
             for place in places
-            for bank, rule in product(BANKS, RULES[place[0]])
+            for bank, rule in product(BANKS, rules[place[0]])
         ],
         "calibration": [
-            delayed(bank_calibration)(bank, noise, seed, 1000 if quick else 10_000)
+            delayed(bank_calibration)(
+                bank,
+                noise,
+                seed,
+                1000 if quick else 10_000,
+            )
             for bank, noise in product(CALIBRATION_BANKS, noises)
         ],
     }
@@ -118,38 +112,45 @@ def best_threshold(task: Task, decider: Any, episodes: int) -> int:
     )
 
 
-def _reward(scores: Scores, task: Task, before: Scores | None) -> Row:
-    """Return threshold and reward of scores at one threshold, and the gain of reward over the
+def _rows(task: Task, place: str, noise: float, steps: dict[str, Scores]) -> list[Row]:
+    """Return a row of each step, from scores at one threshold, with the gain of reward over the
     step before.
     """
-    gain = None if before is None else scores.difference(before, task.statistic(task.goal))
-    return {
-        "threshold": scores.thresholds[0],
-        "reward": scores.estimate(task.statistic("reward")),
-        "gain": gain,
-    }
+    reward = task.statistic(task.goal)
+    return [
+        {
+            "place": place,
+            "noise": noise,
+            "step": step,
+            "threshold": scores.thresholds[0],
+            "reward": scores.estimate(reward),
+            "gain": before and scores.difference(before, reward),
+        }
+        for before, (step, scores) in zip([None, *steps.values()], steps.items(), strict=False)
+    ]
 
 
 def announced_steps(env_id: str, noise: float, episodes: int, seed: int) -> list[Row]:
     """Evaluate every step for announced switches at a noise level."""
-    rows = []
-    before = None
+    steps = {}
     for step, (name, changes) in STEPS.items():
         task = task_of(env_id, {"measurement_variance": noise, **changes})
         by_type = name == "msprt" and task.options.correctness == "type"
         decider = find_decider("msprt-type" if by_type else name, task.options)
         threshold = decider.thresholds[best_threshold(task, decider, episodes)]
-        scores = sweep(
+        steps[step] = sweep(
             task,
             decider,
             episodes,
             seed,
             thresholds=(threshold,),
         )
-        row = {"place": env_id, "noise": noise, "step": step}
-        rows.append(row | _reward(scores, task, before))
-        before = scores
-    return rows
+    return _rows(
+        task,
+        env_id,
+        noise,
+        steps,
+    )
 
 
 def rule_on_bank(
@@ -163,50 +164,107 @@ def rule_on_bank(
     """Evaluate a rule on a bank at a noise level, at all thresholds."""
     task = task_of(env_id, {"measurement_variance": noise, "bank": bank})
     # ATE itself brings the published bank.
-    named = "sprt" if rule == "ate" and bank != "published" else rule
-    decider = find_decider(named, task.options)
+    name = "sprt" if rule == "ate" and bank != "published" else rule
+    decider = find_decider(name, task.options)
     best = best_threshold(task, decider, episodes)
-    curve = sweep(task, decider, episodes, seed)
+    curve = sweep(
+        task,
+        decider,
+        episodes,
+        seed,
+    )
+    times = {
+        metric.name.replace("ticks_at", "time"): curve.estimate(metric.statistic)
+        for metric in task.levels(curve, decider.thresholds[best])
+        if metric.name.startswith("ticks_at")
+    }
     row: Row = {
         "env_id": env_id,
         "noise": noise,
         "bank": bank,
         "rule": decider.title,
+        **times,
     }
-    levels = task.levels(curve, decider.thresholds[best])
-    row |= {name: curve.estimate(levels[key].statistic) for name, key in TIMES.items()}
     reward = curve.at(best).estimate(task.statistic("reward"))
+    return [row | {"reward": reward, "threshold": decider.thresholds[best]}]
+
+
+def bank_calibration(
+    bank: str,
+    noise: float,
+    seed: int,
+    episodes: int,
+    ticks: tuple[int, ...] = (2, 5, 10, 20, 40),
+) -> list[Row]:
+    """Return the calibration of the posterior of a bank after numbers of ticks without a decision,
+    at a noise level on HybridTrackPublished-v0.
+
+    Of a row, "right" is the accuracy of the most probable hypothesis, "stated" its mean posterior,
+    and "worst" the largest calibration error: posterior minus accuracy in a bin. Segments are
+    decided at their end, so that most anchors are accurate.
+    """
+    options = {
+        "measurement_variance": noise,
+        "undecided": "likeliest",
+        **CALIBRATION_BANKS[bank],
+    }
+    env = HybridTrackVectorEnv(episodes, tick_info=False, **options)
+    layout, segments = Layout(env.options.hypotheses), env.options.segments
+    # By segment, so that sums do not depend on the order in which tracks reach a tick.
+    stated = np.full((len(ticks), episodes, segments), np.nan)
+    right = np.zeros(stated.shape, np.bool_)
+    running = np.ones(episodes, np.bool_)
+    for now in rollout(env, lambda rows: np.zeros(len(rows), np.int64), seed):
+        running &= ~(now.terminated & (now.step > 0))
+        if not running.any():
+            break
+        error = np.exp(layout.read(now.observation, "log_error_probability"))
+        best = layout.read(now.observation, "log_ratio").argmax(-1)
+        correct = best == env.world.field("true_mode")
+        for k, tick in enumerate(ticks):
+            reached = np.flatnonzero(running & (env.world.field("tick") == tick))
+            places = k, reached, env.world.field("segment")[reached]
+            stated[places], right[places] = 1.0 - error[reached], correct[reached]
     return [
-        row
-        | {
-            "reward": reward,
-            "threshold": decider.thresholds[best],
+        {
+            "bank": bank,
+            "noise": noise,
+            "ticks": tick,
+            **_calibration(of_tick[known], named[known]),
         }
+        for tick, of_tick, named in zip(
+            ticks,
+            stated,
+            right,
+            strict=True,
+        )
+        if (known := ~np.isnan(of_tick)).any()
     ]
 
 
-def bank_calibration(bank: str, noise: float, seed: int, episodes: int) -> list[Row]:
-    """Return the calibration of a bank at a noise level on HybridTrackPublished-v0."""
-    options = {
-        "measurement_variance": noise,
-        **CALIBRATION_BANKS[bank],
-    }
-    rows = task_of(THREE, options).remarks(episodes, seed)["bank"]
-    return [{"bank": bank, "noise": noise, **row} for row in rows]
+def _calibration(stated: Any, right: Any) -> Row:
+    """Return values of stated posteriors (n,) and of whether they were right, (n,)."""
+    edges = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
+    bins = pd.DataFrame({"stated": stated, "right": right}).groupby(np.digitize(stated, edges))
+    # In smaller bins the accuracy has a standard error of up to 1.6 percentage points.
+    means = bins.mean()[bins.size() >= 1000]
+    gaps = (means["stated"] - means["right"]).to_numpy()
+    worst = gaps[np.abs(gaps).argmax()] if gaps.size else None
+    return {"right": right.mean(), "stated": stated.mean(), "worst": worst}
 
 
 def unknown_steps(law: str, noise: float, tracks: int, seed: int) -> list[Row]:
     """Evaluate every step for unknown switches for a law and a noise level, on the same tracks."""
     task = task_of(QUICKEST, {"durations": law, "measurement_variance": noise})
     selection = _curves(task, max(tracks // 3, 50), SELECTION)
-    rows = []
-    before = None
-    for step, curve in _curves(task, tracks, seed).items():
-        scores = curve.at(task.best(selection[step]))
-        row = {"place": f"durations {law}", "noise": noise, "step": step}
-        rows.append(row | _reward(scores, task, before))
-        before = scores
-    return rows
+    curves = _curves(task, tracks, seed)
+    steps = {step: curve.at(task.best(selection[step])) for step, curve in curves.items()}
+    return _rows(
+        task,
+        f"durations {law}",
+        noise,
+        steps,
+    )
 
 
 def _curves(task: Task, tracks: int, seed: int) -> dict[str, Scores]:
@@ -226,13 +284,16 @@ def _curves(task: Task, tracks: int, seed: int) -> dict[str, Scores]:
         seed,
         (0, *LAGS),
     )
-    curves = {
-        IMM: imm.at(0),
-        THRESHOLD: imm,
-        GEOMETRIC: geometric,
-        BEAM: beam,
+    return {
+        "IMM, the most probable mode": imm.at(0),
+        "IMM, tuned threshold": imm,
+        "beam, geometric law of durations": geometric,
+        "beam, true law of durations": beam,
+        **{
+            f"with the measurements of {lag} later ticks (off line)": scores
+            for lag, scores in zip(LAGS, later, strict=True)
+        },
     }
-    return curves | dict(zip(LATER.values(), later, strict=True))
 
 
 def smoothed_scores(
@@ -246,32 +307,33 @@ def smoothed_scores(
     the beam itself. A batch of 500 tracks needs about 100 MB.
     """
     decider = BeamDecider.create(task.options)
-    figures: dict[int, list[Any]] = {lag: [] for lag in lags}
+    rewards: dict[int, list[Any]] = {lag: [] for lag in lags}
     for first in range(0, tracks, at_once):
         smoother = BeamSmoother(decider, lags)
         count = min(at_once, tracks - first)
-        options = vars(task.options)
         true_modes, _ = record_statements(
             smoother,
             count,
             seed + first,
-            **options,
+            **vars(task.options),
         )
-        for lag in lags:
+        for lag, of_lag in rewards.items():
             with np.errstate(divide="ignore"):
-                log_probability = np.log(smoother.posterior(lag))
-            stated = (
-                ThresholdDecider(threshold).statements(log_probability)
-                for threshold in decider.thresholds
-            )
-            cost = task.options.change_cost
-            rewards = [
-                measure_statements(Statements(true_modes, modes), cost).reward for modes in stated
+                logs = np.log(smoother.posterior(lag))
+            stated = (ThresholdDecider(each).statements(logs) for each in decider.thresholds)
+            measured = [
+                measure_statements(Statements(true_modes, modes), task.options.change_cost).reward
+                for modes in stated
             ]
-            figures[lag].append(np.stack(rewards, axis=-1))
-    scores = []
-    for lag, parts in figures.items():
-        name = f"{decider.title}, {lag} ticks later" if lag else decider.title
-        values = np.concatenate(parts)[:, None]
-        scores.append(Scores(name, decider.symbol, decider.thresholds, ("reward",), values))
-    return scores
+            of_lag.append(np.stack(measured, axis=-1)[:, None])
+    thresholds = decider.thresholds
+    return [
+        Scores(
+            f"{lag} ticks later",
+            decider.symbol,
+            thresholds,
+            ("reward",),
+            np.concatenate(parts),
+        )
+        for lag, parts in rewards.items()
+    ]

@@ -12,62 +12,48 @@ eq. (3) run to 2 n; rule (5) tests i only against q_A, as the algorithm does, no
 hypothesis ("any lambda_ij").
 """
 
-import itertools
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike
 
 from hybrid_env import Simulation
 from studies.papers.published import (
     Finding,
     FloatArray,
     Reproduction,
-    both_intervals,
+    intervals,
     rmse_row,
     table_row,
 )
 from studies.papers.setting import GOLUBKOV_2018 as SETTING
 
 KNOWN_MODES = "Table 2, RMSE with known modes"
+ATE, TIMES, SHARE = "Table 3, RMSE of ATE", "Table 4, decision time in ticks", "Correct modes, %"
 PUBLISHED: dict[str, dict[str, tuple[float, ...]]] = {
     KNOWN_MODES: {
         "R1": (0.3552, 0.2738, 0.3618, 0.2587, 0.6316),
         "R2": (0.1355, 0.1662, 0.1363, 0.1678, 0.3045),
         "R3": (0.0506, 0.1073, 0.0500, 0.1064, 0.1670),
     },
-    "Table 3, RMSE of ATE": {
+    ATE: {
         "R1": (0.9189, 1.2295, 0.9752, 1.1414, 2.1471),
         "R2": (0.5743, 0.9727, 0.5671, 0.9169, 1.5615),
         "R3": (0.3650, 1.2056, 0.4292, 2.0156, 2.4152),
     },
-    "Table 4, decision time in ticks": {
+    TIMES: {
         "R1": (32.92, 22.87, 29.57, 37.88, 30.67, 40.74, 32.442),
         "R2": (22.18, 15.95, 26.3, 22.23, 20.48, 26.98, 22.353),
         "R3": (14.94, 11.24, 17.04, 14.66, 14.66, 18.44, 15.163),
     },
-    "Correct modes, %": {"R1": (72.5,), "R2": (77.0,), "R3": (79.8,)},
-}
-# What was tried for table 2: arguments of `filter_known_modes`.
-KNOWN_MODES_SETTINGS: dict[str, dict[str, Any]] = {
-    "P carried over from I, as reported": {},
-    "P := I at every switch": {"carry": False},
-    "P carried over from 0.1 I": {"spread": 0.1},
-    "P carried over from 0": {"spread": 0.0},
-    "start from the first measurements": {"start": None},
+    SHARE: {"R1": (72.5,), "R2": (77.0,), "R3": (79.8,)},
 }
 
 
-def filter_known_modes(
-    recording: Simulation,
-    variance: float,
-    start: ArrayLike | None = SETTING.start,
-    spread: float = 1.0,
-    carry: bool = True,
-) -> FloatArray:
+def filter_known_modes(recording: Simulation, variance: float) -> FloatArray:
     """Return the estimates (n, T, 4) [m, m/s] with known modes and switch times, "optimal" in
-    table 2.
+    table 2, from the exact state one tick before the first measurement, and P = I.
 
     One filter runs in each segment, from the last estimate and its covariance. Its turn has the
     centre and the rate of that estimate. Points of the plane are complex numbers x + i y, and both
@@ -76,25 +62,14 @@ def filter_known_modes(
     Args:
         recording: n runs.
         variance: R [m^2].
-        start: (4,) state one tick before the first measurement; None fits a line to the first ten.
-        spread: P is this multiple of I at the start.
-        carry: False resets P at every switch.
     """
     measurements = recording.measurements @ [1.0, 1.0j]
     runs = len(measurements)
-    if start is None:
-        lines = np.polyfit(
-            SETTING.tau * np.arange(1, 11),
-            measurements[:, :10].T,
-            1,
-        )
-        state = lines[::-1].T
-    else:
-        state = np.tile([1.0, 1.0j] @ np.reshape(start, (2, 2)), (runs, 1))
-    covariance = np.tile(spread * np.eye(2), (runs, 1, 1))
+    state = np.tile([1.0, 1.0j] @ np.reshape(SETTING.start, (2, 2)), (runs, 1))
+    covariance = np.tile(np.eye(2), (runs, 1, 1))
     estimates = []
-    ticks = iter(measurements.T)
-    for length, radius in zip(recording.lengths, recording.signed_radii, strict=True):
+    parts = np.split(measurements, recording.lengths.cumsum()[:-1], axis=1)
+    for part, radius in zip(parts, recording.signed_radii, strict=True):
         transition = np.tile([[1.0, SETTING.tau], [0.0, 1.0]], (runs, 1, 1))
         centre = np.zeros((runs, 2), np.complex128)
         if radius:
@@ -103,9 +78,7 @@ def filter_known_modes(
             rows = [[cosine, sine / rate], [-rate * sine, cosine]]
             transition = np.moveaxis(np.array(rows), -1, 0)
             centre[:, 0] = state[:, 0] + 1j * state[:, 1] / rate
-        if not carry:
-            covariance[:] = spread * np.eye(2)
-        for measured in itertools.islice(ticks, int(length)):
+        for measured in part.T:
             state = centre + (transition @ (state - centre)[..., None])[..., 0]
             covariance = transition @ covariance @ transition.swapaxes(1, 2)
             covariance[:, 1, 1] += SETTING.process_variance
@@ -127,61 +100,64 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     findings: list[Finding] = []
     for index, (name, variance) in enumerate(SETTING.variances.items()):
         recording = SETTING.simulate(runs, seed + index, variance)
+        estimates = filter_known_modes(recording, variance)
+        published = PUBLISHED[KNOWN_MODES][name]
+        rows += [
+            rmse_row(
+                KNOWN_MODES,
+                name,
+                published,
+                estimates,
+                recording.truth,
+                seed,
+            )
+        ]
         tracks = SETTING.track(recording, variance)
-        rows += [_known_modes_row(name, recording, seed), *_ate_rows(name, recording, tracks, seed)]
+        rows += _ate_rows(
+            name,
+            recording,
+            tracks,
+            seed,
+        )
         refined = SETTING.track(recording, variance, refine_radius=True)
-        findings += _findings(name, recording, tracks, refined)
+        findings += _findings(
+            name,
+            recording,
+            tracks,
+            refined,
+        )
     return Reproduction(
         SETTING.paper,
         runs,
         seed,
         rows,
-        findings + _scans(seed),
+        findings + _settings_tried(seed),
     )
-
-
-def _known_modes_row(name: str, recording: Simulation, seed: int, **options: Any) -> pd.DataFrame:
-    """A row of table 2, with options of `filter_known_modes`."""
-    estimates = filter_known_modes(recording, SETTING.variances[name], **options)
-    published = PUBLISHED[KNOWN_MODES][name]
-    return rmse_row(KNOWN_MODES, name, published, estimates, recording.truth, seed)
 
 
 def _ate_rows(name: str, recording: Simulation, tracks: Any, seed: int) -> list[pd.DataFrame]:
     """A row of tables 3 and 4 and of the percentages."""
+    published = {table: values[name] for table, values in PUBLISHED.items()}
     ticks = np.concatenate([tracks.ticks, tracks.ticks.mean(1, keepdims=True)], axis=1)
     correct = 100.0 * SETTING.correct_types(tracks, recording).mean(1, keepdims=True)
-    times, types = (
-        both_intervals(values, lambda means: means, seed) for values in (ticks, correct)
-    )
-    rmse, time, share = list(PUBLISHED)[1:]
-    published = {table: values[name] for table, values in PUBLISHED.items()}
-    return [
-        rmse_row(
-            rmse,
-            name,
-            published[rmse],
-            tracks.estimates,
-            recording.truth,
-            seed,
-        ),
+    means = [
         table_row(
-            time,
-            name,
-            (*"123456", "mean"),
-            published[time],
-            times,
-            2,
-        ),
-        table_row(
-            share,
-            name,
-            ("S, L or R",),
-            published[share],
-            types,
-            1,
-        ),
+            table, name, heads, published[table], intervals(values, np.positive, seed), digits
+        )
+        for table, heads, values, digits in (
+            (TIMES, (*"123456", "mean"), ticks, 2),
+            (SHARE, ("S, L or R",), correct, 1),
+        )
     ]
+    errors = rmse_row(
+        ATE,
+        name,
+        published[ATE],
+        tracks.estimates,
+        recording.truth,
+        seed,
+    )
+    return [errors, *means]
 
 
 def _findings(name: str, recording: Simulation, tracks: Any, refined: Any) -> list[Finding]:
@@ -195,7 +171,6 @@ def _findings(name: str, recording: Simulation, tracks: Any, refined: Any) -> li
     studies = np.array_split(squares, max(squares.size // 100, 1))
     errors = [np.sqrt(study.mean()) for study in studies]
     right = SETTING.signed_radii[tracks.decided] == recording.signed_radii
-    (published,) = PUBLISHED["Correct modes, %"][name]
     return [
         (
             f"{name}: nRMSE with the radius refined after the decision",
@@ -211,43 +186,49 @@ def _findings(name: str, recording: Simulation, tracks: Any, refined: Any) -> li
         (
             f"{name}: modes that are correct if the radius counts too",
             f"{100.0 * right.mean():.1f} %",
-            f"{published} %, what counts not stated",
+            f"{PUBLISHED[SHARE][name][0]} %, what counts not stated",
         ),
     ]
 
 
-def _scans(seed: int, runs: int = 100) -> list[Finding]:
+def _settings_tried(seed: int, runs: int = 100) -> list[Finding]:
     """Number of published values inside, for the settings that were tried."""
-    tried: dict[str, list[pd.DataFrame]] = {}
-    # Options of the simulation and of ATE.
-    settings: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
-        f"tau = {tau:g} s, alpha = beta = {alpha:g}": ({"tau": tau}, {"tau": tau, "alpha": alpha})
-        for tau in (0.05, SETTING.tau, 0.2)
-        for alpha in (0.05, 0.01, 1e-3, 1e-4)
+    # Options of the simulation, and further ones of ATE.
+    settings: dict[str, tuple[dict[str, float], dict[str, Any]]] = {
+        f"tau = {tau:g} s, alpha = beta = {alpha:g}": ({"tau": tau}, {"alpha": alpha})
+        for tau, alpha in product((0.05, SETTING.tau, 0.2), (0.05, 0.01, 1e-3, 1e-4))
     }
     settings["a start from the first measurements"] = {}, {"start": None}
-    for index, (name, variance) in enumerate(SETTING.variances.items()):
-        for label, (world, options) in settings.items():
+    findings = []
+    for label, (world, options) in settings.items():
+        rows = []
+        for index, (name, variance) in enumerate(SETTING.variances.items()):
             recording = SETTING.simulate(
                 runs,
                 seed + index,
                 variance,
                 **world,
             )
-            tracks = SETTING.track(recording, variance, **options)
-            rows = tried.setdefault(f"tables 3, 4 and percentages with {label}", [])
-            rows += _ate_rows(name, recording, tracks, seed)
-        for label, options in KNOWN_MODES_SETTINGS.items():
-            row = _known_modes_row(
-                name,
+            tracks = SETTING.track(
                 recording,
-                seed,
+                variance,
+                **world,
                 **options,
             )
-            tried.setdefault(f"table 2, {label}", []).append(row)
-    findings = []
-    for label, rows in tried.items():
-        cells = Reproduction("", runs, seed, rows, ()).cells
-        inside = f"{(cells.verdict == 'inside').sum()} of {len(cells)} inside"
-        findings.append((f"tried, {runs} runs: {label}", inside, "not stated"))
+            rows += _ate_rows(
+                name,
+                recording,
+                tracks,
+                seed,
+            )
+        verdicts = Reproduction(
+            "",
+            runs,
+            seed,
+            rows,
+            (),
+        ).cells.verdict
+        inside = f"{(verdicts == 'inside').sum()} of {len(verdicts)} inside"
+        label = f"tried, {runs} runs: tables 3, 4 and percentages with {label}"
+        findings.append((label, inside, "not stated"))
     return findings

@@ -18,7 +18,6 @@ from baselines import mixture
 from studies.flights.turns import turn_transition
 from studies.papers.published import FloatArray
 
-Method = Literal["static", "gpb1", "imm", "gpb2"]
 # Smaller probabilities count as this one.
 SMALLEST = np.log(1e-300)
 
@@ -37,7 +36,7 @@ class MultipleModels:
 
     def __init__(
         self,
-        method: Method,
+        method: Literal["static", "gpb1", "imm", "gpb2"],
         radii: FloatArray,
         process_variance: float,
         noise: ArrayLike,

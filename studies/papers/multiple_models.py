@@ -10,7 +10,7 @@ probable type. The recalculated estimates of ATE use measurements up to the deci
 only those up to their tick.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from itertools import product
 from typing import Any, NamedTuple
@@ -19,49 +19,44 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from baselines import Scores, Statistic, sprt_thresholds
+from baselines import Estimate, Scores, Statistic, sprt_thresholds
 from hybrid_env import Simulation
 from studies.papers.golubkov2020 import BOOTSTRAP_INTERVAL, run_detector
 from studies.papers.multiple_model_filter import MultipleModels
 from studies.papers.published import FloatArray, IntArray, Reproduction, table_row
 from studies.papers.setting import GOLUBKOV_2018, TSYGANOV_2019, Setting
+from studies.pictures import draw_estimates
 
 # Options of `track_ate` in each setting, the published ones first.
 ATE: dict[str, dict[str, dict[str, Any]]] = {
-    GOLUBKOV_2018.paper: {
-        "ATE": {},
-        "ATE, radius refined": {"refine_radius": True},
-    },
+    GOLUBKOV_2018.paper: {"ATE": {}, "ATE, radius refined": {"refine_radius": True}},
     TSYGANOV_2019.paper: {
         "ATE": {},
-        "ATE, rewound": {
-            "recalculation": "rewind",
-            "reference": "straight",
-        },
+        "ATE, rewound": {"recalculation": "rewind", "reference": "straight"},
     },
 }
-# Statistic and decimals. nRMSE: root of the sum of the mean squared errors of the state. Delay:
-# until the statement is right to the end of the segment, or the whole segment. Wrong: segments that
-# end with a wrong statement. Wrong changes: of the statement to a wrong type. Kalman steps:
-# predictions with corrections. The first three are compared.
+# Values of a run and their decimals. nRMSE: root of the sum of the mean squared errors of the
+# state. Delay: until the statement is right to the end of the segment, or the whole segment. Wrong:
+# segments that end with a wrong statement. Wrong changes: of the statement to a wrong type. Kalman
+# steps: predictions with corrections. The first three are compared.
 METRICS = {
-    "nRMSE": (Statistic(("squares",), np.sqrt), 3),
-    "delay, ticks": (Statistic(("delay",), np.positive), 1),
-    "wrong, %": (Statistic(("wrong",), np.positive), 1),
-    "wrong changes in 1,000 ticks": (Statistic(("wrong_changes",), np.positive), 1),
-    "Kalman steps a tick": (Statistic(("steps",), np.positive), 1),
+    "nRMSE": 3,
+    "delay, ticks": 1,
+    "wrong, %": 1,
+    "wrong changes in 1,000 ticks": 1,
+    "Kalman steps a tick": 1,
 }
 COMPARED = tuple(METRICS)[:3]
 
 
 class Tracked(NamedTuple):
-    """Output of one estimator for n runs of T ticks."""
+    """Output of one estimator for n runs of T ticks, or for one tick."""
 
     # (n, T, 4) [m, m/s]
     estimates: FloatArray
     # (n, T) stated types: 0 straight, 1 left, -1 right.
     sides: IntArray
-    # (n,) Kalman steps a tick.
+    # (n, T) Kalman steps.
     steps: FloatArray
 
 
@@ -74,42 +69,38 @@ def _run_ate(
     tracks = setting.track(recording, variance, **options)
     lengths, modes = recording.lengths, len(setting.signed_radii)
     decided = setting.sides[tracks.decided]
-    before = np.insert(decided[:, :-1], 0, 0, axis=1)
-    ticks, now, last = (
-        np.repeat(values, lengths, axis=1) for values in (tracks.ticks, decided, before)
+    before = np.insert(
+        decided[:, :-1],
+        0,
+        0,
+        axis=1,
+    )
+    ticks, now, last, undecided = (
+        np.repeat(values, lengths, axis=1)
+        for values in (tracks.ticks, decided, before, tracks.undecided)
     )
     recalculation = (setting.ate | options).get("recalculation", "none")
     again = {"none": 0, "as_published": 1, "rewind": modes}[recalculation]
     after = modes if options.get("refine_radius") else 1
-    steps = (modes + again * ~tracks.undecided) * tracks.ticks + after * (lengths - tracks.ticks)
-    stated = np.where(_ticks_since(lengths) >= ticks, now, last)
-    return Tracked(
-        tracks.estimates,
-        stated,
-        steps.sum(1) / lengths.sum(),
-    )
+    since = _ticks_since(lengths)
+    steps = np.where(since <= ticks, modes + again * ~undecided, after)
+    return Tracked(tracks.estimates, np.where(since >= ticks, now, last), steps)
 
 
-def _run_detector(recording: Simulation, setting: Setting, variance: float) -> Tracked:
+def _run_detector(recording: Simulation, setting: Setting, variance: float) -> Iterator[Tracked]:
     """A switch since the last change is tested, at most as long ago as the longest segment."""
     window = int(recording.lengths.max())
     threshold, _ = sprt_thresholds(setting.alpha)
     counts: Any = 0
-    output = []
-    ticks = run_detector(
-        recording.measurements,
-        setting,
-        variance,
-        threshold,
-        window,
-    )
-    for stated, filters in ticks:
-        state = [filters.stated_filters[name][:, 0] for name in ("x", "vx", "y", "vy")]
+    for stated, filters in run_detector(
+        recording.measurements, setting, variance, threshold, window
+    ):
+        state = [filters.stated_filters[name][:, 0, 0] for name in ("x", "vx", "y", "vy")]
         steps = 1 + 2 * len(setting.radii) * np.minimum(counts + 1, window)
-        output.append((np.stack(state, -1), stated, np.broadcast_to(steps, len(stated))))
+        yield Tracked(
+            np.stack(state, -1), setting.sides[stated], np.broadcast_to(steps, len(stated))
+        )
         counts = filters.counts.copy()
-    estimates, modes, steps = (np.stack(values, axis=1) for values in zip(*output, strict=True))
-    return Tracked(estimates, setting.sides[modes], steps.mean(1))
 
 
 def _run_models(
@@ -118,48 +109,33 @@ def _run_models(
     variance: float,
     method: Any,
     known: bool,
-) -> Tracked:
+) -> Iterator[Tracked]:
     lengths, radii = recording.lengths, setting.signed_radii
     runs = len(recording.measurements)
-    # Straight, left, right.
-    groups = setting.sides[:, None] == (0, 1, -1)
+    sides = np.array([0, 1, -1])
+    groups = setting.sides[:, None] == sides
     prior = (groups / groups.sum(0)).sum(1) / 3.0
     stay = np.eye(len(radii))
     others = prior * (1.0 - stay)
     at_any_tick = stay + (others / others.sum(1, keepdims=True) - stay) / lengths.mean()
     at_switch = np.tile(prior, (len(radii), 1))
     start = np.tile(setting.start, (runs, 1))
-    noises = setting.process_variance, variance
     models = MultipleModels(
         method,
         radii,
-        *noises,
+        setting.process_variance,
+        variance,
         start,
         np.eye(4),
     )
-    output = []
     for k, since in enumerate(_ticks_since(lengths)):
         at_known_moment = at_switch if since == 1 else None
         transition = at_known_moment if known or k == 0 else at_any_tick
-        models.step(
-            recording.measurements[:, k],
-            setting.tau,
-            transition,
-        )
+        models.step(recording.measurements[:, k], setting.tau, transition)
         likeliest = (models.probabilities @ groups).argmax(1)
-        output.append(
-            (
-                models.merged()[0][:, 0],
-                likeliest,
-                np.full(runs, models.filters),
-            )
+        yield Tracked(
+            models.merged()[0][:, 0], sides[likeliest], np.full(runs, float(models.filters))
         )
-    estimates, types, steps = (np.stack(values, axis=1) for values in zip(*output, strict=True))
-    return Tracked(
-        estimates,
-        np.array([0, 1, -1])[types],
-        steps.mean(1),
-    )
 
 
 def _ticks_since(lengths: IntArray) -> IntArray:
@@ -167,44 +143,43 @@ def _ticks_since(lengths: IntArray) -> IntArray:
     return np.concatenate([np.arange(1, length + 1) for length in lengths])
 
 
-def estimators(setting: Setting, known: bool) -> dict[str, Callable[..., Tracked]]:
-    """Return functions of recording, setting and R by name, ATE or the detector first."""
-    ate: dict[str, Callable[..., Tracked]] = {
-        name: partial(_run_ate, options=given) for name, given in ATE[setting.paper].items()
-    }
+def estimators(setting: Setting, known: bool) -> dict[str, Callable[..., Any]]:
+    """Return functions of recording, setting and R by name, ATE or the detector first. They return
+    a `Tracked`, or yield that of every tick.
+    """
     models = {
         name: partial(_run_models, method=name.lower(), known=known)
         for name in ("static", "GPB1", "IMM", "GPB2")
         # At known moments, static is the same as the IMM.
         if not known or name != "static"
     }
-    detector: dict[str, Callable[..., Tracked]] = {"detector 2020": _run_detector}
-    return (ate if known else detector) | models
+    if not known:
+        return {"detector 2020": _run_detector, **models}
+    ate = {name: partial(_run_ate, options=given) for name, given in ATE[setting.paper].items()}
+    return {**ate, **models}
 
 
-def score(name: str, recording: Simulation, tracked: Tracked) -> Scores:
-    """Return the figures of every run, see `METRICS`."""
+def score(name: str, recording: Simulation, tracked: Tracked | Iterator[Tracked]) -> Scores:
+    """Return the values of every run, see `METRICS`."""
+    if not isinstance(tracked, Tracked):
+        tracked = Tracked(*(np.stack(values, axis=1) for values in zip(*tracked, strict=True)))
     lengths, sides = recording.lengths, tracked.sides
     wrong = sides != np.repeat(np.sign(recording.signed_radii), lengths)
     begins = np.cumsum(lengths) - lengths
-    figures = {
-        "squares": ((tracked.estimates - recording.truth) ** 2).mean(1).sum(1),
-        "delay": np.maximum.reduceat(
-            _ticks_since(lengths) * wrong,
-            begins,
-            axis=1,
-        ).mean(1),
-        "wrong": 100.0 * wrong[:, begins + lengths - 1].mean(1),
-        "wrong_changes": 1000.0 * ((np.diff(sides, prepend=sides[:, :1]) != 0) & wrong).mean(1),
-        "steps": tracked.steps,
-    }
-    values = np.stack([*figures.values()], axis=1)[..., None]
+    late = np.maximum.reduceat(_ticks_since(lengths) * wrong, begins, axis=1)
+    values = [
+        ((tracked.estimates - recording.truth) ** 2).mean(1).sum(1),
+        late.mean(1),
+        100.0 * wrong[:, begins + lengths - 1].mean(1),
+        1000.0 * ((np.diff(sides, prepend=sides[:, :1]) != 0) & wrong).mean(1),
+        tracked.steps.mean(1),
+    ]
     return Scores(
         name,
         "",
         (0.0,),
-        tuple(figures),
-        values,
+        tuple(METRICS),
+        np.stack(values, axis=1)[..., None],
     )
 
 
@@ -237,26 +212,20 @@ def reproduce(
             )
             rows.append(row)
             curves.append(row.assign(title=title, variance=variance))
-        pairs = [(scores, compared[0]) for scores in compared[1:]]
-        for scores, other in [
-            *pairs,
-            (compared[-2], compared[1]),
-            (compared[-1], compared[-2]),
-        ]:
-            names = f"{scores.name} less {other.name}"
-            difference = partial(scores.difference, other)
-            rows.append(
-                _row(
-                    f"{table}, paired differences",
-                    names,
-                    COMPARED,
-                    difference,
-                )
+        first, second, *_, imm, gpb2 = compared
+        pairs = [*((scores, first) for scores in compared[1:]), (imm, second), (gpb2, imm)]
+        rows += [
+            _row(
+                f"{table}, paired differences",
+                f"{scores.name} less {other.name}",
+                COMPARED,
+                partial(scores.difference, other),
             )
+            for scores, other in pairs
+        ]
     figure = _figure(pd.concat(curves))
-    name = "ATE against multiple models"
     return Reproduction(
-        name,
+        "ATE against multiple models",
         runs,
         seed,
         rows,
@@ -271,9 +240,12 @@ def _row(
     metrics: Iterable[str],
     estimate: Callable[[Statistic], Any],
 ) -> pd.DataFrame:
-    estimates = [estimate(METRICS[metric][0]) for metric in metrics]
-    results = [[getattr(each, part) for each in estimates] for part in ("value", "low", "high")]
-    digits = [METRICS[metric][1] for metric in metrics]
+    estimates = [
+        estimate(Statistic((metric,), np.sqrt if metric == "nRMSE" else np.positive))
+        for metric in metrics
+    ]
+    results = np.array([[*vars(each).values()] for each in estimates]).T
+    digits = [METRICS[metric] for metric in metrics]
     return table_row(
         table,
         name,
@@ -287,27 +259,28 @@ def _row(
 
 def _figure(cells: pd.DataFrame) -> Figure:
     """Return error, delay and wrong statements over R."""
-    titles = list(dict.fromkeys(cells.title))
+    titles = cells.title.unique()
     figure = Figure(figsize=(18.0, 12.0), layout="constrained", dpi=110)
     panels = figure.subplots(len(COMPARED), len(titles), squeeze=False)
     for (metric, title), axes in zip(product(COMPARED, titles), panels.flat, strict=True):
         here = cells[(cells.title == title) & (cells.column == metric)]
         for name, curve in here.groupby("row", sort=False):
-            bars = [curve.ours - curve.low, curve.high - curve.ours]
-            axes.errorbar(
+            estimates = [Estimate(*row) for row in curve[["ours", "low", "high"]].to_numpy()]
+            draw_estimates(
+                axes,
                 curve.variance,
-                curve.ours,
-                bars,
+                estimates,
                 marker="o",
                 label=name,
             )
+        scale = "log" if metric == "nRMSE" else "linear"
         axes.set(
             title=title,
             xlabel="R, m²",
             ylabel=metric,
             xscale="log",
+            yscale=scale,
         )
-        if metric == "nRMSE":
-            axes.set_yscale("log")
-            axes.legend()
+    for axes in panels[0]:
+        axes.legend()
     return figure

@@ -17,7 +17,6 @@ from agents import markdown_table
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-STUDY_INTERVAL = "The interval contains 95 % of studies with 100 runs."
 # Of a result beyond the tables: quantity, value, and what the paper claims of it, if anything.
 Finding = tuple[str, str, str]
 
@@ -70,7 +69,7 @@ def table_row(
     published: Any,
     results: Iterable[Any],
     digits: Any = 4,
-    note: str = STUDY_INTERVAL,
+    note: str = "The interval contains 95 % of studies with 100 runs.",
     excuses: Any = "",
 ) -> pd.DataFrame:
     """Return a row of a table with C columns, a line for each value.
@@ -78,31 +77,21 @@ def table_row(
     Args:
         table, row, columns: names.
         published: values (C,), NaN where there is none or where it is illegible.
-        results: ours, (C,) each, and as far as they are known the bounds of the 95 % interval that
-            the note describes, those of the interval of ours itself, and the median of single runs.
+        results: the first ones of `intervals`, (C,) each.
         digits: decimals to print.
         note: what the interval contains.
         excuses: (C,) why a value is no evidence, as a setting was fitted to it; it is then not
             counted.
     """
     names = ("ours", "low", "high", "own_low", "own_high", "median")
-    given = dict(
-        zip(
-            names,
-            (np.asarray(values, np.float64) for values in results),
-            strict=False,
-        )
-    )
-    texts = {
-        "table": table,
-        "row": row,
-        "column": [*columns],
-        "published": published,
-    }
-    known = texts | dict.fromkeys(names, np.nan) | given
     return pd.DataFrame(
-        known
-        | {
+        {
+            "table": table,
+            "row": row,
+            "column": [*columns],
+            "published": published,
+            **dict.fromkeys(names, np.nan),
+            **dict(zip(names, results, strict=False)),
             "digits": digits,
             "note": note,
             "excuse": excuses,
@@ -110,47 +99,22 @@ def table_row(
     )
 
 
-def study_interval(
+def intervals(
     per_run: FloatArray,
     statistics: Callable[[FloatArray], FloatArray],
     seed: int,
     study_runs: int = 100,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Statistics (C,) of all runs, and the bounds of the 95 % bootstrap interval of a study with
-    fewer runs, (C,). `per_run` has (n, F) values; `statistics` makes (..., C) of means over runs,
-    (..., F).
-    """
-    resampled = statistics(_draws(seed, study_runs, len(per_run)) @ per_run / study_runs)
-    low, high = np.percentile(resampled, [2.5, 97.5], axis=0)
-    return statistics(per_run.mean(0)), low, high
+) -> list[FloatArray]:
+    """Return statistics of all runs, the bounds of the 95 % bootstrap interval of a study with
+    fewer runs and those of our own, and the median of single runs, (C,) each.
 
-
-def both_intervals(
-    per_run: FloatArray,
-    statistics: Callable[[FloatArray], FloatArray],
-    seed: int,
-    study_runs: int = 100,
-) -> tuple[FloatArray, ...]:
-    """`study_interval`, then the 95 % interval of its first result, and the median of single
-    runs.
+    `per_run` has (n, F) values; `statistics` makes (..., C) of means over runs, (..., F).
     """
-    of_mean = study_interval(
-        per_run,
-        statistics,
-        seed,
-        len(per_run),
-    )
-    median = np.median(statistics(per_run), axis=0)
-    return (
-        *study_interval(
-            per_run,
-            statistics,
-            seed,
-            study_runs,
-        ),
-        *of_mean[1:],
-        median,
-    )
+    results = [statistics(per_run.mean(0))]
+    for runs in (study_runs, len(per_run)):
+        resampled = statistics(_draws(seed, runs, len(per_run)) @ per_run / runs)
+        results += [*np.percentile(resampled, [2.5, 97.5], axis=0)]
+    return [*results, np.median(statistics(per_run), axis=0)]
 
 
 @functools.lru_cache(maxsize=4)
@@ -177,11 +141,7 @@ def rmse_row(
         roots = np.sqrt(mean_squares)
         return np.concatenate([roots, np.sqrt((roots**2).sum(-1, keepdims=True))], axis=-1)
 
-    results = both_intervals(
-        ((estimates - truth) ** 2).mean(1),
-        rmse_and_norm,
-        seed,
-    )
+    results = intervals(((estimates - truth) ** 2).mean(1), rmse_and_norm, seed)
     return table_row(
         table,
         row,
@@ -194,34 +154,24 @@ def rmse_row(
 def _texts(cells: pd.DataFrame) -> pd.DataFrame:
     """Cells as texts below the heads of a table."""
 
-    def text(*names: str) -> list[str]:
-        return [
-            "-"
-            if np.isnan(values).any()
-            else " to ".join(f"{value:.{digits}f}" for value in values)
-            for digits, *values in cells[["digits", *names]].itertuples(index=False)
+    def text(*names: str) -> pd.Series:
+        lines = cells[["digits", *names]].itertuples(index=False)
+        texts = [
+            " to ".join(f"{value:.{digits}f}" for value in values) for digits, *values in lines
         ]
+        return pd.Series(texts, cells.index).mask(cells[[*names]].isna().any(axis=1), "-")
 
-    bounds = text("own_low", "own_high")
-    words = cells.verdict.map(
-        {
-            "inside": "yes",
-            "outside": "no",
-            "not published": "-",
-        }
-    )
+    words = cells.verdict.map({"inside": "yes", "outside": "no", "not published": "-"})
     return pd.DataFrame(
         {
             "setting": cells.row,
             "quantity": cells.column,
             "published": text("published"),
-            "ours [its own interval]": [
-                ours if interval == "-" else f"{ours} [{interval}]"
-                for ours, interval in zip(text("ours"), bounds, strict=True)
-            ],
+            "ours [its own interval]": text("ours")
+            + (" [" + text("own_low", "own_high") + "]").replace(" [-]", ""),
             "median run": text("median"),
             "95 % interval": text("low", "high"),
-            "inside": words + cells.excuse.map(lambda excuse: f" ({excuse})" if excuse else ""),
+            "inside": words + (" (" + cells.excuse + ")").replace(" ()", ""),
         }
     )
 
@@ -231,11 +181,9 @@ def _table(cells: pd.DataFrame) -> str:
     texts = _texts(cells)
     if cells.published.isna().all():
         ours = texts["ours [its own interval]"] + " (" + texts["95 % interval"] + ")"
-        texts = (
-            ours.groupby([texts.setting, texts.quantity], sort=False).first().unstack(sort=False)
-        )
-        texts = texts.reset_index().rename(columns={"setting": ""})
-    return markdown_table(list(texts), texts.itertuples(index=False))
+        index = texts[["setting", "quantity"]].to_numpy().T
+        texts = ours.set_axis([*index]).unstack(sort=False).rename_axis("").reset_index()
+    return markdown_table([*texts], texts.itertuples(index=False))
 
 
 def _count(cells: pd.DataFrame) -> str:
@@ -250,8 +198,8 @@ def to_markdown(result: Reproduction) -> str:
     for name, cells in result.tables.items():
         count = _count(cells[cells.excuse == ""])
         inside = f", {count} inside the interval" if count else ""
-        text += [f"## {result.paper}: {name}{inside}\n", f"{' '.join(cells.note.unique())}\n"]
-        text += [_table(cells)]
+        heading = f"## {result.paper}: {name}{inside}\n"
+        text += [heading, f"{' '.join(cells.note.unique())}\n", _table(cells)]
     if result.findings:
         heads = ("quantity", "result", "claim of the paper")
         text += ["## Additional results\n", markdown_table(heads, result.findings)]
@@ -266,6 +214,7 @@ def summary(results: Sequence[Reproduction]) -> str:
             if not _count(cells):
                 continue
             counted = cells[cells.excuse == ""]
+            count = _count(counted)
             outside = "; ".join(
                 f"{row} {column} {published} (ours {ours})"
                 for row, column, published, ours, *_ in _texts(
@@ -274,17 +223,16 @@ def summary(results: Sequence[Reproduction]) -> str:
             )
             excused = "; ".join(
                 f"{excuse}: {_count(part)} inside"
-                for excuse, part in cells[cells.excuse != ""].groupby("excuse", sort=False)
-                if _count(part)
+                for excuse, part in cells[cells.excuse != ""].groupby("excuse")
             )
-            count = _count(counted)
-            outside = (outside or "none") if count else "-"
+            outside = outside or "none" if count else "-"
             paper = f"{result.paper}, {result.size}"
             rows.append((paper, name, count or "-", outside, excused or "none"))
     heads = (
+        "paper, its size",
         "table",
         "inside the 95 % interval",
         "outside the 95 % interval",
         "not counted",
     )
-    return markdown_table(("paper, its size", *heads), rows)
+    return markdown_table(heads, rows)

@@ -8,11 +8,10 @@ import pytest
 from matrix_filters import MatrixKalmanFilter
 
 from agents import run_command
-from baselines import AdaptiveFilter
 from hybrid_env import simulate
 from studies.papers import golubkov2018, golubkov2020, tsyganov2019, zimchuk
 from studies.papers.__main__ import Reproduce
-from studies.papers.published import study_interval
+from studies.papers.published import intervals
 from studies.papers.setting import GOLUBKOV_2018
 
 
@@ -71,30 +70,61 @@ def test_the_published_delay_of_golubkov_2020_is_within_the_distribution():
     assert inside[:2] == ["alpha = 0.1", "alpha = 0.05"]
 
 
-def test_study_interval_is_that_of_a_mean_of_100_runs():
+def test_intervals_are_those_of_a_mean_of_100_runs_and_of_all():
     values = np.random.default_rng(0).normal(5.0, 2.0, (4000, 1))
-    mean, low, high = study_interval(values, lambda means: means, seed=0)
+    mean, *bounds, median = np.ravel(intervals(values, np.positive, seed=0))
 
-    assert mean[0] == pytest.approx(values.mean())
+    assert (mean, median) == pytest.approx((values.mean(), np.median(values)))
     # With 2,000 resamples the standard error of a 2.5 % quantile is about 4 % of the half width.
-    assert high[0] - low[0] == pytest.approx(2 * 1.96 * 0.2, rel=0.1)
+    widths = np.diff(bounds)[::2] / (2 * 1.96)
+    assert widths == pytest.approx([2.0 / np.sqrt(100), 2.0 / np.sqrt(4000)], rel=0.1)
 
 
 def test_the_filter_with_known_modes_equals_matrix_filters():
-    recording = simulate("L40r3 S30 R50r6", runs=1, seed=3, measurement_variance=0.3)
+    recording = simulate(
+        "L40r3 S30 R50r6",
+        runs=1,
+        seed=3,
+        measurement_variance=0.3,
+    )
     estimates = iter(golubkov2018.filter_known_modes(recording, 0.3)[0])
     measurements = iter(recording.measurements[0])
     state, P = GOLUBKOV_2018.start, np.eye(4)
-    for length, mode, radius in ((40, "L", 3.0), (30, "S", 0.0), (50, "R", 6.0)):
-        kalman = MatrixKalmanFilter(state, P, mode, radius, 0.1, 0.001, 0.3 * np.eye(2))
+    for length, radius in ((40, 3.0), (30, 0.0), (50, -6.0)):
+        kalman = MatrixKalmanFilter(
+            state,
+            P,
+            radius,
+            0.1,
+            0.001,
+            0.3 * np.eye(2),
+        )
         for _ in range(length):
             kalman.step(next(measurements))
             np.testing.assert_allclose(next(estimates), kalman.x, atol=1e-11)
         state, P = kalman.x, kalman.P
 
 
-def test_one_axis_in_matrix_form_is_filtered_as_by_the_axis_wise_filter():
-    measured = zimchuk.simulate_flights(20, 0)[..., :1]
-    alone = zimchuk.positions_of(AdaptiveFilter(1, zimchuk.TAU), measured)
+def test_an_axis_is_filtered_by_the_published_scalar_formulas():
+    measured = zimchuk.true_position() + np.random.default_rng(0).normal(0.0, 5.0, 700)
+    tau, x, v = zimchuk.TAU, measured[0], 0.0
+    positions, predicted, innovations, products = [x], [], [], []
+    for n, z in enumerate(measured[1:], start=2):
+        x += tau * v
+        predicted.insert(0, np.array([x, v]))
+        innovations.insert(0, z - x)
+        nu = innovations
+        K = np.array([2 * (2 * n - 1) / (n * (n + 1)), 6 / (n * (n + 1) * tau)])
+        if len(nu) > 4:
+            third = predicted[0] - 3 * predicted[1] + 3 * predicted[2] - predicted[3]
+            products.append(np.array([*nu[:5], *third]) * nu[0])
+        if len(products) > 10:
+            H0, H1, H2, H3, H4, of_x, of_v = np.mean(products, axis=0)
+            spread = 3 * H1 - 3 * H2 + H3 - of_x, (3 * H1 - 6 * H2 + 4 * H3 - H4) / tau - of_v
+            K[0] = np.clip(spread[0] / H0, 0, 1)
+            K[1] = np.clip(spread[1] / H0, 0, K[0] ** 2 / ((2 - K[0]) * tau))
+        x, v = x + K[0] * nu[0], v + K[1] * nu[0]
+        positions.append(x)
 
-    np.testing.assert_allclose(zimchuk.matrix_positions(measured, 1), alone, rtol=1e-7)
+    ours = zimchuk.adaptive_positions(measured[:, None, None])[:, 0, 0]
+    np.testing.assert_allclose(ours, positions, rtol=1e-7)

@@ -3,33 +3,18 @@
 An object is measured every 0.1 s with R = 25 m^2. It moves uniformly from 0 to 20 s and from 30 to
 50 s, with an acceleration of 20 m/s^2 from 20 to 30 s, and with one that grows by 2 m/s^3 from 50
 to 70 s. Here all three axes move like this, and a run is one of them. The paper does not state the
-mean M of its estimates, the start, limits of the gains (see `AdaptiveFilter`), the number of runs,
-or the process noise of its Kalman filter; 4.64 m/s^2 is that with which its first manoeuvre comes
-out. The pattern of the table is reproduced, its numbers are not: the adaptive filter follows a
-manoeuvre about three times better than a slow Kalman filter. A faster one is better than both.
-
-Also its adaptive filter in matrix form, for n sensors with correlated errors in the plane. The
-state is [x, vx, y, vy], and the measurement g = C x + f holds the positions of n sensors. With the
-pseudo-inverse C+ of C, which for one sensor is the C' of eq. (17), and F+ in the rows of the
-velocities, where nu_i is the innovation i ticks ago:
-
-    P_e C' = M[(-D^3 x_e + C+ (3 nu_1 - 3 nu_2 + nu_3)
-                + F+ (3 nu_1 - 6 nu_2 + 4 nu_3 - nu_4) / T) nu']
-    K      = P_e C' H_0^-1              eq. (5), with C P_e C' + R = H_0 = M[nu nu']
+mean M of its estimates, the start, limits of the gains (see `adaptive_positions`), the number of
+runs, or the process noise of its Kalman filter; 4.64 m/s^2 is that with which its first manoeuvre
+comes out. The pattern of the table is reproduced, its numbers are not: the adaptive filter follows
+a manoeuvre about three times better than a slow Kalman filter. A faster one is better than both.
 """
 
-import numpy as np
-import pandas as pd
+from typing import Any
 
-from baselines import (
-    AdaptiveFilter,
-    CorrectedAdaptiveFilter,
-    KalmanFilter,
-    MotionModel,
-    TrackFilter,
-    run_filter,
-)
-from studies.papers.published import Finding, FloatArray, Reproduction, both_intervals, table_row
+import numpy as np
+
+from baselines import KalmanFilter, MotionModel, TrackFilter, run_filter
+from studies.papers.published import FloatArray, Reproduction, intervals, table_row
 
 # Length of a tick [s], and R [m^2].
 TAU, VARIANCE = 0.1, 25.0
@@ -47,22 +32,6 @@ PUBLISHED = {
     ADAPTIVE: (3.95, 7.60, 4.12, 8.56),
     SLOW: (3.94, 18.39, 3.64, 23.24),
 }
-RUN_INTERVAL = (
-    "The interval contains 95 % of single runs; the paper does not state its number of runs."
-)
-CORRELATED = np.array([[0.0, 1.0], [1.0, 0.0]])
-# Covariances of the errors [m^2] in the plane, where x and y move alike; of two sensors the
-# axis-wise filter gets the mean.
-ERRORS = {
-    "independent errors": VARIANCE * np.eye(2),
-    "correlation of x and y 0.9": VARIANCE * (np.eye(2) + 0.9 * CORRELATED),
-    "correlation of x and y -0.9": VARIANCE * (np.eye(2) - 0.9 * CORRELATED),
-    "two sensors, R = 25 and 100": np.kron(np.diag([VARIANCE, 4.0 * VARIANCE]), np.eye(2)),
-}
-# Coefficients of the third backward difference, and of the innovations in eq. (17) with N = 3 for
-# positions and velocities, newest first.
-DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0])
-LAGS = np.array([[0.0, 3.0, -3.0, 1.0, 0.0], [0.0, 3.0, -6.0, 4.0, -1.0]])
 
 
 def true_position() -> FloatArray:
@@ -71,17 +40,6 @@ def true_position() -> FloatArray:
     after = np.maximum(TIMES - 30.0, 0.0)
     growing = np.maximum(TIMES - 50.0, 0.0)
     return 100.0 * TIMES + 10.0 * turning**2 + 200.0 * after + growing**3 / 3.0
-
-
-def simulate_flights(runs: int, seed: int) -> FloatArray:
-    """Simulate measurements [m] of the published scenario, (T, n, 3)."""
-    shape = TIMES.size, runs, 3
-    noise = np.random.default_rng(seed).normal(
-        0.0,
-        np.sqrt(VARIANCE),
-        shape,
-    )
-    return true_position()[:, None, None] + noise
 
 
 def kalman(deviation: float) -> TrackFilter:
@@ -97,231 +55,147 @@ def kalman(deviation: float) -> TrackFilter:
     return KalmanFilter(model, VARIANCE, start_deviations=(1000.0,))
 
 
-def positions_of(kind: TrackFilter, measurements: FloatArray) -> FloatArray:
-    """Return the positions of a filter, as the measurements (T, n, 3)."""
+def positions_of(kind: TrackFilter, measured: FloatArray) -> FloatArray:
+    """Positions of a filter, as the measurements (T, n, d)."""
     return run_filter(
         kind,
-        measurements,
+        measured,
         TIMES,
         keep_covariances=False,
     ).positions
 
 
-def matrix_gain(covariances: FloatArray, spread: FloatArray) -> FloatArray:
-    """Gains of positions [-] and velocities [1/s], (2, ..., d, m), of the values of m = n d
-    measured axes. From H_0 (..., m, m) [m^2], invertible, and the rows of P_e C', (2, ..., d, m).
-    The limits are those of `AdaptiveFilter`, in the directions in which the gain of a common
-    position is diagonal: with L L' = C' H_0^-1 C the eigenvectors of L' P L, P the symmetric part
-    of the covariance of the predicted position.
-    """
-    inverse = np.linalg.inv(covariances)
-    d, m = spread.shape[-2:]
-    # C without the columns of the velocities.
-    sensors = np.tile(np.eye(d), (m // d, 1))
-    # C' H_0^-1.
-    of_position = sensors.T @ inverse
-    factor = np.linalg.cholesky(of_position @ sensors)
-    position, velocity = factor.mT @ (spread @ sensors / (m // d)) @ factor
-    gains, directions = np.linalg.eigh(0.5 * (position + position.mT))
-    gains = np.clip(gains, 0.0, 1.0)
-    rates = np.einsum(
-        "...ik,...ij,...jk->...k",
-        directions,
-        velocity,
-        directions,
-    )
-    rates = np.clip(rates, 0.0, gains**2 / ((2.0 - gains) * TAU))
-    limited = (directions * np.stack([gains, rates])[..., None, :]) @ directions.mT
-    unfactor = np.linalg.inv(factor)
-    return np.asarray(unfactor.mT @ limited @ unfactor @ of_position)
+def adaptive_positions(measured: FloatArray, limited: bool = True) -> FloatArray:
+    """Positions by the adaptive filter of each axis, as the measurements (T, n, d).
 
+    It has no model of the noises: its gain is identified from the innovations nu and the third
+    backward differences D^3 of the predictions x_e, v_e, by eqs. (5) and (17). With nu_i the
+    innovation i ticks ago and the mean M over all ticks so far,
 
-def matrix_positions(measured: FloatArray, dimensions: int = 2, products: int = 10) -> FloatArray:
-    """Positions (T, n, d) by the adaptive filter in matrix form, of measurements (T, n, m) of one
-    sensor after another. The gains are those of a line fit before it adapts, after some products of
-    each measured value.
+        K_1 = M[(3 nu_1 - 3 nu_2 + nu_3 - D^3 x_e) nu] / M[nu nu]
+        K_2 = M[((3 nu_1 - 6 nu_2 + 4 nu_3 - nu_4) / T - D^3 v_e) nu] / M[nu nu]
+
+    The first gains are those of a line fit. If `limited`, which the paper does not state, they are
+    those of a stable filter, 0 <= K_1 <= 1 and 0 <= K_2 <= K_1^2 / ((2 - K_1) T).
     """
-    d, m = dimensions, measured.shape[-1]
-    runs = len(measured[0])
-    sensors = np.tile(np.eye(d), (m // d, 1))
-    mean = sensors.T / (m // d)
-    # Positions and velocities.
-    state = np.stack([measured[0] @ mean.T, np.zeros((runs, d))])
-    predictions = np.full((len(DIFFERENCE), *state.shape), np.nan)
-    innovations = np.full((LAGS.shape[1], runs, m), np.nan)
-    # H_0, then P_e C' of positions and velocities.
-    means = np.zeros((runs, m + 2 * d, m))
+    position, velocity = measured[0], np.zeros(measured[0].shape)
+    positions = [position]
+    # Of the last ticks, the newest first; NaN before the first one.
+    innovations = np.full((5, *position.shape), np.nan)
+    predictions = np.full((4, 2, *position.shape), np.nan)
+    means = np.zeros((3, *position.shape))
     count = 0
-    positions = [state[0]]
     for n, values in enumerate(measured[1:], start=2):
-        state = np.stack([state[0] + TAU * state[1], state[1]])
-        innovation = values - state[0] @ sensors.T
-        line = 2.0 * (2 * n - 1) / (n * (n + 1)), 6.0 / (n * (n + 1) * TAU)
-        gains = np.array(line)[:, None, None, None] * mean
-        predictions = np.concatenate([state[None], predictions[:-1]])
-        innovations = np.concatenate([innovation[None], innovations[:-1]])
-        lagged = np.tensordot(LAGS, innovations @ mean.T, axes=1)
-        lagged[1] /= TAU
-        spread = lagged - np.tensordot(DIFFERENCE, predictions, axes=1)
-        left = np.concatenate([innovation, *spread], axis=-1)
-        if not np.isnan(left).any():
+        position = position + TAU * velocity
+        innovation = values - position
+        innovations = np.stack([innovation, *innovations[:-1]])
+        predictions = np.stack([np.stack([position, velocity]), *predictions[:-1]])
+        first, second = 2.0 * (2 * n - 1) / (n * (n + 1)), 6.0 / (n * (n + 1) * TAU)
+        of_position = np.tensordot([0.0, 3.0, -3.0, 1.0, 0.0], innovations, 1)
+        of_velocity = np.tensordot([0.0, 3.0, -6.0, 4.0, -1.0], innovations, 1) / TAU
+        third = np.tensordot([1.0, -3.0, 3.0, -1.0], predictions, 1)
+        spread = np.stack([innovation, of_position - third[0], of_velocity - third[1]])
+        if not np.isnan(spread).any():
             count += 1
-            means += (left[..., None] * innovation[:, None] - means) / count
-        if count > products * m:
-            rows = np.stack([means[:, m : m + d], means[:, m + d :]])
-            gains = matrix_gain(means[:, :m], rows)
-        state = state + (gains @ innovation[..., None])[..., 0]
-        positions.append(state[0])
+            means += (spread * innovation - means) / count
+        if count > 10:
+            first, second = means[1:] / means[0]
+            if limited:
+                first = np.clip(first, 0.0, 1.0)
+                second = np.clip(second, 0.0, first**2 / ((2.0 - first) * TAU))
+        position, velocity = position + first * innovation, velocity + second * innovation
+        positions.append(position)
     return np.stack(positions)
 
 
-def matrix_ratios(runs: int, seed: int) -> list[pd.DataFrame]:
-    """Error of the adaptive filter in matrix form over that of each axis by itself, on the same
-    flights.
+def corrected_positions(measured: FloatArray, window: int = 15) -> FloatArray:
+    """Positions by the adaptive filter with estimates of R and H_0 that are not biased and one gain
+    for all axes, as the measurements (T, n, d).
+
+    The third difference of the measurements has the variance (1 + 9 + 9 + 1) R if the motion is
+    smooth, and H_0 is the mean square of the last innovations, a window of them. It adapts after
+    two windows. The gain K_1 = 1 - R / H_0 is limited to 0.12 to 0.9, and that of the velocities is
+    K_1^2 / ((2 - K_1) T) (Benedict & Bordner 1962).
     """
-    rows = []
-    draw = np.random.default_rng(seed).multivariate_normal
-
-    def ratio(means: FloatArray) -> FloatArray:
-        return np.asarray(np.sqrt(means[..., : len(LEGS)] / means[..., len(LEGS) :]))
-
-    for name, covariance in ERRORS.items():
-        m = len(covariance)
-        errors = draw(np.zeros(m), covariance, (TIMES.size, runs))
-        measured = true_position()[:, None, None] + errors
-        mean = measured.reshape(-1, runs, m // 2, 2).mean(2)
-        squares = [
-            mean_squares(positions).reshape(runs, 2, -1)
-            for positions in (
-                matrix_positions(measured),
-                positions_of(AdaptiveFilter(2, TAU), mean),
-            )
-        ]
-        results = both_intervals(
-            np.concatenate(squares, -1).mean(1),
-            ratio,
-            seed,
-            study_runs=1,
-        )
-        table = "Matrix form over axis by axis, ratio of position RMSE in the plane"
-        rows.append(
-            table_row(
-                table,
-                name,
-                LEGS,
-                np.nan,
-                results,
-                2,
-                RUN_INTERVAL,
-            )
-        )
-    return rows
-
-
-def mean_squares(positions: FloatArray) -> FloatArray:
-    """Mean squared error of each run and leg, (3 n, 4) [m^2]."""
-    squares = (positions - true_position()[:, None, None]) ** 2
-    legs = [squares[first:last].mean(0).ravel() for first, last in LEGS.values()]
-    return np.stack(legs, axis=-1)
-
-
-def rmse(positions: FloatArray) -> FloatArray:
-    """RMSE of each leg over all runs, (4,) [m]."""
-    return np.asarray(np.sqrt(mean_squares(positions).mean(0)))
+    squares = (np.diff(measured, 3, axis=0) ** 2).mean(-1) / 20.0
+    noise = np.cumsum(squares, axis=0) / np.arange(1, len(squares) + 1)[:, None]
+    position, velocity = measured[0], np.zeros(measured[0].shape)
+    positions = [position]
+    recent: list[FloatArray] = []
+    for n, values in enumerate(measured[1:], start=2):
+        position = position + TAU * velocity
+        innovation = values - position
+        recent = [*recent[1 - window :], (innovation**2).mean(-1)]
+        gain: Any = 2.0 * (2 * n - 1) / (n * (n + 1))
+        rate: Any = 6.0 / (n * (n + 1) * TAU)
+        if n > 2 * window:
+            gain = np.clip(1.0 - noise[n - 4] / np.mean(recent, axis=0), 0.12, 0.9)[:, None]
+            rate = gain**2 / ((2.0 - gain) * TAU)
+        position = position + gain * innovation
+        velocity = velocity + rate * innovation
+        positions.append(position)
+    return np.stack(positions)
 
 
 def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
-    """Table 1, other filters on the same measurements, and what the paper does not state.
+    """Table 1, and other filters on the same measurements.
 
     `runs` is the number of flights; otherwise arguments as of `golubkov2018.reproduce`.
     """
-    measurements = simulate_flights(runs, seed)
-    filters: dict[str, TrackFilter | None] = {
-        ADAPTIVE: AdaptiveFilter(3, TAU),
-        SLOW: kalman(4.64),
-        "measurements": None,
-        "adaptive, without limits": AdaptiveFilter(3, TAU, limited=False),
-        "adaptive, corrected": CorrectedAdaptiveFilter(3, TAU),
-        "Kalman, sigma_w = 60": kalman(60.0),
+    truth = true_position()[:, None, None]
+    noise = np.random.default_rng(seed).normal(0.0, np.sqrt(VARIANCE), (TIMES.size, runs, 3))
+    measurements = truth + noise
+    results = {
+        ADAPTIVE: adaptive_positions(measurements),
+        SLOW: positions_of(kalman(4.64), measurements),
+        "measurements": measurements,
+        "adaptive, without limits": adaptive_positions(measurements, limited=False),
+        "adaptive, corrected": corrected_positions(measurements),
+        "Kalman, sigma_w = 60": positions_of(kalman(60.0), measurements),
     }
-    rows = []
-    errors = {}
-    for name, kind in filters.items():
-        positions = measurements if kind is None else positions_of(kind, measurements)
-        errors[name] = rmse(positions)
-        published = PUBLISHED.get(name)
-        table = "Table 1, position RMSE, m" if published else "Position RMSE of other filters, m"
-        results = both_intervals(
-            mean_squares(positions),
-            np.sqrt,
-            seed,
-            study_runs=1,
+    rows = {}
+    for name, positions in results.items():
+        squares = (positions - truth) ** 2
+        # Of each run and leg, (3 n, 4).
+        of_legs = [squares[first:last].mean(0).ravel() for first, last in LEGS.values()]
+        rows[name] = table_row(
+            "Table 1, position RMSE, m"
+            if name in PUBLISHED
+            else "Position RMSE of other filters, m",
+            name,
+            LEGS,
+            PUBLISHED.get(name, np.nan),
+            intervals(
+                np.stack(of_legs, axis=-1),
+                np.sqrt,
+                seed,
+                study_runs=1,
+            ),
+            2,
+            "The interval contains 95 % of single runs; the paper does not state its number of"
+            " runs.",
+            ["", "sigma_w was fitted to it", "", ""] if name == SLOW else "",
         )
-        fitted = ["", "sigma_w was fitted to it", "", ""] if name == SLOW else ""
-        values = published or np.nan
-        rows.append(
-            table_row(
-                table,
-                name,
-                LEGS,
-                values,
-                results,
-                2,
-                RUN_INTERVAL,
-                fitted,
-            )
-        )
-    theirs = np.divide(PUBLISHED[ADAPTIVE], PUBLISHED[SLOW])
-    ratios = zip(
-        LEGS,
-        errors[ADAPTIVE] / errors[SLOW],
-        theirs,
-        strict=True,
-    )
-    findings: list[Finding] = [
+    adaptive, slow = rows[ADAPTIVE], rows[SLOW]
+    ours, theirs = adaptive.ours / slow.ours, adaptive.published / slow.published
+    findings = [
         (
             f"RMSE of the adaptive filter over that of the Kalman filter, {leg}",
-            f"{ours:.2f}",
-            f"{published_ratio:.2f}",
+            f"{of_leg:.2f}",
+            f"{published:.2f}",
         )
-        for leg, ours, published_ratio in ratios
+        for leg, of_leg, published in zip(
+            LEGS,
+            ours,
+            theirs,
+            strict=True,
+        )
     ]
     return Reproduction(
         "Zimchuk & Kankin",
         runs,
         seed,
-        rows + matrix_ratios(min(runs, 300), seed),
-        [*findings, _needed_noise(seed)],
+        [*rows.values()],
+        findings,
         size="runs not stated",
-    )
-
-
-def _needed_noise(seed: int) -> Finding:
-    """The process noise with which a Kalman filter has the published errors, of 50 flights."""
-    deviations = (2.0, 4.64, 10.0, 20.0, 60.0, 200.0, 600.0, 2000.0)
-    flights = simulate_flights(50, seed + 1)
-    scan = np.stack([rmse(positions_of(kalman(deviation), flights)) for deviation in deviations])
-    needed = []
-    for leg, value, errors in zip(
-        LEGS,
-        PUBLISHED[SLOW],
-        scan.T,
-        strict=True,
-    ):
-        levels = []
-        for k in np.flatnonzero((errors[:-1] - value) * (errors[1:] - value) <= 0.0):
-            pair = slice(k, k + 2)
-            points = sorted(
-                zip(
-                    errors[pair] - value,
-                    np.log(deviations[pair]),
-                    strict=True,
-                )
-            )
-            levels.append(np.exp(np.interp(0.0, *np.transpose(points))))
-        needed.append(f"{leg}: {' or '.join(f'{level:.3g}' for level in levels) or 'none'}")
-    return (
-        "sigma_w with which the Kalman filter has the published RMSE, m/s^2",
-        "; ".join(needed),
-        "one Kalman filter, its process noise not stated",
     )

@@ -1,11 +1,10 @@
 """Radar tracks of flights, filters on them, and the thesis: `python -m studies.radar`."""
 
 import sys
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-import joblib
 import tyro
 
 from agents import run_command
@@ -35,8 +34,8 @@ class Radar:
     """Seed of flights, radars, noise and tuning."""
     runs: int = 10
     """Number of seeds of the noise of 'thesis'."""
-    jobs: int = field(default_factory=joblib.cpu_count)
-    """Number of processes; the results do not depend on it."""
+    jobs: int = -1
+    """Number of processes; -1 for one on each core. The results do not depend on it."""
     quick: bool = False
     """Few flights, trials and updates of the network, to see the form of the result."""
 
@@ -64,9 +63,20 @@ class Radar:
             counts = [f"{len(flown)} {split} flights" for split, flown in data.flights.items()]
             print(f"Data {self.out}: {', '.join(counts)}")
             return
-        scores = score_radar_data(data, self.out / "scores", trials, updates, self.jobs)
+        scores = score_radar_data(
+            data,
+            self.out / "scores",
+            trials,
+            updates,
+            self.jobs,
+        )
         content = radar_json(scores)
-        save_results(self.out / "scores", radar_tables(scores), content, radar_figure(scores))
+        save_results(
+            self.out / "scores",
+            radar_tables(scores),
+            content,
+            radar_figure(scores),
+        )
 
 
 if __name__ == "__main__":

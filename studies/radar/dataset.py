@@ -32,7 +32,7 @@ from studies.radar.radars import (
 HORIZONS = (1.0, 2.0, 5.0)
 # Probability of the stated region of a forecast.
 REGION = 0.95
-# Figures of a flight: RMSE of position [m] and velocity [m/s], RMSE of the forecast positions [m],
+# Of a flight: RMSE of position [m] and velocity [m/s], RMSE of the forecast positions [m],
 # share of true positions within the stated regions; the RMSE are means over the axes, see
 # `flight_errors`.
 STATISTICS = {
@@ -88,55 +88,28 @@ def write_radar_data(folder: Path, seed: int = 0, flights: int = FLIGHTS) -> Non
     """Write the data set of at least 4 flights into an existing folder."""
     flown = point_mass_flights(flights, seed)
     scans, training = scan_flights(flown, seed)
+    seen: list[dict[str, Any]] = []
+    for split, part, stream in (
+        ("training", scans[:training], (seed, 2)),
+        ("test", scans[training:], (seed, 3, 0)),
+    ):
+        measured = {noise: measure(part, noise, stream).measurements for noise in NOISES}
+        for k, scan in enumerate(part):
+            columns = {"split": split, "radar": scan.radar, "time": scan.times}
+            for noise, tracks in measured.items():
+                columns |= _axes(f"{noise}_", tracks[: len(scan.times), k])
+            seen.append(columns)
     states = [
-        {
-            "time": flight.times,
-            **_axes("", flight.positions),
-            **_axes("v", flight.velocities),
-        }
+        {"time": flight.times, **_axes("", flight.positions), **_axes("v", flight.velocities)}
         for flight in flown
     ]
-    places = [
-        {
-            "radar": np.arange(2),
-            **_axes("", scan.radars),
-        }
-        for scan in scans
-    ]
-    seen: list[dict[str, Any]] = [
-        {
-            "split": "training" if number < training else "test",
-            "radar": scan.radar,
-            "time": scan.times,
-        }
-        for number, scan in enumerate(scans)
-    ]
-    for noise in NOISES:
-        splits = (scans[:training], (seed, 2)), (scans[training:], (seed, 3, 0))
-        measured = [
-            of_flight
-            for part, stream in splits
-            for of_flight in measure(part, noise, stream).measurements.swapaxes(0, 1)
-        ]
-        for columns, of_flight in zip(seen, measured, strict=True):
-            columns |= _axes(f"{noise}_", of_flight[: len(columns["time"])])
-    for name, parts in {
-        "flights": states,
-        "radars": places,
-        "measurements": seen,
-    }.items():
+    places = [{"radar": np.arange(2), **_axes("", scan.radars)} for scan in scans]
+    tables = {"flights": states, "radars": places, "measurements": seen}
+    for name, parts in tables.items():
         numbered = (pd.DataFrame({"flight": k} | part) for k, part in enumerate(parts))
         table = pd.concat(numbered, ignore_index=True)
-        table.to_parquet(
-            folder / f"{name}.parquet",
-            index=False,
-            compression="zstd",
-        )
-    about = {
-        "seed": seed,
-        "flights": flights,
-        "training": training,
-    }
+        table.to_parquet(folder / f"{name}.parquet", index=False, compression="zstd")
+    about = {"seed": seed, "flights": flights, "training": training}
     (folder / "dataset.json").write_text(json.dumps(about) + "\n", encoding="utf-8")
     made_by = version("hybrid-track")
     card = CARD.format(
@@ -162,32 +135,22 @@ def load_radar_data(folder: str | Path) -> RadarData:
         )
     except (OSError, ValueError) as error:
         raise ArgumentError(f"{folder} has no radar data set: {error}") from None
-    flights = [
-        Flight(_joined(part, ""), _joined(part, "v")) for _, part in states.groupby("flight")
-    ]
-    training = about["training"]
+    flown = [Flight(_joined(part, ""), _joined(part, "v")) for _, part in states.groupby("flight")]
     parts = [part for _, part in seen.groupby("flight")]
+    splits = {"training": slice(about["training"]), "test": slice(about["training"], None)}
 
     def tracks(split: slice, noise: Noise) -> Tracks:
         return padded_tracks(
             [
-                (
-                    times,
-                    _joined(part, f"{noise}_"),
-                    *flight.states_at(times),
-                )
-                for flight, part in zip(flights[split], parts[split], strict=True)
+                (times, _joined(part, f"{noise}_"), *flight.states_at(times))
+                for flight, part in zip(flown[split], parts[split], strict=True)
                 for times in [part["time"].to_numpy()]
             ]
         )
 
-    splits = {
-        "training": slice(training),
-        "test": slice(training, None),
-    }
     return RadarData(
         about["seed"],
-        {name: flights[split] for name, split in splits.items()},
+        {name: flown[split] for name, split in splits.items()},
         {name: {noise: tracks(split, noise) for noise in NOISES} for name, split in splits.items()},
     )
 
@@ -222,24 +185,24 @@ def truth_ahead(
 
 
 def score_estimates(name: str, estimated: Estimated, data: RadarData, noise: Noise) -> Scores:
-    """Return the figures of the test flights, of estimates with forecasts at `HORIZONS`."""
+    """Return the scores of estimates on the test flights, with forecasts at `HORIZONS`."""
     tracks = data.tracks["test"][noise]
     errors = tracks.errors(estimated.positions, estimated.velocities)[:, [0, 2]]
     ahead = [
-        _forecast_figures(*forecast, truth_ahead(data.flights["test"], tracks, horizon))
+        _forecast_scores(*forecast, truth_ahead(data.flights["test"], tracks, horizon))
         for horizon, forecast in zip(HORIZONS, estimated.forecasts, strict=True)
     ]
-    figures = np.concatenate([errors, *np.swapaxes(ahead, 0, 1).mT], axis=1)
+    values = np.concatenate([errors, *np.swapaxes(ahead, 0, 1).mT], axis=1)
     return Scores(
         name,
         "",
         (0.0,),
         tuple(STATISTICS),
-        figures[..., None],
+        values[..., None],
     )
 
 
-def _forecast_figures(
+def _forecast_scores(
     positions: FloatArray,
     covariances: FloatArray | None,
     truth: FloatArray,

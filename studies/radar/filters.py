@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from optuna.distributions import BaseDistribution, FloatDistribution, IntDistribution
 
 from baselines import (
-    Correntropy,
-    GHFilter,
     Huber,
     IMMFilter,
     KalmanFilter,
@@ -24,13 +22,12 @@ from baselines import (
     TrackFilter,
     run_filter,
 )
+from studies.radar.alternatives import Correntropy, GHFilter
 from studies.radar.flights import SPEED, FloatArray
 from studies.radar.particles import ParticleFilter
 from studies.radar.radars import SIGMA, Tracks
 
 Parameters = Mapping[str, Any]
-# P0 = 10000 I of the thesis, for every component of the state.
-START_VARIANCE = 1e4
 # Standard deviations of velocity [m/s] and acceleration [m/s^2] at the start.
 START_DEVIATIONS = (SPEED / math.sqrt(3.0), 5.0)
 
@@ -74,9 +71,8 @@ class Contender:
     """A filter with the parameters that are tuned."""
 
     build: Callable[[Parameters], TrackFilter]
-    space: Mapping[str, BaseDistribution]
-    # Of the first trial.
-    start: Parameters
+    # Ranges of the parameters, and their values in the first trial.
+    space: Mapping[str, tuple[BaseDistribution, float]]
     # Most trials of a tuning.
     trials: int | None = None
 
@@ -92,11 +88,7 @@ def filter_tracks(
     """
     measurements = tracks.measurements
     if "window" in parameters:
-        measurements = moving_average(
-            measurements,
-            parameters["window"],
-            parameters["ratio"],
-        )
+        measurements = moving_average(measurements, parameters["window"], parameters["ratio"])
     filtered = run_filter(
         contender.build(parameters),
         measurements,
@@ -110,24 +102,22 @@ def filter_tracks(
         if spread is not None:
             spread = spread[..., :: ahead.order, :: ahead.order]
         forecasts.append((ahead.positions, spread))
-    return Estimated(
-        filtered.positions,
-        filtered.velocities,
-        tuple(forecasts),
-    )
+    return Estimated(filtered.positions, filtered.velocities, tuple(forecasts))
 
 
 class ThesisKalmanFilter(KalmanFilter):
     """A Kalman filter that starts with P0 = 10000 I, the position included."""
 
+    start_variance = 1e4
+
     def _start(
         self,
-        chosen: NDArray[np.int64],
+        chosen: NDArray[np.bool_],
         measurement: FloatArray,
         noise: FloatArray,
     ) -> None:
         super()._start(chosen, measurement, noise)
-        self.covariance[chosen] = START_VARIANCE * np.eye(self.model.size)
+        self.covariance[chosen] = self.start_variance * np.eye(self.model.size)
 
 
 def _thesis_filter(name: Any, parameters: Parameters) -> TrackFilter:
@@ -142,12 +132,8 @@ def _thesis_filter(name: Any, parameters: Parameters) -> TrackFilter:
         noise=parameters["q"],
         discretization="discrete",
     )
-    deviations = [math.sqrt(START_VARIANCE)] * (model.order - 1)
-    return ThesisKalmanFilter(
-        model,
-        parameters.get("variances", SIGMA**2),
-        deviations,
-    )
+    deviations = [math.sqrt(ThesisKalmanFilter.start_variance)] * (model.order - 1)
+    return ThesisKalmanFilter(model, parameters.get("variances", SIGMA**2), deviations)
 
 
 def _gh_filter(parameters: Parameters) -> TrackFilter:
@@ -165,30 +151,23 @@ def _sound_filter(names: Sequence[Any], parameters: Parameters) -> TrackFilter:
     the intensity "q CV" or so on all axes, R known up to the parameter "scale", a prior of the
     start, and a robust update if the parameters have one.
     """
-    filters = []
     updates: dict[str, Callable[[float], Any]] = {
         "threshold": Huber,
         "degrees of freedom": StudentT,
         "width": Correntropy,
     }
-    robust = next(
-        (update(parameters[key]) for key, update in updates.items() if key in parameters),
-        None,
-    )
+    robust = [update(parameters[key]) for key, update in updates.items() if key in parameters]
     variance = parameters.get("scale", 1.0) * SIGMA**2
+    filters = []
     for name in names:
-        model = MotionModel(
-            name,
-            axes=3,
-            noise=(parameters[f"q {name}"],) * 3,
-        )
+        model = MotionModel(name, axes=3, noise=(parameters[f"q {name}"],) * 3)
         start = START_DEVIATIONS[: model.order - 1]
         filters.append(
             KalmanFilter(
                 model,
                 variance,
                 start,
-                robust,
+                *robust,
             )
         )
     if len(filters) == 1:
@@ -214,41 +193,36 @@ def _sound(names: Sequence[str], **space: tuple[float, float]) -> Contender:
     """A `_sound_filter` with the ranges of its parameters; its tuning starts in the logarithmic
     middle of each.
     """
-    named = {key.replace("_", " "): bounds for key, bounds in space.items()}
     return Contender(
         partial(_sound_filter, names),
-        {key: _log(*bounds) for key, bounds in named.items()},
-        {key: math.sqrt(low * high) for key, (low, high) in named.items()},
+        {
+            key.replace("_", " "): (_log(low, high), math.sqrt(low * high))
+            for key, (low, high) in space.items()
+        },
     )
 
 
-_AVERAGE: dict[str, BaseDistribution] = {
-    "window": IntDistribution(1, 13),
-    "ratio": _log(1e-3, 0.5),
-}
-_AVERAGE_START = {"window": 2, "ratio": 0.05}
-_GAINS = {
-    "g": FloatDistribution(0.05, 1.0),
-    "h": FloatDistribution(0.005, 0.6),
+_AVERAGE: dict[str, tuple[BaseDistribution, float]] = {
+    "window": (IntDistribution(1, 13), 2),
+    "ratio": (_log(1e-3, 0.5), 0.05),
 }
 # As in the thesis, with the moving average.
 THESIS = {
     "g-h": Contender(
         _gh_filter,
-        _GAINS | _AVERAGE,
-        {"g": 0.6, "h": 0.2, **_AVERAGE_START},
+        {"g": (FloatDistribution(0.05, 1.0), 0.6), "h": (FloatDistribution(0.005, 0.6), 0.2)}
+        | _AVERAGE,
     ),
     **{
         f"KF {name}": Contender(
-            partial(_thesis_filter, name),
-            {"q": _log(1e-4, 1e4), **_AVERAGE},
-            {"q": 1.0, **_AVERAGE_START},
+            partial(_thesis_filter, name), {"q": (_log(1e-4, 1e4), 1.0)} | _AVERAGE
         )
         for name in ("CV", "CA", "CJ")
     },
 }
 # Without averaging; R of the Gaussian noise known, continuous process noise, a prior of the start.
 SOUND = {
+    "CV": _sound(("CV",), q_CV=(0.1, 1e3)),
     "IMM (CV, CA)": _sound(
         ("CV", "CA"),
         q_CV=(0.1, 1e3),
@@ -256,17 +230,12 @@ SOUND = {
         sojourn_CV=(1.0, 300.0),
         sojourn_CA=(1.0, 300.0),
     ),
-    "CV": _sound(("CV",), q_CV=(0.1, 1e3)),
 }
 # One set of parameters for both noises; the process noise is that of the sound CV with Gaussian
 # noise.
 ROBUST = {
     "CV, Huber": _sound(("CV",), threshold=(1.0, 5.0)),
-    "CV, Student-t": _sound(
-        ("CV",),
-        degrees_of_freedom=(2.0, 50.0),
-        scale=(0.2, 1.5),
-    ),
+    "CV, Student-t": _sound(("CV",), degrees_of_freedom=(2.0, 50.0), scale=(0.2, 1.5)),
     "CV, correntropy": _sound(("CV",), width=(1.0, 30.0)),
 }
 # Robust as well, but slow: on the data set only. The process noise is tuned, because particles are
@@ -274,11 +243,10 @@ ROBUST = {
 SLOW = {
     "particles, Student-t": Contender(
         _particle_filter,
-        {**ROBUST["CV, Student-t"].space, "q CV": _log(1.0, 1e3)},
         {
-            "degrees of freedom": 10.0,
-            "scale": 0.8,
-            "q CV": 60.0,
+            "degrees of freedom": (_log(2.0, 50.0), 10.0),
+            "scale": (_log(0.2, 1.5), 0.8),
+            "q CV": (_log(1.0, 1e3), 60.0),
         },
         trials=16,
     )
@@ -290,9 +258,5 @@ CONTENDERS = {
     **SOUND,
     **ROBUST,
     **SLOW,
-    COMBINED: Contender(
-        partial(_sound_filter, ("CV", "CA")),
-        {},
-        {},
-    ),
+    COMBINED: _sound(("CV", "CA")),
 }

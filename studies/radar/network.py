@@ -24,7 +24,6 @@ from studies.radar.radars import NOISES, SIGMA, draw_noise
 UPDATES = 600
 # Last training flights, on which the deviations of the forecasts are scaled.
 HELD_OUT = 8
-HIDDEN = 48
 # The largest of the state [m/s^2].
 ACCELERATION = 25.0
 
@@ -34,10 +33,10 @@ class RadarNet(nn.Module):
 
     log_scale: Tensor
 
-    def __init__(self) -> None:
+    def __init__(self, hidden: int = 48) -> None:
         super().__init__()
-        self.cell = nn.GRUCell(10, HIDDEN)
-        self.output = nn.Linear(HIDDEN, 9 + 6 * len(HORIZONS))
+        self.cell = nn.GRUCell(10, hidden)
+        self.output = nn.Linear(hidden, 9 + 6 * len(HORIZONS))
         self.register_buffer("log_scale", torch.zeros(len(HORIZONS)))
 
     def forward(self, measurements: Tensor, times: Tensor) -> tuple[Tensor, ...]:
@@ -47,21 +46,13 @@ class RadarNet(nn.Module):
         They are positions (T, B, 3) [m], velocities (T, B, 3) [m/s], forecast positions (T, B, H,
         3) [m] and their covariances (T, B, H, 3, 3) [m^2].
         """
-        tracks = measurements.shape[1]
         position = measurements[0]
-        velocity = torch.zeros(tracks, 3)
-        acceleration = torch.zeros(tracks, 3)
-        memory = torch.zeros(tracks, HIDDEN)
-        before = times[0]
+        velocity = acceleration = torch.zeros_like(position)
+        memory = torch.zeros(len(position), self.cell.hidden_size)
         estimates = []
-        for k, (measured, now) in enumerate(
-            zip(
-                torch.nan_to_num(measurements),
-                times,
-                strict=True,
-            )
-        ):
-            step = (now - before)[:, None]
+        steps = torch.diff(times, dim=0, prepend=times[:1])
+        for k, measured in enumerate(torch.nan_to_num(measurements)):
+            step = steps[k, :, None]
             # Time for which the acceleration is assumed to last [s].
             lasting = step.clamp(max=1.0)
             position = position + velocity * step + 0.5 * acceleration * lasting**2
@@ -97,11 +88,7 @@ class RadarNet(nn.Module):
                 deviation,
             )
             estimates.append((position, velocity, *forecast))
-            before = now
-        positions, velocities, forecasts, covariances = map(
-            torch.stack, zip(*estimates, strict=True)
-        )
-        return positions, velocities, forecasts, covariances
+        return tuple(map(torch.stack, zip(*estimates, strict=True)))
 
     def _forecast(
         self,
@@ -136,20 +123,10 @@ def _frame(velocity: Tensor, innovation: Tensor) -> Tensor:
     x = torch.where((x == 0.0) & (y == 0.0), 1.0, x)
     length = torch.hypot(x, y)
     cosine, sine = x / length, y / length
-    zero = torch.zeros_like(x)
-    unit = torch.ones_like(x)
-    rows = [
-        cosine,
-        sine,
-        zero,
-        -sine,
-        cosine,
-        zero,
-        zero,
-        zero,
-        unit,
-    ]
-    return torch.stack(rows, dim=-1).unflatten(-1, (3, 3))
+    frame = torch.eye(3).repeat(len(x), 1, 1)
+    frame[:, 0, 0] = frame[:, 1, 1] = cosine
+    frame[:, 0, 1], frame[:, 1, 0] = sine, -sine
+    return frame
 
 
 @torch.no_grad()
@@ -189,11 +166,7 @@ def radar_net(
     times = tracks.times[:, :-HELD_OUT]
     generator = np.random.default_rng((data.seed, 4))
     optimizer = torch.optim.Adam(net.parameters(), learning_rate)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimizer,
-        learning_rate,
-        total_steps=updates,
-    )
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, learning_rate, updates)
     for _ in track(range(updates), "recurrent network"):
         loss = _loss(net, *_augmented(truth, times, generator))
         optimizer.zero_grad()
@@ -231,14 +204,7 @@ def _augmented(
     count = len(truth) * truth.shape[1]
     errors = [draw_noise(noise, count, generator) for noise in NOISES]
     measured = both[:, :, 0] + np.concatenate(errors).reshape(*both.shape[:2], 3)
-    by_tick = (
-        both.swapaxes(0, 1),
-        measured.swapaxes(0, 1),
-        np.concatenate(
-            [times, times],
-            axis=1,
-        ),
-    )
+    by_tick = both.swapaxes(0, 1), measured.swapaxes(0, 1), np.tile(times, 2)
     return [torch.from_numpy(values).float() for values in by_tick]
 
 
@@ -254,11 +220,7 @@ def _loss(net: RadarNet, truth: Tensor, measured: Tensor, times: Tensor) -> Tens
     error = truth[:, :, 2:] - forecasts
     counts = error.isfinite().all(-1)
     factor = torch.linalg.cholesky(covariances[counts])
-    white = torch.linalg.solve_triangular(
-        factor,
-        error[counts][..., None],
-        upper=False,
-    )[..., 0]
+    white = torch.linalg.solve_triangular(factor, error[counts][..., None], upper=False)[..., 0]
     log_determinant = factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)
     return total + 0.2 * (0.5 * white.square().sum(-1) + log_determinant).mean()
 

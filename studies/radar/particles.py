@@ -32,16 +32,14 @@ class ParticleFilter(TrackFilter):
         self.degrees_of_freedom = degrees_of_freedom
         self.particles = particles
 
-    def _begin(self, tracks: int) -> None:
+    def begin(self, tracks: int) -> None:
+        """See `TrackFilter.begin`."""
         self.generator = np.random.default_rng(0)
         shape = tracks, self.axes, self.particles
         self.particle_states = np.full((*shape, self.order), np.nan)
         self.log_weights = np.full(shape, -np.log(self.particles))
         self._summarise()
         self._no_measurement()
-
-    def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
-        raise NotImplementedError
 
     def _normal(self, covariance: FloatArray) -> FloatArray:
         """Return normal random numbers of covariances (..., m, m), (B, d, P, m)."""
@@ -50,7 +48,8 @@ class ParticleFilter(TrackFilter):
         normal = self.generator.standard_normal(self.particle_states.shape)
         return np.asarray(normal @ root.swapaxes(-1, -2), np.float64)
 
-    def _predict(self, dt: float | FloatArray) -> None:
+    def predict(self, dt: float | FloatArray) -> None:
+        """See `TrackFilter.predict`."""
         steps = np.broadcast_to(dt, (self.tracks,))
         intensity = np.broadcast_to(self.model.noise, (self.axes,))
         transition = self.model.transition(steps)[:, None]
@@ -59,7 +58,8 @@ class ParticleFilter(TrackFilter):
         self.particle_states = moved + self._normal(spread)
         self._summarise()
 
-    def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
+    def update(self, measurement: FloatArray, noise: FloatArray | None = None) -> None:
+        """See `TrackFilter.update`."""
         self._no_measurement()
         measured = ~np.isnan(measurement[:, 0])
         begun = ~np.isnan(self.state[:, 0])
@@ -89,10 +89,8 @@ class ParticleFilter(TrackFilter):
             place = used[k], axis
             sums = np.exp(self.log_weights[place]).cumsum()
             # Systematic resampling: equal distances from one random number on.
-            first = self.generator.random()
-            points = (first + np.arange(self.particles)) / self.particles
-            chosen = np.searchsorted(sums, points * sums[-1])
-            chosen = np.minimum(chosen, self.particles - 1)
+            points = (self.generator.random() + np.arange(self.particles)) / self.particles
+            chosen = np.searchsorted(sums, points * sums[-1]).clip(max=self.particles - 1)
             self.particle_states[place] = self.particle_states[place][chosen]
             self.log_weights[place] = -np.log(self.particles)
 
@@ -104,7 +102,5 @@ class ParticleFilter(TrackFilter):
         blocks = (weights * centred).swapaxes(-1, -2) @ centred
         tracks, d, m = mean.shape
         self.state = mean.reshape(tracks, -1)
-        full = np.zeros((tracks, d, m, d, m))
-        for axis in range(d):
-            full[:, axis, :, axis] = blocks[:, axis]
+        full = blocks[:, :, :, None] * np.eye(d)[:, None, :, None]
         self.covariance = full.reshape(tracks, d * m, d * m)

@@ -100,12 +100,11 @@ def scan_flight(
         if len(times) >= fewest:
             break
     order = np.argsort(times, kind="stable")
-    times = times[order]
     return Scan(
         radars,
-        times,
+        times[order],
         numbers[order],
-        *flight.states_at(times),
+        *flight.states_at(times[order]),
     )
 
 
@@ -120,15 +119,8 @@ def draw_noise(noise: Noise, count: int, generator: np.random.Generator) -> Floa
     """Errors of measurements, (count, 3) [m]: Gaussian, or symmetric alpha-stable and clipped."""
     if noise == "gaussian":
         return generator.normal(0.0, SIGMA, (count, 3))
-    shape = count, 3
-    errors = levy_stable.rvs(
-        STABILITY,
-        0.0,
-        scale=SIGMA,
-        size=shape,
-        random_state=generator,
-    )
-    return np.clip(errors, -CLIP, CLIP)
+    levy = levy_stable(STABILITY, 0.0, scale=SIGMA)
+    return np.clip(levy.rvs((count, 3), generator), -CLIP, CLIP)
 
 
 @dataclass(frozen=True)
@@ -166,19 +158,9 @@ def measure(scans: Sequence[Scan], noise: Noise, stream: tuple[int, ...]) -> Tra
     """
     parts = []
     for index, scan in enumerate(scans):
-        errors = draw_noise(
-            noise,
-            len(scan.times),
-            np.random.default_rng((*stream, index)),
-        )
-        parts.append(
-            (
-                scan.times,
-                scan.positions + errors,
-                scan.positions,
-                scan.velocities,
-            )
-        )
+        generator = np.random.default_rng((*stream, index))
+        measured = scan.positions + draw_noise(noise, len(scan.times), generator)
+        parts.append((scan.times, measured, scan.positions, scan.velocities))
     return padded_tracks(parts)
 
 

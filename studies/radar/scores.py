@@ -10,11 +10,12 @@ from matplotlib.figure import Figure
 
 from agents import markdown_table
 from baselines import Scores
+from studies.pictures import draw_estimates
 from studies.radar.dataset import HORIZONS, STATISTICS, RadarData, score_estimates
-from studies.radar.filters import COMBINED, CONTENDERS, ROBUST, SLOW, THESIS, filter_tracks
-from studies.radar.network import UPDATES, filter_with, radar_net
+from studies.radar.filters import COMBINED, CONTENDERS, ROBUST, SLOW, SOUND, THESIS, filter_tracks
+from studies.radar.network import filter_with, radar_net
 from studies.radar.radars import NOISE_NAMES, Noise
-from studies.radar.tuning import TRIALS, tune_filters
+from studies.radar.tuning import tune_filters
 from studies.results import in_parallel
 
 ByNoise = Mapping[Noise, Sequence[Scores]]
@@ -23,9 +24,9 @@ ByNoise = Mapping[Noise, Sequence[Scores]]
 def score_radar_data(
     data: RadarData,
     folder: Path,
-    trials: int = TRIALS,
-    updates: int = UPDATES,
-    jobs: int = 1,
+    trials: int,
+    updates: int,
+    jobs: int,
 ) -> ByNoise:
     """Return the scores of all filters by noise, those of the thesis first, tuned and trained on
     the training flights.
@@ -33,35 +34,29 @@ def score_radar_data(
     A killed run goes on from the trials and weights in the folder. Trials of each tuning, updates
     of the network; see `thesis.reproduce`.
     """
-    training = data.tracks["training"]
+    robust = *ROBUST, *SLOW
+    names = *THESIS, *SOUND
     tuned = tune_filters(
-        training,
+        names,
+        data.tracks["training"],
         data.seed,
         folder,
         trials,
         jobs,
-        (*ROBUST, *SLOW),
+        robust,
     )
-    net = radar_net(
-        data,
-        folder / "network.safetensors",
-        updates,
-    )
-    names = (
-        *THESIS,
-        "CV",
-        "IMM (CV, CA)",
-        *ROBUST,
-        *SLOW,
-        COMBINED,
-    )
+    net = radar_net(data, folder / "network.safetensors", updates)
+    # With the parameters that the IMM and the robust update have alone.
+    student = tuned["gaussian"]["CV, Student-t"]
+    combined = tuned["gaussian"]["IMM (CV, CA)"] | {
+        key: student[key] for key in ("degrees of freedom", "scale")
+    }
     scores: dict[Noise, list[Scores]] = {}
     for noise, parameters in tuned.items():
-        calls = [
-            joblib.delayed(score_filter)(name, parameters[name], data, noise) for name in names
-        ]
+        filters = {name: parameters[name] for name in (*names, *robust)} | {COMBINED: combined}
+        calls = [joblib.delayed(score_filter)(*each, data, noise) for each in filters.items()]
         scores[noise] = in_parallel(calls, jobs, NOISE_NAMES[noise])
-    for noise, tracks in data.tracks["test"].items():
+        tracks = data.tracks["test"][noise]
         filtered = filter_with(net, tracks.measurements, tracks.times)
         scores[noise].append(
             score_estimates(
@@ -105,41 +100,32 @@ def radar_tables(by_noise: ByNoise) -> str:
     ahead = [f"{horizon:g} s ahead, m" for horizon in HORIZONS]
     text = ""
     for noise, scores in by_noise.items():
-        of_thesis = scores[: len(THESIS)]
-        best = min(of_thesis, key=lambda filtered: float(filtered.curve(position)[0]))
+        best = min(scores[: len(THESIS)], key=lambda of_filter: of_filter.curve(position)[0])
         rows = []
-        for filtered in scores:
-            figures = [filtered.estimate(statistic) for statistic in STATISTICS.values()]
+        for of_filter in scores:
+            values = [of_filter.estimate(statistic) for statistic in STATISTICS.values()]
+            errors = zip(values, (2, 2, 1, 1, 1), strict=False)
             cells = [
-                f"{figure.value:.{digits}f} ± {(figure.high - figure.low) / 2:.{digits}f}"
-                for figure, digits in zip(figures, (2, 2, 1, 1, 1), strict=False)
+                f"{value.value:.{digits}f} ± {(value.high - value.low) / 2:.{digits}f}"
+                for value, digits in errors
             ]
-            shares = [100.0 * covered.value for covered in figures[-len(HORIZONS) :]]
-            cells.append("-" if np.isnan(shares[0]) else " ".join(f"{part:.0f}" for part in shares))
-            ratio = filtered.ratio(best, position)
-            cells.append("" if filtered is best else f"{ratio.low:.2f} to {ratio.high:.2f}")
-            rows.append((filtered.name, *cells))
-        heads = (
-            NOISE_NAMES[noise],
-            "position, m",
-            "velocity, m/s",
-            *ahead,
-            "covered, %",
-            "ratio",
-        )
+            shares = " ".join(f"{100.0 * share.value:.0f}" for share in values[-len(HORIZONS) :])
+            ratio = of_filter.ratio(best, position)
+            compared = "" if of_filter is best else f"{ratio.low:.2f} to {ratio.high:.2f}"
+            rows.append((of_filter.name, *cells, shares.replace("nan nan nan", "-"), compared))
+        heads = NOISE_NAMES[noise], "position, m", "velocity, m/s", *ahead, "covered, %", "ratio"
         text += markdown_table(heads, rows) + "\n"
     return text
 
 
 def radar_json(by_noise: ByNoise) -> dict[str, Any]:
-    """Return the figures by noise, filter and column."""
+    """Return the estimates by noise, filter and column."""
     return {
         noise: {
-            filtered.name: {
-                name: filtered.estimate(statistic).as_json()
-                for name, statistic in STATISTICS.items()
+            of_filter.name: {
+                name: of_filter.estimate(statistic) for name, statistic in STATISTICS.items()
             }
-            for filtered in scores
+            for of_filter in scores
         }
         for noise, scores in by_noise.items()
     }
@@ -147,32 +133,25 @@ def radar_json(by_noise: ByNoise) -> dict[str, Any]:
 
 def radar_figure(by_noise: ByNoise) -> Figure:
     """Return the errors of all filters now and ahead, one panel for each noise."""
-    figure = Figure(
-        figsize=(11.5, 5.6),
-        layout="constrained",
-        dpi=110,
-    )
+    figure = Figure(figsize=(11.5, 5.6), layout="constrained", dpi=110)
     figure.suptitle("RMSE of the position, with its 95 % interval")
     panels = figure.subplots(1, len(by_noise))
-    columns = ["position", *(f"ahead {horizon:g}" for horizon in HORIZONS)]
+    labels = {"position": "now"} | {f"ahead {h:g}": f"{h:g} s ahead" for h in HORIZONS}
     for axes, (noise, scores) in zip(panels, by_noise.items(), strict=True):
-        for column, marker in zip(columns, "os^D", strict=True):
-            estimates = [filtered.estimate(STATISTICS[column]) for filtered in scores]
-            value, low, high = np.array([[*vars(each).values()] for each in estimates]).T
-            axes.errorbar(
-                value,
-                range(len(scores)),
-                xerr=[value - low, high - value],
+        places = np.arange(len(scores))
+        for (column, label), marker in zip(labels.items(), "os^D", strict=True):
+            estimates = [of_filter.estimate(STATISTICS[column]) for of_filter in scores]
+            draw_estimates(
+                axes,
+                places,
+                estimates,
+                True,
                 fmt=marker,
                 markersize=5,
-                label="now" if column == "position" else f"{column.split()[1]} s ahead",
+                label=label,
             )
-        axes.set(
-            title=NOISE_NAMES[noise],
-            xscale="log",
-            xlabel="m",
-        )
-        axes.set_yticks(range(len(scores)), [filtered.name for filtered in scores])
+        axes.set(title=NOISE_NAMES[noise], xscale="log", xlabel="m")
+        axes.set_yticks(places, [of_filter.name for of_filter in scores])
         axes.invert_yaxis()
         axes.grid(alpha=0.25)
     panels[0].legend()

@@ -8,30 +8,20 @@ changes sign at every measurement instead of decaying, and all the noise is summ
 error, which alone was tuned, hardly shows it.
 """
 
-from collections.abc import Callable
 from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
 import joblib
 import numpy as np
-import pandas as pd
 
-from studies.papers.published import (
-    Finding,
-    Reproduction,
-    both_intervals,
-    study_interval,
-    table_row,
-)
-from studies.radar.filters import COMBINED, ROBUST, SOUND, THESIS
-from studies.radar.flights import FLIGHTS, Flight, FloatArray, point_mass_flights
+from studies.papers.published import Finding, FloatArray, Reproduction, intervals, table_row
+from studies.radar.filters import THESIS
+from studies.radar.flights import FLIGHTS, point_mass_flights
 from studies.radar.radars import NOISE_NAMES, NOISES, Noise, Scan, Tracks, measure, scan_flights
 from studies.radar.tuning import TRIALS, errors, tune_filters
 from studies.results import in_parallel
 
-# (runs, F, 4) on F test flights, in the order of `METRICS`, by noise and name.
-Errors = dict[tuple[Noise, str], FloatArray]
 METRICS = (
     "position RMSE, m",
     "position MAE, m",
@@ -87,10 +77,9 @@ def reproduce(
     folder: Path,
     flights: int = FLIGHTS,
     trials: int = TRIALS,
-    fly: Callable[[int, int], list[Flight]] = point_mass_flights,
     jobs: int = 1,
 ) -> Reproduction:
-    """Reproduce tables 3.5 and 3.6, and compare them with sound settings and robust filters.
+    """Reproduce tables 3.5 and 3.6.
 
     Args:
         runs: number of seeds of the noise on the test flights, at least 1.
@@ -98,12 +87,12 @@ def reproduce(
         folder: for finished trials, from which a killed run goes on; it is created.
         flights: number of flights, at least 4.
         trials: number of trials of each tuning.
-        fly: returns a number of flights for a seed.
         jobs: number of processes for tunings and evaluations; the results do not depend on it.
     """
-    scans, first = scan_flights(fly(flights, seed), seed)
+    scans, first = scan_flights(point_mass_flights(flights, seed), seed)
     training = {noise: measure(scans[:first], noise, (seed, 2)) for noise in NOISES}
     tuned = tune_filters(
+        tuple(THESIS),
         training,
         seed,
         folder,
@@ -119,17 +108,52 @@ def reproduce(
             parameters = dict(zip((*kinds, "window", "ratio"), values, strict=True))
             filters[PUBLISHED.format(name)] = name, parameters
         for label, chosen in filters.items():
-            call = joblib.delayed(evaluate)(*chosen, scans[first:], noise, runs, seed)
+            call = joblib.delayed(evaluate)(
+                *chosen,
+                scans[first:],
+                noise,
+                runs,
+                seed,
+            )
             calls[noise, label] = call
     results = in_parallel([*calls.values()], jobs, "test flights")
     by_filter = dict(zip(calls, results, strict=True))
+    tables = {
+        "{}": {name: name for name in (UNFILTERED, *THESIS)},
+        "{}, with the published parameters": {name: PUBLISHED.format(name) for name in THESIS},
+    }
+    rows = []
+    for (title, names), noise in product(tables.items(), NOISES):
+        for row, name in names.items():
+            of_filter = by_filter[noise, name]
+            count = of_filter.shape[1]
+            of_study = intervals(
+                of_filter.reshape(-1, 4),
+                np.positive,
+                seed,
+                count,
+            )
+            of_means = intervals(of_filter.mean(0), np.positive, seed)
+            rows.append(
+                table_row(
+                    title.format(TABLES[noise]),
+                    row,
+                    METRICS,
+                    TEST_ERRORS[noise][row],
+                    (*of_study[:3], *of_means[3:]),
+                    2,
+                    f"The interval contains 95 % of studies with {count} test flights.",
+                    "noise and averaging were chosen from this row" if row == UNFILTERED else "",
+                )
+            )
+    size = f"{FLIGHTS} flights"
     return Reproduction(
         "Novospaskyi 2025",
         runs,
         seed,
-        _rows(by_filter, seed),
-        _findings(by_filter, seed),
-        size=f"{FLIGHTS} flights",
+        rows,
+        _orders(by_filter),
+        size=size,
     )
 
 
@@ -144,79 +168,21 @@ def evaluate(
     """`tuning.errors` of a filter, or of no filter, on the test flights, (runs, F, 4)."""
     parts = [vars(measure(scans, noise, (seed, 3, run))) for run in range(runs)]
     tracks = {key: np.concatenate([part[key] for part in parts], axis=1) for key in parts[0]}
-    return errors(name, parameters, Tracks(**tracks)).reshape(
-        runs,
-        len(scans),
-        4,
-    )
+    return errors(name, parameters, Tracks(**tracks)).reshape(runs, len(scans), 4)
 
 
-def _rows(by_filter: Errors, seed: int) -> list[pd.DataFrame]:
-    """Values of all tables, with the interval of a study with as many test flights."""
-    sound = (*SOUND, *ROBUST, COMBINED)
-    tables = {
-        "{table}": {name: name for name in (UNFILTERED, *THESIS)},
-        "{table}, with the published parameters": {name: PUBLISHED.format(name) for name in THESIS},
-        "Sound settings, {noise}": dict(zip(sound, sound, strict=True)),
-    }
-    rows = []
-    for (title, names), noise in product(tables.items(), NOISES):
-        for row, name in names.items():
-            of_filter = by_filter[noise, name]
-            flights = of_filter.shape[1]
-            of_study, of_means = (
-                interval(
-                    values,
-                    lambda means: means,
-                    seed,
-                    flights,
-                )
-                for interval, values in (
-                    (study_interval, of_filter.reshape(-1, 4)),
-                    (both_intervals, of_filter.mean(0)),
-                )
-            )
-            rows.append(
-                table_row(
-                    title.format(table=TABLES[noise], noise=NOISE_NAMES[noise]),
-                    row,
-                    METRICS,
-                    TEST_ERRORS[noise].get(row, np.nan),
-                    (*of_study, *of_means[3:]),
-                    2,
-                    f"The interval contains 95 % of studies with {flights} test flights.",
-                    "noise and averaging were chosen from this row" if row == UNFILTERED else "",
-                )
-            )
-    return rows
-
-
-def _findings(by_filter: Errors, seed: int) -> list[Finding]:
-    """Results beyond the tables."""
+def _orders(by_filter: dict[tuple[Noise, str], FloatArray]) -> list[Finding]:
+    """In how many noise seeds the filters of the thesis have the order of its errors, from errors
+    (runs, F, 4) by noise and name.
+    """
     findings: list[Finding] = []
-    for noise, title in NOISE_NAMES.items():
-        for metric in (0, 2):
-            ours = {name: by_filter[noise, name][..., metric].mean(1) for name in THESIS}
-            # The filters of the thesis in the order of its errors, and in how many noise seeds.
-            order = sorted(THESIS, key=lambda name: TEST_ERRORS[noise][name][metric])
-            pairs = (
-                f"{first} before {second} {np.sum(ours[first] < ours[second])} of"
-                f" {len(ours[first])}"
-                for first, second in pairwise(order)
-            )
-            label = f"noise seeds with each published pair of {METRICS[metric]}, {title}"
-            findings.append((label, ", ".join(pairs), ""))
-    shares = [("CV", UNFILTERED, NOISES[0])]
-    shares += [(name, "CV", noise) for name in ROBUST for noise in NOISES]
-    shares += [(COMBINED, "IMM (CV, CA)", noise) for noise in NOISES]
-    for name, other, noise in shares:
-        label = f"{name}: position RMSE as a share of {other}, {NOISE_NAMES[noise]}"
-        pair = [by_filter[noise, key][..., 0].mean(0) for key in (name, other)]
-        share = study_interval(
-            np.stack(pair, axis=-1),
-            lambda means: means[..., 0] / means[..., 1],
-            seed,
-            len(pair[0]),
+    for (noise, title), metric in product(NOISE_NAMES.items(), (0, 2)):
+        ours = {name: by_filter[noise, name][..., metric].mean(1) for name in THESIS}
+        order = sorted(THESIS, key=lambda name: TEST_ERRORS[noise][name][metric])
+        pairs = (
+            f"{first} before {second} {np.sum(ours[first] < ours[second])} of {len(ours[first])}"
+            for first, second in pairwise(order)
         )
-        findings.append((label, "{:.3f} [{:.3f}, {:.3f}]".format(*share), ""))
+        label = f"noise seeds with each published pair of {METRICS[metric]}, {title}"
+        findings.append((label, ", ".join(pairs), ""))
     return findings

@@ -13,15 +13,7 @@ import optuna
 from optuna.storages import JournalStorage
 from optuna.storages.journal import JournalFileBackend
 
-from studies.radar.filters import (
-    COMBINED,
-    CONTENDERS,
-    ROBUST,
-    SOUND,
-    THESIS,
-    Parameters,
-    filter_tracks,
-)
+from studies.radar.filters import CONTENDERS, Parameters, filter_tracks
 from studies.radar.flights import FloatArray
 from studies.radar.radars import NOISES, Noise, Tracks
 from studies.results import in_parallel
@@ -53,7 +45,6 @@ def tune(
     seed: int,
     folder: Path,
     plain: Parameters | None = None,
-    reference: float = np.nan,
 ) -> dict[str, Any]:
     """Best parameters by the tree-structured Parzen estimator of Bergstra et al. 2011, from a first
     trial at the start of the contender.
@@ -69,32 +60,24 @@ def tune(
         folder: for the finished trials, which are continued if code and data are the same; it is
             created.
         plain: of the plain CV filter with Gaussian noise, for robust filters.
-        reference: its training error [m].
     """
     contender = CONTENDERS[name]
     known = dict(plain or {})
     flights = training if noise is None else {noise: training[noise]}
+    reference = training_error("CV", known, training["gaussian"]) if known else np.nan
 
     def cost(parameters: Parameters) -> float:
-        chosen = {**known, **parameters}
-        error = {law: training_error(name, chosen, tracks) for law, tracks in flights.items()}
+        error = [
+            training_error(name, {**known, **parameters}, tracks) for tracks in flights.values()
+        ]
         if noise is not None:
-            return error[noise]
-        loss = error["gaussian"] / reference - 1.0
-        return error["levy"] * (1.0 + 100.0 * max(loss - 0.0075, 0.0))
+            return error[0]
+        gaussian, levy = error
+        return levy * (1.0 + 100.0 * max(gaussian / reference - 1.0 - 0.0075, 0.0))
 
     sources = [path.read_text() for path in sorted(Path(__file__).parent.glob("*.py"))]
-    tracks = {law: vars(of_law) for law, of_law in flights.items()}
-    settings = repr(
-        (
-            name,
-            contender.space,
-            contender.start,
-            seed,
-            known,
-            reference,
-        )
-    )
+    tracks = [vars(of_law) for of_law in flights.values()]
+    settings = repr((name, seed, known))
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / f"{name.replace(' ', '_')}-{noise or 'both'}.journal"
@@ -105,39 +88,38 @@ def tune(
     )
     finished = len(study.get_trials(states=(optuna.trial.TrialState.COMPLETE,)))
     if not finished:
-        study.enqueue_trial(dict(contender.start))
+        study.enqueue_trial({key: start for key, (_, start) in contender.space.items()})
     for number in range(finished, min(trials, contender.trials or trials)):
         study.sampler = optuna.samplers.TPESampler(seed=(seed * 100_003 + number) % 2**32)
-        trial = study.ask(dict(contender.space))
+        trial = study.ask({key: law for key, (law, _) in contender.space.items()})
         study.tell(trial, cost(trial.params))
     return known | study.best_params
 
 
 def tune_filters(
+    names: Sequence[str],
     training: dict[Noise, Tracks],
     seed: int,
     folder: Path,
-    trials: int = TRIALS,
-    jobs: int = 1,
-    robust: Sequence[str] = tuple(ROBUST),
+    trials: int,
+    jobs: int,
+    robust: Sequence[str] = (),
 ) -> dict[Noise, dict[str, dict[str, Any]]]:
-    """Parameters of all filters by noise and name, tuned on the training flights, the robust ones
-    after the plain CV filter, with which they are compared; arguments as of `thesis.reproduce`.
+    """Parameters of filters by noise and name, tuned on the training flights, `robust` ones for
+    both noises after the plain CV filter, with which they are compared; arguments as of
+    `thesis.reproduce`.
     """
-    names = (*SOUND, *THESIS)
     tuned = partial(
         joblib.delayed(tune), training=training, trials=trials, seed=seed, folder=folder
     )
-    calls: dict[Any, Any] = {
-        (noise, name): tuned(name, noise) for name in names for noise in NOISES
-    }
-    by_filter = dict(zip(calls, in_parallel([*calls.values()], jobs, "tuning"), strict=True))
-    plain = by_filter["gaussian", "CV"]
-    reference = training_error("CV", plain, training["gaussian"])
-    robustly = [tuned(name, None, plain=plain, reference=reference) for name in robust]
-    results = in_parallel(robustly, jobs, "tuning of robust filters")
-    both = dict(zip(robust, results, strict=True))
-    imm = by_filter["gaussian", "IMM (CV, CA)"]
-    student = both["CV, Student-t"]
-    both[COMBINED] = imm | {key: student[key] for key in ("degrees of freedom", "scale")}
-    return {noise: {name: by_filter[noise, name] for name in names} | both for noise in NOISES}
+    calls = [tuned(name, noise) for noise in NOISES for name in names]
+    results = iter(in_parallel(calls, jobs, "tuning"))
+    by_noise = {noise: {name: next(results) for name in names} for noise in NOISES}
+    if robust:
+        plain = by_noise["gaussian"]["CV"]
+        robustly = [tuned(name, None, plain=plain) for name in robust]
+        both = zip(robust, in_parallel(robustly, jobs, "tuning of robust filters"), strict=True)
+        for name, parameters in both:
+            for of_noise in by_noise.values():
+                of_noise[name] = parameters
+    return by_noise

@@ -3,7 +3,6 @@
 import importlib.util
 import sys
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import Literal
 
@@ -12,24 +11,12 @@ import joblib
 from agents import find_decider, run_command
 from hybrid_env import ArgumentError
 from studies.results import in_parallel, save_results
-from studies.seal import seal_of, unbroken_seal
+from studies.seal import current_seal, unbroken_seal
 from studies.simulators import study
 from studies.simulators.worlds import worlds
 
 SEAL = Path(__file__).with_name("sealed.json")
 """What was fixed before the closed paths were opened."""
-
-
-def current_seal() -> dict[str, dict[str, str]]:
-    """Return the digests of the study and of the weights of `robust`, and the versions of the
-    simulators.
-    """
-    modules = ("aircraft", "airliners", "cars", "vehicles", "study", "worlds")
-    return seal_of(
-        [SEAL.with_name(f"{module}.py") for module in modules],
-        Path(str(files("agents") / "learned" / "weights" / "unknown" / "robust")),
-        ("jsbsim", "bluesky-simulator", "openap", "eclipse-sumo"),
-    )
 
 
 @dataclass(kw_only=True)
@@ -69,7 +56,7 @@ class Simulators:
             raise ArgumentError(f"seed={self.seed} is not allowed: expected a number below 10^9")
         seed = self.seed
         if self.sealed:
-            unbroken_seal(SEAL, current_seal())
+            unbroken_seal(SEAL)
             # Of the first closed path.
             seed = 7_000_000_000
         episodes = 2 if self.quick else self.episodes
@@ -77,11 +64,22 @@ class Simulators:
         for name in self.deciders:
             find_decider(name, places[0].options())
         calls = [
-            joblib.delayed(study.compare)(place, self.deciders, episodes, seed) for place in places
+            joblib.delayed(study.compare)(
+                place,
+                self.deciders,
+                episodes,
+                seed,
+            )
+            for place in places
         ]
         rows = in_parallel(calls, self.jobs, "worlds")
-        content = {"worlds": rows, "counts": study.counts(rows), "seal": current_seal()}
-        save_results(self.out / "simulators", study.markdown(rows), content, study.figure(rows))
+        content = {"worlds": rows, "counts": study.counts(rows), "seal": current_seal(SEAL)}
+        save_results(
+            self.out / "simulators",
+            study.markdown(rows),
+            content,
+            study.figure(rows),
+        )
 
 
 if __name__ == "__main__":

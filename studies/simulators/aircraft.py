@@ -34,7 +34,7 @@ class Aircraft(Vehicle):
     """
 
     simulator = "JSBSim"
-    together = 1
+    block_size = 1
 
     name: str
     height: float
@@ -59,12 +59,8 @@ class Aircraft(Vehicle):
         """See `Vehicle.paths`."""
         generator = np.random.default_rng(block)
         modes, banks = self.commands(round(duration / CONTROL), generator)
-        return [
-            flown_path(
-                self._fly(generator.uniform(0.0, 360.0), banks)[SETTLED:],
-                modes,
-            )
-        ]
+        velocities = self._fly(generator.uniform(0.0, 360.0), banks)
+        return [flown_path(velocities[SETTLED:], modes)]
 
     def commands(
         self,
@@ -136,11 +132,8 @@ class Aircraft(Vehicle):
                 model[f"fcs/throttle-cmd-norm[{engine}]"] = min(max(thrust, 0.0), 1.0)
             for _ in range(round(CONTROL * 60.0)):
                 model.run()
-            velocities[k] = (
-                FOOT * model["velocities/v-east-fps"],
-                FOOT * model["velocities/v-north-fps"],
-            )
-        return velocities
+            velocities[k] = model["velocities/v-east-fps"], model["velocities/v-north-fps"]
+        return FOOT * velocities
 
 
 def _clip(value: float, largest: float) -> float:

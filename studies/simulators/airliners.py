@@ -29,13 +29,13 @@ class Airliner(Aircraft):
     """
 
     simulator = "BlueSky"
-    together = 20
+    block_size = 20
 
     def paths(self, block: int, duration: float) -> list[Path]:
         """See `Vehicle.paths`; the airliners are far from each other."""
         count = round(duration / CONTROL)
         drawn = []
-        for seed in range(block * self.together, (block + 1) * self.together):
+        for seed in range(block * self.block_size, (block + 1) * self.block_size):
             generator = np.random.default_rng(seed)
             modes, banks = self.commands(count, generator)
             heading = generator.uniform(0.0, 360.0)
@@ -58,7 +58,7 @@ class Airliner(Aircraft):
         switched = generator.random(count) < CONTROL / lasting
         switched[0] = True
         factors = generator.uniform(1.0 - spread, 1.0 + spread, count)
-        return np.asarray(self.airspeed * factors[switched][np.cumsum(switched) - 1])
+        return self.airspeed * factors[switched][np.cumsum(switched) - 1]
 
     def _fly_all(
         self,
@@ -98,22 +98,22 @@ class Airliner(Aircraft):
             begun = np.zeros(len(names), np.int64)
             last = np.full((2, len(names)), np.nan)
             for k, (bank, speed) in enumerate(zip(banks, speeds, strict=True)):
-                switched = bank != last[0]
+                commanded = np.array([bank, speed])
+                switched, faster = commanded != last
                 begun[switched] = k
-                turned = (k - begun) % round(renewed / CONTROL) == 0
-                for track in np.flatnonzero(switched | (turned & (bank != 0.0))).tolist():
-                    if bank[track] != 0.0:
-                        command(f"BANK {names[track]} {abs(bank[track])}")
-                    heading = traffic.hdg[track] + ahead * np.sign(bank[track])
-                    command(f"HDG {names[track]} {heading % 360.0}")
-                for track in np.flatnonzero(speed != last[1]).tolist():
-                    command(f"SPD {names[track]} {speed[track]}")
-                last = np.array([bank, speed])
+                turning = bank != 0.0
+                renews = (k - begun) % round(renewed / CONTROL) == 0
+                headings = traffic.hdg + ahead * np.sign(bank)
+                for track, name in enumerate(names):
+                    if switched[track] or (renews & turning)[track]:
+                        if turning[track]:
+                            command(f"BANK {name} {abs(bank[track])}")
+                        command(f"HDG {name} {headings[track] % 360.0}")
+                    if faster[track]:
+                        command(f"SPD {name} {speed[track]}")
+                last = commanded
                 simulator.sim.step()
-                velocities[k] = np.stack(
-                    [traffic.gseast, traffic.gsnorth],
-                    axis=1,
-                )
+                velocities[k] = np.column_stack([traffic.gseast, traffic.gsnorth])
         return velocities
 
 
@@ -140,9 +140,5 @@ def _started() -> Any:
 
     # Else it makes one in the home.
     with tempfile.TemporaryDirectory() as folder:
-        bluesky.init(
-            mode="sim",
-            detached=True,
-            workdir=folder,
-        )
+        bluesky.init(mode="sim", detached=True, workdir=folder)
     return bluesky

@@ -42,7 +42,15 @@ class RoadNet(Vehicle):
 
     def paths(self, block: int, duration: float) -> list[Path]:
         """See `Vehicle.paths`."""
-        return [car_path(points) for points in self.drive(block, round(duration / CONTROL))]
+        paths = []
+        for points in self.drive(block, round(duration / CONTROL)):
+            velocities = np.gradient(points[:, :2], CONTROL, axis=0)
+            states = np.stack([points[:, :2], velocities], axis=2).reshape(-1, 4)
+            rate = -np.gradient(np.unwrap(np.radians(points[:, 2])), CONTROL)
+            mean = uniform_filter1d(rate, round(1.0 / CONTROL))
+            modes = np.select([mean > TURNING, mean < -TURNING], [1, 2], 0)
+            paths.append(Path(states, modes))
+        return paths
 
     def drive(self, block: int, count: int, settled: float = 60.0) -> list[FloatArray]:
         """Return positions [m] and headings, clockwise from north [deg], (n, 3) of each car, at
@@ -61,11 +69,7 @@ class RoadNet(Vehicle):
                 folder,
             )
             # Long enough for a car at 30 m/s, above the speed of all.
-            routes = self.routes(
-                ElementTree.parse(roads).getroot(),
-                block,
-                30.0 * duration,
-            )
+            routes = self.routes(ElementTree.parse(roads).getroot(), block, 30.0 * duration)
             (folder / "cars.xml").write_text(routes)
             _run(
                 f"sumo --step-length {CONTROL} --end {duration} --seed {block} --precision 3"
@@ -74,12 +78,8 @@ class RoadNet(Vehicle):
                 folder,
             )
             # Time, car, x, y, heading; in the order of time.
-            rows = np.loadtxt(
-                folder / "points.csv",
-                delimiter=";",
-                skiprows=1,
-            )
-        return [rows[rows[:, 1] == car][-count:, 2:] for car in range(self.together)]
+            rows = np.loadtxt(folder / "points.csv", delimiter=";", skiprows=1)
+        return [rows[rows[:, 1] == car][-count:, 2:] for car in range(self.block_size)]
 
     def routes(self, roads: ElementTree.Element, seed: int, length: float) -> str:
         """Return the demand of SUMO: cars that turn at random at every junction, for at least a
@@ -98,27 +98,20 @@ class RoadNet(Vehicle):
         while ends := {edge for edge, after in following.items() if not after}:
             following = {edge: after - ends for edge, after in following.items() if after}
         generator = np.random.default_rng(seed)
-        names = sorted(following)
         lines = ['<routes><vType id="car" sigma="0.5" speedDev="0.15"/>']
-        for car in range(self.together):
-            route = [names[generator.integers(len(names))]]
-            while sum(lengths[edge] for edge in route) < length:
-                after = sorted(following[route[-1]])
-                route.append(after[generator.integers(len(after))])
+        for car in range(self.block_size):
+            after = set(following)
+            route: list[str] = []
+            driven = 0.0
+            while driven < length:
+                route.append(sorted(after)[generator.integers(len(after))])
+                driven += lengths[route[-1]]
+                after = following[route[-1]]
             lines.append(
                 f'<vehicle id="{car}" type="car" depart="0" departPos="random" departLane="best"'
                 f' departSpeed="max"><route edges="{" ".join(route)}"/></vehicle>'
             )
         return "\n".join([*lines, "</routes>"])
-
-
-def car_path(points: FloatArray) -> Path:
-    """Return the path of positions [m] and of a heading, clockwise from north [deg], (n, 3)."""
-    velocities = np.gradient(points[:, :2], CONTROL, axis=0)
-    states = np.stack([points[:, :2], velocities], axis=2).reshape(-1, 4)
-    rate = -np.gradient(np.unwrap(np.radians(points[:, 2])), CONTROL)
-    mean = uniform_filter1d(rate, round(1.0 / CONTROL))
-    return Path(states, np.select([mean > TURNING, mean < -TURNING], [1, 2], 0))
 
 
 def _run(command: str, folder: FilePath) -> None:

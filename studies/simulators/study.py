@@ -5,12 +5,14 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from scipy.stats import norm
 
 from agents import find_decider, in_brackets, markdown_table, task_of
 from baselines import Estimate, Scores
-from studies.simulators.worlds import VEHICLES, World
+from studies.simulators.worlds import World
 
 SELECTION = 1_000_000_000
 """Thresholds are selected on paths from this seed on; reported ones have smaller seeds."""
@@ -29,12 +31,22 @@ def compare(world: World, names: Sequence[str], episodes: int, seed: int) -> Row
     # Mean of a tick.
     reward = task_of("HybridTrackQuickest-v0").statistic("reward")
     agent, *rules = names
-    likeliest = world.rewards(agent, episodes, seed, likeliest=True)
-    tuned = [tuned_rewards(world, name, episodes, seed) for name in rules]
-    best, setting = max(
-        tuned,
-        key=lambda pair: pair[0].estimate(reward).value,
+    likeliest = world.rewards(
+        agent,
+        episodes,
+        seed,
+        likeliest=True,
     )
+    tuned = [
+        tuned_rewards(
+            world,
+            name,
+            episodes,
+            seed,
+        )
+        for name in rules
+    ]
+    best, setting = max(tuned, key=lambda pair: pair[0].estimate(reward).value)
     return {
         "world": world.name,
         "kind": world.kind,
@@ -82,14 +94,15 @@ def tuned_rewards(
         ]
     )
     row, column = np.unravel_index(rewards.argmax(), rewards.shape)
+    setting = settings[row]
     chosen = (thresholds[column],)
     return world.rewards(
         name,
         episodes,
         seed,
-        **settings[row],
+        **setting,
         thresholds=chosen,
-    ), settings[row]
+    ), setting
 
 
 def counts(rows: Sequence[Row]) -> dict[str, int]:
@@ -103,8 +116,8 @@ def counts(rows: Sequence[Row]) -> dict[str, int]:
     return {
         "worlds": len(gains),
         "kept": int((gains >= -ALLOWED).sum()),
-        "above": int((gains > 0.0)[clear].sum()),
-        "below": int((gains < 0.0)[clear].sum()),
+        "above": int((clear & (gains > 0.0)).sum()),
+        "below": int((clear & (gains < 0.0)).sum()),
     }
 
 
@@ -116,12 +129,14 @@ def p_value(gain: Estimate) -> float:
     return float(2.0 * norm.sf(abs(gain.value) / deviation)) if deviation > 0.0 else 1.0
 
 
-def holm(values: Sequence[float]) -> list[bool]:
+def holm(values: Sequence[float]) -> NDArray[np.bool_]:
     """Return which of some p-values are significant at 5 % together. Holm 1979."""
     order = np.argsort(values)
-    corrected = np.sort(values) * np.arange(len(values), 0, -1)
-    passed = np.maximum.accumulate(corrected) <= 0.05
-    return [bool(passed[rank]) for rank in np.argsort(order)]
+    passed = np.sort(values) * np.arange(len(values), 0, -1) <= 0.05
+    significant = np.zeros(len(values), np.bool_)
+    # Up to the first one that is not.
+    significant[order] = np.minimum.accumulate(passed)
+    return significant
 
 
 def markdown(rows: Sequence[Row]) -> str:
@@ -148,33 +163,30 @@ def markdown(rows: Sequence[Row]) -> str:
 
 
 def figure(rows: Sequence[Row]) -> Figure:
-    """Draw the gain of the agent against the mismatch of the world, a panel for each simulator."""
-    kinds = dict.fromkeys(row["kind"] for row in rows)
-    simulators = list(dict.fromkeys(VEHICLES[kind].simulator for kind in kinds))
-    canvas, (panels,) = plt.subplots(
-        1,
-        len(simulators),
-        figsize=(4.5 * len(simulators) + 1.0, 4.5),
-        squeeze=False,
-        layout="constrained",
-    )
-    for kind in kinds:
-        here = [row for row in rows if row["kind"] == kind]
-        gains = [row["gain"] for row in here]
-        axes = panels[simulators.index(VEHICLES[kind].simulator)]
+    """Draw the gain of the agent against the mismatch of the world."""
+    frame = pd.DataFrame(rows)
+    frame = frame.join(pd.DataFrame(map(vars, frame.gain)))
+    canvas, axes = plt.subplots(figsize=(9.0, 5.0), layout="constrained")
+    for kind, part in frame.groupby("kind", sort=False):
+        bars = part.value - part.low, part.high - part.value
         axes.errorbar(
-            [row["mismatch"] for row in here],
-            [gain.value for gain in gains],
-            np.array([(gain.value - gain.low, gain.high - gain.value) for gain in gains]).T,
+            part.mismatch,
+            part.value,
+            bars,
             fmt="o",
             label=kind,
         )
-    for simulator, axes in zip(simulators, panels, strict=True):
-        style: dict[str, Any] = {"color": "0.75", "linewidth": 0.8, "linestyle": "--", "zorder": 0}
-        for level in (0.0, -ALLOWED):
-            axes.axhline(level, **style)
-        axes.axvline(1.0, **style)
-        axes.set(title=simulator, xlabel="mean squared whitened innovation")
-        axes.legend(frameon=False)
-    panels[0].set_ylabel("reward less that of the best tuned rule")
+    for level in (0.0, -ALLOWED):
+        axes.axhline(
+            level,
+            color="0.75",
+            linestyle="--",
+            zorder=0,
+        )
+    axes.set(
+        xscale="log",
+        xlabel="mean squared whitened innovation",
+        ylabel="reward less that of the best tuned rule",
+    )
+    axes.legend(frameon=False)
     return canvas

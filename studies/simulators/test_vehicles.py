@@ -54,5 +54,5 @@ def test_paths_are_those_of_their_seeds_whatever_moved_before(kind, capfd):
 
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, other)
-    np.testing.assert_array_equal(vehicle.travel(vehicle.together, 20.0).states, first)
+    np.testing.assert_array_equal(vehicle.travel(vehicle.block_size, 20.0).states, first)
     assert capfd.readouterr() == ("", "")

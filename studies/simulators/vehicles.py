@@ -33,7 +33,7 @@ class Vehicle(ABC):
 
     Attributes:
         simulator: its name; in lower case that of its Python module.
-        together: number of vehicles that are simulated at the same time, with successive seeds.
+        block_size: number of vehicles that are simulated at the same time, with successive seeds.
         speed: median [m/s].
         radius: median in turns [m].
         lasting: durations of modes: the least one, and the mean of what is exponential beyond it
@@ -43,7 +43,7 @@ class Vehicle(ABC):
     """
 
     simulator: ClassVar[str]
-    together: ClassVar[int] = 20
+    block_size: ClassVar[int] = 20
     speed: float
     radius: float
     lasting: tuple[float, float]
@@ -58,7 +58,7 @@ class Vehicle(ABC):
 
     def travel(self, seed: int, duration: float) -> Path:
         """Return the path of a duration [s] that follows from a seed."""
-        return _paths(self, seed // self.together, duration)[seed % self.together]
+        return _paths(self, seed // self.block_size, duration)[seed % self.block_size]
 
 
 # A simulator takes a second for a path, which the nine worlds of a kind share.
@@ -71,10 +71,4 @@ def flown_path(velocities: FloatArray, modes: IntArray) -> Path:
     """Return the path, which begins at 0, of velocities east and north (n, 2) [m/s]."""
     # Trapezoids.
     moved = CONTROL * (np.cumsum(velocities, axis=0) - 0.5 * (velocities + velocities[0]))
-    return Path(
-        np.stack([moved, velocities], axis=2).reshape(
-            -1,
-            4,
-        ),
-        modes,
-    )
+    return Path(np.stack([moved, velocities], axis=2).reshape(-1, 4), modes)

@@ -99,8 +99,9 @@ VEHICLES: dict[str, Vehicle] = {
 class World:
     """Paths of one kind with noise, in place of the object of `HybridTrackQuickest-v0`."""
 
-    # Key of `VEHICLES`.
+    # Name of what moves.
     kind: str
+    vehicle: Vehicle
     # Length of a tick [s].
     tick: float
     # Standard deviation of a measured position [m].
@@ -113,16 +114,11 @@ class World:
         """Name in tables."""
         return f"{self.kind}, {self.tick:g} s, {self.noise:g} m"
 
-    @property
-    def vehicle(self) -> Vehicle:
-        """What moves."""
-        return VEHICLES[self.kind]
-
     def options(self, factor: float = 1.0) -> QuickestOptions:
         """Return what deciders are told, with the process noise times a factor."""
         speed = self.vehicle.speed
         shortest, further = (max(1, round(time / self.tick)) for time in self.vehicle.lasting)
-        options: QuickestOptions = task_of(
+        return task_of(
             "HybridTrackQuickest-v0",
             {
                 "radii": (self.vehicle.radius,),
@@ -136,7 +132,6 @@ class World:
                 "initial_error": (0.3, (0.07 * speed) ** 2),
             },
         ).options
-        return options
 
     def travel(
         self,
@@ -147,27 +142,19 @@ class World:
         """Return the paths of consecutive seeds, as `GivenTracks` takes them. Track i has that of
         `seed` + i, whatever noise and tick are.
         """
-        duration = 60.0 * self.minutes
         ends = self.tick * np.arange(options.ticks + 1)
-        moments = CONTROL * np.arange(round(duration / CONTROL))
-        rows = np.minimum(
-            np.searchsorted(moments, ends - 0.5 * CONTROL),
-            len(moments) - 1,
-        )
-        errors = np.sqrt(options.start_variances)
-        scatter = np.sqrt(options.variances[0])
+        errors, scatter = np.sqrt(options.start_variances), np.sqrt(options.variances[0])
         tracked = []
         for track in range(seed, seed + tracks):
-            path = self.vehicle.travel(track, duration)
+            path = self.vehicle.travel(track, 60.0 * self.minutes)
+            moments = CONTROL * np.arange(len(path.modes))
             # Random numbers of the noise are none of the path.
             generator = np.random.default_rng([track, 1])
-            exact = np.stack(
-                [np.interp(ends, moments, state) for state in path.states.T],
-                axis=1,
-            )
+            exact = np.column_stack([np.interp(ends, moments, state) for state in path.states.T])
             start = exact[0] + errors * generator.standard_normal(4)
-            points = exact[1:, ::2] + scatter * generator.standard_normal((options.ticks, 2))
-            tracked.append((points, path.modes[rows[1:]], start))
+            measured = exact[1:, ::2] + scatter * generator.standard_normal((options.ticks, 2))
+            rows = np.searchsorted(moments, ends[1:] - 0.5 * CONTROL)
+            tracked.append((measured, path.modes[np.minimum(rows, len(moments) - 1)], start))
         points, modes, starts = zip(*tracked, strict=True)
         return np.stack(points, axis=1), np.stack(modes, axis=1), np.array(starts)
 
@@ -193,7 +180,12 @@ class World:
         decider = find_decider(name, options)
         thresholds = tuple(thresholds) or (decider.default,)
         statements = record_in(
-            lambda: GivenTracks(self.travel, options, episodes, likeliest),
+            lambda: GivenTracks(
+                self.travel,
+                options,
+                episodes,
+                likeliest,
+            ),
             decider,
             seed,
             thresholds,
@@ -232,7 +224,12 @@ def worlds(modules: Sequence[str], quick: bool = False) -> list[World]:
     each of its ticks and noises; if `quick`, one of each simulator with paths of three minutes.
     """
     every = [
-        World(kind, tick, noise)
+        World(
+            kind,
+            vehicle,
+            tick,
+            noise,
+        )
         for kind, vehicle in VEHICLES.items()
         if vehicle.simulator.lower() in modules
         for tick in vehicle.ticks

@@ -60,7 +60,12 @@ class Tune:
         )
         self.out.mkdir(parents=True, exist_ok=True)
         study = search.open_study(wanted, self.out)
-        search.run_trials(wanted, study, trials, self.jobs)
+        search.run_trials(
+            wanted,
+            study,
+            trials,
+            self.jobs,
+        )
         table = study.trials_dataframe(attrs=("number", "value", "params", "state"))
         table = table[table.pop("state") == "COMPLETE"]
         if table.empty:

@@ -3,13 +3,12 @@ folder keeps them.
 """
 
 import json
-import math
 import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import joblib
 import numpy as np
@@ -26,8 +25,6 @@ from hybrid_env import ArgumentError
 
 # Points of a training at which its reward is compared.
 POINTS = 20
-# A learning rate that decays linearly keeps this prefix.
-LINEAR_DECAY = "lin_"
 # Ranges by algorithm; recurrent PPO has those of PPO. Others need ranges of their own.
 DEFAULT_RANGES = {
     "ppo": (
@@ -80,91 +77,9 @@ def parse_range(text: str) -> tuple[str, Any]:
 def parse_ranges(texts: Sequence[str], algorithm: str) -> Ranges:
     """Read ranges, those of an algorithm if there are none."""
     given = texts or DEFAULT_RANGES.get(algorithm.removeprefix("recurrent_"), ())
-    ranges = [parse_range(text) for text in given]
-    if not ranges or len(dict(ranges)) != len(ranges):
-        raise ArgumentError(f"search={texts}: expected ranges of different names")
-    return dict(ranges)
-
-
-def values_of(entry: Mapping[str, Any], ranges: Ranges) -> dict[str, Any]:
-    """Return the values of a recipe that are in the ranges, for a trial of what it is now."""
-    values: dict[str, Any] = {}
-    for name, distribution in ranges.items():
-        text = str(entry.get(name)).removeprefix(LINEAR_DECAY)
-        if isinstance(distribution, CategoricalDistribution):
-            values |= {name: text} if text in distribution.choices else {}
-            continue
-        with suppress(ValueError):
-            if distribution.low <= float(text) <= distribution.high:
-                values[name] = type(distribution.low)(float(text))
-    return values
-
-
-def changes_of(values: Mapping[str, Any], entry: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the values of a trial as changes of a recipe, see `load_recipe`."""
-    rate = entry.get("learning_rate")
-    changes = []
-    for name, value in values.items():
-        text = str(value)
-        if isinstance(value, float):
-            rounded = float(f"{value:.3g}")
-            # YAML reads 1e-05 as a text.
-            text = np.format_float_positional(rounded, trim="0")
-            if name == "learning_rate" and str(rate).startswith(LINEAR_DECAY):
-                text = LINEAR_DECAY + text
-        changes.append(f"{name}={text}")
-    return tuple(changes)
-
-
-class Outcome(NamedTuple):
-    """Result of a trial."""
-
-    # Mean of recent segments or ticks in training, at up to `POINTS` equal parts of it.
-    rewards: tuple[float, ...]
-    # Of the agent afterwards; None if the training ended early.
-    reward: float | None
-    # Why it could not be trained.
-    error: str = ""
-
-
-def train_trial(search: "Search", values: Mapping[str, Any], medians: Sequence[float]) -> Outcome:
-    """Train an agent with the values of a trial, without a folder, and evaluate it.
-
-    The training ends at a point at which its best reward so far is smaller than the median of
-    earlier trials, if there are enough of them.
-    """
-    rewards: list[float] = []
-
-    def check(now: Any) -> None:
-        reached = min(POINTS, POINTS * now.steps // now.total)
-        while len(rewards) < reached:
-            rewards.append(now.reward)
-            best = max((reward for reward in rewards if not math.isnan(reward)), default=math.inf)
-            if medians and 5 <= len(rewards) < POINTS and best < medians[len(rewards) - 1]:
-                raise optuna.TrialPruned
-
-    try:
-        agent = train(
-            search.recipe_name,
-            search.env_id,
-            seed=search.seed,
-            steps=search.steps,
-            changes=search.changed(values),
-            on_progress=check,
-        )
-    except optuna.TrialPruned:
-        return Outcome(tuple(rewards), None)
-    except ArgumentError as error:
-        # Values that do not go together, or a training that has diverged.
-        return Outcome(tuple(rewards), None, str(error))
-    # On the episodes of the learning curve.
-    metrics = evaluate(
-        agent,
-        search.env_id,
-        episodes=200,
-        seed=3_000_000_000,
-    )
-    return Outcome(tuple(rewards), metrics["reward"].value)
+    if not given:
+        raise ArgumentError("search=: expected ranges of this algorithm")
+    return dict(map(parse_range, given))
 
 
 @dataclass(frozen=True)
@@ -183,14 +98,89 @@ class Search:
     # Of a training; None uses those of the recipe.
     steps: int | None
 
-    def changed(self, values: Mapping[str, Any]) -> tuple[str, ...]:
-        """Return all changes of the recipe with the values of a trial."""
-        return self.changes + changes_of(values, self.entry(self.changes))
-
     def entry(self, changes: Sequence[str]) -> dict[str, Any]:
         """Return the plain values of the recipe with some changes."""
         recipe = load_recipe(self.recipe_name, self.env_id, changes)
         return dict(recipe.as_json()["entry"])
+
+    @property
+    def decays(self) -> str:
+        """Prefix of the learning rate if it decays linearly."""
+        rate = str(self.entry(self.changes).get("learning_rate"))
+        return "lin_" if rate.startswith("lin_") else ""
+
+    def first_values(self) -> dict[str, Any]:
+        """Return the values of the recipe that are in the ranges, for a trial of what it is now."""
+        values: dict[str, Any] = {}
+        entry = self.entry(self.changes)
+        for name, law in self.ranges.items():
+            text = str(entry.get(name)).removeprefix("lin_")
+            with suppress(ValueError):
+                if isinstance(law, CategoricalDistribution):
+                    values[name] = law.choices[law.choices.index(text)]
+                elif law.low <= float(text) <= law.high:
+                    values[name] = type(law.low)(float(text))
+        return values
+
+    def changed(self, values: Mapping[str, Any]) -> tuple[str, ...]:
+        """Return all changes of the recipe with the values of a trial, see `load_recipe`."""
+        changes = []
+        for name, value in values.items():
+            text = str(value)
+            if isinstance(value, float):
+                # YAML reads 1e-05 as a text.
+                text = np.format_float_positional(float(f"{value:.3g}"), trim="0")
+                text = self.decays + text if name == "learning_rate" else text
+            changes.append(f"{name}={text}")
+        return *self.changes, *changes
+
+
+# Of a trial: mean rewards of recent segments or ticks in training, at up to `POINTS` equal parts of
+# it; that of the agent afterwards, None if the training ended early; why it could not be trained.
+Outcome = tuple[list[float], float | None, str]
+
+
+def train_trial(search: Search, values: Mapping[str, Any], medians: Sequence[float]) -> Outcome:
+    """Train an agent with the values of a trial, without a folder, and evaluate it.
+
+    The training ends at a point at which its best reward so far is smaller than the median of
+    earlier trials, if there are enough of them.
+    """
+    rewards: list[float] = []
+
+    def check(now: Any) -> None:
+        reached = min(POINTS, POINTS * now.steps // now.total)
+        while len(rewards) < reached:
+            rewards.append(now.reward)
+            # NaN is smaller than nothing.
+            best = np.fmax.reduce(rewards)
+            if medians and 5 <= len(rewards) < POINTS and best < medians[len(rewards) - 1]:
+                raise optuna.TrialPruned
+
+    reward, error = None, ""
+    try:
+        agent = train(
+            search.recipe_name,
+            search.env_id,
+            seed=search.seed,
+            steps=search.steps,
+            changes=search.changed(values),
+            on_progress=check,
+        )
+        # On the episodes of the learning curve.
+        metrics = evaluate(
+            agent,
+            search.env_id,
+            episodes=200,
+            seed=3_000_000_000,
+        )
+        reward = metrics["reward"].value
+    except optuna.TrialPruned:
+        pass
+    except ArgumentError as refusal:
+        # Values that do not go together, or a training that has diverged.
+        error = str(refusal)
+    return rewards, reward, error
 
 
 def open_study(search: Search, folder: Path) -> optuna.Study:
@@ -207,7 +197,7 @@ def open_study(search: Search, folder: Path) -> optuna.Study:
     if settings is None:
         study.set_user_attr("search", repr(search))
         # What the recipe has now.
-        study.enqueue_trial(values_of(search.entry(search.changes), search.ranges))
+        study.enqueue_trial(search.first_values())
     elif settings != repr(search):
         raise ArgumentError(f"out={folder}: expected the flags with which its search began")
     # Of a killed search.
@@ -233,14 +223,12 @@ def run_trials(search: Search, study: optuna.Study, trials: int, jobs: int) -> N
         outcomes = joblib.Parallel(n_jobs=jobs)(
             joblib.delayed(train_trial)(search, trial.params, medians) for trial in batch
         )
-        for trial, outcome in zip(batch, outcomes, strict=True):
-            for point, reward in enumerate(outcome.rewards):
-                trial.report(reward, point)
-            state = None
-            if outcome.reward is None:
-                state = TrialState.FAIL if outcome.error else TrialState.PRUNED
-            study.tell(trial, outcome.reward, state)
-        errors = [outcome.error for outcome in outcomes if outcome.error]
+        for trial, (rewards, reward, error) in zip(batch, outcomes, strict=True):
+            for point, of_point in enumerate(rewards):
+                trial.report(of_point, point)
+            ended_early = TrialState.FAIL if error else TrialState.PRUNED
+            study.tell(trial, reward, ended_early if reward is None else None)
+        errors = [error for *_, error in outcomes if error]
         if len(errors) == len(batch):
             raise ArgumentError(f"no trial could be trained: {errors[-1]}")
 

@@ -7,9 +7,8 @@ from declared import beyond, refuse_beyond
 
 from agents.algorithms import algorithm_names, find_algorithm
 from agents.cli import COMMANDS, main
-from agents.interface.parallel import Workers
 from agents.training.recipe import load_recipe, recipe_names
-from agents.training.settings import DrawnWorlds, TrainingWorld
+from agents.training.worlds import DrawnWorlds, TrainingWorld
 from hybrid_env.checks import declaration, declared_fields
 
 
@@ -21,10 +20,10 @@ def test_settings_beyond_the_declared_ones_are_refused_in_one_line_that_names_th
     assert refuse_beyond(find_algorithm(algo).Settings, **vars(given)) > 30
 
 
-@pytest.mark.parametrize("kind", [TrainingWorld, DrawnWorlds, Workers])
+@pytest.mark.parametrize("kind", [TrainingWorld, DrawnWorlds])
 def test_parts_of_settings_likewise(kind):
     given = {"n_envs": 3} if kind is TrainingWorld else {"n_envs": 3, "radii": 3, "worlds": 3}
-    assert refuse_beyond(kind, **({} if kind is Workers else given)) > 5
+    assert refuse_beyond(kind, **given) > 5
 
 
 def numbers(command):

@@ -20,7 +20,13 @@ def first(rows):
 
 
 def test_evaluate_returns_the_figures_of_the_command(tmp_path):
-    metrics = agents.evaluate("msprt:0.02", "HybridTrack-v0", episodes=10, seed=3, **WORLD)
+    metrics = agents.evaluate(
+        "msprt:0.02",
+        "HybridTrack-v0",
+        episodes=10,
+        seed=3,
+        **WORLD,
+    )
     out = tmp_path / "out.json"
     flags = f"--episodes 10 --seed 3 --out {out} --scheme"
 
@@ -31,9 +37,8 @@ def test_evaluate_returns_the_figures_of_the_command(tmp_path):
         figures["accuracy"]
         == agents.evaluate(MSPRTDecider(0.02), episodes=10, seed=3, **WORLD)["accuracy"].as_json()
     )
-    assert (
-        agents.evaluate(agents.load("msprt:0.02", **WORLD), episodes=10, seed=3, **WORLD) == metrics
-    )
+    loaded = agents.load("msprt:0.02", **WORLD)
+    assert repr(agents.evaluate(loaded, episodes=10, seed=3, **WORLD)) == repr(metrics)
 
 
 def test_an_agent_is_trained_and_evaluated(tmp_path):
@@ -46,12 +51,13 @@ def test_an_agent_is_trained_and_evaluated(tmp_path):
     )
     metrics = agents.evaluate(agent, episodes=4, **WORLD)
 
-    assert metrics == agents.evaluate(str(tmp_path / "run"), episodes=4, **WORLD)
+    again = agents.evaluate(str(tmp_path / "run"), episodes=4, **WORLD)
+    assert repr(again) == repr(metrics)
     with pytest.raises(ArgumentError, match="is not allowed"):
         agents.train("ppo", out=tmp_path / "run")
 
 
-def test_compare_takes_names_and_functions(tmp_path):
+def test_compare_takes_names_and_functions():
     settings = {
         "episodes": 4,
         "selection_episodes": 4,
@@ -62,10 +68,5 @@ def test_compare_takes_names_and_functions(tmp_path):
 
     assert [entry.name for entry in result.entries] == ["MSPRT", "first"]
     assert result.picture().axes
-    with pytest.raises(
-        ArgumentError,
-        match=r"^out=.* expected None with deciders that are no names",
-    ):
-        agents.compare(["msprt", first], [], out=tmp_path, **settings)
     with pytest.raises(ArgumentError, match=r"^episodes=0 is not allowed"):
         agents.compare(["msprt"], [], episodes=0)

@@ -89,13 +89,3 @@ def test_the_vector_loop_of_clean_rl():
             lengths += infos["episode"]["l"][infos["_episode"]].tolist()
     assert len(lengths) > 4
     assert min(lengths) >= 6
-
-
-def test_wrappers_of_single_tracks_work_with_tracks_one_by_one():
-    wrapped = gym.make_vec(
-        EASY,
-        2,
-        vectorization_mode="sync",
-        wrappers=[gym.wrappers.FlattenObservation],
-    )
-    assert wrapped.reset(seed=0)[0].shape == (2, 28)

@@ -11,19 +11,9 @@ MASKED = np.ma.masked_array(POSITIONS, np.arange(20).reshape(10, 2) == 3)
 REFUSED = [
     # Its first sum wraps to 10 in 64 bits.
     {"lengths": [2**63 - 1, 2**63 - 1, 12]},
-    {"lengths": [5, 0, 5]},
-    {"lengths": [5.0, 5.0]},
-    {"lengths": np.ma.masked_array([5, 5], [False, True])},
-    {"lengths": [2, 3]},
-    {"measurements": np.zeros((0, 2))},
-    {"measurements": np.full((10, 2), np.nan)},
     {"measurements": MASKED},
-    {"measurements": [[0.0, 1.0], [2.0]]},
     {"start": [1.0] * 3},
-    {"radii": [0.0]},
-    {"alpha": 0.0},
     {"undecided": "guess"},
-    {"refine_radius": "yes"},
 ]
 
 

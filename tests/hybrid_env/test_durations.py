@@ -1,28 +1,20 @@
 """Laws of the durations of segments, and the segments that the environment draws from them."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
-from hostile_input import refused
 
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions
 from hybrid_env.durations import (
-    DurationLaw,
     duration_probabilities,
     parse_durations,
     remaining_probabilities,
 )
-from hybrid_env.limits import Ticks
-
-LAWS = ["25 + geometric 50", "geometric 75", "uniform 50-100", "uniform 7-7", "geometric 1"]
 
 
-@pytest.mark.parametrize("text", LAWS)
+@pytest.mark.parametrize("text", ["25 + geometric 50", "uniform 30-40 or uniform 80-90"])
 def test_a_law_is_its_text_and_its_probabilities_sum_to_1(text):
     law = parse_durations(text)
     assert str(law) == text
-    assert parse_durations(law) == law == parse_durations(f" {text} ")
     ticks = np.arange(1, 3001)
     probabilities = duration_probabilities(law, 3000)
     np.testing.assert_allclose(probabilities.sum(), 1, rtol=1e-12)
@@ -39,80 +31,40 @@ def test_a_law_is_its_text_and_its_probabilities_sum_to_1(text):
     np.testing.assert_allclose(later, remaining, atol=1e-15)
 
 
-@dataclass(frozen=True)
-class RegularDurations(DurationLaw):
-    """A law that only this file has: all segments have the same duration."""
-
-    form = r"every (?P<each>[0-9]+)"
-
-    each: Ticks
-
-    @property
-    def mean_duration(self):
-        """The duration of every segment [ticks]."""
-        return float(self.each)
-
-    def survival(self, ticks):
-        """Return 1 up to the duration, and 0 from it on, (ticks + 1,)."""
-        return (np.arange(ticks + 1) < self.each).astype(float)
-
-    def __str__(self):
-        return f"every {self.each}"
-
-
-def test_a_subclass_is_a_law_that_a_text_can_name():
-    probabilities = QuickestOptions(durations="every 9").duration_laws
-    np.testing.assert_array_equal(probabilities, np.eye(600)[[8] * 4])
-    text = "straight every 9 or geometric 3, turns every 7"
-    assert str(parse_durations(text)) == text
-
-
-@pytest.mark.parametrize("value", ["", "geometric 0.5", "uniform 100-50", "uniform 5-" + "9" * 19])
-def test_other_values_are_refused_in_one_line(value):
-    refused(QuickestOptions, durations=value)
-
-
-@pytest.mark.parametrize("text", LAWS[:3])
-def test_the_environment_draws_durations_and_modes_from_the_law(text):
-    tracks = 2000
-    ticks = 400
-    env = HybridTrackQuickestVectorEnv(
-        tracks,
-        tick_info=True,
-        durations=text,
-        ticks=ticks,
-        start="random",
-    )
-    _, info = env.reset(seed=1)
-    modes = [info["true_mode"]]
-    segments = [info["segment"]]
+def timeline(env, ticks, seed):
+    """Return modes and segments of all ticks, (T, N), and the first info."""
+    _, first = env.reset(seed=seed)
+    recorded = [(first["true_mode"], first["segment"])]
     for _ in range(ticks - 1):
-        *_, info = env.step(np.zeros(tracks, np.int64))
-        modes.append(info["true_mode"])
-        segments.append(info["segment"])
-    modes, segments = np.array(modes), np.array(segments)
-    switched = np.diff(segments, axis=0) == 1
+        *_, info = env.step(np.zeros(env.num_envs, np.int64))
+        recorded.append((info["true_mode"], info["segment"]))
+    return *np.moveaxis(np.array(recorded), 1, 0), first
 
-    np.testing.assert_array_equal(
-        switched,
-        np.diff(modes, axis=0) != 0,
+
+def segments_of(modes, segments):
+    """Return the mode, the next mode and the length of all complete segments after the first."""
+    complete = []
+    for mode, number in zip(modes.T, segments.T, strict=True):
+        starts = np.flatnonzero(np.diff(number)) + 1
+        complete += zip(
+            mode[starts[:-1]],
+            mode[starts[1:]],
+            np.diff(starts),
+            strict=True,
+        )
+    return np.array(complete)
+
+
+@pytest.mark.parametrize("text", ["25 + geometric 50", "uniform 50-100"])
+def test_the_environment_draws_durations_from_the_law(text):
+    ticks = 300
+    env = HybridTrackQuickestVectorEnv(
+        1000, tick_info=True, durations=text, ticks=ticks, start="random"
     )
-    # Switches are stationary: as many in every part of the episode.
-    law = parse_durations(text)
-    expected = tracks * 50 / law.mean_duration
-    for part in np.split(
-        switched[:-1].sum(1)[: ticks - 50],
-        (ticks - 50) // 50,
-    ):
-        assert abs(part.sum() - expected) < 6 * np.sqrt(expected)
-    # Every mode follows each of the two others equally often.
-    before = modes[:-1][switched]
-    after = modes[1:][switched]
-    counts = np.array(
-        [((before == i) & (after == j)).sum() for i in range(3) for j in range(3) if i != j]
-    )
-    assert (abs(counts - counts.mean()) < 6 * np.sqrt(counts.mean())).all()
+    modes, segments, _ = timeline(env, ticks, 1)
+    np.testing.assert_array_equal(np.diff(segments, axis=0) == 1, np.diff(modes, axis=0) != 0)
     # First segments, and second ones that begin early enough, have their laws.
+    law = parse_durations(text)
     first = (segments == 0).sum(0)
     second = (segments == 1).sum(0)[first < 100]
     for lengths, probabilities in (
@@ -123,3 +75,53 @@ def test_the_environment_draws_durations_and_modes_from_the_law(text):
             share = probabilities[:limit].sum()
             deviation = np.sqrt(lengths.size * share * (1 - share)) + 1
             assert abs((lengths <= limit).sum() - lengths.size * share) < 5 * deviation
+
+
+def test_a_drawn_law_and_order_are_those_of_the_episode():
+    tracks = 30
+    ticks = 2000
+    env = HybridTrackQuickestVectorEnv(
+        tracks,
+        ticks=ticks,
+        tick_info=True,
+        durations="drawn",
+        order="drawn",
+    )
+    modes, segments, info = timeline(env, ticks, 1)
+
+    np.testing.assert_allclose(info["order"].sum(2), 1.0)
+    for track in range(tracks):
+        switches = segments_of(modes[:, [track]], segments[:, [track]])
+        for turns in (0, 1):
+            lengths = switches[(switches[:, 0] > 0) == turns, 2]
+            assert (lengths > info["law"][track, turns, :, 0].min()).all()
+        expected = info["order"][track][switches[:, 0], switches[:, 1]]
+        assert (expected > 0).all()
+    assert len({str(law) for law in info["law"]}) == tracks
+
+
+def test_a_fixed_order_and_laws_by_mode_are_followed():
+    order = "0 0.9 0.1, 0.2 0 0.8, 1 0 0"
+    law = "straight uniform 20-30, turns uniform 5-6 or uniform 9-9"
+    env = HybridTrackQuickestVectorEnv(
+        200,
+        tick_info=True,
+        ticks=500,
+        durations=law,
+        order=order,
+    )
+    drawn = segments_of(*timeline(env, 500, 2)[:2])
+    counts = np.zeros((3, 3))
+    np.add.at(counts, (drawn[:, 0], drawn[:, 1]), 1)
+    expected = env.options.order_matrix
+
+    np.testing.assert_allclose(
+        counts / counts.sum(1, keepdims=True),
+        expected,
+        atol=0.03,
+    )
+    assert set(drawn[drawn[:, 0] == 0, 2]) == set(range(20, 31))
+    turns = drawn[drawn[:, 0] > 0, 2]
+    assert set(turns) == {5, 6, 9}
+    assert abs((turns == 9).mean() - 0.5) < 0.03
+    assert QuickestOptions(order=expected.tolist()).order == env.options.order

@@ -1,29 +1,20 @@
 """Random worlds inside the allowed ranges: every row is finite and in the observation space,
 episodes end.
 
-A failure prints the seed and the options; `random_worlds.soak` with the same arguments repeats it.
+A failure prints the arguments of `random_worlds.soak`, which repeats it with them.
 """
 
 import numpy as np
 import pytest
-from random_worlds import BANKS, random_options, soak
+from random_worlds import CHOICES, random_options, soak
 
 from hybrid_env import Sensor
-
-
-def soak_or_report(options, tracks, ticks, seed, **arguments):
-    """Run `soak`, and add the options to the message of a failure."""
-    try:
-        return soak(options, tracks, ticks, seed, **arguments)
-    except Exception as error:
-        error.add_note(f"options = {options!r}, tracks = {tracks}, ticks = {ticks}, seed = {seed}")
-        raise
 
 
 @pytest.mark.parametrize(
     ("worlds", "ticks"),
     [
-        pytest.param(40, 10_000, id="quick"),
+        pytest.param(12, 5_000, id="quick"),
         # 10^9 ticks.
         pytest.param(
             3300,
@@ -38,22 +29,17 @@ def test_rows_rewards_and_ends_of_random_worlds(worlds, ticks):
     banks = set()
     for seed in range(worlds):
         options = random_options(np.random.default_rng(seed))
-        done += soak_or_report(options, 256, ticks, seed)
+        done += soak(options, 256, ticks, seed)
         banks.add(options["bank"])
 
     assert done >= worlds * ticks
-    assert banks == set(BANKS)
+    assert banks == set(CHOICES["bank"])
 
 
 EDGES = {
     "many segments": {"scheme": "random 1000000x1-3"},
     "one long segment": {"scheme": "S100000 L100000r5 R100000r5"},
     "many radii": {"radii": np.geomspace(0.01, 1e6, 300), "speed": 0.1},
-    "fast turn": {
-        "speed": 500.0,
-        "tau": 1.0,
-        "scheme": "random 1000x1-50",
-    },
     "fast turn, loud": {
         "speed": 5e3,
         "measurement_variance": 1e6,
@@ -65,7 +51,6 @@ EDGES = {
         "measurement_variance": 1e-18,
         "radii": 10.0,
     },
-    "exact anchor": {"initial_error": 0, "reset_covariance": False},
     "process noise": {"process_variance": 1e18},
     "first estimate": {"initial_error": (1e12, 1e14)},
     "outliers": {"noise": "outliers 0.999999", "measurement_variance": 100.0},
@@ -75,20 +60,10 @@ EDGES = {
         "sensors": [Sensor(variance=1e-6, range=3.0), Sensor(variance=1e6, period=7, range=40.0)]
     },
     "huge tick": {"tau": 1e9, "speed": 1e-7},
-    "keeps covariance": {
-        "reset_covariance": False,
-        "process_variance": 0.0,
-        "scheme": "random 1000x5-50",
-    },
 }
 
 
 @pytest.mark.parametrize("name", EDGES)
-@pytest.mark.parametrize("bank", ["published", "anchor_aware"])
-def test_rows_rewards_and_ends_of_extreme_worlds(name, bank):
-    soak_or_report(
-        {"bank": bank, "follow": "bank"} | EDGES[name],
-        64,
-        5_000,
-        1,
-    )
+def test_rows_rewards_and_ends_of_extreme_worlds(name):
+    for bank in ("published", "anchor_aware"):
+        soak({"bank": bank, "follow": "bank"} | EDGES[name], 16, 1_000, seed=1)

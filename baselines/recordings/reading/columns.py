@@ -1,130 +1,130 @@
-"""Which column holds what."""
+"""What the columns of a file mean, by their names or as the caller says."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
-from baselines.recordings.reading.cells import Table, epoch_unit
-from baselines.recordings.reading.names import INDEX, ROLES, plain_name, role_of
+from baselines.recordings.reading.names import GIVEN_ROLES, ONE_OBJECT, role_of
 from hybrid_env.checks import ArgumentError, reject
 
-# Value of --object for a file with one object.
-ONE_OBJECT = "none"
-PLANE, DEGREES, POLAR = {"x", "y"}, {"lat", "lon"}, {"range", "bearing"}
+if TYPE_CHECKING:
+    from baselines.recordings.reading.files import Table
 
 
 @dataclass
 class Columns:
-    """Numbers of columns from 0."""
+    """Numbers of columns, from 0, by role."""
 
-    # The columns of `time`, `x`, `y`, `lat` and `lon`.
     roles: dict[str, int]
-    # An index, whose whole numbers are ticks if there are no times.
-    index: int | None = None
-    # The column that tells objects apart.
-    object: int | None = None
     # Names of the columns that are not used.
-    left_out: list[str] = field(default_factory=list)
+    unused: list[str] = field(default_factory=list)
     # Whether the caller has named columns.
     chosen: bool = False
 
 
 def find_columns(
-    table: Table,
+    table: "Table",
     columns: Mapping[str, str] | None,
     object_column: str | None,
-    polar: bool = False,
+    axes: Sequence[tuple[str, ...]] = (("x", "y"), ("lat", "lon")),
 ) -> Columns:
-    """Find the columns of times, positions, with `polar` those of a radar, and objects by their
-    names.
+    """Find the columns of times, positions and objects by their names, or as they are given.
+
+    Args:
+        table: cells of the file.
+        columns: name or number from 1 of the column of a role.
+        object_column: the same of the column that tells objects apart, `none` without one.
+        axes: pairs of roles, of which one is a position.
+
+    Raises:
+        ArgumentError: there are no positions, or several columns for one role.
     """
-    names = {"time" if role == "t" else role: str(name) for role, name in (columns or {}).items()}
-    for role in names:
-        if role not in ROLES:
-            raise reject("columns", role, f"names of columns for {', '.join(ROLES)}")
-    if (
-        names
-        and not any(names.keys() >= axes for axes in (PLANE, DEGREES, POLAR))
-        and set(names) != {"time"}
-    ):
-        raise reject(
-            "columns",
-            dict(columns or {}),
-            "x and y, or lat and lon, and time where the file has times",
-        )
-    given = {role: numbered_column(table, "columns", name) for role, name in names.items()}
-    found = Columns(_roles(table, given, polar), chosen=bool(given))
-    used = set(found.roles.values())
-    if object_column is None:
-        found.object = object_column_of(table, used)
-    elif object_column != ONE_OBJECT:
-        found.object = numbered_column(table, "object", object_column)
-    cells = table.frame[0]
-    if (
-        table.headed
-        and 0 not in used
-        and plain_name(table.names[0]) in INDEX
-        and not cells.isna().all()
-    ):
-        if "time" not in found.roles and _is_time(cells):
-            found.roles["time"] = 0
-        else:
-            found.index = 0
-    kept = {*found.roles.values(), found.object, found.index}
-    found.left_out = [table.label(k) for k in range(len(table.names)) if k not in kept]
-    return found
-
-
-def numbered_column(table: Table, option: str, name: str) -> int:
-    """Return the number from 0 of a column that is given by its name or its number from 1."""
-    wanted = name.strip().lower()
-    found = [k for k, one in enumerate(table.names) if one.strip().lower() == wanted and wanted]
-    if not found and wanted.isdigit() and 1 <= int(wanted[:9]) <= len(table.names):
-        return int(wanted) - 1
-    if len(found) != 1:
-        several = "several columns have this name" if found else listed_columns(table)
-        raise reject(option, name, f"a column of {table.file}, by name or number: {several}")
-    return found[0]
-
-
-def _roles(table: Table, given: dict[str, int], polar: bool) -> dict[str, int]:
-    """Return the columns of time and positions: those that are given, and others by their names."""
+    given = {
+        "time" if role == "t" else role: numbered_column(table, "columns", str(name))
+        for role, name in (columns or {}).items()
+    }
+    for role in given:
+        if role not in GIVEN_ROLES:
+            raise reject("columns", role, f"names of columns for {', '.join(GIVEN_ROLES)}")
     hint = "name them by --columns, for example --columns time=1 x=2 y=3"
+    roles = dict(given)
     if not table.headed and not given:
         count = len(table.names)
         if count not in (2, 3):
             raise ArgumentError(f"{table.file}: {count} columns without names: {hint}")
-        return dict(zip(("time", "x", "y")[-count:], range(count), strict=True))
-    roles = dict(given)
-    used = ("time", *(("range", "bearing", "rate") if polar else ("x", "y", "lat", "lon")))
-    for role in ("time",) if set(given) - {"time"} else used:
-        named = [
-            k
-            for k, name in enumerate(table.names)
-            if role_of(name) == role and k not in given.values()
-        ]
-        if role in given or not named:
+        roles = dict(zip(("time", "x", "y")[-count:], range(count), strict=True))
+    if not {"lat", "lon"} <= {*map(role_of, table.names)}:
+        _split_positions(table)
+    for k, name in enumerate(table.names):
+        named = role_of(name)
+        if named is None or named == "object" or named in given or k in given.values():
             continue
-        if len(named) > 1:
-            advice = f"choose by --columns, for example {role}={named[0] + 1}"
-            raise ArgumentError(f"{table.file}: both {table.labels(named)} may be {role}: {advice}")
-        roles[role] = named[0]
-    found = [axes for axes in ((POLAR,) if polar else (PLANE, DEGREES)) if set(roles) >= axes]
-    if not found:
-        wanted = "range and bearing" if polar else "x, y or lat, lon"
-        raise ArgumentError(f"{table.file}: no columns {wanted} ({listed_columns(table)}): {hint}")
-    if len(found) > 1:
-        lat = table.label(roles["lat"])
-        lon = table.label(roles["lon"])
-        advice = f"choose by --columns, for example lat={lat} lon={lon}"
-        raise ArgumentError(f"{table.file}: it has x, y and lat, lon: {advice}")
-    kept = {"time", *found[0], *(("rate",) if polar else ())}
-    return {role: k for role, k in roles.items() if role in kept}
+        if named in roles and named == "time":
+            # Of several columns of times that with the finest ones.
+            roles[named] = max(roles[named], k, key=lambda number: table.frame[number].nunique())
+        elif named in roles and named in GIVEN_ROLES:
+            both = f"{table.label(roles[named])!r} and {table.label(k)!r}"
+            raise ArgumentError(
+                f"{table.file}: both {both} may be {named}: choose by --columns {named}={k + 1}"
+            )
+        roles.setdefault(named, k)
+    pairs = [pair for pair in axes if set(roles) >= set(pair)]
+    chosen = [pair for pair in pairs if set(given) >= set(pair)]
+    if not pairs:
+        wanted = ", or ".join(" and ".join(pair) for pair in axes)
+        raise ArgumentError(f"{table.file}: no columns {wanted} ({table.listed()}): {hint}")
+    # Metres on a plane are more exact than the degrees beside them.
+    kept = {
+        *(chosen or pairs)[0],
+        *("time", "date", "fix_time", "index", "north_south", "east_west", "rate"),
+    }
+    roles = {role: k for role, k in roles.items() if role in kept}
+    if table.headed and not table.names[0].strip() and 0 not in roles.values():
+        roles["time" if "time" not in roles and _is_time(table.frame[0]) else "index"] = 0
+    if object_column is None:
+        number = object_column_of(table, set(roles.values()))
+    else:
+        number = (
+            None if object_column == ONE_OBJECT else numbered_column(table, "object", object_column)
+        )
+    if number is not None:
+        roles["object"] = number
+    unused = [table.label(k) for k in range(len(table.names)) if k not in roles.values()]
+    return Columns(roles, unused, bool(given))
 
 
-def object_column_of(table: Table, used: set[int]) -> int | None:
+def _split_positions(table: "Table") -> None:
+    """Add columns of latitude and longitude, if there is a column of texts that hold both."""
+    pair = r"^[^\d+-]*([-+]?\d+\.\d+)[\s,;]+([-+]?\d+\.\d+)\W*$"
+    for k, name in enumerate(table.names):
+        if role_of(name) == "position" and not pd.api.types.is_numeric_dtype(table.frame[k]):
+            # "POINT (8.1 47.2)" begins with the longitude.
+            texts = table.frame[k].astype("str").str.strip()
+            points = texts.str.upper().str.startswith("POINT")
+            parts = texts.str.replace(r"^[A-Za-z ]*", "", regex=True).str.extract(pair)
+            count = len(table.names)
+            table.frame[count] = parts[0].where(~points, parts[1])
+            table.frame[count + 1] = parts[1].where(~points, parts[0])
+            table.names = (*table.names, "lat", "lon")
+            return
+
+
+def numbered_column(table: "Table", option: str, name: str) -> int:
+    """Return the number from 0 of a column that is given by its name or its number from 1."""
+    wanted = name.strip().lower()
+    same = [k for k, other in enumerate(table.names) if other.strip().lower() == wanted and wanted]
+    if not same and wanted.isdigit() and 1 <= int(wanted[:9]) <= len(table.names):
+        return int(wanted) - 1
+    if len(same) != 1:
+        several = "several columns have this name" if same else table.listed()
+        raise reject(option, name, f"a column of {table.file}, by name or number: {several}")
+    return same[0]
+
+
+def object_column_of(table: "Table", used: set[int]) -> int | None:
     """Return the column by whose values objects differ, by its name. One that is different in every
     row is a number of the row; one that is the same in every row names the object.
     """
@@ -133,39 +133,24 @@ def object_column_of(table: Table, used: set[int]) -> int | None:
         cells = table.frame[k]
         if k in used or role_of(name) != "object":
             continue
-        whole = not pd.api.types.is_float_dtype(cells) or (cells.dropna() % 1 == 0).all()
+        whole = not pd.api.types.is_float_dtype(cells) or bool((cells.dropna() % 1 == 0).all())
         if whole and cells.nunique() and (cells.nunique() < len(cells) or len(cells) == 1):
             codes[k] = pd.factorize(cells)[0]
     several = [k for k, code in codes.items() if code.max() > 0]
     for other in several[1:]:
         if not np.array_equal(codes[several[0]], codes[other]):
-            labels = table.labels([several[0], other])
+            both = f"{table.label(several[0])!r} and {table.label(other)!r}"
             raise ArgumentError(
-                f"{table.file}: {labels} tell objects apart differently: choose by --object"
+                f"{table.file}: {both} tell objects apart differently: choose by --object"
             )
     return next(iter([*several, *codes]), None)
 
 
 def _is_time(cells: "pd.Series[object]") -> bool:
-    """Whether an index without a name holds dates, and not numbers of rows."""
+    """Whether an index without a name holds dates or times, and not numbers of rows."""
     if pd.api.types.is_datetime64_any_dtype(cells):
         return True
-    if pd.api.types.is_numeric_dtype(cells):
-        return epoch_unit(cells.to_numpy(np.float64, na_value=np.nan)) is not None
-    dates = pd.to_datetime(
-        cells.iloc[:1].astype("str"),
-        format="ISO8601",
-        utc=True,
-        errors="coerce",
-    )
-    return bool(dates.notna().all())
-
-
-def listed_columns(table: Table) -> str:
-    """Return the names of the columns for a message."""
-    # So many columns are listed in a message.
-    listed = 8
-    names = [name for name in table.names if name]
-    if not names:
-        return f"it has {len(table.names)} columns without names"
-    return "its columns are " + ", ".join(names[:listed]) + (" ..." if len(names) > listed else "")
+    numbers = pd.to_numeric(cells, errors="coerce")
+    if numbers.notna().mean() > 0.5:
+        return bool((numbers.dropna() % 1 != 0).any())
+    return bool(pd.to_datetime(cells.head(9), format="ISO8601", errors="coerce").notna().any())

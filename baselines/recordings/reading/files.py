@@ -1,6 +1,5 @@
-"""From a file to its table. The kind of a file is found by its content, whatever its name is."""
+"""From a file to a table of its cells. The kind of a file is found by its content."""
 
-import codecs
 import csv
 import gzip
 import io
@@ -8,120 +7,181 @@ import os
 import re
 import zlib
 from collections import Counter
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import gpxpy
-import gpxpy.gpxfield
+import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.csv
+import pyarrow.parquet
 
-from baselines.recordings.reading import sizes
-from baselines.recordings.reading.cells import MISSING, Table, counted
-from baselines.recordings.reading.igc import IgcLog, is_igc, parse_igc
+from baselines.recordings.reading.igc import is_igc, parse_igc
 from baselines.recordings.reading.names import role_of
-from baselines.recordings.reading.parquet import read_parquet
-from baselines.recordings.reading.sizes import check_size
-from hybrid_env.checks import ArgumentError, reject
+from hybrid_env.checks import ArgumentError, IntArray, reject
 
-# Characters.
-MAX_LINE = 50_000
-# Lines before the header.
-MAX_COMMENTS = 10_000
-# Number of rows from which the delimiter is found.
-HEAD_ROWS = 50
-ALLOWED = "a CSV, TSV, Parquet, GPX or IGC file"
-# Delimiters and their names in messages.
-DELIMITERS = {
-    "\t": "tab",
-    ";": "';'",
-    "|": "'|'",
-    ",": "','",
-    " ": "space",
-}
+KINDS = "a CSV, TSV, Parquet, GPX or IGC file"
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How large a file and what it holds may be. What a file states of its size is checked before
+    it is read.
+    """
+
+    # Of the file, and of what is decompressed.
+    megabytes: int = 250
+    # Decompressed bytes over compressed ones, above 10 MB.
+    ratio: int = 50
+    # `hybridtrack track` then needs a few gigabytes of memory at most.
+    rows: int = 2_500_000
+    columns: int = 2_000
+    cells: int = 50_000_000
+    # Characters of a line.
+    line: int = 50_000
+    # Tags of a GPX file.
+    tags: int = 10_000_000
+
+    def check(self, file: str, **sizes: int) -> None:
+        """Refuse a size of a file, named as the fields, that is too large."""
+        for name, size in sizes.items():
+            largest = getattr(self, name)
+            if size > largest:
+                raise ArgumentError(
+                    f"{file}: {size:,} {name}, at most {largest:,} are allowed: split the recording"
+                )
+
+
+LIMITS = Limits()
+
+
+@dataclass(eq=False)
+class Table:
+    """Cells of a file, before it is known what they mean."""
+
+    # Its path for messages, shortened.
+    file: str
+    # One column for each of `names`, labelled by its number from 0.
+    frame: pd.DataFrame
+    # Of the columns as in the file; empty for a column without a name.
+    names: tuple[str, ...]
+    # (n,) number of the line of each row in the file, from 1.
+    lines: IntArray
+    # Whether the file names its columns.
+    headed: bool = True
+    # (n,) number of the segment of a GPX track of each row.
+    segments: IntArray | None = None
+    # Lines that were left out, by the reason.
+    left_out: dict[str, list[int]] = field(default_factory=dict)
+    # What was assumed, for the summary.
+    notes: list[str] = field(default_factory=list)
+
+    def label(self, column: int) -> str:
+        """Return the name of a column for a message."""
+        return self.names[column] or f"column {column + 1}"
+
+    def leave_out(self, reason: str, lines: Any) -> None:
+        """Note lines that are left out."""
+        if len(lines):
+            self.left_out.setdefault(reason, []).extend(int(line) for line in lines)
+
+    def listed(self) -> str:
+        """Return the names of the columns for a message."""
+        if not any(self.names):
+            return f"it has {len(self.names)} columns without names"
+        shown = [name for name in self.names if name][:8]
+        return f"its columns are {', '.join(shown)}{' ...' * (len(self.names) > 8)}"
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:
-    """Read the cells of a file. Raises `ArgumentError` if it is none of the kinds of files."""
-    name, content = _content(Path(path))
+    """Read the cells of a file.
+
+    Raises:
+        ArgumentError: it is none of the kinds of files, damaged or too large.
+    """
+    file, content = _content(Path(path))
     start = content[:1000].removeprefix(b"\xef\xbb\xbf").lstrip()
     if start[:4] == b"PAR1":
-        return read_parquet(content, name)
+        return _read_parquet(content, file)
     if start[:1] == b"<":
-        return _read_gpx(content, name)
-    log = _log(name, content)
-    if log is not None:
+        return _read_gpx(content, file)
+    if is_igc(content):
+        LIMITS.check(file, rows=content.count(b"\nB"))
+        log = parse_igc(file, content)
         frame = pd.DataFrame(dict(enumerate((log.times, log.latitudes, log.longitudes))))
-        return Table(name, frame, ("time", "lat", "lon"), row_word="position", notes=log.notes)
+        names = ("time", "lat", "lon")
+        return Table(file, frame, names, np.arange(1, len(frame) + 1), notes=log.notes)
     if start[:4] in (b"PK\x03\x04", b"\xd0\xcf\x11\xe0"):
-        raise reject("file", name, f"{ALLOWED}, not a workbook or archive: export it as CSV")
-    return _read_text(content, name)
-
-
-def _log(name: str, content: bytes) -> IgcLog | None:
-    """Return the log if the content of a file is one."""
-    if not is_igc(content):
-        return None
-    check_size(content.count(b"\nB"), name)
-    return parse_igc(name, content)
+        raise reject("file", file, f"{KINDS}, not a workbook or archive: export it as CSV")
+    return _read_text(content, file)
 
 
 def _content(path: Path) -> tuple[str, bytes]:
     """Return the name of a file for messages, and its bytes, decompressed."""
-    # Characters of the path in a message.
-    longest_name = 80
-    name = str(path) if len(str(path)) <= longest_name else f"...{str(path)[-longest_name:]}"
+    file = str(path) if len(str(path)) <= 80 else f"...{str(path)[-80:]}"
+    largest = LIMITS.megabytes * 10**6
     try:
-        if path.is_dir():
-            raise reject("file", name, f"{ALLOWED}, not a folder")
-        # For example a named pipe, which would wait for its writer.
+        # A named pipe would wait for its writer.
         if not path.is_file():
-            raise reject("file", name, f"an existing file: {ALLOWED}")
-        size = path.stat().st_size / 1e6
-        most = sizes.MAX_BYTES / 1e6
-        if size > most:
-            allowed = f"a file of at most {most:.0f} MB, not {size:.0f} MB: split the recording"
-            raise reject("file", name, allowed)
+            raise reject("file", file, f"an existing file: {KINDS}")
+        if path.stat().st_size > largest:
+            raise reject("file", file, f"at most {LIMITS.megabytes} MB: split the recording")
         content = path.read_bytes()
     except ArgumentError:
         raise
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise reject("file", name, f"a file that can be read ({reason})") from None
+        raise reject("file", file, f"a file that can be read ({reason})") from None
     if content[:2] != b"\x1f\x8b":
-        return name, content
+        return file, content
+    largest = min(largest, max(LIMITS.ratio * len(content), 10**7))
     try:
         with gzip.open(io.BytesIO(content)) as stream:
-            most_bytes = min(
-                sizes.MAX_BYTES,
-                max(sizes.MAX_RATIO * len(content), sizes.ALWAYS_BYTES),
-            )
-            content = stream.read(most_bytes + 1)
+            content = stream.read(largest + 1)
     except (OSError, EOFError, zlib.error) as error:
-        raise ArgumentError(f"{name}: the gzip file is damaged or cut off ({error})") from None
-    if len(content) > most_bytes:
+        raise ArgumentError(f"{file}: the gzip file is damaged or cut off ({error})") from None
+    if len(content) > largest:
         allowed = (
-            f"at most {most_bytes / 1e6:.0f} MB when decompressed: decompress it first, or split"
-            " the recording"
+            f"at most {largest / 1e6:.0f} MB when decompressed: decompress it first, or split it"
         )
-        raise reject("file", name, allowed)
-    return name, content
+        raise reject("file", file, allowed)
+    return file, content
 
 
-def _read_gpx(content: bytes, name: str) -> Table:
-    """Read the track points of a GPX file: time, lat, lon, and the track and the segment of each
-    point.
-    """
-    check_size(content.count(b"<trkpt"), name)
-    if content.count(b"<") > sizes.MAX_TAGS:
-        raise ArgumentError(
-            f"{name}: more than {sizes.MAX_TAGS:,} tags are not allowed: split the recording"
-        )
+def _read_parquet(content: bytes, file: str) -> Table:
+    """Read the columns of numbers, texts and times."""
+    try:
+        source = pa.BufferReader(content)
+        schema = pyarrow.parquet.read_schema(source)
+        kept = [column.name for column in schema if not pa.types.is_nested(column.type)]
+        texts = [column.name for column in schema if pa.types.is_string(column.type)]
+        # Texts that repeat are stored once, and may be far larger than the file.
+        stored = pyarrow.parquet.ParquetFile(pa.BufferReader(content), read_dictionary=texts)
+        rows = stored.metadata.num_rows
+        LIMITS.check(file, rows=rows, columns=len(kept), cells=rows * len(kept))
+        frame = stored.read(columns=kept, use_threads=False).to_pandas()
+    except (pa.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
+        if isinstance(error, ArgumentError):
+            raise
+        raise ArgumentError(f"{file}: the Parquet file is damaged ({error})") from None
+    if not rows:
+        raise reject("file", file, "a file with rows, not an empty table")
+    if frame.index.dtype != np.int64 or frame.index.name is not None:
+        frame = frame.reset_index(names=frame.index.name or "")
+    names = tuple(map(str, frame.columns))
+    return Table(file, frame.set_axis(range(len(names)), axis=1), names, np.arange(1, rows + 1))
+
+
+def _read_gpx(content: bytes, file: str) -> Table:
+    """Read time, latitude and longitude of the track points, with the track of each point."""
+    LIMITS.check(file, rows=content.count(b"<trkpt"), tags=content.count(b"<"))
     try:
         tracks = gpxpy.parse(content.decode("utf-8-sig")).tracks
     except (gpxpy.gpx.GPXException, ValueError, TypeError, LookupError, RecursionError) as error:
         reason = " ".join(str(error).split())[:100]
-        raise ArgumentError(f"{name}: the file begins as XML but is not GPX ({reason})") from None
+        raise ArgumentError(f"{file}: the file begins as XML but is not GPX ({reason})") from None
     points = [
         (
             point.time,
@@ -136,157 +196,102 @@ def _read_gpx(content: bytes, name: str) -> Table:
     ]
     frame = pd.DataFrame(points, columns=["time", "lat", "lon", "track_id", "segment"])
     if frame.empty:
-        raise reject("file", name, "a GPX file with track points (trkpt)")
+        raise reject("file", file, "a GPX file with track points (trkpt)")
     segments = pd.factorize(frame.pop("segment"))[0]
     times = frame.pop("time").astype(object)
-    if times.isna().any():
-        _check_gpx_times(content, name)
     if times.notna().any():
         frame.insert(0, "time", pd.to_datetime(times, utc=True))
     names = tuple(frame.columns)
-    return Table(
-        name,
-        frame.set_axis(range(len(names)), axis=1),
-        names,
-        row_word="point",
-        segments=segments,
-    )
+    lines = np.arange(1, len(frame) + 1)
+    return Table(file, frame.set_axis(range(len(names)), axis=1), names, lines, segments=segments)
 
 
-def _check_gpx_times(content: bytes, name: str) -> None:
-    """Refuse a time of a track that gpxpy does not read; it takes such points for ones without a
-    time.
-    """
-    for cell in re.findall(rb"<(?:\w+:)?time\b[^<>]*>([^<]*)<", content[content.find(b"<trk") :]):
-        text = cell.decode("utf-8", errors="replace").strip()
-        try:
-            gpxpy.gpxfield.parse_time(text)
-        except (gpxpy.gpx.GPXException, ValueError):
-            raise reject(
-                f"{name}: time",
-                text,
-                "an ISO date and time such as 2024-05-01T10:00:00Z",
-            ) from None
-
-
-def _read_text(content: bytes, name: str) -> Table:
+def _read_text(content: bytes, file: str) -> Table:
+    """Read the rows below the header, all cells as text."""
+    LIMITS.check(file, rows=max(content.count(b"\n"), content.count(b"\r")) - 1_000)
     notes: list[str] = []
-    # Before they are split, with their ends of Unix or of an old Mac.
-    if max(content.count(b"\n"), content.count(b"\r")) > sizes.MAX_ROWS + MAX_COMMENTS:
-        raise ArgumentError(
-            f"{name}: more than {sizes.MAX_ROWS:,} rows are not allowed: split the recording"
-        )
-    lines, first = _lines(_decoded(content, name, notes), name, notes)
-    delimiter = max(DELIMITERS, key=lambda one: _fit(lines[: HEAD_ROWS + 1], one))
-    if delimiter == " ":
-        lines = [" ".join(line.split()) for line in lines]
-    rows = [_cells(line, delimiter) for line in lines[: HEAD_ROWS + 1]]
-    known = any(map(role_of, rows[0]))
-    header = known or not any(re.search(r"^[+-]?[.,]?\d", cell) for cell in rows[0])
-    if header and len(rows) == 1:
-        raise reject(f"{name}, line {first}: header", lines[0], "rows of numbers after it")
-    names = _names(rows, lines[0]) if header else ("",) * len(rows[0])
-    check_size(len(lines) - header, name, len(names))
-    first += header
-    frame = _parsed(lines[header:], delimiter, len(names), name, first)
-    return Table(name, frame, names, header, "line", first, notes=notes)
+    texts = _decoded(content, file, notes).split("\n")
+    LIMITS.check(file, line=max(map(len, texts)))
+    rows = [(number, text) for number, text in enumerate(texts, start=1) if text.strip()]
+    if not rows:
+        raise reject("file", file, "rows of numbers, not an empty file")
+    if re.match(r"\$G|!AIVD", rows[0][1]):
+        raise reject("file", file, f"{KINDS}, not sentences of NMEA or AIS: decode them first")
+    delimiter, header = _form([text for _, text in rows[:50]])
+    first = 0 if header is None else header + 1
+    title = "" if header is None else rows[header][1]
+    head = [] if header is None else _cells(title.lstrip("# "), delimiter)
+    sample = [_cells(text, delimiter) for _, text in rows[first : first + 200]]
+    if not sample:
+        raise reject(f"{file}, line {rows[-1][0]}", rows[-1][1][:60], "rows of numbers after it")
+    width = Counter(map(len, sample)).most_common(1)[0][0]
+    LIMITS.check(file, columns=width, cells=width * len(rows))
+    if len(head) == width - 1:
+        # The name of the row, as pandas writes it, or an empty cell at the end.
+        head = [*head, ""] if not any(cells[-1] for cells in sample) else ["", *head]
+    if len(head) < width:
+        head = re.split(r"[\s;|,]+", title.strip("# "))
+    names = tuple(head[:width]) if len(head) >= width else ("",) * width
+    table = Table(file, pd.DataFrame(), names, np.empty(0, int), header is not None, notes=notes)
+    table.leave_out("lines before the header", [number for number, _ in rows[: header or 0]])
+    rows = rows[first:]
+    blank = set(range(rows[0][0], rows[-1][0])) - {number for number, _ in rows}
+    table.leave_out("blank lines", sorted(blank))
+    comments = [number for number, text in rows if text.lstrip().startswith(("#", "%", "//"))]
+    repeated = [number for number, text in rows if head and text == title]
+    table.leave_out("comments", comments)
+    table.leave_out("repeated headers", repeated)
+    others = {*comments, *repeated}
+    rows = [(number, text) for number, text in rows if number not in others]
+    table.frame, wrong = _parsed([text for _, text in rows], delimiter, width, file)
+    table.leave_out("rows with another number of cells", [rows[k][0] for k in wrong])
+    table.lines = np.delete(np.array([number for number, _ in rows], int), wrong)
+    empty = np.asarray(table.frame.isna().all(axis=1))
+    table.frame = table.frame[~empty].reset_index(drop=True)
+    table.leave_out("empty rows", table.lines[empty])
+    table.lines = table.lines[~empty]
+    return table
 
 
-def _decoded(content: bytes, name: str, notes: list[str]) -> str:
+def _decoded(content: bytes, file: str, notes: list[str]) -> str:
     """Return the text of UTF-8, UTF-16 or Windows-1252, with line ends of Unix."""
-    if content[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+    wide = content[:2] in (b"\xff\xfe", b"\xfe\xff")
+    for encoding in ("utf-16",) if wide else ("utf-8-sig", "cp1252"):
         try:
-            return content.decode("utf-16").replace("\r\n", "\n").replace("\r", "\n")
+            text = content.decode(encoding)
         except UnicodeDecodeError:
-            raise ArgumentError(f"{name}: not a text file: the UTF-16 text is damaged") from None
-    content = content.removeprefix(codecs.BOM_UTF8).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    # Bytes that a text may have.
-    control = content.translate(None, bytes({9, 10, 12, 13, *range(32, 256)}))
-    allowed = "a text file (CSV or TSV)"
-    at = 0
-    try:
-        if not control:
-            return content.decode("utf-8")
-        at = content.index(control[:1])
-    except UnicodeDecodeError as error:
-        text = content.decode("cp1252", errors="replace")
-        if "\ufffd" not in text:
+            continue
+        if "\0" in text:
+            break
+        if encoding == "cp1252":
             notes.append("read as Windows-1252, as it is not UTF-8")
-            return text
-        allowed = "UTF-8"
-        at = error.start
-    line = content.count(b"\n", 0, at) + 1
-    raise ArgumentError(
-        f"{name}, line {line}: byte {content[at]:#04x} is not allowed: expected {allowed}"
-    )
+        return text.replace("\r\n", "\n").replace("\r", "\n")
+    raise reject("file", file, f"{KINDS}; it is not a text in UTF-8, UTF-16 or Windows-1252")
 
 
-def _lines(text: str, name: str, notes: list[str]) -> tuple[list[str], int]:
-    """Return the lines from the header on, and the number of the first one."""
-    lines = text.split("\n")
-    if max(map(len, lines)) > MAX_LINE:
-        long = next(number for number, line in enumerate(lines, start=1) if len(line) > MAX_LINE)
-        raise ArgumentError(f"{name}, line {long}: a line of more than {MAX_LINE:,} characters")
-    empty = 0
-    while lines and not lines[-1].strip(' \t,;|"'):
-        empty += bool(lines.pop().strip())
-    if empty:
-        notes.append(f"{counted(empty, 'empty row')} at the end left out")
-    first = 0
-    while first < min(len(lines), MAX_COMMENTS) and (
-        not lines[first].strip() or _is_comment(lines[first : first + 2])
-    ):
-        first += 1
-    if first == MAX_COMMENTS:
-        raise ArgumentError(
-            f"{name}: more than {MAX_COMMENTS:,} lines before the header: expected rows of numbers"
-        )
-    if first == len(lines):
-        raise reject("file", name, "rows of numbers, not an empty file")
-    if first:
-        notes.append(f"{counted(first, 'line')} before the header left out")
-    lines = lines[first:]
-    if lines[0].lstrip().startswith("#"):
-        lines[0] = lines[0].lstrip().removeprefix("#").strip()
-    if len(lines) > sizes.MAX_ROWS + 1:
-        raise ArgumentError(
-            f"{name}: more than {sizes.MAX_ROWS:,} rows are not allowed: split the recording"
-        )
-    blank = next((number for number, line in enumerate(lines) if not line or line.isspace()), None)
-    if blank is not None:
-        raise ArgumentError(
-            f"{name}, line {first + blank + 1}: a blank line is not allowed: remove it"
-        )
-    return lines, first + 1
-
-
-def _is_comment(lines: list[str]) -> bool:
-    """Whether the first of two lines is a comment; the last before the rows may be the header of
-    numpy.savetxt.
+def _form(lines: list[str]) -> tuple[str, int | None]:
+    """Return the delimiter and the index of the header, None if there is none: the line with most
+    names of columns that are known, and otherwise a first line without a number.
     """
-    line = lines[0].strip()
-    if not line.startswith("#"):
-        return re.fullmatch(r"sep=.", line) is not None
-    known = any(map(role_of, re.split(r"[\t;|, ]+", line.lstrip("# "))))
-    return not known or (len(lines) > 1 and lines[1].lstrip().startswith("#"))
-
-
-def _fit(lines: list[str], delimiter: str) -> tuple[float, ...]:
-    """Return how well a delimiter fits: known names in the header, share of rows with equally many
-    cells, and whether the header has as many. Where none fits, it is the comma.
-    """
-    header, *rows = (_cells(line, delimiter) for line in lines)
-    [(usual, times)] = Counter(map(len, rows or [header])).most_common(1)
-    if usual < 2:
-        return -1, delimiter == ","
-    return (
-        sum(role_of(cell) is not None for cell in header),
-        times / max(len(rows), 1),
-        abs(usual - len(header)) <= 1,
-    )
+    best: tuple[Any, ...] = (0,)
+    for delimiter in ("\t", ";", "|", ",", " "):
+        rows = [_cells(line.lstrip("# "), delimiter) for line in lines]
+        [(usual, times)] = Counter(map(len, rows)).most_common(1)
+        for number, cells in enumerate(rows):
+            known = sum(role_of(cell) is not None for cell in cells)
+            # The delimiter of the header may be another one, as of numpy.savetxt.
+            fit = (known >= 2 and usual > 1, usual > 1 and times / len(rows), known, -number)
+            best = max(best, (*fit, delimiter, number), key=lambda form: form[:4])
+    _, share, known, _, delimiter, number = best
+    if known >= 2:
+        return delimiter, number
+    if not share:
+        return ",", None
+    return delimiter, None if re.search(r"^[+-]?[.,]?\d", lines[0].strip()) else 0
 
 
 def _cells(line: str, delimiter: str) -> list[str]:
+    """Return the cells of a line; spaces between them count as one."""
     if delimiter == " ":
         return line.split()
     try:
@@ -295,51 +300,36 @@ def _cells(line: str, delimiter: str) -> list[str]:
         return [line]
 
 
-def _names(rows: list[list[str]], line: str) -> tuple[str, ...]:
-    """Return the names of the columns. Rows may have one more cell than the header: the name of the
-    row, or an empty one at the end. The header may have another delimiter, as of numpy.savetxt.
+def _parsed(
+    lines: list[str],
+    delimiter: str,
+    width: int,
+    file: str,
+) -> tuple[pd.DataFrame, list[int]]:
+    """Return the cells of lines as texts, and the numbers of the lines with another number of
+    cells, which are left out.
     """
-    names = rows[0]
-    [(usual, _)] = Counter(map(len, rows[1:])).most_common(1)
-    if usual == len(names) + 1:
-        return (*names, "") if all(not row[-1] for row in rows[1:]) else ("", *names)
-    if usual > len(names):
-        names = re.split(r"[\s;|,]+", line)
-        return tuple(names) if len(names) == usual else ("",) * usual
-    return tuple(names)
+    wrong: list[int] = []
 
+    def skip(row: pyarrow.csv.InvalidRow) -> str:
+        wrong.append(row.number - 1)
+        return "skip"
 
-def _parsed(lines: list[str], delimiter: str, columns: int, name: str, first: int) -> pd.DataFrame:
-    """Parse rows with a number of columns; `first` is the number of the first line."""
-    wrong: list[pyarrow.csv.InvalidRow] = []
-    names = [str(k) for k in range(columns)]
-
-    def refuse(row: pyarrow.csv.InvalidRow) -> str:
-        wrong.append(row)
-        return "error"
-
+    if delimiter == " ":
+        lines = [" ".join(line.split()) for line in lines]
+    names = [str(k) for k in range(width)]
     try:
         table = pyarrow.csv.read_csv(
             pa.py_buffer("\n".join(lines).encode()),
             pyarrow.csv.ReadOptions(column_names=names, use_threads=False, block_size=4_000_000),
-            pyarrow.csv.ParseOptions(delimiter=delimiter, invalid_row_handler=refuse),
+            pyarrow.csv.ParseOptions(delimiter=delimiter, invalid_row_handler=skip),
             pyarrow.csv.ConvertOptions(
-                null_values=MISSING,
+                column_types=dict.fromkeys(names, pa.string()),
                 strings_can_be_null=True,
-                quoted_strings_can_be_null=True,
             ),
         )
     except pa.ArrowException as error:
-        if not wrong:
-            raise ArgumentError(
-                f"{name}: not CSV: {str(error).removeprefix('CSV parse error: ')}"
-            ) from None
-        row, text = wrong[0], wrong[0].text.split("\n")[0][:60]
-        allowed = (
-            f"{row.expected_columns} cells between {DELIMITERS[delimiter]}, not"
-            f" {row.actual_columns}"
-        )
-        raise reject(f"{name}, line {row.number + first - 1}: row", text, allowed) from None
-    if table.num_rows != len(lines):
-        raise ArgumentError(f"{name}: not CSV: a quoted cell goes over several lines")
-    return table.to_pandas().set_axis(range(columns), axis=1)
+        raise ArgumentError(f"{file}: not CSV: {error}") from None
+    if table.num_rows + len(wrong) != len(lines):
+        raise ArgumentError(f"{file}: not CSV: a quoted cell goes over several lines")
+    return table.to_pandas().set_axis(range(width), axis=1), wrong

@@ -49,14 +49,14 @@ class IgcLog(NamedTuple):
     @property
     def notes(self) -> list[str]:
         """What was wrong with the clock, in words."""
-        found = []
+        notes = []
         if self.left_out:
-            found.append(f"positions left out whose time does not fit: {self.left_out:,}")
+            notes.append(f"positions left out whose time does not fit: {self.left_out:,}")
         if self.set_back:
-            found.append(
+            notes.append(
                 f"times that the clock was set back, where a new piece begins: {self.set_back:,}"
             )
-        return found
+        return notes
 
 
 def is_igc(content: bytes) -> bool:
@@ -78,10 +78,10 @@ def parse_igc(name: str, content: bytes) -> IgcLog:
     Raises:
         ArgumentError: it has fewer than two positions.
     """
-    found = RECORD.findall(content)
-    if not found:
+    matches = RECORD.findall(content)
+    if not matches:
         raise ArgumentError(f"{name} has no positions (B records): expected at least two")
-    columns = list(zip(*found, strict=True))
+    columns = list(zip(*matches, strict=True))
     numbers = [np.array(columns[k]).astype(np.float64) for k in (1, 2, 3, 4, 5, 7, 8, 10, 11)]
     hours, minutes, seconds, *parts, pressure, satellites = numbers
     clock = 3600.0 * hours + 60.0 * minutes + seconds

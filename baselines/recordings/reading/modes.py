@@ -1,6 +1,4 @@
-"""Reading a file of modes over time, true or stated: CSV, TSV or Parquet, also compressed by
-gzip.
-"""
+"""Reading a file of modes over time, true or stated: CSV, TSV or Parquet, also compressed."""
 
 import os
 from collections.abc import Mapping
@@ -11,39 +9,17 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from baselines.recordings.reading.cells import parse_times
-from baselines.recordings.reading.columns import (
-    ONE_OBJECT,
-    Columns,
-    listed_columns,
-    numbered_column,
-    object_column_of,
-)
+from baselines.recordings.reading.cleaning import ordered_rows
+from baselines.recordings.reading.columns import Columns, numbered_column, object_column_of
 from baselines.recordings.reading.files import read_table
-from baselines.recordings.reading.names import plain_name, role_of
-from baselines.recordings.reading.read import cell_text, check_order, object_rows
+from baselines.recordings.reading.names import ONE_OBJECT, plain_name, role_of
+from baselines.recordings.reading.read import cell_text, object_rows, read_times
 from hybrid_env.checks import ArgumentError, FloatArray, reject
 
 # Names of columns of modes, in the order of preference.
 MODES = (
-    "mode",
-    "modes",
-    "true_mode",
-    "truth",
-    "stated",
-    "statement",
-    "statements",
-    "predicted",
-    "prediction",
-    "label",
-    "labels",
-    "state",
-    "states",
-    "regime",
-    "class",
-    "manoeuvre",
-    "maneuver",
-    "phase",
+    "mode modes true_mode truth stated statement statements predicted prediction label labels state"
+    " states regime class manoeuvre maneuver phase"
 )
 
 
@@ -63,15 +39,11 @@ class ModeFile(NamedTuple):
             return self
         missing = [track for track in other.times if track not in self.times]
         if missing:
-            raise reject(
-                f"tracks of {name}",
-                list(self.times),
-                f"every track of the truth, also {missing[0]}",
-            )
-        order = list(other.times)
+            allowed = f"every track of the truth, also {missing[0]}"
+            raise reject(f"tracks of {name}", list(self.times), allowed)
         return ModeFile(
-            {one: self.times[one] for one in order},
-            {one: self.modes[one] for one in order},
+            {track: self.times[track] for track in other.times},
+            {track: self.modes[track] for track in other.times},
         )
 
 
@@ -82,10 +54,17 @@ def read_modes(
     object_column: str | None = None,
     time_unit: str | None = None,
 ) -> ModeFile:
-    """Read the modes of a file; what is not clear raises `ArgumentError`. Columns are the name or
-    number (from 1) of the columns `time` and `mode`; None finds them by their names. The only
-    column that is neither time nor object is that of the modes, whatever its name is. The others
-    are as in `read_recordings`.
+    """Read the modes of a file.
+
+    Args:
+        path: the file.
+        columns: name or number (from 1) of the columns `time` and `mode`; None finds them by their
+            names. The only column that is neither time nor object is that of the modes.
+        object_column: as in `read_recordings`.
+        time_unit: as in `read_recordings`.
+
+    Raises:
+        ArgumentError: the file cannot be read, or it is not clear what its columns mean.
     """
     table = read_table(path)
     given = {
@@ -94,47 +73,47 @@ def read_modes(
     for role in given:
         if role not in ("time", "mode"):
             raise reject("columns", role, "names of columns for time, mode")
-    named = (
-        [given["time"]]
-        if "time" in given
-        else [k for k, one in enumerate(table.names) if role_of(one) == "time"]
-    )
-    if len(named) != 1:
-        why = f"both {table.labels(named)} may be it" if named else listed_columns(table)
+    plain = [plain_name(name) for name in table.names]
+    roles: dict[str, int] = {}
+    for k, name in enumerate(table.names):
+        named = role_of(name)
+        if named in ("time", "date") and k not in given.values():
+            roles.setdefault(named, k)
+    roles |= {role: k for role, k in given.items() if role == "time"}
+    if "time" not in roles and "date" not in roles:
         raise ArgumentError(
-            f"{table.file}: no column of times ({why}): name it by --columns, as time=1"
+            f"{table.file}: no column of times ({table.listed()}): name it by --columns, as time=1"
         )
-    (time,) = named
-    used = {time, *given.values()}
-    tracks = None
+    used = {*roles.values(), *given.values()}
     if object_column is None:
-        # Names of columns that tell tracks apart, beside those of objects.
-        of_tracks = [
-            k
-            for k, one in enumerate(table.names)
-            if plain_name(one) in ("track", "episode") and k not in used
+        tracks = [
+            k for k, name in enumerate(plain) if name in ("track", "episode") and k not in used
         ]
-        tracks = of_tracks[0] if of_tracks else object_column_of(table, used)
-    elif object_column != ONE_OBJECT:
-        tracks = numbered_column(table, "object", object_column)
-    free = [k for k in range(len(table.names)) if k not in (time, tracks)]
-    plain = {plain_name(table.names[k]): k for k in reversed(free)}
-    modes = [plain[name] for name in MODES if name in plain]
+        number = tracks[0] if tracks else object_column_of(table, used)
+    else:
+        marked = object_column != ONE_OBJECT
+        number = numbered_column(table, "object", object_column) if marked else None
+    if number is not None:
+        roles["object"] = number
+    free = [k for k in range(len(table.names)) if k not in roles.values()]
+    modes = [plain.index(name) for name in MODES.split() if name in plain]
+    modes = [k for k in modes if k in free]
     if "mode" not in given and not modes and len(free) != 1:
-        advice = f"({listed_columns(table)}): name it by --columns, as mode=2"
-        raise ArgumentError(f"{table.file}: no column of modes {advice}")
+        raise ArgumentError(
+            f"{table.file}: no column of modes ({table.listed()}): name it by --columns, as mode=2"
+        )
     mode = given["mode"] if "mode" in given else (modes or free)[0]
-    times = parse_times(table, time, time_unit)
-    seconds: FloatArray | NDArray[np.datetime64] = times.seconds
-    if times.epoch is not None:
-        passed = np.round(times.seconds * 1e9).astype("timedelta64[ns]")
-        seconds = np.datetime64(times.epoch.removesuffix("Z"), "ns") + passed
-    cells = [
-        None if pd.isna(cell) else cell_text(cell) for cell in table.frame[mode].astype(object)
-    ]
-    found = ModeFile({}, {})
-    for name, rows in object_rows(table, tracks, Path(path)):
-        check_order(table, Columns({"time": time}, object=tracks), times.seconds, rows, name)
-        found.times[name] = seconds[rows]
-        found.modes[name] = [cells[row] for row in rows]
-    return found
+    times = read_times(table, Columns(roles), time_unit)
+    cells = table.frame[mode].astype(object)
+    result = ModeFile({}, {})
+    for name, rows in object_rows(table, Columns(roles), Path(path)):
+        ordered, seconds = ordered_rows(table, times.seconds, rows)
+        instants: FloatArray | NDArray[np.datetime64] = seconds
+        if times.epoch is not None:
+            passed = np.round(seconds * 1e9).astype("timedelta64[ns]")
+            instants = np.datetime64(times.epoch.removesuffix("Z"), "ns") + passed
+        result.times[name] = instants
+        result.modes[name] = [
+            None if pd.isna(cells.iloc[row]) else cell_text(cells.iloc[row]) for row in ordered
+        ]
+    return result

@@ -6,186 +6,76 @@ from collections.abc import Sequence
 
 from hybrid_env.checks import reject
 
-# Names of the columns of times and positions, in lower case and joined by underscores.
+# Value of --object for a file with one object.
+ONE_OBJECT = "none"
+
 ROLES = {
     "time": (
-        "t",
-        "time",
-        "times",
-        "timestamp",
-        "datetime",
-        "date_time",
-        "date",
-        "epoch",
-        "ts",
-        "unix",
-        "unixtime",
-        "unix_time",
-        "posix",
-        "utc",
-        "elapsed",
-        "elapsed_time",
-        "basedatetime",
-        "sec",
-        "secs",
-        "seconds",
-        "millis",
-        "milliseconds",
-        "gps_time",
-        "utc_time",
-        "time_utc",
+        "t time times timestamp datetime date_time epoch ts unix unixtime unix_time posix utc"
+        " elapsed elapsed_time basedatetime sec secs seconds millis milliseconds gps_time utc_time"
+        " time_utc time_of_day local_time timeus time_us time_boot_ms itow tow gpstime"
+    ),
+    "date": "date day gps_date utc_date date_utc local_date",
+    "fix_time": (
+        "lastposupdate last_position_update time_position position_time pos_time fix_time"
+        " gps_fix_time"
     ),
     "x": (
-        "x",
-        "easting",
-        "east",
-        "e",
-        "pos_x",
-        "x_pos",
-        "posx",
-        "position_x",
-        "x_position",
-        "px",
-        "utm_easting",
-        "utm_e",
-        "utm_x",
-        "x_coordinate",
-        "coord_x",
+        "x easting east e pos_x x_pos posx position_x x_position px utm_easting utm_e utm_x"
+        " x_coordinate coord_x"
     ),
     "y": (
-        "y",
-        "northing",
-        "north",
-        "n",
-        "pos_y",
-        "y_pos",
-        "posy",
-        "position_y",
-        "y_position",
-        "py",
-        "utm_northing",
-        "utm_n",
-        "utm_y",
-        "y_coordinate",
-        "coord_y",
+        "y northing north n pos_y y_pos posy position_y y_position py utm_northing utm_n utm_y"
+        " y_coordinate coord_y"
     ),
-    "lat": (
-        "lat",
-        "latitude",
-        "location_lat",
-        "position_lat",
-        "gps_lat",
-        "gps_latitude",
-        "lats",
-        "latitudes",
-    ),
+    "lat": "lat latitude lats latitudes location_lat position_lat gps_lat gps_latitude",
     "lon": (
-        "lon",
-        "lng",
-        "long",
-        "longitude",
-        "location_long",
-        "location_lon",
-        "position_long",
-        "position_lon",
-        "gps_lon",
-        "gps_long",
-        "gps_longitude",
-        "lons",
-        "longitudes",
+        "lon lng long longitude lons longitudes location_long location_lon position_long"
+        " position_lon gps_lon gps_lng gps_long gps_longitude"
     ),
-    "range": ("range", "rng", "rho", "distance", "slant_range", "measured_range"),
-    "bearing": ("bearing", "brg", "azimuth", "az", "measured_bearing"),
-    "rate": ("range_rate", "rangerate", "doppler", "radial_velocity", "radial_speed", "rdot"),
+    # Latitude and longitude in one cell.
+    "position": "position location coordinates coords latlon lat_lon latlng gps geometry wkt",
+    "north_south": "n_s ns lat_dir lat_hemisphere latitude_hemisphere ns_indicator",
+    "east_west": "e_w ew lon_dir lon_hemisphere longitude_hemisphere ew_indicator",
+    "range": "range rng rho distance slant_range measured_range",
+    "bearing": "bearing brg azimuth az measured_bearing",
+    "rate": "range_rate rangerate doppler radial_velocity radial_speed rdot",
+    "object": (
+        "object object_id obj obj_id id track_id trackid target target_id vehicle vehicle_id agent"
+        " agent_id ship ship_id mmsi icao24 icao hex callsign flight flight_id individual"
+        " individual_local_identifier tag_local_identifier animal animal_id name ped_id"
+        " pedestrian_id person person_id pid uid uuid tag tag_id"
+    ),
+    # The number of the row, as spreadsheets and pandas write it.
+    "index": "unnamed_0 index row nr no",
 }
+"""Names of the columns of each role, in lower case and joined by underscores."""
 
-# Names of columns that tell objects apart.
-OBJECTS = (
-    "object",
-    "object_id",
-    "obj",
-    "obj_id",
-    "id",
-    "track_id",
-    "trackid",
-    "target",
-    "target_id",
-    "vehicle",
-    "vehicle_id",
-    "agent",
-    "agent_id",
-    "ship",
-    "ship_id",
-    "mmsi",
-    "icao24",
-    "icao",
-    "hex",
-    "callsign",
-    "flight",
-    "flight_id",
-    "individual",
-    "individual_local_identifier",
-    "tag_local_identifier",
-    "animal",
-    "animal_id",
-    "name",
-    "ped_id",
-    "pedestrian_id",
-    "person",
-    "person_id",
-    "pid",
-    "uid",
-    "uuid",
-    "tag",
-    "tag_id",
-)
-ROLE_OF = {name: role for role, names in (ROLES | {"object": OBJECTS}).items() for name in names}
-# Names of an index: the number of the row, as spreadsheets and pandas write it.
-INDEX = ("", "unnamed_0", "index", "row", "nr", "no")
-DEGREES = ("deg", "degree", "degrees", "°")
-LENGTHS = (
-    "m",
-    "km",
-    "cm",
-    "mm",
-    "um",
-    "ft",
-    "yd",
-    "mi",
-    "nmi",
-    "px",
-    "rad",
-    "mrad",
-    "mil",
-    "mils",
-    "gon",
-    "grad",
-    *DEGREES,
-)
-# Units of time [s].
+GIVEN_ROLES = ("time", "date", "x", "y", "lat", "lon", "range", "bearing", "rate")
+"""Roles of --columns."""
+
 SECONDS = {
-    "s": 1.0,
-    "sec": 1.0,
-    "secs": 1.0,
-    "seconds": 1.0,
-    "ms": 1e-3,
-    "msec": 1e-3,
-    "millis": 1e-3,
-    "milliseconds": 1e-3,
-    "us": 1e-6,
-    "µs": 1e-6,
-    "μs": 1e-6,
+    **dict.fromkeys(("s", "sec", "secs", "seconds"), 1.0),
+    **dict.fromkeys(("ms", "msec", "millis", "milliseconds"), 1e-3),
+    **dict.fromkeys(("us", "µs", "μs"), 1e-6),
     "ns": 1e-9,
-    "min": 60.0,
-    "minutes": 60.0,
-    "h": 3600.0,
-    "hours": 3600.0,
+    **dict.fromkeys(("min", "minutes"), 60.0),
+    **dict.fromkeys(("h", "hours"), 3600.0),
 }
+"""Units of time [s]."""
+
+DEGREES = ("deg", "degree", "degrees", "°")
+LENGTHS = "m km cm mm um ft yd mi nmi px rad mrad mil mils gon grad"
+
+
+@functools.cache
+def _roles() -> dict[str, str]:
+    return {name: role for role, names in ROLES.items() for name in names.split()}
 
 
 def plain_name(name: str) -> str:
     """Return a name in lower case, its words joined by underscores."""
-    return re.sub(r"[\s_.:-]+", "_", name.strip().lower()).strip("_")
+    return re.sub(r"[\s_.:/-]+", "_", name.strip().lower()).strip("_")
 
 
 @functools.lru_cache(maxsize=256)
@@ -194,20 +84,24 @@ def split_unit(name: str) -> tuple[str, str | None]:
     or after a slash, as in `x [m]`, `x (km)` and `t/s`, or a known one after an underscore, as in
     `t_ms`.
     """
-    found = re.fullmatch(r"\s*(.+?)\s*(?:\[(.*)\]|\((.*)\)|/\s*(\w+))\s*", name)
-    if found:
-        unit = next(part for part in found.groups()[1:] if part is not None).strip()
-        return plain_name(found[1]), unit or None
+    known = {*LENGTHS.split(), *SECONDS, *DEGREES}
+    # The signs of latitudes and longitudes are no unit.
+    name = re.sub(r"(?<=\w) +(n/s|e/w)$", "", name, flags=re.IGNORECASE)
     plain = plain_name(name)
+    if plain in _roles():
+        units = {"millis": "ms", "milliseconds": "ms", "time_boot_ms": "ms", "itow": "ms"}
+        return plain, units.get(plain, "us" if plain in ("timeus", "time_us") else None)
+    match = re.fullmatch(r"\s*(.+?)\s*(?:\[(.*)\]|\((.*)\)|/\s*(\w+))\s*", name)
+    if match and (match[4] is None or match[4].lower() in known):
+        unit = next(part for part in match.groups()[1:] if part is not None).strip()
+        return plain_name(match[1]), unit or None
     base, _, unit = plain.rpartition("_")
-    if base and (unit in SECONDS or unit in LENGTHS) and ROLE_OF.get(plain) not in ROLES:
-        return base, unit
-    return plain, "ms" if plain in ("millis", "milliseconds") else None
+    return (base, unit) if base and unit in known else (plain, None)
 
 
 def role_of(name: str) -> str | None:
-    """Return the role of a column by its name: one of `ROLES`, `object`, or None if it has none."""
-    return ROLE_OF.get(split_unit(name)[0])
+    """Return the role of a column by its name, None if it has none."""
+    return _roles().get(split_unit(name)[0])
 
 
 def columns_by_role(texts: Sequence[str], roles: Sequence[str]) -> dict[str, str]:

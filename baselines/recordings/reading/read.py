@@ -1,22 +1,29 @@
 """Reading a file of recorded positions: CSV, TSV, Parquet, GPX or IGC, also compressed by gzip."""
 
-import math
 import os
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from baselines.recordings.projection import centred_projection
-from baselines.recordings.reading.cells import Table, Times, counted, parse_numbers, parse_times
+from baselines.recordings.reading import cleaning
 from baselines.recordings.reading.columns import Columns, find_columns
-from baselines.recordings.reading.files import read_table
-from baselines.recordings.reading.positions import check_positions, read_polar, read_positions
-from baselines.recordings.recording import UNKNOWN_UNIT, Recording, make_recording
-from hybrid_env.checks import ArgumentError, FloatArray, IntArray, Positive, checked, reject
+from baselines.recordings.reading.files import Table, read_table
+from baselines.recordings.reading.names import DEGREES, split_unit
+from baselines.recordings.reading.values import (
+    Times,
+    in_degrees,
+    parse_angles,
+    parse_numbers,
+    parse_times,
+)
+from baselines.recordings.recording import Recording, make_recording
+from hybrid_env.checks import ArgumentError, BoolArray, FloatArray, IntArray, reject
 from hybrid_env.sensors import Radar
 
 
@@ -27,10 +34,29 @@ class RecordingFile:
     Attributes:
         recordings: one for each object, in the order in which they appear in the file.
         summary: one line that says what was read and what was left out.
+        left_out: number of lines that were left out, by the reason.
+        warnings: one line for each; more than a tenth of the rows were left out, or an object.
     """
 
     recordings: tuple[Recording, ...]
     summary: str
+    left_out: dict[str, int]
+    warnings: tuple[str, ...] = ()
+
+
+class Places(NamedTuple):
+    """Positions of all rows of a file."""
+
+    # (n, 2) x and y, or longitude and latitude [deg]; NaN where there is none.
+    values: FloatArray
+    # (n,) rows with cells that are not empty and no numbers.
+    wrong: BoolArray
+    # Of the positions on the plane; None if the file does not name it.
+    unit: str | None
+    # Whether `values` are degrees.
+    degrees: bool
+    # (n,) range rates of a radar.
+    rates: FloatArray | None = None
 
 
 def read_recordings(
@@ -43,213 +69,346 @@ def read_recordings(
     tau: float | None = None,
     gap: float | None = None,
     radar: Radar | None = None,
+    thousands: str | None = None,
+    bad_rows: Literal["skip", "refuse"] = "skip",
 ) -> RecordingFile:
     """Read the recordings of a file.
 
+    Rows that are no measurements of their own are left out and counted: those without a time or
+    with cells that cannot be read, repeated times, positions that a stale source repeats,
+    comments, blank lines and repeated headers. Rows out of order are sorted. A row with
+    an empty position is a missing measurement.
+
     Args:
         path: the file.
-        columns: name or number (from 1) of the column of each of `time`, `x`, `y`, `lat`, `lon`;
-            None finds them by their names.
+        columns: name or number (from 1) of the column of each of `time`, `date`, `x`, `y`, `lat`,
+            `lon`; None finds them by their names.
         object_column: column that tells several objects apart; `none` for a file with one object;
             None finds it by its name.
         unit: unit of x and y; `deg` for longitude and latitude; None takes it from the header.
         time_unit: unit of the times: s, ms, us, ns, min, h, or a format such as `%d/%m/%Y
-            %H:%M:%S`; None recognises ISO dates and seconds, milliseconds ... since 1970, and
-            otherwise means seconds.
+            %H:%M:%S`; None recognises dates, times of day, and seconds, milliseconds ... since
+            1970, and otherwise means seconds.
         tau: duration of a tick [s] of a file without times; None counts time in ticks.
         gap: longest time between two measurements of one piece [s]; None is 20 nominal ticks.
         radar: that measured columns `range`, `bearing` and, if it has a rate deviation,
-            `range_rate`, see `positions.read_polar`.
+            `range_rate`. Bearings in degrees are clockwise from the y axis (north), those in
+            radians counter-clockwise from the x axis.
+        thousands: mark between thousands in numbers.
+        bad_rows: `refuse` raises for the first row that would be left out.
 
     Raises:
-        ArgumentError: the file cannot be read, or it is not clear what its columns mean; the
-            message names file, line, value and what is allowed, or the option that helps.
+        ArgumentError: the file cannot be read, it is not clear what its columns mean, or more than
+            half of its rows would be left out; the message names file, line or cause, and the
+            option that helps.
     """
-    for name, value in (
-        ("tau", tau),
-        ("gap", gap),
-    ):
-        if value is not None:
-            checked(name, value, Positive)
     table = read_table(path)
-    found = find_columns(table, columns, object_column, radar is not None)
-    groups = object_rows(table, found.object, Path(path))
-    times = _times(table, found, time_unit, tau, len(groups) == 1)
+    axes = (("range", "bearing"),) if radar is not None else (("x", "y"), ("lat", "lon"))
+    roles = find_columns(table, columns, object_column, axes)
+    rows_of = object_rows(table, roles, Path(path))
+    times = read_times(table, roles, time_unit, tau, single=len(rows_of) == 1)
     places = (
-        read_positions(table, found, unit) if radar is None else read_polar(table, found, radar)
+        _read_polar(table, roles, radar, thousands)
+        if radar is not None
+        else _read_positions(table, roles, unit, thousands)
     )
-    known = np.asarray(~np.isnan(places.values).any(axis=1))
+    total = len(table.frame)
+    marked = object_column is not None or len(rows_of) > 1
     recordings = []
-    for name, rows in groups:
-        measured = rows[known[rows]]
-        if len(measured) < 2:
-            if len(groups) > 1:
-                continue
-            raise ArgumentError(
-                f"{table.file}: {counted(len(measured), 'measured position')}: expected at"
-                " least two"
+    refused = []
+    for name, rows in rows_of:
+        try:
+            recordings.append(
+                _recording(table, times, places, rows, marked, name=name, gap=gap, radar=radar)
             )
-        check_order(table, found, times.seconds, rows, name)
-        marked = object_column is not None or len(groups) > 1
-        check_positions(table, places, times.seconds[measured], measured, marked)
-        positions = places.values[rows]
-        projection = None
-        if places.degrees:
-            degrees = positions[:, ::-1].T
-            projection = centred_projection(*degrees)
-            positions = projection.forward(*degrees)
-        # A segment of a GPX track: reception was lost or the logger switched off.
-        breaks: Any = (
-            () if table.segments is None else np.flatnonzero(np.diff(table.segments[rows])) + 1
-        )
-        recording = make_recording(
-            times.seconds[rows],
-            positions,
-            name=name,
-            gap=gap,
-            breaks=breaks,
-            unit=places.unit or UNKNOWN_UNIT,
-            time_unit=times.unit,
-            epoch=times.epoch,
-            projection=projection,
-            radar=radar,
-            rates=None if places.rates is None else places.rates[rows],
-        )
-        recordings.append(recording)
+        except ArgumentError as error:
+            if len(rows_of) == 1:
+                raise
+            refused.append(str(error))
+    if bad_rows == "refuse" and table.left_out:
+        line, reason = min((min(lines), reason) for reason, lines in table.left_out.items())
+        raise ArgumentError(f"{table.file}, line {line}: {reason}: left out with --bad-rows skip")
     if not recordings:
-        raise ArgumentError(f"{table.file}: no object has two measured positions")
-    if len(recordings) < len(groups):
-        few = counted(len(groups) - len(recordings), "object")
-        table.notes.append(f"{few} with fewer than two measurements left out")
+        raise ArgumentError(f"{table.file}: no object can be tracked: {refused[0]}")
     tick = recordings[0].tick
-    # Largest relative difference between a given tick and the one of the times.
-    if tau is not None and "time" in found.roles and abs(tau - tick) > 1e-3 * tick:
+    if (
+        tau is not None
+        and times.unit == "s"
+        and "time" in roles.roles
+        and abs(tau / tick - 1) > 1e-3
+    ):
         raise reject("tau", tau, f"no value, or the median step of the times, {tick:.6g}")
-    return RecordingFile(tuple(recordings), _summary(table, found, times, recordings))
+    count = cleaning.lost(table)
+    warnings = refused
+    if count > 0.1 * total:
+        warnings = [f"{table.file}: {count:,} of {total:,} rows are left out", *refused]
+    return RecordingFile(
+        tuple(recordings),
+        _summary(table, roles, times, recordings),
+        {reason: len(lines) for reason, lines in table.left_out.items()},
+        tuple(warnings),
+    )
 
 
-def object_rows(table: Table, column: int | None, path: Path) -> list[tuple[str, IntArray]]:
-    """Names of the objects and their rows."""
+def object_rows(table: Table, roles: Columns, path: Path) -> list[tuple[str, IntArray]]:
+    """Return the names of the objects and their rows."""
+    column = roles.roles.get("object")
     if column is None:
         stem = path.name.removesuffix(".gz")
         return [(Path(stem).stem or stem, np.arange(len(table.frame)))]
-    cells = table.frame[column]
-    empty = np.flatnonzero(cells.isna())
-    if empty.size:
-        place = table.place(int(empty[0]), column)
-        raise ArgumentError(
-            f"{place}: the cell is empty: expected an object in every row, or --object none"
-        )
-    codes, values = pd.factorize(cells)
-    order = np.argsort(codes, kind="stable")
-    groups = np.split(order, np.flatnonzero(np.diff(codes[order])) + 1)
-    return [(cell_text(value), group) for value, group in zip(values, groups, strict=True)]
+    codes, names = pd.factorize(table.frame[column])
+    table.leave_out("rows without an object", table.lines[codes < 0])
+    return [(cell_text(name), np.flatnonzero(codes == k)) for k, name in enumerate(names)]
 
 
 def cell_text(value: Any) -> str:
     """Return a cell as short text; whole numbers have no decimal point."""
-    whole = isinstance(value, float) and value.is_integer()
-    # Characters of an object's name.
-    return " ".join(str(int(value) if whole else value).split())[:60]
+    return re.sub(r"^(\d+)\.0+$", r"\1", " ".join(str(value).split()))[:60]
 
 
-def _times(table: Table, found: Columns, unit: str | None, tau: float | None, one: bool) -> Times:
-    """Times of the rows; without a column of times the ticks, by an index or the number of the
-    row.
+def read_times(
+    table: Table,
+    roles: Columns,
+    unit: str | None = None,
+    tau: float | None = None,
+    *,
+    single: bool = True,
+) -> Times:
+    """Return the times of all rows; without a column of times the ticks, by an index or by the
+    number of the row.
     """
-    if "time" in found.roles:
-        return parse_times(table, found.roles["time"], unit)
-    if unit is not None:
-        raise reject(
-            "time_unit",
+    number = roles.roles.get("fix_time", roles.roles.get("time", roles.roles.get("date")))
+    if number is not None:
+        date = roles.roles.get("date")
+        joined = date is not None and date != number and "fix_time" not in roles.roles
+        times = parse_times(
+            table.frame[number],
+            table.frame[date] if joined else None,
             unit,
-            f"no value, as {table.file} has no times: name them by --columns time=...",
+            split_unit(table.names[number])[1],
         )
+        allowed = "a number, a date, or --time-unit with a format such as '%d/%m/%Y %H:%M:%S'"
+        _check_readable(table, number, np.isnan(times.seconds), allowed)
+        return times
+    if unit is not None:
+        allowed = f"no value, as {table.file} has no times: name them by --columns time=..."
+        raise reject("time_unit", unit, allowed)
     ticks = np.arange(len(table.frame), dtype=np.float64)
-    if found.index is not None and one:
-        numbers = parse_numbers(table.frame[found.index]).values
-        if np.isfinite(numbers).all() and (numbers % 1 == 0).all():
+    index = roles.roles.get("index")
+    if index is not None and single:
+        numbers, _, _ = parse_numbers(table.frame[index])
+        if np.isfinite(numbers).all() and (np.diff(numbers) > 0.0).all():
             ticks = numbers - numbers[0]
-        elif not found.chosen:
-            advice = (
-                f"name the columns by --columns, for example time={found.index + 1} x=... y=..."
-            )
-            raise ArgumentError(
-                f"{table.file}: {table.label(found.index)} is no number of the row: {advice}"
-            )
+            table.notes.append("index column taken as ticks")
     if tau is None:
         return Times(ticks, None, "", "ticks")
     # Without the rounding errors of the products.
-    return Times(np.round(tau * ticks, 9 - math.floor(math.log10(tau))), None, "", "s")
+    return Times(np.round(tau * ticks, 9 - int(np.floor(np.log10(tau)))), None, "")
 
 
-def check_order(
+def _check_readable(table: Table, column: int, wrong: BoolArray, allowed: str) -> None:
+    """Refuse a column of which most cells cannot be read."""
+    if wrong.mean() > 0.5:
+        cell = table.frame[column].iloc[int(np.argmax(wrong))]
+        raise reject(f"{table.file}: {table.label(column)}", str(cell), allowed)
+
+
+def _read_positions(
     table: Table,
-    found: Columns,
-    seconds: FloatArray,
+    roles: Columns,
+    unit: str | None,
+    thousands: str | None,
+) -> Places:
+    """Parse the columns of the positions; a unit of None is that of the header."""
+    degrees = "lat" in roles.roles
+    axes = [roles.roles[role] for role in (("lon", "lat") if degrees else ("x", "y"))]
+    named = {split_unit(table.names[column])[1] for column in axes}
+    if degrees and unit not in (None, "m", *DEGREES):
+        raise reject("unit", unit, f"no value, as {table.file} has latitudes and longitudes")
+    if not degrees and unit is None:
+        if len(named) > 1:
+            labels = " and ".join(repr(table.label(column)) for column in axes)
+            raise ArgumentError(
+                f"{table.file}: {labels} have different units: expected one, or --unit"
+            )
+        unit = named.pop()
+    if not degrees and unit is not None and unit.lower() in DEGREES:
+        degrees = True
+        table.notes.append("x taken as longitude and y as latitude")
+    parse = parse_angles if degrees else parse_numbers
+    columns = [parse(table.frame[column], thousands) for column in axes]
+    values = np.column_stack([numbers for numbers, _, _ in columns])
+    wrong = np.any([wrong for _, wrong, _ in columns], axis=0)
+    for column, (_, unread, _) in zip(axes, columns, strict=True):
+        _check_readable(table, column, unread, "numbers, or --thousands with the mark between them")
+    if any(comma for _, _, comma in columns):
+        table.notes.append("decimal comma")
+    if degrees:
+        semicircles = any(
+            "position" in table.names[column] or "semicircles" in table.names[column]
+            for column in axes
+        )
+        values = in_degrees(values, semicircles)
+        for k, role in enumerate(("east_west", "north_south")):
+            if role in roles.roles:
+                letters = table.frame[roles.roles[role]].astype("str").str.strip().str.upper()
+                values[letters.str.startswith(("W", "S")).to_numpy(), k] *= -1.0
+        # A receiver without a fix gives zeros.
+        far = np.abs(np.nan_to_num(values)).max(axis=1) > 1.0
+        wrong |= (values == 0.0).all(axis=1) & (far.mean() > 0.5)
+    with np.errstate(invalid="ignore"):
+        wrong |= (np.abs(values) > ([360.0, 90.0] if degrees else 1e12)).any(axis=1)
+    values[wrong] = np.nan
+    return Places(values, wrong, "m" if degrees else unit, degrees)
+
+
+def _read_polar(table: Table, roles: Columns, radar: Radar, thousands: str | None) -> Places:
+    """Parse ranges and bearings of a radar to positions, and range rates if it measures them."""
+    names = ("range", "bearing", "rate")[: radar.values]
+    if names[-1] not in roles.roles:
+        raise ArgumentError(f"{table.file}: no column range_rate: name it by --columns rate=...")
+    columns = [parse_numbers(table.frame[roles.roles[name]], thousands) for name in names]
+    length, angle, *speed = (split_unit(table.names[roles.roles[name]])[1] for name in names)
+    if angle not in (None, "rad", *DEGREES):
+        name = f"{table.file}: unit of {table.label(roles.roles['bearing'])}"
+        raise reject(name, angle, "deg or rad")
+    if length is not None and speed not in ([], [None], [f"{length}/s"]):
+        name = f"{table.file}: unit of {table.label(roles.roles['rate'])}"
+        raise reject(name, speed[0], f"{length}/s, as of the range")
+    radians = angle == "rad"
+    table.notes.append(
+        f"bearings in {'radians from the x axis' if radians else 'degrees from north'}"
+    )
+    ranges, bearings, *rates = (numbers for numbers, _, _ in columns)
+    wrong = np.any([wrong for _, wrong, _ in columns], axis=0)
+    with np.errstate(invalid="ignore"):
+        wrong |= (ranges < 0.0) | (ranges > 1e12) | (np.abs(bearings) > 1e12)
+    rows = np.column_stack([ranges, bearings if radians else np.radians(90.0 - bearings)])
+    positions = np.array([radar.located(row)[:2] for row in rows])
+    positions[wrong] = np.nan
+    return Places(positions, wrong, length, False, *rates)
+
+
+def _recording(
+    table: Table,
+    times: Times,
+    places: Places,
     rows: IntArray,
+    marked: bool,
+    *,
     name: str,
-) -> None:
-    """Check that the times of an object increase."""
-    wrong = np.flatnonzero(~(np.diff(seconds[rows]) > 0.0))
-    if not wrong.size:
-        return
-    before = rows[wrong[0]]
-    row = rows[wrong[0] + 1]
-    column = found.roles.get("time", found.index)
-    # Numbers of rows increase.
-    assert column is not None
-    cells = table.frame[column]
-    several = "(several objects? name their column by --object)"
-    advice = several if found.object is None else f"of object {name}"
-    raise reject(
-        table.place(int(row), column),
-        str(cells.iloc[row]),
-        f"a time after {cells.iloc[before]} {advice}",
+    gap: float | None,
+    radar: Radar | None,
+) -> Recording:
+    """Return the recording of an object; `marked`: the rows are known to be of one object."""
+    count = int((~np.isnan(places.values[rows]).any(axis=1)).sum())
+    if count < 2:
+        raise ArgumentError(
+            f"{table.file}: {name} has {count} measured positions: expected at least two"
+        )
+    already = cleaning.lost(table)
+    total = len(rows)
+    moves = (np.diff(places.values[rows], axis=0) != 0.0).any(axis=1).mean() > 0.5
+    rows, seconds = cleaning.ordered_rows(table, times.seconds, rows, spread=bool(moves))
+    table.leave_out("rows whose position cannot be read", table.lines[rows[places.wrong[rows]]])
+    kept = ~places.wrong[rows]
+    rows, seconds = rows[kept], seconds[kept]
+    positions = places.values[rows]
+    projection = None
+    measured = np.flatnonzero(~np.isnan(positions).any(axis=1))
+    if places.unit is None and cleaning.look_like_degrees(seconds[measured], positions[measured]):
+        (west, south), (east, north) = (
+            positions[measured].min(axis=0),
+            positions[measured].max(axis=0),
+        )
+        raise ArgumentError(
+            f"{table.file}: x from {west:.6g} to {east:.6g} and y from {south:.6g} to {north:.6g}"
+            " look like degrees: --unit deg for longitude x and latitude y, or --unit m for a plane"
+        )
+    if places.degrees:
+        projection = centred_projection(*positions[:, ::-1].T)
+        positions = projection.forward(*positions[:, ::-1].T)
+    fresh = cleaning.fresh_rows(seconds[measured], positions[measured])
+    stale = np.delete(measured, fresh)
+    table.leave_out("positions that a stale source repeats", table.lines[rows[stale]])
+    kept = np.ones(len(rows), np.bool_)
+    kept[stale] = False
+    if not marked and cleaning.rows_alternate(positions[kept & ~np.isnan(positions[:, 0])]):
+        raise ArgumentError(
+            f"{table.file}: rows alternate between places that are far apart, as of two objects:"
+            " name the column of the objects by --object, or --object none for a single one"
+        )
+    rows, seconds, positions = rows[kept], seconds[kept], positions[kept]
+    if cleaning.lost(table) - already > 0.5 * total:
+        causes = ", ".join(cleaning.reasons(table))
+        raise ArgumentError(f"{table.file}: more than half of {name} is left out: {causes}")
+    breaks: Any = ()
+    if table.segments is not None:
+        # Reception was lost, or the logger was switched off.
+        breaks = np.flatnonzero(np.diff(table.segments[rows])) + 1
+    return make_recording(
+        seconds,
+        positions,
+        name=name,
+        gap=gap,
+        breaks=breaks,
+        unit=places.unit or "units",
+        time_unit=times.unit,
+        epoch=times.epoch,
+        projection=projection,
+        radar=radar,
+        rates=None if places.rates is None else places.rates[rows],
     )
 
 
-def _summary(table: Table, found: Columns, times: Times, recordings: Sequence[Recording]) -> str:
+def _summary(
+    table: Table,
+    roles: Columns,
+    times: Times,
+    recordings: list[Recording],
+) -> str:
     """Return file, rows, objects, tick, unit and extent, and what was left out or assumed."""
-    # So many columns that are not used are listed in the summary.
-    listed = 6
-    one, unit = recordings[0], recordings[0].unit
-    objects = counted(len(recordings), "object")
-    if found.object is not None and len(recordings) > 1:
-        objects += f" by '{table.label(found.object)}'"
-    tick = np.median([one.tick for one in recordings])
-    steps = np.concatenate([np.diff(one.times) for one in recordings])
-    ticks = f"tick {tick:.6g} s" if one.time_unit == "s" else "no times: a row is a tick (--tau)"
-    # Steps that differ by more than this share of the tick are listed.
+    first, count = recordings[0], len(recordings)
+    by = (
+        f" by '{table.label(roles.roles['object'])}'"
+        if count > 1 and "object" in roles.roles
+        else ""
+    )
+    tick = np.median([recording.tick for recording in recordings])
+    steps = np.concatenate([np.diff(recording.times) for recording in recordings])
+    ticks = f"tick {tick:.6g} s" if first.time_unit == "s" else "no times: a row is a tick (--tau)"
     if np.abs(steps - tick).max() > 1e-3 * tick:
         ticks += f" (steps {steps.min():.4g} to {steps.max():.4g})"
-    positions = np.concatenate([one.positions for one in recordings])
-    low = np.nanmin(positions, axis=0)
-    high = np.nanmax(positions, axis=0)
-    extent = f"x {low[0]:.6g} to {high[0]:.6g}, y {low[1]:.6g} to {high[1]:.6g} {unit}"
-    sentences = [f"{table.file}: {counted(len(table.frame), 'row')}", objects, ticks, extent]
-    if one.projection is not None:
-        centre = f" around {one.projection.latitude:.6g}, {one.projection.longitude:.6g}"
-        sentences.append("degrees projected to metres" + (centre if len(recordings) == 1 else ""))
+    positions = np.concatenate([recording.positions for recording in recordings])
+    low, high = np.nanmin(positions, axis=0), np.nanmax(positions, axis=0)
+    sentences = [
+        f"{table.file}: {_counted(len(table.frame), 'row')}",
+        _counted(count, "object") + by,
+        ticks,
+        f"x {low[0]:.6g} to {high[0]:.6g}, y {low[1]:.6g} to {high[1]:.6g} {first.unit}",
+    ]
+    if first.projection is not None:
+        centre = f" around {first.projection.latitude:.6g}, {first.projection.longitude:.6g}"
+        sentences.append("degrees projected to metres" + (centre if count == 1 else ""))
     if times.kind:
-        sentences.append(
-            f"times are {times.kind}" + (f" from {times.epoch}" if times.epoch else "")
-        )
+        start = f" from {times.epoch}" if times.epoch else ""
+        sentences.append(f"times are {times.kind}{start}")
     missing = int(np.isnan(positions[:, 0]).sum())
     if missing:
-        sentences.append(f"{counted(missing, 'row')} without a position")
-    pieces = sum(len(one.pieces) for one in recordings)
-    if pieces > len(recordings):
-        sentences.append(f"{counted(pieces, 'piece')} between gaps")
-    if not table.headed and not found.chosen:
-        sentences.append(f"no header: columns taken as {', '.join(found.roles)}")
-    sentences += table.notes
-    if found.index is not None:
-        sentences.append(
-            "index column " + ("not used" if "time" in found.roles else "taken as ticks")
-        )
-    if found.left_out:
-        more = len(found.left_out) - listed
-        names = ", ".join(found.left_out[:listed]) + (f" and {more} more" if more > 0 else "")
-        sentences.append(f"columns not used: {names}")
+        sentences.append(f"{_counted(missing, 'row')} without a position")
+    pieces = sum(len(recording.pieces) for recording in recordings)
+    if pieces > count:
+        sentences.append(f"{_counted(pieces, 'piece')} between gaps")
+    if not table.headed and not roles.chosen:
+        sentences.append(f"no header: columns taken as {', '.join(roles.roles)}")
+    sentences += dict.fromkeys(table.notes)
+    if table.left_out:
+        sentences.append(f"left out: {', '.join(cleaning.reasons(table))}")
+    if roles.unused:
+        more = f" and {len(roles.unused) - 6} more" * (len(roles.unused) > 6)
+        sentences.append(f"columns not used: {', '.join(roles.unused[:6])}{more}")
     return "; ".join(sentences)
+
+
+def _counted(number: int, word: str) -> str:
+    return f"{number:,} {word}{'s' * (number != 1)}"

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from hybrid_env.core.banks import extended_kalman as ekf
-from hybrid_env.core.banks.bank import set_estimate, signed_radius
+from hybrid_env.core.banks.bank import signed_radius
 from hybrid_env.core.banks.kalman import log_likelihood
-from hybrid_env.core.banks.sensing import LARGEST, ROUNDING, correct_by_sensors
-from hybrid_env.core.compilation import inlined, internal
+from hybrid_env.core.banks.sensing import DIVERGED, LARGEST, ROUNDING, correct_by_sensors
+from hybrid_env.core.compilation import formula, internal
 from hybrid_env.core.elementary import log
 from hybrid_env.core.memory import (
     AnchorAwareBank,
@@ -24,22 +24,19 @@ from hybrid_env.core.memory import (
     Records,
     State,
     Triangle4,
-    block_reader,
-    reader,
-    write_lane,
 )
 from hybrid_env.core.motion import bank_turn_rate, heading_vector, turn_centre
-
-# Decrease of the log-likelihood per tick of a diverged filter.
-DIVERGED = 1e3
-
-
-aware_banks = reader(AnchorAwareBank)
-aware_of_block = block_reader(AnchorAwareBank)
+from hybrid_env.core.vectors import Vector, choose, combination, minus_square, rows_of
 
 
 @internal
-def begin_aware(
+def of_block(banks: AnchorAwareBank, b: int) -> AnchorAwareBank:
+    """Return the bank of one block from those of all blocks."""
+    return AnchorAwareBank(banks.hypotheses[b], banks.innovations)
+
+
+@internal
+def begin(
     bank: AnchorAwareBank,
     lane: int,
     anchor: State,
@@ -47,7 +44,7 @@ def begin_aware(
     radii: FloatArray,
     model: Any,
 ) -> None:
-    """Start every filter of a lane from the anchor; arguments as in `begin_published`."""
+    """Start every filter of a lane from the anchor; arguments as in `published.begin`."""
     for h in range(bank.hypotheses.size):
         radius = signed_radius(h, radii)
         exact = model.exact_anchor > 0.0
@@ -70,21 +67,22 @@ def begin_hypothesis(
     speed, heading_x, heading_y = heading_vector(anchor[1], anchor[3])
     # Bounded: the heading of an object slower than its uncertainty deviates by about 1 rad at most.
     inverse_speed = 1.0 / max(speed, math.sqrt(covariance[4] + covariance[9]), 1e-12)
-    set_estimate(kalman, lane, anchor)
     kalman.log_likelihood[lane] = 0.0
-    centre_x, centre_y = turn_centre(anchor[0], anchor[2], heading_x, heading_y, radius)
-    kalman.centre_x[lane], kalman.centre_y[lane] = centre_x, centre_y
-    kalman.turn_rate[lane] = 0.0 if radius == 0.0 else bank_turn_rate(speed, abs(radius), tau)
+    centre = turn_centre(anchor[0], anchor[2], heading_x, heading_y, radius)
+    turn_rate = 0.0 if radius == 0.0 else bank_turn_rate(speed, abs(radius), tau)
+    _set_state(kalman, lane, anchor + centre + (turn_rate,))
     spread = ekf.anchor_covariance(covariance, heading_x, heading_y, inverse_speed, radius)
-    write_lane(kalman.covariance, lane, spread)
+    _set_covariance(kalman, lane, spread)
     if exact:
         # The entries of the centre and the turn rate.
         for k in (4, 5, 6, 10, 11, 12, 15, 16, 17, 19, 20, 21, 22, 23, 24, 25, 26, 27):
             kalman.covariance[k, lane] = 0.0
 
 
-@inlined
-def _covariance7(P: FloatArray, lane: int) -> ekf.Triangle7:
+@formula
+def _covariance7(kalman: Any, lane: int) -> Vector:
+    """Return the covariance of the seven states of one filter, upper triangle row by row."""
+    P = kalman.covariance
     return (
         P[0, lane],
         P[1, lane],
@@ -117,31 +115,80 @@ def _covariance7(P: FloatArray, lane: int) -> ekf.Triangle7:
     )
 
 
-@inlined
-def predict_hypothesis(
-    kalman: Any,
-    lane: int,
-    model: Any,
-) -> tuple[float, float, float, float, ekf.Triangle7]:
-    """Return the predicted estimate (x, vx, y, vy) of a filter and its predicted covariance."""
-    x, u, y, v = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
-    centre_x, centre_y = kalman.centre_x[lane], kalman.centre_y[lane]
-    turn = ekf.turn_coefficients(kalman.turn_rate[lane], model.tau)
+@formula
+def _set_covariance(kalman: Any, lane: int, p: Vector) -> None:
+    """Set the covariance of the seven states of one filter."""
+    P = kalman.covariance
+    # Written out, because a loop over so many entries would not become SIMD code.
+    P[0, lane] = p[0]
+    P[1, lane] = p[1]
+    P[2, lane] = p[2]
+    P[3, lane] = p[3]
+    P[4, lane] = p[4]
+    P[5, lane] = p[5]
+    P[6, lane] = p[6]
+    P[7, lane] = p[7]
+    P[8, lane] = p[8]
+    P[9, lane] = p[9]
+    P[10, lane] = p[10]
+    P[11, lane] = p[11]
+    P[12, lane] = p[12]
+    P[13, lane] = p[13]
+    P[14, lane] = p[14]
+    P[15, lane] = p[15]
+    P[16, lane] = p[16]
+    P[17, lane] = p[17]
+    P[18, lane] = p[18]
+    P[19, lane] = p[19]
+    P[20, lane] = p[20]
+    P[21, lane] = p[21]
+    P[22, lane] = p[22]
+    P[23, lane] = p[23]
+    P[24, lane] = p[24]
+    P[25, lane] = p[25]
+    P[26, lane] = p[26]
+    P[27, lane] = p[27]
+
+
+@formula
+def _state_of(kalman: Any, lane: int) -> Vector:
+    """Return the state of one filter."""
+    estimate = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
+    return (*estimate, kalman.centre_x[lane], kalman.centre_y[lane], kalman.turn_rate[lane])
+
+
+@formula
+def _set_state(kalman: Any, lane: int, state: Vector) -> None:
+    """Set the state of one filter."""
+    kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane] = state[:4]
+    kalman.centre_x[lane], kalman.centre_y[lane], kalman.turn_rate[lane] = state[4:]
+
+
+@formula
+def predict_hypothesis(kalman: Any, lane: int, model: Any) -> tuple[Vector, Vector]:
+    """Return the predicted state of a filter and its covariance."""
+    x, u, y, v, centre_x, centre_y, rate = _state_of(kalman, lane)
+    turn = ekf.turn_coefficients(rate, model.tau)
     C, S, W, _, dC, dS, dW = turn
     from_x = x - centre_x
     from_y = y - centre_y
     by_rate = dC * from_x + dS * u, dC * u - dW * from_x, dC * from_y + dS * v, dC * v - dW * from_y
     predicted = ekf.predict_covariance(
-        _covariance7(kalman.covariance, lane),
+        _covariance7(kalman, lane),
         turn,
         by_rate,
         model.process_variance,
     )
-    new_x = centre_x + C * from_x + S * u
-    new_u = C * u - W * from_x
-    new_y = centre_y + C * from_y + S * v
-    new_v = C * v - W * from_y
-    return new_x, new_u, new_y, new_v, predicted
+    state = (
+        centre_x + C * from_x + S * u,
+        C * u - W * from_x,
+        centre_y + C * from_y + S * v,
+        C * v - W * from_y,
+        centre_x,
+        centre_y,
+        rate,
+    )
+    return state, predicted
 
 
 @internal
@@ -153,100 +200,53 @@ def step_hypothesis(
     measurement: FloatArray,
     model: Any,
 ) -> None:
-    """Advance one filter and its log-likelihood by one tick; arguments as in `step_published`."""
-    P = kalman.covariance
+    """Advance one filter and its log-likelihood by one tick; arguments as in `published.step`."""
     variance_x, variance_y = model.variance_x, model.variance_y
     for lane in range(first, last):
-        x, u, y, v = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
-        centre_x, centre_y, rate = (
-            kalman.centre_x[lane],
-            kalman.centre_y[lane],
-            kalman.turn_rate[lane],
-        )
-        p = _covariance7(P, lane)
-        new_x, new_u, new_y, new_v, predicted = predict_hypothesis(kalman, lane, model)
+        state, predicted = predict_hypothesis(kalman, lane, model)
 
         # Sequential corrections by x and y; the product of both densities is the joint density.
-        k = (
-            predicted[0],
-            predicted[1],
-            predicted[2],
-            predicted[3],
-            predicted[4],
-            predicted[5],
-            predicted[6],
-        )
-        innovation_x = measurement[0, lane] - new_x
-        sigma_x = k[0] + variance_x
+        by_x, by_u, _, by_v, _, _, _ = rows_of(predicted)
+        innovation_x = measurement[0, lane] - state[0]
+        sigma_x = by_x[0] + variance_x
         inverse_x = 1.0 / sigma_x
-        after_x = ekf.condition(predicted, k, inverse_x)
-        m = after_x[2], after_x[8], after_x[13], after_x[14], after_x[15], after_x[16], after_x[17]
         gain_x = innovation_x * inverse_x
-        innovation_y = measurement[1, lane] - (new_y + k[2] * gain_x)
-        sigma_y = m[2] + variance_y
+        after_x = minus_square(predicted, by_x, inverse_x)
+        _, _, by_y, _, _, _, _ = rows_of(after_x)
+        innovation_y = measurement[1, lane] - (state[2] + by_x[2] * gain_x)
+        sigma_y = by_y[2] + variance_y
         inverse_y = 1.0 / sigma_y
-        corrected = ekf.condition(after_x, m, inverse_y)
         gain_y = innovation_y * inverse_y
+        covariance = minus_square(after_x, by_y, inverse_y)
         white_x = innovation_x * math.sqrt(inverse_x)
         white_y = innovation_y * math.sqrt(inverse_y)
         log_variance = 0.5 * (log(sigma_x) + log(sigma_y))
 
         # These comparisons are False for NaN and for values that would lead to NaN.
+        innovations = abs(innovation_x) + abs(innovation_y)
         valid = (
             (sigma_x > 0.5 * variance_x)
             & (sigma_y > 0.5 * variance_y)
             & (sigma_x + sigma_y < LARGEST * LARGEST)
-            & (predicted[7] + predicted[18] < LARGEST * LARGEST)
-            & (abs(innovation_x) + abs(innovation_y) + abs(new_u) + abs(new_v) < LARGEST)
-            & (corrected[7] > -ROUNDING * predicted[7])
-            & (corrected[18] > -ROUNDING * predicted[18])
+            & (by_u[1] + by_v[3] < LARGEST * LARGEST)
+            & (innovations + abs(state[1]) + abs(state[3]) < LARGEST)
+            & (covariance[7] > -ROUNDING * by_u[1])
+            & (covariance[18] > -ROUNDING * by_v[3])
         )
-        kalman.x[lane] = new_x + k[0] * gain_x + m[0] * gain_y if valid else x
-        kalman.vx[lane] = new_u + k[1] * gain_x + m[1] * gain_y if valid else u
-        kalman.y[lane] = new_y + k[2] * gain_x + m[2] * gain_y if valid else y
-        kalman.vy[lane] = new_v + k[3] * gain_x + m[3] * gain_y if valid else v
-        kalman.centre_x[lane] = centre_x + k[4] * gain_x + m[4] * gain_y if valid else centre_x
-        kalman.centre_y[lane] = centre_y + k[5] * gain_x + m[5] * gain_y if valid else centre_y
-        kalman.turn_rate[lane] = rate + k[6] * gain_x + m[6] * gain_y if valid else rate
+        corrected = combination((1.0, gain_x, gain_y), (state, by_x, by_y))
         innovation.white_x[lane] = white_x if valid else 0.0
         innovation.white_y[lane] = white_y if valid else 0.0
         innovation.log_variance[lane] = log_variance if valid else 2.0 * math.log(LARGEST)
         kalman.log_likelihood[lane] += (
             log_likelihood(white_x, white_y, log_variance) if valid else -DIVERGED
         )
-        # Written out, because a loop over so many entries would not become SIMD code.
-        P[0, lane] = corrected[0] if valid else p[0]
-        P[1, lane] = corrected[1] if valid else p[1]
-        P[2, lane] = corrected[2] if valid else p[2]
-        P[3, lane] = corrected[3] if valid else p[3]
-        P[4, lane] = corrected[4] if valid else p[4]
-        P[5, lane] = corrected[5] if valid else p[5]
-        P[6, lane] = corrected[6] if valid else p[6]
-        P[7, lane] = corrected[7] if valid else p[7]
-        P[8, lane] = corrected[8] if valid else p[8]
-        P[9, lane] = corrected[9] if valid else p[9]
-        P[10, lane] = corrected[10] if valid else p[10]
-        P[11, lane] = corrected[11] if valid else p[11]
-        P[12, lane] = corrected[12] if valid else p[12]
-        P[13, lane] = corrected[13] if valid else p[13]
-        P[14, lane] = corrected[14] if valid else p[14]
-        P[15, lane] = corrected[15] if valid else p[15]
-        P[16, lane] = corrected[16] if valid else p[16]
-        P[17, lane] = corrected[17] if valid else p[17]
-        P[18, lane] = corrected[18] if valid else p[18]
-        P[19, lane] = corrected[19] if valid else p[19]
-        P[20, lane] = corrected[20] if valid else p[20]
-        P[21, lane] = corrected[21] if valid else p[21]
-        P[22, lane] = corrected[22] if valid else p[22]
-        P[23, lane] = corrected[23] if valid else p[23]
-        P[24, lane] = corrected[24] if valid else p[24]
-        P[25, lane] = corrected[25] if valid else p[25]
-        P[26, lane] = corrected[26] if valid else p[26]
-        P[27, lane] = corrected[27] if valid else p[27]
+        _set_state(kalman, lane, choose(valid, corrected, _state_of(kalman, lane)))
+        before = _covariance7(kalman, lane)
+        _set_covariance(kalman, lane, choose(valid, covariance, before))
 
 
 @internal
-def step_aware(
+def step(
     bank: AnchorAwareBank,
     first: int,
     last: int,
@@ -254,14 +254,14 @@ def step_aware(
     model: Any,
 ) -> None:
     """Advance every filter of lanes first .. last - 1 by one tick; see
-    `published.step_published`.
+    `published.step`.
     """
     for h in range(bank.hypotheses.size):
         step_hypothesis(bank.hypotheses[h], bank.innovations[h], first, last, measurement, model)
 
 
 @internal
-def follow_aware(
+def follow(
     bank: AnchorAwareBank,
     lane: int,
     hypothesis: int,
@@ -283,46 +283,24 @@ def follow_aware(
 
 
 @internal
-def predict_aware(bank: AnchorAwareBank, lane: int, model: Any) -> None:
-    """Advance every filter of a lane by one tick without a measurement; see
-    `published.predict_published`.
-    """
-    for h in range(bank.hypotheses.size):
-        _predict_only(bank.hypotheses[h], bank.innovations[h], lane, model)
-
-
-@internal
-def _predict_only(kalman: Any, innovation: Any, lane: int, model: Any) -> None:
-    """Advance one filter of a lane by one tick without a measurement."""
-    x, u, y, v, predicted = predict_hypothesis(kalman, lane, model)
-    # Also False for NaN: a filter that diverges keeps its state.
-    valid = (predicted[0] + predicted[13] < LARGEST * LARGEST) & (
-        predicted[7] + predicted[18] < LARGEST * LARGEST
-    )
-    if valid & (abs(u) + abs(v) < LARGEST):
-        set_estimate(kalman, lane, (x, u, y, v))
-        write_lane(kalman.covariance, lane, predicted)
-    sigma_x = max(predicted[0] if valid else 0.0, 0.0) + model.variance_x
-    sigma_y = max(predicted[13] if valid else 0.0, 0.0) + model.variance_y
-    innovation.white_x[lane] = innovation.white_y[lane] = 0.0
-    innovation.log_variance[lane] = 0.5 * (log(sigma_x) + log(sigma_y))
-
-
-@internal
-def correct_aware(
+def sense(
     bank: AnchorAwareBank,
     lane: int,
-    hypothesis: int,
+    first: int,
+    last: int,
     block: Any,
     sensors: Records,
     model: Any,
 ) -> None:
-    """Correct one filter of a lane after `predict_aware`; see `sensing.correct_by_sensors`."""
-    _correct(bank.hypotheses[hypothesis], bank.innovations[hypothesis], lane, block, sensors, model)
+    """Advance filters first .. last - 1 of a lane by one tick without a measurement, or by all that
+    the sensors measure; see `sensing.correct_by_sensors`.
+    """
+    for h in range(first, last):
+        _sense(bank.hypotheses[h], bank.innovations[h], lane, block, sensors, model)
 
 
 @internal
-def _correct(
+def _sense(
     kalman: Any,
     innovation: Any,
     lane: int,
@@ -330,32 +308,28 @@ def _correct(
     sensors: Records,
     model: Any,
 ) -> None:
-    """Correct one predicted filter of a lane by all that is measured, and update its
-    log-likelihood.
-    """
-    state = (
-        kalman.x[lane],
-        kalman.vx[lane],
-        kalman.y[lane],
-        kalman.vy[lane],
-        kalman.centre_x[lane],
-        kalman.centre_y[lane],
-        kalman.turn_rate[lane],
+    """Predict one filter of a lane, and correct it by all that is measured."""
+    state, predicted = predict_hypothesis(kalman, lane, model)
+    # Also False for NaN: a filter that diverges keeps its state.
+    valid = (predicted[0] + predicted[13] < LARGEST * LARGEST) & (
+        predicted[7] + predicted[18] < LARGEST * LARGEST
     )
-    predicted = _covariance7(kalman.covariance, lane)
-    corrected, p, measured, valid = correct_by_sensors(
-        state, predicted, block, lane, sensors, model
-    )
-    set_estimate(kalman, lane, (corrected[0], corrected[1], corrected[2], corrected[3]))
-    kalman.centre_x[lane], kalman.centre_y[lane], kalman.turn_rate[lane] = (
-        corrected[4],
-        corrected[5],
-        corrected[6],
-    )
-    write_lane(kalman.covariance, lane, p)
+    if valid & (abs(state[1]) + abs(state[3]) < LARGEST):
+        _set_state(kalman, lane, state)
+        _set_covariance(kalman, lane, predicted)
+    sigma_x = max(predicted[0] if valid else 0.0, 0.0) + model.variance_x
+    sigma_y = max(predicted[13] if valid else 0.0, 0.0) + model.variance_y
+    innovation.white_x[lane] = innovation.white_y[lane] = 0.0
+    innovation.log_variance[lane] = 0.5 * (log(sigma_x) + log(sigma_y))
+    if math.isnan(block.measurement[0, lane]):
+        return
+    before, p = _state_of(kalman, lane), _covariance7(kalman, lane)
+    corrected, p, measured, fits = correct_by_sensors(before, p, block, lane, sensors, model)
+    _set_state(kalman, lane, corrected)
+    _set_covariance(kalman, lane, p)
     innovation.white_x[lane], innovation.white_y[lane] = measured[0], measured[1]
-    innovation.log_variance[lane] = measured[2] if valid else 2.0 * math.log(LARGEST)
-    kalman.log_likelihood[lane] += measured[3] if valid else -DIVERGED
+    innovation.log_variance[lane] = measured[2] if fits else 2.0 * math.log(LARGEST)
+    kalman.log_likelihood[lane] += measured[3] if fits else -DIVERGED
 
 
 @internal
@@ -375,13 +349,11 @@ def sense_hypothesis(
         step_hypothesis(kalman, innovation, first, last, block.measurement, model)
         return
     for lane in range(first, last):
-        _predict_only(kalman, innovation, lane, model)
-        if not math.isnan(block.measurement[0, lane]):
-            _correct(kalman, innovation, lane, block, sensors, model)
+        _sense(kalman, innovation, lane, block, sensors, model)
 
 
 @internal
-def predicted_position_aware(
+def predicted_position(
     bank: AnchorAwareBank,
     hypothesis: int,
     lane: int,
@@ -390,12 +362,12 @@ def predicted_position_aware(
     """Return the predicted position x, y of one hypothesis before a tick [m], and its covariance
     xx, xy, yy [m^2].
     """
-    x, _, y, _, covariance = predict_hypothesis(bank.hypotheses[hypothesis], lane, model)
-    return x, y, covariance[0], covariance[2], covariance[13]
+    state, p = predict_hypothesis(bank.hypotheses[hypothesis], lane, model)
+    return state[0], state[2], p[0], p[2], p[13]
 
 
 @internal
-def covariance_aware(bank: AnchorAwareBank, hypothesis: int, lane: int) -> Triangle4:
+def covariance(bank: AnchorAwareBank, hypothesis: int, lane: int) -> Triangle4:
     """Return the covariance of [x, vx, y, vy] of one hypothesis, upper triangle row by row."""
     return covariance_of(bank.hypotheses[hypothesis], lane)
 
@@ -403,16 +375,5 @@ def covariance_aware(bank: AnchorAwareBank, hypothesis: int, lane: int) -> Trian
 @internal
 def covariance_of(kalman: Any, lane: int) -> Triangle4:
     """Return the covariance of [x, vx, y, vy] of one filter, upper triangle row by row."""
-    P = kalman.covariance
-    return (
-        P[0, lane],
-        P[1, lane],
-        P[2, lane],
-        P[3, lane],
-        P[7, lane],
-        P[8, lane],
-        P[9, lane],
-        P[13, lane],
-        P[14, lane],
-        P[18, lane],
-    )
+    p = _covariance7(kalman, lane)
+    return p[:4] + p[7:10] + p[13:15] + p[18:19]

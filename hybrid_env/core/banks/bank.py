@@ -4,7 +4,7 @@ straight, 1 .. n are left turns, n + 1 .. 2n are right turns.
 
 from typing import Any, NamedTuple
 
-from hybrid_env.core.compilation import inlined, internal
+from hybrid_env.core.compilation import formula, internal
 from hybrid_env.core.memory import (
     FloatArray,
     Records,
@@ -24,13 +24,16 @@ class FilterModel(NamedTuple):
     variance_y: float
     stay_probability: float = 1.0
     switch_probability: float = 0.0
-    freedom: float = 0.0
+    freedom: float | None = 0.0
     exact_anchor: float = 0.0
 
 
-@inlined
-def filter_model(setting: Any, ratio: float) -> FilterModel:
-    """Return the model of the filters for a measurement whose variance over R is `ratio`."""
+@formula
+def filter_model(setting: Any, ratio: float, rare: bool | None) -> FilterModel:
+    """Return the model of the filters for a measurement whose variance over R is `ratio`. rare:
+    None leaves out the code of a robust likelihood.
+    """
+    freedom = None if rare is None else setting.freedom
     return FilterModel(
         setting.tau,
         setting.process_variance,
@@ -38,7 +41,7 @@ def filter_model(setting: Any, ratio: float) -> FilterModel:
         ratio * setting.variance_y,
         setting.stay_probability,
         setting.switch_probability,
-        setting.freedom,
+        freedom,
         setting.exact_anchor,
     )
 
@@ -64,7 +67,7 @@ def bank_arrays(bank: Any, radii_count: int, axes: int = 1, blocks: int | None =
     return bank(**arrays)
 
 
-@internal
+@formula
 def mode_type(mode: int, radii_count: int) -> int:
     """Return the type of a mode: 0 straight, 1 left, 2 right."""
     return 0 if mode == 0 else (1 if mode <= radii_count else 2)
@@ -82,13 +85,13 @@ def signed_radius(hypothesis: int, radii: FloatArray) -> float:
     )
 
 
-@internal
+@formula
 def radius_column(hypothesis: int, radii_count: int) -> int:
     """Return the column of `covariances` and `gains` of a hypothesis."""
     return hypothesis - radii_count if hypothesis > radii_count else hypothesis
 
 
-@internal
+@formula
 def set_estimate(kalman: Any, lane: int, estimate: State) -> None:
     """Set the estimate [x, vx, y, vy] of a filter without its covariance and centre."""
     kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane] = estimate
@@ -116,7 +119,7 @@ def likeliest_of_type(hypotheses: Records, lane: int, mode: int) -> int:
     return best
 
 
-@internal
+@formula
 def estimate_of(hypotheses: Records, hypothesis: int, lane: int) -> State:
     """Return the estimate [x, vx, y, vy] of one hypothesis [m, m/s]."""
     kalman = hypotheses[hypothesis]

@@ -29,9 +29,9 @@ import numpy as np
 
 from hybrid_env.core.banks.bank import filter_model, set_estimate, signed_radius
 from hybrid_env.core.banks.kalman import weigh
-from hybrid_env.core.banks.mixture import NEGLIGIBLE, merge, mixture_of_two, normalize
-from hybrid_env.core.banks.sensing import LARGEST, correct_by_sensors
-from hybrid_env.core.compilation import inlined, internal
+from hybrid_env.core.banks.mixture import NEGLIGIBLE, merge, normalize
+from hybrid_env.core.banks.sensing import DIVERGED, LARGEST, correct_by_sensors
+from hybrid_env.core.compilation import formula, inlined, internal
 from hybrid_env.core.elementary import exp, log, sine_cosine
 from hybrid_env.core.memory import (
     FloatArray,
@@ -39,20 +39,18 @@ from hybrid_env.core.memory import (
     Records,
     State,
     Triangle4,
-    block_reader,
-    reader,
     state_of,
     triangle_of,
     write_lane,
 )
 from hybrid_env.core.motion import LARGEST_ANGLE
-
-# Log-likelihood of a tick in which a filter diverges.
-DIVERGED = -1e3
+from hybrid_env.core.vectors import choose, combination, minus_square
 
 
-imm_banks = reader(ImmBank)
-imm_of_block = block_reader(ImmBank)
+@internal
+def of_block(banks: ImmBank, b: int) -> ImmBank:
+    """Return the bank of one block from those of all blocks."""
+    return ImmBank(banks.hypotheses[b], banks.innovations, banks.sums)
 
 
 @inlined
@@ -105,7 +103,7 @@ def predict_covariance(p: Triangle4, turn: State, process_variance: float) -> Tr
     )
 
 
-@inlined
+@formula
 def condition_x(p: Triangle4, inverse: float, variance: float) -> Triangle4:
     """Return the corrected covariance P - K H P after a measurement of x with variance R. inverse:
     1 / innovation variance [1/m^2].
@@ -154,32 +152,25 @@ def begin_imm(bank: ImmBank, block: Any, lane: int, known: int) -> None:
         kalman.log_likelihood[lane] = 0.0
 
 
-@inlined
+@formula
 def mix(kalman: Any, block: Any, lane: int, model: Any) -> tuple[float, State, Triangle4]:
     """Return the prior probability of a mode in the tick, and its mixed initial condition."""
-    merged_x, merged_u, merged_y, merged_v = state_of(block.estimate, lane)
     probability = exp(max(kalman.log_probability[lane], NEGLIGIBLE))
     from_itself = (model.stay_probability - model.switch_probability) * probability
     prior = from_itself + model.switch_probability
     weight = from_itself / prior
-    difference = (
-        kalman.x[lane] - merged_x,
-        kalman.vx[lane] - merged_u,
-        kalman.y[lane] - merged_y,
-        kalman.vy[lane] - merged_v,
-    )
-    mean = (
-        merged_x + weight * difference[0],
-        merged_u + weight * difference[1],
-        merged_y + weight * difference[2],
-        merged_v + weight * difference[3],
-    )
-    mine = triangle_of(kalman.covariance, lane)
-    merged = triangle_of(block.covariance, lane)
-    return prior, mean, mixture_of_two(weight, mine, merged, difference)
+    rest = 1.0 - weight
+    merged = state_of(block.estimate, lane)
+    estimate = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
+    difference = combination((1.0, -1.0), (estimate, merged))
+    mean = combination((1.0, weight), (merged, difference))
+    # The covariance of a mixture of two normal distributions.
+    covariances = triangle_of(kalman.covariance, lane), triangle_of(block.covariance, lane)
+    within = combination((weight, rest), covariances)
+    return prior, mean, minus_square(within, difference, -(weight * rest))
 
 
-@inlined
+@formula
 def predict(mean: State, mixed: Triangle4, curvature: float, model: Any) -> tuple[State, Triangle4]:
     """Return the predicted estimate of a filter and its covariance; curvature: 1 / radius,
     positive to the left.
@@ -203,27 +194,23 @@ def _step_hypothesis(
     last: int,
     curvature: float,
     model: Any,
-    freedom: float | None,
 ) -> None:
     """Mix, predict and correct one filter of lanes first .. last - 1, without normalizing its
     probability.
     """
-    P = kalman.covariance
     variance_x, variance_y = model.variance_x, model.variance_y
     for lane in range(first, last):
         prior, mean, mixed = mix(kalman, block, lane, model)
-        x, u, y, v = mean
         moved, predicted = predict(mean, mixed, curvature, model)
-        new_x, new_u, new_y, new_v = moved
         # Sequential corrections by x and y; the product of both densities is the joint density.
         sigma_x = predicted[0] + variance_x
         inverse_x = 1.0 / sigma_x
-        innovation_x = block.measurement[0, lane] - new_x
+        innovation_x = block.measurement[0, lane] - moved[0]
         gain_x = innovation_x * inverse_x
         after_x = exchange_axes(condition_x(predicted, inverse_x, variance_x))
         sigma_y = after_x[0] + variance_y
         inverse_y = 1.0 / sigma_y
-        innovation_y = block.measurement[1, lane] - (new_y + predicted[2] * gain_x)
+        innovation_y = block.measurement[1, lane] - (moved[2] + predicted[2] * gain_x)
         gain_y = innovation_y * inverse_y
         corrected = exchange_axes(condition_x(after_x, inverse_y, variance_y))
         white_x = innovation_x * math.sqrt(inverse_x)
@@ -234,17 +221,14 @@ def _step_hypothesis(
         valid = (
             (sigma_x + sigma_y < LARGEST * LARGEST)
             & (predicted[4] + predicted[9] < LARGEST * LARGEST)
-            & (abs(innovation_x) + abs(innovation_y) + abs(new_u) + abs(new_v) < LARGEST)
+            & (abs(innovation_x) + abs(innovation_y) + abs(moved[1]) + abs(moved[3]) < LARGEST)
         )
-        weight, likelihood = weigh(white_x, white_y, log_variance, freedom)
-        gain_x, gain_y = weight * gain_x, weight * gain_y
-        kalman.x[lane] = new_x + predicted[0] * gain_x + after_x[2] * gain_y if valid else x
-        kalman.vx[lane] = new_u + predicted[1] * gain_x + after_x[3] * gain_y if valid else u
-        kalman.y[lane] = new_y + predicted[2] * gain_x + after_x[0] * gain_y if valid else y
-        kalman.vy[lane] = new_v + predicted[3] * gain_x + after_x[1] * gain_y if valid else v
-        for k in range(10):
-            P[k, lane] = corrected[k] if valid else mixed[k]
-        likelihood = likelihood if valid else DIVERGED
+        weight, likelihood = weigh(white_x, white_y, log_variance, model.freedom)
+        factors = 1.0, weight * gain_x, weight * gain_y
+        estimate = combination(factors, (moved, predicted[:4], after_x[2:4] + after_x[:2]))
+        set_estimate(kalman, lane, choose(valid, estimate, mean))
+        write_lane(kalman.covariance, lane, choose(valid, corrected, mixed))
+        likelihood = likelihood if valid else -DIVERGED
         innovation.white_x[lane] = white_x if valid else 0.0
         innovation.white_y[lane] = white_y if valid else 0.0
         innovation.log_variance[lane] = log_variance if valid else 0.0
@@ -275,20 +259,7 @@ def step_imm(
     for h in range(bank.hypotheses.size):
         kalman = bank.hypotheses[h]
         innovation = bank.innovations[h]
-        curvature = _curvature(h, radii)
-        if model.freedom > 0.0:
-            _step_hypothesis(
-                kalman,
-                innovation,
-                block,
-                first,
-                last,
-                curvature,
-                model,
-                model.freedom,
-            )
-        else:
-            _step_hypothesis(kalman, innovation, block, first, last, curvature, model, None)
+        _step_hypothesis(kalman, innovation, block, first, last, _curvature(h, radii), model)
     normalize(bank, first, last)
     merge(bank, block, first, last)
 
@@ -329,48 +300,14 @@ def correct_imm(bank: ImmBank, block: Any, lane: int, sensors: Records, model: A
     for h in range(bank.hypotheses.size):
         kalman = bank.hypotheses[h]
         innovation = bank.innovations[h]
-        state = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane], 0.0, 0.0, 0.0
-        xx, xu, xy, xv, uu, uy, uv, yy, yv, vv = triangle_of(kalman.covariance, lane)
-        p = (
-            xx,
-            xu,
-            xy,
-            xv,
-            0.0,
-            0.0,
-            0.0,
-            uu,
-            uy,
-            uv,
-            0.0,
-            0.0,
-            0.0,
-            yy,
-            yv,
-            0.0,
-            0.0,
-            0.0,
-            vv,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-        )
+        state = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
+        p = triangle_of(kalman.covariance, lane)
         corrected, q, measured, valid = correct_by_sensors(state, p, block, lane, sensors, model)
-        set_estimate(kalman, lane, (corrected[0], corrected[1], corrected[2], corrected[3]))
-        write_lane(
-            kalman.covariance,
-            lane,
-            (q[0], q[1], q[2], q[3], q[7], q[8], q[9], q[13], q[14], q[18]),
-        )
+        set_estimate(kalman, lane, corrected)
+        write_lane(kalman.covariance, lane, q)
         innovation.white_x[lane], innovation.white_y[lane] = measured[0], measured[1]
         innovation.log_variance[lane] = measured[2]
-        likelihood = measured[3] if valid else DIVERGED
+        likelihood = measured[3] if valid else -DIVERGED
         kalman.log_likelihood[lane] = likelihood
         kalman.log_probability[lane] += likelihood
     normalize(bank, np.uint64(lane), np.uint64(lane + 1))
@@ -383,7 +320,8 @@ def step_imm_irregular(
     block: Any,
     first: int,
     last: int,
-    arrays: Any,
+    radii: FloatArray,
+    sensors: Records,
     setting: Any,
 ) -> None:
     """Advance every filter where measurements may be missing or of different variances, lane by
@@ -391,11 +329,11 @@ def step_imm_irregular(
     """
     for lane in range(first, last):
         missing = math.isnan(block.measurement[0, lane])
-        model = filter_model(setting, 1.0)
+        model = filter_model(setting, 1.0, True)
         if missing or setting.radar:
-            predict_imm(bank, block, lane, arrays.radii, model)
+            predict_imm(bank, block, lane, radii, model)
             if not missing:
-                correct_imm(bank, block, lane, arrays.sensors, model)
+                correct_imm(bank, block, lane, sensors, model)
         else:
-            of_tick = filter_model(setting, block.noise[0, lane])
-            step_imm(bank, block, np.uint64(lane), np.uint64(lane + 1), arrays.radii, of_tick)
+            of_tick = filter_model(setting, block.noise[0, lane], True)
+            step_imm(bank, block, np.uint64(lane), np.uint64(lane + 1), radii, of_tick)

@@ -6,7 +6,7 @@ vv) [m^2, m^2/s, m^2/s^2].
 
 import math
 
-from hybrid_env.core.compilation import inlined
+from hybrid_env.core.compilation import formula, inlined
 from hybrid_env.core.elementary import log
 
 LOG_TWO_PI = math.log(2.0 * math.pi)
@@ -65,7 +65,7 @@ def correct_covariance(
     return gain_x * variance, gain_v * variance, vv
 
 
-@inlined
+@formula
 def log_likelihood(white_x: float, white_y: float, log_variance: float) -> float:
     """Return the log-likelihood ln N(innovation; 0, Sigma) of one tick, whose differences between
     hypotheses are the ratios of Golubkov 2018, eq. (4), from the whitened innovation and ln of its
@@ -74,7 +74,7 @@ def log_likelihood(white_x: float, white_y: float, log_variance: float) -> float
     return -(LOG_TWO_PI + log_variance + 0.5 * (white_x * white_x + white_y * white_y))
 
 
-@inlined
+@formula
 def student_log_likelihood(
     white_x: float,
     white_y: float,
@@ -88,7 +88,7 @@ def student_log_likelihood(
     return -(LOG_TWO_PI + log_variance + 0.5 * (freedom + 2.0) * log(1.0 + distance / freedom))
 
 
-@inlined
+@formula
 def student_weight(white_x: float, white_y: float, freedom: float) -> float:
     """Return the weight of a correction, (freedom + 2) / (freedom + d^2), d^2 the squared whitened
     innovation: the expected precision of the measurement relative to the assumed one. Lange, Little
@@ -97,7 +97,7 @@ def student_weight(white_x: float, white_y: float, freedom: float) -> float:
     return min((freedom + 2.0) / (freedom + white_x * white_x + white_y * white_y), 1.0)
 
 
-@inlined
+@formula
 def weigh(
     white_x: float,
     white_y: float,
@@ -105,14 +105,14 @@ def weigh(
     freedom: float | None,
 ) -> tuple[float, float]:
     """Return the weight of the correction by a measurement, and the log-likelihood of its
-    innovation. With a freedom, None is normal, innovations have a Student t distribution whose
-    scale matrix is the innovation variance, and the correction is weighted as in Agamennoni, Nieto
-    & Nebot 2012, "Approximate inference in state-space models with heavy-tailed noise", with one
-    iteration; the covariances stay those of the Kalman filter.
+    innovation. With a freedom > 0 innovations have a Student t distribution whose scale matrix is
+    the innovation variance, and the correction is weighted as in Agamennoni, Nieto & Nebot 2012,
+    "Approximate inference in state-space models with heavy-tailed noise", with one iteration; the
+    covariances stay those of the Kalman filter.
     """
-    if freedom is None:
-        return 1.0, log_likelihood(white_x, white_y, log_variance)
-    return (
-        student_weight(white_x, white_y, freedom),
-        student_log_likelihood(white_x, white_y, log_variance, freedom),
-    )
+    if freedom is not None and freedom > 0.0:
+        return (
+            student_weight(white_x, white_y, freedom),
+            student_log_likelihood(white_x, white_y, log_variance, freedom),
+        )
+    return 1.0, log_likelihood(white_x, white_y, log_variance)

@@ -8,12 +8,23 @@ from typing import Any
 
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.bank import estimate_of, likeliest
-from hybrid_env.core.compilation import inlined, internal
+from hybrid_env.core.compilation import internal
 from hybrid_env.core.elementary import exp, log
-from hybrid_env.core.memory import FloatArray, Records, State, Triangle4
+from hybrid_env.core.memory import (
+    FloatArray,
+    Records,
+    State,
+    Triangle4,
+    state_of,
+    triangle_of,
+    write_lane,
+)
+from hybrid_env.core.vectors import combination, minus_square
 
 # Smaller log probabilities count as this one.
 NEGLIGIBLE = -700.0
+
+NOTHING: Triangle4 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @internal
@@ -44,56 +55,27 @@ def normalize(bank: Any, first: int, last: int) -> None:
 @internal
 def merge(bank: Any, block: Any, first: int, last: int) -> None:
     """Write the mean and the covariance of the mixture of all filters to the block."""
-    estimate, covariance = block.estimate, block.covariance
     # Sums of differences lose no digits far from the origin.
-    origin = bank.hypotheses[0]
     for lane in range(first, last):
-        estimate[0, lane], estimate[1, lane] = origin.x[lane], origin.vx[lane]
-        estimate[2, lane], estimate[3, lane] = origin.y[lane], origin.vy[lane]
-        for k in range(10):
-            covariance[k, lane] = 0.0
+        write_lane(block.estimate, lane, estimate_of(bank.hypotheses, 0, lane))
+        write_lane(block.covariance, lane, NOTHING)
     for h in range(1, bank.hypotheses.size):
         kalman = bank.hypotheses[h]
         for lane in range(first, last):
             weight = exp(max(kalman.log_probability[lane], NEGLIGIBLE))
-            estimate[0, lane] += weight * (kalman.x[lane] - origin.x[lane])
-            estimate[1, lane] += weight * (kalman.vx[lane] - origin.vx[lane])
-            estimate[2, lane] += weight * (kalman.y[lane] - origin.y[lane])
-            estimate[3, lane] += weight * (kalman.vy[lane] - origin.vy[lane])
+            vectors = estimate_of(bank.hypotheses, h, lane), estimate_of(bank.hypotheses, 0, lane)
+            difference = combination((1.0, -1.0), vectors)
+            mean = combination((1.0, weight), (state_of(block.estimate, lane), difference))
+            write_lane(block.estimate, lane, mean)
     for h in range(bank.hypotheses.size):
         kalman = bank.hypotheses[h]
-        P = kalman.covariance
         for lane in range(first, last):
             weight = exp(max(kalman.log_probability[lane], NEGLIGIBLE))
-            a = kalman.x[lane] - estimate[0, lane]
-            b = kalman.vx[lane] - estimate[1, lane]
-            c = kalman.y[lane] - estimate[2, lane]
-            d = kalman.vy[lane] - estimate[3, lane]
-            products = a * a, a * b, a * c, a * d, b * b, b * c, b * d, c * c, c * d, d * d
-            for k in range(10):
-                covariance[k, lane] += weight * (P[k, lane] + products[k])
-
-
-@inlined
-def mixture_of_two(
-    weight: float, mine: Triangle4, merged: Triangle4, difference: State
-) -> Triangle4:
-    """Return the covariance of a mixture of two normal distributions. weight: of the first."""
-    rest = 1.0 - weight
-    a, b, c, d = difference
-    spread = weight * rest
-    return (
-        weight * mine[0] + rest * merged[0] + spread * a * a,
-        weight * mine[1] + rest * merged[1] + spread * a * b,
-        weight * mine[2] + rest * merged[2] + spread * a * c,
-        weight * mine[3] + rest * merged[3] + spread * a * d,
-        weight * mine[4] + rest * merged[4] + spread * b * b,
-        weight * mine[5] + rest * merged[5] + spread * b * c,
-        weight * mine[6] + rest * merged[6] + spread * b * d,
-        weight * mine[7] + rest * merged[7] + spread * c * c,
-        weight * mine[8] + rest * merged[8] + spread * c * d,
-        weight * mine[9] + rest * merged[9] + spread * d * d,
-    )
+            vectors = estimate_of(bank.hypotheses, h, lane), state_of(block.estimate, lane)
+            difference = combination((1.0, -1.0), vectors)
+            square = minus_square(triangle_of(kalman.covariance, lane), difference, -1.0)
+            sums = combination((1.0, weight), (triangle_of(block.covariance, lane), square))
+            write_lane(block.covariance, lane, sums)
 
 
 @internal
@@ -101,19 +83,12 @@ def merged_estimate(hypotheses: Records, lane: int) -> State:
     """Return the posterior mean [x, vx, y, vy] of a lane [m, m/s]."""
     largest = hypotheses[likeliest(hypotheses, lane)].log_likelihood[lane]
     total = 0.0
-    x = 0.0
-    vx = 0.0
-    y = 0.0
-    vy = 0.0
+    sums = 0.0, 0.0, 0.0, 0.0
     for h in range(hypotheses.size):
         weight = math.exp(hypotheses[h].log_likelihood[lane] - largest)
-        estimate = estimate_of(hypotheses, h, lane)
         total += weight
-        x += weight * estimate[0]
-        vx += weight * estimate[1]
-        y += weight * estimate[2]
-        vy += weight * estimate[3]
-    return x / total, vx / total, y / total, vy / total
+        sums = combination((1.0, weight), (sums, estimate_of(hypotheses, h, lane)))
+    return sums[0] / total, sums[1] / total, sums[2] / total, sums[3] / total
 
 
 @internal
@@ -122,19 +97,13 @@ def write_merged_covariance(bank: Any, lane: int, mean: State, covariance: Float
     hypotheses = bank.hypotheses
     largest = hypotheses[likeliest(hypotheses, lane)].log_likelihood[lane]
     total = 0.0
-    for k in range(covariance.shape[0]):
-        covariance[k, lane] = 0.0
+    sums = NOTHING
     for h in range(hypotheses.size):
         weight = math.exp(hypotheses[h].log_likelihood[lane] - largest)
         total += weight
-        estimate = estimate_of(hypotheses, h, lane)
-        entries = operations.covariance(bank, h, lane)
-        k = 0
-        for row in range(4):
-            deviation = estimate[row] - mean[row]
-            for column in range(row, 4):
-                product = deviation * (estimate[column] - mean[column])
-                covariance[k, lane] += weight * (entries[k] + product)
-                k += 1
+        deviation = combination((1.0, -1.0), (estimate_of(hypotheses, h, lane), mean))
+        square = minus_square(operations.covariance(bank, h, lane), deviation, -1.0)
+        sums = combination((1.0, weight), (sums, square))
+    write_lane(covariance, lane, sums)
     for k in range(covariance.shape[0]):
         covariance[k, lane] /= total

@@ -12,10 +12,9 @@ from hybrid_env.core.banks.kalman import (
     correct_covariance,
     kalman_gain,
     predict_covariance,
-    student_weight,
     weigh,
 )
-from hybrid_env.core.compilation import inlined, internal
+from hybrid_env.core.compilation import formula, inlined, internal
 from hybrid_env.core.elementary import log
 from hybrid_env.core.memory import (
     FloatArray,
@@ -23,8 +22,6 @@ from hybrid_env.core.memory import (
     Records,
     State,
     Triangle4,
-    block_reader,
-    reader,
 )
 from hybrid_env.core.motion import (
     bank_turn_rate,
@@ -34,12 +31,20 @@ from hybrid_env.core.motion import (
     turn_centre,
 )
 
-published_banks = reader(PublishedBank)
-published_of_block = block_reader(PublishedBank)
+
+@internal
+def of_block(banks: PublishedBank, b: int) -> PublishedBank:
+    """Return the bank of one block from those of all blocks."""
+    return PublishedBank(
+        banks.hypotheses[b],
+        banks.covariances[b],
+        banks.innovations,
+        banks.gains,
+    )
 
 
 @internal
-def begin_published(
+def begin(
     bank: PublishedBank,
     lane: int,
     anchor: State,
@@ -71,7 +76,7 @@ def begin_published(
         kalman.centre_x[lane], kalman.centre_y[lane] = centre_x, centre_y
 
 
-@inlined
+@formula
 def _predicted(shared: Any, lane: int, process_variance: float) -> tuple[float, float, float]:
     """Return the predicted covariance of one radius and axis."""
     return predict_covariance(
@@ -83,7 +88,7 @@ def _predicted(shared: Any, lane: int, process_variance: float) -> tuple[float, 
     )
 
 
-@inlined
+@formula
 def _step_covariance(
     shared: Any,
     gain: Any,
@@ -104,7 +109,7 @@ def _step_covariance(
     return innovation_variance
 
 
-@inlined
+@formula
 def predict_estimate(kalman: Any, shared: Any, lane: int) -> State:
     """Return the predicted estimate [x, vx, y, vy] of a filter. Golubkov 2018, eq. (2)."""
     C = shared.cosine[lane]
@@ -115,7 +120,7 @@ def predict_estimate(kalman: Any, shared: Any, lane: int) -> State:
     return x, vx, y, vy
 
 
-@inlined
+@formula
 def _correct_estimate(
     kalman: Any,
     predicted: State,
@@ -173,7 +178,7 @@ def _step_estimates(
 
 
 @internal
-def step_published(
+def step(
     bank: PublishedBank,
     first: int,
     last: int,
@@ -199,14 +204,11 @@ def step_published(
                 )
                 gain.whitener[lane] = math.sqrt(1.0 / innovation_variance)
                 gain.log_variance[lane] = log(innovation_variance)
-    if model.freedom > 0.0:
-        _step_estimates(bank, first, last, measurement, model.freedom)
-    else:
-        _step_estimates(bank, first, last, measurement, None)
+    _step_estimates(bank, first, last, measurement, model.freedom)
 
 
 @internal
-def follow_published(
+def follow(
     bank: PublishedBank,
     lane: int,
     hypothesis: int,
@@ -223,24 +225,32 @@ def follow_published(
         shared = bank.covariances[axis, column]
         gain = bank.gains[axis, column]
         innovation_variance = _step_covariance(shared, gain, lane, model.process_variance, variance)
-        if model.freedom > 0.0:
-            gain.whitener[lane] = math.sqrt(1.0 / innovation_variance)
+        gain.whitener[lane] = math.sqrt(1.0 / innovation_variance)
     gain_x = bank.gains[0, column]
     gain_y = bank.gains[axes - 1, column]
     kalman = bank.hypotheses[hypothesis]
     predicted = predict_estimate(kalman, bank.covariances[0, column], lane)
     x = measurement[0, lane] - predicted[0]
     y = measurement[1, lane] - predicted[2]
-    if model.freedom > 0.0:
-        weight = student_weight(x * gain_x.whitener[lane], y * gain_y.whitener[lane], model.freedom)
-        x, y = weight * x, weight * y
-    _correct_estimate(kalman, predicted, gain_x, gain_y, lane, x, y)
+    white_x = x * gain_x.whitener[lane]
+    white_y = y * gain_y.whitener[lane]
+    weight, _ = weigh(white_x, white_y, 0.0, model.freedom)
+    _correct_estimate(kalman, predicted, gain_x, gain_y, lane, weight * x, weight * y)
 
 
 @internal
-def predict_published(bank: PublishedBank, lane: int, model: Any) -> None:
+def sense(
+    bank: PublishedBank,
+    lane: int,
+    first: int,
+    last: int,
+    block: Any,
+    sensors: Records,
+    model: Any,
+) -> None:
     """Advance every filter of a lane by one tick without a measurement: only the prediction of
-    eq. (2).
+    eq. (2). With a radar the bank is the anchor-aware one with an exact anchor, because the axes
+    are not independent.
     """
     axes, columns = bank.covariances.shape
     for axis in range(axes):
@@ -263,21 +273,7 @@ def predict_published(bank: PublishedBank, lane: int, model: Any) -> None:
 
 
 @internal
-def correct_published(
-    bank: PublishedBank,
-    lane: int,
-    hypothesis: int,
-    block: Any,
-    sensors: Records,
-    model: Any,
-) -> None:
-    """With a radar the bank is the anchor-aware one with an exact anchor: the axes are not
-    independent.
-    """
-
-
-@internal
-def predicted_position_published(
+def predicted_position(
     bank: PublishedBank,
     hypothesis: int,
     lane: int,
@@ -295,7 +291,7 @@ def predicted_position_published(
 
 
 @internal
-def covariance_published(bank: PublishedBank, hypothesis: int, lane: int) -> Triangle4:
+def covariance(bank: PublishedBank, hypothesis: int, lane: int) -> Triangle4:
     """Return the covariance of [x, vx, y, vy] of one hypothesis, upper triangle row by row."""
     axes, columns = bank.covariances.shape
     column = radius_column(hypothesis, columns - 1)

@@ -1,8 +1,7 @@
 """The correction of a filter by what the sensors measure: a position with any covariance, and range
 rates. It is corrected by the coordinates along the principal axes of the position's covariance,
 whose errors are independent, and then by one range rate after the other, linearised at the estimate
-corrected so far. A filter has the seven states of `extended_kalman`; one of four states is embedded
-in it.
+corrected so far. A filter has four states, or the seven of `extended_kalman`.
 """
 
 import math
@@ -10,20 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_env.core.banks.extended_kalman import Triangle7, Vector7, condition
 from hybrid_env.core.banks.kalman import LOG_TWO_PI
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import log
 from hybrid_env.core.memory import MOST_RATES, FloatArray, Records, State
 from hybrid_env.core.polar import range_rate
-
-Scalar = tuple[float, float, bool]
-"""Whitened innovation, logarithm of its variance, and False if the filter has diverged."""
+from hybrid_env.core.vectors import Vector, combination, minus_square, rows_of
 
 # [m] or [m/s]; a filter with larger values has diverged.
 LARGEST = 1e12
 # Tolerance of a negative variance, relative to the predicted variance.
 ROUNDING = 1e-6
+# Decrease of the log-likelihood in a tick of a diverged filter.
+DIVERGED = 1e3
 
 
 @internal
@@ -59,57 +57,42 @@ def principal_axes(xx: float, xy: float, yy: float) -> State:
 
 @internal
 def correct_scalar(
-    state: Vector7,
-    p: Triangle7,
+    state: Vector,
+    p: Vector,
     h: State,
     innovation: float,
     variance: float,
-) -> tuple[Vector7, Triangle7, Scalar]:
+) -> tuple[Vector, Vector, tuple[float, float, bool]]:
     """Correct a filter by a measurement h . [x, vx, y, vy] with a variance; return it with the
-    innovation.
+    whitened innovation, the logarithm of its variance, and False if the filter has diverged.
     """
     a, b, c, d = h
-    k = (
-        a * p[0] + b * p[1] + c * p[2] + d * p[3],
-        a * p[1] + b * p[7] + c * p[8] + d * p[9],
-        a * p[2] + b * p[8] + c * p[13] + d * p[14],
-        a * p[3] + b * p[9] + c * p[14] + d * p[18],
-        a * p[4] + b * p[10] + c * p[15] + d * p[19],
-        a * p[5] + b * p[11] + c * p[16] + d * p[20],
-        a * p[6] + b * p[12] + c * p[17] + d * p[21],
-    )
+    rows = rows_of(p)
+    k = combination(h, rows[:4])
     sigma = a * k[0] + b * k[1] + c * k[2] + d * k[3] + variance
     inverse = 1.0 / sigma
-    left = condition(p, k, inverse)
+    corrected = minus_square(p, k, inverse)
+    left = rows_of(corrected)
     # These comparisons are False for NaN and for values that would lead to NaN.
     valid = (
         (sigma > 0.5 * variance)
         & (sigma < LARGEST * LARGEST)
         & (abs(innovation) + abs(state[1]) + abs(state[3]) < LARGEST)
-        & (left[0] >= -ROUNDING * p[0])
-        & (left[7] >= -ROUNDING * p[7])
-        & (left[13] >= -ROUNDING * p[13])
-        & (left[18] >= -ROUNDING * p[18])
+        & (left[0][0] >= -ROUNDING * rows[0][0])
+        & (left[1][1] >= -ROUNDING * rows[1][1])
+        & (left[2][2] >= -ROUNDING * rows[2][2])
+        & (left[3][3] >= -ROUNDING * rows[3][3])
     )
     if not valid:
         return state, p, (0.0, 0.0, False)
-    gain = innovation * inverse
-    moved = (
-        state[0] + gain * k[0],
-        state[1] + gain * k[1],
-        state[2] + gain * k[2],
-        state[3] + gain * k[3],
-        state[4] + gain * k[4],
-        state[5] + gain * k[5],
-        state[6] + gain * k[6],
-    )
-    return moved, left, (innovation * math.sqrt(inverse), log(sigma), True)
+    moved = combination((1.0, innovation * inverse), (state, k))
+    return moved, corrected, (innovation * math.sqrt(inverse), log(sigma), True)
 
 
 @inlined
 def _rate_model(
-    state: Vector7,
-    p: Triangle7,
+    state: Vector,
+    p: Vector,
     rate: float,
     sensor: Any,
 ) -> tuple[State, float, float]:
@@ -121,22 +104,27 @@ def _rate_model(
     along_x = x / distance
     along_y = y / distance
     expected = range_rate(x, y, u, v)
-    across = along_y * along_y * p[0] - 2.0 * along_x * along_y * p[2] + along_x * along_x * p[13]
+    by_x, by_u, by_y, by_v = rows_of(p)[:4]
+    across = (
+        along_y * along_y * by_x[0]
+        - 2.0 * along_x * along_y * by_x[2]
+        + along_x * along_x * by_y[2]
+    )
     angle = min(max(across, 0.0) / (distance * distance), 1e6)
-    added = angle * (0.5 * angle * (u * u + v * v) + max(p[7], 0.0) + max(p[18], 0.0))
+    added = angle * (0.5 * angle * (u * u + v * v) + max(by_u[1], 0.0) + max(by_v[3], 0.0))
     h = (u - along_x * expected) / distance, along_x, (v - along_y * expected) / distance, along_y
     return h, rate - expected, sensor.rate_deviation * sensor.rate_deviation + added
 
 
 @internal
 def correct_by_sensors(
-    state: Vector7,
-    p: Triangle7,
+    state: Vector,
+    p: Vector,
     block: Any,
     lane: int,
     sensors: Records,
     model: Any,
-) -> tuple[Vector7, Triangle7, State, bool]:
+) -> tuple[Vector, Vector, State, bool]:
     """Correct a predicted filter by all that is measured in a tick: a position, and range rates of
     the sensors. Returns state, covariance, (whitened innovation x and y, mean logarithm of its
     variance, log-likelihood), and False if the filter has diverged: then state and covariance are
@@ -186,15 +174,8 @@ def correct_by_sensors(
     if model.freedom > 0.0:
         likelihood = -0.5 * (model.freedom + count) * log(1.0 + distance / model.freedom)
         w = min((model.freedom + count) / (model.freedom + distance), 1.0)
-        after = (
-            state[0] + w * (after[0] - state[0]),
-            state[1] + w * (after[1] - state[1]),
-            state[2] + w * (after[2] - state[2]),
-            state[3] + w * (after[3] - state[3]),
-            state[4] + w * (after[4] - state[4]),
-            state[5] + w * (after[5] - state[5]),
-            state[6] + w * (after[6] - state[6]),
-        )
+        change = combination((1.0, -1.0), (after, state))
+        after = combination((1.0, w), (state, change))
     if not valid:
         return state, p, (0.0, 0.0, 0.0, 0.0), False
     white_x = cosine * white_first - sine * white_second

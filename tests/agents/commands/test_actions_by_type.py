@@ -1,5 +1,5 @@
-"""Deciders declare hypotheses; in an environment whose actions are types they play, and are
-compared, all the same.
+"""Deciders declare hypotheses; in an environment whose actions are types they play all the
+same.
 """
 
 import gymnasium as gym
@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import agents
-from agents.cli import main
 from agents.evaluation.registry import for_actions
 from baselines.rules.external import as_decider
 from hybrid_env import ArgumentError, WorldOptions
@@ -60,21 +59,3 @@ def test_a_rule_that_declares_hypotheses_is_refused_where_an_action_declares_the
             as_decider(lambda rows: np.zeros(len(rows), int)),
             WorldOptions(actions="best"),
         )
-
-
-def test_deciders_are_compared_and_drawn_where_actions_are_types(tmp_path):
-    words = (
-        "--deciders ate msprt-type --agents shipped --episodes 6 --selection-episodes 6 --no-curves"
-    )
-    flags = [
-        "--env",
-        ENV,
-        *words.split(),
-        "--scheme",
-        SCHEME["scheme"],
-        "--out",
-        str(tmp_path / "results"),
-    ]
-
-    assert main(["compare", *flags]) == 0
-    assert (tmp_path / "results" / "episode.png").stat().st_size > 1000

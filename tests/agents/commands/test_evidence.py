@@ -2,18 +2,18 @@
 
 import numpy as np
 import pytest
-from gymnasium import spaces
+import torch
 
 from agents.evaluation.registry import load_decider
-from agents.learned.policy import PolicyDecider, make_policy
+from agents.learned.policy import Actor, PolicyDecider
 from hybrid_env import HybridTrackVectorEnv, Layout
 
 RADII = (3.0, 5.0, 8.0)
 TRACKS = 30
 
 
-def make_env(correctness="exact"):
-    return HybridTrackVectorEnv(TRACKS, radii=RADII, correctness=correctness, tick_info=False)
+def make_env():
+    return HybridTrackVectorEnv(TRACKS, radii=RADII, correctness="type", tick_info=False)
 
 
 def ticks_of(env, decider, count=60):
@@ -30,22 +30,14 @@ def ticks_of(env, decider, count=60):
 
 
 def policy_decider(actions, threshold):
-    space = spaces.Box(
-        -np.inf,
-        np.inf,
-        (Layout(7).width,),
-        np.float32,
-    )
-    return PolicyDecider(make_policy(space, spaces.Discrete(actions), {}), threshold)
+    width = Layout(7).width
+    torch.manual_seed(0)
+    return PolicyDecider(Actor(torch.nn.Linear(width, actions), width, actions), threshold)
 
 
-@pytest.mark.parametrize("correctness", ["exact", "type"])
-@pytest.mark.parametrize(
-    "name",
-    ["msprt:0.05", "msprt-type:0.05", "gap:3"],
-)
-def test_a_decider_declares_the_mode_whose_evidence_reaches_the_threshold(name, correctness):
-    env = make_env(correctness)
+@pytest.mark.parametrize("name", ["msprt:0.05", "msprt-type:0.05", "gap:3"])
+def test_a_decider_declares_the_mode_whose_evidence_reaches_the_threshold(name):
+    env = make_env()
     decider = load_decider(name, env.options)
     (level,) = decider.panel().thresholds.values()
     declared = 0

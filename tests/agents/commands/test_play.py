@@ -15,8 +15,6 @@ from baselines.recordings.reading.read import read_recordings
 from baselines.rules.external import as_decider
 from hybrid_env.checks import ArgumentError
 from hybrid_env.rendering import FRAME_SIZE
-from hybrid_env.rendering.history import ACTIVE
-from hybrid_env.rendering.window import Renderer
 
 SCHEME = "S8 L8r5"
 # fixed:5 waits for four ticks of each segment and declares at the fifth.
@@ -101,9 +99,10 @@ def test_a_png_shows_the_finished_episode_with_the_evidence_of_the_decider(tmp_p
     play(out=tmp_path / "episode.png", env=env_id, decider=name)
     env, panel, stated, true = played(env_id, name)
     if env_id == STATED:
-        np.testing.assert_array_equal(env.history.trace[:, ACTIVE], stated)
+        np.testing.assert_array_equal(env.history.stated, stated)
         np.testing.assert_array_equal(env.history.true_modes, true)
-    frame = Renderer(env.options, False, panel).draw(env.history)
+    env.history.panel = panel
+    frame = env.history.draw()
     with Image.open(tmp_path / "episode.png") as picture:
         np.testing.assert_array_equal(np.asarray(picture), frame)
 
@@ -159,7 +158,7 @@ def test_an_error_during_the_episode_keeps_the_old_file_and_leaves_no_other(
     assert (tmp_path / name).read_bytes() == b"old"
 
 
-def test_closing_the_window_ends_the_command(tmp_path, monkeypatch, capsys):
+def test_closing_the_window_ends_the_command(monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     import pygame
 
@@ -168,8 +167,7 @@ def test_closing_the_window_ends_the_command(tmp_path, monkeypatch, capsys):
         lambda: pygame.event.post(pygame.event.Event(pygame.QUIT)),
     )
     use(monkeypatch, decider)
-    play(record=tmp_path / "episode.csv")
+    play()
 
     assert decider.calls == 2
-    assert list(tmp_path.iterdir()) == []
     assert not pygame.display.get_init()

@@ -3,15 +3,13 @@
 import numpy as np
 import pytest
 
-from agents.evaluation.announced import AnnouncedTask
 from agents.evaluation.registry import find_decider
-from agents.evaluation.task import sweep
-from agents.evaluation.unknown import UnknownTask
+from agents.evaluation.task import sweep, task_of
 from baselines import FixedTimeDecider, ThresholdDecider, measure_statements, record_statements
 from baselines.rules.rollout import evaluate
 
-ANNOUNCED = AnnouncedTask("hybrid_env:HybridTrackPublished-v0", {"scheme": "random 3x20-40"})
-UNKNOWN = UnknownTask(
+ANNOUNCED = task_of("hybrid_env:HybridTrackPublished-v0", {"scheme": "random 3x20-40"})
+UNKNOWN = task_of(
     "hybrid_env:HybridTrackQuickest-v0",
     {"ticks": 120, "durations": "uniform 20-40"},
 )
@@ -27,8 +25,14 @@ CASES = [
 def test_scores_of_announced_switches_are_those_of_recorded_decisions():
     scores = sweep(ANNOUNCED, FIXED, 20, 3)
     for index, ticks in enumerate((5, 20)):
-        decisions = evaluate(FixedTimeDecider(ticks), ANNOUNCED.env_id, 20, 3, **ANNOUNCED.given)
-        np.testing.assert_array_equal(scores.values[..., index], decisions.figures)
+        decisions = evaluate(
+            FixedTimeDecider(ticks),
+            ANNOUNCED.env_id,
+            20,
+            3,
+            **ANNOUNCED.given,
+        )
+        np.testing.assert_array_equal(scores.values[..., index], decisions.values)
         confusion = scores.extra["confusion"][index]
         assert confusion.sum() == decisions.correct.size
         assert confusion.trace() == decisions.correct.sum()
@@ -49,10 +53,22 @@ def test_scores_of_unknown_switches_are_those_of_recorded_statements():
 
 def test_a_beam_computes_its_thresholds_at_once_with_the_same_statements():
     beam = find_decider("beam", UNKNOWN.options)
-    together = sweep(UNKNOWN, beam, 9, 2, thresholds=(0.0, 0.6, 0.9))
-    for index, threshold in enumerate(together.thresholds):
-        apart = sweep(UNKNOWN, beam, 9, 2, thresholds=(threshold,))
-        np.testing.assert_array_equal(together.values[..., index], apart.values[..., 0])
+    at_once = sweep(
+        UNKNOWN,
+        beam,
+        9,
+        2,
+        thresholds=(0.0, 0.6, 0.9),
+    )
+    for index, threshold in enumerate(at_once.thresholds):
+        apart = sweep(
+            UNKNOWN,
+            beam,
+            9,
+            2,
+            thresholds=(threshold,),
+        )
+        np.testing.assert_array_equal(at_once.values[..., index], apart.values[..., 0])
 
 
 @pytest.mark.parametrize(("task", "deciders"), CASES)
@@ -62,7 +78,15 @@ def test_batches_do_not_change_scores(task, deciders, monkeypatch):
     for size in (None, 4):
         if size is not None:
             monkeypatch.setattr(type(task), "batch", lambda self: 4)
-        scored.append(sweep(task, deciders, 10, 3, shares.append))
+        scored.append(
+            sweep(
+                task,
+                deciders,
+                10,
+                3,
+                shares.append,
+            )
+        )
 
     np.testing.assert_array_equal(scored[0].values, scored[1].values)
     for name, array in scored[0].extra.items():

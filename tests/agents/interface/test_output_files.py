@@ -9,7 +9,6 @@ from safetensors.torch import save_file
 from agents.interface.output_files import (
     PART_PREFIX,
     atomic_file,
-    write_json,
 )
 from hybrid_env.checks import ArgumentError
 
@@ -32,19 +31,6 @@ def test_a_planted_link_is_not_followed(tmp_path, monkeypatch):
 
     assert "File exists" in one_line(caught)
     assert victim.read_text() == "untouched"
-
-
-@pytest.mark.parametrize(
-    "target",
-    [Path("/dev/null"), Path("/")],
-)
-def test_a_folder_or_a_device_is_not_replaced(target):
-    before = target.stat()
-    with pytest.raises(ArgumentError) as caught:
-        write_json(target, 1)
-
-    assert "not a folder or device" in one_line(caught)
-    assert target.stat().st_mode == before.st_mode
 
 
 def full_disk(part: Path) -> None:

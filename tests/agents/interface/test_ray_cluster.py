@@ -37,18 +37,12 @@ def node_after(seconds, number):
 @pytest.mark.study
 def test_a_killed_node_changes_no_byte(nodes):
     cluster, second = nodes
-    workers = Workers(2, "ray")
-    calls = {number: functools.partial(node_after, 0.5, number) for number in range(4)}
-    results = [result for _, result in workers.results(calls)]
-
-    assert [number for number, _ in results] == list(range(4))
-    assert len({node for _, node in results}) == 2
-
+    workers = Workers(jobs=2, engine="ray")
     study = {
         R: functools.partial(evaluate, "msprt", episodes=200, measurement_variance=R)
         for R in (0.01, 0.1, 1.0)
     }
-    expected = list(Workers().results(study))
+    expected = list(Workers(jobs=1).results(study))
     slow = {number: functools.partial(node_after, 4.0, number) for number in range(4)}
     killer = threading.Timer(2.0, lambda: cluster.remove_node(second, allow_graceful=False))
     killer.start()

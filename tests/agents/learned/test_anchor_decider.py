@@ -1,4 +1,4 @@
-"""The anchor agent: invariances, which the learned stop shares, loss and decisions."""
+"""The anchor agent: invariances, loss and decisions."""
 
 import functools
 from dataclasses import replace
@@ -10,9 +10,9 @@ from online_episodes import COMMON, same_as_announced
 from scipy.stats import multivariate_normal
 
 from agents.evaluation.registry import load_decider
-from agents.learned.anchor_decider import AnchorDecider, AnchorNetworks, errors_and_best
-from agents.learned.anchor_net import Scales
-from agents.learned.stopping_decider import StoppingDecider, StoppingNetworks
+from agents.learned.anchor_decider import AnchorDecider, Odds
+from agents.learned.anchor_inputs import RowRatios
+from agents.learned.anchor_net import AnchorNetworks
 from baselines import SPRTDecider
 from baselines.rules import rollout
 from hybrid_env import HybridTrackVectorEnv, Layout, WorldOptions
@@ -22,36 +22,20 @@ evaluate = functools.partial(rollout.evaluate, env_id="hybrid_env:HybridTrackPub
 TRACKS, TICKS = 16, 150
 
 
-def random_net(seed=0, hidden=12):
-    """Networks whose predictions depend on all of their inputs."""
-    torch.manual_seed(seed)
-    net = AnchorNetworks(hidden)
-    torch.nn.init.normal_(
-        net.anchor.output.weight,
-        std=0.02,
-    )
-    return net
-
-
-def anchor_agent(world):
-    return AnchorDecider(random_net(), world, 0.02)
-
-
-def stopping_agent(world):
+def random_agent(world, hidden=12):
+    """An agent whose predictions depend on all inputs of its networks."""
     torch.manual_seed(0)
-    net = StoppingNetworks(12)
-    torch.nn.init.normal_(
-        net.anchor.output.weight,
-        std=0.02,
-    )
-    torch.nn.init.normal_(
-        net.stopping.output.weight,
-        std=0.3,
-    )
-    return StoppingDecider(net, world)
+    net = AnchorNetworks(hidden)
+    torch.nn.init.normal_(net.anchor.output.weight, std=0.02)
+    torch.nn.init.normal_(net.stopping.output.weight, std=0.3)
+    return AnchorDecider(net, world)
 
 
-every = pytest.mark.parametrize("agent", [anchor_agent, stopping_agent])
+class Difference(torch.nn.Module):
+    """A cost of a wrong turn that is the difference of both turns."""
+
+    def forward(self, inputs):
+        return inputs[..., -1]
 
 
 def mirrored(rows):
@@ -93,7 +77,7 @@ def posteriors_of(decider, env, ticks=TICKS, transform=lambda rows: rows, declar
 def in_other_units(world, length, time):
     """The same world, with lengths and times in other units."""
     error, velocity_variance = world.initial_error
-    return WorldOptions.of(
+    return WorldOptions(
         **vars(world)
         | {
             "radii": tuple(radius * length for radius in world.radii),
@@ -106,29 +90,18 @@ def in_other_units(world, length, time):
     )
 
 
-@every
-@pytest.mark.parametrize(
-    ("options", "length", "time"),
-    [
-        ({"bank": "anchor_aware", "radii": (3.0, 6.0), "correctness": "type"}, 1.0, 60.0),
-        (
-            {
-                "bank": "anchor_aware",
-                "follow": "bank",
-                "measurement_variance": (0.05, 0.2),
-                "noise": "outliers 0.05",
-            },
-            0.3048,
-            1e-3,
-        ),
-    ],
-)
-def test_a_change_of_units_changes_no_decision(options, length, time, agent):
-    world = WorldOptions.of(**options)
+def test_a_change_of_units_changes_no_decision():
+    world = WorldOptions(
+        bank="anchor_aware",
+        radii=(3.0, 6.0),
+        correctness="type",
+        measurement_variance=(0.05, 0.2),
+        noise="outliers 0.05",
+    )
     results = []
     actions = []
-    for options in (world, in_other_units(world, length, time)):
-        decider = agent(options)
+    for options in (world, in_other_units(world, 0.3048, 60.0)):
+        decider = random_agent(options)
         results.append(posteriors_of(decider, HybridTrackVectorEnv(TRACKS, **vars(options))))
         actions.append(evaluate(decider, episodes=20, seed=1, **vars(options)))
 
@@ -137,11 +110,9 @@ def test_a_change_of_units_changes_no_decision(options, length, time, agent):
     np.testing.assert_array_equal(actions[0].decided_mode, actions[1].decided_mode)
 
 
-@every
-@pytest.mark.parametrize("radii", [(2.0, 5.0, 9.0)])
-def test_a_mirrored_trajectory_gives_the_mirrored_posterior(radii, agent):
-    env = HybridTrackVectorEnv(TRACKS, radii=radii)
-    decider = agent(env.options)
+def test_a_mirrored_trajectory_gives_the_mirrored_posterior():
+    env = HybridTrackVectorEnv(TRACKS, radii=(2.0, 5.0, 9.0))
+    decider = random_agent(env.options)
     order = mirrored(env.reset(seed=0)[0])[1]
     original = posteriors_of(decider, env)
     reflected = posteriors_of(decider, env, transform=lambda rows: mirrored(rows)[0])
@@ -149,12 +120,11 @@ def test_a_mirrored_trajectory_gives_the_mirrored_posterior(radii, agent):
     np.testing.assert_allclose(reflected, original[..., order], atol=1e-4)
 
 
-@every
-def test_one_network_applies_to_any_bank_and_does_not_depend_on_the_order_of_radii(agent):
+def test_one_network_applies_to_any_bank_and_does_not_depend_on_the_order_of_radii():
     posteriors = []
     for radii in ((2.0, 5.0, 9.0), (9.0, 5.0, 2.0)):
         env = HybridTrackVectorEnv(TRACKS, radii=radii, scheme="S60 L60r5 S60")
-        decider = agent(env.options)
+        decider = random_agent(env.options)
         posteriors.append(posteriors_of(decider, env, ticks=20, declare=False))
     order = [0, 3, 2, 1, 6, 5, 4]
 
@@ -166,7 +136,7 @@ def test_one_network_applies_to_any_bank_and_does_not_depend_on_the_order_of_rad
 
 
 def test_the_loss_of_the_anchors_is_the_density_of_the_mixture():
-    net = random_net().anchor
+    net = random_agent(WorldOptions()).net.anchor
     inputs, errors = torch.randn(5, net.inputs), torch.randn(5, 4)
     with torch.no_grad():
         log_weight, mean, factor = net(inputs)
@@ -184,50 +154,51 @@ def test_the_loss_of_the_anchors_is_the_density_of_the_mixture():
 
 
 def test_a_wrong_radius_costs_what_the_network_predicts_where_only_the_type_is_rewarded():
-    world = WorldOptions(radii=(2.0, 2.0001, 8.0), correctness="type")
-    rows, _ = HybridTrackVectorEnv(3, **vars(world)).reset(seed=0)
-    posterior = np.array(
-        [[0.0, 0.5, 0.5, 0, 0, 0, 0], [0.0, 0.5, 0, 0.5, 0, 0, 0], [0.2, 0.4, 0.4, 0, 0, 0, 0]]
-    )
-    net = random_net()
+    world = WorldOptions(radii=(2.0, 2.1, 8.0), correctness="type")
+    rows, _ = HybridTrackVectorEnv(2, **vars(world)).reset(seed=0)
+    # The likeliest turn, and one next to the mean one.
+    posterior = np.array([[0.0, 0.4, 0.2, 0.4, 0, 0, 0], [0.0, 1.0, 0, 0, 0, 0, 0]])
+    agent = random_agent(world)
+    agent.net.regret = Difference()
 
-    def declared(world, by_type):
-        scales = Scales.of([world], [3])
-        return errors_and_best(net, rows, scales, posterior, np.full(3, by_type), np.full(3, 0.1))
-
-    error, best = declared(world, True)
-    # Both turns are the same.
-    assert error[0] == pytest.approx(0.0, abs=1e-5)
-    assert error[1] > 0.01
-    # Above alpha: nothing is declared, and nothing is added.
-    assert error[2] == pytest.approx(0.2)
-    assert (best > 0).all()
-    exact, _ = declared(world, False)
-    np.testing.assert_allclose(exact, [0.5, 0.5, 0.6])
-    # The next anchor is the same after any turn.
-    error, _ = declared(replace(world, follow="bank"), True)
-    np.testing.assert_allclose(error, [0.0, 0.0, 0.2], atol=1e-12)
-
-
-@pytest.mark.parametrize("options", [{}])
-def test_the_shipped_agent_beats_the_sprt_at_any_threshold(options):
-    decider = load_decider("shipped-threshold", WorldOptions(**options))
-    reward = evaluate(decider, episodes=100, seed=50, **options).reward.mean(1)
-    for alpha in (1e-2, 1e-6):
-        gain = reward - evaluate(SPRTDecider(alpha), episodes=100, seed=50, **options).reward.mean(
-            1
+    def declared(options):
+        decider = AnchorDecider(agent.net, options)
+        odds = Odds(
+            None,
+            None,
+            posterior,
+            posterior.argmax(1),
+            RowRatios(options, rows),
         )
+        return decider.declarations(odds, np.array([True, True])).tolist()
+
+    assert declared(world) == [3, 2]
+    # The next anchor is the same after any turn, or only the right one counts.
+    assert declared(replace(world, follow="bank")) == [2, 2]
+    assert declared(replace(world, correctness="exact")) == [2, 2]
+
+
+def test_without_a_trained_stop_the_probability_of_an_error_is_compared_with_the_threshold():
+    world = WorldOptions()
+    env = HybridTrackVectorEnv(200, **vars(world))
+    rows, _ = env.reset(seed=0)
+    untrained = AnchorDecider(AnchorNetworks(8), world)
+    for decider in (untrained, random_agent(world).changed(stop=0)):
+        odds, _ = decider.odds(rows, None, None)
+        error = 1.0 - odds.posterior.max(-1)
+        np.testing.assert_allclose(odds.logits, np.log((1 - error) / error / 49.0), atol=1e-4)
+
+
+def test_the_shipped_agent_beats_the_sprt_at_any_threshold():
+    reward = evaluate(load_decider("shipped", WorldOptions()), episodes=100, seed=50).reward.mean(1)
+    for alpha in (1e-2, 1e-6):
+        gain = reward - evaluate(SPRTDecider(alpha), episodes=100, seed=50).reward.mean(1)
         assert gain.mean() > 4 * gain.std() / 10
 
 
 @pytest.mark.parametrize("correctness", ["exact", "type"])
-@pytest.mark.parametrize("name", ["axes"])
-def test_the_shipped_agent_decides_on_a_live_sensor_as_in_the_environment(name, correctness):
-    options = {"correctness": correctness, **COMMON[name]}
-    decided = same_as_announced(
-        load_decider("shipped-threshold:0.03", WorldOptions(**options)),
-        seed=6,
-        **options,
-    )
+def test_the_shipped_agent_decides_on_a_live_sensor_as_in_the_environment(correctness):
+    options = {"correctness": correctness, **COMMON["axes"]}
+    shipped = load_decider("shipped:-3", WorldOptions(**options))
 
-    assert not all(forced for _, forced in decided)
+    assert not all(forced for _, forced in same_as_announced(shipped, seed=6, **options))

@@ -25,7 +25,7 @@ def stated_and_right(decider, env, segments, ticks=(2, 5, 10, 20, 40)):
     while decided < segments:
         posterior, state = decider.posterior(rows, state, start)
         best = posterior.argmax(1)
-        declare = 1.0 - posterior.max(1) <= decider.threshold
+        declare = 1.0 - posterior.max(1) <= 0.02
         tick = np.rint(Layout.of_rows(rows).read(rows, "ticks"))
         recorded = declare | np.isin(tick, ticks)
         stated.append(posterior.max(1)[recorded])
@@ -44,7 +44,7 @@ def test_every_bin_of_the_stated_probability_is_within_three_points(R, segments)
     torch.set_num_threads(1)
     env = HybridTrackVectorEnv(500, AutoresetMode.SAME_STEP, False, measurement_variance=R)
     stated, right = stated_and_right(
-        load_decider("shipped-threshold:0.02", env.options),
+        load_decider("shipped", env.options),
         env,
         segments,
     )

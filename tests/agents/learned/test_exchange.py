@@ -16,7 +16,6 @@ from hybrid_env import ArgumentError
 
 RELU = {"activation_fn": torch.nn.ReLU}
 MODELS = {
-    "ppo": lambda: PPO("MlpPolicy", ENV, seed=1),
     "two heads": lambda: A2C(
         "MlpPolicy",
         ENV,
@@ -32,12 +31,6 @@ MODELS = {
         policy_kwargs={"n_quantiles": 7},
     ),
     "lstm": lambda: RecurrentPPO(
-        "MlpLstmPolicy",
-        ENV,
-        seed=1,
-        policy_kwargs={"lstm_hidden_size": 8},
-    ),
-    "one lstm": lambda: RecurrentPPO(
         "MlpLstmPolicy",
         ENV,
         seed=1,
@@ -114,7 +107,13 @@ def test_an_onnx_file_of_logits_or_of_actions_decides(tmp_path):
     weight = np.random.default_rng(0).normal(size=(28, 4)).astype(np.float32)
     nodes = [
         helper.make_node("MatMul", ["rows", "weight"], ["logits"]),
-        helper.make_node("ArgMax", ["logits"], ["actions"], axis=1, keepdims=0),
+        helper.make_node(
+            "ArgMax",
+            ["logits"],
+            ["actions"],
+            axis=1,
+            keepdims=0,
+        ),
     ]
     given = helper.make_tensor_value_info("rows", FLOAT, ["N", 28])
     outputs = {

@@ -19,7 +19,6 @@ from hostile_policies import (
     HOSTILE_ONNX,
     HOSTILE_ZIPS,
     OPTIONS,
-    SOUND_ZIPS,
     WIDTH,
     actor_weights,
     network,
@@ -44,19 +43,6 @@ def test_a_hostile_zip_is_refused_in_one_line(kind, tmp_path):
     assert accepted(lambda: refused(find_decider, str(path), OPTIONS)).startswith(
         ("decider=", "model.zip: ")
     )
-
-
-@pytest.mark.parametrize("kind", SOUND_ZIPS)
-def test_weights_of_other_types_are_converted(kind, tmp_path):
-    content, data = SOUND_ZIPS[kind]()
-    decider = find_decider(str(write_zip(tmp_path / "model.zip", content, data)), OPTIONS).at(0.0)
-    plain = find_decider(str(write_zip(tmp_path / "plain.zip", actor_weights())), OPTIONS).at(0.0)
-    for seen in rows(3):
-        np.testing.assert_allclose(
-            decider.evidence(seen),
-            plain.evidence(seen),
-            atol=0.1,
-        )
 
 
 @pytest.mark.parametrize("kind", HOSTILE_ONNX)
@@ -107,32 +93,18 @@ def test_weights_of_an_onnx_file_may_lie_beside_it_but_not_elsewhere(tmp_path):
     accepted(lambda: refused(find_decider, str(other), OPTIONS))
 
 
-@pytest.mark.parametrize(
-    "layers",
-    [
-        [torch.nn.Linear(WIDTH, 8), torch.nn.Tanh(), torch.nn.Linear(8, 4)],
-        [
-            torch.nn.LayerNorm(WIDTH),
-            torch.nn.Linear(WIDTH, 8),
-            torch.nn.SiLU(),
-            torch.nn.GELU(),
-            torch.nn.Linear(8, 4),
-        ],
-        [
-            torch.nn.Linear(WIDTH, 8),
-            torch.nn.BatchNorm1d(8),
-            torch.nn.PReLU(),
-            torch.nn.Softplus(),
-            torch.nn.Linear(8, 4),
-            torch.nn.LogSoftmax(-1),
-        ],
-    ],
-    ids=["tanh", "normalised", "batches"],
-)
-def test_exports_of_pytorch_are_accepted(layers, tmp_path):
+def test_exports_of_pytorch_are_accepted(tmp_path):
     pytest.importorskip("onnxruntime")
     pytest.importorskip("onnx")
-    net = torch.nn.Sequential(*layers).eval()
+    net = torch.nn.Sequential(
+        torch.nn.LayerNorm(WIDTH),
+        torch.nn.Linear(WIDTH, 8),
+        torch.nn.BatchNorm1d(8),
+        torch.nn.PReLU(),
+        torch.nn.GELU(),
+        torch.nn.Linear(8, 4),
+        torch.nn.LogSoftmax(-1),
+    ).eval()
     path = tmp_path / "policy.onnx"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -144,19 +116,27 @@ def test_exports_of_pytorch_are_accepted(layers, tmp_path):
             input_names=["rows"],
             dynamic_axes={"rows": {0: "N"}},
         )
-    decider = find_decider(str(path), OPTIONS).at(0.0)
+    decider = find_decider(str(path), OPTIONS)
     for seen in rows(2):
         expected = net(torch.from_numpy(seen)).detach().numpy()
-        np.testing.assert_allclose(
-            decider.logits(seen)[0],
-            expected,
-            atol=1e-5,
-        )
+        np.testing.assert_allclose(decider.logits(seen)[0], expected, atol=1e-5)
 
 
 NORMALISED = {
-    "ppo": lambda env: PPO("MlpPolicy", env, seed=1, n_steps=16, batch_size=16),
-    "dqn": lambda env: DQN("MlpPolicy", env, seed=1, buffer_size=50, learning_starts=5),
+    "ppo": lambda env: PPO(
+        "MlpPolicy",
+        env,
+        seed=1,
+        n_steps=16,
+        batch_size=16,
+    ),
+    "dqn": lambda env: DQN(
+        "MlpPolicy",
+        env,
+        seed=1,
+        buffer_size=50,
+        learning_starts=5,
+    ),
 }
 
 
@@ -176,47 +156,27 @@ def trained():
 
 
 @pytest.mark.parametrize(
-    ("name", "statistics"),
+    ("kind", "name", "statistics"),
     [
-        ("model.zip", "vecnormalize.pkl"),
-        ("model.zip", "vec_normalize.pkl"),
-        ("Easy.zip", "Easy/vecnormalize.pkl"),
-        ("rl_model_32_steps.zip", "rl_model_vecnormalize_32_steps.pkl"),
+        ("ppo", "model.zip", "vecnormalize.pkl"),
+        ("dqn", "Easy.zip", "Easy/vecnormalize.pkl"),
+        ("ppo", "rl_model_32_steps.zip", "rl_model_vecnormalize_32_steps.pkl"),
     ],
 )
-@pytest.mark.parametrize("kind", NORMALISED)
 def test_statistics_beside_a_trusted_model_normalise_its_rows(
-    kind,
-    name,
-    statistics,
-    tmp_path,
-    monkeypatch,
-    trained,
+    kind, name, statistics, tmp_path, monkeypatch, trained
 ):
     model, env = trained(kind)
     model.save(tmp_path / name)
     (tmp_path / statistics).parent.mkdir(exist_ok=True)
     env.save(str(tmp_path / statistics))
+    with pytest.warns(UserWarning, match="was trained on normalised observations.*--trust"):
+        find_decider(str(tmp_path / name), OPTIONS)
     monkeypatch.setenv(TRUST, "1")
-    decider = find_decider(str(tmp_path / name), OPTIONS).at(0.0)
+    decider = find_decider(str(tmp_path / name), OPTIONS)
     for seen in rows(4):
         expected, _ = model.predict(env.normalize_obs(seen), deterministic=True)
         np.testing.assert_array_equal(decider.predict(seen)[0], expected)
-
-
-@pytest.mark.parametrize("trust", ["0", "1"])
-@pytest.mark.parametrize("kind", NORMALISED)
-def test_a_model_without_its_statistics_is_warned_of(kind, trust, tmp_path, monkeypatch, trained):
-    model, env = trained(kind)
-    model.save(tmp_path / "model.zip")
-    if trust == "0":
-        env.save(str(tmp_path / "vecnormalize.pkl"))
-    monkeypatch.setenv(TRUST, trust)
-    with pytest.warns(
-        UserWarning,
-        match="was trained on normalised observations.*vecnormalize.pkl",
-    ):
-        find_decider(str(tmp_path / "model.zip"), OPTIONS)
 
 
 def test_other_statistics_and_weights_that_are_not_finite_are_refused_with_trust(

@@ -3,23 +3,27 @@
 import numpy as np
 import pytest
 import torch
+from stable_baselines3.common.policies import ActorCriticPolicy
 
 from agents.learned.policy import (
     ObservationFeatures,
     PolicyDecider,
     StatementPolicyDecider,
-    make_policy,
+    read_actor,
 )
 from hybrid_env import HybridTrackQuickestVectorEnv, HybridTrackVectorEnv, QuickestLayout
 
 
-def random_policy(kind, **options):
+def random_policy(kind):
     torch.manual_seed(0)
     states = kind is StatementPolicyDecider
-    env = (HybridTrackQuickestVectorEnv if states else HybridTrackVectorEnv)(1, **options)
-    layout = {"layout": QuickestLayout} if states else {}
-    keywords = {"net_arch": [8], "ortho_init": False}
-    return make_policy(env.single_observation_space, env.single_action_space, keywords, **layout)
+    env = (HybridTrackQuickestVectorEnv if states else HybridTrackVectorEnv)(1)
+    spaces = env.single_observation_space, env.single_action_space
+    return ActorCriticPolicy(*spaces, lambda _: 0.0, net_arch=[8], ortho_init=False)
+
+
+def random_decider(kind, *threshold):
+    return kind(read_actor(random_policy(kind).state_dict()), *threshold)
 
 
 def statement_rows(stated):
@@ -42,7 +46,7 @@ def random_rows(kind, count):
 def test_at_threshold_zero_the_most_probable_action_is_chosen(kind):
     policy = random_policy(kind)
     rows = random_rows(kind, 400)
-    actions = kind(policy).predict(rows)[0]
+    actions = random_decider(kind).predict(rows)[0]
 
     np.testing.assert_array_equal(
         actions,
@@ -52,7 +56,7 @@ def test_at_threshold_zero_the_most_probable_action_is_chosen(kind):
 
 @pytest.mark.parametrize("kind", [PolicyDecider, StatementPolicyDecider])
 def test_sampling_follows_the_probabilities_of_the_policy(kind):
-    decider = kind(random_policy(kind))
+    decider = random_decider(kind)
     rows = np.repeat(random_rows(kind, 1), 40_000, 0)
     logits = decider.logits(rows[:1])[0][0]
     expected = np.exp(logits) / np.exp(logits).sum()
@@ -68,7 +72,7 @@ def test_sampling_follows_the_probabilities_of_the_policy(kind):
 
 @pytest.mark.parametrize("margin", [0.05, 100.0])
 def test_a_statement_changes_if_the_log_odds_exceed_the_margin(margin):
-    decider = StatementPolicyDecider(random_policy(StatementPolicyDecider), margin)
+    decider = random_decider(StatementPolicyDecider, margin)
     stated = np.random.default_rng(2).integers(0, 3, 300)
     rows = statement_rows(stated.tolist())
     logits = decider.logits(rows)[0]

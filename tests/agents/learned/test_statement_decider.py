@@ -6,26 +6,25 @@ import numpy as np
 import pytest
 import torch
 
-from agents.algorithms.statements import simulate
-from agents.learned.rhythm_decider import RhythmDecider
-from agents.learned.statement_decider import StatementDecider
-from agents.learned.statement_net import StatementNet
+from agents.learned.statement_decider import PRIOR, StatementDecider, habit_inputs
+from agents.learned.statement_net import StatementNet, statement_inputs
 from baselines import ThresholdDecider, record_statements
 from baselines.rules.measurements import OBSERVED
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout, QuickestOptions
+from studies.shifts.worlds import RHYTHMS
 
-KINDS = pytest.mark.parametrize("kind", [StatementDecider, RhythmDecider])
+HABITS = pytest.mark.parametrize("habits", [False, True])
 TRACKS = 8
 # Columns of measurement, estimate and covariance that change sign with y.
 ODD = [1, 4, 5, 8, 9, 11, 12]
 
 
-def random_decider(kind, options):
+def random_decider(habits, options):
     """A decider whose outputs depend on all of its inputs."""
     torch.manual_seed(0)
-    net = kind.network(8)
+    net = StatementDecider.network(8, habits)
     torch.nn.init.normal_(net.output.weight, std=0.4)
-    return kind(net.eval(), options)
+    return StatementDecider(net.eval(), options)
 
 
 def statements_of(decider, options, ticks=150):
@@ -53,29 +52,27 @@ def stated_again(decider, seen):
     return np.array(stated)
 
 
-@KINDS
-@pytest.mark.parametrize(
-    "more",
-    [
-        {},
-        {
-            "radii": (2.0, 5.0),
-            "durations": "drawn",
-            "order": "drawn",
-        },
-    ],
-)
-def test_one_tick_at_a_time_equals_all_at_once(kind, more):
-    options = QuickestOptions(ticks=80, **more)
-    decider = random_decider(kind, options)
-    inputs, log_probability, true_modes = simulate(options, TRACKS, 5, decider)
+@HABITS
+def test_one_tick_at_a_time_equals_all_at_once(habits):
+    options = QuickestOptions(ticks=80, radii=(2.0, 5.0), durations="drawn", order="drawn")
+    decider = random_decider(habits, options)
+    env = HybridTrackQuickestVectorEnv(TRACKS, **vars(options))
+    env.reset(seed=5)
+    state = decider.initial_state(TRACKS)
+    features = []
+    logs = []
+    for _ in range(80):
+        each, log_probability, state = decider.features(decider.observe(env.world), state, None)
+        features.append(each)
+        logs.append(torch.from_numpy(log_probability))
+        env.step(np.zeros(TRACKS, np.int64))
+    inputs = statement_inputs(options, *(np.stack(part) for part in zip(*features, strict=True)))
     with torch.no_grad():
-        outputs = decider.net(torch.from_numpy(inputs), torch.from_numpy(log_probability))
+        outputs = decider.net(torch.from_numpy(inputs), torch.stack(logs))
     utility, stay = outputs.utility.numpy(), outputs.stay.numpy()
     stated = utility[0].argmax(-1)
     recorded = record_statements(decider, TRACKS, 5, **vars(options))
 
-    np.testing.assert_array_equal(recorded.true_modes, true_modes)
     np.testing.assert_array_equal(recorded.stated_modes[0], stated)
     for tick in range(1, 80):
         utility[tick, np.arange(TRACKS), stated] += stay[tick]
@@ -83,12 +80,12 @@ def test_one_tick_at_a_time_equals_all_at_once(kind, more):
         np.testing.assert_array_equal(recorded.stated_modes[tick], stated)
 
 
-@KINDS
-def test_a_mirrored_trajectory_has_the_mirrored_statements(kind):
+@HABITS
+def test_a_mirrored_trajectory_has_the_mirrored_statements(habits):
     options = QuickestOptions(radii=(2.0, 5.0), ticks=150)
     layout = QuickestLayout(5)
     order = np.array([0, 3, 4, 1, 2])
-    decider = random_decider(kind, options)
+    decider = random_decider(habits, options)
     stated, seen = statements_of(decider, options)
 
     assert len(np.unique(stated)) == 5
@@ -96,7 +93,7 @@ def test_a_mirrored_trajectory_has_the_mirrored_statements(kind):
     for name in layout.hypothesis_features:
         mirrored[..., layout.slices[name]] = seen[..., layout.slices[name]][..., order]
     mirrored[..., layout.slices["innovation_across"]] *= -1.0
-    if kind is RhythmDecider:
+    if habits:
         turns = mirrored[..., layout.width :]
         turns[..., ODD] *= -1.0
         turns[..., OBSERVED:] = turns[..., OBSERVED:][..., order]
@@ -104,10 +101,10 @@ def test_a_mirrored_trajectory_has_the_mirrored_statements(kind):
     assert (order[stated_again(decider, mirrored)] != stated).sum() <= 1
 
 
-@KINDS
-@pytest.mark.parametrize(("length", "time"), [(0.3048, 60.0)])
-def test_a_change_of_units_changes_no_statement(kind, length, time):
+@HABITS
+def test_a_change_of_units_changes_no_statement(habits):
     """What would be observed in other units: of the rows only the speed has one."""
+    length, time = 0.3048, 60.0
     options = QuickestOptions(ticks=150)
     layout = QuickestLayout(3)
     other = QuickestOptions(
@@ -119,22 +116,22 @@ def test_a_change_of_units_changes_no_statement(kind, length, time):
         process_variance=0.001 * length**2 / time**2,
         initial_error=(0.03 * length**2, 0.02 * length**2 / time**2),
     )
-    stated, seen = statements_of(random_decider(kind, options), options)
+    stated, seen = statements_of(random_decider(habits, options), options)
     scaled = seen.copy()
     scaled[..., layout.slices["speed"]] *= length / time
-    if kind is RhythmDecider:
+    if habits:
         turns = scaled[..., layout.width :]
         units = np.array([length, length / time] * 2)
         turns[..., :2] *= length
         turns[..., 2:6] *= units
         turns[..., 6:16] *= np.outer(units, units)[np.triu_indices(4)]
     # A tie within rounding.
-    assert (stated_again(random_decider(kind, other), scaled) != stated).sum() <= 1
+    assert (stated_again(random_decider(habits, other), scaled) != stated).sum() <= 1
 
 
 def test_an_episode_that_begins_is_not_remembered():
     options = QuickestOptions()
-    decider = random_decider(StatementDecider, options)
+    decider = random_decider(False, options)
     _, rows = statements_of(decider, options, ticks=40)
     _, state = decider.predict(rows[30])
     start = np.arange(TRACKS) % 2 == 0
@@ -145,30 +142,48 @@ def test_an_episode_that_begins_is_not_remembered():
     assert (after.age[start] == 1).all()
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        # A walker.
-        {
-            "speed": 1.4,
-            "radii": (3.0,),
-            "tau": 0.5,
-            "measurement_variance": 4.0,
-        },
-        # An aircraft.
-        {
-            "speed": 250.0,
-            "radii": (5000.0,),
-            "tau": 1.0,
-            "measurement_variance": 100.0,
-        },
-    ],
-)
-def test_an_untrained_network_is_the_threshold_rule_at_any_scale(options):
-    world = QuickestOptions(**options)
+def test_an_untrained_network_is_the_threshold_rule_at_any_scale():
+    # An aircraft.
+    options = {"speed": 250.0, "radii": (5000.0,), "tau": 1.0, "measurement_variance": 100.0}
     # No utility of keeping the statement.
     margin = -float(np.log1p(np.exp(2.0)))
-    agent = record_statements(StatementDecider(StatementNet(4), world, margin), 20, 0, **options)
-    rule = record_statements(ThresholdDecider(0.0), 20, 0, **options)
+    decider = StatementDecider(StatementNet(4), QuickestOptions(**options), margin)
+    agent, rule = (
+        record_statements(each, 20, 0, **options) for each in (decider, ThresholdDecider(0.0))
+    )
 
     assert (agent.stated_modes == rule.stated_modes).mean() > 0.999
+
+
+def test_inputs_of_habits_are_sums_over_the_histories_of_the_beam():
+    options = QuickestOptions(durations="uniform 20-30", ticks=120)
+    env = HybridTrackQuickestVectorEnv(TRACKS, **vars(options))
+    env.reset(seed=3)
+    decider = random_decider(True, options)
+    state = None
+    for _ in range(120):
+        actions, state = decider.predict(decider.observe(env.world), state)
+        env.step(actions)
+    branches, logs = state.beam.branches, state.beam.log_probability
+    inputs = habit_inputs(branches, logs)
+
+    assert inputs.shape == (TRACKS, 3, 5)
+    for track in range(TRACKS):
+        alive = slice(0, branches.counts[track])
+        weights = np.exp(branches.filters[track]["log_likelihood"].ravel()[alive])
+        for mode in range(3):
+            of_mode = weights * (branches.histories["mode"][track, alive] == mode)
+            age = of_mode @ branches.histories["age"][track, alive] / np.exp(logs[track, mode])
+            new = (of_mode * (branches.histories["age"][track, alive] == 1)).sum()
+            assert inputs[track, mode, 4] == pytest.approx(np.log(max(age, 1.0)) / 5.0, abs=1e-5)
+            assert inputs[track, mode, 2] == pytest.approx(
+                max(np.log(max(new, 1e-30)), -15.0) / 5.0,
+                abs=1e-5,
+            )
+
+
+def test_no_reported_rhythm_is_in_the_prior():
+    laws = {str(law) for law in PRIOR.laws}
+    assert not laws & {world.get("durations", "") for world in RHYTHMS.values()}
+    assert {"uniform 50-100", "25 + geometric 50"} < laws
+    assert len(laws) < 100

@@ -47,7 +47,7 @@ def results(name, task):
     if task == ANNOUNCED:
         return np.asarray(evaluate(load_decider(name, WorldOptions()), episodes=2, seed=3).ticks)
     options = {"ticks": 25, "durations": "uniform 8-12"}
-    decider = load_decider(name, QuickestOptions.of(**options))
+    decider = load_decider(name, QuickestOptions(**options))
     return np.asarray(record_statements(decider, 2, 5, **options).stated_modes)
 
 
@@ -62,7 +62,7 @@ def test_shipped_agents_decide_the_same(agent, set_default):
     np.testing.assert_array_equal(results(*agent), expected)
 
 
-@pytest.mark.parametrize("kind", ["ppo", "anchor", "stopping", "statements"])
+@pytest.mark.parametrize("kind", ["ppo", "anchor"])
 @pytest.mark.usefixtures("restored")
 def test_a_step_of_training_gives_the_same_weights(kind):
     weights = []

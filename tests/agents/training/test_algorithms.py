@@ -22,9 +22,8 @@ class Mine(Anchor):
     pass
 """
 RECIPE = """
-default: {algo: "own_algorithm:Mine", n_timesteps: 200, n_steps: 16, hidden: 4, batch_size: 8,
-  learning_rate: 0.01, smallest_alpha: 0.01, last_tick: 50, random_declarations: 0.1,
-  worlds: [{n_envs: 4}]}
+default: {algo: "own_algorithm:Mine", n_timesteps: 200, hidden: 4, batches: 2, batch_size: 8,
+  learning_rate: 0.01, worlds: [{n_envs: 4}]}
 """
 
 
@@ -48,7 +47,13 @@ def test_weights_name_an_algorithm_of_a_user_which_they_do_not_import(tmp_path, 
     (tmp_path / "own_algorithm.py").write_text(SOURCE)
     (tmp_path / "mine.yml").write_text(RECIPE)
     monkeypatch.syspath_prepend(tmp_path)
-    run = make_run(ENV, SCHEME, load_recipe(str(tmp_path / "mine.yml"), ENV), 0, tmp_path / "run")
+    run = make_run(
+        ENV,
+        SCHEME,
+        load_recipe(str(tmp_path / "mine.yml"), ENV),
+        0,
+        tmp_path / "run",
+    )
     run.train()
     options = WorldOptions(**SCHEME)
 

@@ -30,7 +30,13 @@ def reward_of(utility, stay, true_modes, cost, last=None, weight=1.0):
     costs, weights = (torch.as_tensor(factor).expand(true_modes.shape) for factor in (cost, weight))
     return expected_reward(
         outputs,
-        StatementBatch(torch.empty(0), utility, true_modes, costs, weights),
+        StatementBatch(
+            torch.empty(0),
+            utility,
+            true_modes,
+            costs,
+            weights,
+        ),
         last,
     )
 
@@ -62,7 +68,15 @@ def test_the_reward_of_a_tick_has_its_weight_and_its_cost():
     utility, stay, true_modes = random_outputs(ticks=3)
     each = torch.stack(
         [
-            3.0 * reward_of(utility, stay, true_modes, cost, None, weight)[0]
+            3.0
+            * reward_of(
+                utility,
+                stay,
+                true_modes,
+                cost,
+                None,
+                weight,
+            )[0]
             for cost, weight in zip(
                 (2.0, 0.5, 4.0),
                 torch.eye(3)[..., None].expand(3, 3, 2),
@@ -73,7 +87,14 @@ def test_the_reward_of_a_tick_has_its_weight_and_its_cost():
     )
     costs = torch.tensor([2.0, 0.5, 4.0])[:, None].expand(3, 2)
     weights = torch.tensor([0.0, 2.0, 1.0])[:, None].expand(3, 2)
-    whole, _ = reward_of(utility, stay, true_modes, costs, None, weights)
+    whole, _ = reward_of(
+        utility,
+        stay,
+        true_modes,
+        costs,
+        None,
+        weights,
+    )
 
     torch.testing.assert_close(
         whole,

@@ -3,7 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from agents.training.inexact import Ranges, inexact_paths, inexact_travel
+from agents.training.inexact import inexact_paths, inexact_travel
 from baselines import GivenTracks
 from hybrid_env.quickest_options import QuickestOptions
 
@@ -12,11 +12,8 @@ OPTIONS = QuickestOptions(ticks=300, radii=(3.0,), durations=CARS)
 
 
 def test_without_spread_the_motion_is_that_told():
-    equal = 1.0, 1.0 + 1e-12
-    names = "speeds", "car_speeds", "turn_speeds", "turns", "car_turns"
-    ranges = Ranges(sudden=1.0, stops=0.0, weaving=0.0, **dict.fromkeys(names, equal))
     modes = np.repeat([0, 1, 2, 0], 20)[:, None] * np.ones(5, np.int64)
-    positions, first = inexact_paths(OPTIONS, modes, np.random.default_rng(0), ranges)
+    positions, first = inexact_paths(OPTIONS, modes, np.random.default_rng(0), 0.0)
     moved = np.diff(
         positions,
         axis=0,

@@ -24,11 +24,10 @@ INVALID = [
     ("ppo", "batch_size", 1000),
     ("ppo", "algo", "magic"),
     ("ppo", "unknown", 3),
-    ("ppo", "policy_kwargs", {"net_arch": 3}),
     ("dqn", "buffer_size", 10),
     ("anchor", "worlds", [{"tracks": 3}]),
     ("recurrent-ppo", "policy_kwargs", {"n_lstm_layers": 10**9}),
-    ("statements", "durations", ["normal 3"]),
+    ("rhythm", "durations", ["normal 3"]),
 ]
 
 
@@ -76,11 +75,8 @@ def load(path, changes=()):
     ("text", "reason"),
     [
         ("", "an entry"),
-        ("3", "an entry"),
-        ("default: {algo: ppo", "expected"),
         ("default: !!python/object:os.system {}", "nstructor"),
         ("#" * (LARGEST_FILE + 1), "larger than"),
-        ("default: {algo: ppo, ? [a] : 3}", "unhashable"),
     ],
 )
 def test_a_file_that_is_no_recipe_is_refused(text, reason, tmp_path):
@@ -105,15 +101,26 @@ def test_objects_that_move_otherwise_than_told_are_for_agents_that_read_rows_of_
         "HybridTrackQuickest-v0",
         ("inexact=2", "n_envs=2", "batch_size=4", "ticks=20"),
     )
-    run = make_run("HybridTrackQuickest-v0", {}, recipe, 0, tmp_path / "run", 80)
+    run = make_run(
+        "HybridTrackQuickest-v0",
+        {},
+        recipe,
+        0,
+        tmp_path / "run",
+        80,
+    )
     [batch] = run.batches()
 
     assert batch.inputs.shape == (20, 4, 2, 26)
     assert np.isfinite(batch.inputs.numpy()).all()
     with pytest.raises(ArgumentError, match=r"missed=0.1 .*the default with the setting inexact"):
-        make_run("HybridTrackQuickest-v0", {"missed": 0.1}, recipe, 0, tmp_path / "other", 80)
+        make_run(
+            "HybridTrackQuickest-v0",
+            {"missed": 0.1},
+            recipe,
+            0,
+            tmp_path / "other",
+            80,
+        )
     with pytest.raises(ArgumentError, match=r"durations=.*at least one law"):
         load_recipe("robust", "HybridTrackQuickest-v0", ("inexact=0",))
-    rhythm = load_recipe("rhythm", "HybridTrackQuickest-v0", ("inexact=1",))
-    with pytest.raises(ArgumentError, match=r"inexact=1 .*does not read rows"):
-        make_run("HybridTrackQuickest-v0", {}, rhythm, 0, tmp_path / "third", 80)

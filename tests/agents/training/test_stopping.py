@@ -7,21 +7,18 @@ import pytest
 import torch
 from small_training import small_run
 
-from agents.algorithms.stopping import Explorer, expected_reward
-from agents.evaluation.registry import load_decider
-from agents.learned.stopping_decider import StoppingDecider
+from agents.algorithms.stopping import expected_reward, paths_of
 from agents.training.recipe import load_recipe
 from agents.training.runs import make_run
 from baselines.rules import rollout
-from hybrid_env import HybridTrackVectorEnv, WorldOptions
 
 evaluate = functools.partial(rollout.evaluate, env_id="hybrid_env:HybridTrackPublished-v0")
 
 ENV = "hybrid_env:HybridTrackPublished-v0"
 ALONE = (
     "drawn_worlds=[]",
-    "worlds=[{n_envs: 48}]",
-    "batch_size=48",
+    "worlds=[{n_envs: 12}]",
+    "batch_size=12",
     "passes=4",
     "delay_costs=[0.1, 0.1]",
 )
@@ -55,14 +52,8 @@ def test_the_expected_reward_is_the_sum_over_all_ticks_of_the_declaration():
 )
 def test_a_segment_that_runs_on_knows_what_each_declaration_earns(options):
     run = make_run(ENV, options, load_recipe("stopping", ENV, ALONE))
-    env = HybridTrackVectorEnv(12, tick_info=False, **vars(run.world))
-    inputs, rewards, lengths = Explorer(
-        StoppingDecider(run.net, run.world),
-        np.random.default_rng(1),
-    ).paths(
-        env,
-        5,
-    )
+    [explorer] = run.explorers(np.random.default_rng(1))
+    inputs, rewards, lengths = paths_of(explorer)
 
     assert len(inputs) == len(rewards) == lengths.sum()
     # Half of 72.
@@ -118,28 +109,3 @@ def test_the_stop_is_trained_for_a_delay_cost():
     )
 
     assert gain.mean() > 4.0 * gain.mean(1).std() / np.sqrt(len(gain)) > 0.0
-
-
-@pytest.mark.parametrize(
-    ("options", "least"),
-    [
-        ({"process_variance": 0.01}, 0.02),
-        pytest.param(
-            {"noise": "levy 1.5 1 44"},
-            -np.inf,
-            marks=pytest.mark.study,
-        ),
-        pytest.param({}, -np.inf, marks=pytest.mark.study),
-    ],
-)
-def test_without_a_threshold_the_agent_earns_as_much_as_with_its_best_threshold(options, least):
-    reward = evaluate(
-        load_decider("shipped", WorldOptions(**options)),
-        episodes=150,
-        seed=50,
-        **options,
-    ).reward.mean(1)
-    for threshold in (0.005, 0.02, 0.08):
-        shipped = load_decider(f"shipped-threshold:{threshold}", WorldOptions(**options))
-        gain = reward - evaluate(shipped, episodes=150, seed=50, **options).reward.mean(1)
-        assert gain.mean() > max(-3.0 * gain.std() / np.sqrt(len(gain)), least)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from baselines.recordings.recording import make_recording
-from baselines.recordings.scatter import noise_estimate, without_outliers
+from baselines.recordings.scatter import noise_estimate
 from baselines.recordings.ticks import tick_grid
 
 
@@ -32,18 +32,6 @@ def test_a_clock_that_jitters_keeps_a_tick_per_row_and_positions_are_moved_along
     assert errors.mean() < 0.1 * 20.0 * np.abs(piece.late).mean()
 
 
-def test_a_tick_that_is_not_the_median_step_does_not_drift():
-    # The median step is 0.1.
-    times = np.round(0.1003 * np.arange(20_000), 3)
-    grid = tick_grid(make_recording(times, circle(times)))
-
-    assert grid.tau == pytest.approx(0.1003, rel=1e-6)
-    np.testing.assert_array_equal(
-        grid.pieces[0].ticks,
-        np.arange(20_000),
-    )
-
-
 def test_irregular_times_have_a_finer_tick_and_few_rows_share_one():
     rng = np.random.default_rng(2)
     times = np.cumsum(rng.exponential(1.0, 500))
@@ -68,20 +56,3 @@ def test_noise_is_estimated_also_between_missing_ticks_and_without_units():
     assert noise_estimate(grid) == pytest.approx(4.0, rel=0.2)
     millimetres = tick_grid(make_recording(60.0 * times, 1000.0 * points))
     assert noise_estimate(millimetres) == pytest.approx(1e6 * noise_estimate(grid), rel=1e-9)
-
-
-def test_outliers_are_left_out_and_turns_are_not():
-    rng = np.random.default_rng(4)
-    times = np.arange(1000.0)
-    points = circle(times) + rng.normal(0.0, 2.0, (1000, 2))
-    plain = tick_grid(make_recording(times, points))
-
-    assert without_outliers(plain)[1] == 0
-    wrong = np.arange(20, 1000, 50)
-    points[wrong] += 60.0
-    grid, count = without_outliers(tick_grid(make_recording(times, points)))
-    assert count == len(wrong)
-    np.testing.assert_array_equal(
-        np.flatnonzero(np.isnan(grid.pieces[0].measurements[:, 0])),
-        wrong,
-    )

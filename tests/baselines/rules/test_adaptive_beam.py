@@ -3,17 +3,16 @@ order.
 """
 
 import numpy as np
-import pytest
 
-from agents.evaluation.worlds import RHYTHMS
 from baselines.rules.beam import BeamDecider
 from baselines.rules.beam_prior import Prior, mixed_prior
 from hybrid_env import HybridTrackQuickestVectorEnv
 from hybrid_env.durations import parse_durations
+from studies.shifts.worlds import RHYTHMS
 
 
 def states_of(env, deciders, ticks):
-    """Return the states of deciders on the same tracks, after some ticks."""
+    """Yield the states of deciders on the same tracks, after every tick."""
     env.reset(seed=3)
     states = [None] * len(deciders)
     for _ in range(ticks):
@@ -32,17 +31,8 @@ def states_of(env, deciders, ticks):
                 strict=True,
             )
         ]
+        yield states
         env.step(np.zeros(env.num_envs, np.int64))
-    return states
-
-
-def prior_of(*texts, weights=None, **more):
-    laws = tuple(map(parse_durations, texts))
-    return Prior(
-        laws,
-        tuple(np.ones(len(laws)) if weights is None else weights),
-        **{"different": 0.0} | more,
-    )
 
 
 def test_the_posterior_of_the_laws_follows_from_the_normalising_constants_of_their_beams():
@@ -56,7 +46,7 @@ def test_the_posterior_of_the_laws_follows_from_the_normalising_constants_of_the
     adaptive = BeamDecider(
         env.options,
         branches=200,
-        prior=prior_of(*texts, weights=prior),
+        prior=Prior(tuple(map(parse_durations, texts)), tuple(prior), different=0.0),
     )
     beams = [
         BeamDecider(
@@ -66,7 +56,7 @@ def test_the_posterior_of_the_laws_follows_from_the_normalising_constants_of_the
         )
         for text in texts
     ]
-    learned, *known = states_of(env, [adaptive, *beams], 15)
+    *_, (learned, *known) = states_of(env, [adaptive, *beams], 15)
     weights = prior * np.exp(np.transpose([state.branches.evidence for state in known]))
     expected = np.log(weights.sum(1)), weights / weights.sum(1, keepdims=True)
     branches = learned.branches
@@ -75,8 +65,9 @@ def test_the_posterior_of_the_laws_follows_from_the_normalising_constants_of_the
     for i in range(6):
         for b in range(branches.counts[i]):
             # When the segment began.
-            belief = branches.habits.laws[i, branches.slots[i, b], 0]
-            belief = belief * adaptive.model.tables[branches.rows[i, b], branches.ages[i, b] - 1, 0]
+            history = branches.histories[i, b]
+            belief = branches.habits.laws[i, history["slot"], 0]
+            belief = belief * adaptive.model.tables[history["row"], history["age"] - 1, 0]
             beliefs[i] += shares[i, b] * belief / belief.sum()
 
     np.testing.assert_allclose(branches.evidence, expected[0], atol=1e-4)
@@ -90,30 +81,6 @@ def test_the_posterior_of_the_laws_follows_from_the_normalising_constants_of_the
     )
 
 
-@pytest.mark.parametrize("start", ["known", "random"])
-def test_with_one_law_and_no_habits_it_is_the_beam(start):
-    text = "uniform 20-40"
-    env = HybridTrackQuickestVectorEnv(
-        8,
-        durations=text,
-        ticks=120,
-        start=start,
-    )
-    for different in (0.0, 0.3):
-        prior = prior_of(text, different=different, habitual=0.0)
-        deciders = BeamDecider(env.options), BeamDecider(env.options, prior=prior)
-        beam, adaptive = states_of(env, deciders, 120)
-        np.testing.assert_allclose(
-            *(np.exp(state.log_probability) for state in (beam, adaptive)),
-            atol=1e-4,
-        )
-        np.testing.assert_allclose(
-            beam.branches.evidence,
-            adaptive.branches.evidence,
-            rtol=1e-5,
-        )
-
-
 def test_a_cycle_is_learned():
     env = HybridTrackQuickestVectorEnv(
         8,
@@ -122,15 +89,12 @@ def test_a_cycle_is_learned():
         ticks=900,
         measurement_variance=0.01,
     )
-    (state,) = states_of(
-        env,
-        [BeamDecider(env.options, prior=mixed_prior())],
-        900,
-    )
+    decider = BeamDecider(env.options, prior=mixed_prior())
+    *_, (state,) = states_of(env, [decider], 900)
     branches = state.branches
     for track in range(8):
         best = branches.filters[track]["log_likelihood"].ravel()[: branches.counts[track]].argmax()
-        slot = branches.slots[track, best]
+        slot = branches.histories[track, best]["slot"]
         counts = branches.habits.orders[track, slot]
         assert branches.habits.habitual[track, slot] > 0.99
         np.testing.assert_array_equal(counts.argmax(1), [1, 2, 0])
@@ -146,41 +110,15 @@ def test_no_reported_rhythm_is_in_the_prior():
     assert not laws & fixed
 
 
-@pytest.mark.parametrize(
-    "prior",
-    [None, mixed_prior()],
-    ids=["known", "learned"],
-)
-def test_sixteen_joined_histories_are_closer_to_many_than_sixteen_of_the_most_probable(prior):
-    env = HybridTrackQuickestVectorEnv(
-        8,
-        ticks=200,
-        measurement_variance=1.0,
-    )
+def test_sixteen_joined_histories_are_closer_to_many_than_sixteen_of_the_most_probable():
+    env = HybridTrackQuickestVectorEnv(8, ticks=200, measurement_variance=1.0)
     deciders = [
-        BeamDecider(
-            env.options,
-            branches=branches,
-            joined=joined,
-            prior=prior,
-        )
+        BeamDecider(env.options, branches=branches, joined=joined, prior=mixed_prior())
         for branches, joined in ((160, False), (16, True), (16, False))
     ]
-    env.reset(seed=3)
-    states = [None] * 3
     errors = np.zeros(2)
-    for _ in range(200):
-        seen = deciders[0].observe(env.world)
-        states = [
-            decider.predict(seen, state)[1]
-            for decider, state in zip(
-                deciders,
-                states,
-                strict=True,
-            )
-        ]
+    for states in states_of(env, deciders, 200):
         many, *few = (np.exp(state.log_probability) for state in states)
         errors += [np.abs(some - many).sum() for some in few]
-        env.step(np.zeros(8, np.int64))
 
     assert errors[0] < 0.25 * errors[1]

@@ -52,18 +52,18 @@ def test_figures_of_an_episode_are_those_of_its_segments():
         error,
         0.02,
     )
-    figures = dict(zip(COLUMNS, decisions.figures[0], strict=True))
+    values = dict(zip(COLUMNS, decisions.values[0], strict=True))
 
-    assert figures["accuracy"] == figures["type_accuracy"] == 0.5
-    assert figures["reward"] == pytest.approx(-0.1)
-    assert (figures["wrong_after_correct"], figures["after_correct"]) == (1, 1)
-    assert (figures["wrong_after_wrong"], figures["after_wrong"]) == (1, 2)
+    assert values["accuracy"] == values["type_accuracy"] == 0.5
+    assert values["reward"] == pytest.approx(-0.1)
+    assert (values["wrong_after_correct"], values["after_correct"]) == (1, 1)
+    assert (values["wrong_after_wrong"], values["after_wrong"]) == (1, 2)
     scores = Scores(
         "x",
         "k",
         (0.0,),
         COLUMNS,
-        decisions.figures[..., None],
+        decisions.values[..., None],
     )
     # Over ticks, not over segments.
     assert scores.estimate(RMSE).value == pytest.approx(2.0)

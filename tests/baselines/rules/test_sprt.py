@@ -7,7 +7,6 @@ import pytest
 
 from baselines import FixedTimeDecider, SPRTDecider, sprt_thresholds
 from baselines.rules.sprt import sprt_test
-from hybrid_env.checks import ArgumentError
 from hybrid_env.core.observation_row import LOG_SCALE, TICK_SCALE
 from hybrid_env.observation import Layout
 
@@ -69,7 +68,13 @@ def test_error_rate_and_decision_time_of_two_normal_hypotheses_satisfy_walds_bou
         k = 0
         while winner < 0:
             ratio[1] += shift * generator.standard_normal() - shift * shift / 2
-            winner = sprt_test(ratio, running, 0, A, B)
+            winner = sprt_test(
+                ratio,
+                running,
+                0,
+                A,
+                B,
+            )
             k += 1
         errors += winner
         times.append(k)
@@ -102,11 +107,6 @@ def test_the_decider_restores_rejected_hypotheses_at_a_switch():
     actions, later = decider.predict(row([0.0, 0.0, 0.0], 1, 0), state)
     assert later[1].tolist() == [[True, True, True]]
     np.testing.assert_array_equal(state[1], kept)
-
-
-def test_an_observation_without_a_batch_axis_raises():
-    with pytest.raises(ArgumentError, match="one row per track"):
-        SPRTDecider().predict(row([0.0, 0.0, 0.0], 1, 0)[0])
 
 
 def test_fixed_time_declares_the_most_likely_hypothesis_at_its_decision_time():

@@ -14,28 +14,15 @@ def errors(law, count, seed=3):
     """Return the errors of `count` measurements over sqrt(R), (2, count), and the noise of the
     velocities.
     """
-    drawn = (
-        drawn_noise(20, count // 20, seed, noise=law)
-        .swapaxes(
-            0,
-            1,
-        )
-        .reshape(
-            4,
-            -1,
-        )
-    )
+    drawn = drawn_noise(20, count // 20, seed, noise=law).swapaxes(0, 1).reshape(4, -1)
     return drawn[2:], drawn[:2]
 
 
 DISTRIBUTIONS = [
     ("gaussian", stats.norm(), 100_000),
-    ("levy 2 0.70710678118654752", stats.norm(), 100_000),
     ("levy 1", stats.cauchy(), 100_000),
     ("levy 1.5 2", stats.levy_stable(1.5, 0.0, scale=2.0), 1600),
-    ("levy 0.8", stats.levy_stable(0.8, 0.0), 1600),
     ("student_t 3", stats.t(3), 100_000),
-    ("student_t 1", stats.cauchy(), 100_000),
 ]
 
 
@@ -50,7 +37,7 @@ def test_errors_have_the_distribution_of_their_law(law, distribution, count):
     assert stats.kstest(velocities.ravel(), "norm").pvalue > 1e-3
 
 
-@pytest.mark.parametrize("index", [0.6, 1.0, 1.3, 1.5, 1.9])
+@pytest.mark.parametrize("index", [0.6, 1.9])
 def test_stable_errors_have_their_characteristic_function(index):
     drawn = errors(f"levy {index}", 100_000, 4)[0].ravel()
     # The standard error of a mean of cosines is below 1 / sqrt(n).
@@ -69,13 +56,7 @@ def test_the_coordinates_of_a_student_t_error_have_the_bivariate_distribution():
 
 
 def test_errors_are_clipped():
-    assert np.abs(
-        errors(
-            "levy 0.5 1 3",
-            8000,
-            7,
-        )[0]
-    ).max() == pytest.approx(3.0)
+    assert np.abs(errors("levy 0.5 1 3", 8000, 7)[0]).max() == pytest.approx(3.0)
     for law in ("levy 0.5", "student_t 1"):
         assert np.abs(errors(law, 100_000, 8)[0]).max() <= 1e6 * (1 + 1e-9)
 

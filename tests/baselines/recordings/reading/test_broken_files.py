@@ -11,8 +11,8 @@ import pyarrow.parquet
 import pytest
 from hostile_input import accepted, attack, damaged
 
-from baselines.recordings.reading import sizes
-from baselines.recordings.reading.files import MAX_LINE
+from baselines.recordings.reading import files
+from baselines.recordings.reading.files import Limits
 from baselines.recordings.reading.read import read_recordings
 from hybrid_env.checks import ArgumentError
 
@@ -32,25 +32,21 @@ PARQUET, ZIPPED = FRAME.to_parquet(), gzip.compress(ROWS.encode(), mtime=0)
     ("content", "message"),
     [
         ("", "not an empty file"),
-        ("x,y\n1,2\n1\n", "line 3.* 2 cells between ',', not 1"),
-        ("x,y\n1,2\n\n1,2\n", "line 3.* blank"),
-        ("x,y\n1,2\n1,two\n", "line 3: y='two'.* finite number"),
-        ("x,y\n1,1e300\n2,3\n", r"line 2: y=1e\+300"),
+        ("x,y\n1,two\n2,three\n3,4\n", "y='two'"),
         ("t,x,z\n1,2,3\n", "its columns are t, x, z.*--columns"),
         ("t,x,y\n3,1,2\n", "1 measured position"),
-        ("id,t,x,y\n" + "a,1,1,1\n" * 2, "a time after"),
-        (b"x,y\n1,2\n1,\x81\n", "line 3.*UTF-8"),
+        ("t,x,y\nnoon,1,2\nnight,1,2\n", "t='noon'.*--time-unit"),
         (b"\xff\xfex,y\n1", "UTF-16"),
-        (b"x,y\n1,\x002\n", "line 2.*0x00.*text file"),
+        (b"x,y\n1,\x002\n", "not a text"),
         (b"PK\x03\x04" + bytes(100), "workbook"),
         ("<gpx><trk>", "begins as XML but is not GPX"),
-        (b"AXXX\nHFDTE010100\n", "B records|finite|columns"),
+        (b"AXXX\nHFDTE010100\n", "B records|numbers|columns"),
         (ZIPPED[:-9], "gzip.*cut off"),
         (PARQUET[:-100], "Parquet file is damaged"),
-        ("x" * (MAX_LINE + 5), "line 1: a line of more than"),
+        ("x" * 50_005, "50,005 line, at most"),
         (",".join(["x"] * 4000) + "\n" + ",".join(["1"] * 4000) + "\n", "4,000 columns"),
     ],
-    ids=range(18),
+    ids=range(14),
 )
 def test_a_broken_file_is_refused_in_one_short_line(read, content, message):
     with pytest.raises(ArgumentError, match=rf"walk\.csv.*({message})"):
@@ -97,49 +93,40 @@ def test_size_and_rows_are_bounded(read, tmp_path, monkeypatch):
     path = tmp_path / "large.csv"
     path.write_text("x,y\n")
     # Sparse, of zeros.
-    os.truncate(path, sizes.MAX_BYTES + 1)
+    os.truncate(path, 250_000_001)
     with pytest.raises(ArgumentError, match="at most 250 MB"):
         read_recordings(path)
-    monkeypatch.setattr(sizes, "MAX_BYTES", 1_000_000)
-    bomb = gzip.compress(b"t,x,y\n" + b"1,2,3\n" * 10_000_000)
-
-    assert len(bomb) < 1_000_000
+    bomb = gzip.compress(b"t,x,y\n" + b"1,2,3\n" * 4_000_000)
     tracemalloc.start()
     try:
-        with pytest.raises(ArgumentError, match="at most 1 MB when decompressed"):
+        with pytest.raises(ArgumentError, match="MB when decompressed"):
             read(bomb)
-        assert tracemalloc.get_traced_memory()[1] < 10_000_000
+        assert tracemalloc.get_traced_memory()[1] < 60_000_000
     finally:
         tracemalloc.stop()
-    monkeypatch.setattr(sizes, "MAX_ROWS", 30)
-    assert len(read("t,x,y\n" + ROWS).recordings[0].times) == 30
-    with pytest.raises(ArgumentError, match="more than 30 rows"):
-        read("t,x,y\n" + ROWS + "3.0,1,2\n")
-    monkeypatch.setattr(sizes, "MAX_ROWS", 29)
-    with pytest.raises(ArgumentError, match="more than 29"):
+    monkeypatch.setattr(files, "LIMITS", Limits(rows=29))
+    with pytest.raises(ArgumentError, match="30 rows, at most 29"):
         read(PARQUET)
 
 
 POINT = b'<trkpt lat="5" lon="3"/>'
 BOMBS = {
-    "ratio": (gzip.compress(b"t,x,y\n" + b"1,2,3\n" * 4_000_000), "MB when decompressed"),
-    "rows": (b"t,x,y\n" + b"1,2,3\n" * 3_000_000, "more than 2,500,000 rows"),
-    "comments": (b"#\n" * 2_000_000, "more than 10,000 lines before the header"),
+    "rows": (b"t,x,y\n" + b"1,2,3\n" * 3_000_000, "rows, at most 2,500,000"),
     "cells": (
         b"x,y" + b",a" * 1990 + b"\n" + (b"1,2" + b"," * 1990 + b"\n") * 26_000,
-        "more than 50,000,000 cells",
+        "cells, at most 50,000,000",
     ),
     "points": (
         b"<gpx><trk><trkseg>" + POINT * 2_600_000 + b"</trkseg></trk></gpx>",
-        "2,600,000 rows, more than",
+        "2,600,000 rows, at most",
     ),
     "tags": (
         b"<gpx><trk><trkseg>" + b"<a/>" * 11_000_000 + b"</trkseg></trk></gpx>",
-        "more than 10,000,000 tags",
+        "tags, at most 10,000,000",
     ),
     "fixes": (
         b"AXXX\n" + b"B1200004630000N00915000EA0010000100\n" * 2_600_000,
-        "2,600,000 rows, more than",
+        "2,600,000 rows, at most",
     ),
 }
 
@@ -156,31 +143,16 @@ def test_what_would_need_much_memory_is_refused_before_it_is_read(read, kind):
         tracemalloc.stop()
 
 
-def parquet(**columns):
-    stream = pa.BufferOutputStream()
-    pyarrow.parquet.write_table(pa.table(columns), stream, compression="zstd")
-    return stream.getvalue().to_pybytes()
-
-
-def test_texts_and_cells_that_a_parquet_file_repeats_are_bounded(read):
+def test_texts_that_a_parquet_file_repeats_are_not_expanded(read):
     rows = np.arange(13_000.0)
-    texts = pa.array(["a" * 20_000] * len(rows), pa.string()).dictionary_encode()
-    content = parquet(
-        t=rows,
-        x=rows,
-        y=rows,
-        note=texts,
-    )
+    texts = pa.DictionaryArray.from_arrays(np.zeros(len(rows), np.int32), ["a" * 20_000])
+    stream = pa.BufferOutputStream()
+    table = pa.table({"t": rows, "x": rows, "y": rows, "note": texts})
+    pyarrow.parquet.write_table(table, stream, compression="zstd")
+    before = pa.total_allocated_bytes()
 
-    assert len(content) < 500_000
-    with pytest.raises(ArgumentError, match="at most 250 MB when decompressed, not 260 MB"):
-        read(content)
-    zeros = np.zeros(600_000)
-    with pytest.raises(
-        ArgumentError,
-        match="600,000 rows of 100 columns, more than 50,000,000 cells",
-    ):
-        read(parquet(**{f"c{k}": zeros for k in range(100)}))
+    assert len(read(stream.getvalue().to_pybytes()).recordings[0].times) == 13_000
+    assert pa.default_memory_pool().max_memory() - before < 100_000_000
 
 
 def test_what_is_not_a_regular_file_is_refused_without_waiting(tmp_path):

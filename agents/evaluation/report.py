@@ -1,0 +1,156 @@
+"""Results of deciders: their scores at the selected threshold, as tables and as plain values."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.markup import escape
+from rich.table import Table
+
+from agents.evaluation.cells import estimate_cell, filled_table
+from agents.evaluation.task import Metric, Task
+from agents.interface.output_files import finite
+from baselines.rules.fixed_time import NO_EARLY_DECISION
+from baselines.scoring.estimates import Estimate
+from baselines.scoring.scores import Scores
+from hybrid_env.rendering.evidence import mode_name
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """Scores of one decider on the reported episodes, and its threshold."""
+
+    # What is decided.
+    task: Task
+    # At all thresholds, or at the only one.
+    scores: Scores
+    # Index of the threshold that was selected on other episodes.
+    chosen: int = 0
+    # Its name on the command line, or the object itself.
+    decider: Any = ""
+    # The goal of the task at that threshold, on the selection episodes.
+    selected: float = np.nan
+    # Run folder of an agent that was trained.
+    folder: Path | None = None
+
+    @property
+    def name(self) -> str:
+        """Name in tables and pictures."""
+        return self.scores.name
+
+    @property
+    def threshold(self) -> float:
+        """The selected threshold."""
+        return self.scores.thresholds[self.chosen]
+
+    @property
+    def threshold_words(self) -> str:
+        """The selected threshold with its symbol, for tables."""
+        has_one = self.scores.symbol and self.threshold < NO_EARLY_DECISION
+        return f"{self.scores.symbol} {self.threshold:g}" if has_one else "no threshold"
+
+    @cached_property
+    def estimates(self) -> dict[str, Estimate]:
+        """All metrics of the task at the selected threshold, by name."""
+        return self.task.estimates(self.scores, self.chosen)
+
+    def less(self, other: "Result") -> Estimate | None:
+        """Return the paired difference of the goal to that of another; None to itself."""
+        if self is other:
+            return None
+        goal = self.task.statistic(self.task.goal)
+        return self.scores.difference(other.scores, goal, self.chosen, other.chosen)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the values for `write_json`."""
+        extra = {name: finite(values[self.chosen]) for name, values in self.scores.extra.items()}
+        threshold = {"symbol": self.scores.symbol, "value": self.threshold}
+        return {"name": self.name, "threshold": threshold, **self.estimates, **extra}
+
+
+def metric_cell(metric: Metric, estimate: Estimate) -> str:
+    """Return a metric as a cell, with words for a value that is not reached."""
+    undefined = "not\nreached" if np.isinf(estimate.value) else "-"
+    return estimate_cell(estimate, metric.scale, metric.digits, undefined)
+
+
+def scores_table(results: Sequence[Result], best: Result, title: str, notes: str = "") -> Table:
+    """Return a table of the metrics of deciders, and of the paired differences to `best`.
+
+    The notes stand before the explanation of the metrics, each line with its end.
+    """
+    task = best.task
+    goal = next(metric for metric in task.metrics if metric.name == task.goal)
+    compared = len(results) > 1
+    quantiles = "delay_quantiles" in best.scores.extra
+    has_bank = any(result.scores.bank for result in results)
+    heads = ["decider     ", *["bank\nread"] * has_bank, *(metric.head for metric in task.metrics)]
+    heads += ["delay\n50,90%"] * quantiles + [f"{task.goal}\ndiff."] * compared
+    if compared:
+        notes += f"diff.: {task.goal} less that of {best.name} on the same episodes.\n"
+    notes += "± half width of the 95 % confidence interval.\n"
+    rows = []
+    for result in results:
+        cells = [result.scores.bank.replace("_", "-\n")] * has_bank
+        cells += [metric_cell(metric, result.estimates[metric.name]) for metric in task.metrics]
+        if quantiles:
+            ticks = result.scores.extra["delay_quantiles"][result.chosen]
+            cells.append("\n".join(f"{tick:.0f}" for tick in ticks).replace("nan", "-"))
+        if compared:
+            difference = result.less(best)
+            cells.append(
+                "" if difference is None else estimate_cell(difference, 1.0, goal.digits, sign="+")
+            )
+        decider = f"{escape(result.name)}\n[bright_black]{result.threshold_words}[/]"
+        rows.append((decider, *cells))
+    return filled_table(title, heads, rows, f"{notes}{task.notes}".strip())
+
+
+def metrics_table(
+    title: str,
+    metrics: Sequence[Metric],
+    rows: Mapping[str, Mapping[str, Estimate]],
+    notes: str = "",
+) -> Table:
+    """Return a table of some metrics, from their values by the names of deciders and metrics."""
+    lines = [
+        [
+            escape(name),
+            *(
+                metric_cell(metric, values[metric.name]) if metric.name in values else ""
+                for metric in metrics
+            ),
+        ]
+        for name, values in rows.items()
+    ]
+    return filled_table(title, ("decider", *(metric.head for metric in metrics)), lines, notes)
+
+
+def result_tables(results: Sequence[Result]) -> list[Table]:
+    """Return tables of deciders at one threshold each; those of one environment are compared with
+    the first of them.
+    """
+    tables = []
+    for task in dict.fromkeys(str(result.task) for result in results):
+        same = [result for result in results if str(result.task) == task]
+        first = same[0]
+        title = f"{first.task.title}: {first.task.size(first.scores.episodes)}"
+        tables.append(scores_table(same, first, title))
+        # A larger matrix does not fit into a terminal.
+        if "confusion" in first.scores.extra and first.task.options.hypotheses <= 5:
+            tables += map(confusion_table, same)
+    return tables
+
+
+def confusion_table(result: Result) -> Table:
+    """Return the confusion matrix of a decider."""
+    options = result.task.options
+    modes = [mode_name(mode, options.radii) for mode in range(options.hypotheses)]
+    counts = result.scores.extra["confusion"][result.chosen]
+    rows = [(mode, *map(str, row)) for mode, row in zip(modes, counts, strict=True)]
+    decider = f"{result.name}, {result.threshold_words}"
+    title = f"{decider}: true mode in rows, decided mode in columns"
+    return filled_table(title, ("", *modes), rows)

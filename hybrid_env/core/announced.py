@@ -1,0 +1,425 @@
+"""Tracks with announced switches: what happens to the lanes of a block in a tick, see `kernel`. On
+a live sensor the measurement comes from the caller.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hybrid_env.core.bank_ticks import write_corrected, write_innovations
+from hybrid_env.core.banks import operations
+from hybrid_env.core.banks.bank import (
+    IDENTITY,
+    estimate_of,
+    filter_model,
+    likeliest,
+    likeliest_of_type,
+    mode_type,
+)
+from hybrid_env.core.banks.mixture import NOTHING, merged_estimate, write_merged_covariance
+from hybrid_env.core.compilation import inlined, internal
+from hybrid_env.core.elementary import bits_of
+from hybrid_env.core.kernel import BEGUN, DECIDED, TERMINATED
+from hybrid_env.core.memory import (
+    DECISION,
+    DECISION_FLAGS,
+    LANES,
+    FloatArray,
+    Records,
+    arrays_of,
+    state_of,
+    triangle_of,
+    write_lane,
+)
+from hybrid_env.core.motion import heading_vector
+from hybrid_env.core.noise import draw_noise, integer_below
+from hybrid_env.core.observation_row import (
+    BANK_ROW,
+    compare_hypotheses,
+    compare_types,
+    mask_declarations,
+    write_segment,
+    write_tick,
+    write_twin,
+)
+from hybrid_env.core.true_object import (
+    LENGTH,
+    MODE,
+    begin_motion,
+    draw_first_estimate,
+    move,
+    move_lane,
+    sum_errors,
+)
+
+# First of `DECISION_FLAGS`.
+HAS_DECISION = 0
+
+
+@internal
+def _record_estimate(
+    block: Any,
+    lane: int,
+    hypotheses: Records,
+    trace: FloatArray,
+    merged: bool,
+) -> None:
+    """Record the estimate of the active filter or the merged one, its squared error, and a row
+    of a stored trace.
+    """
+    estimate = (
+        merged_estimate(hypotheses, lane)
+        if merged
+        else estimate_of(hypotheses, block.active_mode[lane], lane)
+    )
+    write_lane(block.estimate, lane, estimate)
+    x, _, y, _ = estimate
+    error_x = x - block.truth[0, lane]
+    error_y = y - block.truth[2, lane]
+    block.squared_error[lane] += error_x * error_x + error_y * error_y
+    if trace.shape[0] > 0 and block.trace_length[lane] < trace.shape[0]:
+        row = trace[block.trace_length[lane]]
+        for k in range(4):
+            row[k] = block.truth[k, lane]
+        row[4], row[5] = block.measurement[0, lane], block.measurement[1, lane]
+        row[6], row[7] = x, y
+        row[8] = block.active_mode[lane]
+        row[9] = block.segment[lane]
+        block.trace_length[lane] += 1
+
+
+@inlined
+def begin_bank(block: Any, lane: int, bank: Any, radii: FloatArray, setting: Any) -> None:
+    """Begin a segment of the bank: every filter starts from the anchor and the kept covariance
+    of the block.
+    """
+    anchor, covariance = state_of(block.anchor, lane), triangle_of(block.covariance, lane)
+    speed, heading_x, heading_y = heading_vector(anchor[1], anchor[3])
+    block.speed[lane], block.heading[0, lane], block.heading[1, lane] = speed, heading_x, heading_y
+    if setting.reset_covariance:
+        covariance = IDENTITY
+    if setting.oracle:
+        # Its anchor is exact.
+        covariance = NOTHING
+    operations.begin(bank, lane, anchor, covariance, radii, setting)
+    block.tick[lane] = 0
+
+
+@inlined
+def _begin_segment(block: Any, lane: int, bank: Any, arrays: Any, setting: Any) -> None:
+    """Begin a segment, before its first tick: the object from its true state, the bank from the
+    estimate.
+    """
+    table = arrays.table
+    if setting.random_scheme:
+        row = integer_below(block.random_state, lane, table.shape[0])
+        lengths = setting.longest - setting.shortest + 1
+        block.length[lane] = setting.shortest + integer_below(block.random_state, lane, lengths)
+    else:
+        row = block.segment[lane]
+        block.length[lane] = np.int64(table[row, LENGTH])
+    block.true_mode[lane] = np.int64(table[row, MODE])
+    begin_motion(block, lane, table[row], setting.tau)
+    for k in range(4):
+        block.anchor[k, lane] = block.truth[k, lane] if setting.oracle else block.estimate[k, lane]
+    begin_bank(block, lane, bank, arrays.radii, setting)
+    block.squared_error[lane] = 0.0
+
+
+@inlined
+def step_irregular(
+    bank: Any,
+    first: Any,
+    last: Any,
+    block: Any,
+    sensors: Records,
+    setting: Any,
+) -> None:
+    """Advance every filter of lanes first .. last - 1 where measurements may be missing or of
+    any covariance.
+    """
+    for lane in range(first, last):
+        if math.isnan(block.measurement[0, lane]) or setting.radar:
+            model = filter_model(setting, 1.0, True)
+            operations.sense(bank, lane, 0, bank.hypotheses.size, block, sensors, model)
+        else:
+            model = filter_model(setting, block.noise[0, lane], True)
+            operations.step(bank, lane, lane + np.uint64(1), block.measurement, model)
+
+
+@inlined
+def follow_irregular(
+    bank: Any,
+    lane: int,
+    chosen: int,
+    block: Any,
+    sensors: Any,
+    setting: Any,
+) -> None:
+    """Advance the filter of one hypothesis, without its log-likelihood; see `step_irregular`."""
+    if math.isnan(block.measurement[0, lane]) or setting.radar:
+        before = bank.hypotheses[chosen].log_likelihood[lane]
+        model = filter_model(setting, 1.0, True)
+        operations.sense(bank, lane, chosen, chosen + 1, block, sensors, model)
+        bank.hypotheses[chosen].log_likelihood[lane] = before
+    else:
+        model = filter_model(setting, block.noise[0, lane], True)
+        operations.follow(bank, lane, chosen, block.measurement, model)
+
+
+@internal
+def step_lanes(
+    block: Any,
+    bank: Any,
+    first: int,
+    last: int,
+    sensors: Records,
+    setting: Any,
+    rare: bool | None,
+) -> None:
+    """Advance every filter of lanes first .. last - 1 by the measurement of the block, if there
+    is one.
+    """
+    if rare is not None and setting.irregular:
+        step_irregular(bank, first, last, block, sensors, setting)
+    else:
+        operations.step(bank, first, last, block.measurement, filter_model(setting, 1.0, rare))
+
+
+@internal
+def chosen_mode(block: Any, lane: int, bank: Any, action: int, setting: Any) -> int:
+    """Return the mode of a decision: the declared one, or that of a segment that ends undecided."""
+    forced = action == 0
+    if forced and setting.keep_undecided:
+        return block.active_mode[lane]
+    if forced or setting.declare_best:
+        return likeliest(bank.hypotheses, lane)
+    if setting.declare_type:
+        # Actions 1 and 2 declare straight motion and a left turn, whose first hypotheses are 0 and
+        # 1; action 3 a right turn.
+        first_right = bank.hypotheses.size // 2 + 1
+        return likeliest_of_type(bank.hypotheses, lane, first_right if action == 3 else action - 1)
+    return action - 1
+
+
+@internal
+def set_anchor(block: Any, lane: int, bank: Any, chosen: int, merged: bool) -> None:
+    """Set the estimate at a switch and its covariance: of the chosen filter, or merged over the
+    bank.
+    """
+    if merged:
+        mean = merged_estimate(bank.hypotheses, lane)
+        write_lane(block.estimate, lane, mean)
+        write_merged_covariance(bank, lane, mean, block.covariance)
+    else:
+        write_lane(block.estimate, lane, estimate_of(bank.hypotheses, chosen, lane))
+        write_lane(block.covariance, lane, operations.covariance(bank, chosen, lane))
+
+
+@inlined
+def _decide(
+    block: Any,
+    lane: int,
+    i: int,
+    action: int,
+    bank: Any,
+    arrays: Any,
+    setting: Any,
+    rare: bool | None,
+) -> None:
+    """Record the decision of track i and fast-forward to the end of the segment."""
+    trace, decisions, flags = arrays.trace[i], arrays.decisions, arrays.decision_flags
+    n = bank.hypotheses.size // 2
+    true_mode = block.true_mode[lane]
+    chosen = chosen_mode(block, lane, bank, action, setting)
+    of_type = mode_type(chosen, n) == mode_type(true_mode, n)
+    correct = chosen == true_mode if setting.exact else of_type
+    flags[HAS_DECISION, i] = True
+    for k, flag in enumerate((correct, of_type, action == 0)):
+        flags[1 + k, i] = flag
+    for k, value in enumerate((chosen, true_mode, block.tick[lane], block.length[lane])):
+        decisions[k, i] = value
+    block.active_mode[lane] = chosen
+    if rare is not None and setting.recalculated > 0 and action > 0:
+        block.squared_error[lane] = arrays.errors[i // LANES, chosen, lane]
+    noise, merged = arrays.scratch[0].noise, setting.merged
+    irregular = rare is not None and setting.irregular
+    model = filter_model(setting, 1.0, rare)
+    stop = lane + np.uint64(1)
+    while block.tick[lane] < block.length[lane]:
+        ticks = np.uint64(min(1 if irregular else LANES, block.length[lane] - block.tick[lane]))
+        if irregular:
+            move(block, noise, lane, stop, arrays.sensors, setting, rare)
+        else:
+            # The noise of several ticks is drawn at once with SIMD code.
+            draw_noise(block.random_state, noise, np.uint64(0), ticks, setting, rare, lane)
+        for column in range(ticks):
+            if not irregular:
+                move_lane(block, lane, noise, column, setting)
+            if merged or setting.refined:
+                step_lanes(block, bank, lane, stop, arrays.sensors, setting, rare)
+                if setting.refined:
+                    chosen = likeliest_of_type(bank.hypotheses, lane, chosen)
+                    block.active_mode[lane] = chosen
+            elif rare is not None and irregular:
+                follow_irregular(bank, lane, chosen, block, arrays.sensors, setting)
+            else:
+                operations.follow(bank, lane, chosen, block.measurement, model)
+            _record_estimate(block, lane, bank.hypotheses, trace, merged)
+    set_anchor(block, lane, bank, chosen, merged)
+    arrays.rewards[i] = (1.0 if correct else -1.0) - setting.delay_cost
+    decisions[len(DECISION) - 1, i] = bits_of(block.squared_error[lane])
+
+
+@inlined
+def counted_action(arrays: Any, i: int) -> int:
+    """Return the action of track i, or 0 for a declaration that the mask makes wait."""
+    action = arrays.actions[i]
+    return action if action == 0 or arrays.action_mask[i, action] > 0 else 0
+
+
+@internal
+def prepare_lane(
+    reset: bool,
+    block: Any,
+    lane: int,
+    i: int,
+    bank: Any,
+    setting: Any,
+    rare: bool | None,
+) -> int:
+    """Apply the action of track i, or begin its next episode. Returns the events of the lane."""
+    arrays = arrays_of(setting)
+    action = counted_action(arrays, i)
+    block.trace_length[lane] = 0
+    if arrays.decision_flags[HAS_DECISION, i]:
+        for k in range(len(DECISION)):
+            arrays.decisions[k, i] = 0
+        for k in range(len(DECISION_FLAGS)):
+            arrays.decision_flags[k, i] = False
+    if reset or arrays.terminated[i]:
+        draw_first_estimate(block, arrays.scratch[0].noise, lane, setting)
+        block.segment[lane] = 0
+        # Golubkov 2018, algorithm 1, line 2.
+        block.active_mode[lane] = 0
+        arrays.rewards[i] = 0.0
+        arrays.terminated[i] = False
+        event = BEGUN
+    elif action == 0 and block.tick[lane] < block.length[lane]:
+        arrays.rewards[i] = -setting.delay_cost
+        return 0
+    else:
+        _decide(block, lane, i, action, bank, arrays, setting, rare)
+        if block.segment[lane] + 1 == setting.segments:
+            arrays.terminated[i] = True
+            return DECIDED | TERMINATED
+        block.segment[lane] += 1
+        event = DECIDED | BEGUN
+    _begin_segment(block, lane, bank, arrays, setting)
+    return event
+
+
+@internal
+def tick(
+    b: int,
+    block: Any,
+    bank: Any,
+    first: int,
+    last: int,
+    begun: int,
+    setting: Any,
+    rare: bool | None,
+) -> None:
+    """Advance object and bank of lanes first .. last - 1 of block b, and write their rows. begun:
+    one bit per lane, 1 where a segment begins.
+    """
+    arrays = arrays_of(setting)
+    move(block, arrays.scratch[0].noise, first, last, arrays.sensors, setting, rare)
+    if rare is not None and setting.bank_rows > 0:
+        write_innovations(arrays.bank_ticks, b, block, first, last, bank, setting)
+    step_lanes(block, bank, first, last, arrays.sensors, setting, rare)
+    if rare is not None and setting.bank_rows > 0:
+        write_corrected(arrays.bank_ticks, b, first, last, bank)
+    for lane in range(first, last):
+        if rare is not None and setting.recalculated > 0:
+            sum_errors(block, lane, bank.hypotheses, arrays.errors[b])
+        trace = arrays.trace[b * LANES + lane]
+        _record_estimate(block, lane, bank.hypotheses, trace, setting.merged)
+    _write_rows(b, block, bank, first, last, begun, arrays, setting, rare)
+
+
+@inlined
+def _write_rows(
+    b: int,
+    block: Any,
+    bank: Any,
+    first: int,
+    last: int,
+    begun: int,
+    arrays: Any,
+    setting: Any,
+    rare: bool | None,
+) -> None:
+    """Write the rows of lanes first .. last - 1 of block b, and which declarations count."""
+    scratch = arrays.scratch[0]
+    compare_hypotheses(scratch, bank.hypotheses, first, last)
+    if setting.log_error_allowed < 0.0:
+        if not setting.exact:
+            compare_types(scratch, bank.hypotheses, first, last)
+        for lane in range(first, last):
+            mask_declarations(arrays.action_mask[b * LANES + lane], scratch, lane, setting)
+    for lane in range(first, last):
+        row = arrays.observations[b * LANES + lane]
+        if rare is not None and setting.observation != BANK_ROW:
+            write_twin(row, block, lane, setting)
+            continue
+        if begun & (1 << lane):
+            write_segment(row, block, lane, arrays.radii, setting)
+        write_tick(row, block, lane, scratch, bank, setting)
+
+
+@internal
+def advance_live(begins: bool, bank: Any, setting: Any) -> int:
+    """Begin a segment, process a measurement, or declare a mode, on the first lane of the first
+    block. With `begins` the last segment ends, and the bank starts from its estimate; the first
+    one, whose `segment` is -1, from that of the block. Action 0 advances the bank by the
+    `measurement`, and writes the observation until a mode is declared; i + 1 declares mode i, once
+    the mask allows it. Then `estimate` and `covariance` are those of the last decided mode, or
+    merged.
+    """
+    arrays = arrays_of(setting)
+    block = arrays.blocks[0]
+    lane, last = np.uint64(0), np.uint64(1)
+    if begins:
+        if block.segment[0] >= 0:
+            if not arrays.decision_flags[HAS_DECISION, 0]:
+                block.active_mode[0] = chosen_mode(block, lane, bank, 0, setting)
+            set_anchor(block, lane, bank, block.active_mode[0], setting.merged)
+        block.segment[0] += 1
+        arrays.decision_flags[HAS_DECISION, 0] = False
+        write_lane(block.anchor, lane, state_of(block.estimate, lane))
+        begin_bank(block, lane, bank, arrays.radii, setting)
+        return 0
+    if arrays.actions[0] > 0:
+        action = counted_action(arrays, 0)
+        if action == 0:
+            return 0
+        block.active_mode[0] = chosen_mode(block, lane, bank, action, setting)
+        arrays.decision_flags[HAS_DECISION, 0] = True
+        set_anchor(block, lane, bank, block.active_mode[0], setting.merged)
+        return 0
+    decided = arrays.decision_flags[HAS_DECISION, 0]
+    block.tick[0] += 1
+    block.length[0] = max(block.length[0], block.tick[0])
+    if decided and not (setting.merged or setting.refined):
+        follow_irregular(bank, lane, block.active_mode[0], block, arrays.sensors, setting)
+    else:
+        step_irregular(bank, lane, last, block, arrays.sensors, setting)
+    if decided and setting.refined:
+        block.active_mode[0] = likeliest_of_type(bank.hypotheses, lane, block.active_mode[0])
+    if not decided:
+        begun = 1 if block.tick[0] == 1 else 0
+        _write_rows(0, block, bank, lane, last, begun, arrays, setting, None)
+    set_anchor(block, lane, bank, block.active_mode[0], setting.merged)
+    return 0

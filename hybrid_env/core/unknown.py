@@ -1,0 +1,216 @@
+"""Tracks with unknown switches: what happens to the lanes of a block in a tick, see `kernel`. A
+statement changes nothing but its reward, so that every sequence of statements sees the same
+measurements. On a live sensor the measurements come from the caller.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from hybrid_env.core.banks.bank import filter_model
+from hybrid_env.core.banks.imm import begin_imm, of_block, step_imm, step_imm_irregular
+from hybrid_env.core.compilation import inlined, internal
+from hybrid_env.core.habits import draw_from_law, draw_law, draw_mode, draw_order, draw_remaining
+from hybrid_env.core.kernel import TERMINATED
+from hybrid_env.core.memory import LANES, FloatArray, arrays_of
+from hybrid_env.core.noise import integer_below, uniform
+from hybrid_env.core.observation_row import write_quickest_row
+from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move
+
+# Rows of the table of durations; those of turns follow.
+FIRST_DURATIONS, OTHER_DURATIONS = 0, 2
+
+
+@internal
+def draw_duration(cumulative: FloatArray, number: float) -> int:
+    """Return a duration from a number in [0, 1) and the cumulative probabilities of 1, 2, ...,
+    `ticks`, by bisection; `ticks` + 1 stands for all that are longer.
+    """
+    low = 0
+    high = cumulative.size
+    while low < high:
+        middle = (low + high) // 2
+        if number < cumulative[middle]:
+            high = middle
+        else:
+            low = middle + 1
+    return low + 1
+
+
+@internal
+def _begin_segment(
+    block: Any,
+    lane: int,
+    i: int,
+    mode: int,
+    row: int,
+    arrays: Any,
+    setting: Any,
+    rare: bool | None,
+) -> None:
+    """Begin a segment of a mode; row: the law of straight segments in the table of durations."""
+    turns = 1 if mode > 0 else 0
+    block.true_mode[lane] = mode
+    if rare is not None and setting.drawn_laws > 0:
+        law = arrays.drawn_law[i, turns]
+        longest = setting.ticks + 1
+        if row == FIRST_DURATIONS and not setting.start_known:
+            block.length[lane] = draw_remaining(block.random_state, lane, law, longest)
+        else:
+            block.length[lane] = draw_from_law(block.random_state, lane, law, longest)
+    else:
+        number = uniform(block.random_state, lane)
+        block.length[lane] = draw_duration(arrays.durations[row + turns], number)
+    block.tick[lane] = 0
+    begin_motion(block, lane, arrays.table[mode], setting.tau)
+
+
+@inlined
+def _begin_episode(
+    block: Any,
+    lane: int,
+    i: int,
+    bank: Any,
+    arrays: Any,
+    setting: Any,
+    rare: bool | None,
+) -> None:
+    """Begin an episode of track i with a segment of a random mode."""
+    if rare is not None and setting.drawn_laws > 0:
+        draw_law(block.random_state, lane, arrays.drawn_law[i])
+    if rare is not None and setting.drawn_modes > 0:
+        draw_order(block.random_state, lane, arrays.drawn_order[i])
+    draw_first_estimate(block, arrays.scratch[0].noise, lane, setting)
+    mode = integer_below(block.random_state, lane, arrays.table.shape[0])
+    block.segment[lane] = 0
+    block.time[lane] = 0
+    block.stated_mode[lane] = 0
+    block.stated_ticks[lane] = 0
+    _begin_segment(block, lane, i, mode, FIRST_DURATIONS, arrays, setting, rare)
+    begin_imm(bank, block, lane, mode if setting.start_known else -1)
+
+
+@inlined
+def _switch(
+    block: Any,
+    lane: int,
+    i: int,
+    arrays: Any,
+    setting: Any,
+    rare: bool | None,
+) -> None:
+    """Begin the next segment, with one of the other modes."""
+    before = block.true_mode[lane]
+    if rare is not None and setting.drawn_modes > 0:
+        mode = draw_mode(block.random_state, lane, arrays.drawn_order[i, before])
+    elif rare is not None and setting.order_rows > 0:
+        mode = draw_mode(block.random_state, lane, arrays.order[before])
+    else:
+        other = integer_below(block.random_state, lane, arrays.table.shape[0] - 1)
+        mode = other + (1 if other >= before else 0)
+    block.segment[lane] += 1
+    _begin_segment(block, lane, i, mode, OTHER_DURATIONS, arrays, setting, rare)
+
+
+@inlined
+def record_statement(block: Any, lane: int, stated: int) -> bool:
+    """Record the statement of a track. Returns whether it differs from the last one; the first
+    does not.
+    """
+    before = block.stated_ticks[lane]
+    changed = before > 0 and stated != block.stated_mode[lane]
+    block.stated_ticks[lane] = 1 if changed else before + 1
+    block.stated_mode[lane] = stated
+    return changed
+
+
+@internal
+def prepare_lane(
+    reset: bool,
+    block: Any,
+    lane: int,
+    i: int,
+    bank: Any,
+    setting: Any,
+    rare: bool | None,
+) -> int:
+    """Apply the action of track i, or begin its next episode. Returns the events of the lane."""
+    arrays = arrays_of(setting)
+    if reset or arrays.terminated[i]:
+        _begin_episode(block, lane, i, bank, arrays, setting, rare)
+        arrays.rewards[i] = 0.0
+        arrays.terminated[i] = False
+        return 0
+    changed = record_statement(block, lane, arrays.actions[i])
+    wrong = -setting.change_cost if changed else 0.0
+    arrays.rewards[i] = 1.0 if arrays.actions[i] == block.true_mode[lane] else wrong
+    if block.time[lane] == setting.ticks:
+        arrays.terminated[i] = True
+        return TERMINATED
+    if block.tick[lane] == block.length[lane]:
+        _switch(block, lane, i, arrays, setting, rare)
+    return 0
+
+
+@internal
+def tick(
+    b: int,
+    block: Any,
+    bank: Any,
+    first: int,
+    last: int,
+    begun: int,
+    setting: Any,
+    rare: bool | None,
+) -> None:
+    """Advance object and bank of lanes first .. last - 1 of block b, and write their rows."""
+    arrays = arrays_of(setting)
+    move(block, arrays.scratch[0].noise, first, last, arrays.sensors, setting, rare)
+    if rare is not None and setting.irregular:
+        step_imm_irregular(bank, block, first, last, arrays.radii, arrays.sensors, setting)
+    else:
+        step_imm(bank, block, first, last, arrays.radii, filter_model(setting, 1.0, rare))
+    _write_rows(b, block, bank, first, last, arrays, setting)
+
+
+@inlined
+def _write_rows(
+    b: int,
+    block: Any,
+    bank: Any,
+    first: int,
+    last: int,
+    arrays: Any,
+    setting: Any,
+) -> None:
+    """Write the rows of lanes first .. last - 1 of block b, and count the tick."""
+    for lane in range(first, last):
+        block.time[lane] += 1
+        write_quickest_row(arrays.observations[b * LANES + lane], block, lane, bank, setting)
+
+
+@internal
+def advance_live(begins: bool, banks: Any, setting: Any) -> int:
+    """Begin tracks, or process statements and measurements, with unknown switch moments. With
+    `begins` every filter starts from `estimate` and `covariance` of its track; the action is the
+    mode before the first tick, -1 if it is not known. Otherwise it is the statement of the last
+    tick.
+    """
+    arrays = arrays_of(setting)
+    for b in range(setting.first_block, setting.last_block):
+        block = arrays.blocks[b]
+        bank = of_block(banks, b)
+        lanes = min(LANES, setting.tracks - b * LANES)
+        for lane in range(np.uint64(lanes)):
+            stated = arrays.actions[b * LANES + int(lane)]
+            if begins:
+                block.time[lane], block.stated_mode[lane], block.stated_ticks[lane] = 0, 0, 0
+                begin_imm(bank, block, lane, stated)
+            elif block.time[lane] > 0:
+                record_statement(block, lane, stated)
+        if begins:
+            continue
+        first, last = np.uint64(0), np.uint64(lanes)
+        step_imm_irregular(bank, block, first, last, arrays.radii, arrays.sensors, setting)
+        _write_rows(b, block, bank, first, last, arrays, setting)
+    return 0

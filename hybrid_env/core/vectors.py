@@ -1,0 +1,102 @@
+"""Vectors and symmetric matrices in compiled code: tuples of numbers, and upper triangles row by
+row. numba compiles a loop over a tuple as a loop over memory, which does not become SIMD code; each
+of these functions is one instruction for every number.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import reduce
+from itertools import combinations_with_replacement
+from typing import Any
+
+from numba import types
+
+from hybrid_env.core.compilation import intrinsic
+
+Vector = tuple[float, ...]
+
+
+def _code(result: Any, arguments: Sequence[Any], compute: Callable[..., Any]) -> Any:
+    """Return the signature and the code of an intrinsic. compute: builds the instructions from the
+    builder and the arguments, and returns the result; tuples are lists.
+    """
+
+    def unpacked(builder: Any, kind: Any, value: Any) -> Any:
+        if not isinstance(kind, types.BaseTuple):
+            return value
+        parts: Any = kind
+        values = [builder.extract_value(value, k) for k in range(len(parts))]
+        return [unpacked(builder, *pair) for pair in zip(parts, values, strict=True)]
+
+    def packed(context: Any, builder: Any, kind: Any, values: Any) -> Any:
+        if not isinstance(kind, types.BaseTuple):
+            return values
+        kinds: Any = kind
+        parts = zip(kinds, values, strict=True)
+        return context.make_tuple(
+            builder, kind, [packed(context, builder, *pair) for pair in parts]
+        )
+
+    def build(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
+        pairs = zip(arguments, values, strict=True)
+        lists = [unpacked(builder, kind, value) for kind, value in pairs]
+        return packed(context, builder, result, compute(builder, *lists))
+
+    return result(*arguments), build
+
+
+@intrinsic
+def choose(_typing: Any, condition: Any, vector: Any, other: Any) -> Any:
+    """Return the vector where the condition is True, else the other one, without a branch."""
+
+    def compute(builder: Any, chosen: Any, values: Any, others: Any) -> Any:
+        return [builder.select(chosen, *pair) for pair in zip(values, others, strict=True)]
+
+    return _code(vector, (condition, vector, other), compute)
+
+
+@intrinsic
+def combination(_typing: Any, factors: Any, vectors: Any) -> Any:
+    """Return a u + b v + ... of factors (a, b, ...) and vectors (u, v, ...)."""
+
+    def compute(builder: Any, factors: Any, vectors: Any) -> Any:
+        pairs = zip(factors, vectors, strict=True)
+        terms = [[builder.fmul(factor, value) for value in vector] for factor, vector in pairs]
+        return [reduce(builder.fadd, values) for values in zip(*terms, strict=True)]
+
+    return _code(vectors[0], (factors, vectors), compute)
+
+
+@intrinsic
+def transposed(_typing: Any, rows: Any) -> Any:
+    """Return the columns of a matrix from its rows."""
+    column = types.UniTuple(types.float64, len(rows))
+    result = types.UniTuple(column, len(rows[0]))
+    return _code(result, (rows,), lambda _, values: list(zip(*values, strict=True)))
+
+
+@intrinsic
+def rows_of(_typing: Any, triangle: Any) -> Any:
+    """Return the rows of a symmetric matrix."""
+    n = next(n for n in range(len(triangle)) if n * (n + 1) == 2 * len(triangle))
+    places = list(combinations_with_replacement(range(n), 2))
+
+    def compute(_: Any, entries: Any) -> Any:
+        return [[entries[places.index((min(i, k), max(i, k)))] for k in range(n)] for i in range(n)]
+
+    row = types.UniTuple(types.float64, n)
+    return _code(types.UniTuple(row, n), (triangle,), compute)
+
+
+@intrinsic
+def minus_square(_typing: Any, triangle: Any, vector: Any, factor: Any) -> Any:
+    """Return P - factor v v' of a symmetric matrix P and a vector v."""
+
+    def compute(builder: Any, entries: Any, values: Any, factor: Any) -> Any:
+        scaled = [builder.fmul(value, factor) for value in values]
+        products = [
+            builder.fmul(scaled[i], values[k])
+            for i, k in combinations_with_replacement(range(len(values)), 2)
+        ]
+        return [builder.fsub(*pair) for pair in zip(entries, products, strict=True)]
+
+    return _code(triangle, (triangle, vector, factor), compute)

@@ -1,0 +1,1 @@
+"""Deciders in other environments than the nominal one: shifted, noisy and random ones."""

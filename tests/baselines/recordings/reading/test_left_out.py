@@ -1,0 +1,228 @@
+"""Rows of real sensors that are no measurements of their own are left out, sorted and counted."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from hybrid_env.checks import ArgumentError
+
+ROWS = 200
+T = np.arange(ROWS, dtype=np.float64)
+HEADING = np.cumsum(np.where((T // 40) % 2 == 0, 0.0, 0.1))
+TRACK = np.cumsum(1.5 * np.column_stack([np.cos(HEADING), np.sin(HEADING)]), axis=0)
+TRACK += np.random.default_rng(0).normal(0.0, 0.2, (ROWS, 2))
+FRAME = pd.DataFrame({"time": T, "x": TRACK[:, 0], "y": TRACK[:, 1]})
+LINES = FRAME.round(3).to_csv(index=False).splitlines()
+GRID = np.column_stack([47.0 + 9e-6 * TRACK[:, 1], 8.0 + 13e-6 * TRACK[:, 0]])
+START = pd.Timestamp("2026-05-01T23:59:00")
+DATES = START + pd.to_timedelta(T, unit="s")
+
+
+def inserted(*more):
+    """Lines of the file with others at (number, text)."""
+    lines = list(LINES)
+    for number, text in reversed(more):
+        lines.insert(number, text)
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("more", "left_out"),
+    [
+        ([(1, "s,m,m")], {"rows without a time": 1}),
+        ([(9, LINES[0]), (50, LINES[0])], {"repeated headers": 2}),
+        ([(9, ""), (60, "  ")], {"blank lines": 2}),
+        ([(9, "# recording paused"), (201, "# 200 rows")], {"comments": 2}),
+        ([(9, "3.5,1.2"), (20, "1,2,3,4,5")], {"rows with another number of cells": 2}),
+        ([(9, LINES[9]), (80, LINES[20])], {"repeated times": 2}),
+        ([(9, "8.5,abc,2.0"), (30, "28.5,1.0,inf")], {"rows whose position cannot be read": 2}),
+        ([(60, ",,")], {"empty rows": 1}),
+        ([(0, "Logger 3.1"), (0, "Date: today")], {"lines before the header": 2}),
+    ],
+)
+def test_rows_are_left_out_and_counted(read, more, left_out):
+    content = inserted(*more)
+    file = read(content)
+
+    assert file.left_out == left_out
+    assert not file.warnings
+    np.testing.assert_array_equal(file.recordings[0].times, T)
+    np.testing.assert_array_equal(file.recordings[0].positions, FRAME.round(3)[["x", "y"]])
+    for reason, count in left_out.items():
+        assert f"{reason} ({count})" in file.summary
+    [reason] = left_out
+    with pytest.raises(ArgumentError, match=rf"line \d+: {reason}"):
+        read(content, bad_rows="refuse")
+
+
+def test_rows_out_of_order_are_sorted(read):
+    swapped = FRAME.iloc[[*range(50), 51, 50, *range(52, ROWS)]]
+    for frame in (swapped, FRAME[::-1]):
+        file = read(frame)
+        np.testing.assert_array_equal(file.recordings[0].times, T)
+        np.testing.assert_array_equal(file.recordings[0].positions, TRACK)
+
+
+def test_a_clock_that_is_set_back_begins_a_new_piece(read):
+    frame = FRAME.assign(time=np.where(T < 120, T, T - 3600.0))
+    file = read(frame)
+    assert file.recordings[0].pieces == ((0, 120), (120, ROWS))
+    np.testing.assert_array_equal(file.recordings[0].positions, TRACK)
+    assert "the clock was set back" in file.summary
+
+
+def test_more_than_a_tenth_is_a_warning_and_more_than_half_a_refusal(read):
+    cells = FRAME.round(3).astype(str)
+    cells.loc[::5, "x"] = "lost"
+    file = read(cells)
+    assert file.warnings == (f"{file.summary.split(':')[0]}: 40 of 200 rows are left out",)
+    cells.loc[:69, "x"] = "lost"
+    cells.loc[70:129, "time"] = "lost"
+    with pytest.raises(ArgumentError, match="more than half of walk is left out"):
+        read(cells)
+
+
+def test_an_object_that_cannot_be_tracked_does_not_cost_the_others(read):
+    frame = pd.concat(
+        [
+            FRAME.assign(id="a"),
+            FRAME.assign(id="b", x=np.nan),
+            FRAME.assign(id="c", x=FRAME.x + 9.0),
+        ]
+    )
+    file = read(frame.sort_values("time", kind="stable"))
+    assert [recording.name for recording in file.recordings] == ["a", "c"]
+    assert "b has 0 measured positions" in file.warnings[0]
+
+
+@pytest.mark.parametrize("scale", [1.0, 60.0])
+@pytest.mark.parametrize("column", [False, True])
+def test_positions_that_a_stale_source_repeats(read, scale, column):
+    """A source gives the last position until it has a new one, after 3 to 8 rows."""
+    rng = np.random.default_rng(1)
+    fresh = np.unique(np.cumsum(rng.integers(3, 9, ROWS)).clip(0, ROWS - 1))
+    last = fresh[np.searchsorted(fresh, np.arange(fresh[0], ROWS), side="right") - 1]
+    frame = pd.DataFrame({"time": scale * T[fresh[0] :], "x": TRACK[last, 0], "y": TRACK[last, 1]})
+    if column:
+        frame["time_position"] = scale * T[last]
+    [recording] = read(frame).recordings
+    np.testing.assert_array_equal(recording.times, scale * T[fresh])
+    np.testing.assert_array_equal(recording.positions, TRACK[fresh])
+
+
+def test_an_object_that_stands_still_and_rounded_positions_are_no_stale_source(read):
+    still = np.concatenate([TRACK[:80], np.repeat(TRACK[80:81], 60, axis=0), TRACK[81:141]])
+    standing = FRAME.assign(time=T, x=still[:, 0], y=still[:, 1])
+    coarse = FRAME.assign(x=np.round(TRACK[:, 0] / 4.0) * 4.0, y=0.0)
+    for frame in (standing, coarse):
+        assert len(read(frame, unit="m").recordings[0].times) == ROWS
+
+
+DEGREES = {"lat": GRID[:, 0], "lon": GRID[:, 1]}
+
+
+def positions_of(read, **columns):
+    """East and north of a file in degrees."""
+    return read(pd.DataFrame(columns)).recordings[0].positions
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        "letters",
+        "columns",
+        "minutes",
+        "integers",
+        "semicircles",
+        "degrees and minutes",
+        "one column",
+        "comma",
+        "zeros",
+    ],
+)
+def test_forms_of_degrees(read, form):
+    expected = positions_of(read, time=T, **DEGREES)
+    lat, lon = -GRID[:, 0], -GRID[:, 1]
+    more = {}
+    columns = ("lat", "lon")
+    if form == "letters":
+        cells = [f"{-a:.9f}S" for a in lat], [f"{-b:.9f} W" for b in lon]
+    elif form == "columns":
+        cells = -lat, -lon
+        more = {"N/S": "S", "E/W": "W"}
+    elif form == "minutes":
+        cells = [
+            [f"{int(v)}°{60.0 * (v % 1):.7f}'{letter}" for v in -values]
+            for values, letter in ((lat, "S"), (lon, "W"))
+        ]
+    elif form == "integers":
+        cells = [np.round(values * 1e7).astype(int) for values in (lat, lon)]
+    elif form == "semicircles":
+        columns = ("position_lat", "position_long")
+        cells = [np.round(values * 2**31 / 180.0).astype(int) for values in (lat, lon)]
+    elif form == "degrees and minutes":
+        cells = [-(100.0 * (v // 1) + 60.0 * (v % 1)) for v in (-lat, -lon)]
+    elif form == "one column":
+        cells = [f"{a:.9f}, {b:.9f}" for a, b in zip(lat, lon, strict=True)], T
+        columns = ("Position", "speed")
+    elif form == "comma":
+        cells = [[f"{v:.9f}".replace(".", ",") for v in values] for values in (lat, lon)]
+    else:
+        cells = np.where(T == 7, 0.0, lat), np.where(T == 7, 0.0, lon)
+        expected = np.delete(expected, 7, axis=0)
+    found = positions_of(read, time=T, **dict(zip(columns, cells, strict=True)), **more)
+    # South and west are mirror images of north and east.
+    np.testing.assert_allclose(np.diff(found, axis=0), -np.diff(expected, axis=0), atol=0.03)
+
+
+@pytest.mark.parametrize(
+    ("date", "clock"),
+    [
+        ("%Y-%m-%d", "%H:%M:%S"),
+        ("%y%m%d", "%H%M%S"),
+        ("%d%m%y", "%H%M%S"),
+        ("%Y%m%d", "%H%M%S"),
+        ("%d.%m.%Y", "%H:%M:%S"),
+        ("%m/%d/%Y", "%I:%M:%S %p"),
+    ],
+)
+def test_a_date_beside_the_time_of_day(read, date, clock):
+    """Also across midnight."""
+    frame = FRAME.assign(Date=DATES.strftime(date), time=DATES.strftime(clock))
+    [recording] = read(frame).recordings
+    np.testing.assert_allclose(recording.times, T, atol=1e-6)
+    assert recording.epoch == "2026-05-01T23:59:00Z"
+
+
+@pytest.mark.parametrize("form", ["%d/%m/%Y %H:%M:%S", "%m/%d/%Y %I:%M:%S %p", "%H:%M:%S"])
+def test_dates_of_other_orders_and_midnight(read, form):
+    [recording] = read(FRAME.assign(time=DATES.strftime(form))).recordings
+    np.testing.assert_allclose(np.diff(recording.times), 1.0, atol=1e-6)
+
+
+def test_times_rounded_to_seconds_are_spread(read):
+    file = read(FRAME.assign(time=np.floor(0.2 * T)))
+    np.testing.assert_allclose(file.recordings[0].times, 0.2 * T, atol=1e-9)
+    assert "spread" in file.summary
+
+
+def test_thousands_by_option(read):
+    frame = FRAME.assign(x=[f"{x + 5000.0:,.3f}" for x in TRACK[:, 0]])
+    with pytest.raises(ArgumentError, match=r"x='5,00.*--thousands"):
+        read(frame.to_csv(index=False, sep=";"))
+    [recording] = read(frame.to_csv(index=False, sep=";"), thousands=",").recordings
+    np.testing.assert_allclose(recording.positions[:, 0], TRACK[:, 0] + 5000.0, atol=1e-3)
+
+
+def test_the_finest_of_several_columns_of_times(read):
+    """A drone logs milliseconds beside a clock of whole seconds."""
+    frame = FRAME.drop(columns="time").assign(
+        **{"datetime(utc)": DATES.floor("5s").astype(str), "time(millisecond)": 1000.0 * T}
+    )
+    frame = frame.rename(columns={"time(millisecond)": "time [ms]"})
+    np.testing.assert_allclose(read(frame).recordings[0].times, T)
+
+
+def test_sentences_of_a_receiver_are_named(read):
+    with pytest.raises(ArgumentError, match="sentences of NMEA"):
+        read("$GPRMC,101500,A,4700.0003,N,00800.0011,E,0.5,54.7,010526,,*1F\n" * 9)
