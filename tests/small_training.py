@@ -39,26 +39,15 @@ SMALL_STOPPING = (
     "worlds=[{n_envs: 8}, {n_envs: 2, env: HybridTrackPublishedBank-v0}]",
     "drawn_worlds=[{radii: 1, worlds: 1, n_envs: 2}]",
 )
-SMALL_STATEMENTS = (
-    "n_envs=8",
-    "batch_size=8",
-    "n_steps=25",
-    "hidden=6",
-    "durations=[uniform 5-20, geometric 30]",
-    "habits=false",
-    "ticks=50",
-)
 SMALL_RHYTHM = (
     "n_envs=8",
     "batch_size=8",
     "n_steps=25",
     "hidden=6",
-    "durations=[drawn, geometric 30]",
     "ticks=50",
 )
 QUICK = {"ticks": 50, "durations": "uniform 5-20"}
 SCHEME = {"scheme": "random 2x20-30"}
-SMALL_A2C = ("n_envs=20", "n_steps=32", "policy_kwargs.net_arch=[16]")
 SMALL_Q = (
     "n_envs=20",
     "train_freq=16",
@@ -78,12 +67,22 @@ KINDS = {
         SCHEME,
         (*SMALL_PPO, "policy_kwargs.lstm_hidden_size=8"),
     ),
-    "a2c": ("a2c", PUBLISHED, SCHEME, SMALL_A2C),
+    "a2c": ("a2c", PUBLISHED, SCHEME, ("n_envs=20", "n_steps=32", "policy_kwargs.net_arch=[16]")),
     "dqn": ("dqn", PUBLISHED, SCHEME, SMALL_Q),
     "qrdqn": ("qrdqn", PUBLISHED, SCHEME, (*SMALL_Q, "policy_kwargs.n_quantiles=5")),
     "ppo-quickest": ("ppo", "HybridTrackQuickest-v0", QUICK, SMALL_PPO),
-    "statements": ("rhythm", "HybridTrackQuickest-v0", QUICK, SMALL_STATEMENTS),
-    "rhythm": ("rhythm", "HybridTrackQuickest-v0", QUICK, SMALL_RHYTHM),
+    "statements": (
+        "rhythm",
+        "HybridTrackQuickest-v0",
+        QUICK,
+        (*SMALL_RHYTHM, "durations=[uniform 5-20, geometric 30]", "habits=false"),
+    ),
+    "rhythm": (
+        "rhythm",
+        "HybridTrackQuickest-v0",
+        QUICK,
+        (*SMALL_RHYTHM, "durations=[drawn, geometric 30]"),
+    ),
 }
 """Recipe, environment, its options and changed hyper-parameters."""
 WALL_CLOCK = ("seconds", "time/fps", "time/time_elapsed")
@@ -96,13 +95,20 @@ def log_often(set_value=setattr):
     set_value(LearningCurve, "reference_reward", 0.5)
 
 
-def small_run(kind, folder=None, steps=STEPS, seed=3, more=()):
-    """A new run, with further changes of hyper-parameters."""
+def small_run(kind, folder=None, steps=STEPS, seed=3):
+    """A new run."""
     if kind in ("recurrent-ppo", "qrdqn"):
         pytest.importorskip("sb3_contrib")
     recipe, env, options, changes = KINDS[kind]
-    recipe = load_recipe(recipe, env, (*changes, *more))
-    return make_run(f"hybrid_env:{env}", options, recipe, seed, folder, steps)
+    recipe = load_recipe(recipe, env, changes)
+    return make_run(
+        f"hybrid_env:{env}",
+        options,
+        recipe,
+        seed,
+        folder,
+        steps,
+    )
 
 
 def small_recipe(folder, kind="ppo"):
@@ -141,13 +147,9 @@ def interrupted(kind, folder, at, steps=STEPS):
     return folder
 
 
-def contents(folder):
-    return {path.name: path.read_bytes() for path in folder.iterdir()}
-
-
 def main(kind, folder, steps, save_every):
     """Start or continue a training; print a line when it begins and after every rollout."""
-    run = small_run(kind, folder, steps) if not (folder / CONFIG).exists() else resume_run(folder)
+    run = resume_run(folder) if (folder / CONFIG).exists() else small_run(kind, folder, steps)
     print("training", flush=True)
     run.train(lambda now: print(now.steps, flush=True), save_every)
 

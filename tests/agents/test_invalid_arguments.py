@@ -6,22 +6,14 @@ import pytest
 
 from agents.cli import main
 
-QUICKEST = "--env HybridTrackQuickest-v0"
 INVALID_ARGUMENTS = [
     ("", "Expected one of"),
-    ("divine", "divine"),
     ("train --tua 3", "--tua"),
-    ("evaluate --bank silver", "silver"),
     ("compare --deciders ate oracle", "decider='oracle'"),
     ("compare --out bad.txt", "out="),
-    (f"compare {QUICKEST} --accuracy 0.9", "accuracy=0.9"),
     ("train --set n_envs=[", "set='n_envs=['"),
-    ("train --resume nowhere --seed 3", "resume='nowhere'"),
-    (f"evaluate {QUICKEST} beam:much", "decider='beam:much'"),
     ("play --out no/x.gif", "out='no/x.gif'"),
-    ("play --out x.png --episodes 2", "episodes=2"),
     ("track nofile.csv", "file='nofile.csv'"),
-    ("track good.csv --lengths 1 2", "lengths="),
     ("track good.csv --columns x=z y=y", "columns='z'"),
     ("track good.csv ./good.csv", "output folders of different names"),
     ("score good.csv good.csv", "no column of times (its columns are x, y)"),

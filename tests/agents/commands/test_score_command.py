@@ -1,4 +1,4 @@
-"""`hybridtrack score`: tables, JSON and picture, from files of any origin."""
+"""`hybridtrack score`: JSON and picture, from files of any origin."""
 
 import json
 
@@ -36,37 +36,13 @@ def files(tmp_path):
     return tmp_path
 
 
-def test_it_prints_and_writes_what_the_function_finds(files, capsys):
-    line = [str(files / f"{name}.csv") for name in ("truth", "late", "mine")]
+def test_it_writes_what_the_function_finds(files):
     out = files / "score.json"
     picture = files / "score.png"
+    line = [str(files / f"{name}.csv") for name in ("truth", "late", "mine")]
+    line += f"--out {out} --picture {picture} --per min --normal A".split()
 
-    assert (
-        main(
-            [
-                "score",
-                *line,
-                "--out",
-                str(out),
-                "--picture",
-                str(picture),
-                "--per",
-                "min",
-                "--normal",
-                "A",
-            ]
-        )
-        == 0
-    )
-    printed = capsys.readouterr().out
-    for words in (
-        "3 tracks, 0.6 min scored",
-        "over tracks",
-        "Less that of late",
-        "/min",
-        "away from A",
-    ):
-        assert words in printed
+    assert main(["score", *line]) == 0
     data = json.loads(out.read_text())
     assert data["figures"]["late"]["delay"]["value"] == pytest.approx(1.0)
     assert data["figures"]["mine"]["delay"]["value"] == pytest.approx((2 + 0 + 0 + 2) / 4)

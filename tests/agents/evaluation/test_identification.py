@@ -19,7 +19,12 @@ def test_a_wrong_radius_names_the_type_only(monkeypatch):
     decider = ThresholdDecider().changed(title="x", thresholds=(0.1, 0.2))
     recorded = [task.measured(Statements(true, statements)) for statements in (stated, late)]
     monkeypatch.setattr(type(task), "record", lambda *_: [recorded.pop(0)])
-    scores = sweep(task, decider, 1, 0)
+    scores = sweep(
+        task,
+        decider,
+        1,
+        0,
+    )
     figures = {
         word: {name: scores.curve(statistic) for name, statistic in of.items()}
         for word, of in IDENTIFICATION.items()

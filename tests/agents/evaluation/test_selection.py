@@ -5,7 +5,6 @@ import pytest
 
 from agents.evaluation.registry import find_decider
 from agents.evaluation.task import AnnouncedTask, UnknownTask, sweep, task_of
-from hybrid_env import ArgumentError
 
 HOME = "HybridTrackPublished-v0"
 
@@ -16,12 +15,6 @@ def few_episodes():
         patch.setattr(AnnouncedTask, "choosing_episodes", 150)
         patch.setattr(UnknownTask, "choosing_episodes", 4)
         yield
-
-
-@pytest.mark.parametrize("name", ["ate:0%", "ate:x%", "ate:nan%", "ate:2/1000", "fixed:auto:3"])
-def test_other_endings_are_refused(name):
-    with pytest.raises(ArgumentError, match="decider"):
-        find_decider(name, task_of(HOME).options)
 
 
 def chosen(name, env_id=HOME, **options):
@@ -40,16 +33,16 @@ def test_the_threshold_for_the_reward_depends_on_the_delay_cost():
 @pytest.mark.parametrize(("rate", "noise"), [(0.03, "gaussian"), (0.2, "student_t 3")])
 def test_a_promised_error_rate_is_held_on_other_episodes(rate, noise):
     task = task_of(HOME, {"noise": noise})
-    scores = sweep(task, find_decider(f"msprt:{100 * rate:g}%", task.options), 300, 0)
+    scores = sweep(
+        task,
+        find_decider(f"msprt:{100 * rate:g}%", task.options),
+        300,
+        0,
+    )
     error = 1.0 - float(scores.curve(task.statistic("accuracy"))[0])
     # Episodes near the rate.
     counting = 2.0 * np.sqrt(rate / 300 / 6) + 2.0 * np.sqrt(rate / 450 / 6)
     assert abs(error - rate) < counting
-
-
-def test_a_rate_that_cannot_be_held_is_told():
-    with pytest.warns(UserWarning, match=r"MSPRT cannot hold a rate of 1%: \d"):
-        chosen("msprt:1%", speed=0.2, measurement_variance=1.0)
 
 
 def test_unknown_switches_have_a_reward_and_a_rate_of_wrong_changes():
@@ -57,7 +50,3 @@ def test_unknown_switches_have_a_reward_and_a_rate_of_wrong_changes():
     few, many = (chosen(f"threshold:{rate}/1000", env_id, **options) for rate in (2, 8))
 
     assert 0.5 < many < few < 1.0
-    thresholds = find_decider("threshold", task_of(env_id).options).thresholds
-    assert chosen("threshold:auto", env_id, **options) in thresholds
-    with pytest.raises(ArgumentError, match="2/1000"):
-        chosen("threshold:2%", env_id)

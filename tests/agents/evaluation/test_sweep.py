@@ -23,7 +23,12 @@ CASES = [
 
 
 def test_scores_of_announced_switches_are_those_of_recorded_decisions():
-    scores = sweep(ANNOUNCED, FIXED, 20, 3)
+    scores = sweep(
+        ANNOUNCED,
+        FIXED,
+        20,
+        3,
+    )
     for index, ticks in enumerate((5, 20)):
         decisions = evaluate(
             FixedTimeDecider(ticks),
@@ -33,15 +38,22 @@ def test_scores_of_announced_switches_are_those_of_recorded_decisions():
             **ANNOUNCED.given,
         )
         np.testing.assert_array_equal(scores.values[..., index], decisions.values)
-        confusion = scores.extra["confusion"][index]
-        assert confusion.sum() == decisions.correct.size
-        assert confusion.trace() == decisions.correct.sum()
 
 
 def test_scores_of_unknown_switches_are_those_of_recorded_statements():
-    scores = sweep(UNKNOWN, ThresholdDecider().changed(thresholds=(0.5, 0.8)), 20, 3)
+    scores = sweep(
+        UNKNOWN,
+        ThresholdDecider().changed(thresholds=(0.5, 0.8)),
+        20,
+        3,
+    )
     for index, threshold in enumerate((0.5, 0.8)):
-        recorded = record_statements(ThresholdDecider(threshold), 20, 3, **vars(UNKNOWN.options))
+        recorded = record_statements(
+            ThresholdDecider(threshold),
+            20,
+            3,
+            **vars(UNKNOWN.options),
+        )
         metrics = measure_statements(recorded, UNKNOWN.options.change_cost)
         for metric in UNKNOWN.metrics:
             estimate = scores.estimate(metric.statistic, index)
@@ -56,15 +68,15 @@ def test_a_beam_computes_its_thresholds_at_once_with_the_same_statements():
     at_once = sweep(
         UNKNOWN,
         beam,
-        9,
+        4,
         2,
-        thresholds=(0.0, 0.6, 0.9),
+        thresholds=(0.0, 0.6),
     )
     for index, threshold in enumerate(at_once.thresholds):
         apart = sweep(
             UNKNOWN,
             beam,
-            9,
+            4,
             2,
             thresholds=(threshold,),
         )
@@ -73,22 +85,20 @@ def test_a_beam_computes_its_thresholds_at_once_with_the_same_statements():
 
 @pytest.mark.parametrize(("task", "deciders"), CASES)
 def test_batches_do_not_change_scores(task, deciders, monkeypatch):
-    shares = []
-    scored = []
-    for size in (None, 4):
-        if size is not None:
-            monkeypatch.setattr(type(task), "batch", lambda self: 4)
-        scored.append(
-            sweep(
-                task,
-                deciders,
-                10,
-                3,
-                shares.append,
-            )
-        )
+    whole = sweep(
+        task,
+        deciders,
+        10,
+        3,
+    )
+    monkeypatch.setattr(type(task), "batch", lambda self: 4)
+    batched = sweep(
+        task,
+        deciders,
+        10,
+        3,
+    )
 
-    np.testing.assert_array_equal(scored[0].values, scored[1].values)
-    for name, array in scored[0].extra.items():
-        np.testing.assert_array_equal(array, scored[1].extra[name])
-    assert shares[-1] == max(shares) == 1.0
+    np.testing.assert_array_equal(batched.values, whole.values)
+    for name, array in whole.extra.items():
+        np.testing.assert_array_equal(batched.extra[name], array)

@@ -42,12 +42,13 @@ def stated_and_right(decider, env, segments, ticks=(2, 5, 10, 20, 40)):
 )
 def test_every_bin_of_the_stated_probability_is_within_three_points(R, segments):
     torch.set_num_threads(1)
-    env = HybridTrackVectorEnv(500, AutoresetMode.SAME_STEP, False, measurement_variance=R)
-    stated, right = stated_and_right(
-        load_decider("shipped", env.options),
-        env,
-        segments,
+    env = HybridTrackVectorEnv(
+        500,
+        AutoresetMode.SAME_STEP,
+        False,
+        measurement_variance=R,
     )
+    stated, right = stated_and_right(load_decider("shipped", env.options), env, segments)
     index = np.digitize(stated, BINS[1:-1])
     for k in range(len(BINS) - 1):
         chosen = index == k

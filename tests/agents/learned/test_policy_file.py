@@ -7,17 +7,15 @@ import shutil
 import numpy as np
 import pytest
 import torch
-from hostile_input import accepted, attack, counts, damaged, mutated
+from hostile_input import accepted, attack, counts, damaged, mutated, refused
 from safetensors.torch import load_file, save_file
 from small_training import log_often, small_run
 
-from agents.cli import main
 from agents.evaluation.registry import load_decider, policy_folder
 from agents.interface.world_arguments import WorldArguments
 from agents.learned.policy_file import CARD, WEIGHTS
 from baselines.rules.decider import ANNOUNCED
 from hybrid_env import WorldOptions
-from hybrid_env.checks import ArgumentError
 from hybrid_env.registration import make_track_vector_env
 
 
@@ -28,55 +26,16 @@ def folder(tmp_path):
 
 
 def refusal(folder):
-    """The message with which the folder is refused, by the loader and by the command."""
-    with pytest.raises(ArgumentError) as caught:
-        accepted_or_raised(folder)
-    message = str(caught.value)
-    assert "\n" not in message
-    assert len(message) <= 300
-    assert main(["evaluate", str(folder), "--episodes", "2"]) == 2
-    return message
+    """The message with which the folder is refused."""
+    return refused(load_decider, str(folder), WorldOptions())
 
 
-def accepted_or_raised(folder):
-    WorldArguments().world_of(str(folder))
-    load_decider(str(folder), WorldOptions())
-
-
-@pytest.mark.parametrize(
-    ("place", "value", "reason"),
-    [
-        (("recipe", "entry", "hidden"), 20_000, "hidden=20000"),
-        (("recipe", "entry", "hidden"), 41, "shape"),
-        (("recipe", "entry", "algo"), "magic", "algo='magic'"),
-        (("observation_scales",), {}, "other scales"),
-    ],
-)
-def test_a_wrong_value_on_a_card_is_refused(folder, place, value, reason):
-    card = json.loads((folder / CARD).read_text())
-    inner = card
-    for key in place[:-1]:
-        inner = inner[key]
-    inner[place[-1]] = value
-    (folder / CARD).write_text(json.dumps(card))
-
-    assert reason in refusal(folder)
-
-
-@pytest.mark.parametrize("number", [float("nan"), -1e30])
-def test_weights_that_are_not_finite_or_too_large_are_refused(folder, number):
-    weights = load_file(folder / WEIGHTS)
-    weights["anchor.output.bias"][3] = number
-    save_file(weights, folder / WEIGHTS)
-
-    assert "anchor.output.bias" in refusal(folder)
-
-
-def test_weights_of_another_type_or_shape_are_refused(folder):
+def test_weights_of_another_type_shape_or_size_are_refused(folder):
     weights = load_file(folder / WEIGHTS)
     name = "anchor.output.bias"
     others = {key: value for key, value in weights.items() if key != name}
-    for changed in ({name: weights[name].double()}, {name: torch.zeros(3)}, {}):
+    large = {name: weights[name] - 1e30}
+    for changed in ({name: weights[name].double()}, {name: torch.zeros(3)}, large, {}):
         save_file(others | changed, folder / WEIGHTS)
         assert name in refusal(folder)
 
@@ -88,8 +47,7 @@ def test_files_that_are_too_large_or_would_block_are_refused(folder):
     for name in (WEIGHTS, CARD):
         (folder / name).unlink()
         os.mkfifo(folder / name)
-        with pytest.raises(ArgumentError):
-            load_decider(str(folder), WorldOptions())
+        refusal(folder)
 
 
 def decide(folder):
@@ -124,7 +82,7 @@ def saved(trained, tmp_path):
     return tmp_path
 
 
-EXAMPLES = pytest.mark.parametrize("examples", counts(30, 4_000))
+EXAMPLES = pytest.mark.parametrize("examples", counts(20, 4_000))
 
 
 @EXAMPLES

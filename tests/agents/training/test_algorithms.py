@@ -37,7 +37,7 @@ def test_every_file_has_the_algorithm_of_its_name(name):
     assert kind.tasks
 
 
-@pytest.mark.parametrize("name", ["magic", "Anchor", "json:loads", "agents.algorithms", 3, [1]])
+@pytest.mark.parametrize("name", ["magic", "json:loads", 3])
 def test_other_names_are_refused_in_one_line(name):
     with pytest.raises(ArgumentError, match="algo="):
         find_algorithm(name, imported=True)
@@ -63,10 +63,7 @@ def test_weights_name_an_algorithm_of_a_user_which_they_do_not_import(tmp_path, 
 
     monkeypatch.delitem(sys.modules, "own_algorithm")
     monkeypatch.delitem(find_algorithm.__globals__["REGISTERED"], "own_algorithm:Mine")
-    for refused in (
-        lambda: find_decider(str(tmp_path / "run"), options),
-        lambda: resume_run(run.folder),
-    ):
+    for use in (lambda folder: find_decider(str(folder), options), resume_run):
         with pytest.raises(ArgumentError, match="a2c, anchor, dqn"):
-            refused()
+            use(run.folder)
     assert "own_algorithm" not in sys.modules
