@@ -2,6 +2,7 @@
 
 import functools
 import operator
+import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -147,6 +148,7 @@ class World:
             self._scratch.append(scratch)
         addresses = [parameters.ctypes.data for parameters in self._parameters]
         self._pool: ThreadPoolExecutor | None = None
+        self._pool_process = 0
         self.run: Callable[[int], int] = functools.partial(self._advance, addresses[0])
         if self.threads > 1:
             ranges = [slice(*(LANES * cuts[k : k + 2]).tolist()) for k in range(self.threads)]
@@ -204,8 +206,10 @@ class World:
 
     def _run_threads(self, shares: list[tuple[int, slice]], command: int) -> int:
         """Step and copy every share of the tracks in a thread."""
-        if self._pool is None:
+        # A forked process has no threads.
+        if self._pool is None or self._pool_process != os.getpid():
             self._pool = ThreadPoolExecutor(self.threads)
+            self._pool_process = os.getpid()
         self._rows = np.empty_like(self.observations)
         run = functools.partial(self._run_share, command)
         # Every thread checks all actions, so that all report the same invalid one.
