@@ -16,8 +16,8 @@ import numpy as np
 from baselines.recordings.imm_pass import Chunks, TrackModel, grid_chunks, run_pass
 from baselines.recordings.scatter import (
     median_speed,
-    median_step,
     noise_estimate,
+    step_length,
 )
 from baselines.recordings.ticks import TickGrid
 from hybrid_env.checks import ArgumentError, FloatArray
@@ -54,7 +54,7 @@ def fit_model(
         measurement_variance = nominal_variance(grid)
     rough = measurement_variance or noise_estimate(grid) or 0.0
     speed = median_speed(grid, rough)
-    step = max(speed, median_step(grid) or 0.0)
+    step = max(speed, step_length(grid) or 0.0)
     if step == 0.0 and rough == 0.0:
         raise ArgumentError("the recording does not move: all measured positions are equal")
     rough = max(rough, (smallest_noise * step) ** 2)

@@ -116,7 +116,8 @@ def without_standing(grid: TickGrid) -> tuple[TickGrid, int]:
     noise. An object that stands for most of the time is not told from noise.
     """
     noise = noise_estimate(grid)
-    step = _usual_step(grid)
+    # A quarter of the steps is longer, also if the object stands for half of the time.
+    step = (step_length(grid, 5, 0.75) or 0.0) / 5.0
     if noise is None or step == 0.0 or grid.radar is not None:
         return grid, 0
     # A moving object covers 12 standard deviations of the noise in a window.
@@ -145,25 +146,13 @@ def without_standing(grid: TickGrid) -> tuple[TickGrid, int]:
     return grid._replace(pieces=tuple(pieces)), count
 
 
-def _usual_step(grid: TickGrid, measurements: int = 5) -> float:
-    """Return the distance between successive measurements that a quarter of them exceeds [unit of
-    length], as the mean of several ones.
-    """
-    steps = [
-        np.hypot(*(positions[measurements:] - positions[:-measurements]).T) / measurements
-        for positions in (piece.measurements[piece.measured] for piece in grid.pieces)
-    ]
-    lengths = np.concatenate(steps)
-    return float(np.quantile(lengths, 0.75)) if lengths.size else 0.0
-
-
 def median_speed(grid: TickGrid, noise: float) -> float:
     """Return the median speed [unit of length / tick], of steps that exceed the noise by far, of
     at most 32 ticks.
     """
     speed = 0.0
     for ticks in (1, 2, 4, 8, 16, 32):
-        step = median_step(grid, ticks)
+        step = step_length(grid, ticks)
         if step is None:
             break
         squared = max(step**2 - 4.0 * np.log(2.0) * noise, 0.0)
@@ -173,14 +162,14 @@ def median_speed(grid: TickGrid, noise: float) -> float:
     return speed
 
 
-def median_step(grid: TickGrid, ticks: int = 1) -> float | None:
-    """Return the median distance of measurements some ticks apart [unit of length], None if
-    there are none.
+def step_length(grid: TickGrid, ticks: int = 1, share: float = 0.5) -> float | None:
+    """Return the distance of measurements some ticks apart that a share of them does not exceed
+    [unit of length], by default the median; None if there are none.
     """
     steps = [piece.measurements[ticks:] - piece.measurements[:-ticks] for piece in grid.pieces]
     lengths = np.hypot(*np.concatenate(steps).T)
     lengths = lengths[~np.isnan(lengths)]
-    return float(np.median(lengths)) if lengths.size else None
+    return float(np.quantile(lengths, share)) if lengths.size else None
 
 
 def _differences(piece: Piece, points: int) -> tuple[IntArray, FloatArray]:
