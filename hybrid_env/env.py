@@ -20,6 +20,7 @@ from hybrid_env.checks import (
 from hybrid_env.core.kernel import DECIDED
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering import RENDER_FPS
+from hybrid_env.rendering.frame import draw_frame
 from hybrid_env.rendering.history import History
 from hybrid_env.world import World, state_of
 
@@ -162,7 +163,7 @@ class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
             return None
         if not self._started:
             raise gym.error.ResetNeeded("render() requires a running episode: call reset() first")
-        return self.history.draw()
+        return draw_frame(self.history)
 
 
 class HybridTrackEnv(TrackEnv):

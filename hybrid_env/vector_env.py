@@ -27,6 +27,7 @@ from hybrid_env.core.kernel import TERMINATED
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.rendering import RENDER_FPS
+from hybrid_env.rendering.frame import draw_frame
 from hybrid_env.rendering.history import History
 from hybrid_env.world import World, random_states
 
@@ -195,7 +196,7 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
             return None
         if not self._started:
             raise gym.error.ResetNeeded("render() requires a running episode: call reset() first")
-        return tuple(history.draw() for history in self.histories)
+        return tuple(draw_frame(history) for history in self.histories)
 
     def _record(self, stepped: BoolArray, begins: BoolArray) -> None:
         """Add the last step to the histories. stepped, begins: (N,) which tracks were stepped or

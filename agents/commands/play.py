@@ -29,6 +29,7 @@ from hybrid_env.checks import ArgumentError, Count, NotNegative, reject
 from hybrid_env.extras import explained
 from hybrid_env.registration import make_track_vector_env
 from hybrid_env.rendering import FRAME_SIZE, RENDER_FPS
+from hybrid_env.rendering.frame import draw_frame
 from hybrid_env.rendering.history import History
 
 
@@ -110,11 +111,11 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
         with progress_display(console) as progress:
             histories = self._play(episodes, console, progress)
             if self.out is not None and self.out.suffix == ".gif":
-                write_gif(self.out, (history.draw() for history in histories))
+                write_gif(self.out, (draw_frame(history) for history in histories))
             elif self.out is not None:
                 *_, history = histories
                 with atomic_file(self.out) as part:
-                    Image.fromarray(history.draw()).save(part, format="PNG")
+                    Image.fromarray(draw_frame(history)).save(part, format="PNG")
             elif self.record is not None:
                 # Plays the episode.
                 list(histories)
@@ -169,7 +170,7 @@ def show(histories: Iterator[History]) -> bool:
         window = pygame.display.set_mode(FRAME_SIZE)
         clock = pygame.time.Clock()
         for history in histories:
-            image = pygame.surfarray.make_surface(history.draw().swapaxes(0, 1))
+            image = pygame.surfarray.make_surface(draw_frame(history).swapaxes(0, 1))
             for _ in range(2 * RENDER_FPS if history.finished else 1):
                 if pygame.event.get(pygame.QUIT):
                     return False

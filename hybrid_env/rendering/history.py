@@ -6,11 +6,9 @@ switch.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hybrid_env.checks import FloatArray, Info, IntArray
 from hybrid_env.core.memory import TRACE_COLUMNS
-from hybrid_env.extras import explained
 from hybrid_env.model_options import ModelOptions
 from hybrid_env.rendering.evidence import EvidencePanel, probability_panel, sprt_panel
 
@@ -42,13 +40,13 @@ class History:
             panel or (sprt_panel if options.switches == "announced" else probability_panel)()
         )
         self.episode = -1
-        self._figure: Any = None
+        self.figure: Any = None
         # An empty episode, which is not counted.
         self.begin()
 
     def __getstate__(self) -> dict[str, Any]:
         # A figure can neither be copied nor pickled.
-        return vars(self) | {"_figure": None}
+        return vars(self) | {"figure": None}
 
     def begin(self) -> None:
         """Discard the last episode; the first tick of a new one is added next."""
@@ -135,13 +133,3 @@ class History:
     def switches(self) -> IntArray:
         """(number of segments so far,) index of the first row of each segment."""
         return np.flatnonzero(np.diff(self.column("segment"), prepend=-1.0))
-
-    def draw(self) -> NDArray[np.uint8]:
-        """Draw a frame of the episode so far, (height, width, 3), a new array."""
-        if self._figure is None:
-            with explained():
-                from hybrid_env.rendering.figure import EpisodeFigure
-
-            self._figure = EpisodeFigure(self.options, self.panel)
-        frame: NDArray[np.uint8] = self._figure.draw(self)
-        return frame
