@@ -1,5 +1,6 @@
 from baselines.estimation.correction import Huber as Huber
 from baselines.estimation.correction import StudentT as StudentT
+from baselines.estimation.forecast import forecast as forecast
 from baselines.estimation.imm import IMMFilter as IMMFilter
 from baselines.estimation.imm import mixture as mixture
 from baselines.estimation.kalman import KalmanFilter as KalmanFilter
@@ -7,11 +8,14 @@ from baselines.estimation.motion_models import MotionModel as MotionModel
 from baselines.estimation.run_filter import run_filter as run_filter
 from baselines.estimation.smoother import smooth as smooth
 from baselines.estimation.track_filter import TrackFilter as TrackFilter
+from baselines.estimation.turns import Turn as Turn
 from baselines.recordings.ate import track_ate as track_ate
 from baselines.recordings.given_tracks import GivenTracks as GivenTracks
 from baselines.recordings.reading.igc import IgcLog as IgcLog
 from baselines.recordings.reading.igc import parse_igc as parse_igc
 from baselines.recordings.reading.read import read_recordings as read_recordings
+from baselines.recordings.tracker import OnlineEstimate as OnlineEstimate
+from baselines.recordings.tracker import OnlineTracker as OnlineTracker
 from baselines.rules.beam import BeamDecider as BeamDecider
 from baselines.rules.change_detection import CusumDecider as CusumDecider
 from baselines.rules.change_detection import ShiryaevRobertsDecider as ShiryaevRobertsDecider
@@ -25,9 +29,8 @@ from baselines.rules.rollout import record_statements as record_statements
 from baselines.rules.rollout import rollout as rollout
 from baselines.rules.sprt import SPRTDecider as SPRTDecider
 from baselines.rules.sprt import sprt_thresholds as sprt_thresholds
+from baselines.rules.steady import SteadyDecider as SteadyDecider
 from baselines.rules.threshold import ThresholdDecider as ThresholdDecider
-from baselines.rules.tracker import OnlineEstimate as OnlineEstimate
-from baselines.rules.tracker import OnlineTracker as OnlineTracker
 from baselines.scoring.estimates import Estimate as Estimate
 from baselines.scoring.score import TimelineScores as TimelineScores
 from baselines.scoring.score import score as score

@@ -35,6 +35,7 @@ nb_merge_streams = True
 
 highlight_language = "text"
 default_role = "literal"  # `name` in docstrings is code
+suppress_warnings = ["ref.python"]  # several classes have an attribute such as position
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # docstrings state shapes and units
 autodoc_preserve_defaults = True

@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
+from baselines.recordings.projection import Projection
 from hybrid_env.simulation import simulate
 
 MODES = "RLSLSRLRSLSRLS"
@@ -59,6 +61,16 @@ class Object:
             process_variance=self.process_variance,
             measurement_variance=self.measurement_variance,
         )
+
+    def geographic(self, latitude, longitude, seed=1):
+        """A recording in latitudes and longitudes with dates, and its true modes."""
+        [run] = self.simulate(1, seed).measurements
+        seconds = pd.to_timedelta(np.round(self.times(len(run)), 3), unit="s")
+        dates = pd.Timestamp("2026-05-01T23:50:00") + seconds
+        lat, lon = Projection(latitude, longitude).inverse(*run.T).round(8).T
+        time = [date.isoformat(timespec="milliseconds") + "Z" for date in dates]
+        modes = np.repeat([*MODES], LENGTHS)
+        return pd.DataFrame({"time": time, "lat": lat, "lon": lon, "mode": modes})
 
 
 OBJECTS = {

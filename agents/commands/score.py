@@ -1,7 +1,9 @@
 """The command `hybridtrack score`: statements of any origin beside the truth."""
 
-from collections.abc import Mapping
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,7 +17,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from agents.evaluation.cells import estimate_cell, filled_table
+from agents.evaluation.cells import counted, estimate_cell, filled_table
 from agents.figures.canvas import legend_beside, new_canvas
 from agents.figures.tracks import UNDECIDED_COLOUR, draw_timelines, wrong_patch
 from agents.interface.help_texts import shown_default
@@ -39,8 +41,8 @@ class Score:
         shown_default("none, the truth and one more are needed"),
     ]
     """CSV, TSV or Parquet file of the true modes, then files of statements, each with columns of
-    times and modes. Samples hold until the next one; the last time of the truth is the end of a
-    track.
+    times and modes, or folders of results of hybridtrack track. Samples hold until the next one;
+    the last time of the truth is the end of a track.
     """
     columns: tuple[str, ...] = ()
     """Columns that the headers do not tell, by name or number: time=1 mode=4."""
@@ -81,16 +83,32 @@ class Score:
     def score(self) -> TimelineScores:
         """Read the files and score the statements."""
         # Pandas; other commands start faster.
-        from baselines.recordings.reading.modes import read_modes
+        from baselines.recordings.reading.modes import ModeFile, read_modes
 
-        columns = columns_by_role(self.columns, ("time", "mode"))
-        names = [Path(path.name.removesuffix(".gz")).stem for path in self.files[1:]]
-        if len(set(names)) < len(names):
-            raise reject("files", names, "statements in files of different names")
-        truth, *stated = (
-            read_modes(file, columns=columns, object_column=self.object, time_unit=self.time_unit)
-            for file in self.files
+        read = partial(
+            read_modes,
+            columns=columns_by_role(self.columns, ("time", "mode")),
+            object_column=self.object,
+            time_unit=self.time_unit,
         )
+        truth = read(self.files[0])
+        groups: list[list[Path]] = []
+        stated: list[ModeFile] = []
+        for path in self.files[1:]:
+            file = read(path, dated=truth.dated)
+            # Files of several objects are one set until it has all tracks of the truth.
+            known = {*stated[-1].times} if stated else {*truth.times}
+            if (
+                len(truth.times) > 1
+                and not known >= {*truth.times}
+                and known.isdisjoint(file.times)
+            ):
+                groups[-1].append(path)
+                stated[-1] = stated[-1].joined(file)
+            else:
+                groups.append([path])
+                stated.append(file)
+        names = set_names([common_path(paths) for paths in groups])
         sets = {name: file.like(truth, name) for name, file in zip(names, stated, strict=True)}
         return score(
             list(truth.times.values()),
@@ -100,6 +118,31 @@ class Score:
             per=SECONDS[self.per],
             normal=self.normal,
         )
+
+
+def common_path(paths: Sequence[Path]) -> Path:
+    """Return the path of a file, or the folder that holds several ones."""
+    return paths[0] if len(paths) == 1 else Path(os.path.commonpath([*map(Path.resolve, paths)]))
+
+
+def set_names(paths: Sequence[Path]) -> list[str]:
+    """Return the names of files without their endings; if these are equal, the parts of the paths
+    that differ.
+    """
+    names = [
+        path.name if path.is_dir() else Path(path.name.removesuffix(".gz")).stem for path in paths
+    ]
+    if len(set(names)) == len(names):
+        return names
+    parts = [[*path.resolve().parts] for path in paths]
+    for at in (0, -1):
+        while all(parts) and len({part[at] for part in parts}) == 1:
+            for part in parts:
+                del part[at]
+    names = ["/".join(part) or name for part, name in zip(parts, names, strict=True)]
+    if len(set(names)) < len(names):
+        raise reject("files", [*map(str, paths)], "different files of statements")
+    return names
 
 
 def score_tables(result: TimelineScores, per: str) -> list[Table]:
@@ -150,9 +193,12 @@ def score_tables(result: TimelineScores, per: str) -> list[Table]:
 
     first, *others = result.scores
     scored = float(result.scores[first].of("scored", 0).sum()) / result.period
-    count = f"{result.tracks} track" + "s" * (result.tracks > 1)
     tables = [
-        table(f"Statements on {count}, {scored:.4g} {per} scored", over + notes, result.estimates)
+        table(
+            f"Statements on {counted(result.tracks, 'track')}, {scored:.4g} {per} scored",
+            over + notes,
+            result.estimates,
+        )
     ]
     if others:
         title = f"Less that of {first}, on the same tracks"

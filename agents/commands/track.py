@@ -1,6 +1,7 @@
 """The command `hybridtrack track`: mode decisions on recordings of positions, one file or many."""
 
 import functools
+import json
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -14,21 +15,23 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from agents.evaluation.cells import filled_table
+from agents.evaluation.cells import counted, filled_table
 from agents.interface.help_texts import shown_default
-from agents.interface.output_files import atomic_folder
+from agents.interface.output_files import atomic_folder, write_json
 from agents.interface.parallel import Workers
 from agents.interface.progress import print_lines, progress_display
 from agents.interface.world_arguments import TrustArguments
-from agents.recordings.figure import check_plotly, draw_recording, write_map
+from agents.recordings.figure import draw_recording
 from agents.recordings.tracking import TrackedRecording, TrackingArguments
 from baselines.recordings.reading.names import GIVEN_ROLES, columns_by_role
 from hybrid_env.checks import ArgumentError, Count, Positive, reject
 from hybrid_env.limits import Quantity
 from hybrid_env.sensors import parse_sensors
 
-Report: TypeAlias = tuple[list[str], list[Table], list[Path]]
-"""What was read and found of a file, in lines; for a single one also its pieces and new files."""
+Report: TypeAlias = tuple[list[str], list[Table], str]
+"""What was read and found of a file, in lines; for a single one also its pieces and where the
+results are.
+"""
 
 
 @dataclass(kw_only=True)
@@ -36,8 +39,9 @@ class Track(TrackingArguments, TrustArguments):
     """Decide between straight motion, left and right turns on recordings, and estimate the
     trajectory.
 
-    Writes modes.csv, estimates.csv and track.png. Rows are counted from 1. What is not given, such
-    as noise and turn radii, is found from the recording; lengths and times may have any unit.
+    Writes modes.csv, estimates.csv, track.json and track.png. Rows are counted from 1. What is not
+    given, such as noise and turn radii, is found from the recording; lengths and times may have any
+    unit.
     """
 
     files: Annotated[
@@ -95,6 +99,12 @@ class Track(TrackingArguments, TrustArguments):
     """Write track.html, a map in which time, mode and probability can be read. Needs the extra
     'html'.
     """
+    geojson: bool = False
+    """Write track.geojson with the estimated line of each piece. Needs latitude and longitude."""
+    gpx: bool = False
+    """Write track.gpx, a track of the estimates with a segment for each piece. Needs latitude and
+    longitude.
+    """
 
     def run(self) -> None:
         """Track the recordings, write the results and print the decisions."""
@@ -103,6 +113,8 @@ class Track(TrackingArguments, TrustArguments):
         self.check_tracking()
         self.reading_options()
         if self.html:
+            from agents.recordings.maps import check_plotly
+
             check_plotly()
         # Up to this many files, each has a picture by default; it takes longer than the tracking.
         picture = len(self.files) <= 20 if self.picture is None else self.picture
@@ -120,17 +132,25 @@ class Track(TrackingArguments, TrustArguments):
         from baselines.recordings.reading.read import read_recordings
 
         file = read_recordings(path, **self.reading_options())
+        for name in ("geojson", "gpx"):
+            if getattr(self, name) and file.recordings[0].projection is None:
+                raise ArgumentError(f"{path}: --{name} needs latitude and longitude, not x and y")
         results = [self.track(recording) for recording in file.recordings]
         with atomic_folder("out", folder) as part:
             places = object_folders(part, [recording.name for recording in file.recordings])
             for tracked, place in zip(results, places, strict=True):
                 self._write(tracked, place)
-            written = sorted(place for place in part.rglob("*") if place.is_file())
-            files = [folder / place.relative_to(part) for place in written]
-        lines = [f"warning: {warning}" for warning in file.warnings]
-        lines += [line for tracked in results for line in report_lines(tracked)]
-        tables = [_printed_table(tracked) for tracked in results] if len(results) == 1 else []
-        return [file.summary, *lines], tables, files
+            written = ", ".join(sorted(path.name for path in places[0].iterdir()))
+        several = len(results) > 1
+        warnings = [warning.removeprefix(f"{path}: ") for warning in file.warnings]
+        lines = [file.summary, *map("  warning: {}".format, warnings)]
+        for tracked in results:
+            first, *remarks = report_lines(tracked)
+            lines.append(f"  {tracked.recording.name}: {first}" if several else f"  {first}")
+            lines += [f"    {remark}" for remark in remarks]
+        tables = [] if several else [_printed_table(results[0])]
+        each = "a folder for each object with " * several
+        return lines, tables, f"Results in {folder}: {each}{written}"
 
     def _write(self, tracked: TrackedRecording, folder: Path) -> None:
         """Write the results of an object."""
@@ -141,10 +161,19 @@ class Track(TrackingArguments, TrustArguments):
         for name, columns in tables.items():
             table = pd.DataFrame(columns)
             table.to_csv(folder / name, index=False, na_rep="nan", lineterminator="\n")
+        write_json(folder / "track.json", tracked.settings())
         if self.picture:
             draw_recording(tracked).savefig(folder / "track.png")
-        if self.html:
-            write_map(folder / "track.html", tracked)
+        if self.html or self.geojson or self.gpx:
+            from agents.recordings import maps
+
+            if self.html:
+                maps.map_figure(tracked).write_html(folder / "track.html")
+            if self.geojson:
+                text = json.dumps(maps.geojson(tracked), allow_nan=False)
+                (folder / "track.geojson").write_text(text, encoding="utf-8")
+            if self.gpx:
+                (folder / "track.gpx").write_text(maps.gpx_text(tracked), encoding="utf-8")
 
     def reading_options(self) -> dict[str, Any]:
         """Return the arguments of `read_recordings`."""
@@ -177,54 +206,68 @@ class Track(TrackingArguments, TrustArguments):
 
 
 def report_lines(tracked: TrackedRecording) -> list[str]:
-    """Return what was found, in one line, and a line for each warning."""
+    """Return what was decided and found, in one line, and a line for each remark and warning."""
     model, recording, grid = tracked.model, tracked.recording, tracked.grid
-    name, unit, time = recording.name, recording.unit, recording.time_unit
+    unit, time = recording.unit, recording.time_unit
     radii = ", ".join(
         f"{radius:.4g} {unit} ({np.degrees(rate):.3g} deg/{time})"
         for radius, rate in zip(model.radii, model.turn_rates, strict=True)
     )
     values = {
-        "radii": f"turn radii {radii}",
+        "radii": f"{'radius' if len(model.radii) == 1 else 'radii'} {radii}",
         "measurement_variance": f"R {model.measurement_variance:.4g} {unit}^2",
         "process_variance": f"Q {model.process_variance:.3g} {unit}^2/{time}^2",
         "duration": f"mean duration {model.duration:.3g} ticks",
     }
-    found = ", ".join(
-        f"{text} {'found' if of in model.estimated else 'given'}" for of, text in values.items()
-    )
+    parts = [
+        f"{counted(len(tracked.pieces), 'piece')} by {tracked.decider}",
+        f"tick {model.tau:.6g} {time}",
+    ]
+    found = [text for name, text in values.items() if name in model.estimated]
+    given = [text for text in values.values() if text not in found]
+    parts += [f"{word}: {', '.join(of)}" for word, of in (("found", found), ("given", given)) if of]
+    unused = {
+        "far from their neighbours": tracked.outliers,
+        "while the object stands still": tracked.standing,
+        "on the tick of another one": grid.shared,
+    }
+    causes = ", ".join(f"{count:,} {cause}" for cause, count in unused.items() if count)
     remarks = {
-        f"{len(tracked.pieces)} pieces by {tracked.decider}; {found}, tick {model.tau:.6g}"
-        f" {time}": True,
         "no turns are seen; the radius has no meaning": (
             not model.turns and "radii" in model.estimated
         ),
-        f"{grid.shared} rows share a tick with another one: their mean is used": grid.shared,
-        f"{tracked.outliers} measurements far from their neighbours are not used": tracked.outliers,
-        f"{tracked.standing} measurements while the object stands still are not used": (
-            tracked.standing
-        ),
+        f"measurements that are not used: {causes}": causes,
         f"irregular times: rows are moved to ticks by {grid.moved:.0%} of one (rms)": (
             grid.moved > 0.01
         ),
     }
-    lines = [text for text, true in remarks.items() if true]
-    return [f"{name}: {text}" for text in (*lines, *map("warning: {}".format, tracked.warnings))]
+    lines = ["; ".join(parts), *(text for text, true in remarks.items() if true)]
+    return [*lines, *map("warning: {}".format, tracked.warnings)]
 
 
 def _printed_table(tracked: TrackedRecording) -> Table:
+    """Return the first pieces, with known switches also when their modes were decided."""
     most = 20
-    unit = escape(f"[{tracked.recording.time_unit}]")
-    pieces = tracked.piece_table()
-    rows = []
-    for number, first, last, begin, _, mode, radius, when, _ in zip(*pieces.values(), strict=True):
-        known = "" if radius == "" else f"{radius:.4g}"
-        decided = "undecided" if when == "" else f"{when:.6g}"
-        rows.append((str(number), f"{first}-{last}", f"{begin:.6g}", mode, known, decided))
+    table = tracked.piece_table()
+    columns = {
+        "piece": map(str, table["piece"]),
+        "rows": map("{}-{}".format, table["first_row"], table["last_row"]),
+        "from": map(_shown, table.get("begin_time", table["begin"])),
+        "mode": table["mode"].tolist(),
+        "radius": map(_shown, table["radius"]),
+    }
+    if tracked.known_switches:
+        decided = map(_shown, table.get("decided_time", table["decided_at"]))
+        columns["decided at"] = [text or "undecided" for text in decided]
+    rows = list(zip(*columns.values(), strict=True))
     more = len(rows) - most
-    heads = ("piece", "rows", f"from\n{unit}", "mode", "radius", f"decided at\n{unit}")
-    caption = f"... and {more} more in modes.csv" if more > 0 else ""
-    return filled_table("Pieces", heads, rows[:most], caption, 0)
+    caption = f"... and {more:,} more in modes.csv" if more > 0 else ""
+    unit = "" if tracked.recording.epoch else f", times in {tracked.recording.time_unit}"
+    return filled_table(f"Pieces{unit}", list(columns), rows[:most], caption, 0)
+
+
+def _shown(cell: Any) -> str:
+    return f"{cell:.6g}" if isinstance(cell, float) else escape(str(cell))
 
 
 def object_folders(folder: Path, names: Sequence[str]) -> list[Path]:
@@ -254,11 +297,11 @@ def work_on_files(
     errors = Console(stderr=True, emoji=False)
     if len(paths) == 1:
         with console.status("Tracking"):
-            lines, tables, files = work(paths[0], folders[0])
+            lines, tables, results = work(paths[0], folders[0])
         print_lines(console, *lines)
         for table in tables:
             console.print(table)
-        print_lines(console, *files)
+        print_lines(console, results)
         return
     failed = 0
     calls = {
@@ -275,8 +318,13 @@ def work_on_files(
             else:
                 print_lines(progress.console, *result[0])
             progress.update(task, advance=1, note=f"{failed} failed" if failed else "")
+    if failed == len(paths):
+        raise ArgumentError(f"none of the {len(paths):,} files could be tracked")
+    parents = {folder.parent for folder in folders}
+    parent = parents.pop() / "*_track" if len(parents) == 1 else "*_track beside each file"
+    print_lines(console, f"Results in {parent}")
     if failed:
-        raise ArgumentError(f"{failed:,} of {len(paths):,} files are not tracked; the others are")
+        raise ArgumentError(f"{failed:,} of {len(paths):,} files could not be tracked")
 
 
 def _attempt(work: Callable[[Path, Path], Report], path: Path, folder: Path) -> Report | str:

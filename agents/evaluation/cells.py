@@ -12,6 +12,11 @@ from rich.table import Table
 from baselines.scoring.estimates import Estimate
 
 
+def counted(number: int, word: str) -> str:
+    """Return a number with a word in singular or plural."""
+    return f"{number:,} {word}{'s' * (number != 1)}"
+
+
 def filled_table(
     title: str,
     heads: Sequence[str],

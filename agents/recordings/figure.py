@@ -1,21 +1,23 @@
-"""A tracked recording of any number of rows as a figure, and as an interactive map in one HTML
-file.
-"""
+"""A tracked recording of any number of rows as a figure."""
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Ellipse
 from matplotlib.transforms import blended_transform_factory
 
 from agents.figures.canvas import GREY, new_canvas
 from agents.recordings.tracking import TrackedRecording
-from hybrid_env.checks import ArgumentError, IntArray
+from baselines.estimation.forecast import forecast
+from hybrid_env.checks import FloatArray, IntArray, Moments
 from hybrid_env.rendering.evidence import mode_colour
+
+# After the last row, in the picture.
+FORECAST_TICKS = 5, 10, 20
 
 
 def draw_recording(tracked: TrackedRecording) -> Figure:
@@ -63,7 +65,7 @@ def mode_lines(tracked: TrackedRecording, most: int = 5000) -> list[tuple[int, I
     Every piece keeps its first and last row, so that short pieces stay visible.
     """
     every = -(-len(tracked.modes) // most)
-    after_gap = {first for first, _ in tracked.recording.pieces}
+    after_gap = {piece.first for piece in tracked.grid.pieces}
     lines = []
     for first, end, mode, _ in tracked.pieces.tolist():
         begin = first if first in after_gap else first - 1
@@ -91,6 +93,7 @@ def _draw_ground(axes: Any, tracked: TrackedRecording) -> None:
     marked = positions[first if len(first) <= 60 else first[:0]]
     axes.plot(*marked.T, "o", color="black", markerfacecolor="white", label="new piece")
     axes.plot(*positions[first[0]], "s", color="black", label="first row")
+    draw_forecast(axes, *forecast_at_end(tracked))
     axes.set_aspect("equal", adjustable="datalim")
     axes.autoscale_view()
     axes.set(
@@ -99,6 +102,47 @@ def _draw_ground(axes: Any, tracked: TrackedRecording) -> None:
         ylabel=f"y [{unit}]",
     )
     axes.grid(alpha=0.25)
+
+
+def draw_forecast(axes: Any, means: FloatArray, covariances: FloatArray) -> None:
+    """Draw forecasts of the position, means (k, 2) and covariances (k, 2, 2), as ellipses that hold
+    95 % of a normal distribution.
+    """
+    label = f"95 % after {', '.join(map(str, FORECAST_TICKS))} ticks"
+    for mean, covariance in zip(means, covariances, strict=True):
+        variances, vectors = np.linalg.eigh(covariance)
+        width, height = 2.0 * np.sqrt(-2.0 * math.log(0.05) * variances.clip(0.0))
+        angle = math.degrees(math.atan2(vectors[1, 0], vectors[0, 0]))
+        ellipse = Ellipse(
+            mean,
+            width,
+            height,
+            angle=angle,
+            fill=False,
+            color="black",
+            label=label,
+        )
+        # A wide one does not change what is shown.
+        axes.add_artist(ellipse)
+        # The legend names the first one.
+        label = ""
+
+
+def forecast_at_end(tracked: TrackedRecording) -> Moments:
+    """Return the forecasts `FORECAST_TICKS` after the last row with an estimate, nothing without
+    one.
+    """
+    known = np.flatnonzero(np.isfinite(tracked.covariances).all(axis=(1, 2)))
+    if not known.size:
+        return np.empty((0, 2)), np.empty((0, 2, 2))
+    row = known[-1]
+    return forecast(
+        tracked.estimates[row],
+        tracked.covariances[row],
+        tracked.probabilities[row],
+        tracked.model,
+        tracked.model.tau * np.array(FORECAST_TICKS),
+    )
 
 
 def _draw_probabilities(axes: Any, tracked: TrackedRecording) -> None:
@@ -129,55 +173,3 @@ def _draw_residuals(axes: Any, tracked: TrackedRecording) -> None:
     largest = float(np.quantile(lengths[given], 0.995)) if given.size else 0.0
     axes.set(ylim=(0.0, max(1.2 * far, 1.1 * largest)), ylabel="residual [sd]")
     axes.set_title("Normalised residuals (dotted, dashed: median and 99.9 % if the model holds)")
-
-
-def check_plotly() -> Any:
-    """Return the module of plotly."""
-    try:
-        import plotly.graph_objects as module
-    except ImportError:
-        raise ArgumentError(
-            "--html needs the extra 'html': pip install 'hybrid-track[html]'"
-        ) from None
-    return module
-
-
-def write_map(path: Path, tracked: TrackedRecording) -> None:
-    """Write the ground track with decided modes; time, mode and probability appear under the
-    pointer.
-    """
-    plotly = check_plotly()
-    recording, names, colours = tracked.recording, tracked.mode_names(), mode_colours(tracked)
-    figure = plotly.Figure()
-    # More would delay a browser.
-    most = 100_000
-    rows = thinned(np.flatnonzero(recording.measured), most)
-    x, y = recording.positions[rows].T
-    marker = {"color": GREY, "size": 4, "opacity": 0.5}
-    figure.add_scattergl(x=x, y=y, mode="markers", name="measurements", marker=marker)
-    lines = mode_lines(tracked, most)
-    for mode, name in enumerate(names):
-        # -1 interrupts the line.
-        of_mode = [np.append(rows, -1) for line_mode, rows in lines if line_mode == mode]
-        joined = np.concatenate([np.zeros(0, int), *of_mode])
-        x, y = np.where(joined < 0, np.nan, tracked.estimates[joined, ::2].T)
-        shown = np.stack([recording.times[joined], tracked.probabilities[joined, mode]], axis=1)
-        figure.add_scattergl(
-            x=x,
-            y=y,
-            mode="lines",
-            name=name,
-            line={"color": colours[mode], "width": 4},
-            customdata=shown,
-            hovertemplate=f"{name}<br>t = %{{customdata[0]:.6g}} {recording.time_unit}"
-            "<br>p = %{customdata[1]:.2f}<br>x = %{x:.6g}, y = %{y:.6g}<extra></extra>",
-        )
-    figure.update_layout(
-        title=f"{recording.name}: decided by {tracked.decider}",
-        template="plotly_white",
-        xaxis_title=f"x [{recording.unit}]",
-        yaxis_title=f"y [{recording.unit}]",
-        hovermode="closest",
-        yaxis={"scaleanchor": "x", "scaleratio": 1},
-    )
-    figure.write_html(path, include_plotlyjs=True, full_html=True)

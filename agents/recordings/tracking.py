@@ -3,22 +3,29 @@ afterwards, row by row.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from agents.evaluation.registry import ErrorArguments, base_name, load_decider, needed_options
-from baselines.recordings.decisions import TickDecisions, decide_piece
+from agents.evaluation.registry import (
+    ErrorArguments,
+    base_name,
+    load_decider,
+    needed_options,
+    split_name,
+)
+from baselines.recordings.decisions import RowDecisions, decide_piece
 from baselines.recordings.imm_pass import TrackModel
 from baselines.recordings.model_fit import check_consistency, fit_model
 from baselines.recordings.recording import Recording, make_recording
 from baselines.recordings.scatter import without_errors, without_standing
 from baselines.recordings.ticks import Piece, TickGrid, tick_grid
-from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
-from baselines.rules.tracker import OnlineTracker
+from baselines.recordings.tracker import OnlineTracker, names_of_modes
+from baselines.rules.decider import ANNOUNCED, UNKNOWN, Decider, rules
 from hybrid_env.checks import (
+    AnyArray,
     ArgumentError,
     BoolArray,
     FloatArray,
@@ -29,11 +36,14 @@ from hybrid_env.checks import (
     check_fields,
     reject,
 )
-from hybrid_env.durations import GeometricDurations, parse_durations
-from hybrid_env.limits import MAX_LENGTH, Ticks, distinct_radii
+from hybrid_env.durations import parse_durations
+from hybrid_env.limits import Ticks, distinct_radii
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Radar
+
+# In estimates.csv, where `radius` is that of the mode.
+TURN_COLUMNS = "speed", "speed_deviation", "radius_estimate", "radius_deviation"
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,13 +56,15 @@ class TrackedRecording:
     Attributes:
         recording: as it was read.
         model: noise, radii and durations that the filters assume, and which of them were estimated.
-        decider: its name.
+        decider: its name, with its threshold.
         modes: (n,) 0 straight, 1 .. left turns and then right turns, in the order of `model.radii`.
         decided: (n,) False before a mode was decided: at the start, and with known switches in each
             piece.
         probabilities: (n, M) of the modes at each row, from the measurements up to it.
         estimates: (n, 4) [x, vx, y, vy] from the measurements up to the row.
         covariances: (n, 4, 4) of the estimates.
+        turns: (n, 4) speed, its deviation, radius, its deviation, see `baselines.estimation.turns`;
+            the radius is infinite where the object moves straight, and NaN before a decision.
         residuals: (n, 2) normalised innovations, N(0, 1) if the model holds; NaN without one.
         pieces: (K, 4) first row, end, mode and row of the decision of each piece, counted from 0;
             -1 for a piece without a decision.
@@ -61,6 +73,8 @@ class TrackedRecording:
             neighbours.
         standing: number of measurements that were not used, because the object stands still.
         warnings: plain sentences about what does not fit.
+        durations: law of the durations of the modes [ticks] that was given.
+        known_switches: whether the switches were known.
     """
 
     recording: Recording
@@ -71,18 +85,19 @@ class TrackedRecording:
     probabilities: FloatArray
     estimates: FloatArray
     covariances: FloatArray
+    turns: FloatArray
     residuals: FloatArray
     pieces: IntArray
     grid: TickGrid
     outliers: int
     standing: int
     warnings: list[str]
+    durations: str | None = None
+    known_switches: bool = False
 
     def mode_names(self) -> list[str]:
         """Names of the modes: S, L, R, with the radius if there are several."""
-        radii = self.model.radii
-        shown = [f" {radius:.4g}" if len(radii) > 1 else "" for radius in radii]
-        return ["S", *(f"{turn}{text}" for turn in "LR" for text in shown)]
+        return names_of_modes(self.model.radii)
 
     def of_modes(self, modes: IntArray) -> tuple[NDArray[Any], FloatArray]:
         """Return the letters S, L and R and the radii of modes, empty and NaN where there is
@@ -92,36 +107,50 @@ class TrackedRecording:
         letters = np.array(["S", *"L" * len(radii), *"R" * len(radii), ""])
         return letters[modes], np.array([np.nan, *radii, *radii, np.nan])[modes]
 
-    def piece_table(self) -> dict[str, list[Any]]:
+    def piece_table(self) -> dict[str, Any]:
         """Return the columns of modes.csv. Rows are counted from 1; cells that do not apply are
         empty.
         """
-        times = self.recording.times
+        recording = self.recording
         first, end, modes, when = self.pieces.T
         letters, radii = self.of_modes(modes)
-        return {
-            "piece": list(range(1, len(first) + 1)),
-            "first_row": (first + 1).tolist(),
-            "last_row": end.tolist(),
-            "begin": times[first].tolist(),
-            "end": times[end - 1].tolist(),
-            "mode": letters.tolist(),
-            "radius": ["" if np.isnan(radius) else radius for radius in radii.tolist()],
-            "decided_at": [times[row] if row >= 0 else "" for row in when.tolist()],
-            "undecided": (when < 0).tolist(),
+        moments = {"begin": first, "end": end - 1, "decided": when}
+        table = {
+            **self._named(len(first)),
+            "piece": np.arange(1, len(first) + 1),
+            "first_row": first + 1,
+            "last_row": end,
+            "begin": recording.times[first],
+            "end": recording.times[end - 1],
+            "mode": letters,
+            "radius": _unless(np.isnan(radii), radii),
+            "decided_at": _unless(when < 0, recording.times[when]),
+            "undecided": when < 0,
         }
+        if recording.time_cells is not None:
+            table |= {
+                f"{name}_time": _unless(rows < 0, recording.time_cells[rows])
+                for name, rows in moments.items()
+            }
+        for name in ("begin", "end"):
+            positions = self.estimates[moments[name], ::2]
+            table |= {f"{name}_{axis}": positions[:, k] for k, axis in enumerate("xy")}
+            table |= self._degrees(f"{name}_", positions)
+        return table
 
     def row_table(self) -> dict[str, Any]:
-        """Return the columns of estimates.csv, nan where there is no number. The first three are
-        those of a recording.
-        """
+        """Return the columns of estimates.csv, nan where there is no number."""
         state = ("x", "vx", "y", "vy")
         recording = self.recording
         triangle = [(i, j) for i in range(4) for j in range(i, 4)]
         letters, radii = self.of_modes(self.modes)
+        file = {"line": recording.lines, "time": recording.time_cells}
         return {
+            **self._named(len(recording.times)),
+            **{name: cells for name, cells in file.items() if cells is not None},
             "t": recording.times,
             **dict(zip("xy", recording.positions.T, strict=True)),
+            **self._degrees("", recording.positions),
             "mode": letters,
             "radius": radii,
             "decided": self.decided,
@@ -130,9 +159,67 @@ class TrackedRecording:
                 for k, n in enumerate(self.mode_names())
             },
             **{f"estimate_{name}": self.estimates[:, k] for k, name in enumerate(state)},
+            **self._degrees("estimate_", self.estimates[:, ::2]),
+            **dict(zip(TURN_COLUMNS, self.turns.T, strict=True)),
             **{f"cov_{state[i]}_{state[j]}": self.covariances[:, i, j] for i, j in triangle},
             **{f"residual_{axis}": self.residuals[:, k] for k, axis in enumerate("xy")},
         }
+
+    def settings(self) -> dict[str, Any]:
+        """Return the content of track.json: what `OnlineTracker.from_recording` needs, and what was
+        left out, in plain values.
+        """
+        recording, model = self.recording, self.model
+        radar = None if recording.radar is None else asdict(recording.radar)
+        if radar is not None:
+            # A recording has measurements of radars without limits only.
+            del radar["period"], radar["range"]
+        return {
+            "object": recording.name,
+            "unit": recording.unit,
+            "time_unit": recording.time_unit,
+            "epoch": recording.epoch,
+            "projection": None if recording.projection is None else asdict(recording.projection),
+            "radar": radar,
+            "tick": float(model.tau),
+            "gap": float(recording.gap),
+            "measurement_variance": float(model.measurement_variance),
+            "process_variance": float(model.process_variance),
+            "radii": [float(radius) for radius in model.radii],
+            "duration": float(model.duration),
+            "speed": float(model.speed),
+            "estimated": list(model.estimated),
+            "durations": self.durations,
+            "ticks": max(len(piece.measurements) for piece in self.grid.pieces),
+            "decider": self.decider,
+            "known_switches": self.known_switches,
+            "rows": len(recording.times),
+            "left_out": dict(recording.left_out),
+            "outliers": self.outliers,
+            "standing": self.standing,
+            "warnings": self.warnings,
+        }
+
+    def _named(self, rows: int) -> dict[str, list[str]]:
+        """Return a column with the name of the object, none for arrays."""
+        recording = self.recording
+        return {} if recording.lines is None else {"object": [recording.name] * rows}
+
+    def _degrees(self, prefix: str, positions: FloatArray) -> dict[str, FloatArray]:
+        """Return the columns of latitude and longitude of positions, none without a projection."""
+        projection = self.recording.projection
+        if projection is None:
+            return {}
+        # Of .1 mm, so that those of a file come back as they are there.
+        degrees = projection.inverse(*positions.T).round(9)
+        return {f"{prefix}lat": degrees[:, 0], f"{prefix}lon": degrees[:, 1]}
+
+
+def _unless(empty: BoolArray, values: AnyArray) -> AnyArray:
+    """Return the cells of a column, which are empty in some rows."""
+    cells = values.astype(object)
+    cells[empty] = ""
+    return cells
 
 
 @dataclass(kw_only=True)
@@ -144,8 +231,8 @@ class TrackingArguments(ErrorArguments):
     number is the length of every piece. By default the switches are not known.
     """
     decider: str | None = None
-    """A rule, 'shipped' or a run folder, with an optional ':threshold'. By default threshold (IMM),
-    and with --lengths msprt-aware.
+    """A rule, 'shipped' or a run folder, with an optional ':threshold'. By default steady, and with
+    --lengths msprt-aware.
     """
     radii: tuple[float, ...] = ()
     """Turn radii, each tested as a left and as a right turn [unit of the recording]. By default
@@ -209,28 +296,38 @@ class TrackingArguments(ErrorArguments):
         tracker = self._tracker(lengths, grid, model)
         start = None if self.start is None else np.array(self.start)
         decisions = [
-            decide_piece(piece, grid.radar, model, tracker, lengths, start) for piece in grid.pieces
+            decide_piece(recording, piece, model, tracker, lengths, start) for piece in grid.pieces
         ]
         innovations, warnings = check_consistency(grid, model, lengths)
-        unlikely = 0 if lengths else sum(map(unlikely_ticks, decisions))
+        unlikely = 0 if lengths else sum(map(unlikely_rows, decisions))
         if unlikely:
             warnings.append(
-                f"the stated mode is improbable for long, in {unlikely} ticks: the threshold of"
+                f"the stated mode is improbable for long, in {unlikely} rows: the threshold of"
                 " the decider may be too high for another one to be stated"
             )
         return TrackedRecording(
             recording=recording,
             model=model,
-            decider=self._decider_name(),
+            decider=self._named(tracker.decider),
             grid=grid,
             outliers=outliers,
             standing=standing,
             warnings=warnings,
+            durations=self.durations,
+            known_switches=bool(lengths),
             **row_results(recording, grid.pieces, decisions, innovations),
         )
 
     def _decider_name(self) -> str:
-        return self.at_error(self.decider or ("msprt-aware" if self.lengths else "threshold"))
+        return self.at_error(self.decider or ("msprt-aware" if self.lengths else "steady"))
+
+    def _named(self, decider: Decider) -> str:
+        """Return the name of a decider with its threshold, if it has one."""
+        name = self._decider_name()
+        base, text = split_name(name)
+        if len(decider.thresholds) < 2 or "," in text:
+            return name
+        return f"{base}:{float(decider.threshold)}"
 
     def _lengths(self, grid: TickGrid) -> list[int]:
         """Return the ticks between known switches."""
@@ -264,19 +361,19 @@ class TrackingArguments(ErrorArguments):
                     scheme=f"random {segments}x{min(lengths)}-{max(lengths)}",
                 )
             else:
-                law = self.durations or GeometricDurations(model.duration)
-                ticks = min(max(len(piece.measurements) for piece in grid.pieces), MAX_LENGTH)
-                world = QuickestOptions(**options, durations=law, start="random", ticks=ticks)
+                longest = max(len(piece.measurements) for piece in grid.pieces)
+                world = model.unknown_switches(self.durations, longest, grid.radar)
         except ArgumentError as error:
             if str(error).startswith(tuple(model.options())):
-                radii = ", ".join(f"{radius:.4g}" for radius in model.radii)
-                raise ArgumentError(
-                    f"the filters cannot follow motion at {model.speed:.4g} per unit of time with"
-                    f" R = {model.measurement_variance:.4g}, Q = {model.process_variance:.4g},"
-                    f" radii {radii} and a tick of {model.tau:.4g}: check units"
-                ) from None
+                raise ArgumentError(model.cause() or f"the filters: {error}") from None
             raise
-        return OnlineTracker(world, load_decider(name, world))
+        x, y = (0.0, 0.0) if grid.radar is None else grid.radar.position
+        return OnlineTracker(
+            world,
+            load_decider(name, world),
+            scales=model.scales,
+            origin=(x, 0.0, y, 0.0),
+        )
 
 
 def track_recording(
@@ -311,52 +408,49 @@ def track_recording(
     return arguments.track(make_recording(times, located, radar=radar, rates=rates))
 
 
-def unlikely_ticks(decisions: TickDecisions) -> int:
-    """Return the number of ticks in runs of 20 and more, longer than decisions take, whose stated
+def unlikely_rows(decisions: RowDecisions) -> int:
+    """Return the number of rows in runs of 20 and more, longer than decisions take, whose stated
     mode has a probability below .05.
     """
     of_mode = decisions.probabilities[np.arange(len(decisions.modes)), decisions.modes]
     borders = np.flatnonzero(np.diff(of_mode < 0.05, prepend=False, append=False))
-    ticks = np.diff(borders)[::2]
-    return int(ticks[ticks >= 20].sum())
+    rows = np.diff(borders)[::2]
+    return int(rows[rows >= 20].sum())
 
 
 def row_results(
     recording: Recording,
     pieces: Sequence[Piece],
-    decisions: Sequence[TickDecisions],
+    decisions: Sequence[RowDecisions],
     innovations: Sequence[FloatArray],
 ) -> dict[str, Any]:
-    """Return the arrays of a `TrackedRecording`: at the rows of a recording what is known at the
-    ticks of each piece.
+    """Return the arrays of a `TrackedRecording`: at its rows what is known at the rows of each
+    piece.
     """
 
     def at_rows(of_pieces: Sequence[Any], empty: float | bool = np.nan) -> Any:
         array = np.full((len(recording.times), *of_pieces[0].shape[1:]), empty)
         for piece, values in zip(pieces, of_pieces, strict=True):
-            array[piece.first : piece.end] = values[piece.ticks]
+            array[piece.first : piece.end] = values
         return array
 
-    tables = []
-    estimates = at_rows([each.estimates for each in decisions])
-    residuals = at_rows(innovations)
+    residuals = at_rows(
+        [values[piece.ticks] for piece, values in zip(pieces, innovations, strict=True)]
+    )
     residuals[~recording.measured] = np.nan
+    tables = []
     for piece, of_piece in zip(pieces, decisions, strict=True):
-        estimates[piece.first : piece.end, ::2] += (
-            piece.late[:, None] * estimates[piece.first : piece.end, 1::2]
-        )
-        rows = piece.first + np.searchsorted(piece.ticks, of_piece.pieces)
-        table: IntArray = np.minimum(rows, piece.end)
+        table = of_piece.pieces + piece.first
         table[:, 2] = of_piece.pieces[:, 2]
         table[of_piece.pieces[:, 3] < 0, 3] = -1
-        # A piece between two rows has none.
-        tables.append(table[table[:, 1] > table[:, 0]])
+        tables.append(table)
     return {
         "modes": at_rows([each.modes for each in decisions], -1),
         "decided": at_rows([each.decided for each in decisions], False),
         "probabilities": at_rows([each.probabilities for each in decisions]),
-        "estimates": estimates,
+        "estimates": at_rows([each.estimates for each in decisions]),
         "covariances": at_rows([each.covariances for each in decisions]),
+        "turns": at_rows([each.turns for each in decisions]),
         "residuals": residuals,
         "pieces": np.concatenate(tables),
     }

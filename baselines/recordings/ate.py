@@ -13,9 +13,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from baselines.recordings.start import line_weights
 from baselines.rules.measurements import run_compiled
 from baselines.rules.sprt import sprt_test, sprt_thresholds
-from baselines.rules.start import line_weights
 from hybrid_env.checks import (
     BoolArray,
     FloatArray,

@@ -30,6 +30,9 @@ from hybrid_env.compiled import (
     predict_imm,
     step_imm,
 )
+from hybrid_env.durations import GeometricDurations
+from hybrid_env.limits import MAX_LENGTH
+from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Radar, sensor_table
 
 # What `step_imm` reads and writes of a track.
@@ -306,6 +309,22 @@ class TrackModel:
         length = math.sqrt(0.1 / self.measurement_variance)
         return length * np.array([1.0, self.tau / 0.1, 1.0, self.tau / 0.1])
 
+    def cause(self) -> str:
+        """Return why filters cannot have this model, and what helps, "" if it is not known."""
+        step = self.speed * self.tau
+        radii = ", ".join(f"{radius:.4g}" for radius in self.radii)
+        if "radii" not in self.estimated and min(self.radii) < step / np.pi:
+            return (
+                f"the object goes {step:.4g} in a tick, more than half a turn of radius {radii}:"
+                " give --radii in the unit of the positions, or none to find them"
+            )
+        if math.sqrt(self.measurement_variance) < 1e-6 * step:
+            return (
+                f"the positions have no noise, R = {self.measurement_variance:.3g}: give"
+                f" --measurement-variance {1e-4 * step**2:.3g}, a hundredth of a step squared"
+            )
+        return ""
+
     def options(self, radar: Radar | None = None) -> dict[str, Any]:
         """Return the options of an environment with this model in its units, and with a radar."""
         length, velocity = self.scales[:2].tolist()
@@ -317,6 +336,26 @@ class TrackModel:
             "process_variance": self.process_variance * velocity**2,
             "measurement_variance": 0.1,
         }
+
+    def unknown_switches(
+        self,
+        durations: str | None,
+        ticks: int,
+        radar: Radar | None = None,
+    ) -> QuickestOptions:
+        """Return the options of an environment with unknown switches and this model in its units.
+
+        Args:
+            durations: law of the durations [ticks]; None is geometric with the mean of the model.
+            ticks: of an episode, for deciders that read them.
+            radar: that measures, in the units of the recording.
+        """
+        return QuickestOptions(
+            **self.options(radar),
+            durations=durations or GeometricDurations(self.duration),
+            start="random",
+            ticks=min(ticks, MAX_LENGTH),
+        )
 
     @property
     def turn_rates(self) -> tuple[float, ...]:

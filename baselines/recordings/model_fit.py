@@ -56,7 +56,7 @@ def fit_model(
     speed = median_speed(grid, rough)
     step = max(speed, step_length(grid) or 0.0)
     if step == 0.0 and rough == 0.0:
-        raise ArgumentError("the recording does not move: all measured positions are equal")
+        raise ArgumentError("the recording does not move: most positions are equal")
     rough = max(rough, (smallest_noise * step) ** 2)
     scale = math.sqrt(rough)
     speed = max(speed, smallest_noise * scale)
@@ -294,18 +294,33 @@ def check_consistency(
         ", ".join(f"{radius:.4g}" for radius in radii)
         for radii in (model.radii, model.better_radii)
     )
+    options = ("measurement_variance", "process_variance", "radii")
+    known_before = [name.replace("_", "-") for name in options if name not in model.estimated]
+    reasons = {
+        f"leave out --{' and --'.join(known_before)}, which is then found": bool(known_before),
+        "the noise changes, or the motion is none of lines and arcs": ratio > 1.0,
+        "positions without noise, as of a simulation, or smoothed ones": True,
+    }
+    reason = next(text for text, true in reasons.items() if true)
+    says = "positions are repeated, rounded or computed"
+    if scatter > 1.0:
+        says = "the noise changes along the recording"
+    # Computed positions have none.
+    noisy = noise is not None and noise > (1e-6 * model.speed * model.tau) ** 2
+    if noisy and "measurement_variance" not in model.estimated:
+        says = f"they say --measurement-variance {noise:.3g}"
     # What explains others comes first.
     misfits = {
-        f"the measurements scatter {scatter:.3g} times what R says: check units and R": (
+        f"the measurements scatter {scatter:.3g} times what R says: {says}": (
             not 1.0 / 3.0 <= scatter <= 3.0
         ),
-        f"residuals are {ratio:.3g} times what the model says: check units, R, Q and radii": (
+        f"residuals are {ratio:.3g} times what the model says: {reason}": (
             not 1.0 / 1.5 <= ratio <= 1.5
         ),
-        f"turns of radius {given} do not explain the recording, {better} does: check units and"
-        " radii": bool(better),
-        f"turns of radius {given} explain the recording no better than straight motion: check"
-        " units and radii, if there are turns": not (model.turns or "radii" in model.estimated),
+        f"turns of radius {given} do not explain the recording, {better} does: give it by"
+        " --radii": bool(better),
+        f"turns of radius {given} explain the recording no better than straight motion: give other"
+        " --radii, or none to find them": not (model.turns or "radii" in model.estimated),
         f"successive residuals are correlated by {correlation:.2f}: the model does not fit"
         " (motion other than lines and arcs, smoothed positions, or wrong radii)": (
             abs(correlation) > max(0.25, 4.0 / math.sqrt(2.0 * count))

@@ -1,6 +1,7 @@
 """From latitude and longitude to metres on a plane."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,20 +22,27 @@ class Projection:
     latitude: float
     longitude: float
 
-    def forward(self, latitudes: ArrayLike, longitudes: ArrayLike) -> FloatArray:
-        """Return x and y [m], (n, 2), of latitudes and longitudes [deg], (n,); NaN remains NaN."""
-        known = ~(np.isnan(latitudes) | np.isnan(longitudes))
-        positions = np.full((len(known), 2), np.nan)
-        projected = Proj(
+    @cached_property
+    def _proj(self) -> Proj:
+        return Proj(
             proj="aeqd",
             lat_0=self.latitude,
             lon_0=self.longitude,
             ellps="WGS84",
         )
-        positions[known] = np.transpose(
-            projected(np.asarray(longitudes, float)[known], np.asarray(latitudes)[known])
-        )
-        return positions
+
+    def forward(self, latitudes: ArrayLike, longitudes: ArrayLike) -> FloatArray:
+        """Return x and y [m], (..., 2), of latitudes and longitudes [deg], (...), also of a single
+        point; NaN remains NaN.
+        """
+        return np.stack(self._proj(longitudes, latitudes), axis=-1)
+
+    def inverse(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
+        """Return latitudes and longitudes [deg], (..., 2), of x and y [m], (...), as `forward`
+        does.
+        """
+        longitudes, latitudes = self._proj(x, y, inverse=True)
+        return np.stack((latitudes, longitudes), axis=-1)
 
 
 def centred_projection(latitudes: ArrayLike, longitudes: ArrayLike) -> Projection:

@@ -1,17 +1,20 @@
 """A recording: the measured positions of one object, in the units of its file."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from hybrid_env.checks import (
+    AnyArray,
     ArgumentError,
     BoolArray,
     FloatArray,
+    IntArray,
     Positive,
     check_array,
     checked,
@@ -54,11 +57,40 @@ class Recording:
     radar: Radar | None = None
     # (n,) its range rates, NaN without one.
     rates: FloatArray | None = None
+    # Longest time between two measurements of a piece [`time_unit`]
+    gap: float = math.inf
+    # (n,) number of the line of each row in its file; None for arrays.
+    lines: IntArray | None = None
+    # (n,) times as the file has them, numbers or texts; None for arrays and without times.
+    time_cells: AnyArray | None = None
+    # Number of lines of the file that were left out, by the reason.
+    left_out: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def measured(self) -> BoolArray:
         """(n,) True for rows with a measurement."""
         return ~np.isnan(self.positions[:, 0])
+
+    @property
+    def dates(self) -> NDArray[np.datetime64] | None:
+        """(n,) dates of the rows in UTC; None without an epoch."""
+        return None if self.epoch is None else dates_since(self.epoch, self.times)
+
+
+def dates_since(epoch: str, seconds: FloatArray) -> NDArray[np.datetime64]:
+    """Return the dates [ns] of times since an epoch, ISO 8601 in UTC."""
+    # Seconds since 1970 are exact to a microsecond.
+    passed = np.round(seconds * 1e6).astype("timedelta64[us]")
+    return np.datetime64(epoch.removesuffix("Z"), "ns") + passed
+
+
+def iso_texts(dates: NDArray[np.datetime64]) -> AnyArray:
+    """Return dates in UTC as texts of ISO 8601, all in seconds, milliseconds or microseconds."""
+    for unit in ("s", "ms", "us"):
+        if (dates == dates.astype(f"datetime64[{unit}]")).all():
+            break
+    texts = np.datetime_as_string(dates, unit=unit, casting="unsafe")
+    return np.char.add(texts, "Z").astype(object)
 
 
 def make_recording(
@@ -81,7 +113,7 @@ def make_recording(
             ticks.
         breaks: rows at which a piece begins whatever the times are.
         time_unit: unit of time; None is `s`, and `ticks` without times.
-        further: `unit`, `epoch`, `projection`, `radar` and `rates` of `Recording`.
+        further: other attributes of `Recording`, such as `unit`, `epoch` and `projection`.
     """
     radar = further.get("radar")
     if radar is not None and (radar.period != 1 or math.isfinite(radar.range)):
@@ -113,5 +145,6 @@ def make_recording(
         tick,
         pieces,
         time_unit=time_unit or "s",
+        gap=longest,
         **further,
     )

@@ -1,12 +1,13 @@
 """What measurements show without a model of the motion: noise, outliers, jumps and speed."""
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 
 from baselines.recordings.ticks import Piece, TickGrid
-from hybrid_env.checks import ArgumentError, FloatArray, IntArray
+from hybrid_env.checks import AnyArray, ArgumentError, FloatArray, IntArray
 
 # An outlier is this many standard deviations from its neighbours.
 FAR = 7.0
@@ -21,12 +22,24 @@ def noise_estimate(grid: TickGrid) -> float | None:
     switches. A turn adds about r (omega tau)^3 / 4.5 to
     |d|, and process noise Q tau^2 / 10 to R. The relative standard error is about 2.4 / sqrt(T).
     """
-    differences = np.concatenate([_differences(piece, 4)[1] for piece in grid.pieces])
+    tracks = []
+    for piece in grid.pieces:
+        rows = np.flatnonzero(piece.measured)
+        tracks.append((rows, piece.measurements[rows]))
+    deviations = noise_deviations(tracks)
+    return None if deviations is None else float(np.mean(deviations**2))
+
+
+def noise_deviations(tracks: Sequence[tuple[AnyArray, FloatArray]]) -> FloatArray | None:
+    """Return the standard deviations (m,) of the noise of values (n, m) that each track has at its
+    increasing times (n,), by their third differences as in `noise_estimate`; None with too few.
+    """
+    differences = np.concatenate([_differences(times, values, 4)[1] for times, values in tracks])
     if len(differences) < 5:
         return None
-    median = np.median(np.abs(differences), axis=0)
     # Median of |z| for a standard normal z.
-    return float(np.mean((median / 0.6744897501960817) ** 2))
+    deviations: FloatArray = np.median(np.abs(differences), axis=0) / 0.6744897501960817
+    return deviations
 
 
 def without_errors(grid: TickGrid, jumps: bool = False) -> tuple[TickGrid, int]:
@@ -57,11 +70,12 @@ def _without_outliers(grid: TickGrid) -> list[Piece]:
         return list(grid.pieces)
     pieces = []
     for piece in grid.pieces:
-        ticks, differences = _differences(piece, 5)
+        rows = np.flatnonzero(piece.measured)
+        numbers, differences = _differences(rows, piece.measurements[rows], 5)
         # In standard deviations; the measurement in the middle has the largest weight.
         size = np.abs(differences).max(1) / np.sqrt(noise)
         around = np.max([np.roll(size, shift) for shift in (-2, -1, 1, 2)], axis=0)
-        pieces.append(piece.without(ticks[(size > FAR) & (size >= around), 2]))
+        pieces.append(piece.without(rows[numbers[(size > FAR) & (size >= around), 2]]))
     return pieces
 
 
@@ -116,8 +130,10 @@ def without_standing(grid: TickGrid) -> tuple[TickGrid, int]:
     noise. An object that stands for most of the time is not told from noise.
     """
     noise = noise_estimate(grid)
-    # A quarter of the steps is longer, also if the object stands for half of the time.
-    step = (step_length(grid, 5, 0.75) or 0.0) / 5.0
+    # A quarter of the steps is longer, also if the object stands for half of the time. With equal
+    # positions it may stand for longer.
+    lengths = (step_length(grid, 5, share) for share in (0.75, 0.9, 0.95, 0.99))
+    step = next(filter(None, lengths), 0.0) / 5.0
     if noise is None or step == 0.0 or grid.radar is not None:
         return grid, 0
     # A moving object covers 12 standard deviations of the noise in a window.
@@ -142,7 +158,10 @@ def without_standing(grid: TickGrid) -> tuple[TickGrid, int]:
         pieces += [part for part, at in zip(parts, begins, strict=True) if not still[at]]
         count += int(still.sum())
     if not pieces:
-        raise ArgumentError("the object stands still in all measurements: expected a moving one")
+        raise ArgumentError(
+            "the object stands still, or moves by less than the noise of its positions,"
+            f" {math.sqrt(noise):.3g}: expected a moving one"
+        )
     return grid._replace(pieces=tuple(pieces)), count
 
 
@@ -172,20 +191,24 @@ def step_length(grid: TickGrid, ticks: int = 1, share: float = 0.5) -> float | N
     return float(np.quantile(lengths, share)) if lengths.size else None
 
 
-def _differences(piece: Piece, points: int) -> tuple[IntArray, FloatArray]:
-    """Return ticks, (n, m), and divided differences, (n, 2), of m = `points` successive
-    measurements. Differences have unit noise, and cancel polynomials of degree m - 2.
+def _differences(
+    times: AnyArray,
+    values: FloatArray,
+    points: int,
+) -> tuple[IntArray, FloatArray]:
+    """Return numbers of rows, (k, p), and divided differences, (k, m), of p = `points` successive
+    values, (n, m), at increasing times, (n,). Differences have unit noise, and cancel polynomials
+    of degree p - 2.
     """
-    rows = np.flatnonzero(piece.measured)
-    if len(rows) < points:
-        return np.zeros((0, points), int), np.zeros((0, 2))
-    ticks = np.lib.stride_tricks.sliding_window_view(rows, points)
-    span = ticks[:, -1] - ticks[:, 0]
+    if len(times) < points:
+        return np.zeros((0, points), int), np.zeros((0, values.shape[1]))
+    rows = np.lib.stride_tricks.sliding_window_view(np.arange(len(times)), points)
+    span = times[rows[:, -1]] - times[rows[:, 0]]
     # Span of four or five measurements, over the median span.
-    ticks = ticks[span <= 2.0 * np.median(span)]
-    times = (ticks - ticks[:, :1]).astype(float)
-    apart = times[:, :, None] - times[:, None, :] + np.eye(points)
+    rows = rows[span <= 2.0 * np.median(span)]
+    passed = (times[rows] - times[rows[:, :1]]).astype(float)
+    apart = passed[:, :, None] - passed[:, None, :] + np.eye(points)
     weights = 1.0 / apart.prod(2)
     weights /= np.sqrt((weights**2).sum(1, keepdims=True))
-    values = piece.measurements[ticks]
-    return ticks, np.einsum("am,amx->ax", weights, values - values[:, :1])
+    near = values[rows]
+    return rows, np.einsum("ap,apm->am", weights, near - near[:, :1])

@@ -1,11 +1,12 @@
 """The rows of a recording on a grid of uniform ticks, as the filters of the banks need them; one
 without a measurement is only predicted.
 
-A clock that jitters keeps one tick per row: a measurement made by e after its tick is moved back by
-e times the local velocity, which a line through five measurements gives. For a turn of `a` rad per
-tick this leaves an error of speed * tau * a * (e / tau)^2 / 2 at most, and its noise is larger by
-at most 3 %. If the steps are irregular, the grid is finer than the median step, so that few rows
-fall on the same tick; those that do are replaced by their mean.
+The tick of every row is that which a live tracker gives it, see `TickClock`. A clock that jitters
+keeps one tick per row: for the fit of the model, a measurement made by e after its tick is moved
+back by e times the local velocity, which a line through five measurements gives. For a turn of `a`
+rad per tick this leaves an error of speed * tau * a * (e / tau)^2 / 2 at most, and its noise is
+larger by at most 3 %. If the steps are irregular, the grid is finer than the median step. A row
+that has no tick of its own is not used.
 """
 
 from itertools import pairwise
@@ -13,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from baselines.recordings.clock import TickClock
 from baselines.recordings.recording import Recording
 from hybrid_env.checks import BoolArray, FloatArray, IntArray, reject
 from hybrid_env.sensors import Radar
@@ -71,7 +73,7 @@ class TickGrid(NamedTuple):
     tau: float
     # Between gaps.
     pieces: tuple[Piece, ...]
-    # Number of rows with a measurement whose tick is that of another one.
+    # Number of rows with a measurement that have no tick of their own.
     shared: int
     # Root mean square of the times by which rows were moved to their ticks, over tau.
     moved: float
@@ -98,27 +100,23 @@ def tick_grid(recording: Recording) -> TickGrid:
         if 0.0 < value < 1e-30:
             raise reject(name, value, "at least 1e-30: choose a smaller unit")
     times_of = [recording.times[first:end] for first, end in recording.pieces]
-    tau, ticks = _regular(times_of, recording.tick) or _irregular(times_of, recording.tick)
+    tau = _regular(times_of, recording.tick) or _irregular(times_of, recording.tick)
     pieces = []
     shared = 0
     squares = 0.0
-    for (first, end), times, numbers in zip(recording.pieces, times_of, ticks, strict=True):
-        origin = float(np.mean(times - tau * numbers))
-        late = times - (origin + tau * numbers)
-        # A row that is off its tick by a smaller part of it is not moved.
-        late[np.abs(late) < 1e-6 * tau] = 0.0
+    for (first, end), times in zip(recording.pieces, times_of, strict=True):
+        numbers, late = clock_ticks(times, tau)
         measured = recording.measured[first:end]
-        values = _moved(recording.positions[first:end][measured], times[measured], late[measured])
-        total = int(numbers[-1]) + 1
-        counts = np.bincount(numbers[measured], minlength=total)
-        sums = [np.bincount(numbers[measured], column, total) for column in values.T]
-        with np.errstate(invalid="ignore"):
-            measurements = np.stack(sums, axis=1) / counts[:, None]
-        shared += int((counts - 1).clip(0).sum())
+        # A row without a tick of its own shares that of the row before.
+        alone = np.diff(numbers, prepend=-1) > 0
+        shared += int((measured & ~alone).sum())
+        measured = measured & alone
+        points = recording.positions[first:end][measured]
+        measurements = np.full((int(numbers[-1]) + 1, 2), np.nan)
+        measurements[numbers[measured]] = _moved(points, times[measured], late[measured])
         squares += float((late**2).sum())
-        rates = np.full(total, np.nan)
+        rates = np.full(len(measurements), np.nan)
         if recording.rates is not None:
-            # The last one of a shared tick.
             rates[numbers[measured]] = recording.rates[first:end][measured]
         pieces.append(Piece(first, end, numbers, late, measurements, rates))
     rows = sum(map(len, times_of))
@@ -131,9 +129,26 @@ def tick_grid(recording: Recording) -> TickGrid:
     )
 
 
-def _regular(times_of: list[FloatArray], tick: float) -> tuple[float, list[IntArray]] | None:
-    """Return the tick, the slope of the times over their numbers, and the tick numbers of every
-    piece. None for a clock whose errors add up.
+def clock_ticks(times: FloatArray, tau: float) -> tuple[IntArray, FloatArray]:
+    """Return the tick of every time, from 0, and the time less that of its tick, (n,) each, as the
+    clock of a live tracker gives them.
+    """
+    clock = TickClock(tau)
+    advanced = [clock.advance(time) for time in times.tolist()]
+    ticks, late = np.transpose(advanced)
+    total = float(ticks.sum())
+    if total > MAX_TICKS:
+        raise reject(
+            "gap",
+            f"{total:.3g} ticks of {tau:.3g}",
+            f"a shorter gap: at most {MAX_TICKS:,} ticks",
+        )
+    return np.cumsum(ticks).astype(int) - 1, late
+
+
+def _regular(times_of: list[FloatArray], tick: float) -> float | None:
+    """Return the tick of a clock that jitters: the slope of the times over the numbers of their
+    ticks. None for a clock whose errors add up.
     """
     numbers = [_follow(times, tick) for times in times_of]
     # Of the rows of every piece, less their means.
@@ -144,10 +159,7 @@ def _regular(times_of: list[FloatArray], tick: float) -> tuple[float, list[IntAr
     weight = float(n @ n)
     tau = float(n @ t) / weight if weight else tick
     # Largest error of a row of a clock that jitters.
-    if not np.abs(t - tau * n).max() <= 0.6 * tau:
-        return None
-    _check_total(sum(float(of_piece[-1]) + 1.0 for of_piece in numbers), tau)
-    return tau, [of_piece.astype(int) for of_piece in numbers]
+    return tau if np.abs(t - tau * n).max() <= 0.6 * tau else None
 
 
 def _follow(times: FloatArray, tick: float) -> FloatArray:
@@ -161,32 +173,21 @@ def _follow(times: FloatArray, tick: float) -> FloatArray:
         passed = min(max(round((time - clock) / tick), 1), MAX_TICKS)
         numbers[k] = numbers[k - 1] + passed
         clock += passed * tick
-        # Of the clock, over its error.
-        clock += 0.2 * (time - clock)
+        clock += TickClock.gain * (time - clock)
     return numbers
 
 
-def _irregular(times_of: list[FloatArray], tick: float) -> tuple[float, list[IntArray]]:
-    """Return the tick and the next ticks of irregular times, on a grid that is fine enough."""
-    # The tick of an irregular recording is its median step divided by one of these.
+def _irregular(times_of: list[FloatArray], tick: float) -> float:
+    """Return the tick of irregular times: fine enough for few rows that share one."""
+    # The median step divided by one of these.
     for divisor in (1, 2, 3, 4, 5, 8, 10):
         tau = tick / divisor
-        _check_total(sum((times[-1] - times[0]) / tau + 1.0 for times in times_of), tau)
-        numbers = [np.rint((times - times[0]) / tau).astype(int) for times in times_of]
+        numbers = [np.rint((times - times[0]) / tau) for times in times_of]
         shared = sum(len(of_piece) - len(np.unique(of_piece)) for of_piece in numbers)
         # Largest share of rows that fall on the tick of another one, if a divisor allows it.
         if shared <= 0.05 * sum(map(len, numbers)):
             break
-    return tau, numbers
-
-
-def _check_total(ticks: float, tau: float) -> None:
-    if ticks > MAX_TICKS:
-        raise reject(
-            "gap",
-            f"{ticks:.3g} ticks of {tau:.3g}",
-            f"a shorter gap: at most {MAX_TICKS:,} ticks",
-        )
+    return tau
 
 
 def _moved(points: FloatArray, times: FloatArray, late: FloatArray) -> FloatArray:

@@ -2,7 +2,7 @@
 A recording of your own
 =======================
 
-Positions in a file, with or without known moments at which the mode may switch. On the command line the first two parts are
+Positions in a file, with or without known moments at which the mode may switch. On the command line the two parts are
 ``hybridtrack track flight.csv --lengths 70 60 40 75 60 --radii 5`` and ``hybridtrack track flight.csv``.
 """
 
@@ -16,8 +16,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from agents import track_recording
-from baselines import OnlineTracker, ThresholdDecider
-from hybrid_env import QuickestOptions
 from hybrid_env.rendering.evidence import mode_colour, mode_name
 from hybrid_env.simulation import simulate
 
@@ -52,42 +50,32 @@ print("radii", unknown.model.radii, "noise variance", unknown.model.measurement_
 print("warnings:", unknown.warnings or "none")
 
 # %%
-# **A live sensor.** A tracker takes one measurement after the other, and states mode, probabilities and estimate at each. It has to
-# be told the model.
-
-tracker = OnlineTracker(
-    QuickestOptions(radii=radii, tau=tau, measurement_variance=variance), ThresholdDecider(0.6)
-)
-updates = [
-    tracker.update(position, time) for time, position in zip(times, measurements, strict=True)
-]
-probabilities = np.array([now.probabilities for now in updates])
-stated = np.array([now.mode for now in updates])
-
-# %%
-# All three over time; the true modes are known here, because the recording is simulated.
+# Both over time; the true modes are known here, because the recording is simulated. The probabilities are those of the second.
 
 true = np.repeat([0, 1, 0, 2, 1], flight.lengths)
 figure, (top, bottom) = plt.subplots(
     2, 1, figsize=(9, 5), layout="constrained", sharex=True, height_ratios=(1, 1.5)
 )
-for row, modes in enumerate((true, known.modes, unknown.modes, stated)):
+for row, modes in enumerate((true, known.modes, unknown.modes)):
     for mode in range(3):
         left = times[modes == mode] - tau
         top.barh(
             row, np.full(left.size, tau), left=left, color=mode_colour(mode, radii), linewidth=0
         )
-top.set_yticks(range(4), ["truth", "known moments", "nothing known", "live"])
+top.set_yticks(range(3), ["truth", "known moments", "nothing known"])
 top.invert_yaxis()
 top.set_title("Modes")
 for mode in range(3):
     bottom.plot(
-        times, probabilities[:, mode], color=mode_colour(mode, radii), label=mode_name(mode, radii)
+        times,
+        unknown.probabilities[:, mode],
+        color=mode_colour(mode, radii),
+        label=mode_name(mode, radii),
     )
 bottom.set(
     xlabel="time, s",
     ylabel="probability",
-    title="Probabilities of the live tracker",
+    title="Probabilities, nothing known",
     xlim=(0, times[-1]),
 )
 bottom.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
@@ -99,8 +87,7 @@ plt.show()
 figure, axes = plt.subplots(figsize=(9, 4.5), layout="constrained")
 axes.plot(*measurements.T, ".", color="0.75", markersize=4, label="measurements")
 axes.plot(*known.estimates[:, [0, 2]].T, label="known moments", linewidth=1.5)
-online = np.array([now.estimate for now in updates])
-axes.plot(*online[:, [0, 2]].T, label="live", linewidth=1.5)
+axes.plot(*unknown.estimates[:, [0, 2]].T, label="nothing known", linewidth=1.5)
 axes.set(xlabel="x, m", ylabel="y, m", aspect="equal")
 axes.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
 plt.show()

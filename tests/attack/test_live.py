@@ -26,18 +26,24 @@ def tracker_of(decider, world):
 
 
 def follow(seed):
-    """Follow an object through 40 ticks with errors of up to 10^9 deviations and 50 good ones."""
+    """Follow an object through 40 ticks with errors of place and clock, and 50 good ones."""
     generator = np.random.default_rng(seed)
     tracker = tracker_of(generator.choice(list(DECIDERS)), generator.choice(list(COMMON)))
     options, announced = tracker.options, tracker.track.announced
     deviation, step = np.sqrt(options.variances), options.speed * options.tau
     tracker.begin()
-    position = generator.normal(0.0, 1e3 * deviation.max(), 2)
+    position = generator.normal(
+        0.0,
+        1e3 * deviation.max(),
+        2,
+    )
     heading = generator.uniform(-np.pi, np.pi)
     turn = 0.0
     measured = False
+    clock = 0.0
     for k in range(DISTURBED + STEADY):
-        kind = generator.choice(["errors", "jump", "missing", *[""] * 9]) if k < DISTURBED else ""
+        kinds = ["errors", "jump", "missing", "late", "step", "no time", *[""] * 9]
+        kind = generator.choice(kinds) if k < DISTURBED else ""
         if generator.random() < 0.03 or k == DISTURBED:
             side = generator.choice([0.0, 1.0, -1.0]) if k < DISTURBED else 0.0
             turn = side * step / generator.choice(options.radii)
@@ -46,17 +52,30 @@ def follow(seed):
         size = deviation.max() * 10.0 ** generator.uniform(0.0, 9.0)
         heading += turn
         position += step * np.array([np.cos(heading), np.sin(heading)])
-        position += generator.normal(0.0, size, 2) * (kind == "jump")
+        position += generator.normal(
+            0.0,
+            size,
+            2,
+        ) * (kind == "jump")
         point = position + deviation * generator.normal(size=2)
-        point += generator.normal(0.0, size, 2) * (kind == "errors")
-        estimate = tracker.update(None if kind == "missing" else tuple(point.tolist()))
-        measured |= kind != "missing"
+        point += generator.normal(
+            0.0,
+            size,
+            2,
+        ) * (kind == "errors")
+        clock += options.tau
+        if kind == "step":
+            clock += options.tau * generator.normal() * 10.0 ** generator.uniform(0.0, 9.0)
+        late = options.tau * generator.exponential(20.0) * (kind == "late")
+        time = np.nan if kind == "no time" else clock - late
+        estimate = tracker.update(None if kind == "missing" else tuple(point.tolist()), time)
+        measured |= estimate.status not in ("missing", "dropped")
         assert np.isfinite(estimate.estimate).all() or not measured, (seed, k, kind)
         assert abs(estimate.probabilities.sum() - 1.0) < 1e-6, (seed, k, kind)
         assert (estimate.covariance.diagonal() >= 0.0).all(), (seed, k, kind)
     # A wrong declaration may lead such a track astray, without any error.
     if not announced:
-        assert estimate.agrees, seed
+        assert estimate.status == "used", seed
         error = np.hypot(*(estimate.estimate[::2] - position)) / deviation.max()
         assert error < 5.0, (seed, error)
 

@@ -79,7 +79,13 @@ def any_onnx():
     with tempfile.TemporaryDirectory() as folder:
         path = write_onnx(
             Path(folder) / "policy.onnx",
-            [node("MatMul", "x w", "y")],
+            [
+                node(
+                    "MatMul",
+                    "x w",
+                    "y",
+                )
+            ],
             {"w": network()["w"]},
         )
         return path.read_bytes()
@@ -113,4 +119,8 @@ def test_a_random_policy_is_refused_in_one_line_or_decides(kind, examples, tmp_p
     use, values = KINDS[kind]
     write_zip(tmp_path / "model.zip", actor_weights())
     find_decider(str(tmp_path / "model.zip"), OPTIONS)
-    attack(examples, values(), use)
+    attack(
+        examples,
+        values(),
+        use,
+    )

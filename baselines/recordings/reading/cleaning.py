@@ -1,23 +1,62 @@
 """Rows of an object that are no measurements of their own: they are left out and counted."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from baselines.recordings.reading.files import Table
 from baselines.recordings.reading.values import DAY
-from hybrid_env.checks import FloatArray, IntArray
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from baselines.recordings.reading.files import Table
+
+# Fewer steps do not tell how an object moves.
+FEWEST = 20
+
+
+def ahead_rows(times: FloatArray) -> BoolArray:
+    """Return which times (n,) are wrong, as they are after many that follow: up to ten between two
+    jumps of the clock.
+    """
+    ahead = np.zeros(len(times), np.bool_)
+    steps = np.diff(times)
+    if len(times) < 3 or (steps >= 0.0).all():
+        return ahead
+    jumps = np.flatnonzero(np.abs(steps) > 20.0 * np.median(np.abs(steps))) + 1
+    runs = np.split(np.arange(len(times)), jumps)
+    few = min(10, max(map(len, runs)) - 1)
+    following = np.inf
+    for run in reversed(runs):
+        if len(run) > few:
+            following = times[run[0]]
+        else:
+            ahead[run] = times[run[-1]] >= following
+    return ahead
+
+
+def going_on(times: FloatArray) -> tuple[FloatArray, int]:
+    """Return times (n,) that go on a day later where the clock was set back, so that many rows
+    follow at times that were before; and how often it was.
+    """
+    set_back = np.diff(times, prepend=times[:1]) < 0.0
+    late = times < np.maximum.accumulate(times)
+    count = int(set_back.sum())
+    if late.sum() <= 10 * count:
+        return times, 0
+    return times + DAY * np.cumsum(set_back), count
 
 
 def ordered_rows(
-    table: Table,
+    table: "Table",
     seconds: FloatArray,
     rows: IntArray,
     spread: bool = False,
 ) -> tuple[IntArray, FloatArray]:
     """Return the rows (k,) of an object in the order of their times, and the times.
 
-    Rows out of order are sorted. A clock that was set back, so that many rows follow at times that
-    were before, goes on a day later: a new piece begins. Of rows with one time the first is kept;
-    with `spread`, where most seconds have several rows, they are spread over the second.
+    Rows out of order are sorted, see also `ahead_rows` and `going_on`. Of rows with one time the
+    first is kept; with `spread`, where most seconds have several rows, they are spread over the
+    second.
     """
     times = seconds[rows]
     table.leave_out("rows without a time", table.lines[rows[np.isnan(times)]])
@@ -26,15 +65,17 @@ def ordered_rows(
         # The newest row is the first one.
         rows, times = rows[::-1], times[::-1]
         table.notes.append("rows sorted from the last to the first")
-    set_back = np.flatnonzero(np.diff(times) < 0.0) + 1
-    late = times < np.maximum.accumulate(times)
-    if len(set_back) and late.sum() > 10 * len(set_back):
-        times = times + DAY * np.cumsum(np.isin(np.arange(len(times)), set_back))
+    ahead = ahead_rows(times)
+    table.leave_out("rows whose time is after those that follow", table.lines[rows[ahead]])
+    rows = rows[~ahead]
+    times, set_back = going_on(times[~ahead])
+    late = int((times < np.maximum.accumulate(times)).sum())
+    if set_back:
         table.notes.append(
-            f"times that the clock was set back, where a new piece begins: {len(set_back)}"
+            f"times that the clock was set back, where a new piece begins: {set_back}"
         )
-    elif len(set_back):
-        table.notes.append(f"rows out of order, which are sorted: {int(late.sum())}")
+    if late:
+        table.notes.append(f"rows out of order, which are sorted: {late}")
     order = np.argsort(times, kind="stable")
     rows, times = rows[order], times[order]
     instants, first, counts = np.unique(times, return_index=True, return_counts=True)
@@ -48,25 +89,54 @@ def ordered_rows(
     return rows[first], times[first]
 
 
+def fill_values(positions: FloatArray) -> BoolArray:
+    """Return which rows (n,) have in both coordinates of positions (n, 2) a number such as 0, -1
+    or 9999 in place of a position: it is far from the rows before and after.
+    """
+    fills = np.zeros(len(positions), np.bool_)
+    same = positions[:, 0] == positions[:, 1]
+    numbers, counts = np.unique(positions[same, 0], return_counts=True)
+    steps = np.hypot(*np.diff(positions[~same], axis=0).T)
+    steps = steps[~np.isnan(steps)]
+    if len(steps) < FEWEST:
+        return fills
+    longest = 5.0 * np.quantile(steps, 0.95)
+    # A number other than 0 is a position if it is there once.
+    for number in numbers[counts > (numbers != 0.0)][:100]:
+        rows = same & (positions[:, 0] == number)
+        borders = np.flatnonzero(np.diff(rows))
+        jumps = np.hypot(*(positions[borders + 1] - positions[borders]).T)
+        # Next to an empty position there is none.
+        jumps = jumps[~np.isnan(jumps)]
+        if rows.mean() < 0.5 and len(jumps) and np.median(jumps) > longest:
+            fills |= rows
+    return fills
+
+
 def fresh_rows(times: FloatArray, positions: FloatArray) -> IntArray:
     """Return which rows (k,) have a position of their own. A stale source repeats the last position
-    until it has a new one, which is then further away the longer it has repeated; an object that
-    stands still goes on as if no time had passed, and rounded positions change by their last digit.
+    until it has a new one, which is then as far away as a moving object gets in all this time; an
+    object that stands still goes on as if no time had passed, and rounded positions change by
+    their last digit.
     """
     everything = np.arange(len(times))
     moved = np.append(True, (np.diff(positions, axis=0) != 0.0).any(axis=1))
     fresh = np.flatnonzero(moved)
-    if len(fresh) < 8 or len(fresh) > 0.9 * len(times):
+    if len(fresh) < FEWEST or len(fresh) == len(times):
         return everything
-    lengths = np.hypot(*np.diff(positions[fresh], axis=0).T)
+    steps = np.abs(np.diff(positions[fresh], axis=0))
+    lengths = np.hypot(*steps.T)
+    if np.median(lengths) < 5.0 * steps[steps > 0.0].min():
+        return everything
     since_first = np.diff(times[fresh])
     since_last = times[fresh[1:]] - times[fresh[1:] - 1]
-    spreads = [np.std(np.log(lengths / passed)) for passed in (since_first, since_last)]
-    steps = np.abs(np.diff(positions[fresh], axis=0))
-    last_digit = steps[steps > 0.0].min()
-    if np.median(lengths) < 5.0 * last_digit or spreads[0] >= spreads[1]:
-        return everything
-    return fresh
+    speed = np.median(lengths / since_first)
+    stale = lengths > speed * np.sqrt(since_first * since_last)
+    # What is said of most repetitions is true of the last one, too.
+    runs = np.diff(np.append(fresh, len(times)))
+    several = runs[:-1] > 1
+    last = several.any() and stale[several].mean() > 0.5
+    return np.flatnonzero(moved | ~np.repeat(np.append(stale, last), runs))
 
 
 def rows_alternate(positions: FloatArray) -> bool:
@@ -99,15 +169,16 @@ def look_like_degrees(times: FloatArray, positions: FloatArray) -> bool:
     return bool(np.median(speeds) < 0.01 and offset > max(2.0 * extent.max(), 1.0))
 
 
-def reasons(table: Table) -> list[str]:
+def reasons(table: "Table") -> list[str]:
     """Return what was left out, a phrase for each reason."""
     return [f"{reason} ({len(lines):,})" for reason, lines in table.left_out.items()]
 
 
-def lost(table: Table) -> int:
+def lost(table: "Table") -> int:
     """Return the number of rows left out that should have been measurements."""
     harmless = (
         "lines before the header",
+        "lines without numbers below the header",
         "blank lines",
         "comments",
         "repeated headers",

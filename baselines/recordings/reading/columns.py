@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from baselines.recordings.reading.names import GIVEN_ROLES, ONE_OBJECT, role_of
+from baselines.recordings.reading.names import (
+    GIVEN_ROLES,
+    ONE_OBJECT,
+    PARTS,
+    SECONDS,
+    plain_name,
+    role_of,
+    split_unit,
+)
+from baselines.recordings.reading.values import parse_numbers
 from hybrid_env.checks import ArgumentError, reject
 
 if TYPE_CHECKING:
@@ -49,7 +58,8 @@ def find_columns(
     for role in given:
         if role not in GIVEN_ROLES:
             raise reject("columns", role, f"names of columns for {', '.join(GIVEN_ROLES)}")
-    hint = "name them by --columns, for example --columns time=1 x=2 y=3"
+    example = " ".join(f"{role}={number}" for number, role in enumerate(axes[0], start=2))
+    hint = f"name them by --columns, for example --columns time=1 {example}"
     roles = dict(given)
     if not table.headed and not given:
         count = len(table.names)
@@ -58,18 +68,25 @@ def find_columns(
         roles = dict(zip(("time", "x", "y")[-count:], range(count), strict=True))
     if not {"lat", "lon"} <= {*map(role_of, table.names)}:
         _split_positions(table)
+    doubles: dict[str, int] = {}
     for k, name in enumerate(table.names):
         named = role_of(name)
+        if plain_name(name) == "mm":
+            named = "minute" if {"month", "hour"} & {*roles} else "month"
         if named is None or named == "object" or named in given or k in given.values():
             continue
-        if named in roles and named == "time":
+        if named == "fraction" and not _is_fraction(table, k):
+            named = "time"
+        if named == "time" and named in roles and _is_fraction(table, k):
+            named = "fraction"
+        elif named == "time" and named in roles:
             # Of several columns of times that with the finest ones.
             roles[named] = max(roles[named], k, key=lambda number: table.frame[number].nunique())
-        elif named in roles and named in GIVEN_ROLES:
-            both = f"{table.label(roles[named])!r} and {table.label(k)!r}"
-            raise ArgumentError(
-                f"{table.file}: both {both} may be {named}: choose by --columns {named}={k + 1}"
-            )
+        elif named in roles and table.frame[roles[named]].nunique() <= 1:
+            # The place of the start, or an empty column.
+            roles[named] = k
+        elif named in roles and table.frame[k].nunique() > 1:
+            doubles.setdefault(named, k)
         roles.setdefault(named, k)
     pairs = [pair for pair in axes if set(roles) >= set(pair)]
     chosen = [pair for pair in pairs if set(given) >= set(pair)]
@@ -79,9 +96,14 @@ def find_columns(
     # Metres on a plane are more exact than the degrees beside them.
     kept = {
         *(chosen or pairs)[0],
-        *("time", "date", "fix_time", "index", "north_south", "east_west", "rate"),
+        *("time", "date", "fix_time", "week", "fraction", "index", "valid"),
+        *("north_south", "east_west", *PARTS),
     }
     roles = {role: k for role, k in roles.items() if role in kept}
+    for role in sorted({*roles} & {*doubles} & {*GIVEN_ROLES}):
+        first, second = (table.label(columns[role]) for columns in (roles, doubles))
+        place = f"column {doubles[role] + 1}" if first == second else repr(second)
+        table.notes.append(f"{first!r} taken as {role}, not {place} (--columns)")
     if table.headed and not table.names[0].strip() and 0 not in roles.values():
         roles["time" if "time" not in roles and _is_time(table.frame[0]) else "index"] = 0
     if object_column is None:
@@ -96,15 +118,24 @@ def find_columns(
     return Columns(roles, unused, bool(given))
 
 
+def _is_fraction(table: "Table", column: int) -> bool:
+    """Whether a column has parts of a second, beside times of whole seconds."""
+    unit = SECONDS.get(split_unit(table.names[column])[1] or "s", 1.0)
+    if unit == 1.0:
+        return False
+    numbers, _, _ = parse_numbers(table.frame[column])
+    return bool(0.0 <= unit * np.nanmax(numbers, initial=-1.0) < 1.0)
+
+
 def _split_positions(table: "Table") -> None:
     """Add columns of latitude and longitude, if there is a column of texts that hold both."""
-    pair = r"^[^\d+-]*([-+]?\d+\.\d+)[\s,;]+([-+]?\d+\.\d+)\W*$"
+    pair = r"^[^\d+-]*([-+]?\d+\.\d+)[^\d.+-]+([-+]?\d+\.\d+)\W*$"
     for k, name in enumerate(table.names):
         if role_of(name) == "position" and not pd.api.types.is_numeric_dtype(table.frame[k]):
-            # "POINT (8.1 47.2)" begins with the longitude.
+            # "POINT (8.1 47.2)" and GeoJSON begin with the longitude.
             texts = table.frame[k].astype("str").str.strip()
-            points = texts.str.upper().str.startswith("POINT")
-            parts = texts.str.replace(r"^[A-Za-z ]*", "", regex=True).str.extract(pair)
+            points = texts.str.match(r"(?i)point|.*coordinates|\W*(lon|lng)")
+            parts = texts.str.extract(pair)
             count = len(table.names)
             table.frame[count] = parts[0].where(~points, parts[1])
             table.frame[count + 1] = parts[1].where(~points, parts[0])

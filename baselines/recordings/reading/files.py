@@ -56,6 +56,25 @@ class Limits:
 
 LIMITS = Limits()
 
+MARKS = {
+    b"\xff\xfe\0\0": "utf-32",
+    b"\xff\xfe": "utf-16",
+    b"\xfe\xff": "utf-16",
+}
+"""Encodings by the first bytes of a file."""
+
+PLT = "lat,lon,first,altitude,days,date,time"
+HEADS = {
+    "MSG,": (
+        0,
+        "message,transmission,session,aircraft,hex,flight_number,date,time,date_logged,time_logged,"
+        "callsign,altitude,speed,heading,lat,lon,vertical_rate,squawk,alert,emergency,spi,ground",
+    ),
+    "OziExplorer": (6, PLT),
+    "Geolife": (6, PLT),
+}
+"""Lines before the rows and names of the columns of files without names, by their first words."""
+
 
 @dataclass(eq=False)
 class Table:
@@ -102,7 +121,7 @@ def read_table(path: str | os.PathLike[str]) -> Table:
         ArgumentError: it is none of the kinds of files, damaged or too large.
     """
     file, content = _content(Path(path))
-    start = content[:1000].removeprefix(b"\xef\xbb\xbf").lstrip()
+    start = content[:1000].lstrip(b"\xef\xbb\xbf\xff\xfe\0 \r\n")
     if start[:4] == b"PAR1":
         return _read_parquet(content, file)
     if start[:1] == b"<":
@@ -177,11 +196,20 @@ def _read_parquet(content: bytes, file: str) -> Table:
 def _read_gpx(content: bytes, file: str) -> Table:
     """Read time, latitude and longitude of the track points, with the track of each point."""
     LIMITS.check(file, rows=content.count(b"<trkpt"), tags=content.count(b"<"))
+    notes: list[str] = []
+    # It is text now, whatever its first line says of the bytes.
+    text = re.sub(r"^\s*<\?xml[^>]*>", "", _decoded(content, file, notes))
+    text = re.sub(r"&(?!#?\w+;)", "&amp;", text)
+    whole, _, rest = text.rpartition("</trkpt>")
+    if whole and "</gpx>" not in rest:
+        text = whole + "</trkpt></trkseg></trk></gpx>"
+        notes.append("the end of the file is missing")
     try:
-        tracks = gpxpy.parse(content.decode("utf-8-sig")).tracks
+        gpx = gpxpy.parse(text)
     except (gpxpy.gpx.GPXException, ValueError, TypeError, LookupError, RecursionError) as error:
         reason = " ".join(str(error).split())[:100]
         raise ArgumentError(f"{file}: the file begins as XML but is not GPX ({reason})") from None
+    tracks: list[Any] = gpx.tracks or gpx.routes
     points = [
         (
             point.time,
@@ -191,19 +219,20 @@ def _read_gpx(content: bytes, file: str) -> Table:
             (number, part),
         )
         for number, track in enumerate(tracks, start=1)
-        for part, segment in enumerate(track.segments)
+        for part, segment in enumerate(getattr(track, "segments", [track]))
         for point in segment.points
     ]
     frame = pd.DataFrame(points, columns=["time", "lat", "lon", "track_id", "segment"])
     if frame.empty:
-        raise reject("file", file, "a GPX file with track points (trkpt)")
+        raise reject("file", file, "a GPX file with points of a track or route")
     segments = pd.factorize(frame.pop("segment"))[0]
     times = frame.pop("time").astype(object)
     if times.notna().any():
         frame.insert(0, "time", pd.to_datetime(times, utc=True))
     names = tuple(frame.columns)
     lines = np.arange(1, len(frame) + 1)
-    return Table(file, frame.set_axis(range(len(names)), axis=1), names, lines, segments=segments)
+    frame = frame.set_axis(range(len(names)), axis=1)
+    return Table(file, frame, names, lines, segments=segments, notes=notes)
 
 
 def _read_text(content: bytes, file: str) -> Table:
@@ -212,15 +241,24 @@ def _read_text(content: bytes, file: str) -> Table:
     notes: list[str] = []
     texts = _decoded(content, file, notes).split("\n")
     LIMITS.check(file, line=max(map(len, texts)))
+    if all(re.fullmatch(r'"[^"]*"', text) for text in texts if text):
+        texts = [text[1:-1] for text in texts]
     rows = [(number, text) for number, text in enumerate(texts, start=1) if text.strip()]
     if not rows:
         raise reject("file", file, "rows of numbers, not an empty file")
     if re.match(r"\$G|!AIVD", rows[0][1]):
         raise reject("file", file, f"{KINDS}, not sentences of NMEA or AIS: decode them first")
-    delimiter, header = _form([text for _, text in rows[:50]])
+    for start, (lines, columns) in HEADS.items():
+        if rows[0][1].startswith(start):
+            notes.append(f"columns are {columns[:60]} ...")
+            rows = [(0, columns), *rows[lines:]]
+    delimiter, header = _form([text for _, text in rows[:200]])
     first = 0 if header is None else header + 1
+    # Units, or more names.
+    while header is not None and first < len(rows) - 1 and not re.search(r"\d", rows[first][1]):
+        first += 1
     title = "" if header is None else rows[header][1]
-    head = [] if header is None else _cells(title.lstrip("# "), delimiter)
+    head = [] if header is None else _cells(title.lstrip("#% "), delimiter)
     sample = [_cells(text, delimiter) for _, text in rows[first : first + 200]]
     if not sample:
         raise reject(f"{file}, line {rows[-1][0]}", rows[-1][1][:60], "rows of numbers after it")
@@ -230,10 +268,13 @@ def _read_text(content: bytes, file: str) -> Table:
         # The name of the row, as pandas writes it, or an empty cell at the end.
         head = [*head, ""] if not any(cells[-1] for cells in sample) else ["", *head]
     if len(head) < width:
-        head = re.split(r"[\s;|,]+", title.strip("# "))
+        head = re.split(r"[\s;|,]+", title.strip("#% "))
     names = tuple(head[:width]) if len(head) >= width else ("",) * width
     table = Table(file, pd.DataFrame(), names, np.empty(0, int), header is not None, notes=notes)
     table.leave_out("lines before the header", [number for number, _ in rows[: header or 0]])
+    if header is not None:
+        below = [number for number, _ in rows[header + 1 : first]]
+        table.leave_out("lines without numbers below the header", below)
     rows = rows[first:]
     blank = set(range(rows[0][0], rows[-1][0])) - {number for number, _ in rows}
     table.leave_out("blank lines", sorted(blank))
@@ -243,7 +284,14 @@ def _read_text(content: bytes, file: str) -> Table:
     table.leave_out("repeated headers", repeated)
     others = {*comments, *repeated}
     rows = [(number, text) for number, text in rows if number not in others]
-    table.frame, wrong = _parsed([text for _, text in rows], delimiter, width, file)
+    texts = [text for _, text in rows]
+    table.frame, wrong = _parsed(texts, delimiter, width, file)
+    if wrong:
+        numbers = table.frame.apply(pd.to_numeric, errors="coerce").notna().mean()
+        needed = [role_of(name) is not None for name in names]
+        for k in wrong:
+            texts[k] = _aligned(texts[k], delimiter, (numbers > 0.5).tolist(), needed)
+        table.frame, wrong = _parsed(texts, delimiter, width, file)
     table.leave_out("rows with another number of cells", [rows[k][0] for k in wrong])
     table.lines = np.delete(np.array([number for number, _ in rows], int), wrong)
     empty = np.asarray(table.frame.isna().all(axis=1))
@@ -254,18 +302,22 @@ def _read_text(content: bytes, file: str) -> Table:
 
 
 def _decoded(content: bytes, file: str, notes: list[str]) -> str:
-    """Return the text of UTF-8, UTF-16 or Windows-1252, with line ends of Unix."""
-    wide = content[:2] in (b"\xff\xfe", b"\xfe\xff")
-    for encoding in ("utf-16",) if wide else ("utf-8-sig", "cp1252"):
+    """Return the text of UTF-8, UTF-16, UTF-32 or Windows-1252, with line ends of Unix."""
+    encodings = [name for mark, name in MARKS.items() if content.startswith(mark)][:1]
+    if not encodings and content[1:40:2].count(0) > 10:
+        encodings = ["utf-16-le"]
+    for encoding in encodings or ("utf-8-sig", "cp1252"):
         try:
-            text = content.decode(encoding)
+            # A logger without power leaves the rest of its file empty.
+            errors = "replace" if encoding == "cp1252" else "strict"
+            text = content.decode(encoding, errors).rstrip("\0\x1a")
         except UnicodeDecodeError:
             continue
         if "\0" in text:
             break
         if encoding == "cp1252":
             notes.append("read as Windows-1252, as it is not UTF-8")
-        return text.replace("\r\n", "\n").replace("\r", "\n")
+        return text.replace("\ufeff", "").replace("\r\n", "\n").replace("\r", "\n")
     raise reject("file", file, f"{KINDS}; it is not a text in UTF-8, UTF-16 or Windows-1252")
 
 
@@ -275,10 +327,11 @@ def _form(lines: list[str]) -> tuple[str, int | None]:
     """
     best: tuple[Any, ...] = (0,)
     for delimiter in ("\t", ";", "|", ",", " "):
-        rows = [_cells(line.lstrip("# "), delimiter) for line in lines]
+        rows = [_cells(line.lstrip("#% "), delimiter) for line in lines]
         [(usual, times)] = Counter(map(len, rows)).most_common(1)
         for number, cells in enumerate(rows):
-            known = sum(role_of(cell) is not None for cell in cells)
+            words = [cell for cell in cells if not re.match(r"[\d.+-]", cell)]
+            known = sum(role_of(word) is not None for word in words)
             # The delimiter of the header may be another one, as of numpy.savetxt.
             fit = (known >= 2 and usual > 1, usual > 1 and times / len(rows), known, -number)
             best = max(best, (*fit, delimiter, number), key=lambda form: form[:4])
@@ -288,6 +341,31 @@ def _form(lines: list[str]) -> tuple[str, int | None]:
     if not share:
         return ",", None
     return delimiter, None if re.search(r"^[+-]?[.,]?\d", lines[0].strip()) else 0
+
+
+def _aligned(line: str, delimiter: str, numeric: list[bool], needed: list[bool]) -> str:
+    """Return a line with as many cells as there are columns, if a text has delimiters without
+    quotes, or if cells at the end are missing that are not needed, or more that are no numbers.
+    Numbers must be where other lines have them. Any other line is returned as it is.
+    """
+    number = r"[+-]?[\d.,]*\d[\d.,]*(?:[eE][+-]?\d+)?"
+    cells = _cells(line, delimiter)
+    width, more = len(numeric), len(cells) - len(numeric)
+    forms = []
+    if more < 0 and not any(needed[more:]):
+        forms.append([*cells, *[""] * -more])
+    elif more > 0:
+        if not any(re.fullmatch(number, cell) for cell in cells[width:]):
+            forms.append(cells[:width])
+        for k in range(width):
+            rest = cells[k + 1 : k + more + 1]
+            if not any(re.fullmatch(number, cell) for cell in rest):
+                forms.append([*cells[:k], " ".join([cells[k], *rest]), *cells[k + more + 1 :]])
+    for form in forms:
+        pairs = zip(form, numeric, strict=True)
+        if all(not of_number or re.fullmatch(rf"{number}|\W*", cell) for cell, of_number in pairs):
+            return delimiter.join(f'"{cell}"' if delimiter in cell else cell for cell in form)
+    return line
 
 
 def _cells(line: str, delimiter: str) -> list[str]:

@@ -12,11 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hybrid_env.checks import ArgumentError, BoolArray, FloatArray
+from baselines.recordings.reading.cleaning import ahead_rows, going_on
+from baselines.recordings.reading.values import DAY, unwrapped
+from hybrid_env.checks import ArgumentError, FloatArray
 
-DAY = 86400.0
-# After a longer step from one record to the next [s] the clock was set, or there is a gap.
-LONGEST_STEP = 60.0
 RECORD = re.compile(
     rb"^(B(\d\d)(\d\d)(\d\d)(\d\d)(\d{5})([NS])(\d{3})(\d{5})([EW])[AV]([-\d]\d{4})([-\d]\d{4}))([^\r\n]*)",
     re.MULTILINE,
@@ -100,13 +99,11 @@ def parse_igc(name: str, content: bytes) -> IgcLog:
     latitudes, longitudes = angles
     known = (np.abs(latitudes) <= 90.0) & (np.abs(longitudes) <= 180.0)
     places = np.flatnonzero(known & ((latitudes != 0.0) | (longitudes != 0.0)))
-    fitting = places[_fits(clock[places])]
-    steps = np.diff(clock[fitting], prepend=clock[fitting][:1]) % DAY
-    # A late record.
-    steps -= DAY * (steps >= DAY - LONGEST_STEP)
-    times = clock[fitting][:1] + np.cumsum(steps)
+    times = unwrapped(clock[places])
+    right = ~ahead_rows(times)
+    times, _ = going_on(times[right])
     later = times > np.append(-np.inf, np.maximum.accumulate(times)[:-1])
-    times, kept = times[later], fitting[later]
+    times, kept = times[later], places[right][later]
     if len(kept) < 2:
         raise ArgumentError(f"{name} has {len(kept)} positions: expected at least two")
     altitudes = pressure if np.ptp(pressure) > 0.0 else satellites
@@ -123,39 +120,6 @@ def parse_igc(name: str, content: bytes) -> IgcLog:
         left_out,
         set_back,
     )
-
-
-def _fits(clock: FloatArray) -> BoolArray:
-    """Return which times of day (n,) [s] fit those around them: all but a few between two jumps of
-    the clock, unless they lie between the time before and the next of many.
-    """
-    fits = np.ones(len(clock), np.bool_)
-    if not len(clock):
-        return fits
-    steps = np.diff(clock, prepend=clock[0]) % DAY
-    jumps = np.flatnonzero((steps > LONGEST_STEP) & (steps < DAY - LONGEST_STEP))
-    begins = np.append(0, jumps)
-    ends = np.append(jumps, len(clock))
-    counts = ends - begins
-    # For up to ten records between two of these steps the clock was wrong, if the others fit.
-    many = counts > min(10, int(counts.max()) - 1)
-    last_many = clock[ends[many][-1] - 1]
-    # With none of many after it, a time is right in the half day that follows.
-    bounds = np.append(clock[begins[many]], last_many + 0.5 * DAY)[np.cumsum(many) - many]
-    before = bounds[0] - 0.5 * DAY
-    for begin, end, bound, sure in zip(
-        begins.tolist(),
-        ends.tolist(),
-        bounds.tolist(),
-        many.tolist(),
-        strict=True,
-    ):
-        first, last, longest = (
-            (time - before) % DAY for time in (clock[begin], clock[end - 1], bound)
-        )
-        fits[begin:end] = sure or first <= last < longest
-        before = clock[end - 1] if fits[begin] else before
-    return fits
 
 
 def _more_digits(head: bytes, word: bytes, tails: Sequence[bytes]) -> tuple[FloatArray, int]:

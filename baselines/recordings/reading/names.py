@@ -12,26 +12,45 @@ ONE_OBJECT = "none"
 ROLES = {
     "time": (
         "t time times timestamp datetime date_time epoch ts unix unixtime unix_time posix utc"
-        " elapsed elapsed_time basedatetime sec secs seconds millis milliseconds gps_time utc_time"
-        " time_utc time_of_day local_time timeus time_us time_boot_ms itow tow gpstime"
+        " elapsed elapsed_time basedatetime base_date_time date_time_utc sec secs seconds millis"
+        " milliseconds gps_time utc_time time_utc time_gps time_of_day local_time timeus time_us"
+        " time_boot_ms itow tow gms gps_sow sow gpsseconds gps_seconds gpstime updatetime fly_time"
+        " offset_time tst now global_time timestamp_external trial_time position_t stamp jd mjd"
+        " zeit uhrzeit zeitstempel fecha_hora hora heure horodatage ora tijd tid klockslag czas"
+        " время 时间 時間 時刻 日時"
     ),
-    "date": "date day gps_date utc_date date_utc local_date",
+    "date": ("date gps_date utc_date date_utc local_date datum fecha data dato дата 日期 日付"),
+    "week": "week gps_week gpsweek gwk wn gps_wn",
+    # Beside a time of whole seconds.
+    "fraction": "ms msec millisecond nsec nsecs nanosec nanoseconds",
+    "year": "year yyyy",
+    "month": "month",
+    "day": "day dd",
+    "hour": "hour hours hh",
+    "minute": "minute minutes min",
+    "second": "second ss",
     "fix_time": (
         "lastposupdate last_position_update time_position position_time pos_time fix_time"
         " gps_fix_time"
     ),
     "x": (
         "x easting east e pos_x x_pos posx position_x x_position px utm_easting utm_e utm_x"
-        " x_coordinate coord_x"
+        " x_coordinate coord_x ost rechtswert x_center local_x"
     ),
     "y": (
         "y northing north n pos_y y_pos posy position_y y_position py utm_northing utm_n utm_y"
-        " y_coordinate coord_y"
+        " y_coordinate coord_y nord hochwert y_center local_y"
     ),
-    "lat": "lat latitude lats latitudes location_lat position_lat gps_lat gps_latitude",
+    "lat": (
+        "lat latitude lats latitudes location_lat position_lat gps_lat gps_latitude latitudee7"
+        " breite breitengrad geo_breite latitud latitudine breedtegraad szerokosc bredde"
+        " breddegrad широта 纬度 緯度"
+    ),
     "lon": (
         "lon lng long longitude lons longitudes location_long location_lon position_long"
-        " position_lon gps_lon gps_lng gps_long gps_longitude"
+        " position_lon gps_lon gps_lng gps_long gps_longitude longitudee7 länge laenge längengrad"
+        " laengengrad geo_länge longitud longitudine lengtegraad dlugosc lengde lengdegrad долгота"
+        " 经度 経度"
     ),
     # Latitude and longitude in one cell.
     "position": "position location coordinates coords latlon lat_lon latlng gps geometry wkt",
@@ -47,22 +66,36 @@ ROLES = {
         " pedestrian_id person person_id pid uid uuid tag tag_id"
     ),
     # The number of the row, as spreadsheets and pandas write it.
-    "index": "unnamed_0 index row nr no",
+    "index": "unnamed_0 index row nr no frame frame_id frame_number",
+    # Whether the sensor had a position.
+    "valid": "valid visible status gps_status fix fix_type gps_fix gps_fix_type fix_quality",
 }
 """Names of the columns of each role, in lower case and joined by underscores."""
 
 GIVEN_ROLES = ("time", "date", "x", "y", "lat", "lon", "range", "bearing", "rate")
 """Roles of --columns."""
 
+PARTS = ("year", "month", "day", "hour", "minute", "second")
+"""Roles of the parts of dates and times that have columns of their own."""
+
 SECONDS = {
-    **dict.fromkeys(("s", "sec", "secs", "seconds"), 1.0),
-    **dict.fromkeys(("ms", "msec", "millis", "milliseconds"), 1e-3),
-    **dict.fromkeys(("us", "µs", "μs"), 1e-6),
-    "ns": 1e-9,
-    **dict.fromkeys(("min", "minutes"), 60.0),
-    **dict.fromkeys(("h", "hours"), 3600.0),
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
+    **dict.fromkeys(("ms", "msec", "millis", "millisecond", "milliseconds"), 1e-3),
+    **dict.fromkeys(("us", "µs", "μs", "usec", "microsecond", "microseconds"), 1e-6),
+    **dict.fromkeys(("ns", "nsec", "nsecs", "nanosec", "nanoseconds"), 1e-9),
+    **dict.fromkeys(("min", "minute", "minutes"), 60.0),
+    **dict.fromkeys(("h", "hour", "hours"), 3600.0),
 }
 """Units of time [s]."""
+
+UNITS = {
+    **dict.fromkeys(
+        ["millis", "milliseconds", "ms", "msec", "millisecond", "time_boot_ms", "itow", "gms"], "ms"
+    ),
+    **dict.fromkeys(["timeus", "time_us"], "us"),
+    **dict.fromkeys(["nsec", "nsecs", "nanosec", "nanoseconds"], "ns"),
+}
+"""Units of times that their names say."""
 
 DEGREES = ("deg", "degree", "degrees", "°")
 LENGTHS = "m km cm mm um ft yd mi nmi px rad mrad mil mils gon grad"
@@ -75,22 +108,30 @@ def _roles() -> dict[str, str]:
 
 def plain_name(name: str) -> str:
     """Return a name in lower case, its words joined by underscores."""
-    return re.sub(r"[\s_.:/-]+", "_", name.strip().lower()).strip("_")
+    return re.sub(r"[\s_.:/-]+", "_", name.strip(" \t'\"%#").lower()).strip("_")
 
 
 @functools.lru_cache(maxsize=256)
 def split_unit(name: str) -> tuple[str, str | None]:
     """Return the plain name of a column and its unit, None if it has none. The unit is in brackets
     or after a slash, as in `x [m]`, `x (km)` and `t/s`, or a known one after an underscore, as in
-    `t_ms`.
+    `t_ms`. Of a name such as `OSD.latitude` or `pose.position.x` the last words count.
     """
+    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
+    parts = re.split(r"[.:]", words)
+    # A letter means nothing without the word before it.
+    last = "_".join(parts[-2:] if len(parts[-1]) == 1 else parts[-1:])
+    splits = [_split(text) for text in (name, words, last)]
+    return next((split for split in splits if split[0] in _roles()), splits[0])
+
+
+def _split(name: str) -> tuple[str, str | None]:
     known = {*LENGTHS.split(), *SECONDS, *DEGREES}
     # The signs of latitudes and longitudes are no unit.
     name = re.sub(r"(?<=\w) +(n/s|e/w)$", "", name, flags=re.IGNORECASE)
     plain = plain_name(name)
     if plain in _roles():
-        units = {"millis": "ms", "milliseconds": "ms", "time_boot_ms": "ms", "itow": "ms"}
-        return plain, units.get(plain, "us" if plain in ("timeus", "time_us") else None)
+        return plain, UNITS.get(plain)
     match = re.fullmatch(r"\s*(.+?)\s*(?:\[(.*)\]|\((.*)\)|/\s*(\w+))\s*", name)
     if match and (match[4] is None or match[4].lower() in known):
         unit = next(part for part in match.groups()[1:] if part is not None).strip()

@@ -2,8 +2,8 @@
 
 import os
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -14,15 +14,24 @@ from baselines.recordings.projection import centred_projection
 from baselines.recordings.reading import cleaning
 from baselines.recordings.reading.columns import Columns, find_columns
 from baselines.recordings.reading.files import Table, read_table
-from baselines.recordings.reading.names import DEGREES, split_unit
+from baselines.recordings.reading.names import DEGREES, PARTS, SECONDS, plain_name, split_unit
 from baselines.recordings.reading.values import (
     Times,
     in_degrees,
     parse_angles,
     parse_numbers,
     parse_times,
+    since_1970,
+    texts_of,
+    unwrapped,
 )
-from baselines.recordings.recording import Recording, make_recording
+from baselines.recordings.recording import (
+    Recording,
+    dates_since,
+    iso_texts,
+    make_recording,
+)
+from baselines.recordings.scatter import noise_deviations
 from hybrid_env.checks import ArgumentError, BoolArray, FloatArray, IntArray, reject
 from hybrid_env.sensors import Radar
 
@@ -55,7 +64,9 @@ class Places(NamedTuple):
     unit: str | None
     # Whether `values` are degrees.
     degrees: bool
-    # (n,) range rates of a radar.
+    # That measured them.
+    radar: Radar | None = None
+    # (n,) its range rates.
     rates: FloatArray | None = None
 
 
@@ -92,8 +103,9 @@ def read_recordings(
         tau: duration of a tick [s] of a file without times; None counts time in ticks.
         gap: longest time between two measurements of one piece [s]; None is 20 nominal ticks.
         radar: that measured columns `range`, `bearing` and, if it has a rate deviation,
-            `range_rate`. Bearings in degrees are clockwise from the y axis (north), those in
-            radians counter-clockwise from the x axis.
+            `range_rate`; None finds the standard deviations of a radar at the origin in a file
+            without other positions. Bearings in degrees are clockwise from the y axis (north),
+            those in radians counter-clockwise from the x axis.
         thousands: mark between thousands in numbers.
         bad_rows: `refuse` raises for the first row that would be left out.
 
@@ -103,24 +115,22 @@ def read_recordings(
             option that helps.
     """
     table = read_table(path)
-    axes = (("range", "bearing"),) if radar is not None else (("x", "y"), ("lat", "lon"))
+    polar = ("range", "bearing", "rate")
+    axes = (("x", "y"), ("lat", "lon"), polar[:2]) if radar is None else (polar[: radar.values],)
     roles = find_columns(table, columns, object_column, axes)
     rows_of = object_rows(table, roles, Path(path))
-    times = read_times(table, roles, time_unit, tau, single=len(rows_of) == 1)
-    places = (
-        _read_polar(table, roles, radar, thousands)
-        if radar is not None
-        else _read_positions(table, roles, unit, thousands)
-    )
+    times = read_times(table, roles, time_unit, tau)
+    if "bearing" in roles.roles:
+        places = _read_polar(table, roles, times, rows_of, radar, thousands)
+    else:
+        places = _read_positions(table, roles, unit, thousands)
     total = len(table.frame)
     marked = object_column is not None or len(rows_of) > 1
     recordings = []
     refused = []
     for name, rows in rows_of:
         try:
-            recordings.append(
-                _recording(table, times, places, rows, marked, name=name, gap=gap, radar=radar)
-            )
+            recordings.append(_recording(table, times, places, rows, marked, name=name, gap=gap))
         except ArgumentError as error:
             if len(rows_of) == 1:
                 raise
@@ -142,10 +152,11 @@ def read_recordings(
     warnings = refused
     if count > 0.1 * total:
         warnings = [f"{table.file}: {count:,} of {total:,} rows are left out", *refused]
+    left_out = {reason: len(lines) for reason, lines in table.left_out.items()}
     return RecordingFile(
-        tuple(recordings),
+        tuple(replace(recording, left_out=left_out) for recording in recordings),
         _summary(table, roles, times, recordings),
-        {reason: len(lines) for reason, lines in table.left_out.items()},
+        left_out,
         tuple(warnings),
     )
 
@@ -171,15 +182,16 @@ def read_times(
     roles: Columns,
     unit: str | None = None,
     tau: float | None = None,
-    *,
-    single: bool = True,
 ) -> Times:
     """Return the times of all rows; without a column of times the ticks, by an index or by the
     number of the row.
     """
+    times = _times_of_parts(table, roles.roles)
+    if times is not None:
+        return times
     number = roles.roles.get("fix_time", roles.roles.get("time", roles.roles.get("date")))
     if number is not None:
-        date = roles.roles.get("date")
+        date = roles.roles.get("week", roles.roles.get("date"))
         joined = date is not None and date != number and "fix_time" not in roles.roles
         times = parse_times(
             table.frame[number],
@@ -189,21 +201,49 @@ def read_times(
         )
         allowed = "a number, a date, or --time-unit with a format such as '%d/%m/%Y %H:%M:%S'"
         _check_readable(table, number, np.isnan(times.seconds), allowed)
-        return times
+        fraction = roles.roles.get("fraction")
+        if fraction is not None and not (times.seconds % 1.0).any():
+            parts, _, _ = parse_numbers(table.frame[fraction])
+            scale = SECONDS[split_unit(table.names[fraction])[1] or "s"]
+            return times._replace(seconds=times.seconds + scale * parts)
+        dated = pd.api.types.is_datetime64_any_dtype(table.frame[number])
+        if dated or times.kind in ("dates and times of day", "GPS weeks and seconds"):
+            return times
+        return times._replace(cells=table.frame[number].to_numpy())
     if unit is not None:
         allowed = f"no value, as {table.file} has no times: name them by --columns time=..."
         raise reject("time_unit", unit, allowed)
     ticks = np.arange(len(table.frame), dtype=np.float64)
     index = roles.roles.get("index")
-    if index is not None and single:
+    if index is not None:
         numbers, _, _ = parse_numbers(table.frame[index])
-        if np.isfinite(numbers).all() and (np.diff(numbers) > 0.0).all():
-            ticks = numbers - numbers[0]
+        if np.isfinite(numbers).all() and (
+            "object" in roles.roles or (np.diff(numbers) > 0.0).all()
+        ):
+            ticks = numbers - numbers.min()
             table.notes.append("index column taken as ticks")
     if tau is None:
         return Times(ticks, None, "", "ticks")
     # Without the rounding errors of the products.
     return Times(np.round(tau * ticks, 9 - int(np.floor(np.log10(tau)))), None, "")
+
+
+def _times_of_parts(table: Table, roles: dict[str, int]) -> Times | None:
+    """Return times of columns of hours, minutes ..., None if there are none."""
+    time = roles.get("time")
+    if time is not None and plain_name(table.names[time]) in ("sec", "secs", "seconds"):
+        roles["second"] = roles.pop("time")
+    if "time" in roles or not {"hour", "minute"} <= {*roles}:
+        for part, role in (("second", "time"), ("day", "date")):
+            if part in roles:
+                roles.setdefault(role, roles[part])
+        return None
+    parts = {part: parse_numbers(table.frame[roles[part]])[0] for part in PARTS if part in roles}
+    clock = 3600.0 * parts["hour"] + 60.0 * parts["minute"] + parts.get("second", 0.0)
+    if not {"year", "month", "day"} <= {*parts}:
+        return Times(unwrapped(clock), None, "times of day")
+    days = pd.to_datetime(pd.DataFrame({part: parts[part] for part in PARTS[:3]}), errors="coerce")
+    return since_1970((days - pd.Timestamp(0)).dt.total_seconds().to_numpy() + clock, "dates")
 
 
 def _check_readable(table: Table, column: int, wrong: BoolArray, allowed: str) -> None:
@@ -248,25 +288,51 @@ def _read_positions(
             "position" in table.names[column] or "semicircles" in table.names[column]
             for column in axes
         )
-        values = in_degrees(values, semicircles)
+        values, form = in_degrees(values, semicircles)
+        if named == {"rad"}:
+            values, form = np.degrees(values), "radians"
+        if form:
+            table.notes.append(f"latitude and longitude are {form}")
+        if np.median(np.nan_to_num(np.abs(values[:, 1]))) > 90.0:
+            values = values[:, ::-1].copy()
+            table.notes.append("latitude and longitude are swapped")
         for k, role in enumerate(("east_west", "north_south")):
             if role in roles.roles:
                 letters = table.frame[roles.roles[role]].astype("str").str.strip().str.upper()
                 values[letters.str.startswith(("W", "S")).to_numpy(), k] *= -1.0
-        # A receiver without a fix gives zeros.
-        far = np.abs(np.nan_to_num(values)).max(axis=1) > 1.0
-        wrong |= (values == 0.0).all(axis=1) & (far.mean() > 0.5)
     with np.errstate(invalid="ignore"):
         wrong |= (np.abs(values) > ([360.0, 90.0] if degrees else 1e12)).any(axis=1)
+    wrong |= _without_fix(table, roles)
+    values[wrong] = np.nan
+    wrong |= cleaning.fill_values(values)
     values[wrong] = np.nan
     return Places(values, wrong, "m" if degrees else unit, degrees)
 
 
-def _read_polar(table: Table, roles: Columns, radar: Radar, thousands: str | None) -> Places:
-    """Parse ranges and bearings of a radar to positions, and range rates if it measures them."""
-    names = ("range", "bearing", "rate")[: radar.values]
-    if names[-1] not in roles.roles:
-        raise ArgumentError(f"{table.file}: no column range_rate: name it by --columns rate=...")
+def _without_fix(table: Table, roles: Columns) -> BoolArray:
+    """Return in which rows (n,) the sensor says that it had no position."""
+    number = roles.roles.get("valid")
+    if number is None:
+        return np.zeros(len(table.frame), np.bool_)
+    cells = texts_of(table.frame[number]).str.lower()
+    # The status 0 of a ship is that it moves.
+    numbers = [] if "status" in table.names[number].lower() else ["0", "0.0"]
+    without: BoolArray = cells.isin(["false", "v", "no", "invalid", *numbers]).to_numpy()
+    return without & (without.mean() < 0.5)
+
+
+def _read_polar(
+    table: Table,
+    roles: Columns,
+    times: Times,
+    rows_of: Sequence[tuple[str, IntArray]],
+    radar: Radar | None,
+    thousands: str | None,
+) -> Places:
+    """Parse ranges and bearings of a radar to positions, and range rates if it measures them.
+    Without a radar its standard deviations are those of the measurements.
+    """
+    names = ("range", "bearing", "rate")[: 2 if radar is None else radar.values]
     columns = [parse_numbers(table.frame[roles.roles[name]], thousands) for name in names]
     length, angle, *speed = (split_unit(table.names[roles.roles[name]])[1] for name in names)
     if angle not in (None, "rad", *DEGREES):
@@ -284,9 +350,42 @@ def _read_polar(table: Table, roles: Columns, radar: Radar, thousands: str | Non
     with np.errstate(invalid="ignore"):
         wrong |= (ranges < 0.0) | (ranges > 1e12) | (np.abs(bearings) > 1e12)
     rows = np.column_stack([ranges, bearings if radians else np.radians(90.0 - bearings)])
+    rows[wrong] = np.nan
+    if radar is None:
+        radar = _found_radar(table, times.seconds, rows, rows_of, length or "units")
     positions = np.array([radar.located(row)[:2] for row in rows])
-    positions[wrong] = np.nan
-    return Places(positions, wrong, length, False, *rates)
+    return Places(positions, wrong, length, False, radar, *rates)
+
+
+def _found_radar(
+    table: Table,
+    seconds: FloatArray,
+    polar: FloatArray,
+    rows_of: Sequence[tuple[str, IntArray]],
+    unit: str,
+) -> Radar:
+    """Return a radar at the origin with the standard deviations of measured ranges and bearings,
+    (n, 2).
+    """
+    tracks = []
+    known = np.isfinite(seconds) & np.isfinite(polar).all(axis=1)
+    for _, rows in rows_of:
+        instants, first = np.unique(seconds[rows[known[rows]]], return_index=True)
+        values = polar[rows[known[rows]][first]]
+        values[:, 1] = np.unwrap(values[:, 1])
+        tracks.append((instants, values))
+    deviations = noise_deviations(tracks)
+    if deviations is None or not deviations.all():
+        raise ArgumentError(
+            f"{table.file}: range and azimuth of a radar, whose standard deviations are not seen"
+            " (few or rounded measurements): give them by --radar, for example --radar '30 0.01'"
+        )
+    length, angle = deviations.tolist()
+    table.notes.append(
+        f"range and azimuth of a radar: standard deviations {length:.3g} {unit} and"
+        f" {np.degrees(angle):.3g} deg are found; give them by --radar '{length:.3g} {angle:.3g}'"
+    )
+    return Radar(range_deviation=length, bearing_deviation=angle)
 
 
 def _recording(
@@ -298,7 +397,6 @@ def _recording(
     *,
     name: str,
     gap: float | None,
-    radar: Radar | None,
 ) -> Recording:
     """Return the recording of an object; `marked`: the rows are known to be of one object."""
     count = int((~np.isnan(places.values[rows]).any(axis=1)).sum())
@@ -336,7 +434,7 @@ def _recording(
     if not marked and cleaning.rows_alternate(positions[kept & ~np.isnan(positions[:, 0])]):
         raise ArgumentError(
             f"{table.file}: rows alternate between places that are far apart, as of two objects:"
-            " name the column of the objects by --object, or --object none for a single one"
+            " name by --object the column that tells them apart, or --object none for a single one"
         )
     rows, seconds, positions = rows[kept], seconds[kept], positions[kept]
     if cleaning.lost(table) - already > 0.5 * total:
@@ -346,6 +444,11 @@ def _recording(
     if table.segments is not None:
         # Reception was lost, or the logger was switched off.
         breaks = np.flatnonzero(np.diff(table.segments[rows])) + 1
+    time_cells: Any = None
+    if times.cells is not None:
+        time_cells = times.cells[rows]
+    elif times.epoch is not None:
+        time_cells = iso_texts(dates_since(times.epoch, times.seconds[rows]))
     return make_recording(
         seconds,
         positions,
@@ -356,8 +459,10 @@ def _recording(
         time_unit=times.unit,
         epoch=times.epoch,
         projection=projection,
-        radar=radar,
+        radar=places.radar,
         rates=None if places.rates is None else places.rates[rows],
+        lines=table.lines[rows],
+        time_cells=time_cells,
     )
 
 

@@ -1,5 +1,6 @@
 """Recordings of a radar: columns of range, bearing and range rate."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -52,9 +53,15 @@ def write(path, rows, names):
 
 
 def test_modes_and_radius_are_found_from_a_radar_alone(polar):
-    tracked = track_recording(TIMES, polar, radar=RADAR)
+    tracked = track_recording(
+        TIMES,
+        polar,
+        radar=RADAR,
+    )
     assert (tracked.modes == TRUE).mean() > 0.9
     assert tracked.model.radii[0] == pytest.approx(RADIUS, rel=0.05)
+    settings = json.loads(json.dumps(tracked.settings(), allow_nan=False))
+    assert Radar(**settings["radar"]) == RADAR
     # Range and bearing alone tell less.
     without_rate = replace(RADAR, rate_deviation=None)
     known = track_recording(
@@ -65,13 +72,22 @@ def test_modes_and_radius_are_found_from_a_radar_alone(polar):
         radii=(RADIUS,),
     )
     assert known.pieces[:, 2].tolist() == [0, 1, 0, 2, 0]
+    assert known.settings()["known_switches"]
 
 
 def test_degrees_from_north_and_radians_from_the_x_axis_are_the_same(polar, tmp_path):
     degrees = np.column_stack([polar[:, 0], (90.0 - np.degrees(polar[:, 1])) % 360.0, polar[:, 2]])
     files = (
-        write(tmp_path / "a.csv", degrees, "time,range [m],bearing,range_rate"),
-        write(tmp_path / "b.csv", polar, "time,range [m],azimuth [rad],doppler"),
+        write(
+            tmp_path / "a.csv",
+            degrees,
+            "time,range [m],bearing,range_rate",
+        ),
+        write(
+            tmp_path / "b.csv",
+            polar,
+            "time,range [m],azimuth [rad],doppler",
+        ),
     )
     read = [read_recordings(path, radar=RADAR) for path in files]
     first, second = (file.recordings[0] for file in read)

@@ -28,7 +28,13 @@ def drive(tmp_path):
         .measurements[0]
         .T
     )
-    pd.DataFrame({"t": CAR.times(220), "x": x, "y": y}).to_csv(path, index=False)
+    pd.DataFrame(
+        {
+            "t": CAR.times(220),
+            "x": x,
+            "y": y,
+        }
+    ).to_csv(path, index=False)
     return path
 
 
@@ -69,7 +75,14 @@ ROWS = 60
 def write(path, seed=0, **more):
     generator = np.random.default_rng(seed)
     x, y = np.cumsum(0.2 + 0.05 * generator.normal(size=(2, ROWS)), axis=1)
-    pd.DataFrame({"t": 0.1 * np.arange(ROWS), "x": x, "y": y, **more}).to_csv(path, index=False)
+    pd.DataFrame(
+        {
+            "t": 0.1 * np.arange(ROWS),
+            "x": x,
+            "y": y,
+            **more,
+        }
+    ).to_csv(path, index=False)
 
 
 def test_a_broken_recording_gets_one_line_and_changes_nothing(tmp_path, capsys):
@@ -114,15 +127,19 @@ def test_each_object_has_its_own_folder(tmp_path):
 
 def work(path, folder):
     if path.name == "b":
-        raise reject("file", path.name, "another one")
+        raise reject(
+            "file",
+            path.name,
+            "another one",
+        )
     if path.name == "c":
         raise OSError(28, "No space left on device")
-    return [f"{path.name} in {folder.name}"], [], []
+    return [f"{path.name} in {folder.name}"], [], ""
 
 
 def test_every_file_is_worked_on_whatever_happens_to_the_others(tmp_path, capsys):
     paths = [tmp_path / name for name in "abcd"]
-    with pytest.raises(ArgumentError, match="2 of 4 files are not tracked; the others are"):
+    with pytest.raises(ArgumentError, match="2 of 4 files could not be tracked"):
         work_on_files(
             work,
             paths,
@@ -130,4 +147,14 @@ def test_every_file_is_worked_on_whatever_happens_to_the_others(tmp_path, capsys
             jobs=1,
         )
 
-    assert capsys.readouterr().out.splitlines() == ["a in a", "d in d"]
+    *lines, last = capsys.readouterr().out.splitlines()
+    assert lines == ["a in a", "d in d"]
+    assert str(tmp_path) in last
+    with pytest.raises(ArgumentError, match="none of the 2 files could be tracked"):
+        work_on_files(
+            work,
+            paths[1:3],
+            paths[1:3],
+            jobs=1,
+        )
+    assert capsys.readouterr().out == ""

@@ -36,10 +36,18 @@ def test_imm_equals_filterpy_on_20_random_problems():
         start = random_covariance(rng, 2 * axes)
         imm = IMMFilter(
             [KalmanFilter(model, noise) for model in models],
-            rng.uniform(1.0, 20.0, count),
+            rng.uniform(
+                1.0,
+                20.0,
+                count,
+            ),
         )
         mean = rng.normal(size=2 * axes)
-        measurements = rng.normal(0.0, 3.0, (5, axes))
+        measurements = rng.normal(
+            0.0,
+            3.0,
+            (5, axes),
+        )
         peers = []
         for model in models:
             peer = PeerKalman(2 * axes, axes)
@@ -62,14 +70,35 @@ def test_imm_equals_filterpy_on_20_random_problems():
                 (imm.state, peer.x),
                 (imm.covariance, peer.P),
             ):
-                np.testing.assert_allclose(estimated[0], expected, rtol=1e-9, atol=1e-9)
+                np.testing.assert_allclose(
+                    estimated[0],
+                    expected,
+                    rtol=1e-9,
+                    atol=1e-9,
+                )
 
 
 def test_probabilities_follow_the_chain_without_measurements():
     imm = IMMFilter(
         [
-            KalmanFilter(MotionModel("CV", 1, 1.0), 1.0, (1.0,)),
-            KalmanFilter(MotionModel("CA", 1, 1.0), 1.0, (1.0, 1.0)),
+            KalmanFilter(
+                MotionModel(
+                    "CV",
+                    1,
+                    1.0,
+                ),
+                1.0,
+                (1.0,),
+            ),
+            KalmanFilter(
+                MotionModel(
+                    "CA",
+                    1,
+                    1.0,
+                ),
+                1.0,
+                (1.0, 1.0),
+            ),
         ],
         (30.0, 10.0),
     )
@@ -101,7 +130,11 @@ def switching_world(rng, imm, times, tracks, deviation):
         mode = new
         for index, model in enumerate(models):
             transition, noise = matrices(
-                MotionModel(model.name, 1, model.noise[:1]),
+                MotionModel(
+                    model.name,
+                    1,
+                    model.noise[:1],
+                ),
                 time - last,
             )
             size = model.order
@@ -121,10 +154,32 @@ def switching_world(rng, imm, times, tracks, deviation):
 def test_imm_of_cv_and_ca_is_consistent_in_its_world():
     rng = np.random.default_rng(2)
     tracks = 1500
-    times = np.cumsum(np.random.default_rng(3).uniform(0.5, 1.5, 30))
+    times = np.cumsum(
+        np.random.default_rng(3).uniform(
+            0.5,
+            1.5,
+            30,
+        )
+    )
     deviation = 3.0
-    cv = KalmanFilter(MotionModel("CV", 2, 0.2), 4.0, (5.0,))
-    ca = KalmanFilter(MotionModel("CA", 2, 0.5), 4.0, (5.0, deviation))
+    cv = KalmanFilter(
+        MotionModel(
+            "CV",
+            2,
+            0.2,
+        ),
+        4.0,
+        (5.0,),
+    )
+    ca = KalmanFilter(
+        MotionModel(
+            "CA",
+            2,
+            0.5,
+        ),
+        4.0,
+        (5.0, deviation),
+    )
     imm = IMMFilter([cv, ca], (12.0, 6.0))
     states = switching_world(
         rng,
@@ -133,15 +188,32 @@ def test_imm_of_cv_and_ca_is_consistent_in_its_world():
         tracks,
         deviation,
     )
-    measurements = states[..., 0] + rng.normal(0.0, 2.0, states.shape[:3])
+    measurements = states[..., 0] + rng.normal(
+        0.0,
+        2.0,
+        states.shape[:3],
+    )
     imm.begin_from(np.zeros((tracks, 6)), np.kron(np.eye(2), np.diag([4.0, 25.0, deviation**2])))
-    filtered = run_filter(imm, measurements, times, begun=0.0)
-    low, high = mean_bounds(2.0, filtered.nis.var(), filtered.nis.size)
+    filtered = run_filter(
+        imm,
+        measurements,
+        times,
+        begun=0.0,
+    )
+    low, high = mean_bounds(
+        2.0,
+        filtered.nis.var(),
+        filtered.nis.size,
+    )
     assert low < filtered.nis.mean() < high
     error = np.stack(
         [filtered.positions - states[..., 0], filtered.velocities - states[..., 1]], axis=-1
     )
     spread = filtered.covariances[-1][:, [0, 1, 3, 4]][:, :, [0, 1, 3, 4]]
     nees = squared_errors(error[-1].reshape(tracks, 4), spread)
-    low, high = mean_bounds(4.0, nees.var(), tracks)
+    low, high = mean_bounds(
+        4.0,
+        nees.var(),
+        tracks,
+    )
     assert low < nees.mean() < high

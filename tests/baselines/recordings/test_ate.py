@@ -85,7 +85,11 @@ def test_ate_on_recordings_decides_and_estimates_as_in_the_environment(
         np.testing.assert_array_equal(tracks.undecided, made[:, 2])
         squares = ((tracks.estimates[:, ::2] - trace[:, TRUE]) ** 2).sum(1)
         first = np.cumsum(lengths) - lengths
-        np.testing.assert_allclose(np.add.reduceat(squares, first), made[:, 4], rtol=1e-9)
+        np.testing.assert_allclose(
+            np.add.reduceat(squares, first),
+            made[:, 4],
+            rtol=1e-9,
+        )
         refined += (tracks.decided != made[:, 0]).sum()
 
     assert refined > 15 if "refine_radius" in options else refined == 0

@@ -44,7 +44,17 @@ def matrix_likelihood(z, R, Q):
 
 def test_straight_motion_has_the_likelihood_of_a_matrix_filter():
     rng = np.random.default_rng(0)
-    parts = [np.cumsum(rng.normal(1.0, 0.3, (length, 2)), axis=0) for length in (40, 40, 25)]
+    parts = [
+        np.cumsum(
+            rng.normal(
+                1.0,
+                0.3,
+                (length, 2),
+            ),
+            axis=0,
+        )
+        for length in (40, 40, 25)
+    ]
     for part in parts:
         part[rng.random(len(part)) < 0.3] = np.nan
     pieces = tuple(
@@ -58,10 +68,36 @@ def test_straight_motion_has_the_likelihood_of_a_matrix_filter():
         )
         for part in parts
     )
-    chunks, _ = grid_chunks(TickGrid(1.0, pieces, 0, 0.0), 1.0, (), 256)
-    model = FilterModel(1.0, 0.01, 0.5, 0.5)
-    total = run_pass(chunks, [], model).log_likelihood
-    expected = sum(matrix_likelihood(part, 0.5, 0.01) for part in parts)
+    chunks, _ = grid_chunks(
+        TickGrid(
+            1.0,
+            pieces,
+            0,
+            0.0,
+        ),
+        1.0,
+        (),
+        256,
+    )
+    model = FilterModel(
+        1.0,
+        0.01,
+        0.5,
+        0.5,
+    )
+    total = run_pass(
+        chunks,
+        [],
+        model,
+    ).log_likelihood
+    expected = sum(
+        matrix_likelihood(
+            part,
+            0.5,
+            0.01,
+        )
+        for part in parts
+    )
 
     assert total == pytest.approx(expected, rel=1e-9)
 
@@ -83,8 +119,12 @@ def test_the_state_before_the_first_measurement_is_found_backwards():
         measurement_variance=0.01,
     ).measurements:
         [piece] = tick_grid(make_recording(0.1 * np.arange(len(run)), run)).pieces
-        estimate, covariance, first_mode = first_state(piece, None, model)
-        assert first_mode == 1
+        estimate, covariance = first_state(
+            piece,
+            None,
+            model,
+            [50],
+        )
         error = estimate - [0.0, 0.0, 0.0, 2.0]
         errors.append(error @ np.linalg.solve(covariance, error))
     # Chi-square with 4 degrees of freedom: the mean of 20 has a standard deviation of 0.63.

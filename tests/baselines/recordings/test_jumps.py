@@ -11,7 +11,11 @@ FIRST = 250
 
 @pytest.fixture(scope="module")
 def points():
-    return simulate("S100 L100r5 S100 R100r5 S100", 1, 0).measurements[0]
+    return simulate(
+        "S100 L100r5 S100 R100r5 S100",
+        1,
+        0,
+    ).measurements[0]
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +39,14 @@ def test_errors_and_jumps_spoil_neither_the_fit_nor_later_decisions(
     size,
     scale,
 ):
-    angles = np.resize(np.random.default_rng(1).uniform(0.0, 2.0 * np.pi, places), count)
+    angles = np.resize(
+        np.random.default_rng(1).uniform(
+            0.0,
+            2.0 * np.pi,
+            places,
+        ),
+        count,
+    )
     errors = np.zeros_like(points)
     rows = errors[FIRST : FIRST + count]
     rows[:] = size * np.column_stack([np.cos(angles), np.sin(angles)])[: len(rows)]

@@ -27,7 +27,11 @@ def test_the_likeliest_process_noise_is_that_of_the_object(true):
         for factor in factors.tolist()
     ]
     for bank in banks:
-        bank.begin(state.field("estimate"), np.eye(4) * 0.02, state.field("true_mode"))
+        bank.begin(
+            state.field("estimate"),
+            np.eye(4) * 0.02,
+            state.field("true_mode"),
+        )
     chooser = LikeliestNoise(options)
     picked = []
     for _ in range(400):

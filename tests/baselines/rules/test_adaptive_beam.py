@@ -46,7 +46,11 @@ def test_the_posterior_of_the_laws_follows_from_the_normalising_constants_of_the
     adaptive = BeamDecider(
         env.options,
         branches=200,
-        prior=Prior(tuple(map(parse_durations, texts)), tuple(prior), different=0.0),
+        prior=Prior(
+            tuple(map(parse_durations, texts)),
+            tuple(prior),
+            different=0.0,
+        ),
     )
     beams = [
         BeamDecider(
@@ -56,7 +60,11 @@ def test_the_posterior_of_the_laws_follows_from_the_normalising_constants_of_the
         )
         for text in texts
     ]
-    *_, (learned, *known) = states_of(env, [adaptive, *beams], 15)
+    *_, (learned, *known) = states_of(
+        env,
+        [adaptive, *beams],
+        15,
+    )
     weights = prior * np.exp(np.transpose([state.branches.evidence for state in known]))
     expected = np.log(weights.sum(1)), weights / weights.sum(1, keepdims=True)
     branches = learned.branches
@@ -70,10 +78,22 @@ def test_the_posterior_of_the_laws_follows_from_the_normalising_constants_of_the
             belief = belief * adaptive.model.tables[history["row"], history["age"] - 1, 0]
             beliefs[i] += shares[i, b] * belief / belief.sum()
 
-    np.testing.assert_allclose(branches.evidence, expected[0], atol=1e-4)
-    np.testing.assert_allclose(beliefs, expected[1], atol=1e-4)
+    np.testing.assert_allclose(
+        branches.evidence,
+        expected[0],
+        atol=1e-4,
+    )
+    np.testing.assert_allclose(
+        beliefs,
+        expected[1],
+        atol=1e-4,
+    )
     probabilities = np.array([np.exp(state.log_probability) for state in known])
-    mixture = np.einsum("il,lim->im", expected[1], probabilities)
+    mixture = np.einsum(
+        "il,lim->im",
+        expected[1],
+        probabilities,
+    )
     np.testing.assert_allclose(
         np.exp(learned.log_probability),
         mixture,
@@ -90,7 +110,11 @@ def test_a_cycle_is_learned():
         measurement_variance=0.01,
     )
     decider = BeamDecider(env.options, prior=mixed_prior())
-    *_, (state,) = states_of(env, [decider], 900)
+    *_, (state,) = states_of(
+        env,
+        [decider],
+        900,
+    )
     branches = state.branches
     for track in range(8):
         best = branches.filters[track]["log_likelihood"].ravel()[: branches.counts[track]].argmax()
@@ -111,13 +135,26 @@ def test_no_reported_rhythm_is_in_the_prior():
 
 
 def test_sixteen_joined_histories_are_closer_to_many_than_sixteen_of_the_most_probable():
-    env = HybridTrackQuickestVectorEnv(8, ticks=200, measurement_variance=1.0)
+    env = HybridTrackQuickestVectorEnv(
+        8,
+        ticks=200,
+        measurement_variance=1.0,
+    )
     deciders = [
-        BeamDecider(env.options, branches=branches, joined=joined, prior=mixed_prior())
+        BeamDecider(
+            env.options,
+            branches=branches,
+            joined=joined,
+            prior=mixed_prior(),
+        )
         for branches, joined in ((160, False), (16, True), (16, False))
     ]
     errors = np.zeros(2)
-    for states in states_of(env, deciders, 200):
+    for states in states_of(
+        env,
+        deciders,
+        200,
+    ):
         many, *few = (np.exp(state.log_probability) for state in states)
         errors += [np.abs(some - many).sum() for some in few]
 

@@ -35,7 +35,11 @@ def recorded(**options):
     layout = Layout(env.options.hypotheses)
     for tick, shift in SPOILED.items():
         names = "displacement_along", "displacement_across"
-        for name, deviations in zip(names, shift, strict=True):
+        for name, deviations in zip(
+            names,
+            shift,
+            strict=True,
+        ):
             rows[tick][::2, layout.slices[name]] += deviations * layout.scales[name]
     return env.options, layout, rows
 
@@ -47,7 +51,12 @@ def reference(world, speed, covariance, measurements, R, law):
     R, outlier_R = (np.multiply(factor, R) for factor in (law.variance, law.outlier_variance))
     model = world.tau, world.process_variance, R
     filters = [
-        MatrixExtendedKalmanFilter((0.0, speed, 0.0, 0.0), covariance, radius, *model)
+        MatrixExtendedKalmanFilter(
+            (0.0, speed, 0.0, 0.0),
+            covariance,
+            radius,
+            *model,
+        )
         for radius in (0.0, *world.radii, *(-radius for radius in world.radii))
     ]
     log_likelihoods = []
@@ -81,7 +90,12 @@ def test_robust_filters_equal_matrix_filters():
         robust=True,
     )
     covariance = stated_covariance(layout, rows[0])
-    anchors = anchor_rows(layout, rows[0], np.zeros((TRACKS, 1, 4)), covariance[:, None])
+    anchors = anchor_rows(
+        layout,
+        rows[0],
+        np.zeros((TRACKS, 1, 4)),
+        covariance[:, None],
+    )
     ours = []
     none = np.zeros(TRACKS, np.bool_)
     alone = np.zeros((TRACKS, 1))
@@ -103,19 +117,43 @@ def test_robust_filters_equal_matrix_filters():
         none,
     )
     axes = [(x, y), (y, x), ((x + y) / 2, (x + y) / 2)]
-    measurements = np.array([in_rows(layout, row, True) for row in rows])
+    measurements = np.array(
+        [
+            in_rows(
+                layout,
+                row,
+                True,
+            )
+            for row in rows
+        ]
+    )
     speeds = layout.read(rows[0], "speed").astype(float)
     total = 0
     for track in range(4):
         of_track = world, speeds[track], covariance[track], measurements[:, track]
         by_law = []
         for law in LAWS:
-            each, outliers = zip(*(reference(*of_track, R, law) for R in axes), strict=True)
+            each, outliers = zip(
+                *(
+                    reference(
+                        *of_track,
+                        R,
+                        law,
+                    )
+                    for R in axes
+                ),
+                strict=True,
+            )
             by_law.append(law.log_prior + logsumexp(each, axis=0) - np.log(len(axes)))
             total += min(outliers)
         expected = logsumexp(by_law, axis=0)
         laws = log_softmax(logsumexp([values[-1] for values in by_law], axis=-1))
-        np.testing.assert_allclose(filters.log_laws[:, track], laws, rtol=2e-3, atol=2e-3)
+        np.testing.assert_allclose(
+            filters.log_laws[:, track],
+            laws,
+            rtol=2e-3,
+            atol=2e-3,
+        )
         mine = np.array(ours)[:, track]
         np.testing.assert_allclose(
             mine - mine[:, :1], expected - expected[:, :1], rtol=2e-3, atol=2e-3
@@ -146,7 +184,12 @@ def test_with_sensors_the_filters_equal_the_bank():
         reset_covariance=False,
     )
     env.reset(seed=3)
-    filters = ComponentFilters("published", 1, TRACKS, env.options)
+    filters = ComponentFilters(
+        "published",
+        1,
+        TRACKS,
+        env.options,
+    )
     layout, none, alone = env.world.layout, np.zeros(TRACKS, np.bool_), np.zeros((TRACKS, 1))
     for tick in range(TICKS):
         rows, sensed = split_sensed(layout, observe_sensed(env.world))

@@ -13,7 +13,12 @@ ENV = "hybrid_env:HybridTrackPublished-v0"
 
 
 def test_evaluation_agrees_with_single_environments():
-    decisions = evaluate(SPRTDecider(0.01), ENV, episodes=4, seed=30)
+    decisions = evaluate(
+        SPRTDecider(0.01),
+        ENV,
+        episodes=4,
+        seed=30,
+    )
     for i in range(4):
         env = HybridTrackEnv()
         decider = SPRTDecider(0.01)
@@ -52,7 +57,13 @@ def test_figures_of_an_episode_are_those_of_its_segments():
         error,
         0.02,
     )
-    values = dict(zip(COLUMNS, decisions.values[0], strict=True))
+    values = dict(
+        zip(
+            COLUMNS,
+            decisions.values[0],
+            strict=True,
+        )
+    )
 
     assert values["accuracy"] == values["type_accuracy"] == 0.5
     assert values["reward"] == pytest.approx(-0.1)

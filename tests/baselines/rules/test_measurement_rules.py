@@ -106,11 +106,19 @@ def literal(seen, options, mean, threshold, margin, window, bank):
             for mode in others
         }
         tests = [*tests, (new, nominal.log_likelihood)][-window:]
-        step(nominal, row, options)
+        step(
+            nominal,
+            row,
+            options,
+        )
         logs = {mode: [] for mode in others}
         for filters, before in tests:
             for mode in others:
-                step(filters[mode], row, options)
+                step(
+                    filters[mode],
+                    row,
+                    options,
+                )
                 logs[mode].append(filters[mode].log_likelihood - (nominal.log_likelihood - before))
         values = np.zeros(M)
         for mode in others:
@@ -161,7 +169,12 @@ def test_statements_and_ratios_equal_those_of_a_literal_loop(given, bank, window
             bank,
         )
         np.testing.assert_array_equal(stated[:, track], expected)
-        np.testing.assert_allclose(log_ratios[:, track], values, rtol=1e-4, atol=1e-4)
+        np.testing.assert_allclose(
+            log_ratios[:, track],
+            values,
+            rtol=1e-4,
+            atol=1e-4,
+        )
         changes += (np.diff(expected) != 0).sum()
 
     assert changes > 8

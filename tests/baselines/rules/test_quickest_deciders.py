@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from baselines.rules.change_detection import CusumDecider, ShiryaevRobertsDecider
+from baselines.rules.steady import SteadyDecider
 from baselines.rules.threshold import ThresholdDecider
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout
 
@@ -99,3 +100,30 @@ def test_the_threshold_rule_keeps_its_statement_below_its_threshold():
             if probability[k, i, best] >= 0.6:
                 mode[i] = best
         np.testing.assert_array_equal(stated[k], mode)
+
+
+@pytest.mark.parametrize("threshold", [0.4, 0.8])
+def test_steady_statements_are_those_of_a_literal_loop_and_last(threshold):
+    rows, stated = run(SteadyDecider(threshold), episodes=2)
+    best = QuickestLayout(3).read(rows, "log_probability").argmax(-1)
+    probability = np.exp(QuickestLayout(3).read(rows, "log_probability").max(-1))
+    slow = held = 0
+    for i in range(TRACKS):
+        for begin in (0, 150):
+            mode = best[begin, i]
+            since = begin
+            assert stated[begin, i] == mode
+            for k in range(begin + 1, begin + 150):
+                last = slice(max(begin, k - 2), k + 1)
+                led = k - begin >= 2 and len(set(best[last, i])) == 1
+                led &= probability[last, i].min() > 0.5
+                sure = probability[k, i] >= threshold
+                if best[k, i] != mode and (sure or led):
+                    held += k - since < 3
+                    if k - since >= 3:
+                        slow += not sure
+                        mode = best[k, i]
+                        since = k
+                assert stated[k, i] == mode
+
+    assert (held if threshold < 0.5 else slow) > 5

@@ -99,17 +99,42 @@ def row(ratios, tick, previous):
 
 def test_the_decider_restores_rejected_hypotheses_at_a_switch():
     decider = SPRTDecider(0.01, 0.02)
-    actions, state = decider.predict(row([0.0, B - 1.0, 0.0], 7, 0))
+    actions, state = decider.predict(
+        row(
+            [0.0, B - 1.0, 0.0],
+            7,
+            0,
+        )
+    )
 
     assert actions.tolist() == [0]
     assert state[1].tolist() == [[True, False, True]]
     kept = state[1].copy()
-    actions, later = decider.predict(row([0.0, 0.0, 0.0], 1, 0), state)
+    actions, later = decider.predict(
+        row(
+            [0.0, 0.0, 0.0],
+            1,
+            0,
+        ),
+        state,
+    )
     assert later[1].tolist() == [[True, True, True]]
     np.testing.assert_array_equal(state[1], kept)
 
 
 def test_fixed_time_declares_the_most_likely_hypothesis_at_its_decision_time():
     decider = FixedTimeDecider(10)
-    assert decider.predict(row([0.0, 3.0, 1.0], 9, 0))[0].tolist() == [0]
-    assert decider.predict(row([0.0, 3.0, 1.0], 10, 0))[0].tolist() == [2]
+    assert decider.predict(
+        row(
+            [0.0, 3.0, 1.0],
+            9,
+            0,
+        )
+    )[0].tolist() == [0]
+    assert decider.predict(
+        row(
+            [0.0, 3.0, 1.0],
+            10,
+            0,
+        )
+    )[0].tolist() == [2]

@@ -104,7 +104,14 @@ def test_what_is_not_known_is_not_scored_and_nothing_stated_is_not_right():
 def tracks(count, switches, late, seed=0):
     """Times, truth and statements that are late by as many samples."""
     generator = np.random.default_rng(seed)
-    steps = generator.integers(1, 3, (count, switches + 1)).cumsum(1) % 3
+    steps = (
+        generator.integers(
+            1,
+            3,
+            (count, switches + 1),
+        ).cumsum(1)
+        % 3
+    )
     truth = np.repeat(
         steps,
         10,
@@ -139,7 +146,11 @@ def test_differences_are_paired_over_tracks():
     result = score(
         times,
         truth,
-        {"fast": fast, "slow": slow, "again": fast},
+        {
+            "fast": fast,
+            "slow": slow,
+            "again": fast,
+        },
     )
     less = result.differences["slow"]["delay"]
     same = result.differences["again"]["delay"]
@@ -181,7 +192,11 @@ def test_a_single_track_has_intervals_over_blocks_if_it_is_long():
     )
     assert short.unit == ""
     delay = short.as_json()["figures"]["statements"]["delay"]
-    assert delay == {"value": 2.0, "low": None, "high": None}
+    assert delay == {
+        "value": 2.0,
+        "low": None,
+        "high": None,
+    }
 
 
 def test_times_may_be_dates():

@@ -57,7 +57,11 @@ def test_a_level_that_is_not_reached_is_infinite_and_null_in_json():
     estimate = line.estimate(TIME_AT[0.99])
 
     assert np.isinf([estimate.value, estimate.low, estimate.high]).all()
-    assert estimate.as_json() == {"value": None, "low": None, "high": None}
+    assert estimate.as_json() == {
+        "value": None,
+        "low": None,
+        "high": None,
+    }
     for mine, theirs in ((line, other), (other, line)):
         assert np.isinf(mine.ratio(theirs, TIME_AT[0.99]).value)
 
@@ -97,10 +101,25 @@ def share_of_sums(means):
 
 def test_whole_episodes_are_resampled():
     generator = np.random.default_rng(1)
-    counts = generator.integers(1, 9, 200)
+    counts = generator.integers(
+        1,
+        9,
+        200,
+    )
     # Sums of delays and numbers of switches, which depend on each other.
     rows = np.stack([generator.gamma(2.0 * counts, 5.0), counts], axis=1)
-    shares = [share_of_sums(rows[generator.integers(0, 200, 200)].mean(0)) for _ in range(2000)]
+    shares = [
+        share_of_sums(
+            rows[
+                generator.integers(
+                    0,
+                    200,
+                    200,
+                )
+            ].mean(0)
+        )
+        for _ in range(2000)
+    ]
     interval = confidence_interval(rows, of_means=share_of_sums)
     # A bound of 2,000 resamples has a standard deviation of .06 standard errors.
     expected = np.quantile(shares, [0.025, 0.975])

@@ -15,7 +15,11 @@ def drawn(seed, moments=120):
     generator = np.random.default_rng(seed)
     modes, stated = (
         np.repeat(
-            generator.integers(0, 3, 40),
+            generator.integers(
+                0,
+                3,
+                40,
+            ),
             long,
         )[:moments]
         for long in (6, 4)
@@ -114,7 +118,11 @@ def test_statements_at_ticks_are_counted_as_those_at_samples():
     generator = np.random.default_rng(0)
     true, stated = (
         np.repeat(
-            generator.integers(0, 3, (40, 7)),
+            generator.integers(
+                0,
+                3,
+                (40, 7),
+            ),
             ticks,
             axis=0,
         )[:60]
@@ -158,7 +166,11 @@ def test_delays_of_two_short_tracks():
 
 
 def test_the_reward_is_that_of_the_environment():
-    options = {"ticks": 120, "durations": "uniform 10-30", "change_cost": 3.0}
+    options = {
+        "ticks": 120,
+        "durations": "uniform 10-30",
+        "change_cost": 3.0,
+    }
     decider = ThresholdDecider(0.5)
     metrics = measure_statements(
         record_statements(

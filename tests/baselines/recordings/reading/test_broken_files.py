@@ -86,7 +86,11 @@ def test_a_damaged_file_is_read_or_refused(read, kind, examples):
             assert recording.tick > 0.0
             assert "\n" not in file.summary
 
-    attack(examples, damaged(KINDS[kind]), check)
+    attack(
+        examples,
+        damaged(KINDS[kind]),
+        check,
+    )
 
 
 def test_size_and_rows_are_bounded(read, tmp_path, monkeypatch):
@@ -104,7 +108,11 @@ def test_size_and_rows_are_bounded(read, tmp_path, monkeypatch):
         assert tracemalloc.get_traced_memory()[1] < 60_000_000
     finally:
         tracemalloc.stop()
-    monkeypatch.setattr(files, "LIMITS", Limits(rows=29))
+    monkeypatch.setattr(
+        files,
+        "LIMITS",
+        Limits(rows=29),
+    )
     with pytest.raises(ArgumentError, match="30 rows, at most 29"):
         read(PARQUET)
 
@@ -147,8 +155,19 @@ def test_texts_that_a_parquet_file_repeats_are_not_expanded(read):
     rows = np.arange(13_000.0)
     texts = pa.DictionaryArray.from_arrays(np.zeros(len(rows), np.int32), ["a" * 20_000])
     stream = pa.BufferOutputStream()
-    table = pa.table({"t": rows, "x": rows, "y": rows, "note": texts})
-    pyarrow.parquet.write_table(table, stream, compression="zstd")
+    table = pa.table(
+        {
+            "t": rows,
+            "x": rows,
+            "y": rows,
+            "note": texts,
+        }
+    )
+    pyarrow.parquet.write_table(
+        table,
+        stream,
+        compression="zstd",
+    )
     before = pa.total_allocated_bytes()
 
     assert len(read(stream.getvalue().to_pybytes()).recordings[0].times) == 13_000

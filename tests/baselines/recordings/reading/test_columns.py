@@ -90,11 +90,15 @@ def test_names_of_objects(read, frame, column, names):
 
 
 def test_unmarked_objects_without_a_word_in_the_times(read, read_one):
-    advice = "--object, or --object none"
+    advice = "--object the column that tells them apart, or --object none"
     interleaved = TWO.sort_values("t", kind="stable").assign(t=np.arange(2.0 * ROWS))[
         ["t", "x", "y"]
     ]
-    interleaved[["x", "y"]] += np.random.default_rng(0).normal(0.0, 0.5, (2 * ROWS, 2))
+    interleaved[["x", "y"]] += np.random.default_rng(0).normal(
+        0.0,
+        0.5,
+        (2 * ROWS, 2),
+    )
     with pytest.raises(ArgumentError, match=rf"rows alternate between places.*{advice}"):
         read(interleaved)
 
@@ -105,9 +109,19 @@ def test_unmarked_objects_without_a_word_in_the_times(read, read_one):
 def test_one_object_is_not_taken_for_two(read_one, step, scale):
     generator = np.random.default_rng(1)
     rows = 300
-    heading = np.cumsum(generator.normal(0.0, 0.3, rows))
+    heading = np.cumsum(
+        generator.normal(
+            0.0,
+            0.3,
+            rows,
+        )
+    )
     track = step * np.cumsum(np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)
-    track += generator.normal(0.0, 1.0, (rows, 2))
+    track += generator.normal(
+        0.0,
+        1.0,
+        (rows, 2),
+    )
     # Errors of the sensor.
     track[::20] += 30.0
     # Lost rows.

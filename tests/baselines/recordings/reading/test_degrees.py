@@ -25,7 +25,13 @@ def degrees(latitude, longitude, speed, tick=1.0):
     headings = 40.0 + 30.0 * np.sin(0.1 * np.arange(ROWS - 1))
     points = [(longitude, latitude)]
     for heading in headings:
-        points.append(GEOD.fwd(*points[-1], heading, speed * tick)[:2])
+        points.append(
+            GEOD.fwd(
+                *points[-1],
+                heading,
+                speed * tick,
+            )[:2]
+        )
     longitudes, latitudes = np.transpose(points)
     steps = (
         speed * tick * np.column_stack([np.sin(np.radians(headings)), np.cos(np.radians(headings))])
@@ -41,7 +47,11 @@ def degrees(latitude, longitude, speed, tick=1.0):
 
 @pytest.mark.parametrize(("latitude", "longitude", "speed"), PLACES)
 def test_degrees_become_metres_east_and_north(read, latitude, longitude, speed):
-    frame, steps = degrees(latitude, longitude, speed)
+    frame, steps = degrees(
+        latitude,
+        longitude,
+        speed,
+    )
     file = read(frame)
     [recording] = file.recordings
     found = np.diff(recording.positions, axis=0)
@@ -96,12 +106,26 @@ def test_degrees_under_the_names_x_and_y_are_refused_with_the_option(read, read_
 @pytest.mark.parametrize(("scale", "offset"), [(1.0, 0.0), (1e-3, 0.5), (60.0, 0.5)])
 def test_metres_and_kilometres_of_what_moves_are_not_taken_for_degrees(read_one, scale, offset):
     generator = np.random.default_rng(0)
-    heading = np.cumsum(generator.normal(0.0, 0.05, 400))
+    heading = np.cumsum(
+        generator.normal(
+            0.0,
+            0.05,
+            400,
+        )
+    )
     track = np.cumsum(
         0.14 * np.column_stack([np.cos(heading), np.sin(heading)]),
         axis=0,
     )
-    track = scale * (track + offset * np.ptp(track) + generator.normal(0.0, 0.1, (400, 2)))
+    track = scale * (
+        track
+        + offset * np.ptp(track)
+        + generator.normal(
+            0.0,
+            0.1,
+            (400, 2),
+        )
+    )
     frame = pd.DataFrame(
         {
             "t": 0.1 * np.arange(400),

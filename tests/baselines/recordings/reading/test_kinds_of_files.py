@@ -15,7 +15,11 @@ from hybrid_env.checks import ArgumentError
 ROWS = 40
 TIMES = 0.25 * np.arange(ROWS)
 X, Y = np.cumsum(
-    np.random.default_rng(0).normal(0.3, 0.1, (2, ROWS)),
+    np.random.default_rng(0).normal(
+        0.3,
+        0.1,
+        (2, ROWS),
+    ),
     axis=1,
 )
 FRAME = pd.DataFrame(
@@ -26,7 +30,11 @@ FRAME = pd.DataFrame(
     }
 )
 PLANE = FRAME[["x", "y"]]
-DATES = pd.date_range("2024-05-01T10:00:00", periods=ROWS, freq="250ms")
+DATES = pd.date_range(
+    "2024-05-01T10:00:00",
+    periods=ROWS,
+    freq="250ms",
+)
 TEXT = FRAME.map(repr)
 
 
@@ -224,7 +232,11 @@ def test_gpx_of_a_watch(read, read_one):
         [*range(20), *range(25, 40)],
     )
     steps = np.diff(recording.positions[:20], axis=0)
-    np.testing.assert_allclose(steps, [[0.628, 2.227]] * 19, rtol=2e-3)
+    np.testing.assert_allclose(
+        steps,
+        [[0.628, 2.227]] * 19,
+        rtol=2e-3,
+    )
     assert "degrees projected to metres around 55.75" in file.summary
     assert len(read_one(b"\xef\xbb\xbf" + content.encode()).times) == 35
 
@@ -236,11 +248,15 @@ def test_gpx_without_times_and_with_two_tracks(read, read_one):
         ("Morning run", 20),
         ("track 2", 9),
     ]
-    with pytest.raises(ArgumentError, match="GPX file with track points"):
+    with pytest.raises(ArgumentError, match="GPX file with points of a track or route"):
         read(GPX.format(""))
 
 
-NUMBERS = st.floats(-1e9, 1e9, allow_subnormal=False) | st.integers(-1000, 1000).map(float)
+NUMBERS = st.floats(
+    -1e9,
+    1e9,
+    allow_subnormal=False,
+) | st.integers(-1000, 1000).map(float)
 CELLS = NUMBERS | st.just(float("nan"))
 
 
@@ -251,7 +267,11 @@ def frames(draw):
     times = sorted(
         draw(
             st.sets(
-                st.floats(-1e5, 1e5, allow_subnormal=False),
+                st.floats(
+                    -1e5,
+                    1e5,
+                    allow_subnormal=False,
+                ),
                 min_size=rows,
                 max_size=rows,
             )
@@ -309,7 +329,11 @@ def test_what_pandas_writes_is_read_bit_for_bit(read_one, examples):
                 lineterminator=end,
             )
             content = text.encode(encoding)
-        recording = read_one(content, object_column="none", unit="m")
+        recording = read_one(
+            content,
+            object_column="none",
+            unit="m",
+        )
         expected = frame[["x", "y"]].to_numpy(copy=True)
         expected[np.isnan(expected).any(axis=1)] = np.nan
         np.testing.assert_array_equal(recording.positions, expected)

@@ -89,18 +89,26 @@ class FirstMeasurements:
             process = np.diag([0.0, self.options.process_variance] * 2)
             self.covariance = motion @ self.covariance @ motion.T + process
 
-    def add(self, x: float, y: float, noise: Sequence[float] | FloatArray | None = None) -> None:
+    def add(
+        self,
+        x: float,
+        y: float,
+        noise: Sequence[float] | FloatArray | None = None,
+        late: float = 0.0,
+    ) -> None:
         """Advance by one tick with a measurement [m], and its covariance xx, xy, yy [m^2]; None
-        is R.
+        is R. It was made by `late` after the tick [s]; the estimate is at the tick.
         """
         self._tick += 1
         variances = unit_noise(self.options) if noise is None else noise
-        self._measured.append([self._tick, x, y, *variances])
+        self._measured.append([self._tick + late / self.options.tau, x, y, *variances])
         rows = np.array(self._measured)
         counts = range(min(2, len(rows)), len(rows) + 1)
         fits = [line_estimate(rows[-count:], self.options) for count in counts]
         best = int(np.argmin([covariance[1, 1] + covariance[3, 3] for _, covariance in fits]))
         self.estimate, self.covariance = fits[best]
+        if late:
+            self.estimate[::2] -= late * self.estimate[1::2]
         self.complete = best + 1 < len(fits) or len(rows) >= self.most
 
 

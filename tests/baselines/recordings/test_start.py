@@ -3,7 +3,7 @@
 import numpy as np
 
 from baselines import OnlineTracker, ThresholdDecider
-from baselines.rules.start import line_estimate, unit_noise
+from baselines.recordings.start import line_estimate, unit_noise
 from hybrid_env import QuickestOptions
 
 SIZE = 2000

@@ -38,7 +38,12 @@ def test_unknown_switch_moments(decider, name, start):
 @pytest.mark.parametrize("rule", [BeamDecider, RestartDecider])
 def test_rules_that_filter_the_measurements(rule):
     options = COMMON["aircraft"]
-    same_as_quickest(rule(QuickestOptions(**options)), seed=2, ticks=100, **options)
+    same_as_quickest(
+        rule(QuickestOptions(**options)),
+        seed=2,
+        ticks=100,
+        **options,
+    )
 
 
 @pytest.mark.parametrize(
@@ -86,13 +91,26 @@ def test_recalculated_and_refined_estimates(name, bank, refined):
 
 def test_a_rule_with_filters_of_its_own():
     options = COMMON["axes"]
-    decider = RefilteringDecider(WorldOptions(**options), bank="published", prior=None)
-    same_as_announced(decider, seed=7, **options)
+    decider = RefilteringDecider(
+        WorldOptions(**options),
+        bank="published",
+        prior=None,
+    )
+    same_as_announced(
+        decider,
+        seed=7,
+        **options,
+    )
 
 
 @pytest.mark.parametrize(("undecided", "follow"), [("likeliest", "bank"), ("keep", "declared")])
 def test_segments_that_end_undecided(undecided, follow):
-    decided = same_as_announced(FixedTimeDecider(1000), seed=0, undecided=undecided, follow=follow)
+    decided = same_as_announced(
+        FixedTimeDecider(1000),
+        seed=0,
+        undecided=undecided,
+        follow=follow,
+    )
     assert all(forced for _, forced in decided)
     assert ({mode for mode, _ in decided} == {0}) == (undecided == "keep")
 
@@ -102,6 +120,11 @@ def test_the_action_that_declares_the_likeliest_hypothesis():
         def predict(self, observation, state=None, episode_start=None, deterministic=True):
             return (observation[:, -10] > 0.195).astype(int), None
 
-    decided = same_as_announced(BestAt20(), seed=5, actions="best", reset_covariance=False)
+    decided = same_as_announced(
+        BestAt20(),
+        seed=5,
+        actions="best",
+        reset_covariance=False,
+    )
 
     assert not any(forced for _, forced in decided)

@@ -65,11 +65,15 @@ def test_a_track_is_found_again_within_50_ticks(scale, count, size):
     # After a jump, errors stay.
     end = DISTURBED + count % 140
 
-    assert not with_errors[DISTURBED].agrees
+    assert with_errors[DISTURBED].status == "far"
     again = end + OnlineTracker.patience + 1
-    assert all(now.agrees for now in with_errors[:DISTURBED] + with_errors[again:])
-    assert all(now.agrees for now in expected)
-    pairs = zip(with_errors, expected, strict=True)
+    assert all(now.status == "used" for now in with_errors[:DISTURBED] + with_errors[again:])
+    assert all(now.status == "used" for now in expected)
+    pairs = zip(
+        with_errors,
+        expected,
+        strict=True,
+    )
     moved = np.array([estimate.estimate[::2] - other.estimate[::2] for estimate, other in pairs])
     if count == 140:
         moved -= errors

@@ -1,0 +1,56 @@
+"""Times of a sensor as numbers of uniform ticks, as the filters of the banks need them."""
+
+
+class TickClock:
+    """Gives every time the tick that it belongs to, and its distance from that tick.
+
+    A sensor whose clock jitters measures in every tick, so a measurement belongs to the tick that
+    is nearest to its time less the mean distance of the last ones. Ticks are exactly uniform. If
+    the true period differs a little from the tick, the distances grow, until a tick passes without
+    a measurement, or a measurement has no tick of its own.
+
+    Args:
+        tau: length of a tick.
+
+    Attributes:
+        time: of the last tick, in the unit of tau; None before the first time.
+    """
+
+    # Share of a new distance in the mean distance.
+    gain = 0.2
+
+    def __init__(self, tau: float):
+        self.tau = tau
+        self.time: float | None = None
+        self._mean = 0.0
+
+    def advance(self, time: float) -> tuple[int, float]:
+        """Return the number of ticks since the last one, and the time less that of its tick.
+
+        The first time is a tick itself, of number 1. The number is 0 for a time that has no tick of
+        its own.
+        """
+        if self.time is None:
+            self.time = time
+            return 1, 0.0
+        tau = self.tau
+        passed = time - self.time
+        ticks = max(round((passed - self._mean) / tau), 1)
+        late = passed - ticks * tau
+        if late < -tau:
+            self._mean = max(passed, -0.5 * tau)
+            return 0, passed
+        self.time += ticks * tau
+        self._mean = max(self._mean + self.gain * (late - self._mean), -0.5 * tau)
+        if self._mean > 0.6 * tau:
+            ticks += 1
+            late -= tau
+            self._mean -= tau
+            self.time += tau
+        # Errors of rounding are no distance.
+        return ticks, late if abs(late) > 1e-6 * tau else 0.0
+
+    def tick(self) -> None:
+        """Advance by a tick without a time."""
+        if self.time is not None:
+            self.time += self.tau

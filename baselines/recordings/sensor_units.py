@@ -1,0 +1,110 @@
+"""From the coordinates of a sensor to those of the filters, and back."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from baselines.estimation.turns import Turn
+from hybrid_env.checks import LARGEST_NUMBER, FloatArray, Moments, check_array
+from hybrid_env.sensors import Fused, Radar, Sensor, fuse
+
+if TYPE_CHECKING:
+    from baselines.recordings.projection import Projection
+
+
+@dataclass(frozen=True, eq=False)
+class SensorUnits:
+    """Units of the measurements of a live track, and those of its options.
+
+    Estimates are in the units of the measurements, with a projection in metres.
+    """
+
+    # Of the options.
+    sensors: tuple[Sensor | Radar, ...]
+    # Measurements are latitudes and longitudes [deg], which it projects to metres.
+    projection: "Projection | None"
+    # (4,) of [x, vx, y, vy], from the units of the measurements to those of the options.
+    scales: FloatArray
+    # (4,) [x, vx, y, vy] of the measurements where the options have 0.
+    origin: FloatArray
+
+    @cached_property
+    def same(self) -> bool:
+        """Whether both are the same."""
+        return bool((self.scales == 1.0).all() and not self.origin.any())
+
+    @property
+    def second(self) -> float:
+        """Unit of time of the options in that of the measurements."""
+        return float(self.scales[1] / self.scales[0])
+
+    def measured(self, measurement: Any) -> Fused | None:
+        """Return a checked measurement in the units of the options, None if there is none."""
+        if measurement is None or isinstance(measurement, Fused):
+            return measurement
+        if isinstance(measurement, dict):
+            scaled = {k: self._of_sensor(k, values) for k, values in measurement.items()}
+            return fuse(self.sensors, scaled)
+        pair = isinstance(measurement, tuple) and len(measurement) == 2
+        x, y = measurement if pair else check_array("measurement", measurement, (2,), missing=True)
+        if x is None or y is None:
+            return None
+        if not (isinstance(x, float) and isinstance(y, float)):
+            # Two floats are checked without an array, which would be slow.
+            x, y = check_array("measurement", measurement, (2,), missing=True).tolist()
+        if self.projection is not None:
+            x, y = self.projection.forward(x, y).tolist()
+        # A sum that is not too large is not NaN.
+        if not abs(x) + abs(y) <= LARGEST_NUMBER:
+            return None
+        return self.position((x, y))
+
+    def _of_sensor(self, k: int, values: Any) -> Any:
+        """Return what a sensor of the options measured in their units."""
+        length, velocity = self.scales[:2].tolist()
+        if k in range(len(self.sensors)) and isinstance(self.sensors[k], Radar):
+            return np.multiply(values, [length, 1.0, velocity][: np.size(values)])
+        return np.multiply(values, length)
+
+    def position(self, position: Sequence[float]) -> Fused:
+        """Return a measured position (x, y) in the units of the options."""
+        x, y = position
+        if self.same:
+            return Fused((x, y))
+        length = float(self.scales[0])
+        return Fused((length * (x - float(self.origin[0])), length * (y - float(self.origin[2]))))
+
+    def start(self, estimate: FloatArray, covariance: FloatArray) -> Moments:
+        """Return an estimate (4,) and its covariance (4, 4) in the units of the options."""
+        squares = np.outer(self.scales, self.scales)
+        return (estimate - self.origin) * self.scales, covariance * squares
+
+    def moments(self, estimates: FloatArray, covariances: FloatArray) -> Moments:
+        """Return estimates (..., 4) and covariances (..., 4, 4) in the units of the
+        measurements.
+        """
+        if self.same:
+            return estimates, covariances
+        squares = np.outer(self.scales, self.scales)
+        return estimates / self.scales + self.origin, covariances / squares
+
+    def turn(self, turn: Turn) -> Turn:
+        """Return a turn in the units of the measurements."""
+        length, velocity = self.scales[:2].tolist()
+        return Turn(
+            turn.speed / velocity,
+            turn.speed_deviation / velocity,
+            turn.radius / length,
+            turn.radius_deviation / length,
+        )
+
+    def place(self, estimate: FloatArray) -> tuple[float, float]:
+        """Return the position of an estimate (4,) as the sensor measures it."""
+        x, _, y, _ = estimate.tolist()
+        if self.projection is None:
+            return x, y
+        latitude, longitude = self.projection.inverse(x, y).tolist()
+        return latitude, longitude

@@ -1,0 +1,664 @@
+"""A decider on a live sensor: a measurement at a time gives mode, probabilities, estimate and
+covariance.
+"""
+
+import copy
+import math
+import operator
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from baselines.estimation.forecast import check_times
+from baselines.estimation.turn_tracks import TurnTracks
+from baselines.estimation.turns import Turn, speed_of
+from baselines.recordings.clock import TickClock
+from baselines.recordings.sensor_units import SensorUnits
+from baselines.recordings.start import FirstMeasurements, gate_distance, unit_noise
+from baselines.rules.decider import UNKNOWN, Decider, rules
+from baselines.rules.external import CheckedDecider, as_decider, name_of
+from baselines.rules.measurements import run_compiled
+from hybrid_env.checks import (
+    AnyArray,
+    FloatArray,
+    Moments,
+    OwnState,
+    Positive,
+    check_array,
+    check_covariance,
+    check_integer,
+    checked,
+    reject,
+)
+from hybrid_env.limits import Ticks
+from hybrid_env.options import WorldOptions
+from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.sensors import Fused
+from hybrid_env.world import World
+
+if TYPE_CHECKING:
+    from baselines.recordings.projection import Projection
+
+Status: TypeAlias = Literal["used", "missing", "far", "repeated", "late", "dropped"]
+"""What became of a measurement, see `OnlineEstimate`."""
+
+
+class OnlineEstimate(NamedTuple):
+    """What is known after a measurement.
+
+    Attributes:
+        mode: the stated or last declared mode: 0 straight, then the left and the right turns in the
+            order of the radii.
+        decided: False while the first measurements are collected; then with unknown switches as
+            long as the mode is only assumed: until the evidence for it reaches the threshold of the
+            decider, without one its probability is .5, or a decider with a threshold changes its
+            statement. True from the start if `begin` is told the mode. With announced switches
+            False from a switch to the declaration of its mode; then `mode` is the one before.
+        probabilities: (M,) of the modes.
+        estimate: (4,) [x, vx, y, vy] at the time of the measurement, in the units of the
+            measurements, with a projection in metres; NaN before the first measurement.
+        covariance: (4, 4) of the estimate; variances that nothing is known of are infinite.
+        status: what became of the measurement: "used"; "missing", there was none; "far", no motion
+            of the track explains it; "repeated", it has the time or, although the object moves, the
+            position of the last one; "late", it was made before the last one, and all that came
+            after it has been filtered again; "dropped", it is too late or has no tick of its own.
+        position: (x, y) of the estimate; with a projection latitude and longitude [deg].
+        turn: speed and radius of the object with their deviations, in the units of the estimate.
+            The radius is estimated although the hypothesis names another one.
+        recalculated: with the option `recalculation`, at a declaration: estimates (k, 4) and
+            covariances (k, 4, 4) of the k ticks since the switch by the filter of the declared
+            mode; otherwise None.
+    """
+
+    mode: int
+    decided: bool
+    probabilities: FloatArray
+    estimate: FloatArray
+    covariance: FloatArray
+    status: Status = "used"
+    position: tuple[float, float] = (math.nan, math.nan)
+    turn: Turn = Turn(math.nan, math.nan, math.nan, math.nan)
+    recalculated: Moments | None = None
+
+
+@dataclass
+class TrackState:
+    """What a tracker knows of the present track beside the arrays of its bank."""
+
+    # Stated or told before the first measurement; -1 if it is not known.
+    mode: int
+    # Whether the mode is only assumed, see `OnlineEstimate.decided`.
+    assumed: bool
+    clock: TickClock
+    # First measurements; None once the bank has begun.
+    collected: FirstMeasurements | None
+    # Length of the segment that the next measurement begins.
+    announced_ticks: int | None
+    # Of the last measurement.
+    time: float | None = None
+    # Whether there was a measurement.
+    measured: bool = False
+    # Position of the last measurement.
+    position: tuple[float, float] | None = None
+    # Smallest step of a coordinate between two measurements.
+    digit: float = math.inf
+    # Measurements in a row, up to now, that repeat a position, are far, and agree.
+    repeats: int = 0
+    far: int = 0
+    agreed: int = 0
+    decider_state: Any = None
+    episode_start: bool = True
+
+
+class Snapshot(NamedTuple):
+    """State after the measurement of a time, and the measurements that came after it."""
+
+    time: float
+    state: TrackState
+    arrays: dict[str, AnyArray]
+    # Times, and what was measured.
+    times: list[float]
+    points: list[Fused | None]
+
+
+def names_of_modes(radii: Sequence[float]) -> list[str]:
+    """Return the names S, L and R of the modes of some radii, with the radius if there are
+    several.
+    """
+    shown = [f" {radius:.4g}" if len(radii) > 1 else "" for radius in radii]
+    return ["S", *(f"{turn}{text}" for turn in "LR" for text in shown)]
+
+
+class OnlineTracker(OwnState):
+    """A decider behind the bank of its environment, on measurements that come one at a time.
+
+    The same measurements at the ticks `tau` of the options, first estimate and switches give the
+    same rows, modes and estimates as in the environment, bit for bit, as long as the gate refuses
+    none.
+
+    With `QuickestOptions` the switch moments are unknown: the decider states a mode at every
+    measurement. Probabilities, estimate and covariance are those of the bank, the interacting
+    multiple model.
+
+    With `WorldOptions` the caller announces a switch by `switch`. Until the decider declares the
+    mode of the segment, the estimate is that of the filter of the last decided mode. From then on
+    the filter of the declared mode follows the object to the next switch and gives its anchor; the
+    decider is not asked and the probabilities do not change. A segment that ends undecided is
+    decided as in the options. With `follow="bank"` the estimate is merged over all filters; with
+    `refine_radius` mode and estimate are those of the likeliest hypothesis of the declared type.
+
+    Times may be any. A measurement belongs to the tick that is nearest, see `TickClock`, and is
+    moved to it along the estimated velocity. In ticks without a measurement the bank predicts, and
+    only deciders with filters of their own, whose `every_tick` is True, are asked. With unknown
+    switches, late measurements are used as if they had come in time. After a gap longer than `gap`,
+    or `patience` measurements in a row at earlier times, the track begins again.
+
+    A measurement far from every predicted position is not used (`gate`). After `patience` of them,
+    without two used ones in a row between them, the track begins again with the next measurements.
+    With announced switches the gate is wider, since the mode may be wrong or unknown. A new object
+    begins a track, see `begin`. Copies and pickled objects go on independently.
+
+    Args:
+        options: of the environment whose model the bank uses. Those of its simulated object, such
+            as speed, noise and scheme, are used only by deciders, and `initial_error` if `begin` is
+            given an estimate without a covariance.
+        decider: reads rows of that environment.
+        gate: distance from the nearest predicted position above which a measurement is not used, in
+            standard deviations; None uses all.
+        gap: longest time between two measurements of a track; None is 1,000 ticks.
+        projection: measurements are latitudes and longitudes [deg], which it projects to metres.
+        scales: (4,) of [x, vx, y, vy] from the units of the measurements to those of the options;
+            None if they are the same.
+        origin: (4,) [x, vx, y, vy] of the measurements where the options have 0.
+
+    >>> from baselines import ThresholdDecider
+    >>> tracker = OnlineTracker(QuickestOptions(measurement_variance=0.01), ThresholdDecider(0.6))
+    >>> for k in range(30):
+    ...     now = tracker.update((0.2 * k, 0.0), time=0.1 * k)
+    >>> now.mode, now.estimate.shape, now.covariance.shape
+    (0, (4,), (4, 4))
+    """
+
+    # Number of measurements in a row that are far, late or repeated, after which the track begins
+    # again: the object or the clock is elsewhere.
+    patience = 5
+    # Number of measurements after which a snapshot is taken, see `Snapshot`. A late measurement is
+    # used if at most so many came before it.
+    history = 50
+
+    def __init__(
+        self,
+        options: WorldOptions | QuickestOptions,
+        decider: Decider,
+        gate: float | None = 10.0,
+        gap: float | None = None,
+        projection: "Projection | None" = None,
+        scales: ArrayLike | None = None,
+        origin: ArrayLike = (0.0, 0.0, 0.0, 0.0),
+    ):
+        self.track = TurnTracks(options)
+        self.options = options
+        self.decider = as_decider(decider)
+        self.gate = checked("gate", gate, Positive | None)
+        self.units = SensorUnits(
+            options.sensors,
+            projection,
+            np.ones(4) if scales is None else check_array("scales", scales, (4,)),
+            check_array("origin", origin, (4,)),
+        )
+        self.tau = options.tau * self.units.second
+        self.gap = 1000.0 * self.tau if gap is None else checked("gap", gap, Positive)
+        self._model = np.array(options.radii), options.tau
+        self._noise = unit_noise(options)
+        self._ask = CheckedDecider(self.decider, self.options.action_count)
+        self._longest = options.longest_segment
+        self._try_decider()
+        self.begin()
+
+    @classmethod
+    def from_recording(
+        cls,
+        recording: Any,
+        decider: Decider | None = None,
+        gate: float | None = 10.0,
+    ) -> Self:
+        """Return a tracker with all that was found on a recording with unknown switches: tick,
+        noise, radii, durations, units and projection.
+
+        Args:
+            recording: what `agents.track_recording` returned, or the `track.json` that `hybridtrack
+                track` has written.
+            decider: for rows of the options, see `TrackModel.unknown_switches`; None is the rule of
+                the recording.
+            gate: as of the class.
+        """
+        from baselines.recordings.settings import read_settings
+
+        settings = read_settings(recording)
+        options = settings.options
+        if decider is None:
+            name, _, threshold = settings.decider.partition(":")
+            if name not in rules(UNKNOWN):
+                allowed = f"one for its options: the recording was tracked by {name}"
+                raise reject("decider", None, allowed)
+            decider = rules(UNKNOWN)[name].create(options)
+            for attribute, text in zip(
+                ("threshold", decider.second_threshold),
+                threshold.split(",") if threshold else (),
+                strict=False,
+            ):
+                decider = decider.changed(**{attribute: float(text)})
+        return cls(
+            options,
+            decider,
+            gate,
+            settings.gap,
+            settings.projection,
+            settings.model.scales,
+            settings.origin,
+        )
+
+    def begin(
+        self,
+        estimate: ArrayLike | None = None,
+        covariance: ArrayLike | None = None,
+        mode: int | None = None,
+    ) -> None:
+        """Begin a track, and forget the last one.
+
+        Without an estimate a straight line is fitted to the first measurements, 3 with unknown and
+        up to 10 with announced switches. The bank begins after the last of them; until then the
+        estimate is that of the line, and all modes are equally probable.
+
+        Args:
+            estimate: (4,) [x, vx, y, vy] one tick before the first measurement, in the units of
+                `OnlineEstimate.estimate`; None collects.
+            covariance: (4, 4) of the estimate; None is that of the options, see `initial_error`.
+            mode: before the first tick; None if it is not known.
+        """
+        known = -1 if mode is None else check_integer("mode", mode, 0, self.options.hypotheses - 1)
+        if estimate is None and covariance is not None:
+            raise reject("covariance", covariance, "None without an estimate")
+        collected: FirstMeasurements | None = None
+        if estimate is not None:
+            start = check_array("estimate", estimate, (4,))
+            if covariance is None:
+                start, _ = self.units.start(start, np.zeros((4, 4)))
+                matrix = np.diag(self.options.start_variances)
+            else:
+                matrix = check_array("covariance", covariance, (4, 4))
+                matrix = check_covariance("covariance", matrix, definite=False)
+                start, matrix = self.units.start(start, matrix)
+            self.track.begin(start, matrix, known)
+        else:
+            # A bank that runs on knows how inaccurate its estimate is, and corrects it. For one
+            # that starts at a switch the centre of its turns follows from the estimate.
+            most = 10 if self.track.announced else 3
+            collected = FirstMeasurements(self.options, most)
+        self.state = TrackState(
+            mode=known,
+            assumed=mode is None and not self.track.announced,
+            clock=TickClock(self.tau),
+            collected=collected,
+            announced_ticks=self._longest,
+        )
+        self._late = 0.0
+        # Number of the last measurements that were made before another one.
+        self._behind = 0
+        self._snapshots: list[Snapshot] = []
+
+    def switch(self, ticks: int | None = None) -> None:
+        """Announce that the next update is the first one after a switch, also `update(None)`.
+
+        Some learned deciders read the number of ticks until the next switch; None assumes the
+        longest segment.
+        """
+        if not self.track.announced:
+            raise reject("switch", "an announced switch", "none with QuickestOptions")
+        length = self._longest if ticks is None else checked("ticks", ticks, Ticks)
+        self.state.announced_ticks = length
+
+    def update(
+        self,
+        measurement: ArrayLike | dict[int, ArrayLike] | Fused | None,
+        time: float | datetime | None = None,
+    ) -> OnlineEstimate:
+        """Process a measurement, and return what is known after it.
+
+        Args:
+            measurement: (2,) position of variance R, in the units of the sensor, or latitude and
+                longitude [deg] with a projection; or what the sensors of the options measured, as a
+                mapping from their place in the list: (x, y), (range, bearing) or (range, bearing,
+                range rate), bearings in radians; None or NaN if there is none.
+            time: of the measurement in the unit of `tau`, or a date; None is one tick after the
+                last one. A measurement whose time is NaN is dropped.
+
+        Raises:
+            ArgumentError: the measurement has another form, or is missing and the decider cannot
+                do without it.
+        """
+        point = self.units.measured(measurement)
+        if time is None:
+            self.state.clock.tick()
+            return self.advance(1, point)
+        moment = time.timestamp() if isinstance(time, datetime) else float(time)
+        if not math.isfinite(moment):
+            return self._known("dropped")
+        last = self.state.time
+        if last is not None and moment <= last:
+            return self._out_of_order(point, moment)
+        if last is not None and moment - last > self.gap:
+            if point is None:
+                return self._known("missing")
+            self.begin()
+        self._behind = 0
+        return self._at_time(point, moment)
+
+    def _at_time(self, point: Fused | None, time: float) -> OnlineEstimate:
+        """Process what was measured at a time after the last one."""
+        if not self.track.announced:
+            self._remember(point, time)
+        self.state.time = time
+        ticks, late = self.state.clock.advance(time)
+        if ticks == 0:
+            return self._known("dropped")
+        return self.advance(ticks, point, late)
+
+    def _remember(self, point: Fused | None, time: float) -> None:
+        """Keep a measurement, and by times the state before it."""
+        snapshots = self._snapshots
+        if not snapshots or len(snapshots[-1].times) >= self.history:
+            arrays = {name: array.copy() for name, array in self.track.arrays().items()}
+            before = -math.inf if self.state.time is None else self.state.time
+            snapshot = Snapshot(before, copy.deepcopy(self.state), arrays, [], [])
+            self._snapshots = snapshots = [*snapshots[-1:], snapshot]
+        snapshots[-1].times.append(time)
+        snapshots[-1].points.append(point)
+
+    def _out_of_order(self, point: Fused | None, time: float) -> OnlineEstimate:
+        """Process what was measured at the time of the last measurement or before."""
+        since = [
+            max(snapshot.time, snapshot.times[0] - self.gap) < time for snapshot in self._snapshots
+        ]
+        kept = [
+            known
+            for snapshot in self._snapshots
+            for known in zip(snapshot.times, snapshot.points, strict=True)
+        ]
+        if time == self.state.time or time in [moment for moment, _ in kept]:
+            return self._known("repeated")
+        if point is None:
+            return self._known("missing")
+        self._behind += 1
+        if self._behind >= self.patience:
+            # The clock was set back.
+            self.begin()
+            return self._at_time(point, time)
+        if not any(since):
+            return self._known("dropped")
+        newest = len(since) - 1 - since[::-1].index(True)
+        snapshot = self._snapshots[newest]
+        again = [known for known in kept if known[0] > snapshot.time] + [(time, point)]
+        self._snapshots = self._snapshots[:newest]
+        self.state = snapshot.state
+        self.track.restore(snapshot.arrays)
+        for moment, earlier in sorted(again, key=operator.itemgetter(0)):
+            known = self._at_time(earlier, moment)
+        return known._replace(status="late")
+
+    def advance(self, ticks: int, point: Fused | None, late: float = 0.0) -> OnlineEstimate:
+        """Advance by a number of ticks, and return what is known at the last one.
+
+        Args:
+            ticks: at least 1.
+            point: what was measured in the last one, in the units of the options; None is nothing.
+            late: time of the measurement less that of its tick, in the unit of `tau`.
+        """
+        state = self.state
+        track = self.track
+        self._late = late / self.units.second
+        missing = (ticks - (point is not None)) * state.measured
+        if state.collected is not None:
+            if not self._begins_after(state.collected, point, missing):
+                return self._known("missing" if point is None else "used")
+            missing = 0
+        track.recalculated = None
+        for k in range(missing):
+            if point is None and k == missing - 1:
+                # The tick of `update(None)` itself.
+                self._begin_announced()
+            self._skip()
+        if point is None:
+            return self._known("missing")
+        state.measured = True
+        self._begin_announced()
+        status = self._use(point, ticks)
+        known = self._known(status)
+        # The track begins anew; with announced switches in the same segment.
+        if state.far >= self.patience:
+            estimate = track.estimate()
+            clock, length, assumed = state.clock, track.ticks_left, state.assumed
+            self.begin(mode=track.mode)
+            self.state.time = state.time
+            self.state.clock = clock
+            self.state.announced_ticks = length
+            self.state.assumed = assumed
+            assert self.state.collected is not None
+            # Until the first of them.
+            self.state.collected.estimate = estimate
+        return known
+
+    def forecast(self, seconds: ArrayLike, stated: bool = False) -> Moments:
+        """Return the means (k, 2) and the covariances (k, 2, 2) of the position k times after the
+        last measurement, as long as the mode does not change; see `forecast.forecast`. Lengths are
+        those of `OnlineEstimate.estimate`. NaN until the bank has begun.
+
+        Args:
+            seconds: (k,) times ahead, at least 0, in the unit of `tau`.
+            stated: only of the stated mode; otherwise with the doubt about it.
+        """
+        times = check_times(seconds) / self.units.second + self._late
+        if not self.begun:
+            return np.full((len(times), 2), np.nan), np.full((len(times), 2, 2), np.nan)
+        means, covariances = self.track.forecast(times.clip(0.0), stated)
+        length = self.units.scales[0]
+        return means / length + self.units.origin[::2], covariances / length**2
+
+    @property
+    def mode_names(self) -> list[str]:
+        """Names of the modes, see `names_of_modes`."""
+        return names_of_modes([radius / self.units.scales[0] for radius in self.options.radii])
+
+    @property
+    def world(self) -> World:
+        """The arrays of the bank, with the row that the decider has read."""
+        return self.track.world
+
+    @property
+    def begun(self) -> bool:
+        """Whether the bank has begun, after the first measurements."""
+        return self.state.collected is None
+
+    def _use(self, point: Fused, ticks: int) -> Status:
+        """Advance by one tick with a measurement, or without it if it is not used."""
+        state = self.state
+        before = self.track.estimate(), self.track.covariance()
+        stale = self._is_stale(point.position, before[0], ticks)
+        state.repeats = (state.repeats + 1) * stale
+        if stale and state.repeats <= self.patience:
+            self._skip()
+            return "repeated"
+        point = self._at_tick(point, *before)
+        agrees = self._agrees(point, *before)
+        state.agreed = (state.agreed + 1) * agrees
+        if not agrees:
+            state.far += 1
+            self._skip()
+            return "far"
+        # A single one may agree only because its prediction is so uncertain.
+        state.far *= state.agreed < 2
+        self.track.measure(point.position, point)
+        if self.track.asks:
+            self.track.decide(self._ask_decider())
+        return "used"
+
+    def _at_tick(self, point: Fused, estimate: FloatArray, covariance: FloatArray) -> Fused:
+        """Return what was measured, moved to its tick along the estimated velocity, unless that is
+        so uncertain that the error would be larger than that of the measurement.
+        """
+        late = self._late
+        if not late:
+            return point
+        x, y = point.position
+        if late * late * covariance.item(1, 1) < self._noise.item(0):
+            x -= late * estimate.item(1)
+        if late * late * covariance.item(3, 3) < self._noise.item(2):
+            y -= late * estimate.item(3)
+        return point._replace(position=(x, y))
+
+    def _is_stale(
+        self,
+        position: tuple[float, float],
+        estimate: FloatArray,
+        ticks: int,
+    ) -> bool:
+        """Return whether a source without a new position has repeated the last one: the object has
+        moved by more than rounding of the positions explains.
+        """
+        state = self.state
+        last, state.position = state.position, position
+        if last is None:
+            return False
+        steps = abs(position[0] - last[0]), abs(position[1] - last[1])
+        for step in steps:
+            if 0.0 < step < state.digit:
+                state.digit = step
+        if any(steps):
+            return False
+        _, vx, _, vy = estimate.tolist()
+        return math.hypot(vx, vy) * ticks * self.options.tau > 5.0 * state.digit
+
+    def _skip(self) -> None:
+        """Advance by one tick without a measurement."""
+        self.track.measure((np.nan, np.nan))
+        if self.decider.every_tick and self.track.asks:
+            self.track.decide(self._ask_decider())
+
+    def _agrees(self, point: Fused, estimate: FloatArray, covariance: FloatArray) -> bool:
+        """Return whether a motion of the track explains a measurement."""
+        if self.gate is None:
+            return True
+        noise = self._noise if point.covariance is None else np.array(point.covariance)
+        seen = np.array(point.position), estimate, covariance
+        ticks = self.track.uncertain_ticks
+        return run_compiled(gate_distance, *seen, *self._model, noise, ticks) <= self.gate
+
+    def _begin_announced(self) -> None:
+        """Begin the segment that `switch` has announced, if there is one."""
+        if self.state.announced_ticks is not None:
+            self.track.begin_segment(self.state.announced_ticks)
+            self.state.announced_ticks = None
+
+    def _begins_after(
+        self,
+        collected: FirstMeasurements,
+        point: Fused | None,
+        missing: int,
+    ) -> bool:
+        """Collect a measurement after missing ones; return whether the bank has begun before it
+        instead.
+        """
+        state = self.state
+        for _ in range(missing):
+            collected.skip()
+        if point is None:
+            return False
+        if collected.complete:
+            self.track.begin(collected.estimate, collected.covariance, state.mode)
+            state.collected = None
+            return True
+        collected.add(*point.position, point.covariance, self._late)
+        state.measured = True
+        state.position = point.position
+        if state.announced_ticks is not None:
+            state.announced_ticks = max(state.announced_ticks - 1, 1)
+        return False
+
+    def _ask_decider(self) -> int:
+        """Return the action of the decider on the present row."""
+        state = self.state
+        seen = self.decider.observe(self.world)
+        first = np.array([state.episode_start])
+        levels = self.decider.panel().thresholds.values() if state.assumed else ()
+        evidence = self.track.probabilities() if state.assumed else None
+        if levels:
+            evidence = self.decider.evidence(seen, state.decider_state, first)[0]
+        actions, state.decider_state = self._ask(seen, state.decider_state, first)
+        action = operator.index(actions[0])
+        if evidence is not None:
+            # A decider without a threshold changes its statement at any evidence.
+            swept = len(self.decider.thresholds) > 0
+            changed = swept and not state.episode_start and action != self.track.mode
+            state.assumed = not changed and evidence[action] < min(levels, default=0.5)
+        state.episode_start = False
+        return action
+
+    def _known(self, status: Status) -> OnlineEstimate:
+        """Return what is known now."""
+        state = self.state
+        track = self.track
+        recalculated = None
+        if state.collected is not None:
+            mode, decided = max(state.mode, 0), False
+            probabilities = np.full(self.options.hypotheses, 1.0 / self.options.hypotheses)
+            estimate = state.collected.estimate.copy()
+            covariance = state.collected.covariance.copy()
+            xx, xy, _, yy = covariance[1::2, 1::2].ravel().tolist()
+            _, vx, _, vy = estimate.tolist()
+            speed, deviation = speed_of(vx, vy, xx, xy, yy)
+            turn = Turn(speed, deviation, math.nan, math.nan)
+        else:
+            mode, decided = track.mode, track.decided and not state.assumed
+            probabilities = track.probabilities()
+            estimate = track.estimate()
+            covariance = track.covariance()
+            recalculated = track.recalculated
+            turn = track.turn()
+        if self._late:
+            estimate[::2] += self._late * estimate[1::2]
+        units = self.units
+        estimate, covariance = units.moments(estimate, covariance)
+        if recalculated is not None:
+            recalculated = units.moments(*recalculated)
+        return OnlineEstimate(
+            mode,
+            decided,
+            probabilities,
+            estimate,
+            covariance,
+            status,
+            units.place(estimate),
+            turn if units.same else units.turn(turn),
+            recalculated,
+        )
+
+    def _try_decider(self) -> None:
+        """Ask the decider about a row, so that its code is compiled and a wrong decider is found
+        at once.
+        """
+        options = self.options
+        track = self.track
+        start, _ = self.units.moments(np.array([0.0, options.speed, 0.0, 0.0]), np.zeros((4, 4)))
+        self.begin(start)
+        track.begin_segment(self._longest)
+        track.measure((options.speed * options.tau, 0.0))
+        try:
+            self._ask_decider()
+        except Exception as error:
+            environment = "HybridTrack-v0" if track.announced else "HybridTrackQuickest-v0"
+            allowed = f"one for rows of {environment} with {options.hypotheses} hypotheses: {error}"
+            raise reject("decider", name_of(self.decider), allowed) from error

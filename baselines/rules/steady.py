@@ -1,0 +1,71 @@
+"""A threshold on the probabilities of the bank whose statements last."""
+
+import math
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from baselines.rules.decider import UNKNOWN, Actions, Decider, Observations
+from baselines.rules.threshold import reachable_probabilities, read_statement
+from hybrid_env.checks import IntArray
+from hybrid_env.observation import QuickestLayout
+
+
+class SteadyState(NamedTuple):
+    """State of N tracks, (N,) each."""
+
+    # Most probable mode.
+    leader: IntArray
+    # Number of the last measurements at which it has been likelier than all others together.
+    leads: IntArray
+    # Number of measurements for which the statement has lasted.
+    lasts: IntArray
+
+
+class SteadyDecider(Decider):
+    """Changes its statement to the most probable mode when that is probable enough, or likelier
+    than all others together at each of the last three measurements. A statement lasts for at least
+    three.
+
+    A threshold alone states a mode for a single measurement when one error moves the probabilities
+    across it and back, and keeps an improbable mode while the new one stays below it.
+
+    Args:
+        threshold: smallest probability of a mode to which the statement changes at once, 0 to 1.
+    """
+
+    name = "steady"
+    task = UNKNOWN
+    title = "IMM steady"
+    symbol = "probability"
+    default = 0.75
+    bounds = 0.0, 1.0
+    # For which a mode leads, and smallest number for which a statement lasts.
+    measurements = 3
+
+    @classmethod
+    def create(cls, options: Any, **arguments: Any) -> Self:
+        """See `Decider.create`."""
+        thresholds = reachable_probabilities(options.hypotheses)
+        return super().create(options, **arguments).changed(thresholds=thresholds)
+
+    def decide(
+        self,
+        observation: Observations,
+        state: SteadyState | None,
+        episode_start: Any,
+    ) -> tuple[Actions, SteadyState]:
+        """See `Decider.decide`; rows tell where an episode begins."""
+        log_probability = QuickestLayout.of_rows(observation).read(observation, "log_probability")
+        stated, started = read_statement(observation)
+        best = log_probability.argmax(-1)
+        if state is None:
+            state = SteadyState(best, np.zeros_like(best), np.full_like(best, self.measurements))
+        largest = log_probability.max(-1)
+        leads = np.where(started & (state.leader == best), state.leads + 1, 1)
+        leads *= largest > math.log(0.5)
+        level = math.log(self.threshold) if self.threshold > 0.0 else -math.inf
+        likely = (largest >= level) | (leads >= self.measurements)
+        changes = ~started | (likely & (best != stated) & (state.lasts >= self.measurements))
+        lasts = np.where(changes, 1, state.lasts + 1)
+        return np.where(changes, best, stated), SteadyState(best, leads, lasts)

@@ -1,0 +1,1 @@
+"""Error of the estimated radius of a turn after a decision."""

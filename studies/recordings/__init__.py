@@ -1,0 +1,1 @@
+"""Deciders on recordings of objects of any size, whose switches are not known."""

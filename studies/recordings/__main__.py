@@ -1,0 +1,65 @@
+"""Command line of the study: `python -m studies.recordings`."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from agents import run_command
+from studies.recordings import study
+from studies.recordings.objects import WORLDS
+from studies.results import save_results
+
+DECIDERS = (
+    "threshold:0.6",
+    "steady",
+    *(f"threshold:{probability}" for probability in (0.7, 0.8, 0.9, 0.95, 0.98)),
+    "shiryaev-roberts",
+    "beam:0.6",
+    "beam:0.7",
+    "beam-adaptive",
+    "shipped",
+)
+
+
+@dataclass(kw_only=True)
+class Recordings:
+    """Compare deciders on recordings of objects of any size, with nothing given.
+
+    The default takes about eight minutes on one core.
+    """
+
+    deciders: tuple[str, ...] = DECIDERS
+    """Names with their thresholds; the others are compared with the first."""
+    tracks: int = 12
+    """Number of recordings of each object and kind."""
+    ticks: int = 600
+    """Number of ticks of a recording."""
+    seed: int = 0
+    """Seed of the first recording."""
+    known_radii: bool = False
+    """Give the radius of each object."""
+    jobs: int = -1
+    """Number of processes; -1 for one on each core. The results do not depend on it."""
+    quick: bool = False
+    """Compare two deciders on four recordings."""
+    out: Path = Path("results")
+    """Folder for recordings.md and recordings.json."""
+
+    def run(self) -> None:
+        """Track the recordings, print the tables and write the files."""
+        worlds = WORLDS[4:6] if self.quick else WORLDS
+        if self.known_radii:
+            worlds = tuple((name, f"{kind}, known radius") for name, kind in worlds)
+        rows = study.evaluate(
+            self.deciders[:2] if self.quick else self.deciders,
+            worlds,
+            2 if self.quick else self.tracks,
+            self.ticks,
+            self.seed,
+            self.jobs,
+        )
+        save_results(self.out / "recordings", study.markdown(rows), rows)
+
+
+if __name__ == "__main__":
+    sys.exit(run_command(Recordings, "python -m studies.recordings"))

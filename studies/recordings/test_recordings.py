@@ -1,0 +1,64 @@
+"""Simulated recordings, and the tables of the deciders on them."""
+
+import json
+
+import numpy as np
+import pytest
+
+from studies.recordings.objects import KINDS, TARGETS, record
+
+
+def test_the_quick_form_compares_two_deciders(tmp_path, run_study):
+    printed = run_study(
+        "recordings",
+        "--quick",
+        "--jobs",
+        "1",
+        "--out",
+        str(tmp_path),
+    )
+    rows = json.loads((tmp_path / "recordings.json").read_text())
+
+    assert (tmp_path / "recordings.md").read_text() in printed
+    threshold, steady = rows[:2]
+    assert steady["decider"] == "steady"
+    assert steady["shortest"] >= 3
+    assert steady["below_3"]["value"] == 0.0
+    difference = steady["agreement"]["value"] - threshold["agreement"]["value"]
+    assert steady["right_less_first"]["value"] == pytest.approx(difference)
+    for row in rows:
+        assert 0.8 < row["agreement"]["value"] < 1.0
+    assert [row["recordings"] for row in rows[::2]] == [
+        "all",
+        "aircraft, uniform",
+        "walker, missing",
+    ]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", TARGETS)
+def test_rows_move_as_their_modes_say(name, kind):
+    target = TARGETS[name]
+    times, positions, modes = record(
+        name,
+        kind,
+        3,
+        2000,
+    )
+    assert len(times) == len(positions) == len(modes)
+    steps = np.diff(times) / target.tau
+    assert (steps.min(), steps.max() > 1.2) == {
+        "missing": (pytest.approx(1.0), True),
+        "irregular": (pytest.approx(0.5), True),
+    }.get(kind, (pytest.approx(1.0), False))
+    # Angles between two steps of eight rows in the same segment.
+    a, b, c = positions[:-16], positions[8:-8], positions[16:]
+    before = b - a
+    after = c - b
+    across = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    angles = np.arctan2(across, (before * after).sum(1))
+    same = modes[:-16] == modes[16:]
+    straight, left, right = (angles[same & (modes[16:] == mode)].mean() for mode in "SLR")
+    assert abs(straight) < 0.1
+    assert left > 0.2
+    assert right < -0.2

@@ -1,0 +1,216 @@
+"""Forecasts of the position."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from kinematic_worlds import draw, mean_bounds
+from recorded_tracks import OBJECTS
+
+from baselines.estimation.forecast import forecast
+from baselines.estimation.turn_tracks import TurnTracks
+from hybrid_env import ArgumentError, QuickestOptions, WorldOptions, simulate
+
+ESTIMATE = np.array([1.0, 2.0, -1.0, 0.5])
+COVARIANCE = np.diag([0.05, 0.01, 0.04, 0.02]) + 0.005
+MODEL = SimpleNamespace(
+    radii=(4.0, 9.0),
+    tau=0.1,
+    process_variance=0.002,
+)
+AHEAD = [1.0, 2.0, 5.0]
+
+
+def moved_positions(rng, curvature, samples):
+    """Positions (samples, 3, 2) after the times of `AHEAD`, tick by tick about a fixed centre: p' =
+    v, v' = -rate^2 (p - centre).
+    """
+    x, vx, y, vy = draw(
+        rng,
+        ESTIMATE,
+        COVARIANCE,
+        samples,
+    ).T
+    p, v = x + 1j * y, vx + 1j * vy
+    rate = curvature * np.abs(v)
+    centre = p + 1j * v / rate if curvature else 0.0 * p
+    noise = np.sqrt(MODEL.process_variance)
+    places = []
+    for _ in range(50):
+        if curvature:
+            cosine, sine = np.cos(rate * MODEL.tau), np.sin(rate * MODEL.tau)
+            from_centre = p - centre
+            p = centre + cosine * from_centre + sine / rate * v
+            v = cosine * v - rate * sine * from_centre
+        else:
+            p = p + MODEL.tau * v
+        v = v + noise * (rng.normal(size=samples) + 1j * rng.normal(size=samples))
+        places.append(p)
+    after = np.stack([places[round(time / MODEL.tau) - 1] for time in AHEAD], axis=1)
+    return np.stack([after.real, after.imag], axis=-1)
+
+
+@pytest.mark.parametrize(
+    "probabilities",
+    [[1, 0, 0, 0, 0], [0, 1, 0, 0, 0], [0, 0, 0, 0, 1], [0.5, 0.2, 0.1, 0.15, 0.05]],
+)
+def test_a_forecast_has_the_moments_of_the_true_motion_in_all_modes(probabilities):
+    rng = np.random.default_rng(8)
+    samples = 100_000
+    curvatures = [0.0, 1 / 4, 1 / 9, -1 / 4, -1 / 9]
+    counts = rng.multinomial(samples, probabilities)
+    moved = np.concatenate(
+        [
+            moved_positions(rng, *each)
+            for each in zip(
+                curvatures,
+                counts,
+                strict=True,
+            )
+        ]
+    )
+    means, covariances = forecast(
+        ESTIMATE,
+        COVARIANCE,
+        probabilities,
+        MODEL,
+        AHEAD,
+    )
+    for k in range(3):
+        places = moved[:, k]
+        error = np.sqrt(np.diag(covariances[k]) / samples)
+        deviations = np.sqrt(np.diag(covariances[k]))
+        # Five standard errors, and what is neglected: speed and turn rate are not normal.
+        assert (np.abs(places.mean(0) - means[k]) < 5 * error + 0.04 * deviations).all()
+        allowed = (5 * np.sqrt(2 / samples) + 0.04) * np.outer(deviations, deviations)
+        assert (np.abs(np.cov(places.T) - covariances[k]) < allowed).all()
+
+
+def inside(mean, covariance, place):
+    """Whether a place is in the ellipse that holds 95 % of a normal distribution."""
+    error = place - mean
+    return error @ np.linalg.solve(covariance, error) < -2 * np.log(0.05)
+
+
+@pytest.mark.parametrize("kind", [WorldOptions, QuickestOptions])
+@pytest.mark.parametrize(
+    ("name", "mode"),
+    list(
+        zip(
+            OBJECTS,
+            "LRLSR",
+            strict=True,
+        )
+    ),
+)
+def test_ellipses_of_the_stated_mode_hold_as_much_as_they_state(name, mode, kind):
+    world = OBJECTS[name]
+    tracks, length, seen = 200, 60, 40
+    radius = 1.3 * world.radius
+    words = f"S40 {mode}{length}" + ("" if mode == "S" else f"r{radius}")
+    run = simulate(
+        words,
+        tracks,
+        9,
+        start=world.start,
+        tau=world.tau,
+        process_variance=world.process_variance,
+        measurement_variance=world.measurement_variance,
+    )
+    options = kind(
+        radii=(world.radius,),
+        speed=world.speed,
+        tau=world.tau,
+        process_variance=world.process_variance,
+        measurement_variance=world.measurement_variance,
+    )
+    start = np.diag([world.measurement_variance, (0.05 * world.speed) ** 2] * 2)
+    # Seconds of the readme's object, and ticks of the others.
+    ticks = np.array([10, 20] if name == "readme" else [1, 2, 5])
+    held = []
+    for points, truth in zip(
+        run.measurements,
+        run.truth,
+        strict=True,
+    ):
+        track = TurnTracks(options)
+        begin = draw(
+            np.random.default_rng(len(held)),
+            np.array(world.start),
+            start,
+            1,
+        )[0]
+        track.begin(begin, start)
+        for k, point in enumerate(points[: 40 + seen]):
+            if k in (0, 40):
+                track.begin_segment(40 if k == 0 else length)
+            track.measure(point)
+            stated = "SLR".index(mode if k >= 40 else "S")
+            if track.asks:
+                track.decide(stated + track.announced)
+        means, covariances = track.forecast(ticks * world.tau, stated=True)
+        places = truth[40 + seen - 1 + ticks, ::2]
+        held.append(
+            [
+                inside(*each)
+                for each in zip(
+                    means,
+                    covariances,
+                    places,
+                    strict=True,
+                )
+            ]
+        )
+    low, high = mean_bounds(
+        0.95,
+        0.95 * 0.05,
+        tracks,
+    )
+    for share in np.mean(held, axis=0):
+        assert low < share < high
+
+
+def test_the_doubt_about_the_mode_is_in_the_ellipse():
+    world = OBJECTS["car"]
+    track = TurnTracks(
+        QuickestOptions(
+            radii=(200,),
+            speed=20,
+            tau=1,
+            measurement_variance=4,
+        )
+    )
+    track.begin(np.array(world.start), np.diag([4.0, 0.1, 4.0, 0.1]))
+    for point in world.simulate(
+        1,
+        3,
+        "S",
+        (20,),
+    ).measurements[0]:
+        track.measure(point)
+        track.decide(0)
+    mixed, stated = (track.forecast([5.0], stated)[1][0] for stated in (False, True))
+    assert np.linalg.det(mixed) > 1.2 * np.linalg.det(stated)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("seconds", [-1.0]),
+        ("seconds", [np.nan]),
+        ("probabilities", [0.5, 0.5]),
+        ("probabilities", [0, 0, 0, 0, 0]),
+        ("estimate", [1, 2, 3]),
+        ("covariance", np.eye(3)),
+    ],
+)
+def test_what_cannot_be_forecast_is_refused(name, value):
+    arguments = {
+        "estimate": ESTIMATE,
+        "covariance": COVARIANCE,
+        "probabilities": [1, 0, 0, 0, 0],
+        "model": MODEL,
+        "seconds": AHEAD,
+    }
+    with pytest.raises(ArgumentError, match=name):
+        forecast(**(arguments | {name: value}))

@@ -1,0 +1,350 @@
+"""Speed and radius of turns whose radius is not known."""
+
+import copy
+
+import numpy as np
+import pytest
+from filterpy.kalman import KalmanFilter
+from kinematic_worlds import draw, mean_bounds
+from recorded_tracks import OBJECTS
+from scipy.linalg import expm
+
+from baselines.estimation.turn_tracks import TurnTracks
+from baselines.estimation.turns import (
+    Turn,
+    TurnFilter,
+    begin_turn,
+    predict_turn,
+    turn_matrix,
+    turn_of,
+)
+from hybrid_env import QuickestOptions, WorldOptions, simulate
+
+QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])
+STATE = np.array([3.0, -1.0, 2.0, 0.4, 1.8, 0.5, 0.35])
+
+
+def exact_matrix(rate, seconds):
+    """The solution of p' = v, v' = rate J u, u' = rate J v."""
+    generator = np.zeros((6, 6))
+    generator[:2, 2:4] = np.eye(2)
+    generator[2:4, 4:] = generator[4:, 2:4] = rate * QUARTER
+    return expm(generator * seconds)
+
+
+def turned_states(states, seconds):
+    """States (n, 7) after a time, in complex numbers: v + u turns to the left, v - u against it."""
+    p, v, u = (states[:, k] + 1j * states[:, k + 1] for k in (0, 2, 4))
+    rate = states[:, 6]
+    turn = np.exp(1j * rate * seconds)
+    p = p + ((v + u) * (turn - 1) - (v - u) * (turn.conj() - 1)) / (2j * rate)
+    v, u = ((v + u) * turn + sign * (v - u) * turn.conj() for sign in (1, -1))
+    parts = [part for z in (p, v / 2, u / 2) for part in (z.real, z.imag)]
+    return np.stack([*parts, rate], axis=1)
+
+
+def random_covariance(deviations):
+    root = np.diag(deviations) @ np.random.default_rng(2).normal(size=(7, 7))
+    return root @ root.T / 7
+
+
+@pytest.mark.parametrize("rate", [0.0, 1e-9, 1e-5, -0.3, 0.7, 5.0])
+def test_the_motion_solves_its_differential_equation(rate):
+    np.testing.assert_allclose(
+        turn_matrix(rate, 1.5),
+        exact_matrix(rate, 1.5),
+        atol=1e-12,
+    )
+
+
+@pytest.mark.parametrize(("word", "radius"), [("L", 6.0), ("R", -6.0)])
+def test_an_object_without_noise_moves_like_the_filter(word, radius):
+    truth = simulate(f"{word}25r6", process_variance=0.0, start=(1.0, 2.0, 0.0, 1.5)).truth[0]
+    state, covariance = begin_turn(
+        np.array([1.0, 2.0, 0.0, 1.5]),
+        np.zeros((4, 4)),
+        1 / radius,
+        0.0,
+    )
+    for k in range(25):
+        moved, predicted = predict_turn(
+            state,
+            covariance,
+            0.1 * (k + 1),
+        )
+        np.testing.assert_allclose(
+            moved[[0, 2, 1, 3]],
+            truth[k],
+            atol=1e-10,
+        )
+    np.testing.assert_allclose(
+        predicted,
+        0.0,
+        atol=1e-30,
+    )
+
+
+def test_a_known_turn_rate_gives_the_kalman_filter():
+    rng = np.random.default_rng(3)
+    mine = TurnFilter(0.1, 0.01)
+    covariance = random_covariance(np.full(7, 0.5))
+    covariance[6] = covariance[:, 6] = 0.0
+    mine.begin(
+        0,
+        STATE,
+        covariance,
+    )
+    theirs = KalmanFilter(6, 2)
+    theirs.x, theirs.P = STATE[:6].copy(), covariance[:6, :6].copy()
+    theirs.F, theirs.H = exact_matrix(STATE[6], 0.1), np.eye(2, 6)
+    theirs.Q = np.diag([0, 0, 0.01, 0.01, 0, 0])
+    theirs.R = np.array([[0.2, 0.05], [0.05, 0.1]])
+    for k in range(30):
+        point = None if k in (4, 5) else STATE[:2] + rng.normal(size=2)
+        mine.step((np.nan, np.nan) if point is None else point, (0.2, 0.05, 0.1))
+        theirs.predict()
+        theirs.update(point)
+        np.testing.assert_allclose(
+            mine.states[0, :6],
+            theirs.x,
+            rtol=1e-9,
+        )
+        np.testing.assert_allclose(
+            mine.covariances[0, :6, :6],
+            theirs.P,
+            rtol=1e-7,
+            atol=1e-12,
+        )
+
+
+def test_the_predicted_moments_are_those_of_moved_states():
+    covariance = random_covariance([0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.15])
+    samples = 400_000
+    moved = turned_states(
+        draw(
+            np.random.default_rng(4),
+            STATE,
+            covariance,
+            samples,
+        ),
+        2.0,
+    )
+    mean, predicted = predict_turn(
+        STATE,
+        covariance,
+        2.0,
+    )
+
+    deviations = np.sqrt(np.diag(predicted))
+    assert (np.abs(moved.mean(0) - mean) < 5 * deviations / np.sqrt(samples)).all()
+    products = np.outer(deviations, deviations)
+    spread = np.sqrt((products**2 + predicted**2) / samples)
+    # The quadrature of a turn that is known to a third of a radian is right to two hundredths.
+    assert (np.abs(np.cov(moved.T) - predicted) < 5 * spread + 0.02 * products).all()
+    first_order = turned_states(STATE[None], 2.0)[0]
+    assert (np.abs(moved.mean(0) - first_order) > 20 * deviations / np.sqrt(samples)).any()
+
+
+def test_deviations_of_speed_and_radius_are_those_of_their_states():
+    covariance = random_covariance([1.0, 1.0, 0.03, 0.03, 1.0, 1.0, 0.005])
+    samples = 100_000
+    states = draw(
+        np.random.default_rng(5),
+        STATE,
+        covariance,
+        samples,
+    )
+    turn = Turn(*turn_of(STATE, covariance))
+    speeds = np.hypot(*states[:, 2:4].T)
+    for values, value, deviation in (
+        (speeds, turn.speed, turn.speed_deviation),
+        (speeds / states[:, 6], turn.radius, turn.radius_deviation),
+    ):
+        # Second-order terms are 1e-3 of the values here.
+        assert abs(values.mean() - value) < 0.05 * deviation
+        assert values.std() == pytest.approx(deviation, rel=5 / np.sqrt(2 * samples) + 2e-3)
+
+
+def test_what_has_no_turn_rate_or_speed_has_no_radius():
+    straight = np.array([0, 0, 3, 4, 3, 4, 0.0])
+    assert turn_of(straight, np.eye(7))[:3] == (5.0, 1.0, np.inf)
+    at_rest = np.array([0, 0, 0, 0, 0, 0, 0.5])
+    assert turn_of(at_rest, np.eye(7))[:3] == (0.0, np.sqrt(2), 0.0)
+    assert np.isnan([turn_of(state, np.eye(7))[3] for state in (straight, at_rest)]).all()
+
+
+def normalised_errors(name, ratio, spread, tracks=400, ticks=60, seed=6):
+    """Errors of speed and radius over their deviations, and the relative deviation of the radius,
+    (ticks, 3, tracks), of tracks whose true radius is `ratio` times the one that is assumed.
+    """
+    world = OBJECTS[name]
+    R = world.measurement_variance
+    rng = np.random.default_rng(seed)
+    run = world.simulate(
+        tracks,
+        seed,
+        "S" + "L",
+        (20, ticks),
+    )
+    covariance = np.diag([R, R / (10 * world.tau) ** 2] * 2)
+    begins = run.truth[:, 19] + draw(
+        rng,
+        0.0,
+        covariance,
+        tracks,
+    )
+    filters = TurnFilter(
+        world.tau,
+        world.process_variance,
+        tracks,
+    )
+    assumed = 1 / (world.radius / ratio)
+    for k, begin in enumerate(begins):
+        filters.begin(
+            k,
+            *begin_turn(
+                begin,
+                covariance,
+                assumed,
+                spread * assumed,
+            ),
+        )
+    rates = np.hypot(*run.truth[:, 19, 1::2].T) / world.radius
+    rows = []
+    for k in range(20, 20 + ticks):
+        filters.step(run.measurements[:, k], (R, 0.0, R))
+        speed, speed_deviation, radius, radius_deviation = filters.turns.T
+        truth = np.hypot(*run.truth[:, k, 1::2].T)
+        errors = (speed - truth) / speed_deviation, (radius - truth / rates) / radius_deviation
+        rows.append([*errors, radius_deviation / radius])
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("ratio", [0.7, 1.0, 1.4])
+@pytest.mark.parametrize("name", OBJECTS)
+def test_errors_have_the_stated_deviations_once_the_radius_is_known_to_a_tenth(name, ratio):
+    speed, radius, relative = np.moveaxis(
+        normalised_errors(
+            name,
+            ratio,
+            0.5,
+        ),
+        1,
+        0,
+    )
+    low, high = mean_bounds(
+        1.0,
+        2.0,
+        speed.shape[1],
+    )
+    known = np.flatnonzero(np.median(relative, axis=1) < 0.1)
+    assert known.size
+    for tick in known:
+        assert np.mean(speed[tick] ** 2) < high
+        assert np.mean(radius[tick] ** 2) < high
+    # In the first ticks the deviations may be larger than the errors.
+    for tick in known[known >= 8]:
+        assert low < np.mean(speed[tick] ** 2)
+        assert low < np.mean(radius[tick] ** 2)
+
+
+def test_a_radius_that_counts_as_known_has_errors_far_beyond_its_deviation():
+    _, radius, _ = np.moveaxis(
+        normalised_errors(
+            "car",
+            1.4,
+            0.0,
+        ),
+        1,
+        0,
+    )
+    assert (np.mean(radius[5:20] ** 2, axis=1) > 100).all()
+
+
+def car(kind, **options):
+    world = OBJECTS["car"]
+    return kind(
+        radii=(world.radius,),
+        speed=world.speed,
+        tau=world.tau,
+        process_variance=world.process_variance,
+        measurement_variance=world.measurement_variance,
+        **options,
+    )
+
+
+def run_announced(seed, modes="SLRS", length=40, ratio=1.25):
+    """Turns at the ends of segments, with right decisions after 10 ticks, and the true ones."""
+    world = OBJECTS["car"]
+    words = [mode + str(length) + ("" if mode == "S" else f"r{ratio * 200}") for mode in modes]
+    run = simulate(
+        " ".join(words),
+        1,
+        seed,
+        start=world.start,
+        tau=world.tau,
+        process_variance=world.process_variance,
+        measurement_variance=world.measurement_variance,
+    )
+    track = TurnTracks(car(WorldOptions, bank="anchor_aware"))
+    track.begin(np.array(world.start), np.diag([4.0, 0.1, 4.0, 0.1]))
+    turns = []
+    for k, mode in enumerate(modes):
+        track.begin_segment(length)
+        for j, point in enumerate(run.measurements[0, k * length : (k + 1) * length]):
+            track.measure(point)
+            if j == 8:
+                assert np.isnan(track.turn()[2:]).all()
+                track.decide("SLR".index(mode) + 1)
+        turns.append((track.turn(), run.truth[0, (k + 1) * length - 1]))
+    return track, turns
+
+
+def test_after_decisions_a_radius_other_than_that_of_the_bank_is_found():
+    errors = []
+    for seed in range(12):
+        _, turns = run_announced(seed)
+        for turn, truth in turns:
+            errors.append((turn.speed - np.hypot(*truth[1::2])) / turn.speed_deviation)
+        assert [turn.radius for turn, _ in turns[::3]] == [np.inf, np.inf]
+        assert np.isnan([turn.radius_deviation for turn, _ in turns[::3]]).all()
+        for turn, _ in turns[1:3]:
+            # The speed of the object changes by some percent in a segment.
+            assert turn.radius == pytest.approx(250, rel=0.1)
+            assert turn.radius_deviation < 5
+    low, high = mean_bounds(
+        1.0,
+        2.0,
+        len(errors),
+    )
+    assert low < np.mean(np.square(errors)) < high
+
+
+def test_a_stated_turn_has_a_radius_with_unknown_switches():
+    world = OBJECTS["car"]
+    run = world.simulate(
+        1,
+        7,
+        "SL",
+        (40, 40),
+    )
+    track = TurnTracks(car(QuickestOptions))
+    track.begin(np.array(world.start), np.diag([4.0, 0.1, 4.0, 0.1]))
+    for k, point in enumerate(run.measurements[0]):
+        track.measure(point)
+        track.decide(int(k > 45))
+        if k == 45:
+            assert track.turn().radius == np.inf
+        if k == 46:
+            assert track.turn().radius_deviation == pytest.approx(100)
+    turn = track.turn()
+    assert turn.radius == pytest.approx(200, abs=5 * turn.radius_deviation)
+    assert turn.radius_deviation < 5
+
+
+def test_a_copy_of_a_track_goes_on_by_itself():
+    track, _ = run_announced(1, "SL")
+    twin = copy.deepcopy(track)
+    before = twin.turn()
+    track.measure((0.0, 0.0))
+    assert twin.turn() == before != track.turn()
