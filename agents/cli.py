@@ -3,7 +3,9 @@ one line.
 """
 
 import contextlib
+import dataclasses
 import functools
+import importlib
 import io
 import os
 import re
@@ -15,20 +17,15 @@ from typing import Any
 import gymnasium as gym
 import tyro
 
-from agents.commands.compare import Compare
-from agents.commands.evaluate import Evaluate
-from agents.commands.play import Play
-from agents.commands.score import Score
-from agents.commands.track import Track
-from agents.commands.train import Train
-from agents.interface.help_texts import as_command
+from agents.interface.help_texts import ENV_HELP, description, grouped, parse_flags
 from agents.interface.world_arguments import trusting
-from hybrid_env.checks import ArgumentError, check_fields
+from hybrid_env.checks import ArgumentError, check_fields, unknown
 
-COMMANDS = {kind.__name__.lower(): kind for kind in (Train, Evaluate, Compare, Play, Track, Score)}
+# Each has a file of its own, which is imported when it is needed.
+COMMANDS = ("train", "evaluate", "compare", "play", "track", "score")
 EXAMPLES = {
     "": """
-hybridtrack play --decider ate --out episode.gif   # watch the classical rule
+hybridtrack play ate --out episode.gif             # watch the classical rule
 hybridtrack train --out runs/ppo                   # train an agent, half a minute
 hybridtrack evaluate ate shipped runs/ppo          # on the same episodes
 hybridtrack compare --help                         # flags and examples of a command
@@ -46,15 +43,15 @@ hybridtrack evaluate shipped calibrated --noise 'outliers 0.05'
 hybridtrack evaluate shipped beam threshold:0.7 --env HybridTrackQuickest-v0""",
     "compare": """
 hybridtrack compare                                # trains PPO, draws the operating curves
-hybridtrack compare --agents shipped runs/anchor --measurement-variance 1
-hybridtrack compare --agents ppo --training-seeds 5 --jobs 2 --out results/seeds
-hybridtrack compare --deciders ate mine.py:MyRule --agents model.zip
+hybridtrack compare ate msprt shipped runs/anchor --measurement-variance 1
+hybridtrack compare ate msprt ppo --training-seeds 5 --jobs 2 --out results/seeds
+hybridtrack compare ate mine.py:MyRule model.zip
 hybridtrack compare --no-curves --episodes 300     # a first look
-hybridtrack compare --env HybridTrackBank-v0 --deciders ate msprt-type msprt --accuracy 0.9""",
+hybridtrack compare ate msprt-type msprt --env HybridTrackBank-v0 --accuracy 0.9""",
     "play": """
-hybridtrack play --decider shipped                 # in a window
-hybridtrack play --decider msprt:0.02 --out episode.gif
-hybridtrack play --env HybridTrackQuickest-v0 --decider beam --out episode.png
+hybridtrack play shipped                           # in a window
+hybridtrack play msprt:0.02 --out episode.gif
+hybridtrack play beam --env HybridTrackQuickest-v0 --out episode.png
 hybridtrack play --scheme 'L60r3 R75r5 S50' --radii 3 5 --out flight.gif --record flight.csv""",
     "track": """
 hybridtrack track flight.csv --lengths 50 --radii 3 5 10
@@ -78,25 +75,49 @@ def one_line(message: str) -> str:
     return text if len(text) <= 270 else f"{text[:180]} ... {text[-85:]}"
 
 
+def command_class(name: str) -> Any:
+    """Return the class of a command of `hybridtrack`."""
+    return getattr(importlib.import_module(f"agents.commands.{name}"), name.title())
+
+
 def parse(arguments: Sequence[str]) -> Any:
     """Return the command of command-line arguments, ready to run."""
     name = arguments[0] if arguments else ""
     # The flags of one command are parsed much sooner than those of all.
     if name in COMMANDS:
-        return _parse_flags(COMMANDS[name], f"{PROGRAM} {name}", arguments[1:])
+        return _parse(command_class(name), f"{PROGRAM} {name}", arguments[1:])
+    if name and not name.startswith("-"):
+        raise unknown("command", name, COMMANDS)
     words = "Quickest decisions on motion modes with classical rules and learned agents."
-    kinds: dict[str, Any] = {name: as_command(kind)[0] for name, kind in COMMANDS.items()}
+    kinds: dict[str, Any] = {}
+    for name in COMMANDS:
+        kinds[name] = grouped(command_class(name))
+        kinds[name].__doc__ = description(command_class(name))
     return tyro.extras.subcommand_cli_from_dict(
         kinds, prog=PROGRAM, args=arguments, description=words
     )
 
 
-def _parse_flags(command: type, program: str, arguments: Sequence[str]) -> Any:
-    """Return a command with the flags of its command line."""
-    kind, description = as_command(command)
-    # A flag is left out, not given as "None".
-    config = (tyro.conf.DisallowNone,)
-    return tyro.cli(kind, prog=program, args=arguments, description=description, config=config)
+def _parse(command: Any, program: str, arguments: Sequence[str]) -> Any:
+    """Return a command with the flags of its command line; raise `ArgumentError` for a flag that
+    does not exist.
+    """
+    known = ["--help"]
+    for field in dataclasses.fields(command):
+        name = field.name.replace("_", "-")
+        known += [f"--{name}", f"--no-{name}"] if isinstance(field.default, bool) else [f"--{name}"]
+    errors = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(errors):
+            return parse_flags(command, program, arguments)
+    except SystemExit as stop:
+        if not stop.code:
+            raise
+        message = one_line(errors.getvalue())
+        flag = re.match(r"Unrecognized options: (--[\w-]+)", message)
+        if flag:
+            raise unknown("flag", flag[1], known, f"see {program} --help") from None
+        raise ArgumentError(message) from None
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -118,7 +139,7 @@ def run_command(command: type, program: str, arguments: Sequence[str] | None = N
         or a file that cannot be read or written, of which one line is printed, or 130 after an
         interrupt by the user.
     """
-    return _main(functools.partial(_parse_flags, command, program), program, arguments)
+    return _main(functools.partial(_parse, command, program), program, arguments)
 
 
 def _main(
@@ -149,6 +170,8 @@ def _main(
         return 2
     except KeyboardInterrupt as interrupt:
         report(": ".join(["interrupted", *map(str, interrupt.args)]))
+        # Those of processes that end with this one.
+        warnings.simplefilter("ignore")
         return 130
 
 
@@ -164,7 +187,7 @@ def _run(
     except SystemExit as stop:
         if stop.code:
             report(errors.getvalue())
-        elif parser is parse:
+        elif parser is parse and ENV_HELP not in arguments:
             examples = EXAMPLES.get(arguments[0], EXAMPLES[""])
             print("examples:" + examples.replace("\n", "\n  "))
         return int(stop.code or 0)

@@ -64,8 +64,7 @@ def evaluate(
 
 
 def compare(
-    deciders: Sequence[Any] | None = None,
-    agents: Sequence[Any] | None = None,
+    deciders: Sequence[Any] = (),
     env_id: str = DEFAULT_ENV,
     *,
     out: str | os.PathLike[str] | None = None,
@@ -74,9 +73,8 @@ def compare(
     """Train agents and score all deciders on the same episodes, as `hybridtrack compare`.
 
     Args:
-        deciders: rules, the reference first, see `load`; None for the usual ones of the
-            environment.
-        agents: recipes to train, or agents, see `load`; None for the usual ones.
+        deciders: the reference first: rules and agents, see `load`, and recipes to train; by
+            default the usual ones of the environment.
         env_id: of the environment.
         out: folder for the trained agents, from which an interrupted comparison goes on; None
             writes nothing.
@@ -86,8 +84,7 @@ def compare(
     Raises:
         ArgumentError: an argument is not allowed.
     """
-    names = [None if given is None else tuple(given) for given in (deciders, agents)]
-    command = Compare(deciders=names[0], agents=names[1], env=env_id, **options)
+    command = Compare(deciders=tuple(deciders), env=env_id, **options)
     folder = None if out is None else Path(out)
     return command.plan().compare(folder, Progress(disable=True))
 

@@ -1,5 +1,7 @@
 """Configuration of the documentation site; `make docs` builds it."""
 
+import contextlib
+import io
 import os
 import sys
 import warnings
@@ -77,3 +79,13 @@ def setup(app):
 
     for env_id in ("HybridTrack-v0", "HybridTrackPublished-v0"):
         gym.make(f"hybrid_env:{env_id}").reset(seed=0)
+    app.connect("build-finished", write_episode)
+
+
+def write_episode(app, error):
+    """Write the page that index.md shows in a frame; on a forge the picture stands in its place."""
+    from agents.commands.play import Play
+
+    if error is None and app.builder.format == "html":
+        with contextlib.redirect_stdout(io.StringIO()):
+            Play(out=Path(app.outdir) / "episode.html").run()

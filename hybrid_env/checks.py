@@ -8,6 +8,7 @@ A type is declared with the field that has it, in the words of `annotated_types`
 
 import copy
 import dataclasses
+import difflib
 import functools
 import inspect
 import math
@@ -88,6 +89,23 @@ def reject(name: str, value: Any, allowed: str) -> ArgumentError:
     short.maxlevel = 3
     shown = _shorten(short.repr(value), 120)
     return ArgumentError(f"{name}={shown} is not allowed: expected {allowed}")
+
+
+def unknown(name: str, value: Any, known: Iterable[str], otherwise: str = "") -> ArgumentError:
+    """Return the error for a name that does not exist, with the nearest that do. The caller raises
+    it.
+
+    Args:
+        name, value: of the argument.
+        known: all names that exist.
+        otherwise: what the message says if none is near; by default all names.
+    """
+    names = list(known)
+    near = difflib.get_close_matches(str(value), names, 2)
+    words = otherwise or f"expected one of {', '.join(names)}"
+    if near:
+        words = f"did you mean {' or '.join(map(repr, near))}?"
+    return ArgumentError(f"{name}={_shorten(repr(value), 120)} does not exist: {words}")
 
 
 def declaration(hint: Any) -> tuple[Any, dict[str, Any]]:

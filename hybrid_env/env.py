@@ -39,7 +39,7 @@ class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
 
     def __init__(self, render_mode: str | None = None, bank_info: bool = False, **options: Any):
         self.render_mode = render_mode
-        self.options = self.options_class(**options)
+        self.options = self.options_class.of_keywords(options)
         rows = 0
         if render_mode is not None:
             check_choice("render_mode", render_mode, self.metadata["render_modes"])

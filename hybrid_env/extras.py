@@ -12,6 +12,9 @@ from pathlib import Path
 from typing import Any
 
 DISTRIBUTION = "hybrid-track"
+INSTALL = "pip install -c constraints.txt -e '.[{extra}]'"
+"""The command in the folder of the source code, as in README.md."""
+
 OTHER_NAMES = {
     "PIL": "pillow",
     "pygame": "pygame-ce",
@@ -36,8 +39,8 @@ def explained() -> Iterator[None]:
         if extra is None:
             raise
         raise MissingExtraError(
-            f"{error.name} is missing: this needs the extra [{extra}]: pip install"
-            f" '{DISTRIBUTION}[{extra}]'",
+            f"{error.name} is missing: this needs the extra [{extra}]:"
+            f" {INSTALL.format(extra=extra)}",
             name=error.name,
         ) from None
 

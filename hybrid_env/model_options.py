@@ -1,14 +1,23 @@
 """The options of the model that every environment has, checked on creation."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from annotated_types import Ge, Interval, Unit
 
-from hybrid_env.checks import AnyArray, Checked, FloatArray, Share, checked, reject
+from hybrid_env.checks import (
+    AnyArray,
+    Checked,
+    FloatArray,
+    Share,
+    checked,
+    declared_fields,
+    reject,
+    unknown,
+)
 from hybrid_env.core.memory import PARAMETERS
 from hybrid_env.limits import (
     Quantity,
@@ -34,8 +43,8 @@ class ModelOptions(Checked):
         radii: turn radii of the bank [m], each as a left and as a right turn: M = 2 n + 1
             hypotheses of n radii.
         speed: initial speed of the object [m/s].
-        heading: initial heading of the object [rad], counter-clockwise from the x axis; None draws
-            it uniformly.
+        heading: initial heading of the object [rad], counter-clockwise from the x axis; None means
+            a uniform one.
         tau: length of a tick [s].
         process_variance: Q, variance of the noise added to each velocity at every tick [m^2/s^2].
         object_variance: the same of the object, of which the filters are not told; None is Q.
@@ -75,6 +84,19 @@ class ModelOptions(Checked):
     sensors: Annotated[tuple[Sensor | Radar, ...], parse_sensors] = ()
     likelihood: Annotated[str | GaussianNoise | StudentNoise, parse_likelihood] = "gaussian"
     initial_error: Annotated[float | tuple[float, float], check_initial_error] = (0.3, 0.02)
+
+    @classmethod
+    def of_keywords(cls, keywords: Mapping[str, Any]) -> Self:
+        """Return the options of `gym.make`; refuse a name that does not exist with the nearest
+        ones.
+        """
+        kind: Any = cls
+        names = declared_fields(kind)
+        for name in keywords.keys() - names.keys():
+            raise unknown(
+                "option", name, [*names, "render_mode"], f"{cls.__name__} has all options"
+            )
+        return cls(**keywords)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, cast
 import gymnasium as gym
 from gymnasium.envs.registration import load_env_creator, register, registry
 
-from hybrid_env.checks import reject
+from hybrid_env.checks import unknown
 
 if TYPE_CHECKING:
     from hybrid_env.model_options import ModelOptions
@@ -86,5 +86,5 @@ def vector_class(env_id: str, kind: str = "TrackVectorEnv") -> Any:
     entry = str(spec and spec.vector_entry_point)
     environment: Any = load_env_creator(entry) if entry.startswith("hybrid_env.") else None
     if environment is None or not issubclass(environment, getattr(vector_env, kind)):
-        raise reject("env", env_id, "one of " + ", ".join(ENVIRONMENTS))
+        raise unknown("env", env_id.removeprefix("hybrid_env:"), ENVIRONMENTS)
     return environment

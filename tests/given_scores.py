@@ -95,7 +95,6 @@ def comparison(task, *every, agents=0):
         )
     plan = SimpleNamespace(
         task=task,
-        deciders=tuple(names[: len(names) - agents]),
         agents=("agent",),
         titles={entry.decider: entry.name for entry in entries} | {"agent": "ppo"},
         episodes=every[0].episodes,

@@ -4,30 +4,34 @@ import dataclasses
 import functools
 import hashlib
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, cast
 
 import numpy as np
+import tyro
 from rich.console import Console
 from rich.progress import Progress
 
-from agents.commands.play import Episodes
+from agents.evaluation.cells import counted
 from agents.evaluation.registry import (
+    check_name,
     distinct_titles,
     find_decider,
     given_threshold,
+    kind_of,
     shipped_names,
 )
 from agents.evaluation.report import Result
 from agents.evaluation.task import Task, sweep, task_of
-from agents.figures.tracks import track_figure
 from agents.interface.help_texts import shown_default
 from agents.interface.output_files import output_folder, write_files
 from agents.interface.parallel import Call, Workers
-from agents.interface.progress import print_lines, progress_display, train_shown
+from agents.interface.progress import Report, calls_shown, print_lines, progress_display
 from agents.interface.world_arguments import TrustArguments, WorldArguments
+from agents.training.recipe import RECIPE_FILES, load_recipe, recipe_names
 from baselines.rules import seeds
 from baselines.rules.decider import Decider
 from baselines.scoring.scores import Scores
@@ -55,19 +59,22 @@ class Compare(WorldArguments, TrustArguments, Workers):
     about three minutes. The same command continues an interrupted comparison.
     """
 
+    GROUPS: ClassVar[Mapping[str, Sequence[str]]] = {
+        "comparison": ("accuracy", "curves", "steps", "training_seeds", "trust"),
+        "episode": ("episodes", "selection_episodes", "seed"),
+        "output": ("out", "jobs", "engine"),
+        **WorldArguments.GROUPS,
+    }
+
     deciders: Annotated[
-        tuple[str, ...] | None, shown_default("the usual rules of the environment")
-    ] = None
-    """Classical rules, or rules of your own ('mine.py:MyRule'); the first is the reference.
-    Announced switches: {announced}. Unknown switches: {unknown}.
-    """
-    agents: Annotated[
-        tuple[str, ...] | None,
-        shown_default("ppo shipped; shipped for unknown switches"),
-    ] = None
-    """Learned agents: recipes to train during the run ('ppo', 'anchor' ...), 'shipped' or 'robust'
-    (weights in the package), run folders, or policies of other libraries ('model.zip',
-    'policy.onnx').
+        tyro.conf.Positional[tuple[str, ...]],
+        tyro.conf.arg(metavar="[DECIDER ...]"),
+        shown_default("the usual rules of the environment, ppo if switches are announced, shipped"),
+    ] = ()
+    """What is compared; the first is the reference. Rules, announced switches: {announced}; unknown
+    switches: {unknown}. Rules of your own: 'mine.py:MyRule'. Agents: 'shipped' or 'robust' (weights
+    in the package), run folders, 'model.zip', 'policy.onnx', or recipes to train now: 'ppo',
+    'anchor' ...
     """
     accuracy: Annotated[Probability | None, shown_default("the threshold with the best reward")] = (
         None
@@ -96,9 +103,11 @@ class Compare(WorldArguments, TrustArguments, Workers):
 
     def run(self) -> None:
         """Train, score, print the tables and write the figures and compare.json."""
-        plan = self.plan()
-        folder, console = output_folder("out", self.out), Console(emoji=False)
+        self.check_names()
+        console = Console(emoji=False)
         with progress_display(console) as progress:
+            plan = self.plan()
+            folder = output_folder("out", self.out)
             try:
                 result = plan.compare(folder, progress)
             except KeyboardInterrupt:
@@ -126,7 +135,6 @@ class Compare(WorldArguments, TrustArguments, Workers):
         """Plain values of what determines the results."""
         names = (
             "deciders",
-            "agents",
             "episodes",
             "seed",
             "selection_episodes",
@@ -146,55 +154,66 @@ class Compare(WorldArguments, TrustArguments, Workers):
         """
         for name, hint in declared_fields(Compare).items():
             # Deciders may also be functions.
-            if name in {*self.settings, "jobs", "engine"} - {"deciders", "agents"}:
+            if name in {*self.settings, "jobs", "engine"} - {"deciders"}:
                 checked(name, getattr(self, name), hint)
         task = self.task
         usual: dict[str, Any] = {
             name: getattr(task, name)
-            for name in ("deciders", "agents", "episodes", "selection_episodes")
+            for name in ("episodes", "selection_episodes")
             if getattr(self, name) is None
         }
-        plan: Any = dataclasses.replace(self, **usual)
+        deciders = self.deciders or (*task.deciders, *task.agents)
+        plan: Any = dataclasses.replace(self, deciders=deciders, **usual)
         if self.accuracy is not None and "accuracy" not in task.columns:
             raise reject("accuracy", self.accuracy, f"no value in {task.title}")
         if self.seed + plan.episodes > seeds.SELECTION:
             allowed = f"at most {seeds.SELECTION} minus the number of episodes"
             raise reject("seed", self.seed, allowed)
-        names = plan.names
-        if not plan.deciders or any(names.count(name) > 1 for name in names):
-            raise reject("deciders", names, "one or more rules, and all names different")
+        if any(deciders.count(name) > 1 for name in deciders):
+            raise reject("deciders", deciders, "different names")
         # Before any file is written.
         task.check_episodes("episodes", plan.episodes)
         task.check_episodes("selection-episodes", plan.selection_episodes)
+        plan.check_names()
         # Looks every name up.
         assert plan.titles
         return cast("Compare", plan)
 
-    @property
-    def names(self) -> tuple[Any, ...]:
-        """Names of all deciders of a plan."""
-        return (*(self.deciders or ()), *(self.agents or ()))
+    def check_names(self) -> None:
+        """Refuse names that do not exist, before anything is loaded."""
+        for name in self.deciders:
+            if given_threshold(name) is not None:
+                raise reject("decider", name, "a name without a threshold: all are compared")
+            if not str(name).endswith(RECIPE_FILES):
+                check_name(name, self.task.switches, recipe_names())
 
     def find(self, name: Any) -> Any:
         """Return a decider, or the recipe of an agent still to be trained."""
-        from agents.training.recipe import load_recipe, recipe_names
-
-        shipped = shipped_names(self.task.switches)
-        is_recipe = name in recipe_names() and name not in shipped
-        if name in (self.agents or ()) and (is_recipe or str(name).endswith(".yml")):
+        is_recipe = name in recipe_names() and name not in shipped_names(self.task.switches)
+        if is_recipe or str(name).endswith(RECIPE_FILES):
             return load_recipe(name, self.task.env_id)
-        if given_threshold(name) is not None:
-            raise reject("deciders", name, "a name without a threshold: all are compared")
         return find_decider(name, self.task.options)
 
     @cached_property
+    def looked_up(self) -> dict[Any, tuple[str, str]]:
+        """Title of each decider by name, and its kind: "trained" of a recipe, "agent" or "rule"."""
+        every = [self.find(name) for name in self.deciders]
+        titles = [each.title if isinstance(each, Decider) else each.name for each in every]
+        kinds = [kind_of(each) if isinstance(each, Decider) else "trained" for each in every]
+        described = zip(distinct_titles(self.deciders, titles), kinds, strict=True)
+        return dict(zip(self.deciders, described, strict=True))
+
+    @property
     def titles(self) -> dict[Any, str]:
         """Titles of all deciders by name, see `distinct_titles`; those of agents are without
         training seeds.
         """
-        every = map(self.find, self.names)
-        titles = [each.title if isinstance(each, Decider) else each.name for each in every]
-        return dict(zip(self.names, distinct_titles(self.names, titles), strict=True))
+        return {name: title for name, (title, _) in self.looked_up.items()}
+
+    @property
+    def agents(self) -> tuple[Any, ...]:
+        """Names of the learned deciders."""
+        return tuple(name for name, (_, kind) in self.looked_up.items() if kind != "rule")
 
     def compare(self, folder: Path | None, progress: Progress) -> "Comparison":
         """Train and score the deciders of a plan.
@@ -204,58 +223,67 @@ class Compare(WorldArguments, TrustArguments, Workers):
         """
         from agents.commands.comparison import Comparison
 
-        shown = None if self.parallel else progress
-        trained = {name: not isinstance(self.find(name), Decider) for name in self.names}
+        trained = {name: kind == "trained" for name, (_, kind) in self.looked_up.items()}
         planned = [
             (name, seed)
-            for name in self.names
+            for name in self.deciders
             for seed in range(self.training_seeds if trained[name] else 1)
         ]
         # Training takes longest: it begins first, so that no process waits for it at the end.
-        calls: dict[tuple[Any, int], Call] = {
-            call: functools.partial(self.score, folder, *call, shown)
-            for call in sorted(planned, key=lambda call: not trained[call[0]])
-        }
-        bar = progress.add_task("Comparing", total=len(calls), note="")
-
-        def advance(call: tuple[Any, int]) -> None:
-            progress.update(bar, advance=1, note=self.titles[call[0]])
-
-        scored = dict(self.results(calls, advance))
-        progress.update(bar, note="")
+        order = sorted(planned, key=lambda call: not trained[call[0]])
+        title = f"Comparing {counted(len(order), 'decider')}"
+        with calls_shown(progress, title, len(order)) as reports:
+            said = dict(zip(order, reports, strict=True))
+            calls: dict[tuple[Any, int], Call] = {
+                call: functools.partial(self.score, folder, *call, said[call]) for call in order
+            }
+            scored = dict(self.results(calls, lambda call: said[call]("", 1.0, 1.0)))
         return Comparison(self, [scored[call] for call in planned])
 
-    def score(self, folder: Path | None, name: Any, seed: int, progress: Progress | None) -> Result:
+    def score(self, folder: Path | None, name: Any, seed: int, report: Report) -> Result:
         """Train a decider if needed, select its threshold and score it; return it with its name,
         or with its run folder if it was trained.
         """
-        display = Progress(disable=True) if progress is None else progress
         decider, title, run_folder = self.find(name), self.titles[name], None
+        # Share of the call that the training takes.
+        before = 0.0
         if not isinstance(decider, Decider):
+            before = 0.7
             title += f" seed {seed}" if self.training_seeds > 1 else ""
-            decider, run_folder = self._train(decider, seed, title, folder, display)
+            decider, run_folder = self._train(decider, seed, title, folder, report, before)
         decider = decider.changed(title=title)
-        bar = display.add_task("Scoring", total=2.0, note=title)
-
-        def show(share: float, before: float = 0.0) -> None:
-            display.update(bar, completed=before + share)
-
         task, episodes, to_select = self.task, self.episodes or 0, self.selection_episodes or 0
-        selection = sweep(task, decider, to_select, seeds.SELECTION, show)
+        middle = before + (1.0 - before) * to_select / (to_select + episodes)
+
+        def selecting(share: float) -> None:
+            report(f"Selecting the threshold of {title}", share, before + share * (middle - before))
+
+        def scoring(share: float) -> None:
+            report(f"Scoring {title}", share, middle + share * (1.0 - middle))
+
+        selecting(0.0)
+        selection = sweep(task, decider, to_select, seeds.SELECTION, selecting)
+        scoring(0.0)
         index = task.best(selection)
         if self.accuracy is not None:
             index = fastest(selection, self.accuracy)
         selected = float(selection.curve(task.statistic(task.goal))[index])
-        if not self.curves and name != self.names[0]:
+        if not self.curves and name != self.deciders[0]:
             decider, index = decider.changed(thresholds=(decider.thresholds[index],)), 0
-        scores = sweep(task, decider, episodes, self.seed, functools.partial(show, before=1.0))
-        display.remove_task(bar)
+        scores = sweep(task, decider, episodes, self.seed, scoring)
         return Result(task, scores, index, name, selected, run_folder)
 
     def _train(
-        self, recipe: Any, seed: int, title: str, folder: Path | None, display: Progress
+        self,
+        recipe: Any,
+        seed: int,
+        title: str,
+        folder: Path | None,
+        report: Report,
+        whole: float,
     ) -> tuple[Decider, Path | None]:
-        """Train an agent, or go on with its training; return it and its run folder.
+        """Train an agent, or go on with its training; return it and its run folder. The training
+        is this share of the whole call.
 
         The name of the folder has a digest of all that determines the agent: those of other
         settings or versions are not used.
@@ -272,11 +300,21 @@ class Compare(WorldArguments, TrustArguments, Workers):
             run_folder = folder / "agents" / f"{recipe.name}-seed{seed}-{digest[:8]}"
         resume = run_folder is not None and has_checkpoint(run_folder)
         run = make_run(env_id, options, recipe, seed, run_folder, self.steps, resume)
-        train_shown(run, display, f"Training {title}")
+
+        def training(now: Any) -> None:
+            share = min(now.steps / now.total, 1.0)
+            report(f"Training {title}", share, whole * share)
+
+        report(f"Training {title}", 0.0, 0.0)
+        run.train(training)
         return run.agent(title), run_folder
 
     def _episode(self, result: "Comparison") -> "Figure":
         """Draw the episode on which the best decider and the reference differ most."""
+        # Matplotlib; a wrong name is refused sooner.
+        from agents.commands.play import Episodes
+        from agents.figures.tracks import track_figure
+
         task = result.plan.task
         best, episode = result.largest_difference()
         seed, records = self.seed + episode, []

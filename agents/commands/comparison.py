@@ -73,9 +73,11 @@ class Comparison:
 
     @cached_property
     def best_rule(self) -> Result:
-        """The classical rule that is best for the goal on the selection episodes."""
-        rules = (entry for entry in self.entries if entry.decider in self.plan.deciders)
-        return max(rules, key=lambda entry: entry.selected)
+        """The rule that is best for the goal on the selection episodes; without rules the
+        reference.
+        """
+        rules = [entry for entry in self.entries if entry.decider not in self.plan.agents]
+        return max(rules or self.entries[:1], key=lambda entry: entry.selected)
 
     @property
     def seed_groups(self) -> dict[str, list[Result]]:

@@ -7,7 +7,13 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
-from agents.evaluation.registry import ErrorArguments, distinct_titles, find_decider
+from agents.evaluation.registry import (
+    ErrorArguments,
+    check_name,
+    distinct_titles,
+    find_decider,
+    is_chosen,
+)
 from agents.evaluation.report import Result, result_tables
 from agents.evaluation.task import sweep, task_of
 from agents.interface.help_texts import shown_default
@@ -27,6 +33,7 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments):
 
     deciders: Annotated[
         tyro.conf.Positional[tuple[str, ...]],
+        tyro.conf.arg(metavar="[DECIDER ...]"),
         shown_default("ate; threshold in HybridTrackQuickest-v0"),
     ] = ()
     """Rules, 'shipped', run folders, policies of other libraries or rules of your own, with
@@ -64,17 +71,23 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments):
     def _evaluate(self, console: Console) -> list[Result]:
         tasks = [task_of(*self.world_of(name)) for name in self.deciders or ("",)]
         names = self.deciders or (tasks[0].reference,)
-        # All names are looked up before any is evaluated.
-        deciders = [
-            find_decider(self.at_error(name), task.options)
-            for name, task in zip(names, tasks, strict=True)
-        ]
-        titles = distinct_titles(names, [decider.title for decider in deciders])
+        for name, task in zip(names, tasks, strict=True):
+            check_name(name, task.switches)
         results: list[Result] = []
         with progress_display(console) as progress:
-            bar = progress.add_task("Evaluating", total=len(names), note="")
+            bar = progress.add_task("Loading", total=len(names), note="")
+            # All are loaded before any is evaluated.
+            deciders = [
+                find_decider(self.at_error(name), task.options)
+                for name, task in zip(names, tasks, strict=True)
+            ]
+            titles = distinct_titles(names, [decider.title for decider in deciders])
             for name, title, task, decider in zip(names, titles, tasks, deciders, strict=True):
-                progress.update(bar, note=name)
+                if is_chosen(self.at_error(name)):
+                    progress.update(bar, description=f"Choosing the threshold of {title}")
+                    # It remembers what it has chosen.
+                    decider.at(decider.threshold)
+                progress.update(bar, description=f"Evaluating {title}")
                 scores = sweep(
                     task,
                     decider.changed(title=title),
@@ -84,5 +97,4 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments):
                     (decider.threshold,),
                 )
                 results.append(Result(task, scores, decider=name))
-            progress.update(bar, note="")
         return results

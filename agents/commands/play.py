@@ -1,44 +1,66 @@
-"""The command `hybridtrack play`: watch a decider in a window, or save the episode as a picture
-or GIF.
+"""The command `hybridtrack play`: watch a decider in a window, or save the episode as a picture,
+GIF or page.
 """
 
 import csv
+import json
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
+from string import Template
 from typing import Annotated, Any
 
 import numpy as np
+import tyro
 from numpy.typing import NDArray
 from PIL import Image
 from rich.console import Console
 from rich.progress import Progress
 
-from agents.evaluation.episodes import episode_table, track_record
-from agents.evaluation.registry import ErrorArguments, find_decider, load_decider
+from agents.evaluation.episodes import episode_table, page_data, track_record
+from agents.evaluation.registry import (
+    ErrorArguments,
+    check_name,
+    find_decider,
+    load_decider,
+)
 from agents.evaluation.task import Task, task_of
 from agents.figures.tracks import TrackRecord
 from agents.interface.help_texts import shown_default
-from agents.interface.output_files import atomic_file
+from agents.interface.output_files import atomic_file, finite
 from agents.interface.progress import print_lines, progress_display
 from agents.interface.world_arguments import TrustArguments, WorldArguments
+from baselines.rules.decider import ANNOUNCED
 from baselines.rules.rollout import rollout
 from hybrid_env.checks import ArgumentError, Count, NotNegative, reject
 from hybrid_env.extras import explained
 from hybrid_env.registration import make_track_vector_env
 from hybrid_env.rendering import FRAME_SIZE, RENDER_FPS
+from hybrid_env.rendering.evidence import legend_colours, mode_colour, mode_name
 from hybrid_env.rendering.frame import draw_frame
 from hybrid_env.rendering.history import History
+
+PAGE = Path(__file__).with_name("episode.html")
+"""Of an episode, for a browser; the data and plotly.js are put in."""
 
 
 class Episodes:
     """Episodes of a decider on one track; `decider` replaces that of the name, and needs
-    `changes` of the options.
+    `changes` of the options. `of_filters` keeps the evidence of the filters in the history in place
+    of what the decider compares with its threshold.
     """
 
-    def __init__(self, task: Task, name: str, decider: Any = None, changes: Any = None):
+    def __init__(
+        self,
+        task: Task,
+        name: str,
+        decider: Any = None,
+        changes: Any = None,
+        of_filters: bool = False,
+    ):
         changes = dict(changes or {})
         if decider is None:
             changes = find_decider(name, task.options).options | changes
@@ -49,18 +71,28 @@ class Episodes:
         given = {"render_mode": "rgb_array", **self.task.given}
         self.env = make_track_vector_env(task.env_id, 1, **given)
         self.decider = load_decider(name, self.env.options) if decider is None else decider
+        self.of_filters = of_filters
         # The running episode.
         self.history = History(self.env.options, self.decider.panel())
         self.env.histories[0] = self.history
+        # Of its steps: rows of the history, and rewards.
+        self.rewards: list[tuple[int, float]] = []
 
     def play(self, seed: int) -> Iterator[History]:
         """Play an episode; yield its history before every step, with the evidence of the
         decider.
         """
+        self.rewards = []
+        row = 0
         for now in rollout(self.env, self.decider, seed):
+            if now.step:
+                self.rewards.append((row, float(now.rewards[0])))
             if now.terminated[0]:
                 return
-            self.history.set_evidence(self.decider.evidence(now.seen, now.state, now.starts)[0])
+            row = len(self.history.trace) - 1
+            if not self.of_filters:
+                evidence = self.decider.evidence(now.seen, now.state, now.starts)
+                self.history.set_evidence(evidence[0])
             yield self.history
 
     def record(self, name: str, seed: int) -> TrackRecord:
@@ -80,23 +112,36 @@ class Episodes:
             estimates=history.points("estimate_"),
         )
 
+    def page_data(self) -> dict[str, Any]:
+        """Return what a page shows of the episode that was played last."""
+        rows, rewards = zip(*self.rewards, strict=True)
+        earned = np.zeros(len(self.history.trace))
+        earned[list(rows)] = rewards
+        return {"name": self.name, **page_data(self.task, self.history, earned)}
+
 
 @dataclass(kw_only=True)
 class Play(WorldArguments, ErrorArguments, TrustArguments):
-    """Watch a decider on one track in a window, or save the episode as an animation, picture or
-    recording.
+    """Watch a decider on one track in a window, or save the episode as an animation, picture,
+    page for a browser or recording.
     """
 
-    decider: Annotated[str | None, shown_default("ate; threshold in HybridTrackQuickest-v0")] = None
+    deciders: Annotated[
+        tyro.conf.Positional[tuple[str, ...]],
+        shown_default("ate; threshold in HybridTrackQuickest-v0; on a page also shipped"),
+    ] = ()
     """'shipped', a run folder, 'model.zip', 'mine.py:MyRule' or a rule, with an optional
-    ':threshold'. Announced switches: {announced}. Unknown switches: {unknown}.
+    ':threshold'. A page shows several on the same episode. Announced switches: {announced}. Unknown
+    switches: {unknown}.
     """
     episodes: Count = 1
     """Number of episodes."""
     seed: NotNegative = 0
     """Seed of the first episode; it increases by one with each episode."""
     out: Annotated[Path | None, shown_default("a window")] = None
-    """A .gif file for all episodes, or a .png file for the end of a single one."""
+    """A .gif file for all episodes, a .png file for the end of a single one, or an .html file with
+    a slider over its ticks, which needs the extra 'html' and no network.
+    """
     record: Annotated[Path | None, shown_default("none is written")] = None
     """A .csv file for the measurements of one episode, columns t,x,y, as `hybridtrack track`
     reads it; without a window.
@@ -105,12 +150,20 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
     def run(self) -> None:
         """Play the episodes, print a table after each, and write the requested files."""
         self._check()
-        task = task_of(*self.world_of(self.decider or ""))
-        episodes = Episodes(task, self.at_error(self.decider or task.reference))
+        task = task_of(*self.world_of("".join(self.deciders[:1])))
+        names = self.deciders or (task.reference, "shipped")[: 2 if self._is_page else 1]
+        for name in names:
+            check_name(name, task.switches)
+        posteriors = self._is_page and task.switches == ANNOUNCED
+        every = [Episodes(task, self.at_error(name), of_filters=posteriors) for name in names]
         console = Console(emoji=False)
         with progress_display(console) as progress:
-            histories = self._play(episodes, console, progress)
-            if self.out is not None and self.out.suffix == ".gif":
+            histories = self._play(every, console, progress)
+            if self.out is not None and self._is_page:
+                # Plays the episodes.
+                list(histories)
+                write_page(self.out, every, f"{task.title}, seed {self.seed}")
+            elif self.out is not None and self.out.suffix == ".gif":
                 write_gif(self.out, (draw_frame(history) for history in histories))
             elif self.out is not None:
                 *_, history = histories
@@ -125,8 +178,12 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
             if path is not None:
                 print_lines(console, f"{path}: {path.stat().st_size / 1024:.0f} KiB")
 
+    @property
+    def _is_page(self) -> bool:
+        return self.out is not None and self.out.suffix == ".html"
+
     def _check(self) -> None:
-        suffixes = {"out": (".gif", ".png"), "record": (".csv",)}
+        suffixes = {"out": (".gif", ".png", ".html"), "record": (".csv",)}
         for name, path in (("out", self.out), ("record", self.record)):
             if path is None:
                 continue
@@ -136,19 +193,22 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
             if self.episodes > 1 and path.suffix != ".gif":
                 allowed = f"1 with --{name} {path}, which holds one episode"
                 raise reject("episodes", self.episodes, allowed)
+        if len(self.deciders) > 1 and not self._is_page:
+            raise reject("deciders", self.deciders, "one, or several with --out FILE.html")
 
-    def _play(self, episodes: Episodes, console: Console, progress: Progress) -> Iterator[History]:
+    def _play(
+        self, every: Sequence[Episodes], console: Console, progress: Progress
+    ) -> Iterator[History]:
         """Play the episodes; yield the history after every reset and every step."""
-        history, task = episodes.history, episodes.task
-        bar = progress.add_task("Playing", total=self.episodes, note="")
-        for episode in range(self.episodes):
-            seed = self.seed + episode
+        bar = progress.add_task("Playing", total=self.episodes * len(every), note="")
+        for episodes, episode in product(every, range(self.episodes)):
+            history, seed = episodes.history, self.seed + episode
             for _ in episodes.play(seed):
                 progress.update(bar, note=f"tick {len(history.trace)}")
                 yield history
             progress.advance(bar)
             title = f"{episodes.name}, episode {episode + 1}, seed {seed}"
-            console.print(episode_table(task, title, history))
+            console.print(episode_table(episodes.task, title, history))
             if self.record is not None:
                 write_recording(self.record, history, episodes.env.options.tau)
             yield history
@@ -184,6 +244,30 @@ def show(histories: Iterator[History]) -> bool:
         ) from None
     finally:
         pygame.display.quit()
+
+
+def write_page(path: Path, every: Sequence[Episodes], title: str) -> None:
+    """Write the episode that several deciders have played as a page for a browser."""
+    from plotly.offline import get_plotlyjs
+
+    history = every[0].history
+    radii = history.options.radii
+    modes = range(history.options.hypotheses)
+    data = {
+        "title": title,
+        "names": [mode_name(mode, radii) for mode in modes],
+        "colours": [mode_colour(mode, radii) for mode in modes],
+        "legend": legend_colours(radii),
+        "modes": finite(history.true_modes),
+        "truth": finite(history.points().T),
+        "measurements": finite(history.points("measured_").T),
+        "deciders": [episodes.page_data() for episodes in every],
+    }
+    # A name cannot end the script.
+    text = json.dumps(data).replace("<", "\\u003c")
+    page = Template(PAGE.read_text(encoding="utf-8"))
+    with atomic_file(path) as part:
+        part.write_text(page.substitute(library=get_plotlyjs(), episode=text), encoding="utf-8")
 
 
 def write_recording(path: Path, history: History, tau: float) -> None:

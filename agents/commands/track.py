@@ -93,7 +93,7 @@ class Track(TrackingArguments, TrustArguments):
     """Files that are tracked at the same time. By default one for each core if there are many
     files.
     """
-    picture: bool | None = None
+    png: bool | None = None
     """Write track.png; by default with up to 20 files."""
     html: bool = False
     """Write track.html, a map in which time, mode and probability can be read. Needs the extra
@@ -117,9 +117,9 @@ class Track(TrackingArguments, TrustArguments):
 
             check_plotly()
         # Up to this many files, each has a picture by default; it takes longer than the tracking.
-        picture = len(self.files) <= 20 if self.picture is None else self.picture
+        png = len(self.files) <= 20 if self.png is None else self.png
         # It is sent to a process with every file.
-        work = replace(self, files=(), picture=picture)
+        work = replace(self, files=(), png=png)
         work_on_files(work.track_file, self.files, self.folders(), self.jobs)
 
     def track_file(self, path: Path, folder: Path) -> Report:
@@ -162,7 +162,7 @@ class Track(TrackingArguments, TrustArguments):
             table = pd.DataFrame(columns)
             table.to_csv(folder / name, index=False, na_rep="nan", lineterminator="\n")
         write_json(folder / "track.json", tracked.settings())
-        if self.picture:
+        if self.png:
             draw_recording(tracked).savefig(folder / "track.png")
         if self.html or self.geojson or self.gpx:
             from agents.recordings import maps

@@ -43,6 +43,9 @@ class Train(WorldArguments):
         """Train with a progress display and print a summary."""
         from agents.algorithms import find_algorithm
         from agents.training.recipe import load_recipe
+
+        # A wrong name is refused before PyTorch is imported, which is slow.
+        recipe = load_recipe(self.recipe, self.env_id, self.set)
         from agents.training.runs import make_run, resume_run
 
         if self.resume is not None:
@@ -51,7 +54,6 @@ class Train(WorldArguments):
                 raise reject("resume", str(folder), "no flags other than --steps and --save-every")
             run = resume_run(folder, self.steps)
         else:
-            recipe = load_recipe(self.recipe, self.env_id, self.set)
             name = find_algorithm(recipe.algo).run_name(self.env_id, recipe.name)
             folder = self.out or Path("runs") / f"{name}-seed{self.seed}"
             run = make_run(self.env_id, self.world_options(), recipe, self.seed, folder, self.steps)
@@ -63,7 +65,7 @@ class Train(WorldArguments):
 
         console = Console(emoji=False)
         with progress_display(console) as display:
-            train_shown(run, display, "Training", self.save_every)
+            train_shown(run, display, f"Training {run.recipe.name}", self.save_every)
         for line in run.curve.summary(read_metrics(folder)):
             console.print(line, highlight=False, soft_wrap=True)
         draw_learning_curve(folder, folder / "learning.png", run.curve)

@@ -5,12 +5,15 @@ from typing import Any
 
 import numpy as np
 from rich.table import Table
+from scipy.special import softmax
 
 from agents.evaluation.cells import filled_table
 from agents.evaluation.task import Task
 from agents.figures.tracks import UNDECIDED, TrackRecord
+from agents.interface.output_files import finite
 from baselines.rules.decider import ANNOUNCED
 from baselines.scoring.statements import Statements, measure_statements
+from hybrid_env.checks import FloatArray
 from hybrid_env.rendering.evidence import mode_name
 from hybrid_env.rendering.history import History
 
@@ -43,6 +46,33 @@ def track_record(task: Task, history: History, **common: Any) -> TrackRecord:
     """
     timeline = _declared if task.switches == ANNOUNCED else _stated
     return TrackRecord(**common, **timeline(task, history))
+
+
+def page_data(task: Task, history: History, rewards: FloatArray) -> dict[str, Any]:
+    """Return what the page of an episode shows of a decider, as lists: modes, outcomes, delays so
+    far, rewards so far, estimates and posteriors of every tick, and the ticks of the decisions.
+    """
+    announced = task.switches == ANNOUNCED
+    timeline = (_declared if announced else _stated)(task, history)
+    modes, marks, decided = timeline["modes"], timeline["marks"], timeline["right"]
+    evidence = history.evidence.T
+    if announced:
+        decided = modes != UNDECIDED
+        # A declaration is shown at its tick.
+        modes[marks] = [decision.mode for decision in history.decisions]
+        evidence = softmax(evidence, axis=0)
+    segments = np.split(decided, history.switches[1:])
+    delays = [np.cumsum(~np.logical_or.accumulate(segment)) for segment in segments]
+    arrays = {
+        "modes": modes,
+        "right": timeline["right"],
+        "delays": np.concatenate(delays),
+        "rewards": np.cumsum(rewards),
+        "estimates": history.points("estimate_").T,
+        "posteriors": evidence.round(4),
+        "marks": marks,
+    }
+    return {name: finite(array) for name, array in arrays.items()}
 
 
 def _declared(task: Task, history: History) -> dict[str, Any]:

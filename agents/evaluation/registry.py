@@ -11,15 +11,16 @@ from typing import Annotated, Any
 from agents import learned
 from agents.evaluation.selection import choosing_decider
 from agents.interface.help_texts import shown_default
-from baselines.rules.decider import UNKNOWN, Decider, rules
+from baselines.rules.decider import ANNOUNCED, UNKNOWN, Decider, rules
 from baselines.rules.external import (
     checked_options,
     entry_point_names,
     external_decider,
     find_external,
+    names_code,
 )
 from baselines.rules.msprt import declare_types
-from hybrid_env.checks import reject
+from hybrid_env.checks import reject, unknown
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 
@@ -40,6 +41,8 @@ def learned_decider(folder: Path, options: Any) -> Decider:
     return decider.changed(title=folder.name)
 
 
+# Ends of the names of files of policies that other libraries write.
+POLICY_FILES = (".zip", ".onnx")
 # Folders of the weights that come with the package, by task and name.
 WEIGHTS = Path(learned.__file__).parent / "weights"
 
@@ -60,7 +63,7 @@ def split_name(name: Any) -> tuple[Any, str]:
         return name, ""
     base, _, text = name.rpartition(":")
     first, _, last = text.rpartition(",")
-    if not _is_chosen(text):
+    if not is_chosen(text):
         try:
             float(first or last), float(last)
         except ValueError:
@@ -68,8 +71,11 @@ def split_name(name: Any) -> tuple[Any, str]:
     return base, text
 
 
-def _is_chosen(text: str) -> bool:
-    """Return whether a threshold is to be chosen: "auto", or a rate such as "2%" or "3/1000"."""
+def is_chosen(name: str) -> bool:
+    """Return whether the threshold of a decider is to be chosen: its name or its ending alone is
+    "auto", or a rate such as "2%" or "3/1000".
+    """
+    text = name.rpartition(":")[2]
     return text == "auto" or text.endswith(("%", "/1000"))
 
 
@@ -107,7 +113,7 @@ def find_decider(name: Any, options: Any) -> Decider:
         ArgumentError: there is no such decider or threshold.
     """
     base, text = split_name(name)
-    if _is_chosen(text):
+    if is_chosen(text):
         return choosing_decider(find_decider(base, options), options, text)
     decider = _at_default(base, options)
     if decider.hypotheses not in (None, options.hypotheses):
@@ -134,24 +140,53 @@ def _at_default(name: Any, options: Any) -> Decider:
     """Return a decider whose name has no threshold."""
     if not isinstance(name, str):
         return external_decider(name, getattr(name, "__name__", type(name).__name__), options)
+    check_name(name, options.switches)
     known = rules(options.switches)
     if name in known:
         return known[name].create(options)
-    # Files of policies that other libraries write.
-    if Path(name).suffix in (".zip", ".onnx"):
+    if Path(name).suffix in POLICY_FILES:
         from agents.learned.exchange import exchanged_decider
 
         return exchanged_decider(Path(name), options)
     folder = policy_folder(name, options.switches)
-    agents = shipped_names(options.switches)
     if folder.is_dir():
         return learned_decider(folder, options)
-    external = find_external(name)
-    if external is None:
-        names = ", ".join((*known, *agents, *entry_point_names()))
-        further = "a run folder, model.zip, policy.onnx or mine.py:MyRule"
-        raise reject("decider", name, f"{names}, {further}, and optionally ':number'")
-    return external_decider(external, name, options)
+    return external_decider(find_external(name), name, options)
+
+
+def check_name(name: Any, switches: str, further: Sequence[str] = ()) -> None:
+    """Raise `ArgumentError` if there is no decider of a name, without loading one: that of an
+    agent takes seconds. `further` are other names that are allowed.
+    """
+    base = base_name(name)
+    if not isinstance(base, str):
+        return
+    known = (*rules(switches), *shipped_names(switches), *entry_point_names(), *further)
+    if base in known or Path(base).is_dir() or names_code(base):
+        return
+    if Path(base).suffix in POLICY_FILES:
+        if not Path(base).is_file():
+            raise reject("decider", name, "a file that exists")
+        return
+    before, _, text = base.rpartition(":")
+    if before in known or Path(before).suffix in POLICY_FILES or (before and Path(before).is_dir()):
+        endings = "'auto', or a rate such as '2%'"
+        raise reject("decider", name, f"after the colon a number, {endings}, not {text!r}")
+    for task in {ANNOUNCED, UNKNOWN} - {switches}:
+        if base in rules(task):
+            raise reject("decider", name, f"a decider for {switches} switches, not {task} ones")
+    files = "a run folder, model.zip, policy.onnx or mine.py:MyRule"
+    raise unknown("decider", base, known, f"expected a rule, an agent, {files}, see --help")
+
+
+def kind_of(decider: Decider) -> str:
+    """Return "agent" for a decider with a network or with a policy of a learning library, else
+    "rule".
+    """
+    bases = [base.__module__ for base in type(decider).__mro__]
+    learned_base = any(base.startswith(learned.__name__) for base in bases)
+    has_policy = hasattr(getattr(decider, "model", None), "policy")
+    return "agent" if learned_base or has_policy else "rule"
 
 
 def distinct_titles(names: Sequence[Any], titles: Sequence[str]) -> list[str]:

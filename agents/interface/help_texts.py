@@ -3,12 +3,18 @@
 import dataclasses
 import functools
 import typing
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
 import tyro
 from docstring_parser import parse_from_object
 
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
+
+# Title of the group of the flags of the environment, and the flag that lists them.
+ENVIRONMENT = "environment"
+ENV_HELP = "--env-help"
+SUPPRESSED: Any = tyro.conf.Suppress
 
 
 def shown_default(text: str, help: str | None = None) -> Any:
@@ -18,16 +24,68 @@ def shown_default(text: str, help: str | None = None) -> Any:
     return tyro.conf.arg(help=help, help_behavior_hint=f"(default: {text})")
 
 
-def as_command(kind: type) -> tuple[type, str]:
-    """Return a dataclass as a command for `tyro.cli`, and its description."""
-    _prepare_flags(kind)
-    return kind, "\n\n".join(" ".join(text.split()) for text in (kind.__doc__ or "").split("\n\n"))
+def parse_flags(kind: Any, program: str, arguments: Sequence[str]) -> Any:
+    """Return a dataclass with the flags of a command line.
+
+    `GROUPS` of the dataclass are the boxes of its help: the names of their flags by title. The
+    flags of the environment, but `--env`, are shown by `--env-help` only.
+    """
+    asks_usual = not {"-h", "--help"}.isdisjoint(arguments)
+    asks_environment = ENV_HELP in arguments and ENVIRONMENT in _groups(kind)
+    values = vars(
+        tyro.cli(
+            grouped(kind, asks_usual, asks_environment),
+            prog=program,
+            args=["--help"] if asks_environment else arguments,
+            description=description(kind),
+            # A flag is left out, not given as "None".
+            config=(tyro.conf.DisallowNone,),
+        )
+    )
+    for title in _groups(kind):
+        values |= vars(values.pop(title))
+    return kind(**values)
+
+
+def description(kind: type) -> str:
+    """Return the docstring of a command as paragraphs without line breaks."""
+    return "\n\n".join(" ".join(text.split()) for text in (kind.__doc__ or "").split("\n\n"))
 
 
 @functools.cache
-def _prepare_flags(kind: type) -> None:
-    """Join the lines of each flag's docstring, name the rules, and show no default where there
-    is none.
+def grouped(kind: Any, only_usual: bool = False, only_environment: bool = False) -> Any:
+    """Return a dataclass for `tyro.cli` whose fields are the flags without a group, and for each
+    group a dataclass of its flags; without the flags of the environment, or only with those.
+    """
+    groups, hints = _groups(kind), _shown_flags(kind)
+    flags: dict[str, list[Any]] = {title: [] for title in ("", *groups)}
+    titles = {name: title for title, names in groups.items() for name in names}
+    fields = {field.name: field for field in dataclasses.fields(kind)}
+    # Within a group in its order.
+    for name in dict.fromkeys((*titles, *fields)):
+        title, hint, field = titles.get(name, ""), hints[name], fields[name]
+        left_out = only_usual if title == ENVIRONMENT else only_environment
+        if left_out and name != "env":
+            # Neither shown nor parsed.
+            hint = SUPPRESSED[hint]
+        default = dataclasses.field(default=field.default, default_factory=field.default_factory)
+        flags[title].append((field.name, hint, default))
+    boxes = flags.pop("")
+    folded = f"{ENV_HELP} lists the flags of its options."
+    for title, inner in flags.items():
+        text = folded if title == ENVIRONMENT and not only_environment else ""
+        box = dataclasses.make_dataclass(title, inner, kw_only=True)
+        boxes.append((title, Annotated[box, tyro.conf.arg(help=text)], dataclasses.field()))
+    return dataclasses.make_dataclass(kind.__name__, boxes, kw_only=True)
+
+
+def _groups(kind: Any) -> Mapping[str, Sequence[str]]:
+    return getattr(kind, "GROUPS", {})
+
+
+def _shown_flags(kind: Any) -> dict[str, Any]:
+    """Return the types of the flags, with the lines of each docstring joined, the rules named,
+    and no default where there is none.
 
     "{announced}" and "{unknown}" in a docstring stand for the names of
     the rules of a task.
@@ -49,5 +107,9 @@ def _prepare_flags(kind: type) -> None:
             hint = ""
         elif isinstance(field.default, bool):
             hint = f"(default: {'on' if field.default else 'off'})"
-        added = tyro.conf.arg(help=texts.get(field.name), help_behavior_hint=hint)
-        kind.__annotations__[field.name] = Annotated[hints[field.name], added]
+        # The name of a flag does not begin with that of its group.
+        added = tyro.conf.arg(
+            help=texts.get(field.name), help_behavior_hint=hint, prefix_name=False
+        )
+        hints[field.name] = Annotated[hints[field.name], added]
+    return hints

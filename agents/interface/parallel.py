@@ -15,6 +15,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from agents.interface.help_texts import shown_default
 from agents.interface.world_arguments import trusted, trusting
 from hybrid_env.checks import ArgumentError, Count, reject
+from hybrid_env.extras import INSTALL
 
 Call = Callable[[], Any]
 """A call without arguments, such as `functools.partial(function, seed)`. It can be pickled."""
@@ -107,7 +108,7 @@ def _ray(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, Any]]:
     try:
         import ray
     except ImportError:
-        allowed = "'local', or an installed Ray: pip install 'hybrid-track[cluster]'"
+        allowed = f"'local', or an installed Ray: {INSTALL.format(extra='cluster')}"
         raise reject("engine", "ray", allowed) from None
     if not ray.is_initialized():
         # One worker for each core.

@@ -2,20 +2,21 @@
 
 import contextlib
 import dataclasses
+import functools
 import os
 import re
 import typing
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from docstring_parser import parse
 
-from agents.interface.help_texts import shown_default
+from agents.interface.help_texts import ENVIRONMENT, shown_default
 from agents.interface.input_files import read_json
-from hybrid_env.checks import reject
+from hybrid_env.checks import reject, unknown
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.registration import ENVIRONMENTS, environment_options
@@ -33,14 +34,20 @@ def _text(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
+@functools.cache
+def _described(kind: type) -> dict[str, str]:
+    """Return the descriptions in the docstrings of a dataclass, by the name of the field."""
+    parts = [part for base in kind.__mro__ for part in parse(base.__doc__ or "").params]
+    return {part.arg_name: str(part.description) for part in reversed(parts)}
+
+
 def _flag(kind: type, field: dataclasses.Field[Any], hint: Any) -> Any:
     """Return the type of the flag of an option, with its description and its defaults."""
     # A law is given as a text.
     name, plain = field.name, str if str in typing.get_args(hint) else hint
     if name == "sensors":
         plain = tuple[str, ...]
-    parts = [part for base in kind.__mro__ for part in parse(base.__doc__ or "").params]
-    text = " ".join(next(str(part.description) for part in parts if part.arg_name == name).split())
+    text = " ".join(_described(kind)[name].split())
     unless_given = re.search(r"None (?:draws|is|means) ([^.;]+)", text)
     # For callers in Python.
     text = re.sub(r"[;.] None [^.;]*|, or a (?:law|scheme) object", "", text)
@@ -79,6 +86,9 @@ class WorldArguments(_Flags):
     """Flags of the environment options. Flags that are not given leave the defaults of the
     environment id.
     """
+
+    # See `parse_flags`.
+    GROUPS: ClassVar[Mapping[str, Sequence[str]]] = {ENVIRONMENT: tuple(_flags())}
 
     @property
     def env_id(self) -> str:
@@ -152,12 +162,12 @@ def read_card(decider: str) -> tuple[str, dict[str, Any]] | None:
             try:
                 card = read_json(path)
                 environment, options = card["environment"], dict(card["options"])
-                unknown = options.keys() - option_names(environment)
+                others = options.keys() - option_names(environment)
             except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
                 allowed = f"a folder with a complete {CARD} ({error})"
                 raise reject("run", str(path.parent), allowed) from None
-            for option in unknown:
-                raise reject("option", option, "an option of the environment")
+            for option in others:
+                raise unknown("option", option, option_names(environment))
             return environment, options
     return None
 

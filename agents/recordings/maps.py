@@ -12,6 +12,7 @@ from agents.recordings.figure import mode_colours, mode_lines, thinned
 from agents.recordings.tracking import TrackedRecording
 from baselines.recordings.recording import iso_texts
 from hybrid_env.checks import AnyArray, ArgumentError, FloatArray
+from hybrid_env.extras import INSTALL
 
 # Rows that are drawn; more would delay a browser.
 MOST_POINTS = 100_000
@@ -73,7 +74,7 @@ def check_plotly() -> Any:
         import plotly.subplots
     except ImportError:
         raise ArgumentError(
-            "--html needs the extra 'html': pip install 'hybrid-track[html]'"
+            f"--html needs the extra 'html': {INSTALL.format(extra='html')}"
         ) from None
     return plotly
 

@@ -262,7 +262,7 @@ class TrackingArguments(ErrorArguments):
     """With --lengths: after a decision, go on with the likeliest radius of the decided type. Needs
     several radii.
     """
-    start: tuple[float, float, float, float] | None = None
+    initial_state: tuple[float, float, float, float] | None = None
     """Exact state x, vx, y, vy one tick before the first measurement; by default from the
     measurements.
     """
@@ -294,7 +294,7 @@ class TrackingArguments(ErrorArguments):
         variances = self.measurement_variance, self.process_variance
         model = fit_model(grid, self.radii or None, *variances, duration, lengths)
         tracker = self._tracker(lengths, grid, model)
-        start = None if self.start is None else np.array(self.start)
+        start = None if self.initial_state is None else np.array(self.initial_state)
         decisions = [
             decide_piece(recording, piece, model, tracker, lengths, start) for piece in grid.pieces
         ]

@@ -39,6 +39,7 @@ from agents.training.vec_env import HybridTrackVecEnv
 from baselines.rules import seeds
 from baselines.rules.decider import Decider
 from hybrid_env.checks import ArgumentError, check_integer, reject
+from hybrid_env.extras import INSTALL
 from hybrid_env.observation import Layout
 
 
@@ -130,7 +131,7 @@ class LibraryAlgorithm(Algorithm):
             try:
                 import sb3_contrib as library
             except ImportError:
-                allowed = 'sb3-contrib: pip install "hybrid-track[recurrent]"'
+                allowed = f"sb3-contrib: {INSTALL.format(extra='recurrent')}"
                 raise reject("algo", cls.name, allowed) from None
         return getattr(library, cls.__name__)
 

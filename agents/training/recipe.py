@@ -16,9 +16,11 @@ from typing import Any
 
 from agents.algorithms import find_algorithm
 from agents.interface.input_files import parse_yaml, read_text
-from hybrid_env.checks import check_integer, reject
+from hybrid_env.checks import check_integer, reject, unknown
 
 FOLDER = Path(__file__).parent / "recipes"
+# Ends of the names of files of recipes.
+RECIPE_FILES = (".yml", ".yaml")
 
 
 @dataclass(frozen=True)
@@ -53,11 +55,12 @@ def load_recipe(name: str, env_id: str, changes: Sequence[str] = ()) -> Recipe:
         changes: hyper-parameters to override, each "name=value" with a value in YAML.
     """
     path = FOLDER / f"{name}.yml" if name in recipe_names() else Path(name)
-    allowed = ", ".join(recipe_names()) + ", or a YAML file"
+    if path.suffix not in RECIPE_FILES and not path.is_file():
+        raise unknown("recipe", name, recipe_names())
     try:
         entries = parse_yaml(read_text(path))
     except (OSError, ValueError) as error:
-        raise reject("recipe", name, f"{allowed} ({error})") from None
+        raise reject("recipe", name, f"a YAML file ({error})") from None
     short = env_id.rpartition(":")[2]
     entry = entries.get(short, entries.get("default")) if isinstance(entries, dict) else None
     if not isinstance(entry, dict):
@@ -90,11 +93,13 @@ def recipe_of(name: str, entry: Mapping[str, Any]) -> Recipe:
     algo = entry.pop("algo", None)
     kind = find_algorithm(algo).Settings
     steps = check_integer("n_timesteps", entry.pop("n_timesteps", None), maximum=10**12)
+    known = [field.name for field in dataclasses.fields(kind)]
+    for key in entry.keys() - set(known):
+        raise unknown("set", key, known)
     try:
         settings = kind(**entry)
     except TypeError as error:
-        known = ", ".join(field.name for field in dataclasses.fields(kind))
-        raise reject("recipe", name, f"an entry with some of {known} ({error})") from None
+        raise reject("recipe", name, f"an entry with all hyper-parameters ({error})") from None
     recipe = Recipe(name, algo, steps, settings)
     try:
         json.dumps(recipe.as_json(), allow_nan=False)

@@ -8,7 +8,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import logsumexp
 
 from baselines.rules.decider import Observations
 from baselines.rules.measurements import (
@@ -296,6 +295,8 @@ class ComponentFilters(OwnState):
 
     def _weigh_laws(self, begins: BoolArray, log_weights: FloatArray, first: BoolArray) -> None:
         """Multiply the weights of the laws by the likelihood of the segment that has ended."""
+        from scipy.special import logsumexp
+
         joint = self._joint[:, :, :, begins] + log_weights[begins].T[..., None]
         laws = self.log_laws[:, begins] + logsumexp(joint, axis=(1, 2, 4))
         laws = np.where(first[begins], self.prior, laws - laws.max(0))

@@ -104,6 +104,17 @@ class CheckedDecider:
         raise reject("actions", shown, f"{allowed} from {name_of(self.decider)}")
 
 
+def names_code(name: str) -> bool:
+    """Return whether a name has the form "mine.py:MyRule", or "package.module:Rule" of a package
+    that exists.
+    """
+    where, _, attribute = name.rpartition(":")
+    _search(Path.cwd())
+    parts = where.split(".")
+    importable = all(map(str.isidentifier, parts)) and importlib.util.find_spec(parts[0])
+    return attribute.isidentifier() and (parts[-1] == "py" or bool(importable))
+
+
 def find_external(name: str) -> Any:
     """Return the object of "mine.py:MyRule", "package.module:Rule" or an entry point; None for
     another form.
@@ -112,12 +123,9 @@ def find_external(name: str) -> Any:
         if point.name == name:
             with _one_line(name):
                 return point.load()
-    where, _, attribute = name.rpartition(":")
-    _search(Path.cwd())
-    parts = where.split(".")
-    importable = all(map(str.isidentifier, parts)) and importlib.util.find_spec(parts[0])
-    if not attribute.isidentifier() or not (parts[-1] == "py" or importable):
+    if not names_code(name):
         return None
+    where, _, attribute = name.rpartition(":")
     with _one_line(where):
         return getattr(_module(where), attribute)
 

@@ -13,7 +13,6 @@ import math
 from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
-from scipy.special import logsumexp
 
 from baselines.rules.decider import Actions, Variants
 from baselines.rules.measurements import (
@@ -250,6 +249,8 @@ class RestartDecider(MeasurementDecider):
 
     def step(self, state: RestartedFilters, measurements: FloatArray) -> None:
         """Advance filters and statements; see `MeasurementDecider.step`."""
+        from scipy.special import logsumexp
+
         run_compiled(step_restarted, state, measurements, self.model)
         tracks = np.arange(len(measurements))
         logs = state.started["log_likelihood"].reshape(*state.log_ratios.shape, -1)

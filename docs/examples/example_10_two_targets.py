@@ -5,7 +5,7 @@ Two crossing targets in Stone Soup
 Two targets cross, and nobody says which detection is whose; some are missing, and some are clutter. `Stone Soup
 <https://stonesoup.readthedocs.io>`_ associates them, with the interacting multiple model filter of HybridTrack as its
 predictor and updater. Each of its tracks then goes through a live tracker, whose decider states mode and switches.
-``pip install 'hybrid-track[all]' stonesoup``
+``pip install stonesoup``
 """
 
 # %%

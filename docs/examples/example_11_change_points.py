@@ -4,7 +4,7 @@ A change detector for skchange
 
 Thirty lines put ``track_recording``, which segments positions in the plane into straight motion and turns, behind the interface of
 `skchange <https://skchange.readthedocs.io>`_ and scikit-learn: ``fit``, ``predict``, ``clone``, ``GridSearchCV``. Here it stands
-beside skchange's PELT on the same tracks. ``pip install 'hybrid-track[all]' skchange``
+beside skchange's PELT on the same tracks. ``pip install skchange``
 """
 
 # %%

@@ -31,6 +31,17 @@ def mode_colour(mode: int, radii: Sequence[float]) -> str:
     return shade(TYPE_COLOURS[kind], rank / (len(radii) - 1) - 0.5)
 
 
+def legend_colours(radii: Sequence[float]) -> dict[str, str]:
+    """Return the colours of a legend by their names: those of the modes, or of their types if there
+    are more than nine.
+    """
+    modes = range(2 * len(radii) + 1)
+    if len(modes) > 9:
+        names = ("straight", "left turns, darker is tighter", "right turns, darker is tighter")
+        return dict(zip(names, TYPE_COLOURS, strict=True))
+    return {mode_name(mode, radii): mode_colour(mode, radii) for mode in modes}
+
+
 def shade(colour: str, amount: float) -> str:
     """Mix a colour "#rrggbb" with black (amount -1 .. 0) or with white (amount 0 .. 1)."""
     parts = (int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5))

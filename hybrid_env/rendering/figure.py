@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hybrid_env.checks import FloatArray
 from hybrid_env.rendering import FRAME_SIZE
-from hybrid_env.rendering.evidence import TYPE_COLOURS, EvidencePanel, mode_colour, mode_name
+from hybrid_env.rendering.evidence import EvidencePanel, legend_colours, mode_colour, mode_name
 from hybrid_env.rendering.history import History
 
 
@@ -113,12 +113,7 @@ class EpisodeFigure:
         """Add what is drawn, and below it the colours of the modes, by type if there are too
         many.
         """
-        radii = self.options.radii
-        modes = range(self.options.hypotheses)
-        colours = {mode_name(mode, radii): mode_colour(mode, radii) for mode in modes}
-        if len(colours) > 9:
-            names = ("straight", "left turns, darker is tighter", "right turns, darker is tighter")
-            colours = dict(zip(names, TYPE_COLOURS, strict=True))
+        colours = legend_colours(self.options.radii)
         handles = [Line2D([], [], color=colour, label=name) for name, colour in colours.items()]
         if self.panel.legend:
             handles.append(Line2D([], [], color="#555555", ls="--", label=self.panel.legend))

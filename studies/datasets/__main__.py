@@ -72,7 +72,7 @@ def random_actions(env_id: str) -> Callable[[Any], Any]:
 class Datasets:
     """Write episodes of deciders, one data set of Minari for each."""
 
-    policies: tyro.conf.Positional[tuple[str, ...]]
+    deciders: tyro.conf.Positional[tuple[str, ...]]
     """Deciders of the environment, with optional thresholds, or 'random'."""
     env: str = "HybridTrack-v0"
     """Registered id of the environment."""
@@ -88,7 +88,7 @@ class Datasets:
         if self.out is not None:
             os.environ["MINARI_DATASETS_PATH"] = str(self.out.resolve())
         count = 5 if self.quick else self.episodes
-        for name in self.policies:
+        for name in self.deciders:
             decider = random_actions(self.env) if name == "random" else load(name, self.env)
             identity = f"{self.env}/{re.sub(r'[^a-zA-Z0-9]+', '_', name)}-v0"
             episodes = record(self.env, decider, count)

@@ -3,8 +3,10 @@
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import joblib
+import tyro
 
 from agents import run_command
 from studies.departures import study
@@ -17,7 +19,7 @@ class Departures:
     best rule that is told. 200 episodes take about 20 minutes.
     """
 
-    deciders: tuple[str, ...] = ()
+    deciders: Annotated[tuple[str, ...], tyro.conf.Positional] = ()
     """Further deciders for announced switches and three hypotheses, as 'runs/ppo'."""
     episodes: int = 200
     """Number of episodes at each level; at most 1,000 others serve to select thresholds."""

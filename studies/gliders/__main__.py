@@ -3,8 +3,9 @@
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import tyro
 from joblib import delayed
 
 from agents import run_command
@@ -36,7 +37,7 @@ class Gliders:
 
     source: Path | None = None
     """The archive igc-xc-score-1.8.0.tgz or a folder with its logs."""
-    deciders: tuple[str, ...] = (*RULES, "agent")
+    deciders: Annotated[tuple[str, ...], tyro.conf.Positional] = (*RULES, "agent")
     """Rules, 'agent', or the folder of an agent; the first is the reference."""
     sealed: bool = False
     """Open the sealed logs too. Refused if code, weights or settings are not those of the seal."""

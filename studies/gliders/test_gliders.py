@@ -182,7 +182,7 @@ def test_sealed_logs_are_opened_by_an_unbroken_seal_only(folder, monkeypatch, ca
     monkeypatch.setattr(command, "SEAL", file)
     # Nothing is read.
     monkeypatch.setattr(command, "read_halves", None)
-    line = ["--source", str(folder), "--deciders", "imm", "--sealed"]
+    line = ["imm", "--source", str(folder), "--sealed"]
     assert run_command(command.Gliders, "gliders", line) == 2
     assert "libigc differ from sealed.json" in capsys.readouterr().err
 

@@ -15,7 +15,7 @@ class Gliders(Flights):
     """
 
     decider = GliderAgent
-    next_command = "python -m studies.gliders --source igc-xc-score-1.8.0.tgz --deciders imm-climb"
+    next_command = "python -m studies.gliders --source igc-xc-score-1.8.0.tgz imm-climb"
     early = 4.0
     curve_flights = (40,)
 

@@ -3,6 +3,9 @@
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
+
+import tyro
 
 from agents import run_command
 from studies.recordings import study
@@ -28,7 +31,7 @@ class Recordings:
     The default takes about eight minutes on one core.
     """
 
-    deciders: tuple[str, ...] = DECIDERS
+    deciders: Annotated[tuple[str, ...], tyro.conf.Positional] = DECIDERS
     """Names with their thresholds; the others are compared with the first."""
     tracks: int = 12
     """Number of recordings of each object and kind."""

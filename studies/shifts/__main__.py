@@ -3,6 +3,9 @@
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
+
+import tyro
 
 from agents import run_command, task_of
 from studies.results import save_results
@@ -16,7 +19,11 @@ class Shifts:
     The default takes about an hour on one core.
     """
 
-    deciders: tuple[str, ...] = ("shipped", "calibrated", "calibrated-robust")
+    deciders: Annotated[tuple[str, ...], tyro.conf.Positional] = (
+        "shipped",
+        "calibrated",
+        "calibrated-robust",
+    )
     """Deciders without thresholds; the first is compared with the best of the others."""
     env: str = "HybridTrackPublished-v0"
     """Registered id of the nominal environment."""

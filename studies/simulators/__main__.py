@@ -4,9 +4,10 @@ import importlib.util
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import joblib
+import tyro
 
 from agents import find_decider, run_command
 from hybrid_env import ArgumentError
@@ -29,7 +30,13 @@ class Simulators:
 
     simulators: tuple[Literal["jsbsim", "bluesky", "sumo"], ...] = ("jsbsim", "bluesky", "sumo")
     """Simulators, each with 27 worlds of three kinds, ticks and noises."""
-    deciders: tuple[str, ...] = ("robust", "threshold", "beam", "beam-geometric", "cusum")
+    deciders: Annotated[tuple[str, ...], tyro.conf.Positional] = (
+        "robust",
+        "threshold",
+        "beam",
+        "beam-geometric",
+        "cusum",
+    )
     """Deciders: an agent, for which nothing is selected, and rules that are tuned in each world."""
     episodes: int = 40
     """Number of paths of a quarter of an hour in each world, and of others for selection."""

@@ -18,7 +18,7 @@ def test_p_values_of_intervals_and_their_correction():
 
 def test_the_quick_form_compares_in_a_world(tmp_path, run_study):
     pytest.importorskip("jsbsim")
-    flags = "--quick --simulators jsbsim --deciders robust threshold --jobs 1 --out"
+    flags = "robust threshold --quick --simulators jsbsim --jobs 1 --out"
     printed = run_study("simulators", *flags.split(), str(tmp_path))
     content = json.loads((tmp_path / "simulators.json").read_text())
 

@@ -62,7 +62,6 @@ def test_an_agent_is_trained_and_evaluated(tmp_path):
 def test_compare_takes_names_and_functions():
     result = agents.compare(
         ["msprt", first],
-        [],
         episodes=4,
         selection_episodes=4,
         jobs=1,

@@ -8,8 +8,20 @@ from agents.cli import main
 
 INVALID_ARGUMENTS = [
     ("", "Expected one of"),
-    ("train --tua 3", "--tua"),
-    ("compare --deciders ate oracle", "decider='oracle'"),
+    ("compar", "did you mean 'compare'?"),
+    ("train --tua 3", "did you mean '--tau'"),
+    ("train --recipe pppo", "did you mean 'ppo'?"),
+    ("train --set n_env=3", "did you mean 'n_envs'"),
+    ("train --env HybridTrak-v0", "did you mean 'HybridTrack-v0'"),
+    ("compare ate oracle", "did you mean 'msprt-oracle'?"),
+    ("compare aet shipped", "decider='aet' does not exist: did you mean 'ate'?"),
+    ("compare msprt:0.1", "without a threshold"),
+    ("evaluate shipped2", "did you mean 'shipped'?"),
+    ("evaluate xyz", "decider='xyz' does not exist: expected a rule"),
+    ("evaluate beam", "a decider for announced switches, not unknown ones"),
+    ("evaluate ate:abc", "expected after the colon a number, 'auto', or a rate such as '2%'"),
+    ("evaluate model.zip", "expected a file that exists"),
+    ("play msprtt --env HybridTrackPublished-v0", "did you mean 'msprt'"),
     ("compare --out bad.txt", "out="),
     ("train --set n_envs=[", "set='n_envs=['"),
     ("play --out no/x.gif", "out='no/x.gif'"),
@@ -35,9 +47,9 @@ def test_invalid_arguments_are_refused_with_one_line_and_exit_code_2(
 
     assert main(shlex.split(line)) == 2
     captured = capsys.readouterr()
-    # The first time only.
-    announced = "HybridTrack: compiling "
-    lines = [line for line in captured.err.splitlines() if not line.startswith(announced)]
+    # Progress, and what is compiled the first time.
+    others = ("Loading", "0:00:", "HybridTrack: compiling ")
+    lines = [line for line in captured.err.splitlines() if not line.startswith(others)]
     assert len(lines) == 1
     assert lines[0].startswith("hybridtrack: ")
     assert message in lines[0]

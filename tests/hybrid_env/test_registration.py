@@ -10,7 +10,7 @@ from gymnasium.vector import AsyncVectorEnv
 from hostile_input import refused
 
 import hybrid_env
-from hybrid_env import HybridTrackEnv, Sensor
+from hybrid_env import ArgumentError, HybridTrackEnv, Sensor
 from hybrid_env.registration import make_track_vector_env
 
 SENSORS = (
@@ -68,3 +68,9 @@ def test_the_keys_declare_straight_left_and_right():
         env.reset(seed=0)
         *_, info = env.step(env.get_keys_to_action()[(ord(key),)])
         assert info["decided_mode"] in expected
+
+
+@pytest.mark.parametrize("make", [gym.make, gym.make_vec])
+def test_an_option_that_does_not_exist_is_refused_with_the_nearest_one(make):
+    with pytest.raises(ArgumentError, match="did you mean 'measurement_variance'"):
+        make("hybrid_env:HybridTrack-v0", mesurement_variance=1.0)

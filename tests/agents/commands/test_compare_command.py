@@ -12,8 +12,8 @@ from agents.training.algorithm import Algorithm
 
 def test_compare_writes_figures_and_data(tmp_path):
     line = (
-        "compare --env HybridTrackQuickest-v0 --ticks 40 --durations 'uniform 8-15' --deciders"
-        f" threshold cusum --episodes 8 --selection-episodes 6 --out {tmp_path}"
+        "compare threshold cusum shipped --env HybridTrackQuickest-v0 --ticks 40"
+        f" --durations 'uniform 8-15' --episodes 8 --selection-episodes 6 --out {tmp_path}"
     )
 
     assert main(shlex.split(line)) == 0
@@ -36,8 +36,8 @@ def test_compare_writes_figures_and_data(tmp_path):
 def test_an_interrupted_comparison_goes_on_with_the_same_results(jobs, tmp_path, monkeypatch):
     """As a whole one, in this process or in two; the training is interrupted half-way."""
     line = (
-        "compare --episodes 4 --selection-episodes 4 --deciders fixed --scheme 'random 2x20-25'"
-        f" --seed 5 --agents {small_recipe(tmp_path)} --steps 1280"
+        f"compare fixed {small_recipe(tmp_path)} --episodes 4 --selection-episodes 4"
+        " --scheme 'random 2x20-25' --seed 5 --steps 1280"
     )
     command = shlex.split(line)
     assert main([*command, "--jobs", jobs, "--out", str(tmp_path / "whole")]) == 0

@@ -40,7 +40,7 @@ def play(env=DECLARED, **arguments):
     Play(
         env=env,
         seed=3,
-        decider=decider,
+        deciders=(decider,),
         **OPTIONS[env],
         **arguments,
     ).run()

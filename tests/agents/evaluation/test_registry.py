@@ -1,6 +1,8 @@
 """The contract of every decider that is found by its name, for both kinds of switches."""
 
 import pickle
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -100,3 +102,14 @@ def test_a_policy_for_the_other_kind_of_switches_is_refused(task):
     (other,) = set(OPTIONS) - {task}
     with pytest.raises(ArgumentError, match=f"a policy for {task} switches"):
         find_decider(str(policy_folder("shipped", other)), OPTIONS[task])
+
+
+def test_a_wrong_name_is_refused_before_an_agent_is_loaded():
+    """In a new process, where PyTorch would have to be imported."""
+    code = (
+        "import sys; from agents.cli import main;"
+        " assert main(['compare', 'ate', 'shipped', 'aet']) == 2;"
+        " assert main(['train', '--recipe', 'pppo']) == 2;"
+        " assert 'torch' not in sys.modules and 'matplotlib' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

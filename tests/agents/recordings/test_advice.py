@@ -53,7 +53,7 @@ RANGES = {"time": T, "range": (np.hypot(X + 900.0, Y) / 90.0).round() * 90.0, "a
 def test_advice_is_followed(tmp_path, capsys, columns, options, cause, advice):
     path = tmp_path / "drive.csv"
     pd.DataFrame(columns).to_csv(path, index=False)
-    command = ["track", str(path), "--no-picture", "--overwrite"]
+    command = ["track", str(path), "--no-png", "--overwrite"]
     code = main([*command, *shlex.split(options)])
     captured = capsys.readouterr()
     said = " ".join((captured.out + captured.err).split())

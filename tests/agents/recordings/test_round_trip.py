@@ -42,8 +42,8 @@ def folder(tmp_path_factory):
     both[["id", "time", "mode"]].to_csv(folder / "both-truth.csv", index=False)
     files = [str(folder / f"{name}.csv") for name in PLACES]
 
-    assert main(["track", str(folder / "both.csv"), "--no-picture"]) == 0
-    assert main(["track", *files, "--no-picture", "--gpx", "--geojson", "--html"]) == 0
+    assert main(["track", str(folder / "both.csv"), "--no-png"]) == 0
+    assert main(["track", *files, "--no-png", "--gpx", "--geojson", "--html"]) == 0
     return folder
 
 

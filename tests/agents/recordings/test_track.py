@@ -56,7 +56,7 @@ def test_known_lengths_give_a_row_for_each_piece(drive):
 
 
 def test_rows_have_modes_probabilities_estimates_and_covariances(drive):
-    Track(files=(drive,), picture=False).run()
+    Track(files=(drive,), png=False).run()
     table = pd.read_csv(drive.parent / "drive_track" / "estimates.csv")
     given = pd.read_csv(drive)
 
@@ -101,7 +101,7 @@ def test_a_broken_recording_gets_one_line_and_changes_nothing(tmp_path, capsys):
 
 def test_existing_results_are_not_overwritten_without_a_word(tmp_path):
     path = tmp_path / "walk.csv"
-    line = ["track", str(path), "--no-picture"]
+    line = ["track", str(path), "--no-png"]
     results = tmp_path / "walk_track" / "estimates.csv"
     write(path)
 
@@ -118,7 +118,7 @@ def test_each_object_has_its_own_folder(tmp_path):
     path = tmp_path / "ships.csv"
     write(path, mmsi=["211/a"] * (ROWS // 2) + ["211"] * (ROWS // 2))
 
-    known = ["--measurement-variance", "0.01", "--no-picture"]
+    known = ["--measurement-variance", "0.01", "--no-png"]
     assert main(["track", str(path), *known]) == 0
     assert {path.name for path in (tmp_path / "ships_track").iterdir()} == {"211_a", "211"}
     names = [path.name for path in object_folders(tmp_path, ["..", "a/b", "a:b"])]

@@ -102,8 +102,8 @@ def test_a_module_and_an_entry_point_are_found(source, monkeypatch):
         lambda group: [point] if group == external.ENTRY_POINTS else [],
     )
     assert find_decider("patient:2", OPTIONS).threshold == 2
-    with pytest.raises(ArgumentError, match="patient"):
-        find_decider("nobody", OPTIONS)
+    with pytest.raises(ArgumentError, match="did you mean 'patient'"):
+        find_decider("patiens", OPTIONS)
 
 
 def test_files_have_the_helpers_beside_them_in_their_present_version(tmp_path):
