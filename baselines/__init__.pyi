@@ -11,10 +11,10 @@ from baselines.estimation.track_filter import TrackFilter as TrackFilter
 from baselines.estimation.turns import Turn as Turn
 from baselines.recordings.ate import track_ate as track_ate
 from baselines.recordings.given_tracks import GivenTracks as GivenTracks
+from baselines.recordings.online_estimate import OnlineEstimate as OnlineEstimate
 from baselines.recordings.reading.igc import IgcLog as IgcLog
 from baselines.recordings.reading.igc import parse_igc as parse_igc
 from baselines.recordings.reading.read import read_recordings as read_recordings
-from baselines.recordings.tracker import OnlineEstimate as OnlineEstimate
 from baselines.recordings.tracker import OnlineTracker as OnlineTracker
 from baselines.rules.beam import BeamDecider as BeamDecider
 from baselines.rules.change_detection import CusumDecider as CusumDecider

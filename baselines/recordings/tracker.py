@@ -6,9 +6,8 @@ import copy
 import math
 import operator
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import datetime
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self, TypeAlias
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,13 +16,14 @@ from baselines.estimation.forecast import check_times
 from baselines.estimation.turn_tracks import TurnTracks
 from baselines.estimation.turns import Turn, speed_of
 from baselines.recordings.clock import TickClock
+from baselines.recordings.online_estimate import OnlineEstimate, Status
 from baselines.recordings.sensor_units import SensorUnits
 from baselines.recordings.start import FirstMeasurements, gate_distance, unit_noise
+from baselines.recordings.track_state import Snapshot, TrackState
 from baselines.rules.decider import UNKNOWN, Decider, rules
 from baselines.rules.external import CheckedDecider, as_decider, name_of
 from baselines.rules.measurements import run_compiled
 from hybrid_env.checks import (
-    AnyArray,
     FloatArray,
     Moments,
     OwnState,
@@ -42,87 +42,6 @@ from hybrid_env.world import World
 
 if TYPE_CHECKING:
     from baselines.recordings.projection import Projection
-
-Status: TypeAlias = Literal["used", "missing", "far", "repeated", "late", "dropped"]
-"""What became of a measurement, see `OnlineEstimate`."""
-
-
-class OnlineEstimate(NamedTuple):
-    """What is known after a measurement.
-
-    Attributes:
-        mode: the stated or last declared mode: 0 straight, then the left and the right turns in the
-            order of the radii.
-        decided: False while the first measurements are collected; then with unknown switches as
-            long as the mode is only assumed: until the evidence for it reaches the threshold of the
-            decider, without one its probability is .5, or a decider with a threshold changes its
-            statement. True from the start if `begin` is told the mode. With announced switches
-            False from a switch to the declaration of its mode; then `mode` is the one before.
-        probabilities: (M,) of the modes.
-        estimate: (4,) [x, vx, y, vy] at the time of the measurement, in the units of the
-            measurements, with a projection in metres; NaN before the first measurement.
-        covariance: (4, 4) of the estimate; variances that nothing is known of are infinite.
-        status: what became of the measurement: "used"; "missing", there was none; "far", no motion
-            of the track explains it; "repeated", it has the time or, although the object moves, the
-            position of the last one; "late", it was made before the last one, and all that came
-            after it has been filtered again; "dropped", it is too late or has no tick of its own.
-        position: (x, y) of the estimate; with a projection latitude and longitude [deg].
-        turn: speed and radius of the object with their deviations, in the units of the estimate.
-            The radius is estimated although the hypothesis names another one.
-        recalculated: with the option `recalculation`, at a declaration: estimates (k, 4) and
-            covariances (k, 4, 4) of the k ticks since the switch by the filter of the declared
-            mode; otherwise None.
-    """
-
-    mode: int
-    decided: bool
-    probabilities: FloatArray
-    estimate: FloatArray
-    covariance: FloatArray
-    status: Status = "used"
-    position: tuple[float, float] = (math.nan, math.nan)
-    turn: Turn = Turn(math.nan, math.nan, math.nan, math.nan)
-    recalculated: Moments | None = None
-
-
-@dataclass
-class TrackState:
-    """What a tracker knows of the present track beside the arrays of its bank."""
-
-    # Stated or told before the first measurement; -1 if it is not known.
-    mode: int
-    # Whether the mode is only assumed, see `OnlineEstimate.decided`.
-    assumed: bool
-    clock: TickClock
-    # First measurements; None once the bank has begun.
-    collected: FirstMeasurements | None
-    # Length of the segment that the next measurement begins.
-    announced_ticks: int | None
-    # Of the last measurement.
-    time: float | None = None
-    # Whether there was a measurement.
-    measured: bool = False
-    # Position of the last measurement.
-    position: tuple[float, float] | None = None
-    # Smallest step of a coordinate between two measurements.
-    digit: float = math.inf
-    # Measurements in a row, up to now, that repeat a position, are far, and agree.
-    repeats: int = 0
-    far: int = 0
-    agreed: int = 0
-    decider_state: Any = None
-    episode_start: bool = True
-
-
-class Snapshot(NamedTuple):
-    """State after the measurement of a time, and the measurements that came after it."""
-
-    time: float
-    state: TrackState
-    arrays: dict[str, AnyArray]
-    # Times, and what was measured.
-    times: list[float]
-    points: list[Fused | None]
 
 
 def names_of_modes(radii: Sequence[float]) -> list[str]:

@@ -1,11 +1,9 @@
-"""What decides from rows or measurements: classical rules for every task, and the live tracker.
+"""What decides from rows or measurements: classical rules for every task.
 
 `decider` has the base class of every rule and agent, and finds a rule by its name; a new rule is
 one file. `external` finds and checks those of users. `rollout` is the loop around environment and
 decider. For announced switches `refiltering` has filters of its own (`component_filters`), whose
 anchors have the distribution of `anchor_prior`. For unknown switches `restarted` and `beam` filter
 the `measurements` themselves; `beam_prior` has the laws of durations among which a beam learns.
-`tracker` puts a rule behind a live sensor, `start` begins its track and has the gate of its
-measurements. May import: `hybrid_env`, and `estimation` and `scoring` of `baselines`. Never
-`agents`.
+May import: `hybrid_env`, and `estimation` and `scoring` of `baselines`. Never `agents`.
 """

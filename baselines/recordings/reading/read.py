@@ -15,6 +15,7 @@ from baselines.recordings.reading import cleaning
 from baselines.recordings.reading.columns import Columns, find_columns
 from baselines.recordings.reading.files import Table, read_table
 from baselines.recordings.reading.names import DEGREES, PARTS, SECONDS, plain_name, split_unit
+from baselines.recordings.reading.summary import summary
 from baselines.recordings.reading.values import (
     Times,
     in_degrees,
@@ -155,7 +156,7 @@ def read_recordings(
     left_out = {reason: len(lines) for reason, lines in table.left_out.items()}
     return RecordingFile(
         tuple(replace(recording, left_out=left_out) for recording in recordings),
-        _summary(table, roles, times, recordings),
+        summary(table, roles, times, recordings),
         left_out,
         tuple(warnings),
     )
@@ -464,56 +465,3 @@ def _recording(
         lines=table.lines[rows],
         time_cells=time_cells,
     )
-
-
-def _summary(
-    table: Table,
-    roles: Columns,
-    times: Times,
-    recordings: list[Recording],
-) -> str:
-    """Return file, rows, objects, tick, unit and extent, and what was left out or assumed."""
-    first, count = recordings[0], len(recordings)
-    by = (
-        f" by '{table.label(roles.roles['object'])}'"
-        if count > 1 and "object" in roles.roles
-        else ""
-    )
-    tick = np.median([recording.tick for recording in recordings])
-    steps = np.concatenate([np.diff(recording.times) for recording in recordings])
-    ticks = f"tick {tick:.6g} s" if first.time_unit == "s" else "no times: a row is a tick (--tau)"
-    if np.abs(steps - tick).max() > 1e-3 * tick:
-        ticks += f" (steps {steps.min():.4g} to {steps.max():.4g})"
-    positions = np.concatenate([recording.positions for recording in recordings])
-    low, high = np.nanmin(positions, axis=0), np.nanmax(positions, axis=0)
-    sentences = [
-        f"{table.file}: {_counted(len(table.frame), 'row')}",
-        _counted(count, "object") + by,
-        ticks,
-        f"x {low[0]:.6g} to {high[0]:.6g}, y {low[1]:.6g} to {high[1]:.6g} {first.unit}",
-    ]
-    if first.projection is not None:
-        centre = f" around {first.projection.latitude:.6g}, {first.projection.longitude:.6g}"
-        sentences.append("degrees projected to metres" + (centre if count == 1 else ""))
-    if times.kind:
-        start = f" from {times.epoch}" if times.epoch else ""
-        sentences.append(f"times are {times.kind}{start}")
-    missing = int(np.isnan(positions[:, 0]).sum())
-    if missing:
-        sentences.append(f"{_counted(missing, 'row')} without a position")
-    pieces = sum(len(recording.pieces) for recording in recordings)
-    if pieces > count:
-        sentences.append(f"{_counted(pieces, 'piece')} between gaps")
-    if not table.headed and not roles.chosen:
-        sentences.append(f"no header: columns taken as {', '.join(roles.roles)}")
-    sentences += dict.fromkeys(table.notes)
-    if table.left_out:
-        sentences.append(f"left out: {', '.join(cleaning.reasons(table))}")
-    if roles.unused:
-        more = f" and {len(roles.unused) - 6} more" * (len(roles.unused) > 6)
-        sentences.append(f"columns not used: {', '.join(roles.unused[:6])}{more}")
-    return "; ".join(sentences)
-
-
-def _counted(number: int, word: str) -> str:
-    return f"{number:,} {word}{'s' * (number != 1)}"

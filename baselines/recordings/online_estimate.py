@@ -1,0 +1,48 @@
+"""What a live tracker knows after a measurement, and what became of the measurement."""
+
+import math
+from typing import Literal, NamedTuple, TypeAlias
+
+from baselines.estimation.turns import Turn
+from hybrid_env.checks import FloatArray, Moments
+
+Status: TypeAlias = Literal["used", "missing", "far", "repeated", "late", "dropped"]
+"""What became of a measurement, see `OnlineEstimate`."""
+
+
+class OnlineEstimate(NamedTuple):
+    """What is known after a measurement.
+
+    Attributes:
+        mode: the stated or last declared mode: 0 straight, then the left and the right turns in the
+            order of the radii.
+        decided: False while the first measurements are collected; then with unknown switches as
+            long as the mode is only assumed: until the evidence for it reaches the threshold of the
+            decider, without one its probability is .5, or a decider with a threshold changes its
+            statement. True from the start if `begin` is told the mode. With announced switches
+            False from a switch to the declaration of its mode; then `mode` is the one before.
+        probabilities: (M,) of the modes.
+        estimate: (4,) [x, vx, y, vy] at the time of the measurement, in the units of the
+            measurements, with a projection in metres; NaN before the first measurement.
+        covariance: (4, 4) of the estimate; variances that nothing is known of are infinite.
+        status: what became of the measurement: "used"; "missing", there was none; "far", no motion
+            of the track explains it; "repeated", it has the time or, although the object moves, the
+            position of the last one; "late", it was made before the last one, and all that came
+            after it has been filtered again; "dropped", it is too late or has no tick of its own.
+        position: (x, y) of the estimate; with a projection latitude and longitude [deg].
+        turn: speed and radius of the object with their deviations, in the units of the estimate.
+            The radius is estimated although the hypothesis names another one.
+        recalculated: with the option `recalculation`, at a declaration: estimates (k, 4) and
+            covariances (k, 4, 4) of the k ticks since the switch by the filter of the declared
+            mode; otherwise None.
+    """
+
+    mode: int
+    decided: bool
+    probabilities: FloatArray
+    estimate: FloatArray
+    covariance: FloatArray
+    status: Status = "used"
+    position: tuple[float, float] = (math.nan, math.nan)
+    turn: Turn = Turn(math.nan, math.nan, math.nan, math.nan)
+    recalculated: Moments | None = None
