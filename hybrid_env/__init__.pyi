@@ -5,6 +5,7 @@ from hybrid_env.env import HybridTrackEnv as HybridTrackEnv
 from hybrid_env.noises import GaussianNoise as GaussianNoise
 from hybrid_env.noises import LevyNoise as LevyNoise
 from hybrid_env.noises import OutlierNoise as OutlierNoise
+from hybrid_env.noises import OwnNoise as OwnNoise
 from hybrid_env.noises import StudentNoise as StudentNoise
 from hybrid_env.observation import Layout as Layout
 from hybrid_env.observation import QuickestLayout as QuickestLayout

@@ -3,26 +3,29 @@ coordinate.
 
 A law is written as text: "gaussian"; "outliers 0.02 5", where 2 % of the measurements have 5 times
 the standard deviation; "levy 1.5 1 44", a symmetric alpha-stable law of index 1.5 and scale 1,
-clipped to +-44; "student_t 3" with 3 degrees of freedom. The last numbers may be left out. A bank
-assumes normal noise of variance R, or with the option `likelihood` Student's t.
+clipped to +-44; "student_t 3" with 3 degrees of freedom. The last numbers may be left out. A law of
+the user is a subclass of `OwnNoise`. A bank assumes normal noise of variance R, or with the option
+`likelihood` Student's t.
 """
 
 import dataclasses
+import functools
 import math
+from abc import ABC, abstractmethod
+from collections import namedtuple
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
+import numpy as np
 from annotated_types import Interval
 
-from hybrid_env.checks import Checked, Share, reject
-from hybrid_env.core.noise import GAUSSIAN, LEVY, OUTLIERS, STUDENT_T
+from hybrid_env.checks import Checked, Share, declared_fields, reject
+from hybrid_env.core.noise import GAUSSIAN, LEVY, OUTLIERS, OWN, STUDENT_T, compile_law
 
 
 @dataclass(frozen=True)
 class Noise(Checked):
-    """A law of the measurement noise: each subclass here is a law, whose fields are the numbers of
-    its text.
-    """
+    """A law of the measurement noise. The fields of a law in `LAWS` are the numbers of its text."""
 
     # Its text, which begins with its name.
     example: ClassVar[str]
@@ -38,6 +41,10 @@ class Noise(Checked):
         ]
         names = ("noise_shape", "noise_scale", "noise_clip")
         return dict(zip(names, numbers, strict=True), noise_law=self.law)
+
+    def as_json(self) -> str:
+        """Return the text, for files that name the options."""
+        return str(self)
 
     def __str__(self) -> str:
         numbers = [f"{getattr(self, field.name):.15g}" for field in dataclasses.fields(self)]
@@ -112,19 +119,69 @@ class StudentNoise(Noise):
     freedom: Annotated[float, Interval(ge=1.0, le=1e6)]
 
 
+LAWS: dict[str, type[Noise]] = {
+    law.example.partition(" ")[0]: law
+    for law in (GaussianNoise, OutlierNoise, LevyNoise, StudentNoise)
+}
+"""The laws that a text can name."""
+
+
+@dataclass(frozen=True)
+class OwnNoise(Noise, ABC):
+    """The base of a law of the user: a subclass defines `draw`, which numba compiles.
+
+    `draw` calls functions of `math` and functions that `numba.njit` compiles. If the subclass is a
+    dataclass, with `frozen=True`, `draw` reads the fields as `self.scale`; `self` has nothing else
+    there. Each combination of values is compiled once in a process, in less than a second.
+    """
+
+    @abstractmethod
+    def draw(self, u: tuple[float, float, float, float]) -> tuple[float, float]:
+        """Return the errors of x and y in units of sqrt(R), which are clipped at 10^6.
+
+        u: four independent random numbers, uniform from 0 to below 1, of the track's own stream.
+        Any other random number would not follow the seed.
+        """
+
+    def parameters(self) -> dict[str, float]:
+        """See `Noise.parameters`."""
+        return {"noise_law": OWN, "noise_function": _compiled(self).address}
+
+    def __str__(self) -> str:
+        return " ".join([type(self).__name__, *map(str, dataclasses.astuple(self))])
+
+
+# What is compiled is kept: an environment has its address only.
+@functools.cache
+def _compiled(law: OwnNoise) -> Any:
+    """Return the compiled function of a law. Python tries the law before, because its messages
+    say more.
+    """
+    try:
+        tried = [law.draw(tuple(u)) for u in np.random.default_rng(0).random((1000, 4)).tolist()]
+        errors = np.array(tried, float)
+        if errors.shape != (1000, 2) or not np.isfinite(errors).all():
+            raise ValueError(f"it returns {tried[0]}")
+        fields = {name: getattr(law, name) for name in declared_fields(type(law))}
+        return compile_law(type(law).draw, namedtuple(type(law).__name__, fields)(**fields))
+    except Exception as error:
+        lines = [line for line in str(error).splitlines() if not line.startswith("Failed in")]
+        reason = f"{type(error).__name__}: {lines[0] if lines else error}"
+        raise reject("noise", law, f"a law that draws two finite numbers ({reason})") from None
+
+
 def parse_noise(value: Any, name: str = "noise", allowed: str = "") -> Noise:
     """Parse a text or check a law. name, allowed: the argument and what it may be, for the
     message.
     """
-    laws = {law.example.partition(" ")[0]: law for law in Noise.__subclasses__()}
     if isinstance(value, Noise):
         return value
     words = value.split() if isinstance(value, str) else []
-    examples = ", ".join(repr(law.example) for law in laws.values())
+    examples = ", ".join(repr(law.example) for law in LAWS.values())
     allowed = allowed or f"{examples}, or a law of hybrid_env.noises"
-    if words and words[0] in laws:
+    if words and words[0] in LAWS:
         try:
-            return laws[words[0]](*map(float, words[1:]))
+            return LAWS[words[0]](*map(float, words[1:]))
         except (TypeError, ValueError) as error:
             raise reject(name, value, f"{allowed} ({error})") from None
     raise reject(name, value, allowed)

@@ -584,6 +584,8 @@ PARAMETERS = np.dtype(
                 "start_known",
             )
         ),
+        # The address of the function of a law of the user, see `noise`.
+        ("noise_function", np.uintp),
         # The addresses of the arrays.
         *(
             dict.fromkeys(

@@ -6,17 +6,21 @@ tracks, or ticks of one track, are drawn with SIMD code.
 """
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numba import carray, cfunc, njit, types
 from numpy.typing import NDArray
 
-from hybrid_env.core.compilation import formula, inlined, internal
+from hybrid_env.core.compilation import formula, inlined, internal, intrinsic
 from hybrid_env.core.elementary import ONE, exp, float_of, log, sine_cosine
-from hybrid_env.core.memory import FloatArray
+from hybrid_env.core.memory import LANES, FloatArray
 
-# Laws of the measurement noise.
-GAUSSIAN, OUTLIERS, LEVY, STUDENT_T = range(4)
+# Laws of the measurement noise; the last one calls a function of the user.
+GAUSSIAN, OUTLIERS, LEVY, STUDENT_T, OWN = range(5)
+# Of an error of a law of the user, over sqrt(R).
+LARGEST_ERROR = 1e6
 # The row with the uniform number that decides whether a tick has a measurement.
 LOST = 6
 # Of the elementary exponential.
@@ -123,9 +127,9 @@ def _draw_further(
     """Draw the uniform numbers that only some settings need: rows 4 and 5 for the law, and
     `LOST`.
     """
-    if setting.noise_law == OUTLIERS or setting.noise_law == LEVY:
+    if setting.noise_law == OUTLIERS or setting.noise_law == LEVY or setting.noise_law == OWN:
         noise[4, column] = uniform(state, lane)
-    if setting.noise_law == LEVY:
+    if setting.noise_law == LEVY or setting.noise_law == OWN:
         noise[5, column] = uniform(state, lane)
     if setting.missed > 0.0:
         noise[LOST, column] = uniform(state, lane)
@@ -139,6 +143,8 @@ def _to_noise(noise: FloatArray, first: int, last: int, setting: Any, rare: bool
         _to_stable(noise, first, last, setting)
     elif rare is not None and setting.noise_law == STUDENT_T:
         _to_student(noise, first, last, setting)
+    elif rare is not None and setting.noise_law == OWN:
+        _function_at(setting.noise_function)(noise.ctypes, first, last)
     else:
         _to_normals(noise, 2, first, last)
     if rare is not None and setting.noise_law == OUTLIERS:
@@ -206,3 +212,44 @@ def _to_student(noise: FloatArray, first: int, last: int, setting: Any) -> None:
         sine, cosine = sine_cosine(2.0 * math.pi * noise[3, column])
         noise[2, column] = max(min(radius * cosine, clip), -clip)
         noise[3, column] = max(min(radius * sine, clip), -clip)
+
+
+_COLUMNS = types.void(types.CPointer(types.float64), types.intp, types.intp)
+"""Signature of the function of a law of the user: the array of the noise, first and last."""
+
+_FUNCTION = types.ExternalFunctionPointer(_COLUMNS, int)
+
+
+@intrinsic
+def _function_at(_typing: Any, address: Any) -> Any:
+    """Convert an integer to a function with the signature `_COLUMNS`."""
+
+    def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], context.get_value_type(_FUNCTION))
+
+    return _FUNCTION(address), build
+
+
+@formula
+def _limited(error: float) -> float:
+    """Return an error of a magnitude of at most `LARGEST_ERROR`, also of infinity and NaN."""
+    if abs(error) <= LARGEST_ERROR:
+        return error
+    return math.copysign(LARGEST_ERROR, error)
+
+
+def compile_law(draw: Callable[..., Any], law: tuple[Any, ...]) -> Any:
+    """Compile the function `draw(law, u)` of a law of the user, see `noises.OwnNoise`. The result
+    has the field `address`, and is valid as long as the result exists.
+    """
+    drawn = njit(error_model="numpy")(draw)
+
+    def draw_columns(pointer: Any, first: int, last: int) -> None:
+        noise = carray(pointer, (7, LANES))
+        for column in range(first, last):
+            u = (noise[2, column], noise[3, column], noise[4, column], noise[5, column])
+            x, y = drawn(law, u)
+            noise[2, column] = _limited(x)
+            noise[3, column] = _limited(y)
+
+    return cfunc(_COLUMNS)(draw_columns)

@@ -4,12 +4,13 @@ import json
 
 import numpy as np
 import pytest
+from own_noise import Rounded
 from small_training import SMALL_PPO
 
 import agents
 from agents.cli import main
 from baselines import MSPRTDecider
-from hybrid_env import ArgumentError
+from hybrid_env import ArgumentError, StudentNoise
 
 WORLD = {"scheme": "S20 L30r5"}
 
@@ -57,6 +58,18 @@ def test_an_agent_is_trained_and_evaluated(tmp_path):
     assert repr(again) == repr(metrics)
     with pytest.raises(ArgumentError, match="is not allowed"):
         agents.train("ppo", out=tmp_path / "run")
+
+
+@pytest.mark.parametrize(
+    ("law", "text"),
+    [(StudentNoise(3.0), "student_t 3"), (Rounded(0.25), "Rounded 0.25")],
+)
+def test_a_run_folder_names_the_law_of_the_noise(law, text, tmp_path):
+    folder = tmp_path / "run"
+    given = {"steps": 1280, "changes": SMALL_PPO, "noise": law} | WORLD
+    agents.train("ppo", out=folder, **given)
+
+    assert json.loads((folder / "config.json").read_text())["options"]["noise"] == text
 
 
 def test_compare_takes_names_and_functions():

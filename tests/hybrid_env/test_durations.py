@@ -1,10 +1,13 @@
 """Laws of the durations of segments, and the segments that the environment draws from them."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions
 from hybrid_env.durations import (
+    DurationLaw,
     duration_probabilities,
     parse_durations,
     remaining_probabilities,
@@ -29,6 +32,30 @@ def test_a_law_is_its_text_and_its_probabilities_sum_to_1(text):
     np.testing.assert_allclose(remaining.sum(), 1, rtol=1e-12)
     later = np.append(remaining[1:], 0) + remaining[0] * probabilities
     np.testing.assert_allclose(later, remaining, atol=1e-15)
+
+
+@dataclass(frozen=True)
+class Always(DurationLaw):
+    """A law as a user writes it: one duration [ticks]."""
+
+    ticks: int = 7
+
+    @property
+    def mean_duration(self):
+        """Expected duration [ticks]."""
+        return float(self.ticks)
+
+    def survival(self, ticks):
+        """Return the probabilities of longer durations."""
+        return (np.arange(ticks + 1) < self.ticks).astype(float)
+
+
+def test_a_law_of_the_user_is_drawn_and_hinders_no_text():
+    env = HybridTrackQuickestVectorEnv(8, ticks=60, tick_info=True, durations=Always())
+    modes, segments, _ = timeline(env, 60, 1)
+
+    assert set(segments_of(modes, segments)[:, 2]) == {7}
+    assert str(parse_durations("uniform 5-9")) == "uniform 5-9"
 
 
 def timeline(env, ticks, seed):

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from hostile_input import refused
+from own_noise import Rounded
 
 from hybrid_env import (
     HybridTrackQuickestVectorEnv,
@@ -25,6 +26,12 @@ MADE = [
     ("HybridTrackPublished-v0", SAME, BRIEF | {"sensors": SENSORS, "missed": 0.4}),
     ("HybridTrackBank-v0", NEXT, BRIEF | {"missed": 0.3}),
     ("HybridTrackQuickest-v0", SAME, SHORT | {"sensors": SENSORS, "noise": "student_t 3"}),
+    (
+        "HybridTrack-v0",
+        SAME,
+        BRIEF | {"sensors": ["radar 0.3 0.01 rate 0.1 at 9 0", "0.4"], "noise": Rounded(0.25)},
+    ),
+    ("HybridTrackQuickest-v0", NEXT, SHORT | {"noise": Rounded(), "missed": 0.2}),
     (
         "HybridTrackQuickest-v0",
         NEXT,

@@ -1,6 +1,7 @@
 """The law of the noise, measured from an environment's measurements."""
 
 import pytest
+from own_noise import Rounded
 
 from agents.evaluation import measured_noise
 from agents.evaluation.task import task_of
@@ -60,6 +61,8 @@ def test_the_laws_are_told_apart_and_their_numbers_found():
     assert isinstance(law, LevyNoise)
     assert law.index == pytest.approx(1.5, rel=0.1)
     assert law.scale == pytest.approx(0.7, rel=0.1)
+    # Rounding adds step^2 / 12 to the variance.
+    assert isinstance(law_of(noise=Rounded(0.1)), GaussianNoise)
 
 
 def test_the_true_law_is_not_read(monkeypatch):

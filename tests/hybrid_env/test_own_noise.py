@@ -1,0 +1,121 @@
+"""A law of the measurement noise that a user writes."""
+
+import copy
+import math
+import pickle
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from drawn_noise import drawn_noise
+from own_noise import Rounded, run_page
+from scipy import stats
+
+from hybrid_env import ArgumentError, HybridTrackVectorEnv, OwnNoise, simulate
+
+COUNT = 100_000
+
+
+def errors(law):
+    """Return `COUNT` errors of each coordinate over sqrt(R), (2, COUNT)."""
+    drawn = drawn_noise(20, COUNT // 20, 3, noise=law).swapaxes(0, 1).reshape(4, -1)
+    assert stats.kstest(drawn[:2].ravel(), "norm").pvalue > 1e-3
+    # The standard error of a correlation of independent numbers.
+    assert abs(stats.spearmanr(*drawn[2:]).statistic) < 4.0 / math.sqrt(COUNT)
+    return drawn[2:]
+
+
+def test_the_law_of_the_page_has_the_distribution_of_laplace():
+    law = run_page()["env"].unwrapped.options.noise
+
+    assert str(law) == "Laplace 0.7"
+    assert stats.kstest(errors(law).ravel(), stats.laplace(scale=0.7).cdf).pvalue > 1e-3
+
+
+def test_rounded_errors_have_the_probabilities_of_a_rounded_normal_error():
+    steps = errors(Rounded(0.5)).ravel() / 0.5
+    numbers = steps.round()
+    np.testing.assert_allclose(steps, numbers, atol=1e-9)
+
+    # Those from 6 on together.
+    counts = np.bincount(np.abs(numbers).clip(max=6).astype(int))
+    edges = 0.5 * (np.arange(7) - 0.5)
+    shares = -np.diff(2.0 * stats.norm.sf(edges), append=0.0)
+    shares[0] = 1.0 - shares[1:].sum()
+    assert stats.chisquare(counts, shares * 2 * COUNT).pvalue > 1e-3
+
+
+def test_threads_and_simulations_draw_such_errors():
+    options = {"noise": Rounded(0.25), "tick_info": True}
+    made = [HybridTrackVectorEnv(40, threads=threads, **options) for threads in (1, 3)]
+    for env in made:
+        env.reset(seed=5)
+    for _ in range(30):
+        first, second = (env.step(np.zeros(40, int))[4]["measurement"] for env in made)
+        np.testing.assert_array_equal(first, second)
+
+    run = simulate("S30", 100, measurement_variance=4.0, noise=Rounded(0.25))
+    steps = (run.measurements - run.truth[:, :, ::2]) / (2.0 * 0.25)
+    np.testing.assert_allclose(steps, steps.round(), atol=1e-6)
+    assert steps.std() == pytest.approx(4.0, rel=0.1)
+
+
+@pytest.mark.parametrize("env_id", ["HybridTrack-v0", "HybridTrackQuickest-v0"])
+def test_copies_and_pickles_of_an_environment_draw_the_same_errors(env_id):
+    env = gym.make(f"hybrid_env:{env_id}", noise=Rounded()).unwrapped
+    env.reset(seed=2)
+    env.step(0)
+    copies = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]
+
+    expected = env.step(0)[4]["measurement"]
+
+    for each in copies:
+        assert each.options == env.options
+        np.testing.assert_array_equal(each.step(0)[4]["measurement"], expected)
+
+
+class Rare(OwnNoise):
+    """Infinity or NaN in one of 5,000 measurements."""
+
+    def draw(self, u):
+        x = math.inf if u[0] < 1e-4 else 0.0
+        return x, math.nan if u[0] > 1.0 - 1e-4 else 0.0
+
+
+def test_rare_infinities_and_nan_are_clipped():
+    x, y = (
+        np.abs(drawn_noise(20, COUNT // 20, 4, noise=Rare())[:, 2:])
+        .reshape(20, 2, -1)
+        .swapaxes(0, 1)
+    )
+
+    for size in (x, y):
+        # 10 are expected.
+        assert 1 <= (size > 1.0).sum() <= 30
+        np.testing.assert_allclose(size[size > 1.0], 1e6)
+        assert size[size <= 1.0].max() < 1e-6
+
+
+def law(draw):
+    """Return a law with this function, as one without fields."""
+    return type("Law", (OwnNoise,), {"draw": draw})()
+
+
+@pytest.mark.parametrize(
+    ("draw", "reason"),
+    [
+        (lambda self, u: absent(u), "NameError: name 'absent' is not defined"),  # noqa: F821
+        (lambda self, u: (self.scale * u[0], u[1]), "'Law' object has no attribute 'scale'"),
+        (lambda self, u: u[0], "it returns 0.63"),
+        (lambda self, u: (math.log(u[0] - 2.0), 0.0), "ValueError: math domain error"),
+        (lambda self, u: (math.inf, 0.0), r"it returns \(inf, 0.0\)"),
+        (lambda self, u: (sorted(u, key=abs)[0], 0.0), "TypingError: No implementation"),
+    ],
+    ids=["name", "field", "shape", "domain", "infinite", "compilation"],
+)
+def test_a_law_that_cannot_be_drawn_is_refused_in_one_line(draw, reason):
+    with pytest.raises(ArgumentError, match=reason) as error:
+        gym.make("hybrid_env:HybridTrack-v0", noise=law(draw))
+
+    assert str(error.value).startswith("noise=Law() is not allowed: expected a law that draws two")
+    assert "\n" not in str(error.value)
