@@ -11,6 +11,7 @@ from pathlib import Path
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent), str(HERE / "_ext")]
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures only, no window
+os.environ["OMP_NUM_THREADS"] = "1"  # the networks are small
 os.environ["COLUMNS"] = "100"  # width of the help texts
 
 project = "HybridTrack"
@@ -74,11 +75,7 @@ warnings.filterwarnings("ignore", message=".*non-interactive.*")
 
 
 def setup(app):
-    """Compile the kernels before the examples run, so that these show no notices of it."""
-    import gymnasium as gym
-
-    for env_id in ("HybridTrack-v0", "HybridTrackPublished-v0"):
-        gym.make(f"hybrid_env:{env_id}").reset(seed=0)
+    """Add the page of an episode, which runs after the other pages are built."""
     app.connect("build-finished", write_episode)
 
 

@@ -1,9 +1,11 @@
 """Make pages of the site of Markdown that can also be read on a forge.
 
-`<!-- file CONTRIBUTING.md -->` becomes that file of the repository, with links to pages of the
-site; `<!-- frame episode.html -->` above a picture becomes a frame that shows this file of the site
-in place of the picture. Links to the README of a study and to the file of an example become links
-to their pages.
+`<!-- file -->` above a link to a Markdown file becomes the text of that file, with links to pages
+of the site; on a forge the link stands alone. `<!-- frame episode.html -->` above a picture becomes
+a frame that shows this file of the site in place of the picture. Links to the README of a study and
+to the file of an example become links to their pages. The outputs of the examples show no notices
+of compilations, which depend on the machine. The links from a module's source code to its
+documentation lead to the anchors that the pages of the reference have.
 """
 
 import re
@@ -11,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[2]
-MARK = re.compile(r"^<!-- file ([\w./-]*) -->$", re.MULTILINE)
+MARK = re.compile(r"^<!-- file -->\n\[.*\]\((\S+)\)$", re.MULTILINE)
 FRAME = re.compile(r"^<!-- frame (\S+) -->\n!\[(.*)\]\(.*\)$", re.MULTILINE)
 # Of the repository, and the page of the site.
 PAGES = {
@@ -20,12 +22,21 @@ PAGES = {
     r"\]\(((?:\.\./)*)examples/(example_\w+)\.py": r"](\1gallery/\2.rst",
 }
 
+NOTICE = re.compile(r"^    HybridTrack: compiling .*\n", re.MULTILINE)
+EMPTY = re.compile(r"^\.\. rst-class:: \S+\n\n \.\. code-block:: none\n\n(?!    )", re.MULTILINE)
+# The page is called as the name that it documents: the last part of its name begins the member.
+BACK = re.compile(r"(api/generated/([\w.]*\.)(\w+)\.html#)[\w.]*?(\3\b[\w.]*\")")
 
-def file(name: str) -> str:
-    """A Markdown file of the repository's root; its links to files that are no pages become
-    text.
+
+def file(path: str) -> str:
+    """The text of a Markdown file, whose path starts from the page.
+
+    The README of a study is included by Sphinx, with its pictures. A file of the repository's root
+    has links to files that are no pages; these links become text.
     """
-    text = (ROOT / name).read_text(encoding="utf-8").replace("](docs/", "](")
+    if "studies" in path:
+        return f"```{{include}} {path}\n:relative-docs: ../\n:relative-images:\n```"
+    text = (ROOT / Path(path).name).read_text(encoding="utf-8").replace("](docs/", "](")
     for page in ("CHANGELOG", "CONTRIBUTING", "SECURITY"):
         text = text.replace(f"]({page}.md)", f"]({page.lower()}.md)")
     return re.sub(r"\[([^\]]+)\]\((LICENSE|CITATION\.cff)\)", r"\1", text)
@@ -36,6 +47,8 @@ def embed(app: Any, page: str, source: list[str]) -> None:
     text = MARK.sub(lambda mark: file(mark[1]), source[0])
     for link, site in PAGES.items():
         text = re.sub(link, site, text)
+    if page.startswith("gallery/"):
+        text = EMPTY.sub("", NOTICE.sub("", text))
     source[0] = FRAME.sub(r'<iframe src="\1" title="\2" loading="lazy"></iframe>', text)
 
 
@@ -44,6 +57,14 @@ def embed_study(app: Any, path: Path, page: str, source: list[str]) -> None:
     `include-read`.
     """
     source[0] = re.sub(r"\]\(\.\./(\w+)/README\.md", r"](../../docs/studies/\1.md", source[0])
+
+
+def mend_back_links(app: Any, page: str, template: str, context: Any, doctree: Any) -> None:
+    """Replace the anchors of the links on a page of source code; a handler of Sphinx's event
+    `html-page-context`.
+    """
+    if page.startswith("_modules/"):
+        context["body"] = BACK.sub(r"\1\2\4", context["body"])
 
 
 def outdated(app: Any, env: Any, *pages: Any) -> list[str]:
@@ -60,4 +81,5 @@ def setup(app: Any) -> dict[str, bool]:
     app.connect("source-read", embed)
     app.connect("include-read", embed_study)
     app.connect("env-get-outdated", outdated)
+    app.connect("html-page-context", mend_back_links)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

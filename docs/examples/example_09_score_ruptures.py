@@ -25,7 +25,7 @@ tracks, times = 40, options.tau * np.arange(options.ticks)
 
 def run(seed):
     """True modes, measured positions and statements of the rule: (N, T), (N, T, 2), (N, T)."""
-    envs = gym.make_vec("hybrid_env:HybridTrackQuickest-v0", num_envs=tracks)
+    envs = gym.make_vec("hybrid_env:HybridTrackQuickest-v0", num_envs=tracks, tick_info=True)
     true, positions, stated = [], [], []
     for now in rollout(envs, ThresholdDecider(0.7), seed):
         if now.step:
