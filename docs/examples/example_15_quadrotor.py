@@ -169,17 +169,6 @@ print(
     f"route {attempt}: {quadrotor.times[-1]:.1f} s of flight, apart by {np.median(apart):.1f} m in the median, at most {apart.max():.1f} m"
 )
 
-# %%
-# The study on such flights; ``fly`` returns a number of successful flights for a seed:
-#
-# .. code-block:: python
-#
-#     def quadrotor_flights(count, seed):
-#         attempts = (fly_quadrotor(flight_route(seed, attempt)) for attempt in itertools.count())
-#         return list(itertools.islice((flight for flight in attempts if flight is not None), count))
-#
-#     studies.radar.thesis.reproduce(folder=Path("quadrotor"), fly=quadrotor_flights)
-
 figure, (plane, distance) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
 for flight, name in ((mass, "point mass"), (quadrotor, "quadrotor")):
     plane.plot(*flight.positions[:, :2].T / 1000.0, label=name)

@@ -32,18 +32,21 @@ from studies.radar.radars import (
 HORIZONS = (1.0, 2.0, 5.0)
 # Probability of the stated region of a forecast.
 REGION = 0.95
-# Of a flight: RMSE of position [m] and velocity [m/s], RMSE of the forecast positions [m],
-# share of true positions within the stated regions; the RMSE are means over the axes, see
-# `flight_errors`.
-STATISTICS = {
-    name: Statistic((name,), np.positive)
-    for name in (
-        "position",
-        "velocity",
-        *(f"ahead {h:g}" for h in HORIZONS),
-        *(f"covered {h:g}" for h in HORIZONS),
-    )
-}
+# Of a flight: RMSE of position [m] and velocity [m/s] as means over the axes, RMSE of the position
+# by eq. (1.25) of the thesis [m], RMSE of the measurements as the mean over the axes [m], RMSE of
+# the forecast positions as means over the axes [m], and share of true positions within the stated
+# regions. See `flight_errors`.
+COLUMNS = (
+    "position",
+    "velocity",
+    "distance",
+    "measured",
+    *(f"ahead {h:g}" for h in HORIZONS),
+    *(f"covered {h:g}" for h in HORIZONS),
+)
+STATISTICS = {name: Statistic((name,), np.positive) for name in COLUMNS}
+# Noise reduction ratio: the error that a filter leaves of that of the measurements.
+STATISTICS["noise reduction ratio"] = Statistic(("position", "measured"), np.divide)
 CARD = """# Radar tracks of flights
 
 {flights} simulated flights past two radars, after A. Novospaskyi, "Analysis of the efficiency of
@@ -187,17 +190,18 @@ def truth_ahead(
 def score_estimates(name: str, estimated: Estimated, data: RadarData, noise: Noise) -> Scores:
     """Return the scores of estimates on the test flights, with forecasts at `HORIZONS`."""
     tracks = data.tracks["test"][noise]
-    errors = tracks.errors(estimated.positions, estimated.velocities)[:, [0, 2]]
+    errors = tracks.errors(estimated.positions, estimated.velocities)[:, [0, 2, 4]]
+    measured = flight_errors(tracks.measurements, tracks.positions)[:, :1]
     ahead = [
         _forecast_scores(*forecast, truth_ahead(data.flights["test"], tracks, horizon))
         for horizon, forecast in zip(HORIZONS, estimated.forecasts, strict=True)
     ]
-    values = np.concatenate([errors, *np.swapaxes(ahead, 0, 1).mT], axis=1)
+    values = np.concatenate([errors, measured, *np.swapaxes(ahead, 0, 1).mT], axis=1)
     return Scores(
         name,
         "",
         (0.0,),
-        tuple(STATISTICS),
+        COLUMNS,
         values[..., None],
     )
 

@@ -137,11 +137,14 @@ def _thesis_filter(name: Any, parameters: Parameters) -> TrackFilter:
 
 
 def _gh_filter(parameters: Parameters) -> TrackFilter:
-    """It starts anew after 4 s without measurements, as its velocity is of no use then."""
+    """The g-h filter, or the g-h-k filter if k is given. A track starts anew after 4 s without
+    measurements, as its velocity is of no use then.
+    """
     return GHFilter(
         axes=3,
         g=parameters["g"],
         h=parameters["h"],
+        k=parameters.get("k"),
         longest_gap=4.0,
     )
 
@@ -220,6 +223,18 @@ THESIS = {
         for name in ("CV", "CA", "CJ")
     },
 }
+# The thesis names this filter for further work, and does not try it.
+UNTRIED = {
+    "g-h-k": Contender(
+        _gh_filter,
+        {
+            "g": (FloatDistribution(0.05, 1.0), 0.6),
+            "h": (FloatDistribution(0.005, 1.2), 0.2),
+            "k": (_log(1e-4, 0.3), 0.01),
+        }
+        | _AVERAGE,
+    )
+}
 # Without averaging; R of the Gaussian noise known, continuous process noise, a prior of the start.
 SOUND = {
     "CV": _sound(("CV",), q_CV=(0.1, 1e3)),
@@ -255,6 +270,7 @@ SLOW = {
 COMBINED = "IMM, Student-t"
 CONTENDERS = {
     **THESIS,
+    **UNTRIED,
     **SOUND,
     **ROBUST,
     **SLOW,

@@ -14,16 +14,30 @@ from studies.radar import flights as model
 from studies.radar import radars, tuning
 from studies.radar.__main__ import Radar
 from studies.radar.alternatives import Correntropy, GHFilter
-from studies.radar.dataset import load_radar_data, write_radar_data
-from studies.radar.filters import moving_average
+from studies.radar.dataset import (
+    HORIZONS,
+    STATISTICS,
+    RadarData,
+    load_radar_data,
+    score_estimates,
+    write_radar_data,
+)
+from studies.radar.filters import CONTENDERS, filter_tracks, moving_average
 from studies.radar.particles import ParticleFilter
-from studies.radar.radars import draw_noise, measure, scan_flights
-from studies.radar.thesis import METRICS, TABLES, TEST_ERRORS, UNFILTERED, reproduce
+from studies.radar.radars import Tracks, draw_noise, flight_errors, measure, scan_flights
+from studies.radar.thesis import (
+    METRICS,
+    TABLES,
+    TEST_ERRORS,
+    UNFILTERED,
+    reproduce,
+    steady_gains,
+)
 
 pytest.importorskip("pyarrow")
 
 
-@pytest.mark.parametrize("part", ["scores", "thesis"])
+@pytest.mark.parametrize("part", ["scores", "thesis", "conversion"])
 def test_the_quick_form_prints_its_tables(part, tmp_path, capsys):
     arguments = [
         part,
@@ -36,8 +50,14 @@ def test_the_quick_form_prints_its_tables(part, tmp_path, capsys):
     assert run_command(Radar, "radar", arguments) == 0
     assert (tmp_path / f"{part}.md").read_text() in capsys.readouterr().out
     values = json.loads((tmp_path / f"{part}.json").read_text())
+    if part == "conversion":
+        for mean, half in values["0.01"].values():
+            # Four standard errors: the half width is 1.96 of them.
+            assert mean == pytest.approx(4.0, abs=2.1 * half)
+        assert values["3"]["ship at 9 km"][0] > 5.0
+        return
     if part == "scores":
-        assert [len(filters) for filters in values.values()] == [12, 12]
+        assert [len(filters) for filters in values.values()] == [13, 13]
         return
     # Unfiltered, the error is the noise itself: 4 standard errors of a deviation, from about 28
     # flights x 70 measurements x 3 axes.
@@ -164,6 +184,89 @@ def test_the_g_h_filter_starts_with_two_points_and_anew_after_a_gap():
 
     assert np.isnan(states[0]).all()
     np.testing.assert_allclose(states[1:], [*expected, [54.0, 4.0], [54.25, 4.0]])
+
+
+@pytest.mark.parametrize("name", ["CV", "CA"])
+def test_constant_gains_are_those_of_a_kalman_filter_in_its_steady_state(name):
+    # Kalata 1984 with the tracking index, deviation of the acceleration times step^2 over deviation
+    # of a measurement; the gain of the acceleration is gamma / (2 step^2) there.
+    step = 0.7
+    deviation = 3.0
+    if name == "CV":
+        index = 0.8
+        root = np.sqrt(index**2 + 8.0 * index)
+        g = ((index + 4.0) * root - index**2 - 8.0 * index) / 8.0
+        h = (index**2 + 4.0 * index - index * root) / 4.0
+        k = None
+    else:
+        g = 0.6
+        h = 2.0 * (2.0 - g) - 4.0 * np.sqrt(1.0 - g)
+        gamma = h**2 / g
+        index = gamma / (2.0 * np.sqrt(1.0 - g))
+        k = gamma / 4.0
+    variance = (index * deviation / step**2) ** 2
+    motion = MotionModel(
+        name,
+        axes=1,
+        noise=variance,
+        discretization="discrete",
+    )
+    kalman = KalmanFilter(motion, deviation**2, [30.0] * (motion.order - 1))
+    times = step * np.arange(200.0)
+    noise = np.random.default_rng(0).normal(0.0, deviation, (200, 5, 1))
+    measured = times[:, None, None] ** 2 + noise
+    exact, ours = (
+        run_filter(each, measured, times).states for each in (kalman, GHFilter(1, g, h, k))
+    )
+
+    np.testing.assert_allclose(ours[150:], exact[150:], rtol=1e-9, atol=1e-7)
+    assert np.abs(ours[3] - exact[3]).max() > 0.1
+    np.testing.assert_allclose(steady_gains(name, deviation**2 / variance, step), (g, h))
+
+
+@pytest.mark.parametrize(("name", "k"), [("g-h", 0.0), ("g-h-k", 0.03)])
+def test_the_noise_reduction_ratio_of_an_object_at_rest_is_that_of_the_closed_form(name, k):
+    flights, count = 20, 600
+    times = np.broadcast_to(np.arange(float(count))[:, None], (count, flights))
+    still = np.zeros((count, flights, 3))
+    noise = np.random.default_rng(4).normal(0.0, radars.SIGMA, still.shape)
+    tracks = Tracks(
+        times,
+        noise,
+        still,
+        still,
+    )
+    flown = [model.Flight(np.zeros((20 * count, 3)), np.zeros((20 * count, 3)))] * flights
+    data = RadarData(0, {"test": flown}, {"test": {"gaussian": tracks}})
+    g, h = 0.6, 0.25
+    parameters = {"g": g, "h": h} | ({"k": k} if k else {})
+    filtered = filter_tracks(
+        CONTENDERS[name],
+        parameters,
+        tracks,
+        HORIZONS,
+    )
+    scores = score_estimates(name, filtered, data, "gaussian")
+    ours = scores.estimate(STATISTICS["noise reduction ratio"])
+    # The variance that constant gains leave of white noise, Mahafza & Elsherbeni 2004, chapter 9.
+    gamma = 2.0 * k
+    numerator = 2.0 * h * (2.0 * g**2 + 2.0 * h - 3.0 * g * h) - g * gamma * (4.0 - 2.0 * g - h)
+    expected = numerator / ((4.0 - 2.0 * g - h) * (2.0 * g * h + g * gamma - 2.0 * gamma))
+
+    # Four standard errors of a deviation, about three measurements being one independent error, and
+    # a start of a few measurements.
+    assert ours.value == pytest.approx(np.sqrt(expected), rel=4.0 / np.sqrt(2 * noise.size / 3.0))
+
+
+def test_errors_are_means_over_the_axes_and_those_of_the_formulas():
+    truth = np.zeros((3, 1, 3))
+    truth[2] = np.nan
+    estimates = np.array([[3.0, -4.0, 0.0], [1.0, 2.0, 2.0], [9.0, 9.0, 9.0]])[:, None]
+    # By hand, of two measurements: squares of the axes 5, 10 and 2, sizes 2, 3 and 1.
+    roots = np.sqrt([5.0, 10.0, 2.0])
+    expected = [roots.mean(), 2.0, np.sqrt((25.0 + 9.0) / 2.0), (7.0 + 5.0) / 2.0]
+
+    np.testing.assert_allclose(flight_errors(estimates, truth), [expected])
 
 
 def test_a_wide_kernel_gives_the_kalman_filter_and_a_narrow_one_ignores_outliers():

@@ -1,5 +1,5 @@
-"""Novospaskyi 2025, tables 3.5 and 3.6: flights, tuning on 30 % of them, errors on the others, next
-to the published values.
+"""Novospaskyi 2025, tables 3.1 to 3.6: flights, tuning on 30 % of them, parameters, and errors on
+these flights and on the others, next to the published values.
 
 Why KF CV has velocity errors of hundreds of metres per second in the thesis: its tuned R is about
 1e-9 m^2, where the noise has 156 m^2. With discrete process noise and R / Q towards 0, the gains of
@@ -8,17 +8,30 @@ changes sign at every measurement instead of decaying, and all the noise is summ
 error, which alone was tuned, hardly shows it.
 """
 
+from collections.abc import Callable
 from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
 import joblib
 import numpy as np
+import pandas as pd
+from scipy.linalg import solve_discrete_are
 
+from baselines import MotionModel
 from studies.papers.published import Finding, FloatArray, Reproduction, intervals, table_row
-from studies.radar.filters import THESIS
+from studies.radar.filters import THESIS, UNTRIED
 from studies.radar.flights import FLIGHTS, point_mass_flights
-from studies.radar.radars import NOISE_NAMES, NOISES, Noise, Scan, Tracks, measure, scan_flights
+from studies.radar.radars import (
+    NOISE_NAMES,
+    NOISES,
+    SIGMA,
+    Noise,
+    Scan,
+    Tracks,
+    measure,
+    scan_flights,
+)
 from studies.radar.tuning import TRIALS, errors, tune_filters
 from studies.results import in_parallel
 
@@ -28,14 +41,22 @@ METRICS = (
     "velocity RMSE, m/s",
     "velocity MAE, m/s",
 )
+# The same errors by the formulas of the thesis, see `flight_errors`.
+FORMULAS = (
+    "position RMSE (1.25), m",
+    "position MAE (1.26), m",
+    "velocity RMSE (1.25), m/s",
+    "velocity MAE (1.26), m/s",
+)
 UNFILTERED = "no filter"
 PUBLISHED = "{}, published parameters"
 TABLES: dict[Noise, str] = {
     "gaussian": "Table 3.5, Gaussian noise",
     "levy": "Table 3.6, Levy noise",
 }
+Errors = dict[Noise, dict[str, tuple[float, float, float, float]]]
 # Tables 3.5 and 3.6: errors of the test flights, in the order of `METRICS`.
-TEST_ERRORS: dict[Noise, dict[str, tuple[float, float, float, float]]] = {
+TEST_ERRORS: Errors = {
     "gaussian": {
         UNFILTERED: (12.512, 9.930, 24.042, 22.327),
         "g-h": (11.437, 8.420, 8.259, 5.230),
@@ -49,6 +70,23 @@ TEST_ERRORS: dict[Noise, dict[str, tuple[float, float, float, float]]] = {
         "KF CV": (35.511, 20.397, 459.790, 313.543),
         "KF CA": (29.365, 19.008, 14.161, 9.269),
         "KF CJ": (31.439, 19.797, 19.585, 12.927),
+    },
+}
+# The same of the training flights.
+TRAINING_ERRORS: Errors = {
+    "gaussian": {
+        UNFILTERED: (12.567, 10.007, 24.013, 22.125),
+        "g-h": (11.552, 8.584, 8.395, 5.412),
+        "KF CV": (15.087, 11.787, 451.977, 317.751),
+        "KF CA": (9.695, 7.672, 8.830, 6.350),
+        "KF CJ": (12.293, 9.658, 13.116, 8.727),
+    },
+    "levy": {
+        UNFILTERED: (39.439, 20.444, 24.013, 22.125),
+        "g-h": (29.230, 17.886, 12.384, 7.570),
+        "KF CV": (33.845, 20.481, 474.622, 334.961),
+        "KF CA": (27.277, 18.082, 13.244, 8.871),
+        "KF CJ": (29.608, 19.132, 18.477, 12.410),
     },
 }
 # Tables 3.1 to 3.4: tuned parameters. The last two are window and ratio (its alpha) of the moving
@@ -79,7 +117,7 @@ def reproduce(
     trials: int = TRIALS,
     jobs: int = 1,
 ) -> Reproduction:
-    """Reproduce tables 3.5 and 3.6.
+    """Reproduce tables 3.1 to 3.6, with the g-h-k filter beside the filters of the thesis.
 
     Args:
         runs: number of seeds of the noise on the test flights, at least 1.
@@ -91,14 +129,20 @@ def reproduce(
     """
     scans, first = scan_flights(point_mass_flights(flights, seed), seed)
     training = {noise: measure(scans[:first], noise, (seed, 2)) for noise in NOISES}
+    compared = *THESIS, *UNTRIED
     tuned = tune_filters(
-        tuple(THESIS),
+        compared,
         training,
         seed,
         folder,
         trials,
         jobs,
     )
+    # The measurements for which the filters are tuned, and those with noise that no tuning has met.
+    splits = {
+        "training": (scans[:first], [(seed, 2)]),
+        "test": (scans[first:], [(seed, 3, run) for run in range(runs)]),
+    }
     calls = {}
     for noise in NOISES:
         filters: dict[str, tuple[str | None, dict[str, Any]]] = {UNFILTERED: (None, {})}
@@ -107,73 +151,196 @@ def reproduce(
             kinds = ("g", "h") if name == "g-h" else ("variances", "q")
             parameters = dict(zip((*kinds, "window", "ratio"), values, strict=True))
             filters[PUBLISHED.format(name)] = name, parameters
-        for label, chosen in filters.items():
-            call = joblib.delayed(evaluate)(
-                *chosen,
-                scans[first:],
-                noise,
-                runs,
-                seed,
-            )
-            calls[noise, label] = call
-    results = in_parallel([*calls.values()], jobs, "test flights")
+        for (label, chosen), (split, seen) in product(filters.items(), splits.items()):
+            call = joblib.delayed(evaluate)(*chosen, noise, *seen)
+            calls[noise, split, label] = call
+    results = in_parallel([*calls.values()], jobs, "flights")
     by_filter = dict(zip(calls, results, strict=True))
-    tables = {
-        "{}": {name: name for name in (UNFILTERED, *THESIS)},
-        "{}, with the published parameters": {name: PUBLISHED.format(name) for name in THESIS},
+    tests = {
+        (noise, label): of_filter
+        for (noise, split, label), of_filter in by_filter.items()
+        if split == "test"
     }
     rows = []
-    for (title, names), noise in product(tables.items(), NOISES):
-        for row, name in names.items():
-            of_filter = by_filter[noise, name]
-            count = of_filter.shape[1]
-            of_study = intervals(
-                of_filter.reshape(-1, 4),
-                np.positive,
-                seed,
-                count,
-            )
-            of_means = intervals(of_filter.mean(0), np.positive, seed)
-            rows.append(
-                table_row(
-                    title.format(TABLES[noise]),
-                    row,
-                    METRICS,
-                    TEST_ERRORS[noise][row],
-                    (*of_study[:3], *of_means[3:]),
-                    2,
-                    f"The interval contains 95 % of studies with {count} test flights.",
-                    "noise and averaging were chosen from this row" if row == UNFILTERED else "",
-                )
-            )
-    size = f"{FLIGHTS} flights"
+    for noise in NOISES:
+        for split, published in (("test", TEST_ERRORS), ("training", TRAINING_ERRORS)):
+            title = TABLES[noise] + ("" if split == "test" else ", training flights")
+            labels = {row: row for row in (UNFILTERED, *compared)}
+            by_row = {row: by_filter[noise, split, label] for row, label in labels.items()}
+            rows += _error_rows(title, published[noise], by_row, seed)
+            labels = {row: PUBLISHED.format(row) for row in THESIS}
+            by_row = {row: by_filter[noise, split, label] for row, label in labels.items()}
+            title += ", with the published parameters"
+            rows += _error_rows(title, published[noise], by_row, seed)
+        rows += _formula_rows(noise, tests, seed)
+        rows += _reduction_rows(noise, tests, seed)
+    findings = [*_parameters(tuned), *_orders(tests)]
     return Reproduction(
         "Novospaskyi 2025",
         runs,
         seed,
         rows,
-        _orders(by_filter),
-        size=size,
+        findings,
+        size=f"{FLIGHTS} flights",
     )
 
 
 def evaluate(
     name: str | None,
     parameters: dict[str, Any],
-    scans: list[Scan],
     noise: Noise,
-    runs: int,
-    seed: int,
+    scans: list[Scan],
+    streams: list[tuple[int, ...]],
 ) -> FloatArray:
-    """`tuning.errors` of a filter, or of no filter, on the test flights, (runs, F, 4)."""
-    parts = [vars(measure(scans, noise, (seed, 3, run))) for run in range(runs)]
+    """`tuning.errors` of a filter, or of no filter, on flights with the noise of each stream,
+    (streams, F, 8).
+    """
+    parts = [vars(measure(scans, noise, stream)) for stream in streams]
     tracks = {key: np.concatenate([part[key] for part in parts], axis=1) for key in parts[0]}
-    return errors(name, parameters, Tracks(**tracks)).reshape(runs, len(scans), 4)
+    return errors(name, parameters, Tracks(**tracks)).reshape(len(streams), len(scans), -1)
+
+
+def _error_rows(
+    title: str,
+    published: dict[str, tuple[float, float, float, float]],
+    by_row: dict[str, FloatArray],
+    seed: int,
+) -> list[pd.DataFrame]:
+    """Return the rows of a table of errors as means over the axes, of errors (runs, F, 8)."""
+    rows = []
+    for row, of_filter in by_row.items():
+        rows.append(
+            table_row(
+                title,
+                row,
+                METRICS,
+                published.get(row, (np.nan,) * 4),
+                _of_flights(of_filter[..., :4], np.positive, seed),
+                2,
+                _note(of_filter),
+                "noise and averaging were chosen from this row" if row == UNFILTERED else "",
+            )
+        )
+    return rows
+
+
+def _formula_rows(
+    noise: Noise,
+    tests: dict[tuple[Noise, str], FloatArray],
+    seed: int,
+) -> list[pd.DataFrame]:
+    """Return the rows of the errors of all settings by the formulas of the thesis."""
+    rows = []
+    for (of_noise, row), of_filter in tests.items():
+        if of_noise == noise:
+            rows.append(
+                table_row(
+                    f"{TABLES[noise]}, by the formulas of the thesis",
+                    row,
+                    FORMULAS,
+                    np.nan,
+                    _of_flights(of_filter[..., 4:], np.positive, seed),
+                    2,
+                    _note(of_filter),
+                )
+            )
+    return rows
+
+
+def _reduction_rows(
+    noise: Noise,
+    tests: dict[tuple[Noise, str], FloatArray],
+    seed: int,
+) -> list[pd.DataFrame]:
+    """Return the rows of the noise reduction ratio, the position RMSE over that of no filter."""
+    published = TEST_ERRORS[noise]
+    rows = []
+    for row in (*THESIS, *UNTRIED):
+        pair = np.stack([tests[noise, row][..., 0], tests[noise, UNFILTERED][..., 0]], axis=-1)
+        rows.append(
+            table_row(
+                f"{TABLES[noise]}, noise reduction ratio",
+                row,
+                ("position RMSE / that of no filter",),
+                [published[row][0] / published[UNFILTERED][0] if row in published else np.nan],
+                _of_flights(pair, lambda means: means[..., :1] / means[..., 1:], seed),
+                3,
+                _note(pair),
+            )
+        )
+    return rows
+
+
+def _of_flights(
+    of_filter: FloatArray,
+    statistics: Callable[[FloatArray], FloatArray],
+    seed: int,
+) -> list[FloatArray]:
+    """Return `intervals` of errors (runs, F, n): those of a study of the size of the thesis, which
+    has one noise for each flight, and our own, with flights as the runs.
+    """
+    count, size = of_filter.shape[1:]
+    of_study = intervals(of_filter.reshape(-1, size), statistics, seed, count)
+    of_means = intervals(of_filter.mean(0), statistics, seed)
+    return [*of_study[:3], *of_means[3:]]
+
+
+def _note(of_filter: FloatArray) -> str:
+    return f"The interval contains 95 % of studies with {of_filter.shape[1]} flights."
+
+
+def steady_gains(name: Any, ratio: float, step: float = 1.0) -> tuple[float, float]:
+    """Return the gains of position and velocity, the latter times the step, of a Kalman filter of
+    the thesis in its steady state with equal time steps [s]; `ratio` is R / q.
+    """
+    model = MotionModel(name, axes=1, noise=1.0, discretization="discrete")
+    measured = np.eye(model.order)[:, :1]
+    covariance = solve_discrete_are(
+        model.transition(step).T,
+        measured,
+        model.step_noise(step),
+        np.array([[ratio]]),
+    )
+    gain = covariance[:, 0] / (covariance[0, 0] + ratio)
+    return float(gain[0]), float(gain[1] * step)
+
+
+def _parameters(tuned: dict[Noise, dict[str, dict[str, Any]]]) -> list[Finding]:
+    """Tables 3.1 to 3.4: parameters of the filters beside the published ones. Of R and q only the
+    ratio matters, so that a Kalman filter has its gains in their place.
+    """
+
+    def text(*values: float) -> str:
+        return " ".join(f"{value:.3f}" for value in values)
+
+    findings: list[Finding] = []
+    for noise, name in product(NOISES, (*THESIS, *UNTRIED)):
+        ours = tuned[noise][name]
+        average = f"window {ours['window']}, ratio {ours['ratio']:.3f}"
+        label = f"Tables 3.1 to 3.4, {NOISE_NAMES[noise]}, {name}: "
+        if "q" not in ours:
+            keys = [key for key in "ghk" if key in ours]
+            result = text(*(ours[key] for key in keys))
+            label += ", ".join(keys)
+            claim = text(*PARAMETERS[noise][name][:2]) if name in PARAMETERS[noise] else ""
+        else:
+            kind = name.removeprefix("KF ")
+            variances, q, *_ = PARAMETERS[noise][name]
+            gains = [steady_gains(kind, variance / q) for variance in variances]
+            position, velocity = (text(*each) for each in zip(*gains, strict=True))
+            result = text(*steady_gains(kind, SIGMA**2 / ours["q"]))
+            label += "steady gains of position and velocity at steps of 1 s"
+            claim = f"{position} and {velocity} on x, y, z"
+        if claim:
+            *_, window, ratio = PARAMETERS[noise][name]
+            claim += f"; window {window}, ratio {ratio:.3f}"
+        findings.append((label, f"{result}; {average}", claim))
+    return findings
 
 
 def _orders(by_filter: dict[tuple[Noise, str], FloatArray]) -> list[Finding]:
     """In how many noise seeds the filters of the thesis have the order of its errors, from errors
-    (runs, F, 4) by noise and name.
+    (runs, F, 8) by noise and name.
     """
     findings: list[Finding] = []
     for (noise, title), metric in product(NOISE_NAMES.items(), (0, 2)):
