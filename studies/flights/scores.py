@@ -82,13 +82,18 @@ def estimates(scores: Scores) -> dict[str, Any]:
 def estimates_beside_first(
     scores: Mapping[str, Scores], name: str, rows: Sequence[int]
 ) -> dict[str, Any]:
-    """Return all statistics of a decider on some flights, and its agreement less that of the first
-    decider, None for that one.
+    """Return all statistics of a decider on some flights, and its agreement and delays less those
+    of the first decider, None for that one.
     """
     first = next(iter(scores))
     chosen, reference = scores[name].some(rows), scores[first].some(rows)
-    less = None if name == first else chosen.difference(reference, STATISTICS["agreement"])
-    return estimates(chosen) | {"agreement_less_first": less}
+    less = {
+        f"{compared}_less_first": None
+        if name == first
+        else chosen.difference(reference, STATISTICS[compared])
+        for compared in ("agreement", "enter", "leave")
+    }
+    return estimates(chosen) | less
 
 
 def table(title: str, deciders: Mapping[str, Mapping[str, Any]]) -> str:

@@ -12,8 +12,9 @@ from agents import run_command
 from hybrid_env import ArgumentError
 from studies.gliders.logs import EXPECTED
 from studies.gliders.report import picture, report
-from studies.gliders.rules import RULES
 from studies.gliders.study import (
+    DECIDERS,
+    FOR_DELAYS,
     compare_rule,
     find_rule,
     quick_halves,
@@ -37,7 +38,7 @@ class Gliders:
 
     source: Path | None = None
     """The archive igc-xc-score-1.8.0.tgz or a folder with its logs."""
-    deciders: Annotated[tuple[str, ...], tyro.conf.Positional] = (*RULES, "agent")
+    deciders: Annotated[tuple[str, ...], tyro.conf.Positional] = (*DECIDERS, "agent")
     """Rules, 'agent', or the folder of an agent; the first is the reference."""
     sealed: bool = False
     """Open the sealed logs too. Refused if code, weights or settings are not those of the seal."""
@@ -57,7 +58,7 @@ class Gliders:
         settings: dict[str, Any] = {}
         if self.sealed:
             settings = unbroken_seal(SEAL)["settings"]
-            if unknown := set(names) - set(settings["5"]):
+            if unknown := set(names) - set(settings["5"]) - set(FOR_DELAYS):
                 raise ArgumentError(f"deciders: the seal has no settings of {', '.join(unknown)}")
         if self.quick:
             flights = copies = quick_halves()

@@ -23,6 +23,12 @@ from studies.gliders.simulated import label_gliders, simulate_glider
 
 LEVELS = (2.0, 5.0, 8.0)
 """False changes an hour at which rules are compared; the middle one is that of the pictures."""
+FOR_DELAYS = {"imm-delays": RULES["imm"], "imm-climb-delays": RULES["imm-climb"]}
+"""Rules at the setting with the smallest delays, where other rules have that with the best
+agreement. They came after the seal.
+"""
+DECIDERS = RULES | FOR_DELAYS
+"""All rules by name; the first is the reference."""
 
 
 class Setting(NamedTuple):
@@ -55,7 +61,7 @@ def find_rule(name: str) -> TurnRule:
     Raises:
         ArgumentError: there is none of this name.
     """
-    return RULES[name] if name in RULES else GliderAgent.rule(name, RULES)
+    return DECIDERS[name] if name in DECIDERS else GliderAgent.rule(name, DECIDERS)
 
 
 def glider_statements(
@@ -81,15 +87,25 @@ def glider_statements(
     return batch.unstack(stated)
 
 
-def select(scores: Scores, rows: Sequence[int], level: float) -> int:
-    """Return the setting with the best agreement on some flights among those with few enough
-    false changes an hour.
+def select(
+    scores: Scores,
+    rows: Sequence[int],
+    level: float,
+    for_delays: bool = False,
+) -> int:
+    """Return the best setting on some flights among those with few enough false changes an hour.
+
+    The best setting has the largest agreement. For delays it has the smallest sum of the mean delay
+    of entering and that of leaving.
     """
-    false, agreement = (
-        scores.some(rows).curve(STATISTICS[name]) for name in ("false_per_hour", "agreement")
+    false, agreement, enter, leave = (
+        scores.some(rows).curve(STATISTICS[name])
+        for name in ("false_per_hour", "agreement", "enter", "leave")
     )
+    # A setting that never states a circle has no delay.
+    worth = np.nan_to_num(-(enter + leave), nan=-np.inf) if for_delays else agreement
     allowed = false <= max(level, false.min())
-    return int(np.where(allowed, agreement, -1.0).argmax())
+    return int(np.where(allowed, worth, -np.inf).argmax())
 
 
 def read_halves(source: Path, sealed: bool = False) -> list[Pair]:
@@ -137,8 +153,8 @@ def compare_rule(
         name: of the rule.
         flights: with their labels; their tiers are their halves.
         copies: simulated flights.
-        sealed: settings of the seal for the sealed flights, by level and name; without any they are
-            selected on all halves.
+        sealed: settings of the seal for the sealed flights, by level and name; without any, and for
+            rules that came after the seal, they are selected on all halves.
     """
     plain = [flight for flight, _ in flights]
     halves = [flight.tier.name for flight in plain]
@@ -151,8 +167,8 @@ def compare_rule(
     for level, best in chosen.items():
         for half in (*HALVES, SEALED):
             others = [k for k, other in enumerate(halves) if other not in (half, SEALED)]
-            best[half] = select(swept, others, level)
-        if sealed:
+            best[half] = select(swept, others, level, name in FOR_DELAYS)
+        if sealed and name not in FOR_DELAYS:
             _, model, numbers = sealed[f"{level:g}"][name]
             best[SEALED] = settings.index(Setting(name, model, tuple(numbers)))
     columns = {level: [best[half] for half in halves] for level, best in chosen.items()}

@@ -13,7 +13,7 @@ from made_up_glider import LEFT, fly, made_up_log, write_log
 from scipy.linalg import expm
 
 from agents import run_command, train
-from baselines import parse_igc
+from baselines import Scores, parse_igc
 from studies.flights.flight import stack_flights
 from studies.flights.turns import TurnModel, run_turn_imm, turn_motion
 from studies.gliders import __main__ as command
@@ -151,7 +151,7 @@ def folder(tmp_path, monkeypatch):
 
 def test_rules_are_compared_on_open_logs_with_settings_of_the_other_half(folder, monkeypatch):
     grid = (4.0, 6.0, 4.0), (7.0, 10.0, 6.0)
-    monkeypatch.setitem(RULES, "xcsoar", replace(RULES["xcsoar"], grid=grid))
+    monkeypatch.setitem(study.DECIDERS, "xcsoar", replace(RULES["xcsoar"], grid=grid))
     pairs = study.read_halves(folder)
     results = {
         name: study.compare_rule(
@@ -168,9 +168,30 @@ def test_rules_are_compared_on_open_logs_with_settings_of_the_other_half(folder,
     assert " ".join(flight.identity for flight, _ in pairs) == " ".join(logs.HALVES.values())
     assert "Nobody" not in text
     assert ours["agreement"].value > 0.9
-    assert ours["enter"].value < theirs["enter"].value
+    assert theirs["enter_less_first"].value == theirs["enter"].value - ours["enter"].value > 0.0
     for chosen in results["xcsoar"].chosen.values():
         assert {setting.numbers for setting in chosen.values()} <= set(grid)
+
+
+def test_a_setting_is_the_best_by_agreement_or_by_delays_with_few_false_changes():
+    """The fourth of five settings states too much, and the last one states no circle."""
+    table = {
+        "scored": [3600.0] * 5,
+        "agreed": [3400.0, 3450.0, 3300.0, 3590.0, 1800.0],
+        "switches": [20.0] * 5,
+        "missed": [0.0, 0.0, 4.0, 0.0, 20.0],
+        "delay": [140.0, 150.0, 80.0, 20.0, 0.0],
+        "ends": [10.0] * 5,
+        "missed_ends": [0.0, 0.0, 2.0, 0.0, 10.0],
+        "delay_of_ends": [40.0, 70.0, 40.0, 10.0, 0.0],
+        "false": [5.0, 5.0, 2.0, 9.0, 0.0],
+    }
+    scores = Scores("", "", tuple(range(5)), tuple(table), np.array([list(table.values())]))
+
+    assert study.select(scores, [0], 5.0) == 1
+    # Delays of 10 + 4, 8 + 7 and 5 + 5 s.
+    assert study.select(scores, [0], 5.0, for_delays=True) == 2
+    assert study.select(scores, [0], 9.0, for_delays=True) == 3
 
 
 def test_sealed_logs_are_opened_by_an_unbroken_seal_only(folder, monkeypatch, capsys):
