@@ -4,10 +4,11 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from joblib import cpu_count
+from joblib import cpu_count, delayed
 
 from agents import run_command
 from studies.limits import report, study
+from studies.limits.literature import published_rules
 from studies.results import in_parallel, save_results
 
 
@@ -16,11 +17,15 @@ class Limits:
     """Evaluate every classical rule on every filter bank and noise level.
 
     The default takes about two hours on one core, 1,500 episodes one hour; with unknown switch
-    moments about an hour.
+    moments, or with published rules only, about an hour.
     """
 
     unknown: bool = False
     """Evaluate rules for unknown switch moments, in HybridTrackQuickest-v0."""
+    literature: bool = False
+    """Evaluate published rules only, each with all its thresholds tuned, with P := I and with P
+    kept, in HybridTrackPublished-v0.
+    """
     episodes: int = 3000
     """Number of episodes per rule; a third as many others serve to select thresholds."""
     seed: int = 0
@@ -34,7 +39,7 @@ class Limits:
 
     def duration(self) -> str:
         """Return in words how long the study takes."""
-        hours = (1.0 if self.unknown else 2.0) * self.episodes / 3000
+        hours = (1.0 if self.unknown or self.literature else 2.0) * self.episodes / 3000
         cores = cpu_count() if self.jobs < 0 else self.jobs
         minutes = f"{60 * hours / cores:.0f} minutes on {cores}"
         return f"This takes about {hours:.2g} hours on one core, {minutes}; --quick one minute."
@@ -44,13 +49,14 @@ class Limits:
         episodes = 10 if self.quick else self.episodes
         if not self.quick:
             print(self.duration(), flush=True)
+        run = episodes, self.seed
+        if self.literature:
+            noises = study.noise_levels(self.quick)
+            parts = {"literature": [delayed(published_rules)(noise, *run) for noise in noises]}
+        else:
+            parts = study.calls(self.unknown, *run, self.quick)
         rows = {}
-        for part, calls in study.calls(
-            self.unknown,
-            episodes,
-            self.seed,
-            self.quick,
-        ).items():
+        for part, calls in parts.items():
             results = in_parallel(calls, self.jobs, part)
             rows[part] = [row for result in results for row in result]
         picture = report.figure(rows["rules"]) if "rules" in rows else None

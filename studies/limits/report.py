@@ -12,7 +12,7 @@ from studies.limits.study import BANKS, Row
 
 
 def markdown(parts: Mapping[str, Sequence[Row]]) -> str:
-    """Return all tables of a study, see `calls`; of the steps one for each environment or law."""
+    """Return all tables of a study by its parts; of the steps one for each environment or law."""
     gain = (
         "Mean reward per segment, with unknown moments of a tick, at the tuned threshold; in"
         " brackets the gain over the row before, with its 95 % interval."
@@ -22,6 +22,8 @@ def markdown(parts: Mapping[str, Sequence[Row]]) -> str:
         " best threshold."
     )
     by_noise = "R = {:g}"
+    if "literature" in parts:
+        return _literature(pd.DataFrame(parts["literature"]), by_noise)
     text = []
     for place, here in pd.DataFrame(parts["steps"]).groupby("place", sort=False):
         text += [f"### Steps of information: {place}\n", f"{gain}\n"]
@@ -61,6 +63,26 @@ def markdown(parts: Mapping[str, Sequence[Row]]) -> str:
             _calibration_cell,
         ),
     ]
+    return "\n".join(text)
+
+
+def _literature(rows: pd.DataFrame, by_noise: str) -> str:
+    """Return the rewards of published rules, and their thresholds."""
+
+    def used(row: Row) -> str:
+        return ", ".join(f"{threshold:g}" for threshold in row["thresholds"])
+
+    cells = (
+        (
+            "Mean reward per segment at the tuned thresholds; in brackets the gain over the first"
+            " row on the same episodes, with its 95 % interval.",
+            _gain_cell,
+        ),
+        ("Thresholds, tuned on other episodes.", used),
+    )
+    text = ["### Published rules in HybridTrackPublished-v0\n"]
+    for title, cell in cells:
+        text += [f"{title}\n", _pivot(rows, ["step", "noise"], by_noise, cell)]
     return "\n".join(text)
 
 

@@ -12,6 +12,7 @@ eq. (3) run to 2 n; rule (5) tests i only against q_A, as the algorithm does, no
 hypothesis ("any lambda_ij").
 """
 
+from collections.abc import Iterator
 from itertools import product
 from typing import Any
 
@@ -68,15 +69,27 @@ def filter_known_modes(recording: Simulation, variance: float) -> FloatArray:
     state = np.tile([1.0, 1.0j] @ np.reshape(SETTING.start, (2, 2)), (runs, 1))
     covariance = np.tile(np.eye(2), (runs, 1, 1))
     estimates = []
-    parts = np.split(measurements, recording.lengths.cumsum()[:-1], axis=1)
-    for part, radius in zip(parts, recording.signed_radii, strict=True):
+    parts = np.split(
+        measurements,
+        recording.lengths.cumsum()[:-1],
+        axis=1,
+    )
+    for part, radius in zip(
+        parts,
+        recording.signed_radii,
+        strict=True,
+    ):
         transition = np.tile([[1.0, SETTING.tau], [0.0, 1.0]], (runs, 1, 1))
         centre = np.zeros((runs, 2), np.complex128)
         if radius:
             rate = np.abs(state[:, 1]) / radius
             cosine, sine = np.cos(rate * SETTING.tau), np.sin(rate * SETTING.tau)
             rows = [[cosine, sine / rate], [-rate * sine, cosine]]
-            transition = np.moveaxis(np.array(rows), -1, 0)
+            transition = np.moveaxis(
+                np.array(rows),
+                -1,
+                0,
+            )
             centre[:, 0] = state[:, 0] + 1j * state[:, 1] / rate
         for measured in part.T:
             state = centre + (transition @ (state - centre)[..., None])[..., 0]
@@ -98,28 +111,14 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     """
     rows: list[pd.DataFrame] = []
     findings: list[Finding] = []
-    for index, (name, variance) in enumerate(SETTING.variances.items()):
-        recording = SETTING.simulate(runs, seed + index, variance)
-        estimates = filter_known_modes(recording, variance)
-        published = PUBLISHED[KNOWN_MODES][name]
-        rows += [
-            rmse_row(
-                KNOWN_MODES,
-                name,
-                published,
-                estimates,
-                recording.truth,
-                seed,
-            )
-        ]
-        tracks = SETTING.track(recording, variance)
-        rows += _ate_rows(
-            name,
+    for name, recording, tracks, of_setting in _compared(runs, seed):
+        rows += of_setting
+        variance = SETTING.variances[name]
+        refined = SETTING.track(
             recording,
-            tracks,
-            seed,
+            variance,
+            refine_radius=True,
         )
-        refined = SETTING.track(recording, variance, refine_radius=True)
         findings += _findings(
             name,
             recording,
@@ -131,8 +130,72 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
         runs,
         seed,
         rows,
-        findings + _settings_tried(seed),
+        [
+            *findings,
+            *_counts(
+                runs,
+                seed,
+                rows,
+            ),
+            *_settings_tried(seed),
+        ],
     )
+
+
+def _compared(
+    runs: int,
+    seed: int,
+) -> Iterator[tuple[str, Simulation, Any, list[pd.DataFrame]]]:
+    """Yield name, recording, tracks of ATE and rows of all tables of every setting."""
+    for index, (name, variance) in enumerate(SETTING.variances.items()):
+        recording = SETTING.simulate(
+            runs,
+            seed + index,
+            variance,
+        )
+        tracks = SETTING.track(recording, variance)
+        known = rmse_row(
+            KNOWN_MODES,
+            name,
+            PUBLISHED[KNOWN_MODES][name],
+            filter_known_modes(recording, variance),
+            recording.truth,
+            seed,
+        )
+        yield (
+            name,
+            recording,
+            tracks,
+            [
+                known,
+                *_ate_rows(
+                    name,
+                    recording,
+                    tracks,
+                    seed,
+                ),
+            ],
+        )
+
+
+def _counts(runs: int, seed: int, rows: list[pd.DataFrame], seeds: int = 4) -> list[Finding]:
+    """Number of published values inside at consecutive seeds, of each table, from the rows at the
+    first seed.
+    """
+    counted: dict[str, list[str]] = {table: [] for table in PUBLISHED}
+    for later in range(seed, seed + seeds):
+        if later > seed:
+            rows = [row for *_, of_setting in _compared(runs, later) for row in of_setting]
+        for table, cells in Reproduction(
+            "",
+            runs,
+            later,
+            rows,
+            (),
+        ).tables.items():
+            counted[table].append(f"{(cells.verdict == 'inside').sum()} of {len(cells)}")
+    label = f"at the seeds {seed} to {seed + seeds - 1}"
+    return [(f"{table}, {label}", ", ".join(counts), "") for table, counts in counted.items()]
 
 
 def _ate_rows(name: str, recording: Simulation, tracks: Any, seed: int) -> list[pd.DataFrame]:
@@ -142,7 +205,16 @@ def _ate_rows(name: str, recording: Simulation, tracks: Any, seed: int) -> list[
     correct = 100.0 * SETTING.correct_types(tracks, recording).mean(1, keepdims=True)
     means = [
         table_row(
-            table, name, heads, published[table], intervals(values, np.positive, seed), digits
+            table,
+            name,
+            heads,
+            published[table],
+            intervals(
+                values,
+                np.positive,
+                seed,
+            ),
+            digits,
         )
         for table, heads, values, digits in (
             (TIMES, (*"123456", "mean"), ticks, 2),
