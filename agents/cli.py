@@ -39,7 +39,7 @@ hybridtrack train --env HybridTrackQuickest-v0 --recipe rhythm""",
     "evaluate": """
 hybridtrack evaluate ate:1e-6 msprt:0.02 fixed:30 shipped
 hybridtrack evaluate runs/ppo:-1 --episodes 3000 --out ppo.json
-hybridtrack evaluate shipped calibrated --noise 'outliers 0.05'
+hybridtrack evaluate shipped propagated --noise 'outliers 0.05'
 hybridtrack evaluate shipped beam threshold:0.7 --env HybridTrackQuickest-v0""",
     "compare": """
 hybridtrack compare                                # trains PPO, draws the operating curves

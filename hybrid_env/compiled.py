@@ -15,6 +15,7 @@ from hybrid_env.core.banks.bank import likeliest as likeliest
 from hybrid_env.core.banks.bank import likeliest_of_type as likeliest_of_type
 from hybrid_env.core.banks.bank import set_estimate as set_estimate
 from hybrid_env.core.banks.bank import signed_radius as signed_radius
+from hybrid_env.core.banks.extended_kalman import turn_coefficients as turn_coefficients
 from hybrid_env.core.banks.imm import begin_imm as begin_imm
 from hybrid_env.core.banks.imm import correct_imm as correct_imm
 from hybrid_env.core.banks.imm import predict_imm as predict_imm

@@ -17,7 +17,7 @@ import torch
 from agents.learned.anchor_inputs import RowRatios, regret_inputs
 from agents.learned.anchor_net import RegretNet
 from agents.training.worlds import Explorer, WorldsAlgorithm, WorldsSettings
-from baselines.rules.anchor_prior import anchor_errors
+from baselines.rules.propagation import anchor_errors
 from hybrid_env.checks import Count, Float32Array, FloatArray
 
 

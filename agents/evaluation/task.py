@@ -199,7 +199,7 @@ class AnnouncedTask(Task):
     def deciders(self) -> tuple[str, ...]:
         """See `Task.deciders`."""
         if self.options.bank == "published":
-            return (self.reference, "fixed", "msprt", "msprt-kept", "calibrated")
+            return (self.reference, "fixed", "msprt", "msprt-kept", "propagated")
         by_type = self.options.correctness == "type"
         return (self.reference, "sprt", "msprt-type" if by_type else "msprt")
 

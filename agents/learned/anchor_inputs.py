@@ -10,13 +10,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baselines.rules.anchor_prior import MIRROR
 from baselines.rules.component_filters import stated_covariance
 from baselines.rules.decider import Observations
 from baselines.rules.msprt import mode_types
 from hybrid_env.checks import Float32Array, FloatArray, IntArray
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
+
+# Signs of [x, vx, y, vy] in a frame whose across axis points to the right.
+MIRROR = np.array([1.0, 1.0, -1.0, -1.0])
 
 
 def bounded_log(values: ArrayLike, smallest: float = 1e-12) -> FloatArray:

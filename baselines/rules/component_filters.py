@@ -11,6 +11,7 @@ import numpy as np
 
 from baselines.rules.decider import Observations
 from baselines.rules.measurements import (
+    axes_in_rows,
     in_heading_frame,
     in_rows,
     in_world,
@@ -24,6 +25,8 @@ from hybrid_env.compiled import (
     INNOVATION,
     LANES,
     MEASURED,
+    MOST_RATES,
+    SENSOR,
     FilterModel,
     aligned_zeros,
     begin_hypothesis,
@@ -179,7 +182,7 @@ class ComponentFilters(OwnState):
     no hypothesis explains is an outlier, with a larger variance. There are filters for every law of
     `LAWS`, weighted by the likelihood of all measurements of the episode, and for three
     orientations of the heading frame if the axes have different variances. Otherwise these have
-    their geometric mean.
+    their geometric mean. With `oriented` the rows of the published bank tell the axes.
     """
 
     # (C, N, M) of all measurements since the start of the filters.
@@ -196,6 +199,7 @@ class ComponentFilters(OwnState):
         tracks: int,
         world: WorldOptions,
         robust: bool = False,
+        oriented: bool = False,
     ):
         self.bank = bank
         self.world = world
@@ -203,7 +207,9 @@ class ComponentFilters(OwnState):
         self.layout = Layout(world.hypotheses)
         x, y = np.broadcast_to(world.variances, 2).tolist()
         variances = [(float(np.sqrt(x * y)),) * 2]
-        if robust and x != y:
+        # The published bank tells the axes.
+        self.oriented = oriented and x != y and world.bank == "published"
+        if robust and x != y and not self.oriented:
             variances = [(x, y), (y, x), ((x + y) / 2, (x + y) / 2)]
         laws = LAWS if robust else LAWS[:1]
         fields = {"tau": world.tau, "process_variance": world.process_variance}
@@ -231,6 +237,14 @@ class ComponentFilters(OwnState):
         # Log-likelihoods (laws, orientations, C, N, M).
         self._joint = np.zeros((len(laws), len(variances), components, tracks, M))
         self._innovations = np.zeros((*self._joint.shape, 3))
+        self.sensors = sensors_of(world)
+        # Covariance xx, xy, yy of a measurement over R.
+        self.noise = np.tile([1.0, 0.0, 1.0], (tracks, 1))
+        if self.oriented:
+            self.sensors = np.zeros(1, SENSOR)
+            self.sensors["rate_row"] = -1
+        # Whether the axes are known, (N,).
+        self.axes_known = np.zeros(tracks, np.bool_)
         self.memory = _Memory(
             aligned_zeros((M,), INNOVATION),
             aligned_zeros((1,), MEASURED),
@@ -258,6 +272,8 @@ class ComponentFilters(OwnState):
             measurements, anchors, heading = in_world(sensed, anchors)
         else:
             measurements = in_rows(self.layout, rows, self.world.missed > 0.0)
+        if self.oriented:
+            measurements = self._with_noise(rows, begins, measurements)
         shape = len(self.assumptions), *self.log_likelihood.shape
         of_assumptions = zip(
             self.filters,
@@ -271,7 +287,7 @@ class ComponentFilters(OwnState):
             np.ascontiguousarray(anchors),
             measurements,
             np.array(self.world.radii),
-            sensors_of(self.world),
+            self.sensors,
             self.memory,
         )
         for arrays in of_assumptions:
@@ -279,6 +295,22 @@ class ComponentFilters(OwnState):
         self._combine()
         if self.world.sensors:
             self.innovations = in_heading_frame(self.innovations, heading)
+
+    def _with_noise(
+        self, rows: Observations, begins: BoolArray, measurements: FloatArray
+    ) -> FloatArray:
+        """Return measurements (N, 9) with their covariance over R in the heading frame."""
+        self.axes_known[begins] = False
+        new = ~self.axes_known & ~np.isnan(measurements[:, 0])
+        if new.any():
+            axes = axes_in_rows(self.layout, rows[new], measurements[new], self.world.tau)
+            ratio = np.sqrt(self.world.variances.min() / self.world.variances.max())
+            mean, half = (1.0 / ratio + ratio) / 2.0, (1.0 / ratio - ratio) / 2.0
+            cosine, sine = half * axes.T
+            self.noise[new] = np.stack([mean - cosine, -sine, mean + cosine], axis=-1)
+            self.axes_known |= new
+        rates = np.full((len(rows), MOST_RATES), np.nan)
+        return np.hstack([measurements, self.noise, rates])
 
     def _combine(self) -> None:
         """Write likelihoods and innovations, weighted over laws and orientations."""
@@ -302,18 +334,30 @@ class ComponentFilters(OwnState):
         laws = np.where(first[begins], self.prior, laws - laws.max(0))
         self.log_laws[:, begins] = laws - logsumexp(laws, axis=0)
 
-    def state_arrays(self) -> dict[str, AnyArray]:
-        """Return all arrays that determine the next ticks; writing into them changes the
-        filters.
+    @property
+    def noise_ratios(self) -> FloatArray:
+        """Variance of the errors over that of a measurement, by each assumption."""
+        laws = LAWS if len(self.log_laws) > 1 else LAWS[:1]
+        ratios = [law.variance for law in laws]
+        return np.repeat(ratios, len(self.assumptions) // len(laws))
+
+    def shares(self, log_weights: FloatArray) -> FloatArray:
+        """Return the posterior of every filter, (assumptions, C, N, M), by logarithms of weights
+        of the components (N, C).
         """
-        filters = {name: self.filters[name] for name in AWARE_HYPOTHESIS.names or ()}
-        return filters | {"log_likelihoods": self._joint, "log_laws": self.log_laws}
+        joint = self._joint + self.log_laws[:, None, None, :, None] + log_weights.T[..., None]
+        share = np.exp(joint - joint.max((0, 1, 2, 4), keepdims=True))
+        share /= share.sum((0, 1, 2, 4), keepdims=True)
+        return share.reshape(-1, *share.shape[2:])
 
     def select_tracks(self, tracks: BoolArray) -> "ComponentFilters":
         """Return the filters of the tracks selected by a mask (N,)."""
         components = len(self.log_likelihood)
         count = int(tracks.sum())
-        selected = ComponentFilters(self.bank, components, count, self.world, self.robust)
+        given = self.bank, components, count, self.world, self.robust, self.oriented
+        selected = ComponentFilters(*given)
+        selected.noise[:] = self.noise[tracks]
+        selected.axes_known[:] = self.axes_known[tracks]
         selected.log_laws[:] = self.log_laws[:, tracks]
         selected._joint[:] = self._joint[:, :, :, tracks]
         old = np.divmod(np.flatnonzero(np.tile(tracks, components)), LANES)

@@ -190,6 +190,31 @@ def in_rows(layout: Layout, rows: AnyArray, missed: bool) -> FloatArray:
     return measurements
 
 
+def axes_in_rows(
+    layout: Layout,
+    rows: AnyArray,
+    measurements: FloatArray,
+    tau: float,
+) -> FloatArray:
+    """Return the direction of the axis with the smaller variance in the heading frame, (N, 2),
+    cosine and sine of twice its angle. Rows of the first measurement of a segment give it, because
+    the published bank whitens its innovations along the axes: the filter of straight motion expects
+    the object `speed` times the time ahead.
+    """
+    expected = layout.read(rows, "speed") * np.rint(layout.read(rows, "ticks")) * tau
+    innovation = measurements - expected[:, None] * [1.0, 0.0]
+    white = np.stack(
+        [layout.read(rows, f"innovation_{axis}")[:, 0] for axis in ("along", "across")], axis=-1
+    )
+    log_variance = layout.read(rows, "log_variance")[:, 0] + layout.read(rows, "log_noise")
+    # White = W innovation, where W is symmetric and its determinant is known.
+    normal = np.stack([-innovation[:, 1], innovation[:, 0]], axis=-1)
+    normal *= np.exp(-0.5 * log_variance)[:, None]
+    W = white[:, :, None] * white[:, None] + normal[:, :, None] * normal[:, None]
+    axis = np.stack([W[:, 0, 0] - W[:, 1, 1], 2.0 * W[:, 0, 1]], axis=-1)
+    return np.asarray(axis / np.maximum(np.hypot(*axis.T), 1e-300)[:, None])
+
+
 def in_world(
     sensed: FloatArray | None,
     anchors: FloatArray,

@@ -4,8 +4,7 @@
 SELECTION = 1_000_000_000
 # To select a threshold on.
 SELECTION_EPISODES = 1000
-# Stopping rules are fitted.
-FITTING = 2_000_000_000
+# 2_000_000_000: free.
 # Learning curves are evaluated.
 LEARNING_CURVE = 3_000_000_000
 # 4_000_000_000: random worlds of a study.

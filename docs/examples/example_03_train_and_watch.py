@@ -11,10 +11,12 @@ learning curve.
 # ATE reads the bank of its paper; SPRT, the same test, reads the rows that PPO reads.
 
 import gymnasium as gym
+import torch
 from stable_baselines3 import PPO
 
 from agents import evaluate
 
+torch.set_num_threads(1)  # fastest for a small network
 model = PPO("MlpPolicy", gym.make("hybrid_env:HybridTrack-v0"))
 model.learn(40_000)
 for name, decider in {"PPO": model, "ATE": "ate", "SPRT": "sprt"}.items():
@@ -26,7 +28,6 @@ for name, decider in {"PPO": model, "ATE": "ate", "SPRT": "sprt"}.items():
 
 import matplotlib.pyplot as plt
 import numpy as np
-import torch
 
 env = gym.make("hybrid_env:HybridTrack-v0")
 observation, info = env.reset(seed=7)

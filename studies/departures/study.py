@@ -56,7 +56,7 @@ def _process(factor: float) -> Level:
 # Environment, rules that are told, and deciders that are not.
 ANNOUNCED = (
     "HybridTrackPublished-v0",
-    ("calibrated", "calibrated-robust"),
+    ("propagated", "propagated-robust"),
     ("shipped", "msprt", "ate"),
 )
 ROADS = (

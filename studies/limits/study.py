@@ -33,7 +33,7 @@ STEPS: dict[str, tuple[str, dict[str, Any]]] = {
     "ATE on the published bank": ("ate", {}),
     "MSPRT: every hypothesis is compared with every other": ("msprt", {}),
     "the filters start from the covariance of the estimate": ("msprt-kept", {}),
-    "the distribution of the anchor error is fitted in simulation": ("calibrated", {}),
+    "the distribution of the anchor error is computed": ("propagated", {}),
     "MSPRT on the anchor-aware bank, which reads the full covariance": (
         "msprt-aware",
         {"bank": "anchor_aware"},
@@ -56,6 +56,11 @@ CALIBRATION_BANKS: dict[str, dict[str, Any]] = {
 Row = dict[str, Any]
 
 
+def noise_levels(quick: bool) -> tuple[float, ...]:
+    """Return the levels R [m^2] that are evaluated."""
+    return (0.1,) if quick else (0.01, 0.1, 1.0)
+
+
 def calls(unknown: bool, episodes: int, seed: int, quick: bool = False) -> dict[str, list[Any]]:
     """Return the `joblib.delayed` calls of the study by its parts; every call returns a list of
     rows.
@@ -69,7 +74,7 @@ def calls(unknown: bool, episodes: int, seed: int, quick: bool = False) -> dict[
         episodes, seed: number of episodes, and seed of the first one.
         quick: whether only one noise level is evaluated, with three hypotheses or one law.
     """
-    noises = (0.1,) if quick else (0.01, 0.1, 1.0)
+    noises = noise_levels(quick)
     run = episodes, seed
     if unknown:
         laws = ("uniform 50-100",) if quick else ("25 + geometric 50", "uniform 50-100")
@@ -112,10 +117,17 @@ def best_threshold(task: Task, decider: Any, episodes: int) -> int:
     )
 
 
-def _rows(task: Task, place: str, noise: float, steps: dict[str, Scores]) -> list[Row]:
+def step_rows(
+    task: Task,
+    place: str,
+    noise: float,
+    steps: dict[str, Scores],
+    compared: Sequence[Scores | None] = (),
+) -> list[Row]:
     """Return a row of each step, from scores at one threshold, with the gain of reward over the
-    step before.
+    scores that the step is compared with, by default those of the step before.
     """
+    others = compared or [None, *steps.values()]
     reward = task.statistic(task.goal)
     return [
         {
@@ -126,7 +138,7 @@ def _rows(task: Task, place: str, noise: float, steps: dict[str, Scores]) -> lis
             "reward": scores.estimate(reward),
             "gain": before and scores.difference(before, reward),
         }
-        for before, (step, scores) in zip([None, *steps.values()], steps.items(), strict=False)
+        for before, (step, scores) in zip(others, steps.items(), strict=False)
     ]
 
 
@@ -145,7 +157,7 @@ def announced_steps(env_id: str, noise: float, episodes: int, seed: int) -> list
             seed,
             thresholds=(threshold,),
         )
-    return _rows(
+    return step_rows(
         task,
         env_id,
         noise,
@@ -259,7 +271,7 @@ def unknown_steps(law: str, noise: float, tracks: int, seed: int) -> list[Row]:
     selection = _curves(task, max(tracks // 3, 50), SELECTION)
     curves = _curves(task, tracks, seed)
     steps = {step: curve.at(task.best(selection[step])) for step, curve in curves.items()}
-    return _rows(
+    return step_rows(
         task,
         f"durations {law}",
         noise,

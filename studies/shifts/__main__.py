@@ -21,8 +21,8 @@ class Shifts:
 
     deciders: Annotated[tuple[str, ...], tyro.conf.Positional] = (
         "shipped",
-        "calibrated",
-        "calibrated-robust",
+        "propagated",
+        "propagated-robust",
     )
     """Deciders without thresholds; the first is compared with the best of the others."""
     env: str = "HybridTrackPublished-v0"

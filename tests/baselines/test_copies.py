@@ -99,9 +99,7 @@ KINDS = {
     "announced tracker": lambda: tracker(WorldOptions(), SPRTDecider()),
     "Kalman filter": lambda: kinematic(KALMAN),
     "IMM": lambda: kinematic(IMMFilter([KALMAN] * 2, sojourns=10.0)),
-    "tracker with filters": lambda: tracker(
-        WorldOptions(), RefilteringDecider(WorldOptions(), prior=None)
-    ),
+    "tracker with filters": lambda: tracker(WorldOptions(), RefilteringDecider(WorldOptions())),
 }
 
 

@@ -12,7 +12,6 @@ from agents.evaluation.registry import (
     policy_folder,
     shipped_names,
 )
-from baselines.rules import refiltering
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
 from baselines.rules.rollout import rollout
 from hybrid_env import (
@@ -32,11 +31,6 @@ EVERY = [
     (task, name) for task in OPTIONS for name in dict.fromkeys((*rules(task), *shipped_names(task)))
 ]
 TRACKS, STEPS = 4, 60
-
-
-@pytest.fixture(autouse=True)
-def _fast_fits(monkeypatch):
-    monkeypatch.setattr(refiltering, "CALIBRATION_EPISODES", 100)
 
 
 def environment(task, decider, tracks):

@@ -94,7 +94,7 @@ def test_a_rule_with_filters_of_its_own():
     decider = RefilteringDecider(
         WorldOptions(**options),
         bank="published",
-        prior=None,
+        propagates=False,
     )
     same_as_announced(
         decider,

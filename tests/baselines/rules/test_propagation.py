@@ -1,0 +1,166 @@
+"""The computed error of the anchor equals one in matrix form, and that of simulated episodes."""
+
+import numpy as np
+import pytest
+from matrix_filters import MatrixExtendedKalmanFilter, MatrixKalmanFilter, jacobian, move
+from scipy.stats import chi2
+
+from baselines.rules.component_filters import ComponentFilters, anchor_rows
+from baselines.rules.measurements import axes_in_rows, in_rows
+from baselines.rules.propagation import AnchorErrors, anchor_errors
+from baselines.rules.refiltering import RefilteringDecider
+from baselines.rules.rollout import rollout
+from hybrid_env import HybridTrackVectorEnv, Layout
+
+TICKS = 12
+H = np.eye(4)[[0, 2]]
+
+
+def heading_of(velocity_x, velocity_y):
+    return np.array([[velocity_x, velocity_y], [-velocity_y, velocity_x]]) / np.hypot(
+        velocity_x, velocity_y
+    )
+
+
+def literal_error(kalman, bank, ticks):
+    """Return mean (5,) and covariance (5, 5) of error and speed of the anchor after some ticks."""
+    F_bank, Q, R = bank.Phi, kalman.Q, np.diag(bank.R)
+    state, known = kalman.x, bank.x
+    joint = np.zeros((11, 11))
+    joint[:7, :7] = kalman.P
+    for _ in range(ticks):
+        F = jacobian(lambda x: move(x, kalman.tau), state)
+        if state[6] == 0.0:
+            F[:4, 6] = 0.0
+        state = move(state, kalman.tau)
+        _, P = bank.predicted()
+        K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
+        bank.P = P - K @ H @ P
+        rest = np.eye(4) - K @ H
+        known = rest @ (F_bank @ known + bank.B) + K @ state[[0, 2]]
+        A = np.block([[F, np.zeros((7, 4))], [K @ H @ F[:4], rest @ F_bank]])
+        noise = np.zeros((11, 11))
+        noise[:7, :7] = Q
+        # Noise of the velocity moves no position in its tick.
+        noise[7:, 7:] = K @ R @ K.T
+        joint = A @ joint @ A.T + noise
+
+    def error(values):
+        turn = heading_of(values[8], values[10])
+        error = values[:4] - values[7:]
+        x, y = turn @ error[[0, 2]], turn @ error[[1, 3]]
+        return np.array([x[0], y[0], x[1], y[1], np.hypot(values[8], values[10])])
+
+    values = np.concatenate([state, known])
+    step = 1e-6
+    J = np.array(
+        [(error(values + step * e) - error(values - step * e)) / (2 * step) for e in np.eye(11)]
+    ).T
+    return error(values), J @ joint @ J.T
+
+
+@pytest.mark.parametrize("declared", [0, 1, 2])
+@pytest.mark.parametrize("true_mode", [0, 1, 2])
+def test_the_error_equals_the_one_in_matrix_form(declared, true_mode):
+    env = HybridTrackVectorEnv(2, scheme="random 2x40-60", tick_info=True)
+    rows, _ = env.reset(seed=5)
+    world, layout = env.options, env.world.layout
+    radii = (0.0, *world.radii, *(-radius for radius in world.radii))
+    filters = ComponentFilters("anchor_aware", 1, 2, world)
+    errors = AnchorErrors(2, world)
+    begins = np.ones(2, np.bool_)
+    prior = np.diag([0.04, 0.03, 0.05, 0.02])
+    speed = float(layout.read(rows, "speed")[0])
+    start = (0.0, speed, 0.0, 0.0)
+    model = world.tau, world.process_variance, np.full(2, world.measurement_variance)
+    kalman = MatrixExtendedKalmanFilter(start, prior, radii[true_mode], *model)
+    bank = MatrixKalmanFilter(start, np.eye(4), radii[declared], *model)
+    anchors = anchor_rows(layout, rows, np.zeros((2, 1, 4)), np.tile(prior, (2, 1, 1, 1)))
+    for _ in range(TICKS):
+        filters.advance(rows, begins, anchors, np.zeros((2, 1)), begins)
+        errors.advance(rows, begins, None)
+        measurement = in_rows(layout, rows, False)[0]
+        kalman.step(measurement)
+        bank.step(measurement)
+        left = int(np.rint(layout.read(rows, "ticks_left")[0]))
+        begins = np.zeros(2, np.bool_)
+        rows = env.step(np.zeros(2, np.int64))[0]
+    mean, covariance = errors.errors_of(
+        filters,
+        assumption=np.zeros((1, 1), np.int64),
+        component=np.zeros((1, 1), np.int64),
+        hypothesis=np.full((1, 1), true_mode),
+        declared=np.full((1, 1), declared),
+        tracks=np.zeros(1, np.int64),
+        ticks=np.full((1, 1), left),
+    )
+    expected_mean, expected = literal_error(kalman, bank, left)
+    scale = np.sqrt(np.diag(expected))
+    # The rows are float32.
+    np.testing.assert_allclose((mean[0, 0] - expected_mean) / scale, 0.0, atol=1e-3)
+    np.testing.assert_allclose(
+        (covariance[0, 0] - expected) / np.outer(scale, scale), 0.0, atol=1e-3
+    )
+
+
+WORLDS = {
+    "R = 0.1": {},
+    "R = 0.01": {"measurement_variance": 0.01},
+    "unequal axes": {"measurement_variance": (0.025, 0.4)},
+    "seven hypotheses": {"radii": (4.0, 8.0, 20.0)},
+    "anchor-aware": {"bank": "anchor_aware"},
+    "kept covariance": {"reset_covariance": False},
+}
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_errors_of_simulated_episodes_have_the_computed_distribution(name):
+    """After right declarations the squared error, whitened by the likeliest component, has a
+    chi-square distribution with four degrees of freedom.
+    """
+    episodes, alpha = 150, 0.003
+    env = HybridTrackVectorEnv(episodes, trace_rows=101, **WORLDS[name])
+    decider = RefilteringDecider(env.options, alpha)
+    running = np.ones(episodes, np.bool_)
+    squares, whites = [], []
+    truth = np.empty(0)
+    for now in rollout(env, decider, 100):
+        if now.step:
+            running &= ~now.terminated
+            decided = np.flatnonzero(running & now.info.get("_decided_mode", False))
+            if decided.size:
+                modes = now.info["decided_mode"][decided]
+                right = modes == now.info["decided_true_mode"][decided]
+                _, mean, covariance = now.state.errors.after(
+                    now.state.filters,
+                    now.state.log_weights,
+                    now.observation[decided],
+                    decided,
+                )
+                error = anchor_errors(env, decided, truth[decided]) - mean[:, 0]
+                root = np.linalg.cholesky(covariance[:, 0])
+                white = np.linalg.solve(root, error[..., None])[..., 0][right]
+                whites.append(white)
+                squares.append((white**2).sum(1))
+        if not running.any():
+            break
+        truth = env.world.field("truth").copy()
+    white, square = np.concatenate(whites), np.concatenate(squares)
+    n = len(square)
+    assert n > 4.5 * episodes
+    # Bounds of a thousandth on each side, but for the second order in the heading.
+    low, high = chi2.ppf([0.001, 0.999], 4 * n) / (4 * n)
+    assert 4.0 * low - 0.1 < square.mean() < 4.0 * high + 0.1
+    assert np.all(np.abs(white.mean(0)) < 3.5 / np.sqrt(n) + 0.02)
+    inside = np.mean(square < chi2.ppf(0.5, 4))
+    assert abs(inside - 0.5) < 3.3 * 0.5 / np.sqrt(n)
+
+
+def test_the_rows_tell_the_axes_of_the_measurement_noise():
+    env = HybridTrackVectorEnv(40, measurement_variance=(0.02, 0.5), radii=(3.0, 8.0))
+    rows, _ = env.reset(seed=2)
+    layout = Layout.of_rows(rows)
+    axes = axes_in_rows(layout, rows, in_rows(layout, rows, False), env.options.tau)
+    c, s = env.world.field("heading").T
+    # x, which has the smaller variance, lies at minus the heading.
+    np.testing.assert_allclose(axes, np.stack([c**2 - s**2, -2 * c * s], axis=-1), atol=2e-3)
