@@ -17,8 +17,11 @@ import torch
 from agents.learned.anchor_inputs import RowRatios, regret_inputs
 from agents.learned.anchor_net import RegretNet
 from agents.training.worlds import Explorer, WorldsAlgorithm, WorldsSettings
-from baselines.rules.propagation import anchor_errors
-from hybrid_env.checks import Count, Float32Array, FloatArray
+from hybrid_env.checks import Count, Float32Array, FloatArray, IntArray
+from hybrid_env.compiled import TRACE_COLUMNS
+from hybrid_env.vector_env import HybridTrackVectorEnv
+
+TRUTH = [TRACE_COLUMNS.index(name) for name in ("x", "vx", "y", "vy")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,3 +142,23 @@ def samples_of(
         switched = decided[~now.terminated[decided]]
         errors[switched] = anchor_errors(env, switched, seen.truth[switched])
     return anchors, regrets
+
+
+def anchor_errors(env: HybridTrackVectorEnv, tracks: IntArray, before: FloatArray) -> FloatArray:
+    """Return (true state - anchor) of tracks that have just been switched, (n, 4), in the heading
+    frame. `env` has a trace longer than the longest segment; `before` are the true states before
+    the step, (n, 4).
+    """
+    # The last tick of the segment.
+    last = env.world.field("trace_length")[tracks] - 2
+    anchor = env.world.field("anchor")[tracks]
+    truth = np.where((last < 0)[:, None], before, env.world.trace[tracks, last][:, TRUTH])
+    errors = truth - anchor
+    along = anchor[:, [1, 3]] / np.maximum(np.hypot(anchor[:, 1], anchor[:, 3]), 1e-300)[:, None]
+    across = np.stack([-along[:, 1], along[:, 0]], axis=-1)
+    position = errors[:, [0, 2]]
+    velocity = errors[:, [1, 3]]
+    return np.stack(
+        [(part * axis).sum(-1) for axis in (along, across) for part in (position, velocity)],
+        axis=-1,
+    )

@@ -2,7 +2,7 @@
 
 The bank states a covariance of the anchor that is too small after turns and after wrong
 declarations. `AnchorNet` predicts a mixture of normal distributions instead: the filters of every
-component start from one of them. It is the learned counterpart of `baselines.rules.propagation`,
+component start from one of them. It is the learned counterpart of `baselines.rules.anchor_errors`,
 for all environments at once.
 
 `RegretNet` predicts what a declaration of another turn costs in the next segment. The filter of the

@@ -3,7 +3,7 @@
 `decider` has the base class of every rule and agent, and finds a rule by its name; a new rule is
 one file. `external` finds and checks those of users. `rollout` is the loop around environment and
 decider. For announced switches `refiltering` has filters of its own (`component_filters`), whose
-anchors have the distribution of `propagation`. For unknown switches `restarted` and `beam` filter
+anchors have the distribution of `anchor_errors`. For unknown switches `restarted` and `beam` filter
 the `measurements` themselves; `beam_prior` has the laws of durations among which a beam learns.
 May import: `hybrid_env`, and `estimation` and `scoring` of `baselines`. Never `agents`.
 """

@@ -1,5 +1,5 @@
 """A decider that filters the measurements again, see `component_filters`, from a better start: the
-distribution of the anchor error, see `propagation`, or the covariance of the estimate at the
+distribution of the anchor error, see `anchor_errors`, or the covariance of the estimate at the
 switch.
 """
 
@@ -9,11 +9,11 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from baselines.rules import component_filters
+from baselines.rules.anchor_errors import COMPONENTS, AnchorErrors
 from baselines.rules.component_filters import ComponentFilters, anchor_rows, stated_covariance
 from baselines.rules.decider import Answer, Decider, Observations, Variants
 from baselines.rules.measurements import observe_sensed, split_sensed
 from baselines.rules.msprt import ALPHAS, error_and_best
-from baselines.rules.propagation import COMPONENTS, AnchorErrors
 from hybrid_env.checks import BoolArray, FloatArray
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions

@@ -5,9 +5,10 @@ import pytest
 from matrix_filters import MatrixExtendedKalmanFilter, MatrixKalmanFilter, jacobian, move
 from scipy.stats import chi2
 
+from agents.algorithms.anchor import anchor_errors
+from baselines.rules.anchor_errors import AnchorErrors
 from baselines.rules.component_filters import ComponentFilters, anchor_rows
 from baselines.rules.measurements import axes_in_rows, in_rows
-from baselines.rules.propagation import AnchorErrors, anchor_errors
 from baselines.rules.refiltering import RefilteringDecider
 from baselines.rules.rollout import rollout
 from hybrid_env import HybridTrackVectorEnv, Layout
