@@ -1,5 +1,6 @@
 """The options of the model that every environment has, checked on creation."""
 
+import functools
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from hybrid_env.checks import (
     AnyArray,
     Checked,
     FloatArray,
+    IntArray,
     Share,
     checked,
     declared_fields,
@@ -27,6 +29,13 @@ from hybrid_env.limits import (
     check_variances,
     distinct_radii,
 )
+from hybrid_env.modes import (
+    Mode,
+    modes_of_radii,
+    motion_table,
+    parse_modes,
+    radii_of_modes,
+)
 from hybrid_env.noises import GaussianNoise, Noise, StudentNoise, parse_likelihood, parse_noise
 from hybrid_env.sensors import Radar, Sensor, has_radar, parse_sensors, sensor_table
 
@@ -41,7 +50,10 @@ class ModelOptions(Checked):
 
     Attributes:
         radii: turn radii of the bank [m], each as a left and as a right turn: M = 2 n + 1
-            hypotheses of n radii.
+            hypotheses of n radii. The short form of `modes`.
+        modes: modes of object and bank, see `hybrid_env.modes`: "straight, left 5, right 5, stop",
+            or a sequence of such names and of objects. None is straight motion and the turns of
+            `radii`.
         speed: initial speed of the object [m/s].
         heading: initial heading of the object [rad], counter-clockwise from the x axis; None means
             a uniform one.
@@ -73,6 +85,7 @@ class ModelOptions(Checked):
     hypothesis_field: ClassVar[str]
 
     radii: Annotated[tuple[float, ...], distinct_radii] = (5.0,)
+    modes: Annotated[str | tuple[Mode | str, ...] | None, parse_modes] = None
     speed: Annotated[Quantity, Unit("m/s")] = 2.0
     heading: Annotated[float, Interval(ge=-1e6, le=1e6), Unit("rad")] | None = None
     tau: Annotated[Quantity, Unit("s")] = 0.1
@@ -100,6 +113,11 @@ class ModelOptions(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.modes is not None:
+            radii = radii_of_modes(self.all_modes)
+            standard = bool(radii) and self.all_modes == modes_of_radii(radii)
+            object.__setattr__(self, "radii", radii)
+            object.__setattr__(self, "modes", None if standard else self.modes)
         if self.sensors and self.variances.size > 1:
             allowed = "one number with sensors, whose variances are the same for both axes"
             raise reject("measurement_variance", self.measurement_variance, allowed)
@@ -109,13 +127,13 @@ class ModelOptions(Checked):
         assert isinstance(self.initial_error, tuple)
         # From pi on a turn cannot be told from a slower one.
         smallest = self.speed * self.tau / 100.0
-        if smallest > min(radii):
+        if smallest > min(radii, default=math.inf):
             allowed = "at most 100 rad per tick (speed * tau / radius)"
             raise reject("radii", min(radii), f"at least {smallest:g}: {allowed}")
         fastest = max(self.process_variance, self.object_variance or 0.0, self.initial_error[1])
         motion = self.tau * max(self.speed, math.sqrt(fastest))
         # Standard deviations of a measurement in a tick and in a radius; a float64 has 16 digits.
-        least = max(motion / 1e9, max(radii) / 1e12) ** 2
+        least = max(motion / 1e9, max(radii, default=0.0) / 1e12) ** 2
         variance = float(self.variances.min())
         if variance < least:
             allowed = "the motion per tick and the radii are too many standard deviations"
@@ -139,7 +157,30 @@ class ModelOptions(Checked):
     @property
     def hypotheses(self) -> int:
         """M, the number of hypotheses."""
-        return 2 * len(self.radii) + 1
+        return 2 * len(self.radii) + 1 if self.modes is None else len(self.modes)
+
+    @property
+    def all_modes(self) -> tuple[Mode, ...]:
+        """The modes of the hypotheses, also where they are those of `radii`."""
+        if self.modes is None:
+            return modes_of_radii(self.radii)
+        assert not isinstance(self.modes, str)
+        return tuple(mode for mode in self.modes if isinstance(mode, Mode))
+
+    @functools.cached_property
+    def type_names(self) -> tuple[str, ...]:
+        """The types of the modes, in the order of the first mode of each."""
+        return tuple(dict.fromkeys(mode.type for mode in self.all_modes))
+
+    @property
+    def types(self) -> IntArray:
+        """The type of every hypothesis as a place in `type_names`, (M,)."""
+        return np.array([self.type_names.index(mode.type) for mode in self.all_modes])
+
+    @property
+    def motions(self) -> AnyArray:
+        """The modes as the kernel reads them, (M,) records `core.memory.MOTION`."""
+        return motion_table(self.all_modes, self.tau, self.process_variance)
 
     def check_longest(self, max_episode_steps: int | None) -> None:
         """Refuse a limit below the longest episode, which would end without a decision; None and
@@ -167,8 +208,12 @@ class ModelOptions(Checked):
 
     def arrays(self) -> dict[str, AnyArray]:
         """Return the arrays of the options that the kernel reads; see `core.memory.Arrays`."""
+        signed = [mode.signed_radius for mode in self.all_modes]
         return {
-            "radii": np.array(self.radii),
+            "radii": np.array(self.radii, float),
+            "motions": self.motions,
+            "curvatures": np.array([1.0 / radius if radius else 0.0 for radius in signed]),
+            "types": self.types,
             "sensors": sensor_table(self.sensors, float(self.variances[0])),
             "table": self.table,
             "durations": np.zeros((2, 0)),
@@ -207,6 +252,7 @@ class ModelOptions(Checked):
             "radii_count": len(self.radii),
             "columns": len(self.radii) + 1,
             "modes": self.hypotheses,
+            "type_count": len(self.type_names),
             "axes": self.variances.size,
             "table_rows": len(self.table),
             "sensor_count": len(self.sensors),

@@ -47,9 +47,7 @@ class Layout:
     }
 
     def __init__(self, hypotheses: int):
-        self.hypotheses = check_integer("hypotheses", hypotheses, minimum=3)
-        if self.hypotheses % 2 == 0:
-            raise reject("hypotheses", hypotheses, "an odd number >= 3")
+        self.hypotheses = check_integer("hypotheses", hypotheses, minimum=2)
         self.slices: dict[str, slice] = {}
         self.scales = self.scales_by_name()
         start = 0
@@ -74,8 +72,8 @@ class Layout:
         singles = len(cls.track_features)
         # Without blocks the width does not depend on the number of hypotheses.
         hypotheses, rest = divmod(width - singles, blocks) if blocks else (3, width - singles)
-        if rest or hypotheses < 3 or hypotheses % 2 == 0:
-            raise reject("width", width, f"{blocks} M + {singles} for M = 3, 5, 7, ... hypotheses")
+        if rest or hypotheses < 2:
+            raise reject("width", width, f"{blocks} M + {singles} for M = 2, 3, 4, ... hypotheses")
         return cls(hypotheses)
 
     @classmethod

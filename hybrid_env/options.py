@@ -7,11 +7,10 @@ from typing import Annotated, Any, Literal
 from annotated_types import Interval
 
 from hybrid_env.checks import FloatArray, reject
-from hybrid_env.core.memory import BANKS, SEGMENT_COLUMNS, TICK_NAMES
+from hybrid_env.core.memory import BANKS, SEGMENT_COLUMNS, TICK_NAMES, DenseBank
 from hybrid_env.core.observation_row import OBSERVATIONS
 from hybrid_env.limits import QuantityOrZero
 from hybrid_env.model_options import ModelOptions as ModelOptions
-from hybrid_env.noises import StudentNoise
 from hybrid_env.observation import Layout, RawLayout, StateLayout
 from hybrid_env.scheme import FixedScheme, RandomScheme, Scheme, parse_scheme, segment_table
 from hybrid_env.sensors import has_radar
@@ -87,13 +86,11 @@ class WorldOptions(ModelOptions):
         for name in ("recalculation", "refine_radius"):
             if getattr(self, name) and self.follow == "bank":
                 raise reject(name, True, "False with follow='bank', which merges all filters")
-        if self.refine_radius and len(self.radii) == 1:
+        if self.refine_radius and len(self.type_names) == self.hypotheses:
             raise reject("refine_radius", True, "False with a single radius: give several in radii")
-        if isinstance(self.likelihood, StudentNoise) and self.bank == "anchor_aware":
-            raise reject("likelihood", str(self.likelihood), "'gaussian' with bank='anchor_aware'")
         signed_radii = self.table[:, SEGMENT_COLUMNS.index("signed_radius")]
         of_scheme = {abs(float(radius)) for radius in signed_radii if radius}
-        missing = sorted(of_scheme - set(self.radii))
+        missing = sorted(of_scheme - set(self.radii)) if self.modes is None else []
         if self.correctness == "exact" and missing:
             shown = ", ".join(map(str, missing[:3])) + (", ..." if len(missing) > 3 else "")
             raise reject(
@@ -106,13 +103,16 @@ class WorldOptions(ModelOptions):
     @property
     def bank_class(self) -> type:
         """Class of the bank: with a radar the axes of the published one are not independent."""
+        if self.modes is not None:
+            return DenseBank
         return BANKS["anchor_aware" if has_radar(self.sensors) else self.bank]
 
     @property
     def action_count(self) -> int:
         """Number of actions."""
-        counts = {"all": self.hypotheses + 1, "types": 4, "best": 2}
-        return counts[self.actions]
+        if self.actions == "best":
+            return 2
+        return 1 + (self.hypotheses if self.actions == "all" else len(self.type_names))
 
     @property
     def layout_class(self) -> type[Layout]:
@@ -124,7 +124,9 @@ class WorldOptions(ModelOptions):
     def table(self) -> FloatArray:
         """Segments in order, or the modes to draw from, see `scheme.segment_table`."""
         assert not isinstance(self.scheme, str)
-        return segment_table(self.scheme, self.radii)
+        return segment_table(
+            self.scheme, self.radii, None if self.modes is None else self.all_modes
+        )
 
     @property
     def _lengths(self) -> list[int]:

@@ -9,7 +9,7 @@ from annotated_types import Interval
 
 from hybrid_env import durations as laws
 from hybrid_env.checks import AnyArray, FloatArray, checked, reject
-from hybrid_env.core.memory import TICK_NAMES, ImmBank
+from hybrid_env.core.memory import TICK_NAMES, DenseImmBank, ImmBank
 from hybrid_env.durations import DRAWN, Durations, parse_durations
 from hybrid_env.limits import QuantityOrZero, Ticks
 from hybrid_env.model_options import ModelOptions
@@ -63,7 +63,6 @@ class QuickestOptions(ModelOptions):
     switches = "unknown"
     tick_names = tuple(name for name in TICK_NAMES if name != "anchor")
     hypothesis_field = "log_probability"
-    bank_class = ImmBank
 
     ticks: Ticks = 600
     durations: Annotated[str | Durations, parse_durations] = "25 + geometric 50"
@@ -78,6 +77,11 @@ class QuickestOptions(ModelOptions):
         allowed = Annotated[float, Interval(ge=0.0, le=1.0 - 1.0 / self.hypotheses)] | None
         object.__setattr__(self, "hazard", checked("hazard", self.hazard, allowed))
         self._check_ratios(self.radii)
+
+    @property
+    def bank_class(self) -> type:
+        """Class of the bank: modes of the user need all covariances."""
+        return ImmBank if self.modes is None else DenseImmBank
 
     @property
     def layout_class(self) -> type[Layout]:
@@ -127,7 +131,9 @@ class QuickestOptions(ModelOptions):
     @property
     def table(self) -> FloatArray:
         """One row for each mode, see `scheme.segment_table`."""
-        return segment_table(RandomScheme(), self.radii)
+        return segment_table(
+            RandomScheme(), self.radii, None if self.modes is None else self.all_modes
+        )
 
     @property
     def duration_laws(self) -> FloatArray:
@@ -156,6 +162,7 @@ class QuickestOptions(ModelOptions):
         """See `ModelOptions.arrays`."""
         arrays = super().arrays()
         arrays["durations"] = np.cumsum(self.duration_laws, axis=1)
+        arrays["transitions"] = self.transition_matrix
         if self.order not in ("equal", DRAWN):
             arrays["order"] = self.order_matrix
         return arrays

@@ -1,18 +1,21 @@
 """Schemes: the mode, length and radius of every segment of a trajectory. A scheme is written as in
 the papers, one word per segment: "L50r3 R75r5 S50" is a left turn of 50 ticks with a radius of 3 m,
-a right turn of 75 ticks with a radius of 5 m, and a straight line of 50 ticks.
+a right turn of 75 ticks with a radius of 5 m, and a straight line of 50 ticks. With modes of the
+user a segment is its length and the name of its mode: "50 straight, 30 stop, 40 left 5".
 """
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from annotated_types import Len
 from numpy.typing import ArrayLike
 
-from hybrid_env.checks import Checked, FloatArray, checked, reject
+from hybrid_env.checks import Checked, FloatArray, checked, reject, unknown
 from hybrid_env.limits import Quantity, Ticks, distinct_radii
+from hybrid_env.modes import Mode, Straight, Turn, mode_of_text
 
 
 @dataclass(frozen=True)
@@ -20,18 +23,18 @@ class Segment(Checked):
     """One segment of a trajectory.
 
     Attributes:
-        mode: "S" straight, "L" left turn, "R" right turn.
+        mode: "S" straight, "L" left turn, "R" right turn, or the name of a mode of the user.
         length: length [ticks], at least 1.
-        radius: turn radius [m]; None for a straight segment.
+        radius: turn radius [m]; None for all but turns.
     """
 
-    mode: Literal["S", "L", "R"]
+    mode: str
     length: Ticks
     radius: Quantity | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if (self.mode == "S") != (self.radius is None):
+        if (self.mode in ("L", "R")) != (self.radius is not None):
             raise reject(
                 "radius",
                 self.radius,
@@ -39,11 +42,20 @@ class Segment(Checked):
             )
 
     @property
+    def name(self) -> str:
+        """Name of the mode, see `hybrid_env.modes`."""
+        if self.radius is not None:
+            return Turn(self.signed_radius).name
+        return Straight().name if self.mode == "S" else self.mode
+
+    @property
     def signed_radius(self) -> float:
         """Turn radius [m], positive to the left, negative to the right, 0 if straight."""
         return 0.0 if self.radius is None else self.radius if self.mode == "L" else -self.radius
 
     def __str__(self) -> str:
+        if self.mode not in ("S", "L", "R"):
+            return f"{self.length} {self.mode}"
         radius = "" if self.radius is None else f"r{self.radius!r}".removesuffix(".0")
         return f"{self.mode}{self.length}{radius}"
 
@@ -55,7 +67,8 @@ class FixedScheme(Checked):
     pieces: Annotated[tuple[Segment, ...], Len(1, 10_000)]
 
     def __str__(self) -> str:
-        return " ".join(map(str, self.pieces))
+        named = any(piece.mode not in ("S", "L", "R") for piece in self.pieces)
+        return (", " if named else " ").join(map(str, self.pieces))
 
 
 def check_lengths(value: Any, name: str = "lengths") -> tuple[int, int]:
@@ -107,7 +120,11 @@ def parse_scheme(value: "str | Scheme", name: str = "scheme") -> Scheme:
             return RandomScheme()
         return RandomScheme(int(random[1]), (int(random[2]), int(random[3] or random[2])))
     pieces = []
-    for word in re.split(r"[\s,;]+", text):
+    named = re.fullmatch(r"[^,;]*\d\s+[a-z].*", text)
+    for word in re.split(r"\s*[,;]\s*" if named else r"[\s,;]+", text):
+        if named and (of_mode := re.fullmatch(r"(\d{1,20})\s+([a-z][^,;]*)", word)):
+            pieces.append(_named_segment(of_mode[2], int(of_mode[1])))
+            continue
         match = re.fullmatch(r"([SLR])(\d{1,20})(?:r([\d.]+(?:e[+-]?\d+)?))?", word)
         parts: tuple[Any, ...] = match.groups() if match else ("", "0", None)
         mode, ticks, radius = parts
@@ -121,6 +138,14 @@ def parse_scheme(value: "str | Scheme", name: str = "scheme") -> Scheme:
     return FixedScheme(tuple(pieces))
 
 
+def _named_segment(name: str, length: int) -> Segment:
+    """Return a segment of the mode of a name; turns and straight motion have letters."""
+    mode = mode_of_text(name)
+    if isinstance(mode, Turn):
+        return Segment("L" if mode.radius > 0.0 else "R", length, abs(mode.radius))
+    return Segment("S" if isinstance(mode, Straight) else name, length)
+
+
 def nearest_mode(signed_radius: float, radii: ArrayLike) -> int:
     """Return the index of the hypothesis on the same side with the closest curvature; 0 is
     straight.
@@ -132,12 +157,39 @@ def nearest_mode(signed_radius: float, radii: ArrayLike) -> int:
     return 1 + nearest + (bank.size if signed_radius < 0 else 0)
 
 
-def segment_table(scheme: Scheme, radii: ArrayLike) -> FloatArray:
+def _table_of_modes(scheme: Scheme, modes: Sequence[Mode]) -> FloatArray:
+    """Return the segment table of modes of the user."""
+    names = [mode.name for mode in modes]
+    if isinstance(scheme, RandomScheme):
+        if scheme.radii is not None:
+            raise reject(
+                "scheme", str(scheme), "a scheme without radii: object and bank have modes"
+            )
+        segments = [(mode, 0) for mode in range(len(modes))]
+    else:
+        for piece in scheme.pieces:
+            if piece.name not in names:
+                raise unknown("scheme", piece.name, names)
+        segments = [(names.index(piece.name), piece.length) for piece in scheme.pieces]
+    return np.array([(modes[mode].signed_radius, mode, length) for mode, length in segments], float)
+
+
+def segment_table(
+    scheme: Scheme,
+    radii: ArrayLike,
+    modes: Sequence[Mode] | None = None,
+) -> FloatArray:
     """Return the segment table, (segments, columns), with columns `core.memory.SEGMENT_COLUMNS`. A
-    random scheme has one row per mode, equally likely, with length 0.
+    random scheme has one row per mode, equally likely, with length 0. radii: of the bank [m];
+    modes: of the user, None for straight motion and turns of these radii.
     """
+    if modes is not None:
+        return _table_of_modes(scheme, modes)
     bank = np.asarray(radii, float)
     if isinstance(scheme, FixedScheme):
+        for piece in scheme.pieces:
+            if piece.mode not in ("S", "L", "R"):
+                raise unknown("scheme", piece.mode, ["straight", "left", "right"])
         segments = [(piece.signed_radius, piece.length) for piece in scheme.pieces]
     else:
         radii_of_object = bank if scheme.radii is None else np.asarray(scheme.radii)

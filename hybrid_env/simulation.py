@@ -51,9 +51,9 @@ def _simulate(
         k = 0
         for segment in range(lengths.size):
             for lane in range(LANES):
-                begin_motion(block, lane, table[segment], setting.tau)
+                begin_motion(block, lane, table[segment], None, setting.tau)
             for _ in range(lengths[segment]):
-                move(block, draws, np.uint64(0), np.uint64(LANES), sensors, setting, True)
+                move(block, draws, np.uint64(0), np.uint64(LANES), sensors, None, setting, True)
                 for lane in range(LANES):
                     for axis in range(4):
                         truth[b * LANES + lane, k, axis] = block.truth[axis, lane]

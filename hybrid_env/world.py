@@ -98,11 +98,15 @@ class World:
             parameters[name] = value
         sizes = parameters[0]
         bank = options.bank_class
+        constant = {name: np.ascontiguousarray(array) for name, array in options.arrays().items()}
         try:
             state = {
                 name: allocate(array, sizes) for name, array in declared(Arrays, "tracks").items()
             }
-            filters = {name: allocate(array, sizes) for name, array in declared(bank).items()}
+            filters = {
+                name: constant[name] if name in constant else allocate(array, sizes)
+                for name, array in declared(bank).items()
+            }
         except (MemoryError, OSError, OverflowError, ValueError):
             allowed = f"a number of tracks with {trace_rows} trace_rows that fits into memory"
             raise reject("num_envs", tracks, allowed) from None
@@ -111,10 +115,8 @@ class World:
         self.bank = bank(**filters)
         self.action_mask[:] = 1
         self._kept = state | {f"bank.{name}": filters[name] for name in declared(bank, "tracks")}
-        self._constant = {
-            name: np.ascontiguousarray(array) for name, array in options.arrays().items()
-        }
-        self._bind(parameters, state | filters | self._constant)
+        self._constant = constant
+        self._bind(parameters, state | filters | constant)
 
     def arrays(self) -> dict[str, AnyArray]:
         """Return the arrays that hold the state, by name. They are views, not copies."""

@@ -328,7 +328,7 @@ class Compare(WorldArguments, TrustArguments, Workers):
         if len(records) > 1:
             title += f": largest difference in reward among {task.size(result.plan.episodes)}"
         lines = [title, *(f"{record.name}: {record.summary}" for record in records)]
-        return track_figure(records, task.options.radii, "\n".join(lines))
+        return track_figure(records, task.options.all_modes, "\n".join(lines))
 
 
 def fastest(scores: Scores, accuracy: float) -> int:

@@ -251,13 +251,13 @@ def write_page(path: Path, every: Sequence[Episodes], title: str) -> None:
     from plotly.offline import get_plotlyjs
 
     history = every[0].history
-    radii = history.options.radii
+    of_bank = history.options.all_modes
     modes = range(history.options.hypotheses)
     data = {
         "title": title,
-        "names": [mode_name(mode, radii) for mode in modes],
-        "colours": [mode_colour(mode, radii) for mode in modes],
-        "legend": legend_colours(radii),
+        "names": [mode_name(mode, of_bank) for mode in modes],
+        "colours": [mode_colour(mode, of_bank) for mode in modes],
+        "legend": legend_colours(of_bank),
         "modes": finite(history.true_modes),
         "truth": finite(history.points().T),
         "measurements": finite(history.points("measured_").T),

@@ -28,7 +28,8 @@ def episode_table(task: Task, title: str, history: History) -> Table:
     for number, (first, end) in enumerate(pairwise(bounds)):
         mode = history.decisions[number].mode if announced else history.stated[end - 1]
         modes = (
-            mode_name(int(each), task.options.radii) for each in (history.true_modes[first], mode)
+            mode_name(int(each), task.options.all_modes)
+            for each in (history.true_modes[first], mode)
         )
         verdict = "[green]correct[/]" if timeline["right"][end - 1] else "[red]wrong[/]"
         until = str(decided[first:end].argmax()) if decided[first:end].any() else "all"

@@ -148,7 +148,7 @@ def result_tables(results: Sequence[Result]) -> list[Table]:
 def confusion_table(result: Result) -> Table:
     """Return the confusion matrix of a decider."""
     options = result.task.options
-    modes = [mode_name(mode, options.radii) for mode in range(options.hypotheses)]
+    modes = [mode_name(mode, options.all_modes) for mode in range(options.hypotheses)]
     counts = result.scores.extra["confusion"][result.chosen]
     rows = [(mode, *map(str, row)) for mode, row in zip(modes, counts, strict=True)]
     decider = f"{result.name}, {result.threshold_words}"

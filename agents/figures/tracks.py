@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from agents.figures.canvas import DARK_GREY, GREY, legend_beside, new_canvas, plain_axes
 from agents.figures.decider_colours import decider_styles
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
-from hybrid_env.rendering.evidence import mode_colour, mode_name
+from hybrid_env.rendering.evidence import Modes, listed, mode_colour, mode_name
 
 # In place of a mode at ticks before a declaration.
 UNDECIDED = -1
@@ -48,14 +48,14 @@ class TrackRecord:
     summary: str
 
 
-def track_figure(records: Sequence[TrackRecord], radii: Sequence[float], title: str) -> Figure:
+def track_figure(records: Sequence[TrackRecord], modes: Modes, title: str) -> Figure:
     """The track by its modes, estimates and decisions of one or two deciders, and their modes
-    over time; radii in m.
+    over time; modes: of the bank, or the radii of their turns [m].
     """
     canvas = new_canvas((12, 8))
     track, timeline = canvas.subplots(2, 1, height_ratios=(3, 0.5 + 0.3 * len(records)))
     first = records[0]
-    colours = [mode_colour(mode, radii) for mode in range(2 * len(radii) + 1)]
+    colours = [mode_colour(mode, modes) for mode in range(len(listed(modes)))]
     rows = {"true mode": first.true_modes} | {record.name: record.modes for record in records}
     wrong = {record.name: ~record.right & (record.modes != UNDECIDED) for record in records}
     edges = np.arange(len(first.truth) + 1)
@@ -64,7 +64,7 @@ def track_figure(records: Sequence[TrackRecord], radii: Sequence[float], title: 
     patches = [
         Patch(color=UNDECIDED_COLOUR, label="before the decision")
         if mode == UNDECIDED
-        else Patch(color=colours[mode], label=mode_name(mode, radii))
+        else Patch(color=colours[mode], label=mode_name(mode, modes))
         for mode in shown
     ]
     legend_beside(timeline, handles=[*patches, wrong_patch("wrong mode")])

@@ -114,6 +114,10 @@ def _track_run(
     anchor = (start[0], start[1], start[2], start[3])
     measurement = np.zeros((2, LANES))
     log_likelihood = np.empty(bank.hypotheses.size)
+    # Straight, left, right.
+    types = np.zeros(log_likelihood.size, np.int64)
+    types[1 : radii.size + 1] = 1
+    types[radii.size + 1 :] = 2
     output.ratios[:] = np.nan
     active = 0
     k = 0
@@ -157,7 +161,7 @@ def _track_run(
             else:
                 follow_published(bank, 0, active, measurement, model)
             if rule.refine and j >= k:
-                active = likeliest_of_type(bank.hypotheses, 0, active)
+                active = likeliest_of_type(bank.hypotheses, types, 0, types[active])
             _write_tick(bank, active, j, output)
         anchor = estimate_of(bank.hypotheses, active, 0)
         output.decided[segment] = active

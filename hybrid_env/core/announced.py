@@ -15,7 +15,6 @@ from hybrid_env.core.banks.bank import (
     filter_model,
     likeliest,
     likeliest_of_type,
-    mode_type,
 )
 from hybrid_env.core.banks.mixture import NOTHING, merged_estimate, write_merged_covariance
 from hybrid_env.core.compilation import inlined, internal
@@ -26,6 +25,7 @@ from hybrid_env.core.memory import (
     DECISION_FLAGS,
     LANES,
     FloatArray,
+    IntArray,
     Records,
     arrays_of,
     state_of,
@@ -120,7 +120,7 @@ def _begin_segment(block: Any, lane: int, bank: Any, arrays: Any, setting: Any) 
         row = block.segment[lane]
         block.length[lane] = np.int64(table[row, LENGTH])
     block.true_mode[lane] = np.int64(table[row, MODE])
-    begin_motion(block, lane, table[row], setting.tau)
+    begin_motion(block, lane, table[row], operations.motions_of(bank), setting.tau)
     for k in range(4):
         block.anchor[k, lane] = block.truth[k, lane] if setting.oracle else block.estimate[k, lane]
     begin_bank(block, lane, bank, arrays.radii, setting)
@@ -188,18 +188,24 @@ def step_lanes(
 
 
 @internal
-def chosen_mode(block: Any, lane: int, bank: Any, action: int, setting: Any) -> int:
-    """Return the mode of a decision: the declared one, or that of a segment that ends undecided."""
+def chosen_mode(
+    block: Any,
+    lane: int,
+    bank: Any,
+    action: int,
+    types: IntArray,
+    setting: Any,
+) -> int:
+    """Return the mode of a decision: the declared one, or that of a segment that ends undecided.
+    types: (M,) of every mode.
+    """
     forced = action == 0
     if forced and setting.keep_undecided:
         return block.active_mode[lane]
     if forced or setting.declare_best:
         return likeliest(bank.hypotheses, lane)
     if setting.declare_type:
-        # Actions 1 and 2 declare straight motion and a left turn, whose first hypotheses are 0 and
-        # 1; action 3 a right turn.
-        first_right = bank.hypotheses.size // 2 + 1
-        return likeliest_of_type(bank.hypotheses, lane, first_right if action == 3 else action - 1)
+        return likeliest_of_type(bank.hypotheses, types, lane, action - 1)
     return action - 1
 
 
@@ -230,10 +236,10 @@ def _decide(
 ) -> None:
     """Record the decision of track i and fast-forward to the end of the segment."""
     trace, decisions, flags = arrays.trace[i], arrays.decisions, arrays.decision_flags
-    n = bank.hypotheses.size // 2
+    types = arrays.types
     true_mode = block.true_mode[lane]
-    chosen = chosen_mode(block, lane, bank, action, setting)
-    of_type = mode_type(chosen, n) == mode_type(true_mode, n)
+    chosen = chosen_mode(block, lane, bank, action, types, setting)
+    of_type = types[chosen] == types[true_mode]
     correct = chosen == true_mode if setting.exact else of_type
     flags[HAS_DECISION, i] = True
     for k, flag in enumerate((correct, of_type, action == 0)):
@@ -244,23 +250,27 @@ def _decide(
     if rare is not None and setting.recalculated > 0 and action > 0:
         block.squared_error[lane] = arrays.errors[i // LANES, chosen, lane]
     noise, merged = arrays.scratch[0].noise, setting.merged
+    motions = operations.motions_of(bank)
     irregular = rare is not None and setting.irregular
     model = filter_model(setting, 1.0, rare)
     stop = lane + np.uint64(1)
+    # The noise of several ticks is drawn at once with SIMD code, but for modes that draw more.
+    batch = 1 if irregular else LANES
+    if motions is not None:
+        batch = 1
     while block.tick[lane] < block.length[lane]:
-        ticks = np.uint64(min(1 if irregular else LANES, block.length[lane] - block.tick[lane]))
+        ticks = np.uint64(min(batch, block.length[lane] - block.tick[lane]))
         if irregular:
-            move(block, noise, lane, stop, arrays.sensors, setting, rare)
+            move(block, noise, lane, stop, arrays.sensors, motions, setting, rare)
         else:
-            # The noise of several ticks is drawn at once with SIMD code.
             draw_noise(block.random_state, noise, np.uint64(0), ticks, setting, rare, lane)
         for column in range(ticks):
             if not irregular:
-                move_lane(block, lane, noise, column, setting)
+                move_lane(block, lane, noise, column, motions, setting)
             if merged or setting.refined:
                 step_lanes(block, bank, lane, stop, arrays.sensors, setting, rare)
                 if setting.refined:
-                    chosen = likeliest_of_type(bank.hypotheses, lane, chosen)
+                    chosen = likeliest_of_type(bank.hypotheses, types, lane, types[chosen])
                     block.active_mode[lane] = chosen
             elif rare is not None and irregular:
                 follow_irregular(bank, lane, chosen, block, arrays.sensors, setting)
@@ -335,7 +345,8 @@ def tick(
     one bit per lane, 1 where a segment begins.
     """
     arrays = arrays_of(setting)
-    move(block, arrays.scratch[0].noise, first, last, arrays.sensors, setting, rare)
+    motions = operations.motions_of(bank)
+    move(block, arrays.scratch[0].noise, first, last, arrays.sensors, motions, setting, rare)
     if rare is not None and setting.bank_rows > 0:
         write_innovations(arrays.bank_ticks, b, block, first, last, bank, setting)
     step_lanes(block, bank, first, last, arrays.sensors, setting, rare)
@@ -366,7 +377,8 @@ def _write_rows(
     compare_hypotheses(scratch, bank.hypotheses, first, last)
     if setting.log_error_allowed < 0.0:
         if not setting.exact:
-            compare_types(scratch, bank.hypotheses, first, last)
+            likelihoods = arrays.type_likelihoods
+            compare_types(scratch, bank.hypotheses, arrays.types, likelihoods, first, last)
         for lane in range(first, last):
             mask_declarations(arrays.action_mask[b * LANES + lane], scratch, lane, setting)
     for lane in range(first, last):
@@ -375,7 +387,7 @@ def _write_rows(
             write_twin(row, block, lane, setting)
             continue
         if begun & (1 << lane):
-            write_segment(row, block, lane, arrays.radii, setting)
+            write_segment(row, block, lane, arrays.curvatures, setting)
         write_tick(row, block, lane, scratch, bank, setting)
 
 
@@ -394,7 +406,7 @@ def advance_live(begins: bool, bank: Any, setting: Any) -> int:
     if begins:
         if block.segment[0] >= 0:
             if not arrays.decision_flags[HAS_DECISION, 0]:
-                block.active_mode[0] = chosen_mode(block, lane, bank, 0, setting)
+                block.active_mode[0] = chosen_mode(block, lane, bank, 0, arrays.types, setting)
             set_anchor(block, lane, bank, block.active_mode[0], setting.merged)
         block.segment[0] += 1
         arrays.decision_flags[HAS_DECISION, 0] = False
@@ -405,7 +417,7 @@ def advance_live(begins: bool, bank: Any, setting: Any) -> int:
         action = counted_action(arrays, 0)
         if action == 0:
             return 0
-        block.active_mode[0] = chosen_mode(block, lane, bank, action, setting)
+        block.active_mode[0] = chosen_mode(block, lane, bank, action, arrays.types, setting)
         arrays.decision_flags[HAS_DECISION, 0] = True
         set_anchor(block, lane, bank, block.active_mode[0], setting.merged)
         return 0
@@ -417,7 +429,8 @@ def advance_live(begins: bool, bank: Any, setting: Any) -> int:
     else:
         step_irregular(bank, lane, last, block, arrays.sensors, setting)
     if decided and setting.refined:
-        block.active_mode[0] = likeliest_of_type(bank.hypotheses, lane, block.active_mode[0])
+        of_type = arrays.types[block.active_mode[0]]
+        block.active_mode[0] = likeliest_of_type(bank.hypotheses, arrays.types, lane, of_type)
     if not decided:
         begun = 1 if block.tick[0] == 1 else 0
         _write_rows(0, block, bank, lane, last, begun, arrays, setting, None)

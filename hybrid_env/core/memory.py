@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from hybrid_env.core.compilation import formula, inlined, intrinsic
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 Records = NDArray[Any]
 
 # Tracks per block. Eight float64 fill a cache line and the widest vector register.
@@ -123,6 +124,8 @@ BLOCK = lanes_of(
     true_centre=(float, 2),
     # From `motion.motion_coefficients`.
     true_motion=(float, 3),
+    # [m/s^2], of a mode of the user.
+    true_acceleration=(float, 2),
     # Of the segment [ticks].
     length=int,
     # Ticks of the episode, only counted for the periods of sensors.
@@ -178,6 +181,26 @@ SEGMENT_COLUMNS = ("signed_radius", "mode", "length")
 """Columns of the segment table: radius [m], positive to the left; mode (hypothesis); length
 [ticks].
 """
+
+# States of a mode of the user: [x, vx, y, vy, ax, ay].
+MOTION_STATES = 6
+
+MOTION = np.dtype(
+    [
+        # Of a turn [m], positive to the left; 0 is a linear mode.
+        ("signed_radius", np.float64),
+        # Along the heading at the switch [m/s^2].
+        ("acceleration", np.float64),
+        # x' = F x + B + w of a tick, w of covariance Q, which is `noise` `noise`'.
+        ("F", np.float64, (MOTION_STATES, MOTION_STATES)),
+        ("B", np.float64, MOTION_STATES),
+        ("Q", np.float64, (MOTION_STATES, MOTION_STATES)),
+        ("noise", np.float64, (MOTION_STATES, MOTION_STATES)),
+        # Else the process noise is that of all modes, on the velocities.
+        ("own_noise", np.bool_),
+    ]
+)
+"""A mode of motion, see `hybrid_env.modes`."""
 
 TRACE_COLUMNS = (
     "x",
@@ -357,22 +380,23 @@ class PublishedBank(NamedTuple):
     )
 
 
-AWARE_HYPOTHESIS = lanes_of(
+AWARE_FIELDS: dict[str, Any] = {
     # Estimate [m, m/s].
-    x=float,
-    vx=float,
-    y=float,
-    vy=float,
-    # Of the turn [m].
-    centre_x=float,
-    centre_y=float,
+    "x": float,
+    "vx": float,
+    "y": float,
+    "vy": float,
+    # Of the turn [m], or accelerations of a linear mode of the user [m/s^2].
+    "centre_x": float,
+    "centre_y": float,
     # [rad/s]
-    turn_rate=float,
+    "turn_rate": float,
     # Of the seven states, upper triangle row by row.
-    covariance=(float, 28),
-    # Cumulative since the switch.
-    log_likelihood=float,
-)
+    "covariance": (float, 28),
+    # Cumulative since the switch, or with unknown switches of the current tick.
+    "log_likelihood": float,
+}
+AWARE_HYPOTHESIS = lanes_of(**AWARE_FIELDS)
 """State of one filter."""
 
 
@@ -381,6 +405,14 @@ class AnchorAwareBank(NamedTuple):
 
     hypotheses: Any = Array(AWARE_HYPOTHESIS, ("blocks_count", "modes"))
     innovations: Any = Array(INNOVATION, ("modes",), "thread")
+
+
+class DenseBank(NamedTuple):
+    """The bank of a block of tracks for modes of the user, with announced switches."""
+
+    hypotheses: Any = Array(AWARE_HYPOTHESIS, ("blocks_count", "modes"))
+    innovations: Any = Array(INNOVATION, ("modes",), "thread")
+    motions: Any = Array(MOTION, ("modes",), "options")
 
 
 class ImmBank(NamedTuple):
@@ -407,6 +439,25 @@ class ImmBank(NamedTuple):
     innovations: Any = Array(INNOVATION, ("modes",), "thread")
     # Maximum log probability before normalization, and the sum relative to it.
     sums: Any = Array(lanes_of(largest=float, total=float), (1,), "thread")
+
+
+DENSE_IMM_HYPOTHESIS = lanes_of(**AWARE_FIELDS, log_probability=float)
+"""State of one filter."""
+
+
+class DenseImmBank(NamedTuple):
+    """The bank of a block of tracks for modes of the user or any transition matrix, with unknown
+    switches.
+    """
+
+    hypotheses: Any = Array(DENSE_IMM_HYPOTHESIS, ("blocks_count", "modes"))
+    innovations: Any = Array(INNOVATION, ("modes",), "thread")
+    sums: Any = Array(lanes_of(largest=float, total=float), (1,), "thread")
+    # Initial conditions of the filters in a tick.
+    mixed: Any = Array(DENSE_IMM_HYPOTHESIS, ("modes",), "thread")
+    motions: Any = Array(MOTION, ("modes",), "options")
+    # Probability of a mode (column) in a tick by that in the tick before.
+    transitions: Any = Array(np.float64, ("modes", "modes"), "options")
 
 
 BANKS: dict[str, type] = {
@@ -450,16 +501,19 @@ class Arrays(NamedTuple):
             ties=float,
             # ln(1 - maximum posterior), equal priors.
             log_error=float,
-            # Likelihoods of straight, left and right over the largest of a hypothesis.
-            types=(float, 3),
             # ln(1 - maximum posterior of a type), equal priors of the hypotheses.
             log_type_error=float,
         ),
         (1,),
         "thread",
     )
+    # Likelihoods of the types over the largest of a hypothesis, as in `scratch`.
+    type_likelihoods: Any = Array(np.float64, ("type_count", LANES), "thread")
     # [m]
     radii: Any = Array(np.float64, ("radii_count",), "options")
+    # Of every mode [1/m], positive to the left; and its type, from 0 on.
+    curvatures: Any = Array(np.float64, ("modes",), "options")
+    types: Any = Array(np.int64, ("modes",), "options")
     # See `scheme.segment_table`.
     table: Any = Array(np.float64, ("table_rows", len(SEGMENT_COLUMNS)), "options")
     # Cumulative probabilities of the durations of the first and of other segments, for unknown
@@ -525,10 +579,11 @@ PARAMETERS = np.dtype(
             for name in (
                 # Of the measurements, see `noise`.
                 "noise_law",
-                # n radii, n + 1 with the straight line, M = 2 n + 1 hypotheses.
+                # n radii, n + 1 with the straight line, M hypotheses, and their types.
                 "radii_count",
                 "columns",
                 "modes",
+                "type_count",
                 # Number of distinct covariances, 1 or 2, and of actions.
                 "axes",
                 "action_count",
@@ -590,7 +645,7 @@ PARAMETERS = np.dtype(
         *(
             dict.fromkeys(
                 (name, np.uintp)
-                for arrays in (Arrays, *BANKS.values(), ImmBank)
+                for arrays in (Arrays, *BANKS.values(), DenseBank, ImmBank, DenseImmBank)
                 for name in declared(arrays)
             )
         ),

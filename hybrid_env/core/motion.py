@@ -8,8 +8,11 @@ omega = 0.
 """
 
 import math
+from typing import Any
 
 from hybrid_env.core.compilation import formula, internal
+from hybrid_env.core.memory import FloatArray
+from hybrid_env.core.vectors import Vector, product
 
 # [rad], turned per tick in the model of a bank.
 LARGEST_ANGLE = 1000.0
@@ -79,3 +82,30 @@ def turn_centre(
     to the left [m].
     """
     return x - heading_y * signed_radius, y + heading_x * signed_radius
+
+
+@formula
+def six_of(array: FloatArray) -> Vector:
+    """Return the values of an array, (6,), as a vector."""
+    return array[0], array[1], array[2], array[3], array[4], array[5]
+
+
+@formula
+def rows_of_matrix(matrix: FloatArray) -> tuple[Vector, ...]:
+    """Return the rows of a matrix, (6, 6), as vectors."""
+    return (
+        six_of(matrix[0]),
+        six_of(matrix[1]),
+        six_of(matrix[2]),
+        six_of(matrix[3]),
+        six_of(matrix[4]),
+        six_of(matrix[5]),
+    )
+
+
+@formula
+def linear_motion(motion: Any, state: Vector) -> Vector:
+    """Return F x + B of a linear mode, a record `MOTION`; x = [x, vx, y, vy, ax, ay]."""
+    x, u, y, v, a, b = product(rows_of_matrix(motion.F), state)
+    B = six_of(motion.B)
+    return x + B[0], u + B[1], y + B[2], v + B[3], a + B[4], b + B[5]

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.core.banks.bank import estimate_of, likeliest, mode_type
+from hybrid_env.core.banks.bank import estimate_of, likeliest
 from hybrid_env.core.compilation import formula, inlined, internal
 from hybrid_env.core.elementary import exp, log
-from hybrid_env.core.memory import FloatArray, Records, state_of
+from hybrid_env.core.memory import FloatArray, IntArray, Records, state_of
 from hybrid_env.core.motion import heading_vector
 
 # Lower clip of log-likelihood ratios and log-probabilities.
@@ -88,20 +88,16 @@ def write_segment(
     row: NDArray[np.float32],
     block: Any,
     lane: int,
-    radii: FloatArray,
+    curvatures: FloatArray,
     setting: Any,
 ) -> None:
-    """Write the values that are constant over a segment. row: (6 M + 10,); setting: record
-    `PARAMETERS`.
+    """Write the values that are constant over a segment. row: (6 M + 10,); curvatures: (M,) [1/m];
+    setting: record `PARAMETERS`.
     """
-    n = radii.size
-    M = 2 * n + 1
+    M = curvatures.size
     for h in range(M):
         row[4 * M + h] = 1.0 if h == block.active_mode[lane] else 0.0
-    row[5 * M] = 0.0
-    for c in range(n):
-        row[5 * M + 1 + c] = 1.0 / radii[c]
-        row[5 * M + 1 + n + c] = -1.0 / radii[c]
+        row[5 * M + h] = curvatures[h]
     # In the order of `Layout.track_features`.
     singles = row[6 * M :]
     kept, variance_x, variance_y = block.covariance, setting.variance_x, setting.variance_y
@@ -142,28 +138,38 @@ def compare_hypotheses(scratch: Any, hypotheses: Records, first: int, last: int)
 
 
 @inlined
-def compare_types(scratch: Any, hypotheses: Records, first: int, last: int) -> None:
-    """Compute the log error probability of the likeliest type (straight, left or right) of lanes
-    first
-    .. last - 1, after `compare_hypotheses`.
+def compare_types(
+    scratch: Any,
+    hypotheses: Records,
+    types: IntArray,
+    likelihoods: FloatArray,
+    first: int,
+    last: int,
+) -> None:
+    """Compute the log error probability of the likeliest type of lanes first .. last - 1, after
+    `compare_hypotheses`. types: (M,) of every hypothesis; likelihoods: (types, LANES), overwritten.
     """
-    for lane in range(first, last):
-        for of_type in range(3):
-            scratch.types[of_type, lane] = 0.0
+    for of_type in range(likelihoods.shape[0]):
+        for lane in range(first, last):
+            likelihoods[of_type, lane] = 0.0
     for h in range(hypotheses.size):
         kalman = hypotheses[h]
-        of_type = mode_type(h, hypotheses.size // 2)
+        of_type = types[h]
         for lane in range(first, last):
             ratio = kalman.log_likelihood[lane] - scratch.largest[lane]
-            scratch.types[of_type, lane] += exp(max(ratio, NEGLIGIBLE))
+            likelihoods[of_type, lane] += exp(max(ratio, NEGLIGIBLE))
     for lane in range(first, last):
-        straight = scratch.types[0, lane]
-        left = scratch.types[1, lane]
-        right = scratch.types[2, lane]
-        # The sum of the two smaller ones is not a difference, which would lose the digits of small
+        likeliest_type = 0
+        for of_type in range(1, likelihoods.shape[0]):
+            if likelihoods[of_type, lane] > likelihoods[likeliest_type, lane]:
+                likeliest_type = of_type
+        # The sum of the smaller ones is not a difference, which would lose the digits of small
         # terms.
-        others = min(straight + left, straight + right, left + right)
-        scratch.log_type_error[lane] = log_error_probability(others / max(straight, left, right))
+        others = 0.0
+        for of_type in range(likelihoods.shape[0]):
+            others += likelihoods[of_type, lane] if of_type != likeliest_type else 0.0
+        ratio = others / likelihoods[likeliest_type, lane]
+        scratch.log_type_error[lane] = log_error_probability(ratio)
 
 
 @inlined

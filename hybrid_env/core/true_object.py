@@ -10,10 +10,24 @@ import numpy as np
 
 from hybrid_env.core.banks.bank import estimate_of
 from hybrid_env.core.compilation import formula, inlined, internal
-from hybrid_env.core.memory import SEGMENT_COLUMNS, FloatArray, Records, state_of, write_lane
-from hybrid_env.core.motion import heading_vector, motion_coefficients, propagate, turn_centre
+from hybrid_env.core.memory import (
+    SEGMENT_COLUMNS,
+    FloatArray,
+    Records,
+    state_of,
+    write_lane,
+)
+from hybrid_env.core.motion import (
+    heading_vector,
+    linear_motion,
+    motion_coefficients,
+    propagate,
+    rows_of_matrix,
+    turn_centre,
+)
 from hybrid_env.core.noise import LOST, draw_noise, uniform
 from hybrid_env.core.polar import add_information, fused_position, range_rate, to_position
+from hybrid_env.core.vectors import Vector, combination, product
 
 SIGNED_RADIUS, MODE, LENGTH = range(len(SEGMENT_COLUMNS))
 
@@ -42,9 +56,16 @@ def draw_first_estimate(block: Any, noise: FloatArray, lane: int, setting: Any) 
 
 
 @internal
-def begin_motion(block: Any, lane: int, segment: FloatArray, tau: float) -> None:
+def begin_motion(
+    block: Any,
+    lane: int,
+    segment: FloatArray,
+    motions: Records | None,
+    tau: float,
+) -> None:
     """Begin a segment, a row of the segment table: centre and turn rate follow from the true
-    state of the lane.
+    state of the lane, and so does the acceleration of a mode of the user. motions: `MOTION` of
+    every mode; None where all are straight motion and turns.
     """
     x, vx, y, vy = state_of(block.truth, lane)
     # 0 is straight.
@@ -53,13 +74,77 @@ def begin_motion(block: Any, lane: int, segment: FloatArray, tau: float) -> None
     turn_rate = 0.0 if signed_radius == 0.0 else speed / abs(signed_radius)
     write_lane(block.true_motion, lane, motion_coefficients(turn_rate, tau))
     write_lane(block.true_centre, lane, turn_centre(x, y, heading_x, heading_y, signed_radius))
+    if motions is not None:
+        acceleration = motions[np.int64(segment[MODE])].acceleration
+        block.true_acceleration[0, lane] = acceleration * heading_x
+        block.true_acceleration[1, lane] = acceleration * heading_y
+
+
+@internal
+def _own_noise(
+    block: Any,
+    lane: int,
+    noise: FloatArray,
+    column: int,
+    motion: Any,
+    setting: Any,
+) -> Vector:
+    """Return the process noise of a mode with a covariance of its own. Two normal numbers are those
+    of all modes; four more are drawn into their column, and the measurement errors are kept.
+    """
+    u, v, error_x, error_y = noise[0, column], noise[1, column], noise[2, column], noise[3, column]
+    first = np.uint64(column)
+    last = first + np.uint64(1)
+    draw_noise(block.random_state, noise, first, last, setting, None, lane)
+    normals = (u, v, noise[0, column], noise[1, column], noise[2, column], noise[3, column])
+    noise[2, column], noise[3, column] = error_x, error_y
+    return product(rows_of_matrix(motion.noise), normals)
+
+
+@internal
+def _move_linear(
+    block: Any,
+    lane: int,
+    noise: FloatArray,
+    column: int,
+    motion: Any,
+    setting: Any,
+) -> None:
+    """Move the object of one lane by one tick of a linear mode of the user, and measure its
+    position.
+    """
+    truth, acceleration = block.truth, block.true_acceleration
+    before = (*state_of(truth, lane), acceleration[0, lane], acceleration[1, lane])
+    if motion.own_noise:
+        drawn = _own_noise(block, lane, noise, column, motion, setting)
+    else:
+        deviation = setting.process_deviation
+        drawn = (0.0, deviation * noise[0, column], 0.0, deviation * noise[1, column], 0.0, 0.0)
+    after = combination((1.0, 1.0), (linear_motion(motion, before), drawn))
+    write_lane(truth, lane, after[:4])
+    write_lane(acceleration, lane, after[4:])
+    block.measurement[0, lane] = after[0] + setting.deviation_x * noise[2, column]
+    block.measurement[1, lane] = after[2] + setting.deviation_y * noise[3, column]
+    block.tick[lane] += 1
 
 
 @formula
-def move_lane(block: Any, lane: int, noise: FloatArray, column: int, setting: Any) -> None:
+def move_lane(
+    block: Any,
+    lane: int,
+    noise: FloatArray,
+    column: int,
+    motions: Records | None,
+    setting: Any,
+) -> None:
     """Move the object of one lane by one tick and measure its position; column: that of the
-    noise for this tick.
+    noise for this tick; motions: as in `begin_motion`.
     """
+    if motions is not None:
+        motion = motions[block.true_mode[lane]]
+        if motion.signed_radius == 0.0:
+            _move_linear(block, lane, noise, column, motion, setting)
+            return
     truth = block.truth
     motion = block.true_motion
     centre = block.true_centre
@@ -78,7 +163,14 @@ def move_lane(block: Any, lane: int, noise: FloatArray, column: int, setting: An
 
 
 @inlined
-def _sense(block: Any, lane: int, noise: FloatArray, sensors: Records, setting: Any) -> None:
+def _sense(
+    block: Any,
+    lane: int,
+    noise: FloatArray,
+    sensors: Records,
+    motions: Records | None,
+    setting: Any,
+) -> None:
     """Move the object of one lane by one tick, and fuse the measurements of all sensors that have
     one: their mean weighted by the inverse covariances, whose sum is its inverse covariance. Every
     sensor draws random numbers in every tick, so that the stream does not depend on where the
@@ -92,7 +184,7 @@ def _sense(block: Any, lane: int, noise: FloatArray, sensors: Records, setting: 
         draw_noise(block.random_state, noise, first, last, setting, True, None)
         # The first draw also moves the object.
         if k == 0:
-            move_lane(block, lane, noise, lane, setting)
+            move_lane(block, lane, noise, lane, motions, setting)
         x, y = truth[0, lane] - sensor.x, truth[2, lane] - sensor.y
         distance = math.hypot(x, y)
         measures = clock % sensor.period == 0 and distance <= sensor.range
@@ -167,19 +259,21 @@ def move(
     first: int,
     last: int,
     sensors: Records,
+    motions: Records | None,
     setting: Any,
     rare: bool | None,
 ) -> None:
     """Move the objects of lanes first .. last - 1 by one tick and measure their positions, without
-    sensors with variance R everywhere. noise: (7, LANES), overwritten.
+    sensors with variance R everywhere. noise: (7, LANES), overwritten; motions: as in
+    `begin_motion`.
     """
     if rare is not None and sensors.size > 0:
         for lane in range(first, last):
-            _sense(block, lane, noise, sensors, setting)
+            _sense(block, lane, noise, sensors, motions, setting)
         return
     draw_noise(block.random_state, noise, first, last, setting, rare, None)
     for lane in range(first, last):
-        move_lane(block, lane, noise, lane, setting)
+        move_lane(block, lane, noise, lane, motions, setting)
     if rare is not None and setting.missed > 0.0:
         for lane in range(first, last):
             if noise[LOST, lane] < setting.missed:

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.bank import filter_model
-from hybrid_env.core.banks.imm import begin_imm, of_block, step_imm, step_imm_irregular
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.habits import draw_from_law, draw_law, draw_mode, draw_order, draw_remaining
 from hybrid_env.core.kernel import TERMINATED
@@ -44,6 +44,7 @@ def _begin_segment(
     i: int,
     mode: int,
     row: int,
+    bank: Any,
     arrays: Any,
     setting: Any,
     rare: bool | None,
@@ -62,7 +63,7 @@ def _begin_segment(
         number = uniform(block.random_state, lane)
         block.length[lane] = draw_duration(arrays.durations[row + turns], number)
     block.tick[lane] = 0
-    begin_motion(block, lane, arrays.table[mode], setting.tau)
+    begin_motion(block, lane, arrays.table[mode], operations.motions_of(bank), setting.tau)
 
 
 @inlined
@@ -86,8 +87,8 @@ def _begin_episode(
     block.time[lane] = 0
     block.stated_mode[lane] = 0
     block.stated_ticks[lane] = 0
-    _begin_segment(block, lane, i, mode, FIRST_DURATIONS, arrays, setting, rare)
-    begin_imm(bank, block, lane, mode if setting.start_known else -1)
+    _begin_segment(block, lane, i, mode, FIRST_DURATIONS, bank, arrays, setting, rare)
+    operations.begin_imm(bank, block, lane, mode if setting.start_known else -1)
 
 
 @inlined
@@ -95,6 +96,7 @@ def _switch(
     block: Any,
     lane: int,
     i: int,
+    bank: Any,
     arrays: Any,
     setting: Any,
     rare: bool | None,
@@ -109,7 +111,7 @@ def _switch(
         other = integer_below(block.random_state, lane, arrays.table.shape[0] - 1)
         mode = other + (1 if other >= before else 0)
     block.segment[lane] += 1
-    _begin_segment(block, lane, i, mode, OTHER_DURATIONS, arrays, setting, rare)
+    _begin_segment(block, lane, i, mode, OTHER_DURATIONS, bank, arrays, setting, rare)
 
 
 @inlined
@@ -148,7 +150,7 @@ def prepare_lane(
         arrays.terminated[i] = True
         return TERMINATED
     if block.tick[lane] == block.length[lane]:
-        _switch(block, lane, i, arrays, setting, rare)
+        _switch(block, lane, i, bank, arrays, setting, rare)
     return 0
 
 
@@ -165,11 +167,14 @@ def tick(
 ) -> None:
     """Advance object and bank of lanes first .. last - 1 of block b, and write their rows."""
     arrays = arrays_of(setting)
-    move(block, arrays.scratch[0].noise, first, last, arrays.sensors, setting, rare)
+    motions = operations.motions_of(bank)
+    move(block, arrays.scratch[0].noise, first, last, arrays.sensors, motions, setting, rare)
     if rare is not None and setting.irregular:
-        step_imm_irregular(bank, block, first, last, arrays.radii, arrays.sensors, setting)
+        sensors = arrays.sensors
+        operations.step_imm_irregular(bank, block, first, last, arrays.radii, sensors, setting)
     else:
-        step_imm(bank, block, first, last, arrays.radii, filter_model(setting, 1.0, rare))
+        model = filter_model(setting, 1.0, rare)
+        operations.step_imm(bank, block, first, last, arrays.radii, model)
     _write_rows(b, block, bank, first, last, arrays, setting)
 
 
@@ -199,18 +204,19 @@ def advance_live(begins: bool, banks: Any, setting: Any) -> int:
     arrays = arrays_of(setting)
     for b in range(setting.first_block, setting.last_block):
         block = arrays.blocks[b]
-        bank = of_block(banks, b)
+        bank = operations.of_block(banks, b)
         lanes = min(LANES, setting.tracks - b * LANES)
         for lane in range(np.uint64(lanes)):
             stated = arrays.actions[b * LANES + int(lane)]
             if begins:
                 block.time[lane], block.stated_mode[lane], block.stated_ticks[lane] = 0, 0, 0
-                begin_imm(bank, block, lane, stated)
+                operations.begin_imm(bank, block, lane, stated)
             elif block.time[lane] > 0:
                 record_statement(block, lane, stated)
         if begins:
             continue
         first, last = np.uint64(0), np.uint64(lanes)
-        step_imm_irregular(bank, block, first, last, arrays.radii, arrays.sensors, setting)
+        sensors = arrays.sensors
+        operations.step_imm_irregular(bank, block, first, last, arrays.radii, sensors, setting)
         _write_rows(b, block, bank, first, last, arrays, setting)
     return 0

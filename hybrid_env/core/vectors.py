@@ -100,3 +100,34 @@ def minus_square(_typing: Any, triangle: Any, vector: Any, factor: Any) -> Any:
         return [builder.fsub(*pair) for pair in zip(entries, products, strict=True)]
 
     return _code(triangle, (triangle, vector, factor), compute)
+
+
+@intrinsic
+def product(_typing: Any, rows: Any, vector: Any) -> Any:
+    """Return A v of a matrix A, given by its rows, and a vector v."""
+
+    def compute(builder: Any, rows: Any, values: Any) -> Any:
+        terms = [[builder.fmul(*pair) for pair in zip(row, values, strict=True)] for row in rows]
+        return [reduce(builder.fadd, row) for row in terms]
+
+    return _code(types.UniTuple(types.float64, len(rows)), (rows, vector), compute)
+
+
+@intrinsic
+def sandwich(_typing: Any, rows: Any, triangle: Any) -> Any:
+    """Return A P A' of a matrix A, given by its rows, and a symmetric matrix P, both (n, n)."""
+    n = len(rows)
+    places = list(combinations_with_replacement(range(n), 2))
+
+    def compute(builder: Any, rows: Any, entries: Any) -> Any:
+        def dot(one: Any, other: Any) -> Any:
+            pairs = zip(one, other, strict=True)
+            return reduce(builder.fadd, [builder.fmul(*pair) for pair in pairs])
+
+        columns = [
+            [entries[places.index((min(i, k), max(i, k)))] for k in range(n)] for i in range(n)
+        ]
+        left = [[dot(row, column) for column in columns] for row in rows]
+        return [dot(left[i], rows[k]) for i, k in places]
+
+    return _code(triangle, (rows, triangle), compute)

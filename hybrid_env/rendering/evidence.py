@@ -1,45 +1,71 @@
 """What the evidence panel shows, and the names and colours of modes, without matplotlib."""
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
 from hybrid_env.checks import reject
-from hybrid_env.core.banks.bank import mode_type
+from hybrid_env.modes import Mode, modes_of_radii
 
-TYPE_COLOURS = ("#d55e00", "#0072b2", "#009e73")
-"""Straight, left and right: the papers' red, blue and green in the palette of Okabe and Ito."""
+TYPE_COLOURS = {"straight": "#d55e00", "left": "#0072b2", "right": "#009e73"}
+"""The papers' red, blue and green in the palette of Okabe and Ito."""
+OTHER_COLOURS = ("#cc79a7", "#e69f00", "#56b4e9", "#000000", "#f0e442")
+"""Other types of modes of the user, in their order."""
+
+# Modes of the options of an environment, or the turn radii of the bank [m].
+Modes = Sequence[Mode] | Sequence[float]
 
 
-def mode_name(mode: int, radii: Sequence[float]) -> str:
-    """Return the name of a mode, an index in the bank of some radii [m]: "S", "L r=5 m" or "R
-    r=5 m".
+def listed(modes: Modes) -> tuple[Mode, ...]:
+    """Return the modes, also of turn radii [m]."""
+    given = [mode for mode in modes if isinstance(mode, Mode)]
+    if given:
+        return tuple(given)
+    return modes_of_radii([radius for radius in modes if not isinstance(radius, Mode)])
+
+
+def mode_name(mode: int, modes: Modes) -> str:
+    """Return the name of a mode, an index in the bank, in tables and figures: "S", "L r=5 m" or
+    "stop". modes: all modes, or the radii of their turns [m].
     """
-    kind = _type_of(mode, radii)
-    return "S" if kind == 0 else f"{'SLR'[kind]} r={radii[(mode - 1) % len(radii)]:g} m"
+    return _mode_at(mode, listed(modes)).label
 
 
-def mode_colour(mode: int, radii: Sequence[float]) -> str:
-    """Return the colour "#rrggbb" of a mode: straight red, left blue, right green; tighter turns
-    are darker.
+def mode_colour(mode: int, modes: Modes) -> str:
+    """Return the colour "#rrggbb" of a mode: straight red, left blue, right green; of several modes
+    of a type the first ones, such as the tighter turns, are darker.
     """
-    kind = _type_of(mode, radii)
-    if kind == 0 or len(radii) == 1:
-        return TYPE_COLOURS[kind]
-    rank = sum(radius < radii[(mode - 1) % len(radii)] for radius in radii)
-    return shade(TYPE_COLOURS[kind], rank / (len(radii) - 1) - 0.5)
+    of_bank = listed(modes)
+    chosen = _mode_at(mode, of_bank)
+    colour = type_colours(of_bank)[chosen.type]
+    same = sorted(
+        (other for other in of_bank if other.type == chosen.type),
+        key=lambda other: abs(other.signed_radius),
+    )
+    return colour if len(same) == 1 else shade(colour, same.index(chosen) / (len(same) - 1) - 0.5)
 
 
-def legend_colours(radii: Sequence[float]) -> dict[str, str]:
+def type_colours(modes: Sequence[Mode]) -> dict[str, str]:
+    """Return the colour of each type of modes."""
+    others = dict.fromkeys(mode.type for mode in modes if mode.type not in TYPE_COLOURS)
+    return TYPE_COLOURS | dict(zip(others, itertools.cycle(OTHER_COLOURS), strict=False))
+
+
+def legend_colours(modes: Modes) -> dict[str, str]:
     """Return the colours of a legend by their names: those of the modes, or of their types if there
     are more than nine.
     """
-    modes = range(2 * len(radii) + 1)
-    if len(modes) > 9:
-        names = ("straight", "left turns, darker is tighter", "right turns, darker is tighter")
-        return dict(zip(names, TYPE_COLOURS, strict=True))
-    return {mode_name(mode, radii): mode_colour(mode, radii) for mode in modes}
+    of_bank = listed(modes)
+    if len(of_bank) <= 9:
+        return {mode.label: mode_colour(h, of_bank) for h, mode in enumerate(of_bank)}
+    colours = type_colours(of_bank)
+    several = {"left": "left turns, darker is tighter", "right": "right turns, darker is tighter"}
+    return {
+        several.get(of_type, of_type): colours[of_type]
+        for of_type in dict.fromkeys(mode.type for mode in of_bank)
+    }
 
 
 def shade(colour: str, amount: float) -> str:
@@ -49,10 +75,11 @@ def shade(colour: str, amount: float) -> str:
     return "#" + "".join(f"{round(255 * c):02x}" for c in mixed)
 
 
-def _type_of(mode: int, radii: Sequence[float]) -> int:
-    if not 0 <= mode <= 2 * len(radii):
-        raise reject("mode", mode, f"an integer from 0 to {2 * len(radii)}")
-    return mode_type(mode, len(radii))
+def _mode_at(mode: int, modes: Sequence[Mode]) -> Mode:
+    """Return the mode of an index in the bank."""
+    if not 0 <= mode < len(modes):
+        raise reject("mode", mode, f"an integer from 0 to {len(modes) - 1}")
+    return modes[mode]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,13 +100,16 @@ class EvidencePanel:
     # are then no decisions, and the evidence does not begin anew at a switch.
     ribbons: bool = False
 
-    def colours(self, radii: Sequence[float]) -> dict[int, str]:
+    def colours(self, modes: Modes) -> dict[int, str]:
         """Return the colour of each curve by the index of the first hypothesis of the curve."""
+        of_bank = listed(modes)
         if self.curves == "single":
             return {0: "#404040"}
         if self.curves == "type":
-            return dict(zip((0, 1, len(radii) + 1), TYPE_COLOURS, strict=True))
-        return {mode: mode_colour(mode, radii) for mode in range(2 * len(radii) + 1)}
+            colours = type_colours(of_bank)
+            types = [mode.type for mode in of_bank]
+            return {types.index(of_type): colours[of_type] for of_type in dict.fromkeys(types)}
+        return {mode: mode_colour(mode, of_bank) for mode in range(len(of_bank))}
 
 
 def ratio_limits(threshold: float) -> tuple[float, float]:

@@ -25,7 +25,7 @@ class EpisodeFigure:
     def __init__(self, options: Any, panel: EvidencePanel):
         self.options = options
         self.panel = panel
-        colours = [mode_colour(mode, options.radii) for mode in range(options.hypotheses)]
+        colours = [mode_colour(mode, options.all_modes) for mode in range(options.hypotheses)]
         # (M + 1, 3): that of the last one is no mode.
         self._colours = np.array([to_rgb(colour) for colour in (*colours, "white")])
         width, height = FRAME_SIZE
@@ -100,7 +100,7 @@ class EpisodeFigure:
             axes.text(1.01, level, name, transform=axes.get_yaxis_transform(), va="center")
         self._curves = {
             mode: self._line(axes, color=colour, linewidth=1.3)
-            for mode, colour in panel.colours(self.options.radii).items()
+            for mode, colour in panel.colours(self.options.all_modes).items()
         }
         if panel.ribbons:
             # Rows of true and of stated modes.
@@ -113,7 +113,7 @@ class EpisodeFigure:
         """Add what is drawn, and below it the colours of the modes, by type if there are too
         many.
         """
-        colours = legend_colours(self.options.radii)
+        colours = legend_colours(self.options.all_modes)
         handles = [Line2D([], [], color=colour, label=name) for name, colour in colours.items()]
         if self.panel.legend:
             handles.append(Line2D([], [], color="#555555", ls="--", label=self.panel.legend))
@@ -186,7 +186,7 @@ class EpisodeFigure:
             self._decisions[0][correct].set_data(truth[ticks].T)
             self._decisions[1][correct].set_data(ticks + 1, levels)
         true, stated = (
-            mode_name(int(mode), self.options.radii) if mode >= 0 else "-"
+            mode_name(int(mode), self.options.all_modes) if mode >= 0 else "-"
             for mode in (history.true_modes[-1], modes[-1 if history.finished else -2 :][0])
         )
         place = f"segment {history.segment + 1}, tick {history.tick}"

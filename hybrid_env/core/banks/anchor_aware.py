@@ -14,7 +14,7 @@ import numpy as np
 
 from hybrid_env.core.banks import extended_kalman as ekf
 from hybrid_env.core.banks.bank import signed_radius
-from hybrid_env.core.banks.kalman import log_likelihood
+from hybrid_env.core.banks.kalman import weigh
 from hybrid_env.core.banks.sensing import DIVERGED, LARGEST, ROUNDING, correct_by_sensors
 from hybrid_env.core.compilation import formula, internal
 from hybrid_env.core.elementary import log
@@ -33,6 +33,12 @@ from hybrid_env.core.vectors import Vector, choose, combination, minus_square, r
 def of_block(banks: AnchorAwareBank, b: int) -> AnchorAwareBank:
     """Return the bank of one block from those of all blocks."""
     return AnchorAwareBank(banks.hypotheses[b], banks.innovations)
+
+
+@internal
+def motions_of(bank: AnchorAwareBank) -> None:
+    """Return None: all modes are straight motion and turns."""
+    return None
 
 
 @internal
@@ -70,9 +76,9 @@ def begin_hypothesis(
     kalman.log_likelihood[lane] = 0.0
     centre = turn_centre(anchor[0], anchor[2], heading_x, heading_y, radius)
     turn_rate = 0.0 if radius == 0.0 else bank_turn_rate(speed, abs(radius), tau)
-    _set_state(kalman, lane, anchor + centre + (turn_rate,))
+    set_state(kalman, lane, anchor + centre + (turn_rate,))
     spread = ekf.anchor_covariance(covariance, heading_x, heading_y, inverse_speed, radius)
-    _set_covariance(kalman, lane, spread)
+    set_covariance(kalman, lane, spread)
     if exact:
         # The entries of the centre and the turn rate.
         for k in (4, 5, 6, 10, 11, 12, 15, 16, 17, 19, 20, 21, 22, 23, 24, 25, 26, 27):
@@ -80,7 +86,7 @@ def begin_hypothesis(
 
 
 @formula
-def _covariance7(kalman: Any, lane: int) -> Vector:
+def covariance7(kalman: Any, lane: int) -> Vector:
     """Return the covariance of the seven states of one filter, upper triangle row by row."""
     P = kalman.covariance
     return (
@@ -116,7 +122,7 @@ def _covariance7(kalman: Any, lane: int) -> Vector:
 
 
 @formula
-def _set_covariance(kalman: Any, lane: int, p: Vector) -> None:
+def set_covariance(kalman: Any, lane: int, p: Vector) -> None:
     """Set the covariance of the seven states of one filter."""
     P = kalman.covariance
     # Written out, because a loop over so many entries would not become SIMD code.
@@ -151,14 +157,14 @@ def _set_covariance(kalman: Any, lane: int, p: Vector) -> None:
 
 
 @formula
-def _state_of(kalman: Any, lane: int) -> Vector:
+def state_of(kalman: Any, lane: int) -> Vector:
     """Return the state of one filter."""
     estimate = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
     return (*estimate, kalman.centre_x[lane], kalman.centre_y[lane], kalman.turn_rate[lane])
 
 
 @formula
-def _set_state(kalman: Any, lane: int, state: Vector) -> None:
+def set_state(kalman: Any, lane: int, state: Vector) -> None:
     """Set the state of one filter."""
     kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane] = state[:4]
     kalman.centre_x[lane], kalman.centre_y[lane], kalman.turn_rate[lane] = state[4:]
@@ -167,14 +173,14 @@ def _set_state(kalman: Any, lane: int, state: Vector) -> None:
 @formula
 def predict_hypothesis(kalman: Any, lane: int, model: Any) -> tuple[Vector, Vector]:
     """Return the predicted state of a filter and its covariance."""
-    x, u, y, v, centre_x, centre_y, rate = _state_of(kalman, lane)
+    x, u, y, v, centre_x, centre_y, rate = state_of(kalman, lane)
     turn = ekf.turn_coefficients(rate, model.tau)
     C, S, W, _, dC, dS, dW = turn
     from_x = x - centre_x
     from_y = y - centre_y
     by_rate = dC * from_x + dS * u, dC * u - dW * from_x, dC * from_y + dS * v, dC * v - dW * from_y
     predicted = ekf.predict_covariance(
-        _covariance7(kalman, lane),
+        covariance7(kalman, lane),
         turn,
         by_rate,
         model.process_variance,
@@ -191,6 +197,59 @@ def predict_hypothesis(kalman: Any, lane: int, model: Any) -> tuple[Vector, Vect
     return state, predicted
 
 
+@formula
+def correct_hypothesis(
+    kalman: Any,
+    innovation: Any,
+    lane: int,
+    state: Vector,
+    predicted: Vector,
+    measurement: FloatArray,
+    model: Any,
+) -> None:
+    """Correct a filter that has been predicted, and update its log-likelihood. measurement: (2,
+    LANES) [m].
+    """
+    variance_x, variance_y = model.variance_x, model.variance_y
+    # Sequential corrections by x and y; the product of both densities is the joint density.
+    by_x, by_u, _, by_v, _, _, _ = rows_of(predicted)
+    innovation_x = measurement[0, lane] - state[0]
+    sigma_x = by_x[0] + variance_x
+    inverse_x = 1.0 / sigma_x
+    gain_x = innovation_x * inverse_x
+    after_x = minus_square(predicted, by_x, inverse_x)
+    _, _, by_y, _, _, _, _ = rows_of(after_x)
+    innovation_y = measurement[1, lane] - (state[2] + by_x[2] * gain_x)
+    sigma_y = by_y[2] + variance_y
+    inverse_y = 1.0 / sigma_y
+    gain_y = innovation_y * inverse_y
+    covariance = minus_square(after_x, by_y, inverse_y)
+    white_x = innovation_x * math.sqrt(inverse_x)
+    white_y = innovation_y * math.sqrt(inverse_y)
+    log_variance = 0.5 * (log(sigma_x) + log(sigma_y))
+
+    # These comparisons are False for NaN and for values that would lead to NaN.
+    innovations = abs(innovation_x) + abs(innovation_y)
+    valid = (
+        (sigma_x > 0.5 * variance_x)
+        & (sigma_y > 0.5 * variance_y)
+        & (sigma_x + sigma_y < LARGEST * LARGEST)
+        & (by_u[1] + by_v[3] < LARGEST * LARGEST)
+        & (innovations + abs(state[1]) + abs(state[3]) < LARGEST)
+        & (covariance[7] >= -ROUNDING * by_u[1])
+        & (covariance[18] >= -ROUNDING * by_v[3])
+    )
+    weight, likelihood = weigh(white_x, white_y, log_variance, model.freedom)
+    corrected = combination((1.0, weight * gain_x, weight * gain_y), (state, by_x, by_y))
+    innovation.white_x[lane] = white_x if valid else 0.0
+    innovation.white_y[lane] = white_y if valid else 0.0
+    innovation.log_variance[lane] = log_variance if valid else 2.0 * math.log(LARGEST)
+    kalman.log_likelihood[lane] += likelihood if valid else -DIVERGED
+    set_state(kalman, lane, choose(valid, corrected, state_of(kalman, lane)))
+    before = covariance7(kalman, lane)
+    set_covariance(kalman, lane, choose(valid, covariance, before))
+
+
 @internal
 def step_hypothesis(
     kalman: Any,
@@ -201,48 +260,9 @@ def step_hypothesis(
     model: Any,
 ) -> None:
     """Advance one filter and its log-likelihood by one tick; arguments as in `published.step`."""
-    variance_x, variance_y = model.variance_x, model.variance_y
     for lane in range(first, last):
         state, predicted = predict_hypothesis(kalman, lane, model)
-
-        # Sequential corrections by x and y; the product of both densities is the joint density.
-        by_x, by_u, _, by_v, _, _, _ = rows_of(predicted)
-        innovation_x = measurement[0, lane] - state[0]
-        sigma_x = by_x[0] + variance_x
-        inverse_x = 1.0 / sigma_x
-        gain_x = innovation_x * inverse_x
-        after_x = minus_square(predicted, by_x, inverse_x)
-        _, _, by_y, _, _, _, _ = rows_of(after_x)
-        innovation_y = measurement[1, lane] - (state[2] + by_x[2] * gain_x)
-        sigma_y = by_y[2] + variance_y
-        inverse_y = 1.0 / sigma_y
-        gain_y = innovation_y * inverse_y
-        covariance = minus_square(after_x, by_y, inverse_y)
-        white_x = innovation_x * math.sqrt(inverse_x)
-        white_y = innovation_y * math.sqrt(inverse_y)
-        log_variance = 0.5 * (log(sigma_x) + log(sigma_y))
-
-        # These comparisons are False for NaN and for values that would lead to NaN.
-        innovations = abs(innovation_x) + abs(innovation_y)
-        valid = (
-            (sigma_x > 0.5 * variance_x)
-            & (sigma_y > 0.5 * variance_y)
-            & (sigma_x + sigma_y < LARGEST * LARGEST)
-            & (by_u[1] + by_v[3] < LARGEST * LARGEST)
-            & (innovations + abs(state[1]) + abs(state[3]) < LARGEST)
-            & (covariance[7] > -ROUNDING * by_u[1])
-            & (covariance[18] > -ROUNDING * by_v[3])
-        )
-        corrected = combination((1.0, gain_x, gain_y), (state, by_x, by_y))
-        innovation.white_x[lane] = white_x if valid else 0.0
-        innovation.white_y[lane] = white_y if valid else 0.0
-        innovation.log_variance[lane] = log_variance if valid else 2.0 * math.log(LARGEST)
-        kalman.log_likelihood[lane] += (
-            log_likelihood(white_x, white_y, log_variance) if valid else -DIVERGED
-        )
-        _set_state(kalman, lane, choose(valid, corrected, _state_of(kalman, lane)))
-        before = _covariance7(kalman, lane)
-        _set_covariance(kalman, lane, choose(valid, covariance, before))
+        correct_hypothesis(kalman, innovation, lane, state, predicted, measurement, model)
 
 
 @internal
@@ -296,37 +316,41 @@ def sense(
     the sensors measure; see `sensing.correct_by_sensors`.
     """
     for h in range(first, last):
-        _sense(bank.hypotheses[h], bank.innovations[h], lane, block, sensors, model)
+        moved = predict_hypothesis(bank.hypotheses[h], lane, model)
+        sense_predicted(bank.hypotheses[h], bank.innovations[h], lane, moved, block, sensors, model)
 
 
 @internal
-def _sense(
+def sense_predicted(
     kalman: Any,
     innovation: Any,
     lane: int,
+    moved: tuple[Vector, Vector],
     block: Any,
     sensors: Records,
     model: Any,
 ) -> None:
-    """Predict one filter of a lane, and correct it by all that is measured."""
-    state, predicted = predict_hypothesis(kalman, lane, model)
+    """Set one filter of a lane to its prediction, and correct it by all that is measured. moved:
+    predicted state and covariance.
+    """
+    state, predicted = moved
     # Also False for NaN: a filter that diverges keeps its state.
     valid = (predicted[0] + predicted[13] < LARGEST * LARGEST) & (
         predicted[7] + predicted[18] < LARGEST * LARGEST
     )
     if valid & (abs(state[1]) + abs(state[3]) < LARGEST):
-        _set_state(kalman, lane, state)
-        _set_covariance(kalman, lane, predicted)
+        set_state(kalman, lane, state)
+        set_covariance(kalman, lane, predicted)
     sigma_x = max(predicted[0] if valid else 0.0, 0.0) + model.variance_x
     sigma_y = max(predicted[13] if valid else 0.0, 0.0) + model.variance_y
     innovation.white_x[lane] = innovation.white_y[lane] = 0.0
     innovation.log_variance[lane] = 0.5 * (log(sigma_x) + log(sigma_y))
     if math.isnan(block.measurement[0, lane]):
         return
-    before, p = _state_of(kalman, lane), _covariance7(kalman, lane)
+    before, p = state_of(kalman, lane), covariance7(kalman, lane)
     corrected, p, measured, fits = correct_by_sensors(before, p, block, lane, sensors, model)
-    _set_state(kalman, lane, corrected)
-    _set_covariance(kalman, lane, p)
+    set_state(kalman, lane, corrected)
+    set_covariance(kalman, lane, p)
     innovation.white_x[lane], innovation.white_y[lane] = measured[0], measured[1]
     innovation.log_variance[lane] = measured[2] if fits else 2.0 * math.log(LARGEST)
     kalman.log_likelihood[lane] += measured[3] if fits else -DIVERGED
@@ -349,7 +373,8 @@ def sense_hypothesis(
         step_hypothesis(kalman, innovation, first, last, block.measurement, model)
         return
     for lane in range(first, last):
-        _sense(kalman, innovation, lane, block, sensors, model)
+        moved = predict_hypothesis(kalman, lane, model)
+        sense_predicted(kalman, innovation, lane, moved, block, sensors, model)
 
 
 @internal
@@ -375,5 +400,5 @@ def covariance(bank: AnchorAwareBank, hypothesis: int, lane: int) -> Triangle4:
 @internal
 def covariance_of(kalman: Any, lane: int) -> Triangle4:
     """Return the covariance of [x, vx, y, vy] of one filter, upper triangle row by row."""
-    p = _covariance7(kalman, lane)
+    p = covariance7(kalman, lane)
     return p[:4] + p[7:10] + p[13:15] + p[18:19]

@@ -1,5 +1,5 @@
-"""What all banks share: types, the innovations, the model, and the order of the hypotheses: 0 is
-straight, 1 .. n are left turns, n + 1 .. 2n are right turns.
+"""What all banks share: types, the innovations, the model, and the order of the hypotheses: with
+turn radii, 0 is straight, 1 .. n are left turns, n + 1 .. 2n are right turns.
 """
 
 from typing import Any, NamedTuple
@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 from hybrid_env.core.compilation import formula, internal
 from hybrid_env.core.memory import (
     FloatArray,
+    IntArray,
     Records,
     State,
     Triangle4,
@@ -67,12 +68,6 @@ def bank_arrays(bank: Any, radii_count: int, axes: int = 1, blocks: int | None =
     return bank(**arrays)
 
 
-@formula
-def mode_type(mode: int, radii_count: int) -> int:
-    """Return the type of a mode: 0 straight, 1 left, 2 right."""
-    return 0 if mode == 0 else (1 if mode <= radii_count else 2)
-
-
 @internal
 def signed_radius(hypothesis: int, radii: FloatArray) -> float:
     """Return the radius of a hypothesis [m], positive to the left, negative to the right, 0 if
@@ -108,13 +103,13 @@ def likeliest(hypotheses: Records, lane: int) -> int:
 
 
 @internal
-def likeliest_of_type(hypotheses: Records, lane: int, mode: int) -> int:
-    """Return the most likely hypothesis of the same type (straight, left or right) as a mode."""
-    n = hypotheses.size // 2
-    best = mode
+def likeliest_of_type(hypotheses: Records, types: IntArray, lane: int, of_type: int) -> int:
+    """Return the most likely hypothesis of a type. types: (M,), the type of every hypothesis."""
+    best = -1
     for h in range(hypotheses.size):
-        likelier = hypotheses[h].log_likelihood[lane] > hypotheses[best].log_likelihood[lane]
-        if likelier and mode_type(h, n) == mode_type(mode, n):
+        if types[h] == of_type and (
+            best < 0 or hypotheses[h].log_likelihood[lane] > hypotheses[best].log_likelihood[lane]
+        ):
             best = h
     return best
 

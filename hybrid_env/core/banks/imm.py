@@ -53,6 +53,12 @@ def of_block(banks: ImmBank, b: int) -> ImmBank:
     return ImmBank(banks.hypotheses[b], banks.innovations, banks.sums)
 
 
+@internal
+def motions_of(bank: ImmBank) -> None:
+    """Return None: all modes are straight motion and turns."""
+    return None
+
+
 @inlined
 def turn_coefficients(angle: float, tau: float) -> State:
     """Return (C, S, along, across) of a turn by an angle a in a tick of length tau: the new

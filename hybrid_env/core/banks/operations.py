@@ -1,7 +1,11 @@
-"""The operations of the banks for announced switches, selected by the type of the bank when a
-kernel is compiled: each is the function of this name in the file of the bank.
+"""The operations of the banks, selected by the type of the bank when a kernel is compiled: each is
+the function of this name in the file of the bank.
 
     of_block(banks, block)                               the bank of one block
+    motions_of(bank)                                     the modes of the user, else None
+
+With announced switches:
+
     begin(bank, lane, anchor, covariance, radii, model)  start all filters of a lane from the anchor
     step(bank, first, last, measurement, model)          advance all filters of several lanes
     follow(bank, lane, hypothesis, measurement, model)   advance one filter, not its likelihood
@@ -9,6 +13,13 @@ kernel is compiled: each is the function of this name in the file of the bank.
                                                          a measurement, or by those of sensors
     covariance(bank, hypothesis, lane)                   of [x, vx, y, vy], upper triangle by rows
     predicted_position(bank, hypothesis, lane, model)    of one filter, with its covariance
+
+With unknown switches:
+
+    begin_imm(bank, block, lane, known)                  start all filters from the merged estimate
+    step_imm(bank, block, first, last, radii, model)     advance all filters of several lanes
+    step_imm_irregular(bank, block, first, last, radii, sensors, setting)
+                                                         the same with any measurements, or none
 
 Calls with the same types share one compiled function: the kernel gives unsigned indices and a
 `FilterModel`. numba has no public name for the class of a named tuple in compiled code:
@@ -19,8 +30,17 @@ from typing import Any
 
 from numba.extending import overload
 
-from hybrid_env.core.banks import anchor_aware, published
+from hybrid_env.core.banks import anchor_aware, dense, dense_imm, imm, published
 from hybrid_env.core.compilation import OPTIONS
+
+FILES: dict[type, Any] = {
+    published.PublishedBank: published,
+    anchor_aware.AnchorAwareBank: anchor_aware,
+    dense.DenseBank: dense,
+    imm.ImmBank: imm,
+    dense_imm.DenseImmBank: dense_imm,
+}
+"""The file of each bank."""
 
 
 def _operation(name: str) -> Any:
@@ -32,13 +52,25 @@ def _operation(name: str) -> Any:
     # Not strict: the names of the arguments may differ.
     @overload(operation, jit_options=OPTIONS, strict=False)
     def select(bank, *arguments):  # type: ignore[no-untyped-def]
-        files = {published.PublishedBank: published, anchor_aware.AnchorAwareBank: anchor_aware}
-        return getattr(files[bank.instance_class], name)
+        return getattr(FILES[bank.instance_class], name)
 
     return operation
 
 
-of_block, begin, step, follow, sense, covariance, predicted_position = map(
+of_block, motions_of, begin, step, follow, sense, covariance, predicted_position = map(
     _operation,
-    ("of_block", "begin", "step", "follow", "sense", "covariance", "predicted_position"),
+    (
+        "of_block",
+        "motions_of",
+        "begin",
+        "step",
+        "follow",
+        "sense",
+        "covariance",
+        "predicted_position",
+    ),
+)
+begin_imm, step_imm, step_imm_irregular = map(
+    _operation,
+    ("begin_imm", "step_imm", "step_imm_irregular"),
 )

@@ -44,6 +44,12 @@ def of_block(banks: PublishedBank, b: int) -> PublishedBank:
 
 
 @internal
+def motions_of(bank: PublishedBank) -> None:
+    """Return None: all modes are straight motion and turns."""
+    return None
+
+
+@internal
 def begin(
     bank: PublishedBank,
     lane: int,

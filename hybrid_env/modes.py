@@ -1,0 +1,311 @@
+"""Modes of motion of the user's own, for the option `modes` of every environment.
+
+    modes=(Straight(), Turn(5.0), Turn(-5.0), Stop())
+    modes="straight, left 5, right 5, stop"
+
+A mode says how the state of an object changes in a tick, x' = F x + B + w with w ~ N(0, Q). The
+state is [x, vx, y, vy], or with accelerations [x, vx, ax, y, vy, ay] [m, m/s, m/s^2]; the position
+is measured. A mode of the user is a `LinearMode`, or a subclass of `Mode` with `matrices`. Modes of
+one type, such as all left turns, count as one with `correctness="type"`.
+"""
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from annotated_types import Interval, Unit
+
+from hybrid_env.checks import AnyArray, Checked, FloatArray, check_array, check_covariance, reject
+from hybrid_env.core.memory import MOTION, MOTION_STATES
+
+Matrices = tuple[FloatArray, FloatArray, FloatArray | None]
+Nonzero = Annotated[float, Interval(ge=-1e18, le=1e18)]
+
+# Places of [x, vx, y, vy], and of [x, vx, ax, y, vy, ay], in the order of the compiled core.
+PLACES = {4: (0, 1, 2, 3), MOTION_STATES: (0, 1, 4, 2, 3, 5)}
+
+
+@dataclass(frozen=True)
+class Mode(Checked):
+    """A mode of motion. A subclass has `matrices`, or a radius or an acceleration, which the
+    heading at the switch turns into motion in the plane.
+    """
+
+    # The words that name it in a text, in front of the values of its fields.
+    words: ClassVar[str] = ""
+
+    @property
+    def name(self) -> str:
+        """Name in the text of an option."""
+        numbers = (f"{getattr(self, field.name):.15g}" for field in fields(self))
+        return " ".join([self.words, *numbers])
+
+    @property
+    def label(self) -> str:
+        """Name in tables and figures."""
+        return self.name
+
+    @property
+    def type(self) -> str:
+        """What the mode is if its numbers do not count, see `correctness`."""
+        return self.words
+
+    @property
+    def signed_radius(self) -> float:
+        """Radius of a turn [m], positive to the left; 0 if the mode is not a turn of a radius."""
+        return 0.0
+
+    @property
+    def starting_acceleration(self) -> float:
+        """Acceleration along the heading at the switch [m/s^2]."""
+        return 0.0
+
+    def matrices(self, tau: float) -> Matrices:
+        """Return F (n, n), B (n,) and Q (n, n) of a tick of length tau [s], for n = 4 or 6 states.
+        Q = None is the noise of the option `process_variance` on each velocity.
+        """
+        return constant_acceleration(tau), np.zeros(MOTION_STATES), None
+
+    def __str__(self) -> str:
+        return self.name
+
+    def as_json(self) -> str:
+        """Return the text, for files that name the options."""
+        return self.name
+
+
+@dataclass(frozen=True)
+class Straight(Mode):
+    """Motion with a constant velocity."""
+
+    words = "straight"
+
+    @property
+    def label(self) -> str:
+        """See `Mode.label`."""
+        return "S"
+
+
+@dataclass(frozen=True)
+class Stop(Mode):
+    """The object stands. Its velocity in the state is that with which it moves on."""
+
+    words = "stop"
+
+    def matrices(self, tau: float) -> Matrices:
+        """See `Mode.matrices`."""
+        return np.eye(4), np.zeros(4), None
+
+
+@dataclass(frozen=True)
+class Turn(Mode):
+    """A turn of a radius about a fixed centre, with the turn rate speed / radius at the switch.
+    Golubkov 2018, eq. (1).
+
+    Attributes:
+        radius: turn radius [m], positive to the left and negative to the right.
+    """
+
+    radius: Annotated[Nonzero, Unit("m")]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if abs(self.radius) < 1e-18:
+            raise reject("radius", self.radius, "a number of a magnitude from 1e-18 to 1e18 [m]")
+
+    @property
+    def name(self) -> str:
+        """See `Mode.name`."""
+        return f"{self.type} {abs(self.radius):.15g}"
+
+    @property
+    def label(self) -> str:
+        """See `Mode.label`."""
+        return f"{self.type[0].upper()} r={abs(self.radius):g} m"
+
+    @property
+    def type(self) -> str:
+        """The side of the turn."""
+        return side(self.radius)
+
+    @property
+    def signed_radius(self) -> float:
+        """See `Mode.signed_radius`."""
+        return self.radius
+
+
+@dataclass(frozen=True)
+class TurnRate(Mode):
+    """A coordinated turn of a known turn rate: the velocity turns, whatever the speed.
+
+    Attributes:
+        rate: turn rate [rad/s], positive to the left.
+    """
+
+    words = "turn rate"
+
+    rate: Annotated[Nonzero, Unit("rad/s")]
+
+    @property
+    def type(self) -> str:
+        """The side of the turn."""
+        return side(self.rate)
+
+    def matrices(self, tau: float) -> Matrices:
+        """See `Mode.matrices`. Bar-Shalom, Li & Kirubarajan 2001, eq. (11.7.1-4)."""
+        angle = self.rate * tau
+        along = tau * np.sinc(angle / math.pi)
+        across = tau * math.sin(0.5 * angle) * np.sinc(0.5 * angle / math.pi)
+        C, S = math.cos(angle), math.sin(angle)
+        F = [
+            [1.0, along, 0.0, -across],
+            [0.0, C, 0.0, -S],
+            [0.0, across, 1.0, along],
+            [0.0, S, 0.0, C],
+        ]
+        return np.array(F), np.zeros(4), None
+
+
+@dataclass(frozen=True)
+class Accelerate(Mode):
+    """A constant acceleration along the heading at the switch.
+
+    Attributes:
+        acceleration: of the speed [m/s^2]; a negative one brakes.
+    """
+
+    words = "accelerate"
+
+    acceleration: Annotated[Nonzero, Unit("m/s^2")]
+
+    @property
+    def type(self) -> str:
+        """Whether the object gets faster or slower."""
+        return "brake" if self.acceleration < 0.0 else "accelerate"
+
+    @property
+    def starting_acceleration(self) -> float:
+        """See `Mode.starting_acceleration`."""
+        return self.acceleration
+
+
+@dataclass(frozen=True, eq=False)
+class LinearMode(Mode):
+    """A linear mode x' = F x + B + w, w ~ N(0, Q), of the state [x, vx, y, vy] or [x, vx, ax, y,
+    vy, ay]. The accelerations are 0 at a switch.
+
+    Attributes:
+        F: transition matrix of a tick, (n, n), n = 4 or 6.
+        B: constant input of a tick, (n,); None is none.
+        Q: covariance of the process noise of a tick, (n, n); None is the noise of the option
+            `process_variance` on each velocity.
+        name: name of the mode, which is also its type.
+    """
+
+    F: Any
+    B: Any = None
+    Q: Any = None
+    name: str = "linear"
+
+    def __post_init__(self) -> None:
+        n = MOTION_STATES if np.shape(self.F) == (MOTION_STATES, MOTION_STATES) else 4
+        object.__setattr__(self, "F", check_array("F", self.F, (n, n)))
+        given = np.zeros(n) if self.B is None else self.B
+        object.__setattr__(self, "B", check_array("B", given, (n,)))
+        if self.Q is not None:
+            Q = check_covariance("Q", check_array("Q", self.Q, (n, n)), definite=False)
+            object.__setattr__(self, "Q", Q)
+
+    @property
+    def type(self) -> str:
+        """The name of the mode."""
+        return self.name
+
+    def matrices(self, tau: float) -> Matrices:
+        """See `Mode.matrices`."""
+        return self.F, self.B, self.Q
+
+
+KINDS: tuple[type[Mode], ...] = (Straight, Stop, TurnRate, Accelerate)
+"""The modes that a text names by their words; turns are named by their side."""
+
+
+def side(number: float) -> str:
+    """Return the side of a turn of a signed radius or rate."""
+    return "left" if number > 0.0 else "right"
+
+
+def constant_acceleration(tau: float) -> FloatArray:
+    """Return F (6, 6) of motion with a constant acceleration in a tick of length tau [s]."""
+    axis = [[1.0, tau, 0.5 * tau * tau], [0.0, 1.0, tau], [0.0, 0.0, 1.0]]
+    return np.kron(np.eye(2), np.array(axis))
+
+
+def modes_of_radii(radii: Sequence[float]) -> tuple[Mode, ...]:
+    """Return the modes of the option `radii`: straight, left turns, right turns."""
+    return (Straight(), *map(Turn, radii), *(Turn(-radius) for radius in radii))
+
+
+def radii_of_modes(modes: Iterable[Mode]) -> tuple[float, ...]:
+    """Return the radii of all turns [m]."""
+    return tuple(dict.fromkeys(abs(mode.signed_radius) for mode in modes if mode.signed_radius))
+
+
+def parse_modes(value: Any, name: str = "modes") -> tuple[Mode, ...] | None:
+    """Return modes of a text, or of a sequence of modes and texts. Raises `ArgumentError` for other
+    values.
+    """
+    if value is None:
+        return None
+    allowed = (
+        "2 to 1,000 different modes of hybrid_env.modes, or their names: 'straight', 'left 5',"
+        " 'right 5', 'stop', 'accelerate 0.5', 'turn rate 0.2'"
+    )
+    parts = value.split(",") if isinstance(value, str) else value
+    if not isinstance(parts, (tuple, list)):
+        raise reject(name, value, allowed)
+    modes = [part if isinstance(part, Mode) else mode_of_text(part) for part in parts]
+    names = {mode.name for mode in modes if mode is not None}
+    if not 2 <= len(modes) <= 1000 or len(names) < len(modes):
+        raise reject(name, value, allowed)
+    return tuple(mode for mode in modes if mode is not None)
+
+
+def mode_of_text(text: Any) -> Mode | None:
+    """Return the mode of a text; None if there is none of this name."""
+    match = re.fullmatch(r"\s*([a-z ]*[a-z])\s*([-+\d.]\S*)?\s*", text if type(text) is str else "")
+    if match is None:
+        return None
+    try:
+        numbers = [float(match[2])] if match[2] else []
+        if match[1] in ("left", "right"):
+            return Turn(*(number if match[1] == "left" else -number for number in numbers))
+        return next(kind(*numbers) for kind in KINDS if kind.words == match[1])
+    except (StopIteration, TypeError, ValueError):
+        return None
+
+
+def motion_table(modes: Sequence[Mode], tau: float, process_variance: float) -> AnyArray:
+    """Return the modes as records `core.memory.MOTION`, (M,), for ticks of length tau [s] and the
+    variance of the process noise on each velocity [m^2/s^2].
+    """
+    table = np.zeros(len(modes), MOTION)
+    for motion, mode in zip(table, modes, strict=True):
+        F, B, Q = mode.matrices(tau)
+        places = PLACES[len(F)]
+        square = np.ix_(places, places)
+        motion["signed_radius"] = mode.signed_radius
+        motion["acceleration"] = mode.starting_acceleration
+        motion["F"][square] = F
+        motion["B"][list(places)] = B
+        if Q is None:
+            motion["Q"][[1, 3], [1, 3]] = process_variance
+        else:
+            motion["Q"][square] = Q
+            values, vectors = np.linalg.eigh(motion["Q"])
+            motion["own_noise"] = True
+            motion["noise"] = vectors * np.sqrt(values.clip(0.0))
+    return table
