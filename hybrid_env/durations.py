@@ -3,8 +3,8 @@
 A law is written as text: "geometric 75" is a geometric distribution on 1, 2, ... with a mean of 75
 ticks, "25 + geometric 50" adds 25 ticks, and "uniform 50-100" has equally likely durations from 50
 to 100 ticks. "uniform 30-40 or uniform 80-90" is one or the other with equal probability, and
-"straight uniform 90-100, turns geometric 30" differs between straight motion and turns. "drawn"
-draws a law for every episode.
+"straight uniform 90-100, turns geometric 30" differs between straight motion and turns; any names
+or types of modes may have a law of their own. "drawn" draws a law for every episode.
 """
 
 import re
@@ -16,6 +16,7 @@ from annotated_types import Interval
 
 from hybrid_env.checks import Checked, FloatArray, reject
 from hybrid_env.limits import MAX_LENGTH, Ticks
+from hybrid_env.modes import Mode
 
 DRAWN = "drawn"
 
@@ -126,23 +127,18 @@ LAWS: tuple[type[DurationLaw], ...] = (GeometricDurations, UniformDurations)
 
 
 @dataclass(frozen=True)
-class _Pair(Checked):
-    """Two laws, of which each holds for half of the segments."""
-
-    @property
-    def mean_duration(self) -> float:
-        """Expected duration [ticks]."""
-        return 0.5 * sum(law.mean_duration for law in vars(self).values())
-
-
-@dataclass(frozen=True)
-class TwoDurations(_Pair):
+class TwoDurations(Checked):
     """One of two laws, each geometric or uniform, with equal probability, drawn anew for every
     segment.
     """
 
     one: DurationLaw
     other: DurationLaw
+
+    @property
+    def mean_duration(self) -> float:
+        """Expected duration [ticks]."""
+        return 0.5 * (self.one.mean_duration + self.other.mean_duration)
 
     def survival(self, ticks: int) -> FloatArray:
         """Return the probabilities that a duration is longer than 0, 1, ..., `ticks`, (ticks +
@@ -158,14 +154,31 @@ SimpleDurations: TypeAlias = DurationLaw | TwoDurations
 
 
 @dataclass(frozen=True)
-class ModeDurations(_Pair):
-    """A law of straight segments and another one of turns."""
+class ModeDurations:
+    """A law for each of several modes.
 
-    straight: SimpleDurations
-    turns: SimpleDurations
+    Attributes:
+        laws: (name, law) of each: the name or the type of a mode, or "turns".
+    """
+
+    laws: tuple[tuple[str, SimpleDurations], ...]
+
+    @property
+    def mean_duration(self) -> float:
+        """Mean of the expected durations of the laws [ticks]."""
+        return sum(law.mean_duration for _, law in self.laws) / len(self.laws)
+
+    def place(self, mode: Mode) -> int:
+        """Return the place of the law of a mode in `laws`."""
+        turns = "turns" if mode.type in ("left", "right") else ""
+        names = [name for name, _ in self.laws]
+        for name in (mode.name, mode.type, turns):
+            if name in names:
+                return names.index(name)
+        raise reject("durations", str(self), f"a law of {mode.name!r} too")
 
     def __str__(self) -> str:
-        return f"straight {self.straight}, turns {self.turns}"
+        return ", ".join(f"{name} {law}" for name, law in self.laws)
 
 
 Durations: TypeAlias = SimpleDurations | ModeDurations
@@ -178,8 +191,13 @@ def parse_durations(value: Any, name: str = "durations") -> Durations:
     text = " ".join(value.split()) if isinstance(value, str) else ""
     if text == DRAWN:
         return DrawnDurations()
-    if by_mode := re.fullmatch("straight ([^,]+), ?turns ([^,]+)", text):
-        return ModeDurations(*(_parse_simple(part, value, name) for part in by_mode.groups()))
+    by_mode = [
+        re.fullmatch(r"((?!geo|uni)[a-z].*?) ((?:\d+ ?\+|geo|uni).*)", part)
+        for part in re.split(", ?", text)
+    ]
+    parts = [match.groups() for match in by_mode if match]
+    if parts and len(parts) == len(by_mode):
+        return ModeDurations(tuple((mode, _parse_simple(law, value, name)) for mode, law in parts))
     return _parse_simple(text, value, name)
 
 

@@ -216,7 +216,7 @@ class ModelOptions(Checked):
             "types": self.types,
             "sensors": sensor_table(self.sensors, float(self.variances[0])),
             "table": self.table,
-            "durations": np.zeros((2, 0)),
+            "durations": np.zeros((0, 0)),
         }
 
     def parameters(self) -> dict[str, Any]:

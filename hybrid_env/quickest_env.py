@@ -11,9 +11,9 @@ class HybridTrackQuickestEnv(TrackEnv):
     An object moves in a plane along straight lines, left turns and right turns of known radii, with
     process noise on its velocity (the hybrid stochastic model of Golubkov 2018, eq. (1)). Its
     position is measured with noise at every tick. At unknown moments it switches to one of the
-    other modes, all equally likely or by the option `order`. At every tick the agent states the
-    mode that it believes to be the present one. It should follow a switch quickly, and not change
-    its statement to a wrong mode.
+    other modes, all equally likely or by the option `transitions`. At every tick the agent states
+    the mode that it believes to be the present one. It should follow a switch quickly, and not
+    change its statement to a wrong mode.
 
     A bank of Kalman filters of coordinated turns, one per hypothesis, runs on over the switches:
     the interacting multiple model algorithm (Blom & Bar-Shalom 1988). It assumes that the mode is a
@@ -78,7 +78,7 @@ class HybridTrackQuickestEnv(TrackEnv):
     `log_probability` (M,), and `action_mask` (M,), which is 1 everywhere. Units are m, m/s and
     ticks. With `durations="drawn"` also `law` (2, 2, 3), for straight motion and turns, of two
     equally likely humps the offset, span and geometric mean of `hybrid_env.core.habits`; with
-    `order="drawn"` also `order` (M, M), the probabilities of the next mode.
+    `transitions="drawn"` also `transitions` (M, M), the probabilities of the next mode.
 
     ## Arguments
     `gym.make` takes `render_mode` ("rgb_array", or "human" for Gymnasium's window) and every option

@@ -1,5 +1,6 @@
 """The options of the environment with unknown switch moments, checked on creation."""
 
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
@@ -7,35 +8,49 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from annotated_types import Interval
 
-from hybrid_env import durations as laws
-from hybrid_env.checks import AnyArray, FloatArray, checked, reject
+from hybrid_env.checks import AnyArray, FloatArray, IntArray, checked, reject, unknown
 from hybrid_env.core.memory import TICK_NAMES, DenseImmBank, ImmBank
-from hybrid_env.durations import DRAWN, Durations, parse_durations
+from hybrid_env.durations import (
+    DRAWN,
+    Durations,
+    ModeDurations,
+    SimpleDurations,
+    duration_probabilities,
+    parse_durations,
+    remaining_probabilities,
+)
 from hybrid_env.limits import QuantityOrZero, Ticks
 from hybrid_env.model_options import ModelOptions
 from hybrid_env.observation import Layout, QuickestLayout
 from hybrid_env.scheme import RandomScheme, segment_table
 
 
-def check_order(order: Any, modes: int) -> str | tuple[tuple[float, ...], ...]:
-    """Return a name, or a matrix as a tuple of rows. Raises `ArgumentError` for other values."""
-    if isinstance(order, str) and order in ("equal", "cycle", DRAWN):
-        return order
-    allowed = (
-        f"equal, cycle, drawn, or a ({modes}, {modes}) matrix with a zero diagonal and rows that"
-        " sum to 1"
-    )
-    rows = [row.split() for row in order.split(",")] if isinstance(order, str) else order
+def check_transitions(value: Any, names: Sequence[str]) -> str | tuple[tuple[float, ...], ...]:
+    """Return a word, or a matrix as a tuple of rows. names: of the modes. Raises `ArgumentError`
+    for other values.
+    """
+    if isinstance(value, str) and value in ("equal", "cycle", DRAWN):
+        return value
+    M = len(names)
+    rows: Any = [row.split() for row in value.split(",")] if isinstance(value, str) else value
+    if isinstance(value, Mapping):
+        for name in {*value, *(name for row in value.values() for name in row)} - {*names}:
+            raise unknown("transitions", name, names)
+        rows = [[value.get(row, {}).get(column, 0.0) for column in names] for row in names]
     with suppress(TypeError, ValueError):
         matrix = np.array(rows, float)
         if (
-            matrix.shape == (modes, modes)
+            matrix.shape == (M, M)
             and (matrix >= 0.0).all()
             and not matrix.diagonal().any()
             and np.allclose(matrix.sum(1), 1.0, rtol=0.0, atol=1e-9)
         ):
             return tuple(map(tuple, matrix.tolist()))
-    raise reject("order", order, allowed)
+    allowed = (
+        f"equal, cycle, drawn, or a ({M}, {M}) matrix with a zero diagonal and rows that sum to 1,"
+        " also as a mapping of names of modes"
+    )
+    raise reject("transitions", value, allowed)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,16 +63,17 @@ class QuickestOptions(ModelOptions):
         durations: law of the duration of a segment, see `hybrid_env.durations`: "25 + geometric
             50", "geometric 75", "uniform 50-100", "drawn" for another law in every episode, or a
             law object.
-        order: law of the next mode: "equal", all other modes equally likely; "cycle", straight,
-            left turns, right turns, and again; or an (M, M) matrix of the probabilities of the next
-            mode (column) by the present one, with zeros on the diagonal, also as text: "0 0.9 0.1,
-            0.5 0 0.5, 1 0 0"; or "drawn", another one in every episode.
+        transitions: law of the next mode: "equal", all other modes equally likely; "cycle", one
+            after the other; an (M, M) matrix of the probabilities of the next mode (column) by the
+            present one, with zeros on the diagonal, also as text: "0 0.9 0.1, 0.5 0 0.5, 1 0 0", or
+            by names: {"straight": {"stop": 1.0}, ...}; or "drawn", another one in every episode.
         start: "known" begins an episode at a switch to a random mode, which the bank knows;
             "random" begins at a random moment of a segment whose mode the bank does not know.
         change_cost: cost of a change of the statement to a wrong mode, in units of the reward of a
             tick.
-        hazard: probability of a switch per tick that the bank assumes, at most (M - 1) / M; None is
-            the inverse of the mean duration.
+        hazard: probability of a switch per tick that the bank assumes, to all other modes with
+            equal probability; at most (M - 1) / M. None is the inverse of the mean duration of each
+            mode, with the probabilities of `transitions`; what is drawn is not known.
     """
 
     switches = "unknown"
@@ -66,22 +82,29 @@ class QuickestOptions(ModelOptions):
 
     ticks: Ticks = 600
     durations: Annotated[str | Durations, parse_durations] = "25 + geometric 50"
-    order: str | tuple[tuple[float, ...], ...] = "equal"
+    transitions: str | Mapping[str, Mapping[str, float]] | tuple[tuple[float, ...], ...] = "equal"
     start: Literal["known", "random"] = "known"
     change_cost: QuantityOrZero = 5.0
     hazard: float | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "order", check_order(self.order, self.hypotheses))
+        names = [mode.name for mode in self.all_modes]
+        object.__setattr__(self, "transitions", check_transitions(self.transitions, names))
         allowed = Annotated[float, Interval(ge=0.0, le=1.0 - 1.0 / self.hypotheses)] | None
         object.__setattr__(self, "hazard", checked("hazard", self.hazard, allowed))
         self._check_ratios(self.radii)
 
     @property
+    def equally_likely(self) -> bool:
+        """Whether the bank assumes one probability of a switch, to all other modes alike."""
+        equal = self.transitions in ("equal", DRAWN)
+        return self.hazard is not None or (equal and not isinstance(self.law, ModeDurations))
+
+    @property
     def bank_class(self) -> type:
-        """Class of the bank: modes of the user need all covariances."""
-        return ImmBank if self.modes is None else DenseImmBank
+        """Class of the bank: the fast one needs equal transitions of straight motion and turns."""
+        return ImmBank if self.modes is None and self.equally_likely else DenseImmBank
 
     @property
     def layout_class(self) -> type[Layout]:
@@ -124,9 +147,13 @@ class QuickestOptions(ModelOptions):
     def transition_matrix(self) -> FloatArray:
         """Transition probabilities that the bank assumes, (M, M); rows sum to 1."""
         M = self.hypotheses
-        matrix = np.full((M, M), self.assumed_hazard / (M - 1))
-        np.fill_diagonal(matrix, 1.0 - self.assumed_hazard)
-        return matrix
+        if self.equally_likely:
+            matrix = np.full((M, M), self.assumed_hazard / (M - 1))
+            np.fill_diagonal(matrix, 1.0 - self.assumed_hazard)
+            return matrix
+        means = [self.laws[place].mean_duration for place in self.law_places]
+        hazards = np.minimum(1.0 / np.array(means), 1.0 - 1.0 / M)
+        return np.diag(1.0 - hazards) + hazards[:, None] * self.next_mode_matrix
 
     @property
     def table(self) -> FloatArray:
@@ -136,25 +163,34 @@ class QuickestOptions(ModelOptions):
         )
 
     @property
-    def duration_laws(self) -> FloatArray:
-        """Probabilities of 1, ..., `ticks` ticks, (4, ticks): of a first straight segment or
-        turn, and of others.
-        """
-        first = (
-            laws.remaining_probabilities if self.start == "random" else laws.duration_probabilities
-        )
+    def laws(self) -> tuple[SimpleDurations, ...]:
+        """The different laws of the durations."""
         law = self.law
-        both = (law.straight, law.turns) if isinstance(law, laws.ModeDurations) else (law, law)
+        return tuple(of for _, of in law.laws) if isinstance(law, ModeDurations) else (law,)
+
+    @property
+    def law_places(self) -> IntArray:
+        """The place of the law of every mode in `laws`, (M,)."""
+        if not isinstance(self.law, ModeDurations):
+            return np.zeros(self.hypotheses, np.int64)
+        return np.array([self.law.place(mode) for mode in self.all_modes])
+
+    @property
+    def duration_laws(self) -> FloatArray:
+        """Probabilities of 1, ..., `ticks` ticks, (2 K, ticks): of a first segment by each of K
+        laws, and of other segments.
+        """
+        first = remaining_probabilities if self.start == "random" else duration_probabilities
         return np.stack(
-            [of(law, self.ticks) for of in (first, laws.duration_probabilities) for law in both]
+            [of(law, self.ticks) for of in (first, duration_probabilities) for law in self.laws]
         )
 
     @property
-    def order_matrix(self) -> FloatArray:
+    def next_mode_matrix(self) -> FloatArray:
         """Probabilities of the next mode (column) by the present one, (M, M); rows sum to 1."""
-        if isinstance(self.order, tuple):
-            return np.array(self.order)
-        if self.order == "cycle":
+        if isinstance(self.transitions, tuple):
+            return np.array(self.transitions)
+        if self.transitions == "cycle":
             return np.roll(np.eye(self.hypotheses), 1, axis=1)
         return (1.0 - np.eye(self.hypotheses)) / (self.hypotheses - 1)
 
@@ -163,8 +199,9 @@ class QuickestOptions(ModelOptions):
         arrays = super().arrays()
         arrays["durations"] = np.cumsum(self.duration_laws, axis=1)
         arrays["transitions"] = self.transition_matrix
-        if self.order not in ("equal", DRAWN):
-            arrays["order"] = self.order_matrix
+        arrays["law_places"] = self.law_places
+        if self.transitions not in ("equal", DRAWN):
+            arrays["order"] = self.next_mode_matrix
         return arrays
 
     def parameters(self) -> dict[str, Any]:
@@ -172,8 +209,9 @@ class QuickestOptions(ModelOptions):
         stay, switch = self.transition_matrix[0, :2]
         return super().parameters() | {
             "start_known": self.start == "known",
-            "order_rows": 0 if self.order in ("equal", DRAWN) else self.hypotheses,
-            "drawn_modes": self.hypotheses if self.order == DRAWN else 0,
+            "duration_rows": 2 * len(self.laws),
+            "order_rows": 0 if self.transitions in ("equal", DRAWN) else self.hypotheses,
+            "drawn_modes": self.hypotheses if self.transitions == DRAWN else 0,
             "drawn_laws": 2 if str(self.durations) == DRAWN else 0,
             "stay_probability": stay,
             "switch_probability": switch,

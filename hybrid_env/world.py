@@ -267,7 +267,7 @@ class World:
         """Views of the habits that are drawn for every episode, (N, ...), by their names in
         `info`.
         """
-        habits = {"law": self.drawn_law, "order": self.drawn_order}
+        habits = {"law": self.drawn_law, "transitions": self.drawn_order}
         return {name: array for name, array in habits.items() if array.size}
 
     def read_decisions(self) -> dict[str, AnyArray]:

@@ -151,8 +151,8 @@ def jacobian(function, state):
 class MatrixExtendedKalmanFilter(MatrixFilter):
     """Extended Kalman filter with seven states. Jacobians are computed by complex steps."""
 
-    def __init__(self, anchor, P, signed_radius, tau, Q, R):
-        self.tau, self.R = tau, R
+    def __init__(self, anchor, P, signed_radius, tau, Q, R, freedom=0):
+        self.tau, self.R, self.freedom = tau, R, freedom
         self.Q = np.diag([0, Q, 0, Q, 0, 0, 0])
         if signed_radius == 0.0:
             self.x = np.array([*anchor, 0.0, 0.0, 0.0])
@@ -264,12 +264,12 @@ def filters_at_switch(env, i):
     P = env.world.field("covariance")[i][SQUARE]
     model = options.tau, options.process_variance, None
     signed = (0.0, *options.radii, *(-radius for radius in options.radii))
+    freedom = FREEDOM * (str(options.likelihood) != "gaussian")
     if options.bank == "anchor_aware":
-        return [MatrixExtendedKalmanFilter(anchor, P, radius, *model) for radius in signed]
+        return [MatrixExtendedKalmanFilter(anchor, P, radius, *model, freedom) for radius in signed]
     if options.parameters()["reset_covariance"]:
         P = np.eye(4)
     # Which filters each axis by itself.
     if options.bank_class is PublishedBank:
         P = P * np.kron(np.eye(2), np.ones((2, 2)))
-    freedom = FREEDOM * (str(options.likelihood) != "gaussian")
     return [MatrixKalmanFilter(anchor, P, radius, *model, freedom) for radius in signed]

@@ -168,7 +168,10 @@ class Statements(ExpectedRewardAlgorithm):
         # The bank's hazard follows from the law, which is then unknown.
         if law == DRAWN:
             hazard = float(log_uniform(generator, 1 / 160, 1 / 30))
-            habits |= {"order": DRAWN, "hazard": min(hazard, 1.0 - 1.0 / self.world.hypotheses)}
+            habits |= {
+                "transitions": DRAWN,
+                "hazard": min(hazard, 1.0 - 1.0 / self.world.hypotheses),
+            }
         return replace(
             self.world,
             **habits,

@@ -41,7 +41,7 @@ class BeamState(NamedTuple):
 def _geometric(options: QuickestOptions) -> Mapping[str, Any]:
     """Return the geometric law of the same mean, for which ages have no meaning."""
     mean = min(options.law.mean_duration, float(MAX_LENGTH))
-    return {"durations": GeometricDurations(mean), "order": "equal"}
+    return {"durations": GeometricDurations(mean), "transitions": "equal"}
 
 
 class BeamDecider(MeasurementDecider):
@@ -58,7 +58,7 @@ class BeamDecider(MeasurementDecider):
             gain less than 0.001 of the share of right ticks with 7 hypotheses.
         durations: law of the durations that the decider assumes; None is the true one of the
             options.
-        order: law of the next mode that it assumes, likewise.
+        transitions: law of the next mode that it assumes, likewise.
         joined: whether histories of a full beam that switched to the same mode at nearly the same
             tick become one; else the least probable are omitted. See `beam_joining`.
         prior: laws of the durations with their probabilities; None does not learn.
@@ -83,7 +83,7 @@ class BeamDecider(MeasurementDecider):
             "oracle": False,
             "arguments": lambda options: {
                 "durations": QuickestOptions.durations,
-                "order": QuickestOptions.order,
+                "transitions": QuickestOptions.transitions,
             },
         },
         "beam-adaptive": {
@@ -100,7 +100,7 @@ class BeamDecider(MeasurementDecider):
         threshold: float = 0.6,
         branches: int | None = None,
         durations: str | Durations | None = None,
-        order: Any = None,
+        transitions: Any = None,
         joined: bool = False,
         prior: Prior | None = None,
     ):
@@ -113,7 +113,7 @@ class BeamDecider(MeasurementDecider):
         options = dataclasses.replace(
             options,
             durations=options.durations if durations is None else durations,
-            order=options.order if order is None else order,
+            transitions=options.transitions if transitions is None else transitions,
         )
         tables = np.zeros((2, 1, 2, 0), np.float32)
         weights = np.zeros((3, 0))
@@ -126,7 +126,8 @@ class BeamDecider(MeasurementDecider):
         self.model = BeamModel(
             np.array(options.radii),
             hazards(options.duration_laws),
-            options.order_matrix,
+            options.law_places,
+            options.next_mode_matrix,
             tables,
             weights,
             0.0 if prior is None else prior.habitual,

@@ -82,8 +82,8 @@ class Branches(NamedTuple):
 class BeamModel(NamedTuple):
     """What the branches assume.
 
-    Rows of `hazards` are 2 `FIRST` and 2 `LATER`, of straight motion and of turns; older segments
-    have its last column. Rows of `tables` are `FIRST` and `LATER`, columns ages less 1:
+    The first half of the rows of `hazards` is `FIRST`, the other one `LATER`, each by K laws; older
+    segments have its last column. Rows of `tables` are `FIRST` and `LATER`, columns ages less 1:
     probabilities that a segment lasts to an age (0), and that it ends after it (1), by each law;
     older segments have the last column. A beam that learns the laws uses neither `hazards` nor
     `order`.
@@ -91,8 +91,10 @@ class BeamModel(NamedTuple):
 
     # (n,) turn radii [m]
     radii: FloatArray
-    # (4, ages) probability that a segment ends after each age, see above.
+    # (2 K, ages) probability that a segment ends after each age, see above.
     hazards: FloatArray
+    # (M,) law of each mode.
+    law_places: IntArray
     # (M, M) probability of the next mode (column) by the present one. Without meaning if learned.
     order: FloatArray
     # (2, ages, 2, L) of the laws among which a beam learns, see above; L is 0 if not.
@@ -320,7 +322,7 @@ def _extend(
                 column,
             )
         else:
-            row = 2 * history.row + (1 if history.mode > 0 else 0)
+            row = history.row * (model.hazards.shape[0] // 2) + model.law_places[history.mode]
             hazard = model.hazards[row, min(history.age, model.hazards.shape[1]) - 1]
         weight = branches.filters[track, b // LANES].log_likelihood[b % LANES]
         switches[b] = hazard * math.exp(weight)

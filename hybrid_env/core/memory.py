@@ -517,8 +517,9 @@ class Arrays(NamedTuple):
     # See `scheme.segment_table`.
     table: Any = Array(np.float64, ("table_rows", len(SEGMENT_COLUMNS)), "options")
     # Cumulative probabilities of the durations of the first and of other segments, for unknown
-    # switches, each of straight segments and of turns.
-    durations: Any = Array(np.float64, (4, "ticks"), "options")
+    # switches, each by several laws; and the law of every mode.
+    durations: Any = Array(np.float64, ("duration_rows", "ticks"), "options")
+    law_places: Any = Array(np.int64, ("modes",), "options")
     # Probabilities of the next mode, by the present one; empty if all are equally likely.
     order: Any = Array(np.float64, ("order_rows", "order_rows"), "options")
     # The same of each track, and its law of durations, if they are drawn, else empty; see `habits`.
@@ -608,6 +609,7 @@ PARAMETERS = np.dtype(
                 "trace_rows",
                 "table_rows",
                 "sensor_count",
+                "duration_rows",
                 # 0 or M; the last one 0 or 2.
                 "order_rows",
                 "drawn_modes",

@@ -17,8 +17,8 @@ from hybrid_env.core.noise import integer_below, uniform
 from hybrid_env.core.observation_row import write_quickest_row
 from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move
 
-# Rows of the table of durations; those of turns follow.
-FIRST_DURATIONS, OTHER_DURATIONS = 0, 2
+# Halves of the table of durations.
+FIRST_DURATIONS, OTHER_DURATIONS = 0, 1
 
 
 @internal
@@ -43,25 +43,25 @@ def _begin_segment(
     lane: int,
     i: int,
     mode: int,
-    row: int,
+    half: int,
     bank: Any,
     arrays: Any,
     setting: Any,
     rare: bool | None,
 ) -> None:
-    """Begin a segment of a mode; row: the law of straight segments in the table of durations."""
-    turns = 1 if mode > 0 else 0
+    """Begin a segment of a mode; half: of the table of durations."""
     block.true_mode[lane] = mode
     if rare is not None and setting.drawn_laws > 0:
-        law = arrays.drawn_law[i, turns]
+        law = arrays.drawn_law[i, 1 if mode > 0 else 0]
         longest = setting.ticks + 1
-        if row == FIRST_DURATIONS and not setting.start_known:
+        if half == FIRST_DURATIONS and not setting.start_known:
             block.length[lane] = draw_remaining(block.random_state, lane, law, longest)
         else:
             block.length[lane] = draw_from_law(block.random_state, lane, law, longest)
     else:
         number = uniform(block.random_state, lane)
-        block.length[lane] = draw_duration(arrays.durations[row + turns], number)
+        row = half * (arrays.durations.shape[0] // 2) + arrays.law_places[mode]
+        block.length[lane] = draw_duration(arrays.durations[row], number)
     block.tick[lane] = 0
     begin_motion(block, lane, arrays.table[mode], operations.motions_of(bank), setting.tau)
 

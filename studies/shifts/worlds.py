@@ -21,15 +21,24 @@ RHYTHMS: dict[str, dict[str, Any]] = {
             "uniform 150-170",
             "uniform 28-32 or uniform 75-85",
             "uniform 50-53 or 20 + geometric 60",
-            "straight uniform 90-100, turns uniform 40-44",
-            "straight 25 + geometric 50, turns uniform 50-54",
         )
     },
-    "nominal, cycle": {"order": "cycle"},
-    "uniform 55-60, habits": {"durations": "uniform 55-60", "order": "0 0.9 0.1, 0.2 0 0.8, 1 0 0"},
+    **{
+        law: {"durations": law, "hazard": 1.0 / mean}
+        for law, mean in {
+            "straight uniform 90-100, turns uniform 40-44": 68.5,
+            "straight 25 + geometric 50, turns uniform 50-54": 63.5,
+        }.items()
+    },
+    "nominal, cycle": {"transitions": "cycle", "hazard": 1.0 / 75.0},
+    "uniform 55-60, habits": {
+        "durations": "uniform 55-60",
+        "transitions": "0 0.9 0.1, 0.2 0 0.8, 1 0 0",
+        "hazard": 1.0 / 57.5,
+    },
 }
-"""Habits of an object whose switches are unknown. The adaptive beam has none of these laws in
-its prior.
+"""Habits of an object whose switches are unknown. The bank is told the mean duration and nothing of
+the order, and the adaptive beam has none of these laws in its prior.
 """
 
 
@@ -38,9 +47,11 @@ def shifted_worlds(world: Any) -> dict[str, dict[str, Any]]:
     one first: with one property changed, or with habits of an object whose switches are unknown.
     """
     if world.switches == "unknown":
-        # As one of the orders.
+        # As one of the transition matrices.
         three = world.hypotheses == 3
-        return {name: habits for name, habits in RHYTHMS.items() if three or "order" not in habits}
+        return {
+            name: habits for name, habits in RHYTHMS.items() if three or "transitions" not in habits
+        }
     x, y = np.broadcast_to(world.variances, 2).tolist()
     mean = (x * y) ** 0.5
     Q = world.process_variance

@@ -112,17 +112,17 @@ def test_a_drawn_law_and_order_are_those_of_the_episode():
         ticks=ticks,
         tick_info=True,
         durations="drawn",
-        order="drawn",
+        transitions="drawn",
     )
     modes, segments, info = timeline(env, ticks, 1)
 
-    np.testing.assert_allclose(info["order"].sum(2), 1.0)
+    np.testing.assert_allclose(info["transitions"].sum(2), 1.0)
     for track in range(tracks):
         switches = segments_of(modes[:, [track]], segments[:, [track]])
         for turns in (0, 1):
             lengths = switches[(switches[:, 0] > 0) == turns, 2]
             assert (lengths > info["law"][track, turns, :, 0].min()).all()
-        expected = info["order"][track][switches[:, 0], switches[:, 1]]
+        expected = info["transitions"][track][switches[:, 0], switches[:, 1]]
         assert (expected > 0).all()
     assert len({str(law) for law in info["law"]}) == tracks
 
@@ -135,12 +135,12 @@ def test_a_fixed_order_and_laws_by_mode_are_followed():
         tick_info=True,
         ticks=500,
         durations=law,
-        order=order,
+        transitions=order,
     )
     drawn = segments_of(*timeline(env, 500, 2)[:2])
     counts = np.zeros((3, 3))
     np.add.at(counts, (drawn[:, 0], drawn[:, 1]), 1)
-    expected = env.options.order_matrix
+    expected = env.options.next_mode_matrix
 
     np.testing.assert_allclose(
         counts / counts.sum(1, keepdims=True),
@@ -151,4 +151,4 @@ def test_a_fixed_order_and_laws_by_mode_are_followed():
     turns = drawn[drawn[:, 0] > 0, 2]
     assert set(turns) == {5, 6, 9}
     assert abs((turns == 9).mean() - 0.5) < 0.03
-    assert QuickestOptions(order=expected.tolist()).order == env.options.order
+    assert QuickestOptions(transitions=expected.tolist()).transitions == env.options.transitions

@@ -35,7 +35,7 @@ MADE = [
     (
         "HybridTrackQuickest-v0",
         NEXT,
-        {"ticks": 40, "durations": "drawn", "order": "drawn", "start": "random"},
+        {"ticks": 40, "durations": "drawn", "transitions": "drawn", "start": "random"},
     ),
 ]
 VIEWS = {

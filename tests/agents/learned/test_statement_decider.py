@@ -58,7 +58,7 @@ def test_one_tick_at_a_time_equals_all_at_once(habits):
         ticks=80,
         radii=(2.0, 5.0),
         durations="drawn",
-        order="drawn",
+        transitions="drawn",
     )
     decider = random_decider(habits, options)
     env = HybridTrackQuickestVectorEnv(TRACKS, **vars(options))

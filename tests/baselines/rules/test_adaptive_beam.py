@@ -105,7 +105,7 @@ def test_a_cycle_is_learned():
     env = HybridTrackQuickestVectorEnv(
         8,
         durations="uniform 40-50",
-        order="cycle",
+        transitions="cycle",
         ticks=900,
         measurement_variance=0.01,
     )

@@ -87,7 +87,7 @@ ANNOUNCED = [
     ),
     *(
         pytest.param({"bank": "anchor_aware"} | options, id=f"aware, {k}")
-        for k, options in MEASURED.items()
+        for k, options in (MEASURED | ROBUST).items()
     ),
     pytest.param({"reset_covariance": False} | UNEQUAL, id="published, kept covariance"),
     pytest.param(
