@@ -26,9 +26,10 @@ from hybrid_env.core.bank_ticks import (
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.bank import FilterModel, bank_arrays
 from hybrid_env.core.compilation import compiled, prepare
-from hybrid_env.core.memory import BANKS, MEASURED, SENSOR, State, Triangle4
+from hybrid_env.core.memory import BANKS, MEASURED, SENSOR, DenseBank, State, Triangle4
 from hybrid_env.limits import Quantity, QuantityOrZero, axis_variances, distinct_radii
 from hybrid_env.live import TRIANGLE
+from hybrid_env.modes import modes_of_radii, motion_table, parse_modes, radii_of_modes
 
 
 @compiled
@@ -74,6 +75,8 @@ class KalmanBank(OwnState):
         measurement_variance: R [m^2], one number or (x, y).
         bank: "published" treats the anchor as exact; "anchor_aware" includes its uncertainty in the
             state of every turn, see `core.banks.anchor_aware`.
+        modes: modes of the hypotheses, see `hybrid_env.modes`; None is straight motion and the
+            turns of `radii`.
 
     >>> bank = KalmanBank(radii=[5.0], measurement_variance=0.1)
     >>> bank.anchor([0.0, 2.0, 0.0, 0.0])
@@ -90,20 +93,30 @@ class KalmanBank(OwnState):
         process_variance: float = 0.001,
         measurement_variance: float | ArrayLike = 0.1,
         bank: str = "published",
+        modes: Any = None,
     ):
-        self.radii = frozen(np.array(distinct_radii(radii)))
+        of_user = parse_modes(modes)
+        turns = distinct_radii(radii) if of_user is None else radii_of_modes(of_user)
+        self.radii = frozen(np.array(turns, float))
+        self.modes = modes_of_radii(turns) if of_user is None else of_user
         self.tau = checked("tau", tau, Quantity)
         self.process_variance = checked("process_variance", process_variance, QuantityOrZero)
         self.variances = frozen(axis_variances(measurement_variance))
         self.bank = check_choice("bank", bank, [name for name in BANKS if name != "oracle"])
-        # The axes of an anchor may have different covariances even if they have one measurement
-        # variance.
-        self._filters = bank_arrays(BANKS[self.bank], self.radii.size, axes=2)
+        if self.modes == modes_of_radii(turns):
+            # The axes of an anchor may have different covariances even if they have one measurement
+            # variance.
+            self._filters = bank_arrays(BANKS[self.bank], self.radii.size, axes=2)
+        else:
+            table = motion_table(self.modes, self.tau, self.process_variance)
+            arrays = bank_arrays(DenseBank, self.radii.size, modes=len(self.modes))
+            self._filters = arrays._replace(motions=table)
         self._model = FilterModel(
             self.tau,
             self.process_variance,
             float(self.variances[0]),
             float(self.variances[-1]),
+            exact_anchor=float(self.bank == "published"),
         )
         self._measured = np.zeros(1, MEASURED)
         self._sensors = np.zeros(0, SENSOR)
@@ -113,8 +126,8 @@ class KalmanBank(OwnState):
 
     @property
     def hypotheses(self) -> int:
-        """Number of hypotheses M = 2n + 1."""
-        return 2 * self.radii.size + 1
+        """Number of hypotheses M."""
+        return len(self.modes)
 
     def anchor(self, state: ArrayLike, covariance: ArrayLike = (1.0, 0.0, 1.0)) -> None:
         """Start every filter from an estimate, as at a switch.

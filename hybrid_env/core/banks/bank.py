@@ -51,13 +51,19 @@ IDENTITY: Triangle4 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 """P := I, as in the published algorithms (Tsyganov 2019, line 28; Golubkov 2018, setFilters)."""
 
 
-def bank_arrays(bank: Any, radii_count: int, axes: int = 1, blocks: int | None = None) -> Any:
+def bank_arrays(
+    bank: Any,
+    radii_count: int,
+    axes: int = 1,
+    blocks: int | None = None,
+    modes: int | None = None,
+) -> Any:
     """Return a bank of zeros for n radii and 1 or 2 distinct axes. blocks: number of blocks of
     tracks, the first axis of the arrays that they do not share; None is a single block without this
-    axis.
+    axis. modes: M, if it is not 2 n + 1.
     """
     sizes = {
-        "modes": 2 * radii_count + 1,
+        "modes": 2 * radii_count + 1 if modes is None else modes,
         "columns": radii_count + 1,
         "axes": axes,
     }
