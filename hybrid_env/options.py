@@ -34,7 +34,7 @@ class WorldOptions(ModelOptions):
         follow: what runs on to the end of a segment after a decision. "declared", as published: the
             filter of the declared hypothesis, whose estimate is the next anchor. "bank": all
             filters; the estimate and the next anchor are the mean of the posterior over all
-            hypotheses, with its covariance (`core.banks.mixture`), so that a wrong decision costs
+            hypotheses, with its covariance (`core.banks.posterior`), so that a wrong decision costs
             its reward and nothing else.
         recalculation: a declaration recalculates the estimates since the switch by the filter of
             its mode (Tsyganov 2019). `decided_squared_error` counts these; the next anchor is the

@@ -16,7 +16,8 @@ from hybrid_env.core.banks.bank import (
     likeliest,
     likeliest_of_type,
 )
-from hybrid_env.core.banks.mixture import NOTHING, merged_estimate, write_merged_covariance
+from hybrid_env.core.banks.mixture import NOTHING
+from hybrid_env.core.banks.posterior import merged_estimate, write_merged_covariance
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import bits_of
 from hybrid_env.core.kernel import BEGUN, DECIDED, TERMINATED

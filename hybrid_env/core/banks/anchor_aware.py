@@ -202,14 +202,14 @@ def correct_hypothesis(
     kalman: Any,
     innovation: Any,
     lane: int,
-    state: Vector,
-    predicted: Vector,
+    moved: tuple[Vector, Vector],
     measurement: FloatArray,
     model: Any,
 ) -> None:
-    """Correct a filter that has been predicted, and update its log-likelihood. measurement: (2,
-    LANES) [m].
+    """Correct a filter by a position, (2, LANES) [m], and update its log-likelihood. moved:
+    predicted state and covariance.
     """
+    state, predicted = moved
     variance_x, variance_y = model.variance_x, model.variance_y
     # Sequential corrections by x and y; the product of both densities is the joint density.
     by_x, by_u, _, by_v, _, _, _ = rows_of(predicted)
@@ -261,8 +261,8 @@ def step_hypothesis(
 ) -> None:
     """Advance one filter and its log-likelihood by one tick; arguments as in `published.step`."""
     for lane in range(first, last):
-        state, predicted = predict_hypothesis(kalman, lane, model)
-        correct_hypothesis(kalman, innovation, lane, state, predicted, measurement, model)
+        moved = predict_hypothesis(kalman, lane, model)
+        correct_hypothesis(kalman, innovation, lane, moved, measurement, model)
 
 
 @internal

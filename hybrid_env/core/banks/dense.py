@@ -146,10 +146,8 @@ def _step_hypothesis(
         anchor_aware.step_hypothesis(kalman, innovation, first, last, measurement, model)
         return
     for lane in range(first, last):
-        state, predicted = predict_linear(kalman, lane, motion)
-        anchor_aware.correct_hypothesis(
-            kalman, innovation, lane, state, predicted, measurement, model
-        )
+        moved = predict_linear(kalman, lane, motion)
+        anchor_aware.correct_hypothesis(kalman, innovation, lane, moved, measurement, model)
 
 
 @internal

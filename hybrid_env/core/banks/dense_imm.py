@@ -164,16 +164,16 @@ def _merge(bank: DenseImmBank, block: Any, first: int, last: int) -> None:
 
 
 @internal
-def step_imm(
+def _advance(
     bank: DenseImmBank,
     block: Any,
     first: int,
     last: int,
-    radii: FloatArray,
+    sensors: Records | None,
     model: Any,
 ) -> None:
     """Advance every filter, its probability and the merged estimate of lanes first .. last - 1 by
-    one tick; see `imm.step_imm`. radii: not used.
+    one tick. sensors: what has measured, if anything; None is a position of variance R.
     """
     for h in range(bank.hypotheses.size):
         _mix(bank, h, first, last)
@@ -182,9 +182,11 @@ def step_imm(
         _predict(mixed, first, last, bank.motions[h], model)
         for lane in range(first, last):
             kalman.log_likelihood[lane] = 0.0
-            state, predicted = state7(mixed, lane), covariance7(mixed, lane)
-            measurement = block.measurement
-            correct_hypothesis(kalman, innovation, lane, state, predicted, measurement, model)
+            moved = state7(mixed, lane), covariance7(mixed, lane)
+            if sensors is None:
+                correct_hypothesis(kalman, innovation, lane, moved, block.measurement, model)
+            else:
+                sense_predicted(kalman, innovation, lane, moved, block, sensors, model)
             likelihood = kalman.log_likelihood[lane]
             kalman.log_probability[lane] = mixed.log_probability[lane] + likelihood
     normalize(bank, first, last)
@@ -192,23 +194,16 @@ def step_imm(
 
 
 @internal
-def sense_imm(bank: DenseImmBank, block: Any, lane: int, sensors: Records, model: Any) -> None:
-    """Advance every filter of a lane by one tick without a measurement, or by all that the sensors
-    measure; see `sensing`.
-    """
-    first, last = np.uint64(lane), np.uint64(lane + 1)
-    for h in range(bank.hypotheses.size):
-        _mix(bank, h, first, last)
-    for h in range(bank.hypotheses.size):
-        kalman, mixed, innovation = bank.hypotheses[h], bank.mixed[h], bank.innovations[h]
-        _predict(mixed, first, last, bank.motions[h], model)
-        kalman.log_likelihood[lane] = 0.0
-        moved = state7(mixed, lane), covariance7(mixed, lane)
-        sense_predicted(kalman, innovation, lane, moved, block, sensors, model)
-        likelihood = kalman.log_likelihood[lane]
-        kalman.log_probability[lane] = mixed.log_probability[lane] + likelihood
-    normalize(bank, first, last)
-    _merge(bank, block, first, last)
+def step_imm(
+    bank: DenseImmBank,
+    block: Any,
+    first: int,
+    last: int,
+    radii: FloatArray,
+    model: Any,
+) -> None:
+    """Advance lanes first .. last - 1 by one tick; see `imm.step_imm`. radii: not used."""
+    _advance(bank, block, first, last, None, model)
 
 
 @internal
@@ -226,7 +221,8 @@ def step_imm_irregular(
     """
     for lane in range(first, last):
         if math.isnan(block.measurement[0, lane]) or setting.radar:
-            sense_imm(bank, block, lane, sensors, filter_model(setting, 1.0, True))
+            model = filter_model(setting, 1.0, True)
+            _advance(bank, block, np.uint64(lane), np.uint64(lane + 1), sensors, model)
         else:
             model = filter_model(setting, block.noise[0, lane], True)
-            step_imm(bank, block, np.uint64(lane), np.uint64(lane + 1), radii, model)
+            _advance(bank, block, np.uint64(lane), np.uint64(lane + 1), None, model)
