@@ -8,7 +8,7 @@ from scipy.stats import chi2
 from agents.algorithms.anchor import anchor_errors
 from baselines.rules.anchor_errors import AnchorErrors
 from baselines.rules.component_filters import ComponentFilters, anchor_rows
-from baselines.rules.measurements import axes_in_rows, in_rows
+from baselines.rules.measurements import axes_in_rows, in_rows, split_sensed
 from baselines.rules.refiltering import RefilteringDecider
 from baselines.rules.rollout import rollout
 from hybrid_env import HybridTrackVectorEnv, Layout
@@ -114,16 +114,14 @@ WORLDS = {
 }
 
 
-@pytest.mark.parametrize("name", WORLDS)
-def test_errors_of_simulated_episodes_have_the_computed_distribution(name):
-    """After right declarations the squared error, whitened by the likeliest component, has a
-    chi-square distribution with four degrees of freedom.
+def whitened_errors(episodes, alpha=0.003, robust=False, **options):
+    """Return the errors of the anchors after right declarations, whitened by their likeliest
+    component, (n, 4).
     """
-    episodes, alpha = 150, 0.003
-    env = HybridTrackVectorEnv(episodes, trace_rows=101, **WORLDS[name])
-    decider = RefilteringDecider(env.options, alpha)
+    env = HybridTrackVectorEnv(episodes, trace_rows=101, **options)
+    decider = RefilteringDecider(env.options, alpha, robust)
     running = np.ones(episodes, np.bool_)
-    squares, whites = [], []
+    whites = []
     truth = np.empty(0)
     for now in rollout(env, decider, 100):
         if now.step:
@@ -132,29 +130,82 @@ def test_errors_of_simulated_episodes_have_the_computed_distribution(name):
             if decided.size:
                 modes = now.info["decided_mode"][decided]
                 right = modes == now.info["decided_true_mode"][decided]
+                rows, _ = split_sensed(decider.layout, now.observation)
                 _, mean, covariance = now.state.errors.after(
                     now.state.filters,
                     now.state.log_weights,
-                    now.observation[decided],
+                    rows[decided],
                     decided,
                 )
                 error = anchor_errors(env, decided, truth[decided]) - mean[:, 0]
                 root = np.linalg.cholesky(covariance[:, 0])
-                white = np.linalg.solve(root, error[..., None])[..., 0][right]
-                whites.append(white)
-                squares.append((white**2).sum(1))
+                whites.append(np.linalg.solve(root, error[..., None])[..., 0][right])
         if not running.any():
             break
         truth = env.world.field("truth").copy()
-    white, square = np.concatenate(whites), np.concatenate(squares)
+    return np.concatenate(whites)
+
+
+def mean_bounds(n):
+    """Return bounds of the mean of n squared errors, of a thousandth on each side."""
+    return chi2.ppf([0.001, 0.999], 4 * n) / n
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_errors_of_simulated_episodes_have_the_computed_distribution(name):
+    """After right declarations the squared error, whitened by the likeliest component, has a
+    chi-square distribution with four degrees of freedom.
+    """
+    episodes = 150
+    white = whitened_errors(episodes, **WORLDS[name])
+    square = (white**2).sum(1)
     n = len(square)
     assert n > 4.5 * episodes
-    # Bounds of a thousandth on each side, but for the second order in the heading.
-    low, high = chi2.ppf([0.001, 0.999], 4 * n) / (4 * n)
-    assert 4.0 * low - 0.1 < square.mean() < 4.0 * high + 0.1
+    low, high = mean_bounds(n)
+    # But for the second order in the heading.
+    assert low - 0.1 < square.mean() < high + 0.1
     assert np.all(np.abs(white.mean(0)) < 3.5 / np.sqrt(n) + 0.02)
     inside = np.mean(square < chi2.ppf(0.5, 4))
     assert abs(inside - 0.5) < 3.3 * 0.5 / np.sqrt(n)
+
+
+# Arguments of `whitened_errors`, and the side on which the mean squared error is outside.
+FURTHER = {
+    "missed": ({"missed": 0.3}, None),
+    "sensors": ({"sensors": ["0.05", "0.4 period 3"]}, None),
+    "far radar": ({"sensors": ["radar 0.3 0.003 at 100 0"]}, None),
+    "refined radius": (
+        {"radii": (4.0, 8.0, 20.0), "correctness": "type", "refine_radius": True},
+        None,
+    ),
+    "robust filters": ({"robust": True}, None),
+    # The bank of the environment follows an outlier further than the computed noise.
+    "robust filters, outliers": ({"robust": True, "noise": "outliers 0.05"}, "above"),
+    # Every measurement counts as one of the mean accuracy.
+    "near radar": ({"sensors": ["radar 0.3 0.01 at 9 0"]}, "above"),
+    # They are left out.
+    "range rates": ({"sensors": ["radar 0.3 0.003 rate 0.1 at 100 0"]}, "below"),
+    "R = 1": ({"measurement_variance": 1.0}, None),
+}
+# Where the noise is large, an early declaration leaves a turn rate that is no longer normal.
+EARLY = ({"measurement_variance": 1.0, "alpha": 0.03, "episodes": 1500}, "above")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "outside"),
+    [*FURTHER.values(), pytest.param(*EARLY, marks=pytest.mark.study)],
+    ids=[*FURTHER, "R = 1, early declarations"],
+)
+def test_squared_errors_are_four_but_with_outliers_near_radars_and_range_rates(arguments, outside):
+    """The mean squared error is that of four degrees of freedom. It is larger, so that the rule is
+    overconfident, with outliers, beside a radar, and after early declarations in strong noise, and
+    smaller with range rates.
+    """
+    square = (whitened_errors(**{"episodes": 100} | arguments) ** 2).sum(1)
+    low, high = mean_bounds(len(square))
+    side = "below" if square.mean() < low else "above" if square.mean() > high else None
+    assert len(square) > 400
+    assert side == outside
 
 
 def test_the_rows_tell_the_axes_of_the_measurement_noise():
